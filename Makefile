@@ -1,0 +1,53 @@
+# Fluxlock. Every target sets up what it needs below .venv and build; `make help` lists them.
+SHELL := /bin/sh
+PY := .venv/bin/python
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+SEED ?= 1
+export PYTHONPYCACHEPREFIX := $(CURDIR)/build/pycache
+unexport PYTHONDONTWRITEBYTECODE
+.NOTPARALLEL:
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint bench synth formal docs setup clean distclean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+# One stamp a dependency group, renewed when the lock changes.
+.venv/.group-%: uv.lock pyproject.toml tools/setup.sh
+	@tools/setup.sh $*
+
+RUN := .venv/.group-run
+TEST := $(RUN) .venv/.group-test
+LINT := $(RUN) .venv/.group-lint
+SYNTH := $(RUN) .venv/.group-synth
+
+setup: $(TEST) $(LINT) $(SYNTH) ## install every dependency group
+
+demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
+	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
+
+test: $(TEST) ## unit, block, firmware and closed-loop tests
+	@$(PY) -m pytest -n $(JOBS) --dist loadgroup
+
+lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
+	@$(PY) -m fluxlock.lint
+
+bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
+	@$(PY) -m fluxlock.bench
+
+synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json and the table in docs
+	@$(PY) -m fluxlock.synth
+
+formal: $(TEST) $(SYNTH) ## proofs of the safety blocks
+	@$(PY) -m pytest tests/formal
+
+docs: $(TEST) ## register reference, schema pages, verification matrix
+	@$(PY) -m fluxlock.build html
+	@$(PY) -m fluxlock.docs
+
+clean: ## remove everything built
+	rm -rf build
+
+distclean: clean ## remove the environment too
+	rm -rf .venv

@@ -1,0 +1,1 @@
+"""Block tests run from the repository root; each starts a simulation of its own."""

@@ -1,0 +1,96 @@
+// Types and constants that every Fluxlock block shares.
+//
+// Angles, signs and number formats: docs/reference/conventions.md. Sector index 0..5 = I..VI
+// (A+B-, A+C-, B+C-, B+A-, C+A-, C+B-). Voltages and currents after correction are signed 18 bit,
+// 2^17 = full scale of the converter channel. Time stamps are 32-bit clock counts, wrap-safe when subtracted.
+package fl_pkg;
+
+  localparam int unsigned AdcWidth = 12;
+  localparam int unsigned SampleWidth = 18;
+  localparam int unsigned TimeWidth = 32;
+
+  typedef logic [AdcWidth-1:0] adc_code_t;
+  typedef logic signed [SampleWidth-1:0] sample_t;
+  typedef logic [TimeWidth-1:0] stamp_t;  // clocks
+  typedef logic [2:0] sector_t;  // 0..5 = I..VI
+
+  // What the sequencer asks of one leg. "Pwm" legs switch with the carrier's pulse.
+  typedef enum logic [2:0] {
+    LegOff     = 3'd0,  // both switches off
+    LegHigh    = 3'd1,  // upper switch on
+    LegLow     = 3'd2,  // lower switch on
+    LegPwmHigh = 3'd3,  // upper switch on while the pulse is on
+    LegPwmLow  = 3'd4   // lower switch on while the pulse is on
+  } leg_cmd_e;
+
+  typedef enum logic [1:0] {
+    SeqOff     = 2'd0,
+    SeqManual  = 2'd1,
+    SeqSixStep = 2'd2
+  } seq_mode_e;
+
+  typedef enum logic [1:0] {
+    CommRsc = 2'd0,  // wait for the next carrier start
+    CommNsc = 2'd1,  // at once, carrier runs on
+    CommCsc = 2'd2   // at once, carrier restarts
+  } comm_pattern_e;
+
+  typedef enum logic [1:0] {
+    ChopOnPwm   = 2'd0,
+    ChopHPwmLOn = 2'd1,
+    ChopPwmOn   = 2'd2,
+    ChopHOnLPwm = 2'd3
+  } chop_pattern_e;
+
+  typedef enum logic [1:0] {
+    TimerOff    = 2'd0,
+    TimerForced = 2'd1,
+    TimerZcd    = 2'd2
+  } comm_mode_e;
+
+  typedef enum logic [1:0] {
+    SchedOff        = 2'd0,
+    SchedContinuous = 2'd1,
+    SchedCarrier    = 2'd2,
+    SchedOnce       = 2'd3
+  } sched_mode_e;
+
+  // PWM state latched with a sample: what the gates did when the converter held its input.
+  typedef struct packed {
+    logic        on;      // the pulse was on and both conducting switches' gates were on
+    sector_t     sector;  // sector applied to the gates
+    logic [15:0] age;     // clocks since the last change of any gate, saturating
+    logic [15:0] comm_age;  // clocks since the last applied commutation, saturating
+  } pwm_state_t;
+
+  // Trip sources, in the bit order of the safety registers.
+  localparam int unsigned TripSources = 7;
+  typedef struct packed {
+    logic software;       // bit 6
+    logic under_voltage;  // bit 5
+    logic over_voltage;   // bit 4
+    logic lost_lock;      // bit 3
+    logic fault_pin;      // bit 2
+    logic dc_current;     // bit 1
+    logic phase_current;  // bit 0
+  } trip_t;
+
+  // Clocks from the commutation timer's comm_valid_o (registered) to the change of the gate pins under
+  // CSC and NSC: sequencer and carrier register, guard register.
+  localparam int unsigned CommToGateCycles = 2;
+  // Clocks from the compare of now_i with the scheduled instant to the gate pins; the timer fires this much earlier.
+  localparam int unsigned CommLatencyCycles = CommToGateCycles + 1;
+
+  // Address width that holds n values, at least 1.
+  function automatic int unsigned idx_width(int unsigned n);
+    return (n > 1) ? unsigned'($clog2(n)) : 32'd1;
+  endfunction
+
+  // Saturate a signed 32-bit value to a sample.
+  function automatic sample_t sat_sample(logic signed [31:0] x);
+    if (x > 32'sd131071) return 18'sd131071;
+    else if (x < -32'sd131072) return -18'sd131072;
+    else return sample_t'(x);
+  endfunction
+
+endpackage

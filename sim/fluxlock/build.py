@@ -1,0 +1,103 @@
+"""Build steps below `build/`: `python -m fluxlock.build regs` generates what comes from the register map.
+
+Every step keeps a stamp with the hash of its inputs and does nothing when they did not change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
+
+REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
+IO_BASE = 0x8000_0000
+
+
+@contextmanager
+def file_lock(path: Path) -> Iterator[None]:
+    """Hold an exclusive lock: parallel test workers share the build folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        try:
+            fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+            break
+        except FileExistsError:
+            try:
+                owner = int(path.read_text() or "0")
+                os.kill(owner, 0)
+            except (ValueError, FileNotFoundError, ProcessLookupError):
+                if path.exists() and time.time() - path.stat().st_mtime > 1.0:
+                    path.unlink(missing_ok=True)
+            except PermissionError:
+                pass
+            time.sleep(0.05)
+    try:
+        os.write(fd, str(os.getpid()).encode())
+        os.close(fd)
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def _peakrdl(*arguments: str) -> None:
+    command = [sys.executable, "-m", "peakrdl", *arguments]
+    done = subprocess.run(command, env=tool_environment(), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"register generation failed: {' '.join(command)}\n{done.stdout}{done.stderr}")
+
+
+def generate_registers(force: bool = False) -> Path:
+    """Generate SV register blocks and C header from `rtl/regs/*.rdl` into `build/generated`.
+
+    Returns the folder. The HTML reference is a step of its own (`html`).
+    """
+    sources = list((RTL / "regs").glob("*.rdl"))
+    key = content_hash(sources, REGBLOCK_OPTIONS, IO_BASE)
+    stamp = GENERATED / ".regs.stamp"
+    with file_lock(BUILD / ".regs.lock"):
+        if not force and stamp.exists() and stamp.read_text() == key:
+            return GENERATED
+        GENERATED.mkdir(parents=True, exist_ok=True)
+        for block in REGISTER_BLOCKS:
+            rdl = RTL / "regs" / f"fl_{block}_regs.rdl"
+            _peakrdl("regblock", str(rdl), "-o", str(GENERATED), *REGBLOCK_OPTIONS)
+        top = RTL / "regs" / "fluxlock_regs.rdl"
+        header = GENERATED / "fluxlock_regs.h"
+        _peakrdl("c-header", str(top), "-o", str(header), "-i", "--inst-offset", hex(IO_BASE))
+        stamp.write_text(key)
+    return GENERATED
+
+
+def generate_html() -> Path:
+    """Generate the HTML register reference into `build/html/registers`."""
+    out = BUILD / "html" / "registers"
+    _peakrdl("html", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out))
+    return out
+
+
+def main() -> int:
+    """Command line of this module."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("step", choices=["regs", "html", "chip"])
+    parser.add_argument("--force", action="store_true", help="generate again even if nothing changed")
+    options = parser.parse_args()
+    if options.step == "html":
+        print(generate_html())
+    elif options.step == "chip":
+        from fluxlock.cosim.chip import build_chip
+
+        print(build_chip().executable)
+    else:
+        print(generate_registers(options.force))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

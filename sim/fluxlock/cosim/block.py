@@ -1,0 +1,100 @@
+"""Build one RTL module with Verilator and run a cocotb test module on it.
+
+Registers start at random values (`--x-initial unique`), assertions are on, the seed is printed by cocotb.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from cocotb_tools.runner import get_runner
+
+from fluxlock.build import file_lock, generate_registers
+from fluxlock.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
+
+PACKAGES = (RTL / "pkg" / "fl_pkg.sv",)
+WAIVERS = RTL / "verilator_waivers.vlt"
+
+
+def register_sources(*blocks: str) -> list[Path]:
+    """Generated sources of the named register blocks, in compile order."""
+    return [GENERATED / f"fl_{block}_regs{suffix}.sv" for block in blocks for suffix in ("_pkg", "")]
+
+
+def run_block_test(
+    toplevel: str,
+    sources: Sequence[str | Path],
+    test_module: str,
+    *,
+    parameters: Mapping[str, int | str] | None = None,
+    registers: Sequence[str] = (),
+    testcase: str | Sequence[str] | None = None,
+    extra_env: Mapping[str, str] | None = None,
+    seed: int | None = None,
+    waves: bool = False,
+) -> None:
+    """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails.
+
+    sources: RTL files relative to `rtl/` (or absolute); `rtl/pkg/fl_pkg.sv` comes first by itself.
+    test_module: dotted name below the repository root, e.g. `cocotb_tests.zcd.test_fl_zcd` (usually `__name__`).
+    parameters: module parameters of this build; each set of parameters and sources has a build folder of its own.
+    registers: register blocks (`"zcd"`, ...) whose generated sources are compiled too.
+    testcase: cocotb test name(s), default all. extra_env: passed to the simulation. seed: cocotb's random seed.
+    """
+    if registers:
+        generate_registers()
+    files = [*PACKAGES, *register_sources(*registers), *(RTL / s for s in sources)]
+    values = dict(parameters or {})
+    key = content_hash(files, toplevel, sorted(values.items()), waves)
+    build_dir = BUILD / "block" / f"{toplevel}-{key}"
+    name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
+    run_dir = build_dir / f"run-{name}-{os.getpid()}"
+    run_dir.mkdir(parents=True, exist_ok=True)
+    runner = get_runner("verilator")
+    saved = dict(os.environ)
+    os.environ.update(tool_environment())
+    try:
+        with file_lock(BUILD / "block" / f"{toplevel}-{key}.lock"):
+            if not (build_dir / ".done").exists():
+                runner.build(
+                    sources=[WAIVERS, *files],
+                    hdl_toplevel=toplevel,
+                    parameters=values,
+                    build_dir=build_dir,
+                    timescale=("1ns", "1ns"),
+                    waves=waves,
+                    always=True,
+                    build_args=["--x-assign", "unique", "--x-initial", "unique", "--assert", "-Wall", "-Wno-fatal",
+                                "--output-split", "0", "-CFLAGS", "-O1"],
+                    log_file=build_dir / "build.log",
+                )
+                (build_dir / ".done").touch()
+        runner = get_runner("verilator")
+        results = runner.test(
+            test_module=test_module,
+            hdl_toplevel=toplevel,
+            hdl_toplevel_lang="verilog",
+            build_dir=build_dir,
+            test_dir=run_dir,
+            testcase=testcase,
+            seed=seed,
+            waves=waves,
+            timescale=("1ns", "1ns"),
+            results_xml=str(run_dir / "results.xml"),
+            extra_env={"PYTHONPATH": str(ROOT), "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py", **(extra_env or {})},
+        )
+    finally:
+        os.environ.clear()
+        os.environ.update(saved)
+    check_results(Path(results))
+
+
+def check_results(results: Path) -> None:
+    """Raise AssertionError unless the cocotb result file holds at least one test and no failure."""
+    cases = list(ElementTree.parse(results).getroot().iter("testcase"))
+    failed = [c.get("name") for c in cases if c.find("failure") is not None or c.find("error") is not None]
+    assert cases, f"no test ran: {results}"
+    assert not failed, f"cocotb tests failed: {', '.join(map(str, failed))} (log above, results in {results})"

@@ -1,0 +1,84 @@
+"""Verilate the whole chip with the native-clock main, once a set of sources and options."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import cocotb_tools.config
+
+from fluxlock.build import file_lock, generate_registers
+from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
+from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, package_dir, tool_environment
+
+TOP = "fl_soc"
+NATIVE = ROOT / "sim" / "native"
+CHANNELS = 9
+
+
+@dataclass(frozen=True)
+class Chip:
+    """A built simulator: its executable and the hash of everything that went into it."""
+
+    executable: Path
+    key: str
+    waves: bool
+
+
+def rtl_sources() -> list[Path]:
+    """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core."""
+    folders = ("sense", "zcd", "pwm", "safety", "soc")
+    blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
+    core = package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v"
+    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, core]
+
+
+def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
+    with log.open("a") as out:
+        out.write(" ".join(command) + "\n")
+        out.flush()
+        done = subprocess.run(command, env=env, stdout=out, stderr=subprocess.STDOUT, check=False)
+    if done.returncode:
+        tail = "\n".join(log.read_text().splitlines()[-30:])
+        raise RuntimeError(f"building the chip failed; the end of {log}:\n{tail}")
+
+
+def build_chip(waves: bool = False, jobs: int | None = None) -> Chip:
+    """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
+
+    waves: also able to write an FST (slower; needs zlib's header).
+    """
+    generate_registers()
+    if waves and not Path("/usr/include/zlib.h").exists():
+        raise RuntimeError("writing FST waveforms needs zlib's header: install zlib1g-dev (Debian) or zlib-devel")
+    sources = rtl_sources()
+    scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
+    key = content_hash([*sources, WAIVERS, scope, *NATIVE.glob("cosim*")], waves, os.environ.get("CXX", "g++"))
+    folder = BUILD / "chip" / key
+    chip = Chip(folder / TOP, key, waves)
+    with file_lock(BUILD / "chip" / f"{key}.lock"):
+        if (folder / ".done").exists():
+            return chip
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        log = folder / "build.log"
+        env = tool_environment()
+        libs = cocotb_tools.config.libs_dir
+        command = [
+            "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
+            "--vpi", "--timescale", "1ns/1ns", "-O3", "--x-assign", "fast", "--x-initial", "fast",
+            "--output-split", "0" if not waves else "20000", "-Wno-fatal",
+            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS}",
+            "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
+            *(["--trace-fst", "--trace-structs"] if waves else []),
+            str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),
+        ]  # fmt: skip
+        _run(command, log, env)
+        count = str(jobs or min(os.cpu_count() or 1, 4))
+        _run(["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", "OPT_FAST=-O3", "OPT_SLOW=-O1"], log, env)
+        (folder / ".done").write_text(json.dumps({"key": key, "waves": waves}))
+    return chip

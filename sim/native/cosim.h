@@ -1,0 +1,34 @@
+// C interface between the simulator's main, the plant kernel and Python (ctypes).
+#pragma once
+#include <cstdint>
+
+// Plant kernel: advance to t_cycle with the old gates, then take `gates`.
+// gates: bit 2X = upper, 2X+1 = lower switch of leg X, in force from now on. flags: bit 0 sample strobe, bit 1 gates changed.
+// state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault).
+// Returns 0, else a fault code; the kernel is not called again after one.
+typedef int32_t (*plant_fn)(int64_t t_cycle, int32_t gates, int32_t flags, double* state, int32_t* io);
+
+constexpr int IO_HEARTBEAT = 16;
+constexpr int IO_PINS = 17;
+
+// Kinds of log rows [cycle, kind, a, b]; stamps in b are converted to cycles of this log.
+enum log_kind : int64_t {
+    LOG_GATES = 1,        // a: gates
+    LOG_COMMUTATION = 2,  // a: new sector, b: scheduled instant
+    LOG_CROSSING = 3,     // a: sector | late << 4, b: crossing time
+    LOG_TRIP = 4,         // a: causes
+    LOG_UPDATE = 5,       // committed settings took effect
+    LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
+};
+
+struct cosim_status_t {
+    int64_t cycle;      // rising edges so far
+    int64_t log_count;  // rows written since the last cosim_log()
+    int64_t log_lost;   // rows lost to a full log
+    int64_t events;     // plant kernel calls
+    int64_t edges;      // of these with a gate change
+    int64_t strobes;    // of these with a sample strobe
+    int64_t t_fault;    // cycle of the plant fault
+    int32_t fault;      // 0, the kernel's code, or -2: an exception in the kernel (heartbeat stood still)
+    int32_t uart_lost;  // bytes from the chip lost to a full buffer
+};

@@ -1,0 +1,440 @@
+// Simulator main: native clock, native plant. Python (cocotb) sleeps between the events of its scenario.
+//
+// Two ways of running the same model:
+//   cocotb   (default)            the plant kernel is called at gate edges and sample strobes
+//   replay   --replay FILE        no Python, no plant: the converter codes, console bytes and pins recorded by an
+//                                 earlier run are fed back; prints the time it took as JSON, writes the gate log
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Vtop.h"
+#if VM_TRACE
+#include "verilated_fst_c.h"
+#endif
+#include "cosim.h"
+#include "verilated.h"
+#include "verilated_vpi.h"
+
+namespace {
+
+constexpr int64_t NEVER = INT64_MAX;
+constexpr int CHANNELS = COSIM_CHANNELS;
+constexpr int64_t RESET_CYCLES = 10;
+constexpr uint64_t HALF_PERIOD = 10;  // time units (ns) in half a clock
+
+uint64_t main_time = 0;
+
+// Input of the chip that does not come from the plant kernel, as recorded for replay.
+struct input_t {
+    int64_t cycle;
+    int64_t kind;  // 0: console byte starts, 1: fault pin
+    int64_t value;
+};
+
+struct recorder_t {
+    std::vector<uint16_t> codes;  // CHANNELS a strobe
+    std::vector<input_t> inputs;
+    bool on = false;
+};
+
+struct cosim_t {
+    plant_fn fn = nullptr;
+    double* state = nullptr;
+    int32_t* io = nullptr;
+    int64_t* log = nullptr;
+    int64_t log_capacity = 0;
+    cosim_status_t st{};
+    bool log_strobes = false;
+    int32_t gates = 0;
+    int32_t pins = 0;
+    int64_t conversion = 35;
+    int64_t valid_at = NEVER;  // adc_valid_i rises after this edge
+    bool valid_high = false;
+    uint16_t codes[CHANNELS] = {};
+    // console
+    int64_t bit_time = 50;
+    std::string to_chip, from_chip;
+    size_t to_chip_pos = 0;
+    int rx_bit = -1;  // -1 idle, 0 start, 1..8 data, 9 stop
+    int64_t rx_next = NEVER;
+    int tx_bit = -1;
+    int64_t tx_next = NEVER;
+    uint8_t tx_byte = 0;
+    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next
+    recorder_t rec;
+    bool stop = false;
+};
+cosim_t C;
+
+// Replay source: what an earlier run fed into the chip.
+struct replay_t {
+    std::vector<uint16_t> codes;
+    std::vector<input_t> bytes, pins;
+    std::vector<int64_t> gate_rows;  // cycle, gates
+    size_t code = 0, pin = 0;
+    bool on = false;
+};
+replay_t R;
+
+void plan() {
+    C.next = C.valid_at;
+    if (C.valid_high && C.st.cycle + 1 < C.next) C.next = C.st.cycle + 1;
+    if (C.rx_next < C.next) C.next = C.rx_next;
+    if (C.tx_next < C.next) C.next = C.tx_next;
+    if (R.pin < R.pins.size() && R.pins[R.pin].cycle < C.next) C.next = R.pins[R.pin].cycle;
+}
+
+void log_row(int64_t kind, int64_t a, int64_t b) {
+    if (!C.log || C.st.log_count >= C.log_capacity) {
+        C.st.log_lost += C.log != nullptr;
+        return;
+    }
+    int64_t* row = C.log + 4 * C.st.log_count++;
+    row[0] = C.st.cycle;
+    row[1] = kind;
+    row[2] = a;
+    row[3] = b;
+}
+
+// Chip time stamp (32 bit, since reset) -> cycle of this log.
+int64_t unwrap(const Vtop* t, uint32_t stamp) { return C.st.cycle - static_cast<int32_t>(t->trc_now_o - stamp); }
+
+void put_codes(Vtop* t) {
+    auto* words = reinterpret_cast<uint32_t*>(&t->adc_code_i);
+    uint64_t acc = 0;
+    int bits = 0, w = 0;
+    for (int i = 0; i < CHANNELS; i++) {
+        acc |= static_cast<uint64_t>(C.codes[i] & 0xFFF) << bits;
+        bits += 12;
+        if (bits >= 32) {
+            words[w++] = static_cast<uint32_t>(acc);
+            acc >>= 32;
+            bits -= 32;
+        }
+    }
+    if (bits) words[w] = static_cast<uint32_t>(acc);
+}
+
+void console_step(Vtop* t) {
+    if (C.tx_next <= C.st.cycle) {  // middle of a bit of the chip's transmitter
+        const int level = t->uart_tx_o;
+        if (C.tx_bit == 0) {
+            if (level) C.tx_bit = -1, C.tx_next = NEVER;  // a glitch, not a start bit
+            else C.tx_bit = 1, C.tx_next += C.bit_time, C.tx_byte = 0;
+        } else if (C.tx_bit <= 8) {
+            C.tx_byte = static_cast<uint8_t>(C.tx_byte | level << (C.tx_bit - 1));
+            C.tx_bit++;
+            C.tx_next += C.bit_time;
+        } else {
+            if (C.from_chip.size() < (1u << 20)) C.from_chip.push_back(static_cast<char>(C.tx_byte));
+            else C.st.uart_lost++;
+            C.tx_bit = -1;
+            C.tx_next = NEVER;
+        }
+    }
+    if (C.rx_next <= C.st.cycle) {
+        if (C.rx_bit < 0 || C.rx_bit > 9) {
+            if (R.on && C.to_chip_pos < R.bytes.size() && C.st.cycle < R.bytes[C.to_chip_pos].cycle) {
+                C.rx_bit = -1;
+                C.rx_next = R.bytes[C.to_chip_pos].cycle;
+                return;
+            }
+            if (C.to_chip_pos < C.to_chip.size()) {
+                if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 0, static_cast<uint8_t>(C.to_chip[C.to_chip_pos])});
+                C.rx_bit = 0;
+            } else {
+                C.to_chip.clear();
+                C.to_chip_pos = 0;
+                C.rx_bit = -1;
+                C.rx_next = NEVER;
+            }
+        }
+        if (C.rx_bit >= 0) {
+            const uint8_t byte = static_cast<uint8_t>(C.to_chip[C.to_chip_pos]);
+            t->uart_rx_i = C.rx_bit == 0 ? 0 : C.rx_bit == 9 ? 1 : (byte >> (C.rx_bit - 1)) & 1;
+            if (C.rx_bit == 9) C.to_chip_pos++;
+            C.rx_bit++;
+            C.rx_next = C.st.cycle + C.bit_time;
+        }
+    }
+}
+
+void set_pins(Vtop* t, int32_t pins) {
+    if (pins == C.pins) return;
+    C.pins = pins;
+    t->fault_pin_i = pins & 1;
+    if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 1, pins});
+}
+
+void plant_event(Vtop* t, int32_t flags) {
+    C.st.events++;
+    C.st.edges += flags >> 1;
+    C.st.strobes += flags & 1;
+    if (R.on) {
+        if (flags & 1) {
+            if (R.code + CHANNELS > R.codes.size()) {
+                C.stop = true;
+                return;
+            }
+            memcpy(C.codes, &R.codes[R.code], sizeof C.codes);
+            R.code += CHANNELS;
+        }
+    } else if (C.fn) {
+        const int32_t before = C.io[IO_HEARTBEAT];
+        const int32_t r = C.fn(C.st.cycle, C.gates, flags, C.state, C.io);
+        if (r || C.io[IO_HEARTBEAT] != before + 1) {
+            C.st.fault = r ? r : -2;
+            C.st.t_fault = C.st.cycle;
+            C.fn = nullptr;
+            return;
+        }
+        if (flags & 1) {
+            for (int i = 0; i < CHANNELS; i++) C.codes[i] = static_cast<uint16_t>(C.io[i]);
+            if (C.rec.on) C.rec.codes.insert(C.rec.codes.end(), C.codes, C.codes + CHANNELS);
+        }
+        set_pins(t, C.io[IO_PINS]);
+    }
+    if (flags & 1) C.valid_at = C.st.cycle + C.conversion, plan();
+}
+
+void slow_step(Vtop* t) {
+    int32_t flags = t->adc_strobe_o ? 1 : 0;
+    if (t->gate_o != C.gates) {
+        C.gates = t->gate_o;
+        flags |= 2;
+        log_row(LOG_GATES, C.gates, 0);
+        if (R.on) {
+            R.gate_rows.push_back(C.st.cycle);
+            R.gate_rows.push_back(C.gates);
+        }
+    }
+    if (flags) plant_event(t, flags);
+    if ((flags & 1) && C.log_strobes) log_row(LOG_STROBE, 0, 0);
+    if (t->trc_valid_o) {
+        if (t->trc_comm_valid_o) log_row(LOG_COMMUTATION, t->trc_sector_o, unwrap(t, t->trc_comm_sched_o));
+        if (t->trc_zc_valid_o) log_row(LOG_CROSSING, t->trc_zc_sector_o | t->trc_zc_late_o << 4, unwrap(t, t->trc_zc_time_o));
+        if (t->trc_trip_o) log_row(LOG_TRIP, t->trc_trip_cause_o, 0);
+        if (t->trc_update_o) log_row(LOG_UPDATE, 0, 0);
+    }
+    if (C.tx_bit < 0 && !t->uart_tx_o) {
+        C.tx_bit = 0;
+        C.tx_next = C.st.cycle + C.bit_time / 2;
+        plan();
+    }
+    if (C.st.cycle >= C.next) {
+        if (C.valid_high) t->adc_valid_i = 0, C.valid_high = false;
+        if (C.st.cycle >= C.valid_at) {
+            put_codes(t);
+            t->adc_valid_i = 1;
+            C.valid_high = true;
+            C.valid_at = NEVER;
+        }
+        while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle) t->fault_pin_i = R.pins[R.pin++].value & 1;
+        console_step(t);
+        plan();
+    }
+}
+
+// After every rising edge.
+inline void after_edge(Vtop* t) {
+    C.st.cycle++;
+    if (__builtin_expect((t->gate_o != C.gates) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
+                             ((C.tx_bit < 0) & !t->uart_tx_o), 0))
+        slow_step(t);
+}
+
+void power_up(Vtop* t) {
+    t->clk_i = 0;
+    t->rst_i = 1;
+    t->adc_valid_i = 0;
+    t->fault_pin_i = 0;
+    t->uart_rx_i = 1;
+    put_codes(t);
+    t->eval();
+}
+
+}  // namespace
+
+double sc_time_stamp() { return static_cast<double>(main_time); }
+
+#define API extern "C" __attribute__((visibility("default"), used))
+API void cosim_attach(plant_fn fn, double* state, int32_t* io) { C.fn = fn, C.state = state, C.io = io; }
+API const cosim_status_t* cosim_status() { return &C.st; }
+API void cosim_log(int64_t* rows, int64_t capacity) { C.log = rows, C.log_capacity = capacity, C.st.log_count = 0; }
+API void cosim_configure(int64_t conversion_cycles, int64_t bit_cycles, int32_t log_strobes) {
+    C.conversion = conversion_cycles;
+    C.bit_time = bit_cycles;
+    C.log_strobes = log_strobes != 0;
+}
+API void cosim_console_send(const char* text, int64_t size) {
+    C.to_chip.append(text, static_cast<size_t>(size));
+    if (C.rx_next == NEVER) C.rx_next = C.st.cycle + 1, plan();
+}
+API int64_t cosim_console_take(char* buffer, int64_t size) {
+    const int64_t n = std::min<int64_t>(size, static_cast<int64_t>(C.from_chip.size()));
+    memcpy(buffer, C.from_chip.data(), static_cast<size_t>(n));
+    C.from_chip.erase(0, static_cast<size_t>(n));
+    return n;
+}
+API void cosim_record(int32_t on) { C.rec.on = on != 0; }
+API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes
+    FILE* f = fopen(path, "wb");
+    if (!f) return -1;
+    const int64_t head[2] = {static_cast<int64_t>(C.rec.inputs.size()), static_cast<int64_t>(C.rec.codes.size())};
+    fwrite(head, sizeof head, 1, f);
+    fwrite(C.rec.inputs.data(), sizeof(input_t), C.rec.inputs.size(), f);
+    fwrite(C.rec.codes.data(), sizeof(uint16_t), C.rec.codes.size(), f);
+    return fclose(f) ? -1 : 0;
+}
+
+extern "C" void vlog_startup_routines_bootstrap(void);
+
+namespace {
+
+// --replay FILE --cycles N --from M --conversion K --bit-time B --gates OUT: run N cycles, time those after cycle M,
+// write the gate log (int64 cycle, gates) to OUT.
+int replay(int argc, char** argv) {
+    const auto option = [&](const char* name, const char* preset) {
+        for (int i = 1; i + 1 < argc; i++)
+            if (!strcmp(argv[i], name)) return std::string(argv[i + 1]);
+        return std::string(preset);
+    };
+    FILE* f = fopen(option("--replay", "").c_str(), "rb");
+    int64_t head[2];
+    if (!f || fread(head, sizeof head, 1, f) != 1) {
+        fprintf(stderr, "error: cannot read the recording\n");
+        return 2;
+    }
+    std::vector<input_t> inputs(static_cast<size_t>(head[0]));
+    R.codes.resize(static_cast<size_t>(head[1]));
+    const bool whole = fread(inputs.data(), sizeof(input_t), inputs.size(), f) == inputs.size() &&
+                       fread(R.codes.data(), sizeof(uint16_t), R.codes.size(), f) == R.codes.size();
+    fclose(f);
+    if (!whole) {
+        fprintf(stderr, "error: the recording is cut short\n");
+        return 2;
+    }
+    for (const input_t& in : inputs) (in.kind == 0 ? R.bytes : R.pins).push_back(in);
+    for (const input_t& in : R.bytes) C.to_chip.push_back(static_cast<char>(in.value));
+    if (!R.bytes.empty()) C.rx_next = R.bytes[0].cycle;
+    R.on = true;
+    const int64_t cycles = atoll(option("--cycles", "0").c_str()), from = atoll(option("--from", "0").c_str());
+    C.conversion = atoll(option("--conversion", "35").c_str());
+    C.bit_time = atoll(option("--bit-time", "50").c_str());
+    plan();
+    Verilated::commandArgs(argc, argv);
+    const std::unique_ptr<Vtop> top(new Vtop(""));
+    Vtop* t = top.get();
+    power_up(t);
+    using clock = std::chrono::steady_clock;
+    auto begin = clock::now();
+    while (C.st.cycle < cycles && !C.stop) {
+        t->clk_i = 1;
+        t->eval();
+        after_edge(t);
+        if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
+        if (__builtin_expect(C.st.cycle == from, 0)) begin = clock::now();
+        t->clk_i = 0;
+        t->eval();
+    }
+    const double wall = std::chrono::duration<double>(clock::now() - begin).count();
+    const int64_t done = C.st.cycle;
+    t->final();
+    FILE* out = fopen(option("--gates", "gates.bin").c_str(), "wb");
+    if (!out || fwrite(R.gate_rows.data(), sizeof(int64_t), R.gate_rows.size(), out) != R.gate_rows.size() || fclose(out)) {
+        fprintf(stderr, "error: cannot write the gate log\n");
+        return 2;
+    }
+    printf("{\"cycles\": %lld, \"from\": %lld, \"wall_s\": %.6f}\n", static_cast<long long>(done),
+           static_cast<long long>(from), wall);
+    return done == cycles ? 0 : 3;
+}
+
+bool settle() {
+    bool changed, again;
+    changed = again = VerilatedVpi::callValueCbs();
+    while (again) again = VerilatedVpi::callValueCbs();
+    return changed;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    for (int i = 1; i < argc; i++)
+        if (!strcmp(argv[i], "--replay")) return replay(argc, argv);
+    Verilated::commandArgs(argc, argv);
+#if VM_TRACE
+    Verilated::traceEverOn(true);
+#endif
+    const std::unique_ptr<Vtop> top(new Vtop(""));
+    Vtop* t = top.get();
+    Verilated::fatalOnVpiError(false);
+    vlog_startup_routines_bootstrap();
+    Verilated::addExitCb([](void*) { VerilatedVpi::callCbs(cbEndOfSimulation); }, nullptr);
+#if VM_TRACE
+    VerilatedFstC* fst = new VerilatedFstC;
+    t->trace(fst, 99);
+    fst->open("waves.fst");
+#define DUMP() fst->dump(main_time)
+#else
+#define DUMP() static_cast<void>(0)
+#endif
+    power_up(t);
+    VerilatedVpi::callCbs(cbStartOfSimulation);
+    settle();
+    uint64_t next_edge = HALF_PERIOD;
+    while (!Verilated::gotFinish()) {
+        do {
+            do {
+                t->eval_step();
+                VerilatedVpi::clearEvalNeeded();
+                VerilatedVpi::doInertialPuts();
+                settle();
+            } while (VerilatedVpi::evalNeeded());
+            VerilatedVpi::callCbs(cbReadWriteSynch);
+            VerilatedVpi::doInertialPuts();
+            settle();
+        } while (VerilatedVpi::evalNeeded());
+        t->eval_end_step();
+        VerilatedVpi::callCbs(cbReadOnlySynch);
+        DUMP();
+        const uint64_t deadline = VerilatedVpi::cbNextDeadline();
+        const bool watch = VerilatedVpi::hasCbs(cbValueChange), step = VerilatedVpi::hasCbs(cbNextSimTime);
+        if (deadline == ~0ULL && !watch && !step) break;
+        bool woken = false;
+        while (next_edge <= deadline && !woken && !Verilated::gotFinish()) {  // edges at the deadline come before Python
+            main_time = next_edge;
+            next_edge += HALF_PERIOD;
+            if (step) VerilatedVpi::callCbs(cbNextSimTime), woken = true;
+            t->clk_i = !t->clk_i;
+            t->eval();
+            if (t->clk_i) {
+                after_edge(t);
+                if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
+                if (watch) woken |= VerilatedVpi::callValueCbs();
+            }
+            if (!woken) DUMP();
+        }
+        if (woken) {
+            settle();
+            continue;
+        }
+        if (main_time != deadline) VerilatedVpi::callCbs(cbNextSimTime);
+        main_time = deadline;
+        settle();
+        VerilatedVpi::callTimedCbs();
+        settle();
+    }
+    C.fn = nullptr;
+    t->final();
+    VerilatedVpi::callCbs(cbEndOfSimulation);
+#if VM_TRACE
+    fst->close();
+#endif
+    return Verilated::threadContextp()->errorCount() > 0;
+}

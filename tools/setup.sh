@@ -1,0 +1,50 @@
+#!/bin/sh
+# Create or update .venv with the named dependency groups from uv.lock: tools/setup.sh GROUP...
+# Says what is missing on the machine and which package brings it. Needs no root.
+set -eu
+cd "$(dirname "$0")/.."
+UV_VERSION=0.13.8
+
+missing=""
+need() { # command, Debian package, Fedora package
+    command -v "$1" >/dev/null 2>&1 || missing="$missing\n  $1: install $2 (Debian, Ubuntu) or $3 (Fedora)"
+}
+need perl perl perl
+need git git git
+need make make make
+command -v "${CXX:-g++}" >/dev/null 2>&1 ||
+    missing="$missing\n  ${CXX:-g++}: install g++ (Debian, Ubuntu) or gcc-c++ (Fedora), or set CXX"
+
+python=""
+for candidate in ${PYTHON:-python3} python3.14 python3.13 python3.12 python3.11; do
+    if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then
+        python=$candidate
+        break
+    fi
+done
+[ -n "$python" ] || missing="$missing\n  Python 3.11 or newer: install python3, or set PYTHON"
+if [ -n "$missing" ]; then
+    printf 'error: this machine lacks:%b\n' "$missing" >&2
+    exit 2
+fi
+
+if [ ! -x .venv/bin/uv ] || ! .venv/bin/uv --version 2>/dev/null | grep -q "^uv $UV_VERSION"; then
+    if [ ! -x .venv/bin/python ]; then
+        rm -rf .venv
+        "$python" -m venv .venv || {
+            rm -rf .venv
+            echo "error: $python cannot make a virtual environment: install python3-venv (Debian, Ubuntu)" >&2
+            exit 2
+        }
+    fi
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check "uv==$UV_VERSION" || {
+        echo "error: pip could not install uv $UV_VERSION: is a Python package index reachable?" >&2
+        exit 2
+    }
+fi
+groups=""
+for group in "$@"; do groups="$groups --group $group"; done
+# --inexact: a target adds its group and leaves those of others in place.
+# shellcheck disable=SC2086
+.venv/bin/uv sync --quiet --frozen --inexact $groups
+for group in "$@"; do touch ".venv/.group-$group"; done
