@@ -1,0 +1,160 @@
+"""What a co-simulation run hands to the analysis, and the trace file that keeps it.
+
+Times are clock cycles since time 0 of the simulation (rising edges, 64 bit). Angles are electrical, in rad, in the
+convention of the plant: theta = d axis against phase A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+IntArray = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+RecordArray = npt.NDArray[np.void]
+
+
+class LogKind(IntEnum):
+    """Kinds of rows `[cycle, kind, a, b]` in the log of the chip."""
+
+    GATES = 1  # a = gates before polarity, bit 2X upper, 2X+1 lower switch of leg X
+    COMMUTATION = 2  # a = new sector 0..5, b = scheduled instant at the gates (cycle)
+    CROSSING = 3  # a = sector | late << 4, b = time of the crossing that the chip claims (cycle)
+    TRIP = 4  # a = causes, bits in the order of TRIP_CAUSES
+    UPDATE = 5  # shadowed settings took effect
+
+
+class PlantEventKind(IntEnum):
+    """Kinds of plant events."""
+
+    EXTINCTION = 1  # the current of an open leg became zero: its freewheeling ended
+    DIODE_ON = 2  # the diode of a floating leg started to conduct
+
+
+# Bits of a trip cause, least significant first (`trip_t` of the RTL package).
+TRIP_CAUSES = (
+    "phase_current",
+    "dc_current",
+    "fault_pin",
+    "lost_lock",
+    "over_voltage",
+    "under_voltage",
+    "software",
+)
+
+RECORD_DTYPE = np.dtype(
+    [
+        ("t_cycle", "f8"),
+        ("theta_e", "f8"),  # rad, unwrapped
+        ("omega_e", "f8"),  # rad/s
+        ("ia", "f8"),  # A, into the machine
+        ("ib", "f8"),
+        ("ic", "f8"),
+        ("va", "f8"),  # V, true terminal voltage against the negative rail
+        ("vb", "f8"),
+        ("vc", "f8"),
+        ("vdc", "f8"),
+        ("idc", "f8"),  # A, drawn from the DC link
+        ("torque_nm", "f8"),
+        ("gates", "i8"),
+    ]
+)
+PLANT_EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
+
+
+@dataclass(frozen=True)
+class ProgressInfo:
+    """State of a running simulation, for the progress bar."""
+
+    t_s: float
+    duration_s: float
+    speed_rpm: float
+    rate_cycles_per_s: float
+    phase: str
+
+
+@dataclass
+class RunData:
+    """Everything measured in one run.
+
+    log: int64 [n, 4] rows as LogKind says; stamps are unwrapped to the same cycle count as the first column.
+    records: waveforms on a coarse regular grid; zoom: the same at every event inside the zoom window.
+    isr: handler name -> {"min", "mean", "max", "count"} in clock cycles.
+    """
+
+    log: IntArray
+    records: RecordArray
+    plant_events: RecordArray
+    zoom: RecordArray
+    clock_hz: float
+    pole_pairs: int
+    cycles: int
+    wall_s: float
+    seed: int
+    uart: list[str] = field(default_factory=list)
+    isr: dict[str, dict[str, float]] = field(default_factory=dict)
+    overruns: int = 0
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time."""
+        return self.cycles / self.clock_hz
+
+    def rows(self, kind: LogKind) -> IntArray:
+        """Log rows of one kind."""
+        return self.log[self.log[:, 1] == int(kind)]
+
+
+class SimulationFault(Exception):
+    """The run could not be completed: fault of the plant, the chip or the simulator.
+
+    data: what was recorded until then, if anything.
+    """
+
+    def __init__(self, message: str, data: RunData | None = None) -> None:
+        super().__init__(message)
+        self.data = data
+
+
+def trip_cause_names(mask: int) -> list[str]:
+    """Names of the causes in a trip mask."""
+    return [name for bit, name in enumerate(TRIP_CAUSES) if mask >> bit & 1]
+
+
+def save_trace(path: Path, data: RunData) -> None:
+    """Write the trace file (NumPy .npz). Depends on the run only: the same run gives the same bytes."""
+    np.savez_compressed(
+        path,
+        allow_pickle=False,
+        log=data.log,
+        records=data.records,
+        plant_events=data.plant_events,
+        zoom=data.zoom,
+        uart=np.array(data.uart, dtype=np.str_),
+        clock_hz=np.float64(data.clock_hz),
+        pole_pairs=np.int64(data.pole_pairs),
+        cycles=np.int64(data.cycles),
+        seed=np.int64(data.seed),
+    )
+
+
+def load_trace(path: Path) -> RunData:
+    """Read a trace file. Wall time and interrupt statistics are not part of it."""
+    with np.load(path, allow_pickle=False) as file:
+        return RunData(
+            log=file["log"],
+            records=file["records"],
+            plant_events=file["plant_events"],
+            zoom=file["zoom"],
+            clock_hz=float(file["clock_hz"]),
+            pole_pairs=int(file["pole_pairs"]),
+            cycles=int(file["cycles"]),
+            wall_s=0.0,
+            seed=int(file["seed"]),
+            uart=[str(line) for line in file["uart"]],
+        )

@@ -1,0 +1,35 @@
+"""Errors of input files: every problem names its file and key."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with the input. `key` is dotted, empty where the whole file is meant."""
+
+    file: str
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.key, self.message) if part)
+
+
+class ConfigError(Exception):
+    """All problems found in the input of one command."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(str(p) for p in self.problems))
+
+
+def did_you_mean(word: str, candidates: Iterable[str]) -> str:
+    """`, did you mean "x"?` if a candidate is close to `word`, else nothing."""
+    pool = list(candidates)
+    folded = {c.casefold(): c for c in pool}
+    close = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
+    return f', did you mean "{folded[close[0]]}"?' if close else ""

@@ -1,0 +1,81 @@
+"""Base model and field kinds of the input files: strict types, unknown keys refused, ranges with units.
+
+A range is stated once, in the field. It gives the check, the message and the line of the schema page.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+PHASE_NAMES = ("A", "B", "C")
+
+
+class Model(BaseModel):
+    """Base of all models: immutable, strict, no unknown keys, ranges of `quantity` fields checked."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @field_validator("*")
+    @classmethod
+    def _check_range(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401
+        extra = cls.model_fields[info.field_name or ""].json_schema_extra
+        if value is None or not isinstance(extra, dict) or "min" not in extra:
+            return value
+        low, high, unit = extra["min"], extra["max"], str(extra["unit"])
+        assert isinstance(low, (int, float)) and isinstance(high, (int, float))
+        elements = value if isinstance(value, tuple) else (value,)
+        for index, element in enumerate(elements):
+            # Written so that a NaN is refused too.
+            if not low <= element <= high:
+                where = f" (element {index})" if len(set(elements)) > 1 else ""
+                raise PydanticCustomError(
+                    "range",
+                    "{value}{where} is out of range, permitted {range}",
+                    {"value": with_unit(element, unit), "where": where, "range": range_text(low, high, unit)},
+                )
+        return value
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Value with unit as messages and tables print it."""
+    return f"{value:g} {unit}".rstrip()
+
+
+def range_text(low: float, high: float, unit: str) -> str:
+    """Inclusive range as messages and tables print it."""
+    return f"{low:g} to {with_unit(high, unit)}"
+
+
+def quantity(
+    description: str,
+    unit: str,
+    minimum: float,
+    maximum: float,
+    *,
+    default: Any = ...,  # noqa: ANN401
+    absent: str = "",
+) -> Any:  # noqa: ANN401
+    """Field for a number (or numbers per phase) with its unit and inclusive range.
+
+    absent: what happens when an optional key without a plain default is left out, for the schema page.
+    """
+    extra = {"unit": unit, "min": minimum, "max": maximum, "absent": absent}
+    return Field(default, description=description, json_schema_extra=extra)
+
+
+def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
+    """One number becomes `count` equal ones; a list of the right length becomes a tuple."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return (value,) * count
+    if isinstance(value, (list, tuple)) and len(value) == count:
+        return tuple(value)
+    raise PydanticCustomError("per_phase", "must be a number or an array of {count} numbers", {"count": count})
+
+
+PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]
+SectorValues = Annotated[
+    tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))
+]

@@ -1,0 +1,143 @@
+"""Motor file: the machine and the load that usually belongs to it."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from fluxlock.config.fields import Model, PhaseValues, quantity
+
+RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+
+
+class Load(Model):
+    """Load torque on the shaft. Parts add up; `load_factor` events scale all of them."""
+
+    fan_torque_nm: float = quantity(
+        "Fan torque at `fan_speed_rpm`, proportional to speed squared.", "N*m", 0, 1e4, default=0.0
+    )
+    fan_speed_rpm: float | None = quantity(
+        "Speed at which the fan torque is stated.",
+        "r/min",
+        1,
+        2e6,
+        default=None,
+        absent="needed with `fan_torque_nm`",
+    )
+    constant_nm: float = quantity(
+        "Torque that always acts against positive rotation, also at standstill.", "N*m", -1e4, 1e4, default=0.0
+    )
+    viscous_nm_s_per_rad: float = quantity(
+        "Torque proportional to mechanical speed.", "N*m*s/rad", 0, 1e3, default=0.0
+    )
+    coulomb_nm: float = quantity(
+        "Brake torque that opposes rotation and holds at standstill; it never drives.", "N*m", 0, 1e4, default=0.0
+    )
+
+    @model_validator(mode="after")
+    def _fan_speed(self) -> Self:
+        if self.fan_torque_nm > 0 and self.fan_speed_rpm is None:
+            raise PydanticCustomError("combination", "fan_torque_nm needs fan_speed_rpm")
+        return self
+
+    @property
+    def fan_nm_s2_per_rad2(self) -> float:
+        """Fan torque over mechanical speed squared."""
+        if self.fan_speed_rpm is None:
+            return 0.0
+        return self.fan_torque_nm / (self.fan_speed_rpm / RPM_PER_RAD_S) ** 2
+
+    def torque_nm(self, speed_rpm: float) -> float:
+        """Magnitude of the load torque at a steady speed."""
+        omega = abs(speed_rpm) / RPM_PER_RAD_S
+        return (
+            self.fan_nm_s2_per_rad2 * omega * omega
+            + self.constant_nm * (1.0 if speed_rpm >= 0 else -1.0)
+            + self.viscous_nm_s_per_rad * omega
+            + self.coulomb_nm
+        )
+
+
+class Motor(Model):
+    """A star-connected three-phase permanent-magnet machine with isolated star point."""
+
+    name: str = Field(min_length=1, description="Name for tables and plots.")
+    description: str = Field("", description="Free text.")
+    pole_pairs: int = quantity("Pole pairs.", "", 1, 50)
+    resistance_ohm: PhaseValues = quantity(
+        "Phase resistance: one number, or three for phases A, B, C.", "Ohm", 1e-5, 1e3
+    )
+    inductance_h: PhaseValues = quantity(
+        "Phase inductance, self minus mutual: one number, or three for phases A, B, C.", "H", 1e-8, 1.0
+    )
+    mutual_h: PhaseValues = quantity(
+        "Mutual inductance between AB, BC and CA (usually negative): one number or three. Self inductance of a "
+        "phase = `inductance_h` + mean of its two mutual inductances.",
+        "H",
+        -1.0,
+        1.0,
+        default=(0.0, 0.0, 0.0),
+    )
+    psi_vs: PhaseValues = quantity(
+        "Flux: peak phase EMF over electrical speed. One number, or three for phases A, B, C.", "V*s/rad", 1e-6, 10
+    )
+    emf: Literal["sinusoidal", "trapezoidal"] = Field(description="Shape of the EMF.")
+    flat_top_deg: float = quantity(
+        "Length of the flat top of a trapezoidal EMF, electrical.", "deg", 60, 170, default=120.0
+    )
+    inertia_kgm2: float = quantity("Inertia of rotor and load.", "kg*m^2", 1e-10, 10)
+    rated_current_a: float = quantity("Rated DC current through two phases.", "A", 0.01, 2000)
+    max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
+    load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
+
+    @model_validator(mode="after")
+    def _inductance_matrix(self) -> Self:
+        la, lb, lc = self.self_inductance_h
+        mab, mbc, mca = self.mutual_h
+        # Energy of any currents with zero sum must be positive: 2 x 2 matrix of (ia, ib), ic = -ia - ib.
+        aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
+        if not (aa > 0 and aa * bb - ab * ab > 0):
+            raise PydanticCustomError(
+                "combination", "inductance_h and mutual_h give an inductance matrix that is not positive definite"
+            )
+        return self
+
+    @property
+    def self_inductance_h(self) -> tuple[float, float, float]:
+        """Self inductances of A, B, C."""
+        mab, mbc, mca = self.mutual_h
+        la, lb, lc = self.inductance_h
+        return (la + (mab + mca) / 2, lb + (mab + mbc) / 2, lc + (mbc + mca) / 2)
+
+    @property
+    def line_flux_vs(self) -> float:
+        """Mean EMF between the two conducting phases over a sector divided by electrical speed (mean of phases)."""
+        psi = sum(self.psi_vs) / 3
+        if self.emf == "sinusoidal":
+            return psi * 3 * math.sqrt(3) / math.pi
+        # Both EMFs sit on their flat tops through the sector if those are at least 120 degrees long; shorter
+        # ones lose a triangle at each end: 2 psi (1 - mean relative drop).
+        short_deg = max(0.0, 120.0 - self.flat_top_deg) / 2
+        ramp_deg = (180.0 - self.flat_top_deg) / 2
+        return 2 * psi * (1 - short_deg * short_deg / (2 * ramp_deg * 60.0))
+
+    @property
+    def torque_per_amp_nm(self) -> float:
+        """Mean torque per ampere of DC current in six-step operation."""
+        return self.pole_pairs * self.line_flux_vs
+
+    @property
+    def rated_torque_nm(self) -> float:
+        """Torque at rated current."""
+        return self.torque_per_amp_nm * self.rated_current_a
+
+    def omega_e(self, speed_rpm: float) -> float:
+        """Electrical speed in rad/s."""
+        return speed_rpm / RPM_PER_RAD_S * self.pole_pairs
+
+    def electrical_hz(self, speed_rpm: float) -> float:
+        """Fundamental frequency at a mechanical speed."""
+        return abs(speed_rpm) / 60.0 * self.pole_pairs

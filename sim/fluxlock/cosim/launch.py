@@ -1,0 +1,100 @@
+"""Start the simulator's process on a plan and wait for it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cocotb_tools.config
+import find_libpython
+
+from fluxlock.analysis.rundata import ProgressInfo
+from fluxlock.cosim.chip import TOP, Chip
+from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
+from fluxlock.paths import BUILD, ROOT
+
+Progress = Callable[[ProgressInfo], None]
+
+
+class SimulatorError(Exception):
+    """The simulator's process ended without a result; the message holds the end of its log."""
+
+
+def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
+    """Environment in which a Verilated executable finds this interpreter, cocotb and the plan."""
+    libpython = find_libpython.find_libpython()
+    if libpython is None:
+        raise SimulatorError(
+            "this Python has no shared library (libpython): install python3-dev, or a Python built with --enable-shared"
+        )
+    env = dict(os.environ)
+    env.update(
+        GPI_USERS=f"{libpython};{cocotb_tools.config.pygpi_entry_point()}",
+        PYGPI_PYTHON_BIN=sys.executable,
+        PYTHONPATH=os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
+        PATH=os.pathsep.join([env.get("PATH", ""), str(cocotb_tools.config.libs_dir)]),
+        COCOTB_TOPLEVEL=TOP,
+        COCOTB_TEST_MODULES="fluxlock.cosim.session",
+        COCOTB_RESULTS_FILE=str(results),
+        COCOTB_REWRITE_ASSERTION_FILES="test_*.py",
+        COCOTB_LOG_LEVEL="WARNING",
+        TOPLEVEL_LANG="verilog",
+        PYTHONPYCACHEPREFIX=os.environ.get("PYTHONPYCACHEPREFIX", str(BUILD / "pycache")),
+        COCOTB_TRUST_INERTIAL_WRITES="1",
+    )
+    for name in ("PYTEST_CURRENT_TEST", "PYTHONDONTWRITEBYTECODE", "COCOTB_TEST_FILTER"):
+        env.pop(name, None)
+    env[PLAN_ENV] = str(plan_file)
+    return env
+
+
+def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) -> dict[str, Any]:
+    """Run a plan whose folder holds `firmware.hex`; return the meta data, leave the arrays in the folder."""
+    folder = plan.folder
+    for name in (META_FILE, PROGRESS_FILE):
+        (folder / name).unlink(missing_ok=True)
+    log_path = folder / "simulator.log"
+    env = simulator_environment(plan.save(), folder / "results.xml")
+    with log_path.open("w") as log:
+        process = subprocess.Popen([str(chip.executable)], cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT)
+        stop = threading.Event()
+        watcher = threading.Thread(target=_watch, args=(plan, progress, stop), daemon=True)
+        if progress is not None:
+            watcher.start()
+        try:
+            process.wait()
+        except BaseException:
+            process.terminate()
+            process.wait()
+            raise
+        finally:
+            stop.set()
+            if progress is not None:
+                watcher.join()
+    meta_path = folder / META_FILE
+    if not meta_path.exists():
+        tail = "\n".join(log_path.read_text(errors="replace").splitlines()[-25:])
+        raise SimulatorError(f"the simulator ended with code {process.returncode} and no result; end of {log_path}:\n{tail}")
+    meta: dict[str, Any] = json.loads(meta_path.read_text())
+    return meta
+
+
+def _watch(plan: SessionPlan, progress: Progress | None, stop: threading.Event) -> None:
+    """Turn the simulator's progress file into calls of `progress`."""
+    path = plan.folder / PROGRESS_FILE
+    duration = plan.duration_cycles / plan.clock_hz
+    last = ""
+    while progress is not None and not stop.is_set():
+        text = path.read_text() if path.exists() else ""
+        if text and text != last:
+            last = text
+            line = json.loads(text)
+            progress(ProgressInfo(line["t_s"], duration, line["speed_rpm"], line["rate_cycles_per_s"], "simulating"))
+        time.sleep(0.1)

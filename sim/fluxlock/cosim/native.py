@@ -1,0 +1,93 @@
+"""ctypes binding of the C interface in `sim/native/cosim.h`, for use inside the simulator's process."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+
+class Status(ctypes.Structure):
+    """Counters of the simulator main; fields as in `cosim_status_t`."""
+
+    _fields_ = [(name, ctypes.c_int64) for name in
+                ("cycle", "log_count", "log_lost", "events", "edges", "strobes", "t_fault")] + [
+                ("fault", ctypes.c_int32), ("uart_lost", ctypes.c_int32)]  # fmt: skip
+
+    cycle: int
+    log_count: int
+    log_lost: int
+    events: int
+    edges: int
+    strobes: int
+    t_fault: int
+    fault: int
+    uart_lost: int
+
+
+class Native:
+    """The simulator main as seen from Python: plant hook, event log, console line.
+
+    log_capacity: rows that fit between two calls of `take_log`.
+    """
+
+    def __init__(self, log_capacity: int = 1 << 18) -> None:
+        self._lib = ctypes.CDLL(None)
+        self._lib.cosim_status.restype = ctypes.POINTER(Status)
+        self._lib.cosim_attach.argtypes = [ctypes.c_void_p] * 3
+        self._lib.cosim_log.argtypes = [ctypes.c_void_p, ctypes.c_int64]
+        self._lib.cosim_configure.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_int32]
+        self._lib.cosim_console_send.argtypes = [ctypes.c_char_p, ctypes.c_int64]
+        self._lib.cosim_console_take.argtypes = [ctypes.c_char_p, ctypes.c_int64]
+        self._lib.cosim_console_take.restype = ctypes.c_int64
+        self._lib.cosim_record.argtypes = [ctypes.c_int32]
+        self._lib.cosim_record_save.argtypes = [ctypes.c_char_p]
+        self._lib.cosim_record_save.restype = ctypes.c_int32
+        self._log: NDArray[np.int64] = np.zeros((log_capacity, 4), np.int64)
+        self._buffer = ctypes.create_string_buffer(1 << 16)
+        self._lib.cosim_log(self._log.ctypes.data, log_capacity)
+
+    @property
+    def status(self) -> Status:
+        """Live counters (a view, not a copy)."""
+        return self._lib.cosim_status().contents  # type: ignore[no-any-return]
+
+    def attach(self, address: int, state: NDArray[np.float64], io: NDArray[np.int32]) -> None:
+        """Call the plant kernel at `address` at every gate edge and sample strobe. The arrays must stay alive."""
+        self._keep = (state, io)
+        self._lib.cosim_attach(address, state.ctypes.data, io.ctypes.data)
+
+    def configure(self, conversion_cycles: int, bit_cycles: int, log_strobes: bool = False) -> None:
+        """Set converter time (strobe to valid), console bit time, and whether strobes are logged. Unit: clocks."""
+        self._lib.cosim_configure(conversion_cycles, bit_cycles, int(log_strobes))
+
+    def take_log(self) -> NDArray[np.int64]:
+        """Rows [cycle, kind, a, b] since the last call; raises BufferError if rows were lost."""
+        status = self.status
+        if status.log_lost:
+            raise BufferError(f"event log overflow: {status.log_lost} rows lost before cycle {status.cycle}")
+        rows = self._log[: status.log_count].copy()
+        self._lib.cosim_log(self._log.ctypes.data, len(self._log))
+        return rows
+
+    def send(self, line: str) -> None:
+        """Queue a console line, sent bit by bit from the next clock on."""
+        data = (line + "\n").encode("ascii")
+        self._lib.cosim_console_send(data, len(data))
+
+    def receive(self) -> str:
+        """What the chip has sent on its console since the last call."""
+        count = self._lib.cosim_console_take(self._buffer, len(self._buffer))
+        return bytes(self._buffer[:count]).decode("ascii", errors="replace")
+
+    def record(self, on: bool) -> None:
+        """Start or stop recording converter codes, console bytes and pins for a replay."""
+        self._lib.cosim_record(int(on))
+
+    def save_recording(self, path: Path) -> None:
+        """Write the recording for `--replay`."""
+        if self._lib.cosim_record_save(str(path).encode()):
+            raise OSError(f"cannot write the recording {path}")

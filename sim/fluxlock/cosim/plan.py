@@ -1,0 +1,68 @@
+"""What the process that starts a simulation tells the simulator's process, and what it gets back."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fluxlock.plant import PlantParams
+
+PLAN_ENV = "FLUXLOCK_PLAN"
+PLAN_FILE = "plan.pickle"
+RAW_FILE = "raw.npz"
+META_FILE = "meta.json"
+PROGRESS_FILE = "progress.json"
+RECORDING_FILE = "recording.bin"
+
+
+@dataclass(frozen=True)
+class Action:
+    """Something that happens at a clock cycle: a console line or a change of the plant.
+
+    kind: "console" (line), "load" (load fields as `Plant.set_load`), "fault" (as `Plant.inject_fault`).
+    """
+
+    cycle: int
+    kind: str
+    arguments: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SessionPlan:
+    """One run, all in clock cycles.
+
+    batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time is noted
+    (result `mark_wall_s`). recording: also record the chip's inputs for a replay.
+    """
+
+    plant: PlantParams
+    seed: int
+    clock_hz: float
+    pole_pairs: int
+    duration_cycles: int
+    conversion_cycles: int
+    bit_cycles: int
+    actions: tuple[Action, ...] = ()
+    zoom: tuple[tuple[int, int], ...] = ()
+    final_commands: tuple[str, ...] = ("status", "faults", "stats")
+    batch_cycles: int = 100_000
+    record_every: int = 10
+    marks: tuple[int, ...] = ()
+    recording: bool = False
+    plant_mode: str = "jit"
+    folder: Path = field(default_factory=Path)
+
+    def save(self) -> Path:
+        """Write the plan into its folder and return the file."""
+        path = self.folder / PLAN_FILE
+        path.write_bytes(pickle.dumps(self))
+        return path
+
+    @staticmethod
+    def load(path: Path) -> SessionPlan:
+        """Read a plan written by `save` in this checkout."""
+        plan = pickle.loads(path.read_bytes())
+        assert isinstance(plan, SessionPlan)
+        return plan

@@ -1,0 +1,162 @@
+"""The cocotb test that drives the whole chip through one plan. Runs inside the simulator's process.
+
+The clock and the plant are native; this coroutine sleeps until the next action of the plan or until the logs want
+draining (every `batch_cycles`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotb.simtime import get_sim_time
+from cocotb.triggers import Timer
+
+from fluxlock.cosim.native import Native
+from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, RAW_FILE, RECORDING_FILE, Action, SessionPlan
+from fluxlock.plant import Plant
+
+CLOCK_NS = 20
+PROGRESS_INTERVAL_S = 0.1
+FINAL_REPLY_S = 0.1  # simulated time allowed for the replies after the end
+
+
+class PlantFault(Exception):
+    """The plant kernel returned a fault code."""
+
+
+class Session:
+    """One run: plan, plant, native main, and what they have recorded so far."""
+
+    def __init__(self, plan: SessionPlan) -> None:
+        self.plan = plan
+        self.native = Native()
+        self.plant = Plant(plan.plant, seed=plan.seed, mode=plan.plant_mode)
+        self.logs: list[Any] = []
+        self.text = ""
+        self.marks: dict[int, float] = {}
+        self.begin = time.perf_counter()
+        self._progress_at = 0.0
+
+    async def wait_until(self, cycle: int) -> None:
+        """Sleep until the rising edge number `cycle` has been processed (edge n is at (2n - 1) half periods)."""
+        delta = cycle - self.native.status.cycle
+        if delta > 0:
+            target_ns = CLOCK_NS * cycle - CLOCK_NS // 2
+            await Timer(target_ns - int(get_sim_time("ns")), unit="ns")
+
+    def drain(self) -> None:
+        """Collect logs, records and console text; raise PlantFault if the plant has stopped."""
+        self.logs.append(self.native.take_log())
+        self.plant.drain()
+        self.text += self.native.receive()
+        status = self.native.status
+        if status.fault:
+            raise PlantFault(self.plant.fault_text(status.fault, status.t_fault))
+        now = time.perf_counter()
+        if now - self._progress_at >= PROGRESS_INTERVAL_S:
+            self._progress_at = now
+            cycle = status.cycle
+            line = {
+                "t_s": cycle / self.plan.clock_hz,
+                "speed_rpm": self.plant.speed_rpm,
+                "rate_cycles_per_s": cycle / max(now - self.begin, 1e-9),
+            }
+            path = self.plan.folder / PROGRESS_FILE
+            path.with_suffix(".tmp").write_text(json.dumps(line))
+            path.with_suffix(".tmp").replace(path)
+
+    def act(self, action: Action) -> None:
+        """Carry out one action of the plan."""
+        if action.kind == "console":
+            self.native.send(action.arguments["line"])
+        elif action.kind == "load":
+            self.plant.set_load(**action.arguments)
+        elif action.kind == "fault":
+            self.plant.inject_fault(**action.arguments)
+        else:
+            raise ValueError(f"unknown action {action.kind!r}")
+
+    async def run(self) -> None:
+        """Run the plan to its end, then ask the chip for its statistics."""
+        plan, native = self.plan, self.native
+        native.configure(plan.conversion_cycles, plan.bit_cycles)
+        native.attach(self.plant.address, self.plant.state, self.plant.io)
+        native.record(plan.recording)
+        stops = sorted({*range(plan.batch_cycles, plan.duration_cycles, plan.batch_cycles), plan.duration_cycles,
+                        *(a.cycle for a in plan.actions), *plan.marks})  # fmt: skip
+        pending = sorted(plan.actions, key=lambda a: a.cycle)
+        self.begin = time.perf_counter()
+        for stop in stops:
+            await self.wait_until(stop)
+            self.drain()
+            if stop in plan.marks:
+                self.marks[stop] = time.perf_counter() - self.begin
+            while pending and pending[0].cycle <= stop:
+                self.act(pending.pop(0))
+        self.wall_s = time.perf_counter() - self.begin
+        native.record(False)
+        if plan.recording:
+            native.save_recording(plan.folder / RECORDING_FILE)
+        self.log_end = sum(map(len, self.logs))
+        await self.ask_statistics()
+
+    async def ask_statistics(self) -> None:
+        """Send the final commands one by one and wait for each reply's last line."""
+        step = int(1e-3 * self.plan.clock_hz)
+        for command in self.plan.final_commands:
+            seen = len(self.text)
+            self.native.send(command)
+            for _ in range(int(FINAL_REPLY_S * 1e3)):
+                await self.wait_until(self.native.status.cycle + step)
+                self.drain()
+                lines = self.text[seen:].splitlines()
+                if any(line.strip() == "ok" or line.startswith("error") for line in lines):
+                    break
+
+    def save(self, fault: str | None) -> None:
+        """Write arrays and meta data into the plan's folder."""
+        log = np.concatenate(self.logs) if self.logs else np.zeros((0, 4), np.int64)
+        end = getattr(self, "log_end", len(log))
+        limit = self.plan.duration_cycles
+        records = self.plant.records()
+        events = self.plant.events()
+        zoom = self.plant.zoom_records()
+        np.savez(
+            self.plan.folder / RAW_FILE,
+            log=log[:end],
+            records=records[records["t_cycle"] <= limit],
+            plant_events=events[events["t_cycle"] <= limit],
+            zoom=zoom,
+        )
+        status = self.native.status
+        meta = {
+            "cycles": min(int(status.cycle), limit),
+            "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
+            "uart": self.text,
+            "fault": fault,
+            "marks": {str(k): v for k, v in self.marks.items()},
+            "plant_events": int(status.events),
+            "strobes": int(status.strobes),
+            "edges": int(status.edges),
+        }
+        (self.plan.folder / META_FILE).write_text(json.dumps(meta))
+
+
+@cocotb.test()
+async def drive(dut: Any) -> None:
+    """Run the plan named by the environment."""
+    session = Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
+    fault: str | None = None
+    try:
+        await session.run()
+    except PlantFault as error:
+        fault = str(error)
+    except BufferError as error:
+        fault = str(error)
+    session.save(fault)
