@@ -1,7 +1,7 @@
 """What a co-simulation run hands to the analysis, and the trace file that keeps it.
 
-Times are clock cycles since time 0 of the simulation (rising edges, 64 bit). Angles are electrical, in rad, in the
-convention of the plant: theta = d axis against phase A.
+Times are clock cycles since time 0 of the simulation (rising edges, 64 bit). Angles are electrical, in rad,
+in the convention of the plant: theta = d axis against phase A.
 """
 
 from __future__ import annotations
@@ -107,7 +107,8 @@ class RunData:
 
     def rows(self, kind: LogKind) -> IntArray:
         """Log rows of one kind."""
-        return self.log[self.log[:, 1] == int(kind)]
+        found: IntArray = self.log[self.log[:, 1] == int(kind)]
+        return found
 
 
 class SimulationFault(Exception):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 PHASE_NAMES = ("A", "B", "C")
@@ -30,23 +30,37 @@ class Model(BaseModel):
         for index, element in enumerate(elements):
             # Written so that a NaN is refused too.
             if not low <= element <= high:
-                where = f" (element {index})" if len(set(elements)) > 1 else ""
                 raise PydanticCustomError(
                     "range",
-                    "{value}{where} is out of range, permitted {range}",
-                    {"value": with_unit(element, unit), "where": where, "range": range_text(low, high, unit)},
+                    "{value} is out of range, permitted {range}",
+                    {
+                        "value": with_unit(element, unit),
+                        "range": range_text(low, high, unit),
+                        # Which element, if not all of them are the one number that the file states.
+                        "index": index if len(set(elements)) > 1 else -1,
+                    },
                 )
         return value
 
 
+def conflict(key: str, message: str) -> PydanticCustomError:
+    """Error of a key that does not fit another one; for model validators, which have no key of their own."""
+    return PydanticCustomError("conflict", "{message}", {"key": key, "message": message})
+
+
+def plain(value: float) -> str:
+    """Number as messages and tables print it: no exponent for whole numbers of readable length."""
+    return f"{value:.0f}" if abs(value) < 1e10 and float(value).is_integer() else f"{value:g}"
+
+
 def with_unit(value: float, unit: str) -> str:
     """Value with unit as messages and tables print it."""
-    return f"{value:g} {unit}".rstrip()
+    return f"{plain(value)} {unit}".rstrip()
 
 
 def range_text(low: float, high: float, unit: str) -> str:
     """Inclusive range as messages and tables print it."""
-    return f"{low:g} to {with_unit(high, unit)}"
+    return f"{plain(low)} to {with_unit(high, unit)}"
 
 
 def quantity(
@@ -62,7 +76,7 @@ def quantity(
 
     absent: what happens when an optional key without a plain default is left out, for the schema page.
     """
-    extra = {"unit": unit, "min": minimum, "max": maximum, "absent": absent}
+    extra: dict[str, JsonValue] = {"unit": unit, "min": minimum, "max": maximum, "absent": absent}
     return Field(default, description=description, json_schema_extra=extra)
 
 
@@ -72,7 +86,9 @@ def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
         return (value,) * count
     if isinstance(value, (list, tuple)) and len(value) == count:
         return tuple(value)
-    raise PydanticCustomError("per_phase", "must be a number or an array of {count} numbers", {"count": count})
+    raise PydanticCustomError(
+        "per_phase", "must be a number or an array of {count} numbers", {"count": count}
+    )
 
 
 PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]

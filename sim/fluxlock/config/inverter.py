@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Self
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from fluxlock.config.fields import Model, PhaseValues, quantity, with_unit
+from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
 
 
 class Sensing(Model):
@@ -15,30 +14,37 @@ class Sensing(Model):
 
     bits: int = quantity("Resolution of the converter codes.", "bit", 8, 12, default=12)
     sample_period_s: float = quantity("Period of the sample sets (all channels at once).", "s", 0.32e-6, 1e-3)
-    conversion_s: float = quantity("Time from sample-and-hold to valid codes.", "s", 0.0, 1e-3, default=0.4e-6)
+    conversion_s: float = quantity(
+        "Time from sample-and-hold to valid codes.", "s", 0.0, 1e-3, default=0.4e-6
+    )
     voltage_full_scale_v: float = quantity("Voltage at full scale of the voltage channels.", "V", 1, 2000)
     current_full_scale_a: float = quantity("Current at full scale, both signs.", "A", 0.1, 5000)
     divider_pole_s: float = quantity(
         "Time constant of the voltage dividers' RC pole; 0 = none.", "s", 0.0, 1e-3, default=0.0
     )
     divider_gain: PhaseValues = quantity(
-        "Gain error of the phases' dividers as a factor: one number or three.", "", 0.5, 2.0, default=(1.0, 1.0, 1.0)
+        "Gain error of the phases' dividers as a factor: one number or three.",
+        "",
+        0.5,
+        2.0,
+        default=(1.0, 1.0, 1.0),
     )
     noise_lsb: float = quantity("Noise of every sample, rms, white.", "LSB", 0.0, 50.0, default=1.0)
     offset_lsb: PhaseValues = quantity(
-        "Offset of the phase-current channels: one number or three.", "LSB", -200, 200, default=(0.0, 0.0, 0.0)
+        "Offset of the phase-current channels: one number or three.",
+        "LSB",
+        -200,
+        200,
+        default=(0.0, 0.0, 0.0),
     )
 
     @model_validator(mode="after")
     def _conversion(self) -> Self:
         if self.conversion_s > self.sample_period_s:
-            raise PydanticCustomError(
-                "combination",
-                "conversion_s ({conversion}) is longer than sample_period_s ({period})",
-                {
-                    "conversion": with_unit(self.conversion_s, "s"),
-                    "period": with_unit(self.sample_period_s, "s"),
-                },
+            raise conflict(
+                "conversion_s",
+                f"{with_unit(self.conversion_s, 's')} is longer than sample_period_s "
+                f"({with_unit(self.sample_period_s, 's')})",
             )
         return self
 
@@ -66,7 +72,9 @@ class BrakeChopper(Model):
     @model_validator(mode="after")
     def _hysteresis(self) -> Self:
         if self.off_v >= self.on_v:
-            raise PydanticCustomError("combination", "off_v must be below on_v")
+            raise conflict(
+                "off_v", f"{with_unit(self.off_v, 'V')} is not below on_v ({with_unit(self.on_v, 'V')})"
+            )
         return self
 
 
@@ -74,13 +82,17 @@ class Inverter(Model):
     """Three-leg inverter with its supply and its sensing."""
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
-    description: str = Field("", description="Free text.")
+    description: str = Field(default="", description="Free text.")
     supply_v: float = quantity("Voltage of the supply.", "V", 1, 1500)
     supply_resistance_ohm: float = quantity("Resistance of the supply.", "Ohm", 0.0, 100, default=0.0)
     dc_link_f: float = quantity(
-        "Capacitance of the DC link; 0 = none (the supply feeds the legs directly).", "F", 0.0, 1.0, default=0.0
+        "Capacitance of the DC link; 0 = none (the supply feeds the legs directly).",
+        "F",
+        0.0,
+        1.0,
+        default=0.0,
     )
-    supply_diode: bool = Field(False, description="`true`: no energy returns to the supply.")
+    supply_diode: bool = Field(default=False, description="`true`: no energy returns to the supply.")
     on_resistance_ohm: float = quantity("On-resistance of a switch.", "Ohm", 0.0, 10, default=0.0)
     diode_drop_v: float = quantity("Forward drop of a diode.", "V", 0.0, 10, default=0.7)
     diode_resistance_ohm: float = quantity("Resistance of a diode.", "Ohm", 0.0, 10, default=0.0)
@@ -88,48 +100,47 @@ class Inverter(Model):
         "Least gap between one switch of a leg turning off and the other turning on.", "s", 0.0, 20e-6
     )
     min_pulse_s: float = quantity("Shortest pulse and shortest gap.", "s", 40e-9, 80e-6)
-    gate_high_active_low: bool = Field(False, description="Polarity of the upper gate pins.")
-    gate_low_active_low: bool = Field(False, description="Polarity of the lower gate pins.")
+    gate_high_active_low: bool = Field(default=False, description="Polarity of the upper gate pins.")
+    gate_low_active_low: bool = Field(default=False, description="Polarity of the lower gate pins.")
     gate_delay_s: float = quantity(
-        "Delay of gate driver and switch; the chip commutates that much earlier.", "s", 0.0, 10e-6, default=0.0
-    )
-    precharge_s: float = quantity(
-        "Time for which the lower switches charge the bootstrap capacitors before the start.",
+        "Delay of gate driver and switch; the chip commutates that much earlier.",
         "s",
         0.0,
-        1.0,
-        default=2e-3,
+        10e-6,
+        default=0.0,
     )
     sensing: Sensing = Field(description="Converter and analog chain.")
     protection: Protection = Field(description="Hardware trips.")
-    brake_chopper: BrakeChopper | None = Field(None, description="Brake chopper, if there is one.")
+    brake_chopper: BrakeChopper | None = Field(default=None, description="Brake chopper, if there is one.")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if self.dc_link_f > 0 and self.supply_resistance_ohm == 0:
+            raise conflict(
+                "supply_resistance_ohm", "must be above 0 Ohm with a DC-link capacitor (dc_link_f)"
+            )
+        for key in ("supply_diode", "brake_chopper"):
+            if getattr(self, key) and self.dc_link_f == 0:
+                raise conflict(key, "needs a DC-link capacitor (dc_link_f)")
         if self.min_pulse_s < self.dead_time_s:
-            raise PydanticCustomError(
-                "combination",
-                "min_pulse_s ({pulse}) is shorter than dead_time_s ({dead}): such a pulse would vanish in the dead "
-                "time",
-                {"pulse": with_unit(self.min_pulse_s, "s"), "dead": with_unit(self.dead_time_s, "s")},
+            raise conflict(
+                "min_pulse_s",
+                f"{with_unit(self.min_pulse_s, 's')} is shorter than dead_time_s "
+                f"({with_unit(self.dead_time_s, 's')}): such a pulse vanishes in the dead time",
             )
         highest_v = self.supply_v * max(*self.sensing.divider_gain, 1.0)
         if highest_v > self.sensing.voltage_full_scale_v:
-            raise PydanticCustomError(
-                "combination",
-                "sensing.voltage_full_scale_v ({full}) does not cover supply_v times the largest divider gain ({v})",
-                {"full": with_unit(self.sensing.voltage_full_scale_v, "V"), "v": with_unit(highest_v, "V")},
+            raise conflict(
+                "sensing.voltage_full_scale_v",
+                f"{with_unit(self.sensing.voltage_full_scale_v, 'V')} does not cover supply_v times the "
+                f"largest divider gain ({with_unit(highest_v, 'V')})",
             )
         for key in ("phase_current_a", "dc_current_a"):
             limit = getattr(self.protection, key)
             if limit >= self.sensing.current_full_scale_a:
-                raise PydanticCustomError(
-                    "combination",
-                    "protection.{key} ({limit}) must be below sensing.current_full_scale_a ({full})",
-                    {
-                        "key": key,
-                        "limit": with_unit(limit, "A"),
-                        "full": with_unit(self.sensing.current_full_scale_a, "A"),
-                    },
+                raise conflict(
+                    f"protection.{key}",
+                    f"{with_unit(limit, 'A')} is not below sensing.current_full_scale_a "
+                    f"({with_unit(self.sensing.current_full_scale_a, 'A')})",
                 )
         return self

@@ -6,9 +6,8 @@ import math
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from fluxlock.config.fields import Model, PhaseValues, quantity
+from fluxlock.config.fields import Model, PhaseValues, conflict, quantity
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 
@@ -28,19 +27,30 @@ class Load(Model):
         absent="needed with `fan_torque_nm`",
     )
     constant_nm: float = quantity(
-        "Torque that always acts against positive rotation, also at standstill.", "N*m", -1e4, 1e4, default=0.0
+        "Torque that always acts against positive rotation, also at standstill.",
+        "N*m",
+        -1e4,
+        1e4,
+        default=0.0,
     )
     viscous_nm_s_per_rad: float = quantity(
         "Torque proportional to mechanical speed.", "N*m*s/rad", 0, 1e3, default=0.0
     )
     coulomb_nm: float = quantity(
-        "Brake torque that opposes rotation and holds at standstill; it never drives.", "N*m", 0, 1e4, default=0.0
+        "Brake torque that opposes rotation and holds at standstill; it never drives.",
+        "N*m",
+        0,
+        1e4,
+        default=0.0,
+    )
+    stiction_ratio: float = quantity(
+        "Breakaway torque at standstill over `coulomb_nm`.", "", 1.0, 10.0, default=1.0
     )
 
     @model_validator(mode="after")
     def _fan_speed(self) -> Self:
         if self.fan_torque_nm > 0 and self.fan_speed_rpm is None:
-            raise PydanticCustomError("combination", "fan_torque_nm needs fan_speed_rpm")
+            raise conflict("fan_torque_nm", "needs fan_speed_rpm beside it")
         return self
 
     @property
@@ -65,7 +75,7 @@ class Motor(Model):
     """A star-connected three-phase permanent-magnet machine with isolated star point."""
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
-    description: str = Field("", description="Free text.")
+    description: str = Field(default="", description="Free text.")
     pole_pairs: int = quantity("Pole pairs.", "", 1, 50)
     resistance_ohm: PhaseValues = quantity(
         "Phase resistance: one number, or three for phases A, B, C.", "Ohm", 1e-5, 1e3
@@ -74,15 +84,18 @@ class Motor(Model):
         "Phase inductance, self minus mutual: one number, or three for phases A, B, C.", "H", 1e-8, 1.0
     )
     mutual_h: PhaseValues = quantity(
-        "Mutual inductance between AB, BC and CA (usually negative): one number or three. Self inductance of a "
-        "phase = `inductance_h` + mean of its two mutual inductances.",
+        "Mutual inductance between AB, BC and CA (usually negative): one number or three. Self inductance "
+        "of a phase = `inductance_h` + mean of its two mutual inductances.",
         "H",
         -1.0,
         1.0,
         default=(0.0, 0.0, 0.0),
     )
     psi_vs: PhaseValues = quantity(
-        "Flux: peak phase EMF over electrical speed. One number, or three for phases A, B, C.", "V*s/rad", 1e-6, 10
+        "Flux: peak phase EMF over electrical speed. One number, or three for phases A, B, C.",
+        "V*s/rad",
+        1e-6,
+        10,
     )
     emf: Literal["sinusoidal", "trapezoidal"] = Field(description="Shape of the EMF.")
     flat_top_deg: float = quantity(
@@ -96,12 +109,14 @@ class Motor(Model):
     @model_validator(mode="after")
     def _inductance_matrix(self) -> Self:
         la, lb, lc = self.self_inductance_h
+        if min(la, lb, lc) <= 0:
+            raise conflict("mutual_h", f"with inductance_h gives a self inductance of {min(la, lb, lc):g} H")
         mab, mbc, mca = self.mutual_h
         # Energy of any currents with zero sum must be positive: 2 x 2 matrix of (ia, ib), ic = -ia - ib.
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         if not (aa > 0 and aa * bb - ab * ab > 0):
-            raise PydanticCustomError(
-                "combination", "inductance_h and mutual_h give an inductance matrix that is not positive definite"
+            raise conflict(
+                "mutual_h", "with inductance_h gives an inductance matrix that is not positive definite"
             )
         return self
 
@@ -114,7 +129,7 @@ class Motor(Model):
 
     @property
     def line_flux_vs(self) -> float:
-        """Mean EMF between the two conducting phases over a sector divided by electrical speed (mean of phases)."""
+        """Mean line EMF over a sector divided by electrical speed (mean of the phases)."""
         psi = sum(self.psi_vs) / 3
         if self.emf == "sinusoidal":
             return psi * 3 * math.sqrt(3) / math.pi

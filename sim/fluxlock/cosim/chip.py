@@ -33,6 +33,7 @@ def rtl_sources() -> list[Path]:
     """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core."""
     folders = ("sense", "zcd", "pwm", "safety", "soc")
     blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
+    blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
     core = package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v"
     return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, core]
 

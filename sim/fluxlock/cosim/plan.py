@@ -21,7 +21,8 @@ RECORDING_FILE = "recording.bin"
 class Action:
     """Something that happens at a clock cycle: a console line or a change of the plant.
 
-    kind: "console" (line), "load" (load fields as `Plant.set_load`), "fault" (as `Plant.inject_fault`).
+    kind: "console" (line), or arguments of a method of the plant: "load" (`set_load`), "supply" (`set_supply`),
+    "fault" (`inject_fault`).
     """
 
     cycle: int
@@ -40,15 +41,12 @@ class SessionPlan:
     plant: PlantParams
     seed: int
     clock_hz: float
-    pole_pairs: int
     duration_cycles: int
     conversion_cycles: int
     bit_cycles: int
     actions: tuple[Action, ...] = ()
-    zoom: tuple[tuple[int, int], ...] = ()
     final_commands: tuple[str, ...] = ("status", "faults", "stats")
     batch_cycles: int = 100_000
-    record_every: int = 10
     marks: tuple[int, ...] = ()
     recording: bool = False
     plant_mode: str = "jit"

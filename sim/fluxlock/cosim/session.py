@@ -77,6 +77,8 @@ class Session:
             self.native.send(action.arguments["line"])
         elif action.kind == "load":
             self.plant.set_load(**action.arguments)
+        elif action.kind == "supply":
+            self.plant.set_supply(**action.arguments)
         elif action.kind == "fault":
             self.plant.inject_fault(**action.arguments)
         else:

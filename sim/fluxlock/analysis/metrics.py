@@ -1,0 +1,256 @@
+"""Metrics of a run: errors of crossings and commutations against the plant's true angle, waveforms, trips.
+
+Sign: positive error = late. `rms` is about zero, `std` about the mean, `max` of the absolute value. A metric
+whose window holds nothing to measure is None.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fluxlock.analysis.angles import FLOATING_PHASE, AngleTrack, commutation_error_deg, crossing_error_deg
+from fluxlock.analysis.rundata import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    LogKind,
+    PlantEventKind,
+    RunData,
+    trip_cause_names,
+)
+from fluxlock.config.scenario import Expect, Scenario
+
+# A commutation's own gate edge follows the change of the sector register within this many clocks; without an
+# edge (the switches were off already) the gates would have changed one clock after it.
+EDGE_SEARCH_CYCLES = 8
+GUARD_CYCLES = 1
+# A phase current below this fraction of the window's largest counts as no current: nothing to freewheel.
+NO_CURRENT_FRACTION = 0.02
+
+Number = float | int | None
+
+
+@dataclass(frozen=True)
+class Series:
+    """Errors over time: one entry a crossing or a commutation."""
+
+    cycle: FloatArray
+    sector: IntArray
+    theta_rad: FloatArray
+    direction: FloatArray
+    error_deg: FloatArray
+    late: BoolArray
+
+    def between(self, low: float, high: float) -> Series:
+        """Entries with low <= cycle < high."""
+        keep = (self.cycle >= low) & (self.cycle < high)
+        return Series(
+            self.cycle[keep],
+            self.sector[keep],
+            self.theta_rad[keep],
+            self.direction[keep],
+            self.error_deg[keep],
+            self.late[keep],
+        )
+
+    def intervals_deg(self) -> FloatArray:
+        """True angles between successive entries, positive in the direction of rotation."""
+        steps: FloatArray = np.degrees(np.diff(self.theta_rad)) * self.direction[1:]
+        return steps
+
+
+def gate_change_cycles(data: RunData) -> IntArray:
+    """Cycle at which the gates changed for each applied commutation of the log.
+
+    That is the first edge, at most EDGE_SEARCH_CYCLES after the sector changed, in the leg that stops or the
+    leg that starts to conduct; the third leg's edges belong to the carrier.
+    """
+    commutations, gates = data.rows(LogKind.COMMUTATION), data.rows(LogKind.GATES)
+    cycle, sector = commutations[:, 0], commutations[:, 2]
+    result = cycle + GUARD_CYCLES
+    if not gates.size:
+        return result
+    changed = np.bitwise_xor(gates[:, 2], np.concatenate(([0], gates[:-1, 2])))
+    incoming = FLOATING_PHASE[np.concatenate((sector[:1], sector[:-1]))]
+    mask = (3 << 2 * FLOATING_PHASE[sector]) | (3 << 2 * incoming)
+    first = np.searchsorted(gates[:, 0], cycle, side="left")
+    found = np.zeros(cycle.size, dtype=np.bool_)
+    # The log has at most one row of gates a clock, so that many rows cover the search.
+    for offset in range(EDGE_SEARCH_CYCLES + 1):
+        row = np.minimum(first + offset, len(gates) - 1)
+        lag = gates[row, 0] - cycle
+        hit = ~found & (lag >= 0) & (lag <= EDGE_SEARCH_CYCLES) & ((changed[row] & mask) != 0)
+        result = np.where(hit, gates[row, 0], result)
+        found |= hit
+    return result
+
+
+class Analysis:
+    """Derived series of one run, computed once and shared by metrics and plots."""
+
+    def __init__(self, data: RunData, advance_deg: float = 0.0) -> None:
+        self.data = data
+        self.advance_deg = advance_deg
+        self.track = AngleTrack(data.records, data.clock_hz)
+
+    @cached_property
+    def crossings(self) -> Series:
+        """Every crossing at the time that the chip claims for it."""
+        rows = self.data.rows(LogKind.CROSSING)
+        cycle, sector = rows[:, 3].astype(np.float64), rows[:, 2] & 7
+        theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
+        error = crossing_error_deg(theta, sector, direction)
+        return Series(cycle, sector, theta, direction, error, (rows[:, 2] >> 4 & 1).astype(np.bool_))
+
+    @cached_property
+    def commutations(self) -> Series:
+        """Every commutation at the clock in which the gates changed."""
+        cycle = gate_change_cycles(self.data).astype(np.float64)
+        sector = self.data.rows(LogKind.COMMUTATION)[:, 2] & 7
+        theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
+        error = commutation_error_deg(theta, sector, direction, self.advance_deg)
+        return Series(cycle, sector, theta, direction, error, np.zeros(cycle.size, dtype=np.bool_))
+
+    def freewheel_deg(self, low: float, high: float) -> FloatArray:
+        """Angle from each commutation of a span to the extinction of the outgoing phase's current.
+
+        Without extinction before the next commutation: the whole sector if the phase carried current, else 0.
+        """
+        c = self.commutations
+        events = self.data.plant_events
+        ends = events[events["kind"] == int(PlantEventKind.EXTINCTION)]
+        records = self.data.records
+        end_cycle, end_phase = ends["t_cycle"].copy(), ends["phase"].copy()
+        time = records["t_cycle"].astype(np.float64)
+        inside = (time >= low) & (time < high)
+        currents = np.stack([records[name] for name in ("ia", "ib", "ic")])
+        largest = float(np.abs(currents[:, inside]).max(initial=0.0))
+        angles = []
+        for k in np.flatnonzero((c.cycle[:-1] >= low) & (c.cycle[1:] < high)):
+            phase, start, limit = FLOATING_PHASE[c.sector[k]], c.cycle[k], c.cycle[k + 1]
+            a, b = np.searchsorted(end_cycle, (start, limit), side="left")
+            own = end_cycle[a:b][end_phase[a:b] == phase]
+            carried = abs(float(np.interp(start, time, currents[phase])))
+            unfinished = limit if carried > NO_CURRENT_FRACTION * largest else start
+            end = float(own[0]) if own.size else unfinished
+            turned = self.track.theta_rad(np.array([end])) - c.theta_rad[k]
+            angles.append(abs(float(np.degrees(turned)[0])))
+        return np.array(angles, dtype=np.float64)
+
+    def window(self, from_s: float, to_s: float) -> dict[str, Any]:
+        """Metrics of one window; the keys are those of the scenario's METRICS."""
+        clock = self.data.clock_hz
+        low = max(from_s * clock, self.track.first_cycle)
+        high = min(to_s * clock, self.track.last_cycle)
+        crossings, commutations = self.crossings.between(low, high), self.commutations.between(low, high)
+        records = self.data.records
+        records = records[(records["t_cycle"] >= low) & (records["t_cycle"] <= high)]
+        freewheel = self.freewheel_deg(low, high)
+        return {
+            "speed_rpm": self._speed(records, low, high),
+            "zcp_error_deg": _error_statistics(crossings.error_deg),
+            "commutation_error_deg": _error_statistics(commutations.error_deg),
+            "sector_interval_deg": _extremes(crossings.intervals_deg()),
+            "commutation_interval_deg": _extremes(commutations.intervals_deg()),
+            "phase_current_pp_a": _peak_to_peak(records),
+            "freewheel_deg": {
+                "mean": float(freewheel.mean()) if freewheel.size else None,
+                "max": float(freewheel.max()) if freewheel.size else None,
+            },
+            "torque_nm": _torque(records),
+            "late_crossings": int(np.count_nonzero(crossings.late)),
+        }
+
+    def _speed(self, records: np.ndarray, low: float, high: float) -> dict[str, Number]:
+        """Mean from the angle turned, extremes from the records; mechanical."""
+        if records.size < 2 or high <= low:
+            return {"mean": None, "min": None, "max": None}
+        to_rpm = 30.0 / math.pi / self.data.pole_pairs
+        turned = self.track.theta_rad(np.array([low, high]))
+        return {
+            "mean": float((turned[1] - turned[0]) * self.data.clock_hz / (high - low)) * to_rpm,
+            "min": float(records["omega_e"].min()) * to_rpm,
+            "max": float(records["omega_e"].max()) * to_rpm,
+        }
+
+
+def _error_statistics(error_deg: FloatArray) -> dict[str, Number]:
+    if not error_deg.size:
+        return {"mean": None, "std": None, "rms": None, "max": None}
+    return {
+        "mean": float(error_deg.mean()),
+        "std": float(error_deg.std()),
+        "rms": float(np.sqrt(np.mean(error_deg * error_deg))),
+        "max": float(np.abs(error_deg).max()),
+    }
+
+
+def _extremes(values: FloatArray) -> dict[str, Number]:
+    return {
+        "min": float(values.min()) if values.size else None,
+        "max": float(values.max()) if values.size else None,
+    }
+
+
+def _peak_to_peak(records: np.ndarray) -> Number:
+    """Largest minus smallest current in the window, mean of the three phases."""
+    if not records.size:
+        return None
+    return float(np.mean([np.ptp(records[name]) for name in ("ia", "ib", "ic")]))
+
+
+def _torque(records: np.ndarray) -> dict[str, Number]:
+    """Electromagnetic torque: mean over time and peak-to-peak ripple."""
+    if records.size < 2:
+        return {"mean": None, "ripple_pp": None}
+    time, torque = records["t_cycle"].astype(np.float64), records["torque_nm"]
+    return {
+        "mean": float(np.trapezoid(torque, time) / (time[-1] - time[0])),
+        "ripple_pp": float(np.ptp(torque)),
+    }
+
+
+def trips(data: RunData) -> list[dict[str, Any]]:
+    """All trips with cause and time. Causes of the same clock are joined with `+`."""
+    return [
+        {
+            "cause": "+".join(trip_cause_names(int(row[2]))) or "unknown",
+            "time_s": float(row[0] / data.clock_hz),
+        }
+        for row in data.rows(LogKind.TRIP)
+    ]
+
+
+def lookup(metrics: dict[str, Any], dotted: str) -> Number:
+    """Metric of a window by its dotted name."""
+    value: Any = metrics
+    for part in dotted.split("."):
+        value = value[part]
+    assert value is None or isinstance(value, (int, float))
+    return value
+
+
+def judge(expect: Expect, metrics: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """One expectation with the measured value; a metric without value fails."""
+    value = lookup(metrics[expect.window], expect.metric)
+    low = -math.inf if expect.min is None else expect.min
+    high = math.inf if expect.max is None else expect.max
+    return {
+        "window": expect.window,
+        "metric": expect.metric,
+        "value": value,
+        "min": expect.min,
+        "max": expect.max,
+        "pass": value is not None and low <= value <= high,
+    }
+
+
+def run_metrics(data: RunData, scenario: Scenario) -> tuple[Analysis, dict[str, dict[str, Any]]]:
+    """Metrics of all windows of a scenario."""
+    analysis = Analysis(data, scenario.drive.advance_deg)
+    return analysis, {w.name: analysis.window(w.from_s, w.to_s) for w in scenario.window}

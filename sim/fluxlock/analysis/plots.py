@@ -1,0 +1,279 @@
+"""Plot pages of a run as PNG: the whole run with a zoomed span, and the zoomed span alone, larger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fluxlock.analysis.angles import FLOATING_PHASE
+from fluxlock.analysis.metrics import Analysis, Series
+from fluxlock.analysis.rundata import FloatArray, LogKind, RecordArray
+from fluxlock.config.scenario import Scenario
+
+# Colours that stay distinct for colour-blind readers.
+PHASE_COLOURS = ("#0072B2", "#D55E00", "#009E73")
+CROSSING_COLOUR, COMMUTATION_COLOUR, LATE_COLOUR = "#56B4E9", "#222222", "#CC79A7"
+SWITCH_LABELS = ("A upper", "A lower", "B upper", "B lower", "C upper", "C lower")
+DPI = 110
+LEGEND_ROOM = 0.18  # of the height of a panel
+# Error axes show at least this range, and this much beyond the largest error inside a window.
+ERROR_RANGE_DEG, ERROR_HEADROOM = 0.5, 1.5
+
+
+class _Page:
+    """What the panels of one page share."""
+
+    def __init__(self, analysis: Analysis, scenario: Scenario) -> None:
+        self.analysis = analysis
+        self.scenario = scenario
+        self.data = analysis.data
+        self.clock = self.data.clock_hz
+        self.from_s, self.to_s = scenario.zoom_window_s()
+
+    def in_span(self, records: RecordArray) -> RecordArray:
+        time = records["t_cycle"] / self.clock
+        return records[(time >= self.from_s) & (time <= self.to_s)]
+
+    @property
+    def zoomed(self) -> RecordArray:
+        """Event-wise records of the zoomed span, else the coarse ones."""
+        fine = self.in_span(self.data.zoom) if self.data.zoom.size else self.data.zoom
+        return fine if fine.size else self.in_span(self.data.records)
+
+    def ms(self, records: RecordArray) -> FloatArray:
+        """Time in ms."""
+        return np.asarray(records["t_cycle"] / self.clock * 1e3, dtype=np.float64)
+
+    def finish_zoomed(self, axes: Axes, label: str) -> None:
+        axes.set_ylabel(label)
+        axes.set_xlim(self.from_s * 1e3, self.to_s * 1e3)
+        axes.ticklabel_format(axis="x", useOffset=False)
+        axes.grid(True, alpha=0.3)
+
+
+def _speed(axes: Axes, page: _Page) -> None:
+    """Speed over the whole run with target, windows and trips."""
+    data, scenario = page.data, page.scenario
+    to_krpm = 30.0 / np.pi / data.pole_pairs / 1e3
+    axes.plot(
+        data.records["t_cycle"] / page.clock,
+        data.records["omega_e"] * to_krpm,
+        color="#0072B2",
+        label="speed",
+    )
+    changes = [(e.at_s, e.speed_rpm) for e in scenario.events_in_order() if e.speed_rpm is not None]
+    times = [0.0, *(t for t, _ in changes), data.duration_s]
+    targets = [scenario.speed_target_at(t) / 1e3 for t in times]
+    axes.step(times, targets, where="post", color="#888888", linestyle="--", label="target")
+    for window in scenario.window:
+        axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
+        middle = (window.from_s + window.to_s) / 2
+        axes.annotate(
+            window.name, (middle, 0.03), xycoords=("data", "axes fraction"), ha="center", fontsize=9
+        )
+    for row in data.rows(LogKind.TRIP):
+        axes.axvline(row[0] / page.clock, color="red", linewidth=1, label="trip")
+    axes.set_xlabel("time / s")
+    axes.set_ylabel("speed / (1000 r/min)")
+    _make_room(axes)
+    axes.set_xlim(0, data.duration_s)
+    axes.grid(True, alpha=0.3)
+    handles, labels = axes.get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    axes.legend(unique.values(), unique.keys(), loc="upper right", ncols=3, fontsize=9)
+
+
+def _error_limit(page: _Page, series: tuple[Series, ...]) -> float:
+    """Half range of the error axis: what the windows need, else nearly all points."""
+    errors = [
+        s.between(w.from_s * page.clock, w.to_s * page.clock).error_deg
+        for s in series
+        for w in page.scenario.window
+    ]
+    inside = np.abs(np.concatenate([*errors, np.zeros(1)]))
+    if inside.size == 1:
+        everywhere = np.concatenate([np.abs(s.error_deg) for s in series] or [np.zeros(1)])
+        everywhere = everywhere[np.isfinite(everywhere)]
+        inside = np.percentile(everywhere, [95]) if everywhere.size else inside
+    return max(ERROR_RANGE_DEG, ERROR_HEADROOM * float(inside.max()))
+
+
+def _errors(axes: Axes, page: _Page) -> None:
+    """Crossing and commutation error over the whole run."""
+    crossings, commutations = page.analysis.crossings, page.analysis.commutations
+    limit = _error_limit(page, (crossings, commutations))
+    for series, colour, label in (
+        (crossings, CROSSING_COLOUR, "zero crossing"),
+        (commutations, COMMUTATION_COLOUR, "commutation"),
+    ):
+        axes.plot(series.cycle / page.clock, series.error_deg, ".", color=colour, markersize=2, label=label)
+    late = crossings.late
+    if late.any():
+        axes.plot(
+            crossings.cycle[late] / page.clock,
+            crossings.error_deg[late],
+            "x",
+            color=LATE_COLOUR,
+            markersize=4,
+            label="late (overridden) crossing",
+        )
+    for window in page.scenario.window:
+        axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
+    axes.axhline(0, color="#888888", linewidth=0.8)
+    axes.set_ylim(-limit, limit)
+    axes.set_xlim(0, page.data.duration_s)
+    axes.set_xlabel("time / s")
+    axes.set_ylabel("error / deg el. (+ = late)")
+    axes.grid(True, alpha=0.3)
+    axes.legend(loc="upper right", ncols=3, fontsize=9, markerscale=3)
+
+
+def _mark_commutations(axes: Axes, page: _Page) -> None:
+    inside = page.analysis.commutations.between(page.from_s * page.clock, page.to_s * page.clock)
+    for cycle in inside.cycle:
+        axes.axvline(cycle / page.clock * 1e3, color="#888888", linewidth=0.6, linestyle=":")
+
+
+def _voltages(axes: Axes, page: _Page, phases: tuple[int, ...] = (0, 1, 2)) -> None:
+    """True terminal voltages with the crossings that the chip reported at half the DC-link voltage."""
+    records = page.zoomed
+    for phase in phases:
+        name = "abc"[phase]
+        axes.plot(
+            page.ms(records),
+            records[f"v{name}"],
+            color=PHASE_COLOURS[phase],
+            linewidth=0.8,
+            label=f"phase {name.upper()}",
+        )
+    crossings = page.analysis.crossings.between(page.from_s * page.clock, page.to_s * page.clock)
+    half_vdc = np.interp(crossings.cycle, page.data.records["t_cycle"], page.data.records["vdc"]) / 2
+    for phase in phases:
+        own = FLOATING_PHASE[crossings.sector] == phase
+        axes.plot(
+            crossings.cycle[own] / page.clock * 1e3,
+            half_vdc[own],
+            "o",
+            color=PHASE_COLOURS[phase],
+            markeredgecolor="black",
+            markersize=6,
+            zorder=5,
+            label="_" if phase != phases[-1] else "zero crossing (chip)",
+        )
+    _mark_commutations(axes, page)
+    page.finish_zoomed(axes, "terminal voltage / V")
+    _make_room(axes)
+    axes.legend(loc="upper right", ncols=4, fontsize=9)
+
+
+def _make_room(axes: Axes) -> None:
+    """Room for the legend above the curves."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + LEGEND_ROOM * (high - low))
+
+
+def _currents(axes: Axes, page: _Page) -> None:
+    records = page.zoomed
+    for phase, name in enumerate("abc"):
+        axes.plot(
+            page.ms(records),
+            records[f"i{name}"],
+            color=PHASE_COLOURS[phase],
+            linewidth=0.9,
+            label=f"phase {name.upper()}",
+        )
+    _mark_commutations(axes, page)
+    page.finish_zoomed(axes, "phase current / A")
+    _make_room(axes)
+    axes.legend(loc="upper right", ncols=3, fontsize=9)
+
+
+def _torque(axes: Axes, page: _Page) -> None:
+    records = page.zoomed
+    axes.plot(page.ms(records), records["torque_nm"] * 1e3, color="#222222", linewidth=0.9)
+    _mark_commutations(axes, page)
+    page.finish_zoomed(axes, "torque / (mN m)")
+
+
+def _gates(axes: Axes, page: _Page) -> None:
+    """The six gates as lanes: filled while on."""
+    rows = page.data.rows(LogKind.GATES)
+    time = rows[:, 0] / page.clock
+    first = max(int(np.searchsorted(time, page.from_s, side="right")) - 1, 0)
+    last = int(np.searchsorted(time, page.to_s, side="right"))
+    edges = np.concatenate((time[first:last], [page.to_s])) * 1e3
+    for switch, label in enumerate(SWITCH_LABELS):
+        state = (rows[first:last, 2] >> switch & 1).astype(np.float64)
+        lane = len(SWITCH_LABELS) - 1 - switch
+        level = lane + 0.8 * np.concatenate((state, state[-1:]))
+        colour = PHASE_COLOURS[switch // 2]
+        if state.size:
+            axes.fill_between(
+                edges, lane, level, step="post", color=colour, alpha=0.75, linewidth=0, label=label
+            )
+        axes.axhline(lane, color="#bbbbbb", linewidth=0.5)
+    _mark_commutations(axes, page)
+    page.finish_zoomed(axes, "gates (filled = on)")
+    axes.set_yticks([len(SWITCH_LABELS) - 1 - s + 0.4 for s in range(len(SWITCH_LABELS))], SWITCH_LABELS)
+    axes.set_ylim(-0.2, len(SWITCH_LABELS))
+
+
+def _title(page: _Page) -> str:
+    drive, scenario = page.scenario.drive, page.scenario
+    return (
+        f"{scenario.name}: {scenario.motor.name}, {scenario.inverter.supply_v:g} V, {drive.commutation}, "
+        f"{drive.pattern}, {drive.carrier_hz / 1e3:g} kHz, seed {page.data.seed}"
+    )
+
+
+def _save(figure: Figure, path: Path) -> None:
+    FigureCanvasAgg(figure)
+    # No date in the file: the same run gives the same bytes.
+    figure.savefig(path, dpi=DPI, metadata={"Software": None})
+
+
+def _stack(title: str, heights: tuple[float, ...], height: float) -> tuple[Figure, list[Any]]:
+    figure = Figure(figsize=(13, height), layout="constrained")
+    figure.suptitle(title)
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    return figure, [figure.add_subplot(grid[i]) for i in range(len(heights))]
+
+
+def overview_page(analysis: Analysis, scenario: Scenario) -> Figure:
+    """Speed and errors of the whole run, then voltages, currents and gates of the zoomed span."""
+    page = _Page(analysis, scenario)
+    figure, axes = _stack(_title(page), (1.1, 1.0, 1.3, 1.1, 1.0), 17)
+    _speed(axes[0], page)
+    _errors(axes[1], page)
+    _voltages(axes[2], page)
+    _currents(axes[3], page)
+    _gates(axes[4], page)
+    axes[4].set_xlabel("time / ms")
+    axes[2].set_title("zoomed span; dotted lines: commutations", fontsize=10, loc="left")
+    return figure
+
+
+def zoom_page(analysis: Analysis, scenario: Scenario) -> Figure:
+    """The zoomed span: each terminal voltage, currents, torque, gates."""
+    page = _Page(analysis, scenario)
+    figure, axes = _stack(f"{_title(page)}, zoomed span", (1.0, 1.0, 1.0, 1.3, 0.8, 1.2), 18)
+    for phase in range(3):
+        _voltages(axes[phase], page, (phase,))
+    _currents(axes[3], page)
+    _torque(axes[4], page)
+    _gates(axes[5], page)
+    axes[5].set_xlabel("time / ms")
+    return figure
+
+
+def write_plots(out_dir: Path, analysis: Analysis, scenario: Scenario) -> list[Path]:
+    """Write `overview.png` and `zoom.png`; return their paths."""
+    pages = {"overview.png": overview_page, "zoom.png": zoom_page}
+    for name, draw in pages.items():
+        _save(draw(analysis, scenario), out_dir / name)
+    return [out_dir / name for name in pages]

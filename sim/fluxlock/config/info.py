@@ -1,0 +1,75 @@
+"""What follows from a motor file: derived values and things worth a second look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fluxlock.config.motor import RPM_PER_RAD_S, Motor
+
+
+@dataclass(frozen=True)
+class Derived:
+    """One derived value; `key` holds the unit."""
+
+    key: str
+    label: str
+    value: float
+    unit: str
+
+
+def derived_values(motor: Motor) -> list[Derived]:
+    """Characteristic values of a machine in six-step operation."""
+    resistance = sum(motor.resistance_ohm) / 3
+    inductance = sum(motor.inductance_h) / 3
+    torque_per_amp = motor.torque_per_amp_nm
+    line_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
+    drop_v = 2 * resistance * motor.rated_current_a
+    mechanical_s = motor.inertia_kgm2 * 2 * resistance / torque_per_amp**2
+    accel = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
+    return [
+        Derived("torque_constant_nm_per_a", "torque constant (DC current)", torque_per_amp, "N*m/A"),
+        Derived(
+            "emf_v_per_krpm",
+            "mean line EMF per 1000 r/min",
+            motor.line_flux_vs * motor.omega_e(1000.0),
+            "V/(1000 r/min)",
+        ),
+        Derived("rated_torque_nm", "torque at rated current", motor.rated_torque_nm, "N*m"),
+        Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
+        Derived("electrical_time_constant_s", "electrical time constant L/R", inductance / resistance, "s"),
+        Derived("mechanical_time_constant_s", "mechanical time constant", mechanical_s, "s"),
+        Derived(
+            "max_electrical_hz", "frequency at max_speed_rpm", motor.electrical_hz(motor.max_speed_rpm), "Hz"
+        ),
+        Derived("line_emf_max_v", "mean line EMF at max_speed_rpm", line_v, "V"),
+        Derived("supply_min_v", "least supply at max_speed_rpm and rated current", line_v + drop_v, "V"),
+        Derived(
+            "load_at_max_speed_nm",
+            "load of the file at max_speed_rpm",
+            motor.load.torque_nm(motor.max_speed_rpm),
+            "N*m",
+        ),
+    ]
+
+
+def warnings(motor: Motor) -> list[str]:
+    """Legal but unusual contents of a motor file."""
+    found = []
+    load_nm = motor.load.torque_nm(motor.max_speed_rpm)
+    if load_nm > motor.rated_torque_nm:
+        found.append(
+            f"load at max_speed_rpm ({load_nm:.3g} N*m) is above the torque at rated_current_a "
+            f"({motor.rated_torque_nm:.3g} N*m)"
+        )
+    for key in ("resistance_ohm", "inductance_h", "psi_vs"):
+        values = getattr(motor, key)
+        if max(values) > 1.3 * min(values):
+            found.append(f"{key}: phases differ by more than 30 %")
+    emf_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
+    drop_v = 2 * sum(motor.resistance_ohm) / 3 * motor.rated_current_a
+    if drop_v > emf_v:
+        found.append(
+            f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at "
+            f"max_speed_rpm ({emf_v:.3g} V)"
+        )
+    return found

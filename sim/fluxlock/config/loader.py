@@ -1,0 +1,304 @@
+"""Read motor, inverter and scenario files with `--set` overrides; all problems in one ConfigError."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from fluxlock.config.checks import check_scenario
+from fluxlock.config.errors import ConfigError, Problem, did_you_mean
+from fluxlock.config.fields import Model
+from fluxlock.config.inverter import Inverter
+from fluxlock.config.motor import Motor
+from fluxlock.config.scenario import Scenario, Sources
+
+SET_OPTION = "--set"
+
+_TYPE_WORDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a string",
+    "bool_type": "true or false",
+    "list_type": "an array",
+    "tuple_type": "an array",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+}
+
+
+@dataclass(frozen=True)
+class Override:
+    """One `--set key=value`: key split at the dots, value as TOML reads it, else as a plain string."""
+
+    key: tuple[str, ...]
+    value: Any
+
+    @staticmethod
+    def parse(text: str) -> Override:
+        """Read `key=value`; raise ConfigError if it is not of that form."""
+        key, equals, value = text.partition("=")
+        parts = tuple(re.sub(r"\[([^\]]*)\]", r".\1", key.strip()).split("."))
+        if not equals or not all(parts):
+            raise ConfigError(
+                [Problem(SET_OPTION, text, "must have the form key=value, such as drive.commutation=CSC")]
+            )
+        try:
+            return Override(parts, tomllib.loads(f"value = {value.strip()}")["value"])
+        except tomllib.TOMLDecodeError:
+            return Override(parts, value.strip())
+
+
+def _dotted(parts: Iterable[str | int]) -> str:
+    """Key as messages write it: `event[2].at_s`."""
+    text = ""
+    for part in parts:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def _read_toml(path: Path, shown: str, referrer: Problem | None = None) -> dict[str, Any]:
+    """Read one file. referrer: file and key that name it, for the message if it does not exist."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        siblings = sorted(p.name for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+        hint = did_you_mean(path.name, siblings)
+        if referrer is not None:
+            problem = Problem(referrer.file, referrer.key, f"file not found ({shown}){hint}")
+        else:
+            problem = Problem(shown, "", f"file not found{hint}")
+    except IsADirectoryError:
+        problem = Problem(shown, "", "is a folder, not a file")
+    except (PermissionError, UnicodeDecodeError) as error:
+        problem = Problem(shown, "", f"cannot be read ({error})")
+    except tomllib.TOMLDecodeError as error:
+        problem = Problem(shown, "", f"is not valid TOML: {error}")
+    raise ConfigError([problem])
+
+
+def _apply(table: dict[str, Any], override: Override) -> str:
+    """Put one override into a table; return its key as messages write it.
+
+    Entries of arrays are named by index from 0, windows also by name.
+    """
+    here: Any = table
+    path: list[str | int] = []
+    for position, part in enumerate(override.key):
+        last = position == len(override.key) - 1
+        if isinstance(here, list):
+            index = int(part) if part.isdigit() else -1
+            names = [e.get("name") for e in here if isinstance(e, dict)]
+            if index < 0 and part in names:
+                index = names.index(part)
+            if not 0 <= index < len(here):
+                text = f'has no entry "{part}", permitted 0 to {len(here) - 1}'
+                raise ConfigError([Problem(SET_OPTION, _dotted(path), text)])
+            path.append(index)
+            if last:
+                here[index] = override.value
+            else:
+                here = here[index]
+        elif isinstance(here, dict):
+            path.append(part)
+            if last:
+                here[part] = override.value
+            else:
+                here = here.setdefault(part, {})
+        else:
+            raise ConfigError(
+                [Problem(SET_OPTION, _dotted([*path, part]), f"{_dotted(path)} is not a table")]
+            )
+    return _dotted(path)
+
+
+def model_in(annotation: object) -> type[Model] | None:
+    """The model that an annotation holds, directly or in an optional or a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        return annotation
+    return next((m for a in get_args(annotation) if (m := model_in(a)) is not None), None)
+
+
+def keys_of(model: type[Model], prefix: str = "") -> Iterator[str]:
+    """All dotted keys of a model; the files that a scenario names are one key each."""
+    for name, info in model.model_fields.items():
+        yield prefix + name
+        inner = model_in(info.annotation)
+        if inner is not None and inner not in (Motor, Inverter):
+            yield from keys_of(inner, f"{prefix}{name}.")
+
+
+def _unknown_key(model: type[Model], loc: Sequence[str | int]) -> str:
+    owner: type[Model] = model
+    for part in loc[:-1]:
+        if isinstance(part, str) and part in owner.model_fields:
+            owner = model_in(owner.model_fields[part].annotation) or owner
+    key = str(loc[-1])
+    hint = did_you_mean(key, owner.model_fields)
+    if not hint:
+        elsewhere = [k for k in keys_of(model) if k.rpartition(".")[2] == key]
+        hint = (
+            f', did you mean "{elsewhere[0]}"?'
+            if elsewhere
+            else f", permitted: {', '.join(owner.model_fields)}"
+        )
+    return f"unknown key{hint}"
+
+
+def _shown(value: object) -> str:
+    """Value for a message, cut to a readable length."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _describe(model: type[Model], error: ErrorDetails) -> tuple[str, str]:
+    """Key and message of one pydantic error in our words."""
+    loc, kind = list(error["loc"]), error["type"]
+    context: dict[str, Any] = error.get("ctx", {})
+    message = error["msg"]
+    if kind == "conflict":
+        loc += [part for part in str(context["key"]).split(".") if part]
+    elif kind == "range":
+        loc += [context["index"]] if context["index"] >= 0 else []
+    elif kind == "extra_forbidden":
+        message = _unknown_key(model, loc)
+    elif kind == "missing":
+        message = "required key is missing"
+    elif kind == "literal_error":
+        permitted = re.findall(r"'([^']*)'", str(context["expected"]))
+        hint = did_you_mean(str(error["input"]), permitted)
+        message = f"{_shown(error['input'])} is not permitted, permitted: {', '.join(permitted)}{hint}"
+    elif kind in _TYPE_WORDS:
+        message = f"must be {_TYPE_WORDS[kind]}, not {_shown(error['input'])}"
+    else:
+        message = f"{message[:1].lower()}{message[1:]} ({_shown(error['input'])})"
+    return _dotted(loc), message
+
+
+class _Source:
+    """One file on its way to a model: raw table, how messages name it, which keys come from `--set`."""
+
+    def __init__(self, model: type[Model], shown: str, table: dict[str, Any], prefix: str) -> None:
+        self.model = model
+        self.shown = shown
+        self.table = table
+        self.prefix = prefix
+        self.touched: list[str] = []
+
+    def override(self, overrides: Iterable[Override]) -> None:
+        for override in overrides:
+            self.touched.append(_apply(self.table, override))
+
+    def problem(self, key: str, message: str) -> Problem:
+        """Problem of a key, charged to `--set` if that is where its value comes from."""
+        for touched in self.touched:
+            below, above = (f"{touched}.", f"{touched}["), (f"{key}.", f"{key}[")
+            if key == touched or key.startswith(below) or (key and touched.startswith(above)):
+                return Problem(SET_OPTION, self.prefix + key, message)
+        return Problem(self.shown, key, message)
+
+    def problems(self, error: ValidationError) -> list[Problem]:
+        found = [self.problem(*_describe(self.model, e)) for e in error.errors(include_url=False)]
+        return list(dict.fromkeys(found))
+
+
+def _load_plain(source: _Source) -> Model:
+    try:
+        return source.model.model_validate(source.table)
+    except ValidationError as error:
+        raise ConfigError(source.problems(error)) from None
+
+
+def load_motor(path: Path | str) -> Motor:
+    """Read and check a motor file."""
+    path = Path(path)
+    motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path)), ""))
+    assert isinstance(motor, Motor)
+    return motor
+
+
+def load_inverter(path: Path | str) -> Inverter:
+    """Read and check an inverter file."""
+    path = Path(path)
+    inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path)), ""))
+    assert isinstance(inverter, Inverter)
+    return inverter
+
+
+def _load_part(
+    name: str,
+    model: type[Model],
+    scenario: _Source,
+    folder: Path,
+    overrides: Sequence[Override],
+    problems: list[Problem],
+) -> tuple[Model | None, str]:
+    """Motor or inverter of a scenario; problems are added to the list."""
+    replaced = [o.value for o in overrides if o.key == (name,)]
+    reference = replaced[-1] if replaced else scenario.table.get(name)
+    referrer = Problem(SET_OPTION if replaced else scenario.shown, name, "")
+    if reference is None:
+        problems.append(Problem(scenario.shown, name, f"required key is missing: path of the {name} file"))
+        return None, name
+    if not isinstance(reference, str):
+        text = f"must be the path of a {name} file, not {_shown(reference)}"
+        problems.append(Problem(referrer.file, name, text))
+        return None, name
+    # A path on the command line starts where the command runs, one in the file where the file is.
+    path = Path(os.path.normpath(Path(reference) if replaced else folder / reference))
+    try:
+        source = _Source(model, str(path), _read_toml(path, str(path), referrer), f"{name}.")
+        source.override(
+            Override(o.key[1:], o.value) for o in overrides if o.key[0] == name and len(o.key) > 1
+        )
+        return _load_plain(source), str(path)
+    except ConfigError as error:
+        problems += error.problems
+        return None, str(path)
+
+
+def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario with its motor and inverter, apply `key=value` overrides, check everything.
+
+    Override keys are those of the scenario file; `motor.x` and `inverter.x` reach into those files,
+    `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
+    """
+    path = Path(path)
+    source = _Source(Scenario, str(path), _read_toml(path, str(path)), "")
+    parsed: list[Override] = []
+    problems: list[Problem] = []
+    for text in overrides:
+        try:
+            parsed.append(Override.parse(text))
+        except ConfigError as error:
+            problems += error.problems
+    motor, motor_file = _load_part("motor", Motor, source, path.parent, parsed, problems)
+    inverter, inverter_file = _load_part("inverter", Inverter, source, path.parent, parsed, problems)
+    for override in parsed:
+        if override.key[0] not in ("motor", "inverter"):
+            try:
+                source.override([override])
+            except ConfigError as error:
+                problems += error.problems
+    # Instances pass as they are; a part with problems is left out and its absence not reported a second time.
+    source.table = {k: v for k, v in source.table.items() if k not in ("motor", "inverter")}
+    source.table |= {k: v for k, v in (("motor", motor), ("inverter", inverter)) if v is not None}
+    try:
+        scenario = Scenario.model_validate(source.table)
+    except ValidationError as error:
+        problems += [p for p in source.problems(error) if p.key not in ("motor", "inverter")]
+        raise ConfigError(problems) from None
+    scenario._sources = Sources(str(path), motor_file, inverter_file)
+    problems += [source.problem(p.key, p.message) for p in check_scenario(scenario)]
+    if problems:
+        raise ConfigError(problems)
+    return scenario

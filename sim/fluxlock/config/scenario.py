@@ -1,0 +1,362 @@
+"""Scenario file: one closed-loop run with its drive settings, events, measuring windows and expectations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, Self
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from fluxlock.config.fields import Model, SectorValues, conflict, quantity
+from fluxlock.config.inverter import Inverter
+from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
+
+TripCause = Literal[
+    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
+]
+Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
+
+# Metrics of a measuring window, dotted. The analysis computes exactly these.
+METRICS = (
+    "speed_rpm.mean",
+    "speed_rpm.min",
+    "speed_rpm.max",
+    *(
+        f"{error}.{kind}"
+        for error in ("zcp_error_deg", "commutation_error_deg")
+        for kind in ("mean", "std", "rms", "max")
+    ),
+    "sector_interval_deg.min",
+    "sector_interval_deg.max",
+    "commutation_interval_deg.min",
+    "commutation_interval_deg.max",
+    "phase_current_pp_a",
+    "freewheel_deg.mean",
+    "freewheel_deg.max",
+    "torque_nm.mean",
+    "torque_nm.ripple_pp",
+    "late_crossings",
+)
+
+# Zoom window that is chosen when the scenario names none: length in electrical turns, and its upper limit.
+ZOOM_TURNS = 2.5
+ZOOM_MAX_S = 0.02
+
+
+class Zcd(Model):
+    """Zero-crossing detection."""
+
+    interpolate: bool = Field(
+        default=True,
+        description="Crossing time interpolated across the chop-off gap; `false`: first sample after it.",
+    )
+    threshold: SectorValues = quantity(
+        "Crossing threshold as a fraction of the DC-link voltage: one number, or six for sectors I to VI.",
+        "",
+        0.05,
+        0.95,
+        default=(0.5,) * 6,
+    )
+    miss_limit: int = quantity(
+        "Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6
+    )
+
+
+class Start(Model):
+    """Start-up and restart. What is left out follows from the motor file."""
+
+    current_a: float | None = quantity(
+        "DC current of alignment and open-loop ramp.", "A", 0.01, 2000, default=None, absent="from the motor"
+    )
+    carrier_hz: float | None = quantity(
+        "Carrier frequency until the hand-over.",
+        "Hz",
+        1e3,
+        200e3,
+        default=None,
+        absent="from `drive.carrier_hz`",
+    )
+    retries: int = quantity("Attempts after a failed start-up.", "", 0, 20, default=3)
+    restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
+
+
+class Drive(Model):
+    """Settings of the drive."""
+
+    commutation: Literal["RSC", "NSC", "CSC"] = Field(
+        default="CSC", description="When a commutation reaches the gates."
+    )
+    pattern: Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"] = Field(
+        default="ON-PWM", description="Which switch chops."
+    )
+    carrier_hz: float = quantity("Carrier frequency.", "Hz", 1e3, 200e3)
+    sync_rect: bool = Field(
+        default=False, description="The other switch of the chopping leg conducts while the pulse is off."
+    )
+    duty_max: float = quantity("Largest duty.", "", 0.05, 1.0, default=1.0)
+    current_limit_a: float | None = quantity(
+        "Limit of the DC current through two phases.", "A", 0.05, 2000, default=None, absent="rated current"
+    )
+    accel_rpm_per_s: float | None = quantity(
+        "Slope of the speed target.",
+        "r/min/s",
+        1,
+        1e8,
+        default=None,
+        absent="a quarter of rated torque over inertia",
+    )
+    speed_bandwidth_hz: float | None = quantity(
+        "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
+    )
+    advance_deg: float = quantity(
+        "Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0
+    )
+    zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
+    start: Start = Field(default_factory=Start, description="Start-up.")
+
+
+class Initial(Model):
+    """State of the rotor at time 0."""
+
+    theta_deg: float = quantity(
+        "Electrical angle of the d axis against phase A.", "deg", -360, 360, default=0.0
+    )
+    speed_rpm: float = quantity("Mechanical speed.", "r/min", -2e6, 2e6, default=0.0)
+
+
+class Mechanics(Model):
+    """How the rotor moves."""
+
+    mode: Literal["free", "imposed", "locked"] = Field(
+        default="free", description="Free: inertia and load; imposed: speed profile; locked: standstill."
+    )
+    profile: list[tuple[float, float]] = Field(
+        default_factory=list,
+        description="Pairs `[time in s, speed in r/min]` of the imposed speed, linear between them.",
+        strict=False,
+    )
+
+    @model_validator(mode="after")
+    def _profile(self) -> Self:
+        if (self.mode == "imposed") != bool(self.profile):
+            raise conflict("profile", 'must be given with mode = "imposed" and only there')
+        times = [t for t, _ in self.profile]
+        if any(b <= a for a, b in pairwise(times)):
+            raise conflict("profile", "times must increase")
+        return self
+
+
+class Fault(Model):
+    """A fault of the plant."""
+
+    kind: Literal["shorted_winding", "fault_pin", "stuck_channel", "clear"] = Field(
+        description="`shorted_winding`: a part of the turns of `phases` is bridged (two phases: a short "
+        "between terminals); `fault_pin`: the gate driver reports a fault; `stuck_channel`: a converter "
+        "channel keeps one code; `clear`: all faults end."
+    )
+    phases: list[Literal["A", "B", "C"]] | None = Field(
+        default=None, min_length=1, max_length=3, description="Phases of a shorted winding."
+    )
+    turns_fraction: float | None = quantity(
+        "Part of the turns that still acts.",
+        "",
+        0.001,
+        1.0,
+        default=None,
+        absent="0.05 for a shorted winding",
+    )
+    channel: Channel | None = Field(default=None, description="Channel that is stuck.")
+    code: int | None = quantity(
+        "Code of the stuck channel.", "", 0, 4095, default=None, absent="the code at that time"
+    )
+
+    @model_validator(mode="after")
+    def _belongs(self) -> Self:
+        allowed = {"shorted_winding": {"phases", "turns_fraction"}, "stuck_channel": {"channel", "code"}}
+        for key in ("phases", "turns_fraction", "channel", "code"):
+            if getattr(self, key) is not None and key not in allowed.get(self.kind, set()):
+                raise conflict(key, f'does not belong to kind = "{self.kind}"')
+        for kind, key in (("shorted_winding", "phases"), ("stuck_channel", "channel")):
+            if self.kind == kind and getattr(self, key) is None:
+                raise conflict(key, f'required key is missing for kind = "{kind}"')
+        return self
+
+
+ACTIONS = ("command", "speed_rpm", "accel_rpm_per_s", "load_factor", "supply_v", "fault")
+
+
+class Event(Model):
+    """Something that happens at one instant: exactly one action."""
+
+    at_s: float = quantity("Time of the event.", "s", 0.0, 3600)
+    command: str | None = Field(
+        default=None, min_length=1, description="Line sent to the drive's console as it is."
+    )
+    speed_rpm: float | None = quantity("New speed target.", "r/min", 1, 2e6, default=None)
+    accel_rpm_per_s: float | None = quantity(
+        "New slope of the speed target.", "r/min/s", 1, 1e8, default=None
+    )
+    load_factor: float | None = quantity("New factor of the load torque.", "", 0.0, 100, default=None)
+    supply_v: float | None = quantity("New supply voltage.", "V", 0.0, 1500, default=None)
+    fault: Fault | None = Field(default=None, description="A fault of the plant.")
+    ramp_s: float = quantity(
+        "Time in which `load_factor` or `supply_v` changes linearly.", "s", 0.0, 3600, default=0.0
+    )
+
+    @model_validator(mode="after")
+    def _one_action(self) -> Self:
+        given = [name for name in ACTIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise conflict(
+                "", f"needs exactly one action of {', '.join(ACTIONS)}, has {', '.join(given) or 'none'}"
+            )
+        if self.ramp_s > 0 and given[0] not in ("load_factor", "supply_v"):
+            raise conflict("ramp_s", f"has no meaning beside {given[0]}")
+        return self
+
+    @property
+    def action(self) -> str:
+        """Name of the action's key."""
+        return next(name for name in ACTIONS if getattr(self, name) is not None)
+
+
+class Window(Model):
+    """A measuring window: its metrics appear under its name in the result."""
+
+    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9_-]+$", description="Letters, digits, `_` and `-`.")
+    from_s: float = quantity("Start.", "s", 0.0, 3600)
+    to_s: float = quantity("End.", "s", 0.0, 3600)
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        if self.to_s <= self.from_s:
+            raise conflict("to_s", f"{self.to_s:g} s is not after from_s ({self.from_s:g} s)")
+        return self
+
+
+class Expect(Model):
+    """A limit that the result must keep, else the run counts as failed."""
+
+    window: str = Field(description="Name of a window.")
+    metric: str = Field(description="Metric of that window, dotted, such as `commutation_error_deg.rms`.")
+    min: float | None = Field(default=None, description="Least permitted value.")
+    max: float | None = Field(default=None, description="Largest permitted value.")
+
+    @model_validator(mode="after")
+    def _limit(self) -> Self:
+        if self.min is None and self.max is None:
+            raise conflict("", "needs min or max")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise conflict("min", f"{self.min:g} is above max ({self.max:g})")
+        return self
+
+
+class Record(Model):
+    """What is recorded."""
+
+    period_s: float = quantity("Period of the waveform records.", "s", 1e-6, 1e-3, default=10e-6)
+    zoom_from_s: float | None = quantity(
+        "Start of the span in which every event is recorded.",
+        "s",
+        0.0,
+        3600,
+        default=None,
+        absent="the last turns of the first window",
+    )
+    zoom_to_s: float | None = quantity(
+        "End of that span.", "s", 0.0, 3600, default=None, absent="with `zoom_from_s`: the same"
+    )
+
+    @model_validator(mode="after")
+    def _pair(self) -> Self:
+        if (self.zoom_from_s is None) != (self.zoom_to_s is None):
+            raise conflict("zoom_to_s", "zoom_from_s and zoom_to_s go together")
+        if self.zoom_from_s is not None and self.zoom_to_s is not None:
+            if self.zoom_to_s <= self.zoom_from_s:
+                raise conflict(
+                    "zoom_to_s", f"{self.zoom_to_s:g} s is not after zoom_from_s ({self.zoom_from_s:g} s)"
+                )
+            if self.zoom_to_s - self.zoom_from_s > 0.1:
+                raise conflict("zoom_to_s", "the span is longer than 0.1 s")
+        return self
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Files that a scenario was read from, as messages name them."""
+
+    scenario: str
+    motor: str
+    inverter: str
+
+
+class Scenario(Model):
+    """One closed-loop run. The files of motor and inverter are read and checked with it."""
+
+    name: str = Field(min_length=1, description="Name for tables and plots.")
+    description: str = Field(default="", description="Free text.")
+    motor: Motor = Field(description="Motor file, relative to this file.")
+    inverter: Inverter = Field(description="Inverter file, relative to this file.")
+    duration_s: float = quantity("Simulated time.", "s", 1e-4, 3600)
+    seed: int = quantity("Seed of the noise; `--seed` overrides it.", "", 0, 2**31 - 1, default=1)
+    expect_trip: list[TripCause] = Field(
+        default_factory=list, description="Trips that must happen, all others fail the run."
+    )
+    drive: Drive = Field(description="Settings of the drive.")
+    load: Load | None = Field(default=None, description="Load; left out: the load of the motor file.")
+    initial: Initial = Field(default_factory=Initial, description="State of the rotor at time 0.")
+    mechanics: Mechanics = Field(default_factory=Mechanics, description="How the rotor moves.")
+    record: Record = Field(default_factory=Record, description="What is recorded.")
+    event: list[Event] = Field(default_factory=list, description="What happens, in any order.")
+    window: list[Window] = Field(default_factory=list, description="Measuring windows.")
+    expect: list[Expect] = Field(default_factory=list, description="Limits that the result must keep.")
+
+    _sources: Sources = PrivateAttr(default=Sources("scenario", "motor", "inverter"))
+
+    @property
+    def sources(self) -> Sources:
+        """Files it was read from."""
+        return self._sources
+
+    @property
+    def shaft_load(self) -> Load:
+        """Load that applies: the scenario's, else the motor's."""
+        return self.load if self.load is not None else self.motor.load
+
+    @property
+    def current_limit_a(self) -> float:
+        """DC-current limit that applies."""
+        return (
+            self.drive.current_limit_a
+            if self.drive.current_limit_a is not None
+            else self.motor.rated_current_a
+        )
+
+    @property
+    def accel_rpm_per_s(self) -> float:
+        """Slope of the speed target that applies at the start."""
+        if self.drive.accel_rpm_per_s is not None:
+            return self.drive.accel_rpm_per_s
+        return 0.25 * self.motor.rated_torque_nm / self.motor.inertia_kgm2 * RPM_PER_RAD_S
+
+    def events_in_order(self) -> list[Event]:
+        """Events by time; those at the same time as in the file."""
+        return sorted(self.event, key=lambda e: e.at_s)
+
+    def speed_target_at(self, t_s: float) -> float:
+        """Speed target set by the last speed event until `t_s` (without its slope)."""
+        target = self.initial.speed_rpm
+        for event in self.events_in_order():
+            if event.at_s <= t_s and event.speed_rpm is not None:
+                target = event.speed_rpm
+        return target
+
+    def zoom_window_s(self) -> tuple[float, float]:
+        """Span in which every event is recorded: as stated, else the end of the first window or run."""
+        if self.record.zoom_from_s is not None and self.record.zoom_to_s is not None:
+            return self.record.zoom_from_s, self.record.zoom_to_s
+        end_s = self.window[0].to_s if self.window else self.duration_s
+        turns_hz = self.motor.electrical_hz(self.speed_target_at(end_s))
+        length_s = min(ZOOM_TURNS / turns_hz if turns_hz > 0 else ZOOM_MAX_S, ZOOM_MAX_S)
+        return max(0.0, end_s - length_s), end_s

@@ -1,0 +1,110 @@
+"""Run a scenario on the whole chip: files in, `RunData` out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault
+from fluxlock.config import Scenario
+from fluxlock.cosim.chip import build_chip
+from fluxlock.cosim.convert import CLOCK_HZ, action_of, drive_spec, inverter_spec, motor_spec, plant_params
+from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.plan import RAW_FILE, SessionPlan
+from fluxlock.firmware import build_firmware, compile_parameters, write_image
+from fluxlock.paths import BUILD
+
+BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
+IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
+RESET_CYCLES = 10  # the simulator main holds the reset for as long
+
+
+def prepare(
+    scenario: Scenario,
+    folder: Path,
+    seed: int,
+    *,
+    recording: bool = False,
+    marks: tuple[int, ...] = (),
+    stop_cycle: int | None = None,
+) -> SessionPlan:
+    """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
+
+    recording, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    block = compile_parameters(motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario))
+    write_image(folder / IMAGE_FILE, build_firmware(BUILD / "firmware"), block)
+    sensing = scenario.inverter.sensing
+    zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
+    every = max(1, round(scenario.record.period_s / sensing.sample_period_s))
+    duration = round(scenario.duration_s * CLOCK_HZ)
+    return SessionPlan(
+        plant=plant_params(scenario, every, ((zoom[0], zoom[1]),)),
+        seed=seed,
+        clock_hz=CLOCK_HZ,
+        duration_cycles=min(duration, stop_cycle or duration),
+        conversion_cycles=max(1, round(sensing.conversion_s * CLOCK_HZ)),
+        bit_cycles=BIT_CYCLES,
+        actions=tuple(action_of(scenario, event) for event in scenario.events_in_order()),
+        marks=marks,
+        recording=recording,
+        folder=folder.resolve(),
+    )
+
+
+def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
+    """Interrupt statistics and overruns from the console's reply to `stats`."""
+    handlers: dict[str, dict[str, float]] = {}
+    for name, low, mean, high, count in re.findall(r"^isr (\w+) (\d+) ([\d.]+) (\d+) (\d+)\s*$", text, re.MULTILINE):
+        handlers[name] = {"min": float(low), "mean": float(mean), "max": float(high), "count": float(count)}
+    overruns = re.search(r"^overruns (\d+)\s*$", text, re.MULTILINE)
+    return handlers, int(overruns.group(1)) if overruns else 0
+
+
+def collect(plan: SessionPlan, meta: dict[str, Any], pole_pairs: int) -> RunData:
+    """Read what a session left in its folder."""
+    handlers, overruns = parse_statistics(meta["uart"])
+    with np.load(plan.folder / RAW_FILE) as raw:
+        return RunData(
+            log=raw["log"],
+            records=raw["records"],
+            plant_events=raw["plant_events"],
+            zoom=raw["zoom"],
+            clock_hz=plan.clock_hz,
+            pole_pairs=pole_pairs,
+            cycles=meta["cycles"],
+            wall_s=meta["wall_s"],
+            seed=plan.seed,
+            uart=meta["uart"].splitlines(),
+            isr=handlers,
+            overruns=overruns,
+        )
+
+
+def run_scenario(
+    scenario: Scenario, out_dir: Path, seed: int, waves: bool = False, progress: Progress | None = None
+) -> RunData:
+    """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
+
+    The simulator's files (log, image, waves.fst) stay in `out_dir/simulator`.
+    """
+    if progress is not None:
+        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
+    try:
+        chip = build_chip(waves)
+        plan = prepare(scenario, out_dir / "simulator", seed)
+        meta = run_plan(plan, chip, progress)
+    except (SimulatorError, RuntimeError) as error:
+        raise SimulationFault(str(error)) from error
+    data = collect(plan, meta, scenario.motor.pole_pairs)
+    if meta["fault"]:
+        raise SimulationFault(meta["fault"], data)
+    if waves:
+        from fluxlock.cosim.waves import write_save_file
+
+        write_save_file(out_dir / "simulator")
+    return data

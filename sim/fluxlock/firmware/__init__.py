@@ -1,0 +1,22 @@
+"""Firmware: parameter schema and block, gains from the motor file, image and host library."""
+
+from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_image
+from fluxlock.firmware.compiler import compile_parameters
+from fluxlock.firmware.schema import load_schema
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library
+
+__all__ = [
+    "DriveSpec",
+    "FirmwareError",
+    "InverterSpec",
+    "MotorSpec",
+    "ParameterBlock",
+    "ParameterError",
+    "build_firmware",
+    "build_host_library",
+    "compile_parameters",
+    "gain",
+    "load_schema",
+    "write_image",
+]

@@ -1,0 +1,127 @@
+"""The parameter block: values by name, packed with magic, version, length and CRC as the firmware checks them."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, Schema, load_schema
+
+RAM_WORDS = 16384
+BLOCK_ADDRESS = 0xF000
+BLOCK_MAX_BYTES = 2048
+
+Value = int | tuple[int, ...]
+
+
+class ParameterError(ValueError):
+    """A value does not fit its parameter."""
+
+
+def gain(value: float) -> tuple[int, int]:
+    """Mantissa and shift of a real factor: 30 significant bits, shift 0..62.
+
+    >>> gain(0.5)
+    (1073741824, 31)
+    """
+    if value == 0.0:
+        return 0, 0
+    shift = 0
+    magnitude = abs(value)
+    while magnitude < 2**30 and shift < SHIFT_MAX:
+        magnitude *= 2.0
+        shift += 1
+    mantissa = round(magnitude)
+    if mantissa > 0x7FFFFFFF:
+        mantissa = round(magnitude / 2.0)
+        shift -= 1
+    if shift < 0:
+        raise ParameterError(f"gain {value!r} is too large for a parameter")
+    return (mantissa if value > 0 else -mantissa), shift
+
+
+def shared_gains(*values: float) -> tuple[tuple[int, ...], int]:
+    """Mantissas of several positive factors with one shift, the largest normalised."""
+    top, shift = gain(max(values))
+    del top
+    return tuple(max(1, round(v * 2.0**shift)) for v in values), shift
+
+
+@dataclass
+class ParameterBlock:
+    """All values of a block. Missing or out-of-range values are refused when it is packed."""
+
+    values: dict[str, Value] = field(default_factory=dict)
+    schema: Schema = field(default_factory=load_schema)
+
+    def __getitem__(self, name: str) -> Value:
+        return self.values[name]
+
+    def number(self, name: str) -> int:
+        """Value of a parameter that is a single word."""
+        value = self.values[name]
+        if not isinstance(value, int):
+            raise ParameterError(f"parameter {name} is not a single number")
+        return value
+
+    def gain(self, name: str) -> float:
+        """Value of a gain as a real number."""
+        value = self.values[name]
+        if isinstance(value, int) or self.schema[name].kind != "gain":
+            raise ParameterError(f"parameter {name} is not a gain")
+        return float(value[0]) * 2.0 ** -value[1]
+
+    def update(self, values: Mapping[str, Value]) -> None:
+        """Replace values; unknown names are refused."""
+        for name, value in values.items():
+            self.schema[name]
+            self.values[name] = value
+
+    def words(self) -> list[int]:
+        """Payload as signed 32-bit words, every value checked against the schema."""
+        result: list[int] = []
+        for p in self.schema.parameters:
+            if p.name not in self.values:
+                raise ParameterError(f"parameter {p.name} has no value")
+            value = self.values[p.name]
+            words = (value,) if isinstance(value, int) else tuple(value)
+            if len(words) != p.words:
+                raise ParameterError(f"parameter {p.name}: {len(words)} words, {p.words} wanted")
+            checked = words[1::2] if p.kind == "gain" else words
+            for word in checked:
+                if not p.min <= word <= p.max:
+                    raise ParameterError(f"parameter {p.name}: {word} is outside {p.min}..{p.max} {p.unit}")
+            if any(not -(2**31) <= word < 2**31 for word in words):
+                raise ParameterError(f"parameter {p.name}: {words} does not fit 32 bits")
+            result.extend(words)
+        return result
+
+    def pack(self) -> bytes:
+        """The block as bytes, little endian."""
+        payload = struct.pack(f"<{self.schema.words}i", *self.words())
+        header = struct.pack(f"<{HEADER_WORDS}I", MAGIC, self.schema.version_word, len(payload), zlib.crc32(payload))
+        block = header + payload
+        if len(block) > BLOCK_MAX_BYTES:
+            raise ParameterError(f"the parameter block of {len(block)} bytes exceeds {BLOCK_MAX_BYTES}")
+        return block
+
+
+def write_image(path_hex: Path, image: Path, params: ParameterBlock) -> Path:
+    """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
+
+    `image` is the flat binary of the firmware; it must end below the parameter block.
+    """
+    code = image.read_bytes()
+    if len(code) > BLOCK_ADDRESS:
+        raise ParameterError(f"{image}: {len(code)} bytes reach into the parameter block at {BLOCK_ADDRESS:#x}")
+    memory = bytearray(4 * RAM_WORDS)
+    memory[: len(code)] = code
+    block = params.pack()
+    memory[BLOCK_ADDRESS : BLOCK_ADDRESS + len(block)] = block
+    path_hex.parent.mkdir(parents=True, exist_ok=True)
+    words = struct.unpack(f"<{RAM_WORDS}I", memory)
+    path_hex.write_text("".join(f"{word:08x}\n" for word in words))
+    return path_hex

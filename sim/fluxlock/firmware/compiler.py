@@ -1,0 +1,246 @@
+"""From machine, inverter and drive to the parameter block: every gain and start-up value follows from the files.
+
+Symbols: psi phase flux (peak), p pole pairs, R_l line resistance 2 (R + R_on), k_e mean line EMF of the conducting
+pair per mechanical speed (= torque per ampere), w mechanical and w_e electrical speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
+from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
+
+RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
+Q8, Q16, Q17, Q24, Q25, Q30 = 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
+
+# Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
+RAMP_TORQUE_SHARE = 0.35
+RAMP_SECTORS_MIN = 10
+# Amplitude of the floating EMF at the end of a sector, in converter steps, from which crossings are trusted.
+HANDOVER_LSB = 30.0
+HANDOVER_SPEED_SHARE = 0.05
+START_CARRIER_HZ = 8e3
+BANDWIDTH_HZ = 30.0
+LIMITER_BANDWIDTH_RAD = 600.0
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """Derived quantities in SI units."""
+
+    k_e: float
+    line_emf_peak: float  # V·s/rad electrical
+    crossing_slope: float  # floating voltage at the sector's end over psi * w_e
+    r_phase: float
+    r_line: float
+    l_line: float
+    w_max: float
+    r_high: float
+
+    @staticmethod
+    def of(motor: MotorSpec, inverter: InverterSpec) -> _Machine:
+        sinusoidal = motor.emf == "sinusoidal"
+        k_e = motor.pole_pairs * motor.psi_vs * (3.0 * math.sqrt(3.0) / math.pi if sinusoidal else 2.0)
+        r_phase = motor.resistance_ohm + inverter.on_resistance_ohm
+        w_max = motor.max_speed_rpm / RPM
+        # A commutation costs L*I volt-seconds of the line, six times a turn: it acts like a resistance.
+        r_commutation = 3.0 / math.pi * motor.pole_pairs * w_max * motor.inductance_h
+        return _Machine(
+            k_e=k_e,
+            line_emf_peak=motor.psi_vs * (math.sqrt(3.0) if sinusoidal else 2.0),
+            crossing_slope=0.75 if sinusoidal else 1.0,
+            r_phase=r_phase,
+            r_line=2.0 * r_phase,
+            l_line=2.0 * motor.inductance_h,
+            w_max=w_max,
+            r_high=2.0 * r_phase + r_commutation,
+        )
+
+
+def _align_time_s(motor: MotorSpec, r_phase: float, current_a: float) -> float:
+    """Time in which the rotor settles on a vector: 4.5 time constants of its slowest mode, 20 ms to 0.6 s.
+
+    Stiffness 3/2 p^2 psi I; the legs shorted by the lower switches damp with 3/2 p^2 psi^2 / R.
+    """
+    p2 = 1.5 * motor.pole_pairs**2 * motor.psi_vs
+    stiffness = p2 * current_a / motor.inertia_kgm2
+    sigma = p2 * motor.psi_vs / r_phase / (2.0 * motor.inertia_kgm2)
+    slowest = sigma if sigma**2 < stiffness else stiffness / (sigma + math.sqrt(sigma**2 - stiffness))
+    return min(0.6, max(0.02, 4.5 / slowest))
+
+
+def _braking_speed(motor: MotorSpec, r_phase: float, current_a: float) -> float:
+    """Electrical speed below which the shorted machine stays under a peak current (infinite if it always does)."""
+    reach = motor.psi_vs**2 - (current_a * motor.inductance_h) ** 2
+    return math.inf if reach <= 0.0 else current_a * r_phase / math.sqrt(reach)
+
+
+def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpec) -> ParameterBlock:
+    """All parameters of the firmware. Values that do not fit raise ParameterError when the block is packed."""
+    m = _Machine.of(motor, inverter)
+    p = motor.pole_pairs
+    clock, tick = drive.clock_hz, 1.0 / drive.tick_hz
+    volt = Q25 / inverter.voltage_full_scale_v
+    volt_q17 = Q17 / inverter.voltage_full_scale_v
+    v_lsb = inverter.voltage_full_scale_v / 2**inverter.bits
+    half_codes = 2 ** (inverter.bits - 1)
+    rpm_q8 = RPM * Q8
+    amp_q17 = Q17 / inverter.current_full_scale_a
+
+    def cycles(seconds: float) -> int:
+        return round(seconds * clock)
+
+    def ticks(seconds: float) -> int:
+        return max(1, round(seconds / tick))
+
+    # Currents.
+    limit_a = drive.current_limit_a if drive.current_limit_a is not None else 1.2 * motor.rated_current_a
+    dc_limit_a = drive.dc_current_limit_a if drive.dc_current_limit_a is not None else limit_a
+    full_a = 0.97 * inverter.current_full_scale_a
+    trip_a = inverter.phase_current_trip_a if inverter.phase_current_trip_a is not None else 2.0 * limit_a
+    trip_a = min(trip_a, full_a)
+    dc_trip_a = min(inverter.dc_current_trip_a if inverter.dc_current_trip_a is not None else trip_a, full_a)
+    start_a = drive.start_current_a
+    if start_a is None:
+        start_a = min(0.35 * motor.rated_current_a, 0.6 * limit_a, 0.4 * trip_a)
+
+    # Crossing detection.
+    settle_s = max(0.4e-6, 6.0 * inverter.divider_pole_s)
+    on_time_s = settle_s + 5.0 * inverter.sample_period_s
+    least_on_s = settle_s + 3.5 * inverter.sample_period_s
+
+    # Open-loop start.
+    start_v = m.r_line * start_a
+    w_signal = HANDOVER_LSB * v_lsb / (m.crossing_slope * motor.psi_vs * p)
+    w_handover = max(w_signal, HANDOVER_SPEED_SHARE * m.w_max)
+    longest_s = 1.0 / (drive.start_carrier_hz or START_CARRIER_HZ)
+    longest_s = min(longest_s, math.pi / (3.0 * p * w_handover) / 6.0)
+    # At hand-over a pulse must hold settled samples even in the longest carrier.
+    w_samples = (1.1 * least_on_s / longest_s * inverter.supply_v - start_v) / m.k_e
+    w_handover = min(max(w_handover, w_samples), 0.3 * m.w_max)
+    longest_s = max(longest_s, 1.0 / drive.carrier_hz)
+    accel = RAMP_TORQUE_SHARE * m.k_e * start_a / motor.inertia_kgm2
+    accel = min(accel, p * w_handover**2 / (2.0 * RAMP_SECTORS_MIN * math.pi / 3.0))
+    accel = max(accel, math.pi / 3.0 / p * (clock / 0xFFFFFF) ** 2)
+    handover_interval_s = math.pi / (3.0 * p * w_handover)
+    align_s = _align_time_s(motor, m.r_phase, start_a)
+    w_coast = min(w_handover, _braking_speed(motor, m.r_phase, 0.6 * trip_a) / p)
+    lock_crossings = 12
+
+    # Speed control: PI that cancels the machine's pole tau_m = J R / (k_e k_t).
+    if drive.speed_bandwidth_hz is not None:
+        bandwidth = 2.0 * math.pi * drive.speed_bandwidth_hz
+    else:
+        bandwidth = min(2.0 * math.pi * BANDWIDTH_HZ, 0.3 * m.r_line / m.l_line)
+    kp = [motor.inertia_kgm2 * r * bandwidth / m.k_e * volt / rpm_q8 for r in (m.r_line, m.r_high)]
+    speed_kp, speed_kp_shift = shared_gains(*kp)
+    resistance, resistance_shift = shared_gains(*(r * volt / amp_q17 for r in (m.r_line, m.r_high)))
+    if drive.accel_rpm_per_s is not None:
+        accel_rpm_s = drive.accel_rpm_per_s
+    else:
+        accel_rpm_s = 0.3 * m.k_e * motor.rated_current_a / motor.inertia_kgm2 * RPM
+    limiter_kp = max(LIMITER_BANDWIDTH_RAD * m.l_line - m.r_line, 0.5 * m.r_line) * volt / amp_q17
+    limiter_ki = 200.0 * tick * m.r_line * volt / amp_q17
+
+    def code(volts: float) -> int:
+        return min(2**inverter.bits - 1, round(volts / v_lsb))
+
+    supply = inverter.supply_v
+    over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else 1.25 * supply
+    under_v = inverter.under_voltage_v if inverter.under_voltage_v is not None else 0.6 * supply
+
+    def q17_volts(volts: float) -> int:
+        return max(1, min(Q17, round(volts * volt_q17)))
+
+    values: dict[str, Value] = {
+        "clock_hz": round(clock),
+        "tick_cycles": cycles(tick),
+        "sample_mode": 1,
+        "sample_period_cycles": cycles(inverter.sample_period_s),
+        "sample_offset_cycles": 0,
+        "sense_delay_cycles": cycles(inverter.divider_pole_s),
+        "gain_q15": (0x8000,) * 9,
+        "auto_zero_log2": 6,
+        "offset_limit_lsb": half_codes // 10,
+        "voltage_full_scale_mv": round(1e3 * inverter.voltage_full_scale_v),
+        "current_full_scale_ma": round(1e3 * inverter.current_full_scale_a),
+        "gate_polarity": (1 if inverter.high_active_low else 0) | (2 if inverter.low_active_low else 0),
+        "dead_time_cycles": max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)),
+        "min_pulse_cycles": max(1, math.ceil(inverter.min_pulse_s * clock - 1e-6)),
+        "trip_enable": 0x7F,
+        "trip_phase_lsb": round(trip_a / inverter.current_full_scale_a * half_codes),
+        "trip_dc_lsb": round(dc_trip_a / inverter.current_full_scale_a * half_codes),
+        "trip_over_voltage_lsb": code(over_v),
+        "trip_under_voltage_lsb": code(under_v),
+        "vdc_min_q17": q17_volts(under_v + 0.1 * supply),
+        "vdc_max_q17": q17_volts(min(over_v, 0.99 * inverter.voltage_full_scale_v)),
+        "overspeed_rpm": round(1.25 * motor.max_speed_rpm),
+        "pole_pairs": p,
+        "speed_max_rpm": round(motor.max_speed_rpm),
+        "emf": gain(m.k_e * volt / rpm_q8),
+        "speed_ratio": gain(Q16 / (motor.max_speed_rpm * Q8)),
+        "resistance_low": resistance[0],
+        "resistance_high": resistance[1],
+        "resistance_shift": resistance_shift,
+        "commutation": COMMUTATIONS.index(drive.commutation),
+        "pattern": PATTERNS.index(drive.pattern),
+        "sync_rect": int(drive.sync_rect),
+        "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
+        "carrier_longest_cycles": cycles(longest_s),
+        "on_time_floor_cycles": cycles(on_time_s),
+        "duty_min_q30": round(min(0.4, least_on_s / longest_s) * Q30),
+        "duty_max_q30": round(drive.duty_max * Q30),
+        "diode_v_q25": round(inverter.diode_drop_v * volt),
+        "slew_v_q25": max(1, round(supply * tick / 5e-3 * volt)),
+        "zcd_interpolate": int(drive.interpolate),
+        "zcd_need_previous": 1,
+        "zcd_settle_cycles": cycles(settle_s),
+        "zcd_blank_cycles": cycles(settle_s),
+        "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
+        "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
+        "delay_q16": 0x8000,
+        "advance_q16": round(drive.advance_deg / 60.0 * Q16),
+        "latency_cycles": cycles(inverter.driver_delay_s),
+        "timeout_q12": 0x1800,
+        "miss_limit": drive.miss_limit,
+        "coast_v_q17": q17_volts(max(m.line_emf_peak * p * w_coast, 20.0 * v_lsb)),
+        "coast_timeout_ticks": ticks(30.0),
+        "precharge_ticks": ticks(2e-3),
+        "align_ticks": ticks(align_s),
+        "align_ramp_ticks": ticks(0.2 * align_s),
+        "align_v_q25": max(1, round(1.5 * m.r_phase * start_a * volt)),
+        "start_v_q25": max(1, round(start_v * volt)),
+        "start_first_cycles": cycles(math.sqrt(math.pi / 3.0 / (p * accel))),
+        "start_accel_rpm_q24": max(1, round(accel * RPM * tick * Q24)),
+        "handover_rpm": max(1, round(w_handover * RPM)),
+        "handover_interval_cycles": cycles(handover_interval_s),
+        "handover_crossings": 6,
+        "handover_fallback": 12,
+        "handover_timeout": 36,
+        "handover_tolerance_q16": round(0.25 * Q16),
+        "lock_crossings": lock_crossings,
+        "lock_timeout_ticks": ticks(6.0 * lock_crossings * handover_interval_s + 5e-3),
+        "start_retries": drive.start_retries,
+        "restart_retries": drive.restart_retries,
+        "restart_clear_ticks": ticks(1.0),
+        "target_rpm": round(drive.target_rpm),
+        "accel_rpm_s": max(1, round(accel_rpm_s)),
+        "speed_kp_low": speed_kp[0],
+        "speed_kp_high": speed_kp[1],
+        "speed_kp_shift": speed_kp_shift,
+        "speed_ki": gain(m.k_e * bandwidth * tick * volt / rpm_q8 * Q16),
+        # The speed is a mean over one electrical turn: w_b may be at most 0.9 f_e for 60 degrees of phase margin.
+        "speed_bandwidth_scale": gain(0.9 * p / (60.0 * Q8) / bandwidth * Q16),
+        "accel_feed_forward_s": gain(Q8 / bandwidth),
+        "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
+        "current_limit_ma": round(1e3 * limit_a),
+        "dc_current_limit_ma": round(1e3 * dc_limit_a),
+        "limiter_kp": gain(limiter_kp),
+        "limiter_ki": gain(limiter_ki),
+        "current_filter_shift": 3,
+        "stop_rpm": max(1, round(1.1 * w_handover * RPM)),
+        "stop_timeout_ticks": ticks(20.0),
+    }
+    return ParameterBlock(values)

@@ -1,0 +1,153 @@
+"""The parameter schema: `sw/params.toml` read once, from which C header, block writer and documentation come."""
+
+from __future__ import annotations
+
+import tomllib
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from fluxlock.paths import ROOT
+
+SCHEMA_FILE = ROOT / "sw" / "params.toml"
+MAGIC = 0x464C5850  # "FLXP"
+HEADER_WORDS = 4  # magic, version, payload bytes, CRC-32 of the payload
+SHIFT_MAX = 62
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One entry of the schema."""
+
+    name: str
+    kind: str  # "i32" or "gain"
+    count: int
+    unit: str
+    min: int
+    max: int
+    description: str
+
+    @property
+    def words(self) -> int:
+        """Number of 32-bit words in the block."""
+        return self.count * (2 if self.kind == "gain" else 1)
+
+
+@dataclass(frozen=True)
+class Schema:
+    """All parameters in block order."""
+
+    version: int
+    parameters: tuple[Parameter, ...]
+
+    @cached_property
+    def words(self) -> int:
+        """Payload length in words."""
+        return sum(p.words for p in self.parameters)
+
+    @cached_property
+    def version_word(self) -> int:
+        """Version in the upper half, checksum of the layout in the lower: neither can be forgotten."""
+        layout = ";".join(f"{p.name}:{p.kind}:{p.count}:{p.unit}" for p in self.parameters)
+        return (self.version << 16) | (zlib.crc32(layout.encode()) & 0xFFFF)
+
+    @cached_property
+    def offsets(self) -> dict[str, int]:
+        """First word of every parameter in the payload."""
+        result: dict[str, int] = {}
+        position = 0
+        for p in self.parameters:
+            result[p.name] = position
+            position += p.words
+        return result
+
+    def __getitem__(self, name: str) -> Parameter:
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        raise KeyError(name)
+
+
+def load_schema(path: Path = SCHEMA_FILE) -> Schema:
+    """Read the schema file."""
+    with path.open("rb") as file:
+        data = tomllib.load(file)
+    parameters = tuple(
+        Parameter(
+            name=entry["name"],
+            kind=entry.get("kind", "i32"),
+            count=int(entry.get("count", 1)),
+            unit=entry["unit"],
+            min=int(entry["min"]),
+            max=int(entry["max"]),
+            description=entry["description"],
+        )
+        for entry in data["parameter"]
+    )
+    names = [p.name for p in parameters]
+    if len(set(names)) != len(names):
+        raise ValueError(f"{path}: parameter names are not unique")
+    return Schema(int(data["version"]), parameters)
+
+
+def c_header(schema: Schema) -> str:
+    """The generated `params.h`: struct, block header and range table."""
+    lines = [
+        "// Generated from sw/params.toml. Do not edit.",
+        "#ifndef FL_PARAMS_H",
+        "#define FL_PARAMS_H",
+        "",
+        "#include <stdint.h>",
+        "",
+        '#include "control/fixed.h"',
+        "",
+        f"#define PARAMETER_MAGIC 0x{MAGIC:08X}u",
+        f"#define PARAMETER_VERSION 0x{schema.version_word:08X}u",
+        f"#define PARAMETER_WORDS {schema.words}u",
+        "",
+        "typedef struct {",
+    ]
+    for p in schema.parameters:
+        c_type = "gain_t" if p.kind == "gain" else "int32_t"
+        suffix = f"[{p.count}]" if p.count > 1 else ""
+        lines.append(f"  {c_type} {p.name}{suffix};  // {p.unit}: {p.description}")
+    lines += [
+        "} parameters_t;",
+        "",
+        "typedef struct {",
+        "  uint32_t magic;",
+        "  uint32_t version;",
+        "  uint32_t length_bytes;",
+        "  uint32_t crc;",
+        "  parameters_t parameters;",
+        "} parameter_block_t;",
+        "",
+        '_Static_assert(sizeof(parameters_t) == 4u * PARAMETER_WORDS, "parameter layout");',
+        "",
+        "// Range of one word of the block.",
+        "typedef struct {",
+        "  int32_t min;",
+        "  int32_t max;",
+        "} parameter_range_t;",
+        "",
+        "// One entry a word, in block order.",
+        "#define PARAMETER_RANGES { \\",
+    ]
+    for p in schema.parameters:
+        for _ in range(p.count):
+            if p.kind == "gain":
+                lines.append("  {INT32_MIN, INT32_MAX}, \\")
+            lines.append(f"  {{{p.min}, {p.max}}}, \\")
+    lines += ["}", "", "#endif", ""]
+    return "\n".join(lines)
+
+
+def markdown_table(schema: Schema) -> str:
+    """The parameter reference as a Markdown table."""
+    rows = ["| parameter | unit | range | meaning |", "|---|---|---|---|"]
+    for p in schema.parameters:
+        name = f"`{p.name}`" + (f" × {p.count}" if p.count > 1 else "")
+        limits = "gain" if p.kind == "gain" else f"{p.min} … {p.max}"
+        rows.append(f"| {name} | {p.unit} | {limits} | {p.description} |")
+    return "\n".join(rows) + "\n"

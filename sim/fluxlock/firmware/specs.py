@@ -1,0 +1,79 @@
+"""Plain records of machine, inverter and drive from which a parameter block is compiled.
+
+They carry the keys of the TOML files that concern the firmware, checked by whoever reads those files. SI units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Emf = Literal["sinusoidal", "trapezoidal"]
+Commutation = Literal["RSC", "NSC", "CSC"]
+Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
+
+COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
+PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
+
+
+@dataclass(frozen=True)
+class MotorSpec:
+    """Machine. Phase quantities are means over the phases; inductance is self minus mutual."""
+
+    pole_pairs: int
+    resistance_ohm: float
+    inductance_h: float
+    psi_vs: float
+    inertia_kgm2: float
+    rated_current_a: float
+    max_speed_rpm: float
+    emf: Emf = "sinusoidal"
+
+
+@dataclass(frozen=True)
+class InverterSpec:
+    """Inverter with its sensing chain and protections; None chooses a value from the others."""
+
+    supply_v: float
+    on_resistance_ohm: float = 0.0
+    diode_drop_v: float = 0.7
+    dead_time_s: float = 200e-9
+    min_pulse_s: float = 400e-9
+    bits: int = 12
+    sample_period_s: float = 1e-6
+    voltage_full_scale_v: float = 30.0
+    current_full_scale_a: float = 50.0
+    divider_pole_s: float = 100e-9
+    driver_delay_s: float = 0.0
+    high_active_low: bool = False
+    low_active_low: bool = False
+    phase_current_trip_a: float | None = None
+    dc_current_trip_a: float | None = None
+    over_voltage_v: float | None = None
+    under_voltage_v: float | None = None
+
+
+@dataclass(frozen=True)
+class DriveSpec:
+    """What the scenario asks of the drive; None chooses a value from machine and inverter."""
+
+    clock_hz: float = 50e6
+    tick_hz: float = 10e3
+    commutation: Commutation = "CSC"
+    pattern: Pattern = "ON-PWM"
+    carrier_hz: float = 40e3
+    start_carrier_hz: float | None = None
+    sync_rect: bool = False
+    current_limit_a: float | None = None
+    dc_current_limit_a: float | None = None
+    start_current_a: float | None = None
+    target_rpm: float = 0.0
+    accel_rpm_per_s: float | None = None
+    speed_bandwidth_hz: float | None = None
+    advance_deg: float = 0.0
+    duty_max: float = 1.0
+    interpolate: bool = True
+    thresholds: tuple[float, float, float, float, float, float] = (0.5, 0.5, 0.5, 0.5, 0.5, 0.5)
+    miss_limit: int = 6
+    start_retries: int = 3
+    restart_retries: int = 3

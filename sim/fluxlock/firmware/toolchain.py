@@ -1,0 +1,106 @@
+"""Compile the firmware with zig's clang: the image for the soft core and the shared library for the host.
+
+Results are cached below `build/` under a hash of everything that enters them.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from fluxlock.build import file_lock, generate_registers
+from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
+from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
+
+SW = ROOT / "sw"
+IMAGE_LIMIT_BYTES = 32 * 1024
+
+WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+TARGET_FLAGS = (
+    *("-target", "riscv32-freestanding-none", "-mcpu=generic_rv32+m", "-Os", "-fomit-frame-pointer"),
+    *("-ffreestanding", "-nostdlib", "-fno-builtin", "-ffunction-sections", "-fdata-sections"),
+    *("-fno-sanitize=all", "-fno-stack-protector"),
+)
+HOST_FLAGS = (
+    *("-O1", "-g", "-fPIC", "-shared", "-DFL_HOST=1", "-fno-omit-frame-pointer"),
+    *("-fsanitize=undefined", "-fsanitize-trap=undefined"),
+)
+TARGET_ONLY = ("app/main.c", "hal/soc/")
+HOST_ONLY = ("app/host_main.c", "hal/host/")
+
+
+class FirmwareError(RuntimeError):
+    """The compiler refused the sources, or the image does not fit."""
+
+
+def _sources() -> list[Path]:
+    return sorted(p for p in SW.rglob("*") if p.suffix in {".c", ".h", ".S", ".ld"})
+
+
+def _selected(excluded: tuple[str, ...], suffixes: tuple[str, ...]) -> list[str]:
+    names = [p.relative_to(SW).as_posix() for p in _sources() if p.suffix in suffixes]
+    return [name for name in names if not name.startswith(excluded)]
+
+
+def generate_params_header() -> Path:
+    """Write `build/generated/params.h` from the schema, only when it changed."""
+    header = GENERATED / "params.h"
+    text = c_header(load_schema())
+    if not header.exists() or header.read_text() != text:
+        header.parent.mkdir(parents=True, exist_ok=True)
+        header.write_text(text)
+    return header
+
+
+def _zig(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "ziglang", *arguments]
+    done = subprocess.run(command, cwd=SW, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise FirmwareError(f"firmware does not compile: {' '.join(command)}\n{done.stdout}{done.stderr}")
+
+
+def _key(*extra: object) -> str:
+    generate_registers()
+    header = generate_params_header()
+    names = [p.relative_to(SW).as_posix() for p in _sources()]
+    return content_hash([*_sources(), SCHEMA_FILE, header, GENERATED / "fluxlock_regs.h"], names, *extra)
+
+
+def build_firmware(build_dir: Path | None = None) -> Path:
+    """Flat binary of the image for the soft core, loaded at address 0; cached by content hash."""
+    folder = build_dir or BUILD / "firmware"
+    with file_lock(BUILD / ".firmware.lock"):
+        image = folder / f"fluxlock-{_key('target', WARNINGS, TARGET_FLAGS)}.bin"
+        if image.exists():
+            return image
+        folder.mkdir(parents=True, exist_ok=True)
+        elf = image.with_suffix(".elf")
+        partial = image.with_suffix(".part")
+        sources = _selected(HOST_ONLY, (".c", ".S"))
+        includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
+        link = ["-T", "hal/soc/link.ld", "-Wl,--gc-sections", "-o", str(elf)]
+        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, *sources, *link])
+        _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
+        # The image starts at the reset vector; the file is to start at address 0.
+        data = bytes(0x80) + partial.read_bytes()
+        if len(data) > IMAGE_LIMIT_BYTES:
+            raise FirmwareError(f"the image of {len(data)} bytes exceeds {IMAGE_LIMIT_BYTES}")
+        partial.write_bytes(data)
+        partial.replace(image)
+    return image
+
+
+def build_host_library(build_dir: Path | None = None) -> Path:
+    """Shared library of the same sources for this machine, undefined behaviour traps; cached by content hash."""
+    folder = build_dir or BUILD / "firmware"
+    with file_lock(BUILD / ".firmware.lock"):
+        library = folder / f"libfluxlock-{_key('host', WARNINGS, HOST_FLAGS)}.so"
+        if library.exists():
+            return library
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = library.with_suffix(".part")
+        sources = _selected(TARGET_ONLY, (".c",))
+        _zig(["cc", *HOST_FLAGS, *WARNINGS, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
+        partial.replace(library)
+    return library

@@ -1,0 +1,32 @@
+"""The plant: inverter, machine, load and sensing, event-driven and exact between events.
+
+Written once; runs compiled (numba, called natively by the simulator) or as plain Python, with the same bits.
+"""
+
+from .params import (
+    CHANNEL_NAMES,
+    InverterParams,
+    MachineParams,
+    MechanicsParams,
+    PlantParams,
+    RecordingParams,
+    SensingParams,
+)
+from .plant import Drained, Plant, PlantError
+from .trajectory import EVENT_DTYPE, WAVE_DTYPE, angle_between
+
+__all__ = [
+    "CHANNEL_NAMES",
+    "EVENT_DTYPE",
+    "WAVE_DTYPE",
+    "Drained",
+    "InverterParams",
+    "MachineParams",
+    "MechanicsParams",
+    "Plant",
+    "PlantError",
+    "PlantParams",
+    "RecordingParams",
+    "SensingParams",
+    "angle_between",
+]

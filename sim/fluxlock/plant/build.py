@@ -1,0 +1,132 @@
+"""Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
+
+Rules of kernel code (`circuit`, `emf`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`), which make
+both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by what may be
+zero, state only through `s[i]`, integer products masked before they are used. The functions carry no decorator: for
+the compiled form they are cloned with the compiled clones of their callees as globals.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import types
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from fluxlock.paths import BUILD
+
+from . import circuit, emf, events, kernel, mechanics, record, sensing, series
+from . import layout as L
+from .vector import IntVector, Vector
+
+Mode = Literal["jit", "py"]
+ENVIRONMENT = "FLUXLOCK_PLANT"
+MODULES = (emf, series, circuit, events, mechanics, sensing, record, kernel)
+
+CALLBACK = ctypes.CFUNCTYPE(
+    ctypes.c_int32,
+    ctypes.c_int64,
+    ctypes.c_int32,
+    ctypes.c_int32,
+    ctypes.POINTER(ctypes.c_double),
+    ctypes.POINTER(ctypes.c_int32),
+)
+
+
+@dataclass
+class Kernel:
+    """A callable kernel: `call` from Python, `address` for native code. `error` holds an exception of mode "py"."""
+
+    call: Callable[[int, int, int], int]
+    address: int
+    keep: object
+    error: BaseException | None = None
+
+
+def chosen_mode(mode: str | None) -> Mode:
+    """The mode asked for, else that of the environment variable FLUXLOCK_PLANT, else "jit"."""
+    name = mode or os.environ.get(ENVIRONMENT) or "jit"
+    if name == "jit":
+        return "jit"
+    if name == "py":
+        return "py"
+    raise ValueError(f"plant mode {name!r} (argument mode or {ENVIRONMENT}): must be 'jit' or 'py'")
+
+
+def cache_folder() -> Path:
+    """Folder of compiled code, keyed by all sources: numba itself misses a change in another file."""
+    digest = hashlib.sha256()
+    for path in (Path(__file__), *(Path(str(module.__file__)) for module in (L, *MODULES))):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return BUILD / "plant" / digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=1)
+def compiled() -> Any:  # noqa: ANN401 - numba has no types
+    """The kernel as a numba cfunc, from the cache if possible."""
+    import numba
+    from numba import types as nt
+
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
+    try:
+        options = {"cache": True, "fastmath": False, "error_model": "numpy"}
+        done: dict[Callable[..., Any], Any] = {}
+        clone: types.FunctionType
+        for module in MODULES:
+            names = dict(vars(module))
+            for name, value in vars(module).items():
+                if isinstance(value, types.FunctionType):
+                    if value.__module__ == module.__name__:
+                        clone = types.FunctionType(value.__code__, names, name, value.__defaults__)
+                        clone.__module__ = module.__name__
+                        done[value] = numba.njit(**options)(clone)
+                    names[name] = done[value]
+        take_event = done[kernel.take_event]
+        signature = nt.int32(nt.int64, nt.int32, nt.int32, nt.CPointer(nt.double), nt.CPointer(nt.int32))
+
+        def step(t_cycle, gates, flags, s, io):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+            return take_event(t_cycle, gates, flags, s, io)
+
+        return numba.cfunc(signature, **options)(step)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def make_kernel(mode: Mode, state: Any, io: Any) -> Kernel:  # noqa: ANN401 - numpy arrays
+    """Bind the kernel to one plant's arrays."""
+    if mode == "jit":
+        function = compiled()
+        native = CALLBACK(function.address)
+        s_pointer = state.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        io_pointer = io.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))
+
+        def call_native(t_cycle: int, gates: int, flags: int) -> int:
+            return int(native(t_cycle, gates, flags, s_pointer, io_pointer))
+
+        return Kernel(call_native, int(function.address), (function, native, state, io))
+
+    # A memoryview gives plain floats, several times faster than numpy scalars or C pointers.
+    s_view: Vector = memoryview(state)
+    io_view: IntVector = memoryview(io)
+
+    def call(t_cycle: int, gates: int, flags: int) -> int:
+        try:
+            return kernel.take_event(t_cycle, gates, flags, s_view, io_view)
+        except Exception as error:  # ctypes would print it and return garbage
+            result.error = error
+            return L.FAULT_EXCEPTION
+
+    callback = CALLBACK(lambda t_cycle, gates, flags, _s, _io: call(t_cycle, gates, flags))
+    address = ctypes.cast(callback, ctypes.c_void_p).value
+    assert address is not None
+    result = Kernel(call, address, callback)
+    return result

@@ -1,0 +1,176 @@
+"""Layout of the plant's state vector `s[]` (float64) and of `io[]` (int32): the one place that numbers them.
+
+Everything the kernel knows is in `s`: parameters, physical state, scratch of the current sub-interval, and the record
+buffers at its end. Writing an entry between two kernel calls is how a parameter or a fault changes at run time.
+SI units; angles in electrical rad; time in clock cycles where the name says so.
+"""
+
+from __future__ import annotations
+
+PHASES = 3
+CHANNELS = 9  # va vb vc ia ib ic vdc idc vsm
+ORDER = 16  # highest power of a Taylor series
+NK = ORDER + 2  # room of one series
+
+_size = 0
+
+
+def _take(count: int = 1) -> int:
+    """Reserve `count` entries and return the index of the first."""
+    global _size
+    first = _size
+    _size += count
+    return first
+
+
+# --- time and gates
+CLOCK_S = _take()  # clock period
+T_CYCLE = _take()  # time of the last event
+T_BASE = _take()  # cycle at which the running sub-interval began (fractional)
+GATES = _take()
+
+# --- machine
+POLE_PAIRS = _take()
+R = _take(3)
+LM = _take(9)  # inductance matrix, row-major
+PSI = _take(3)  # amplitude of the phase EMF / electrical speed
+TRAPEZOID = _take()  # 1: trapezoidal EMF
+RAMP = _take()  # half width of the trapezoid's slope, rad
+
+# --- inverter and link
+R_ON = _take()
+DIODE_V = _take()
+DIODE_R = _take()
+SUPPLY_R = _take()
+SUPPLY_G = _take()  # 1 / SUPPLY_R, 0 without capacitor
+LINK_C_INV = _take()  # 1 / C, 0 = no capacitor: vdc = supply - SUPPLY_R * idc
+SUPPLY_DIODE = _take()
+CHOPPER_ON_V = _take()
+CHOPPER_OFF_V = _take()
+CHOPPER_G = _take()  # 1 / resistance, 0 = none
+
+# --- mechanics
+MECHANICS = _take()  # FREE, IMPOSED, LOCKED
+INERTIA = _take()
+STICTION_RATIO = _take()  # breakaway / sliding friction
+STEP_MAX_S = _take()  # longest step of the electro-mechanical splitting
+PROFILE_N = _take()
+PROFILE_AT = _take()  # index of the segment in force
+PROFILE_T = _take(64)  # s
+PROFILE_W = _take(64)  # electrical rad/s
+PROFILE_MAX = 64
+
+# --- quantities that ramp: value and ramp (V0 at T0 to V1 at T1, seconds) of each
+RAMPS = 5
+FAN, CONSTANT, VISCOUS, COULOMB, SUPPLY = range(RAMPS)
+VALUE = _take(RAMPS)
+RAMP_V0 = _take(RAMPS)
+RAMP_V1 = _take(RAMPS)
+RAMP_T0 = _take(RAMPS)
+RAMP_T1 = _take(RAMPS)
+RAMP_BUSY = _take(RAMPS)  # 1 while the ramp is not over
+
+# --- sensing
+POLE_S = _take()
+ADC_MAX = _take()  # highest code
+CODES_PER_UNIT = _take(CHANNELS)  # codes per V or A, divider gain included
+CODE_ZERO = _take(CHANNELS)  # code of 0, offset included
+NOISE_LSB = _take()
+NOISE_KEY = _take(1 + CHANNELS)  # 32-bit keys from the seed: one for the sample number, one a channel
+STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
+FAULT_PIN = _take()
+
+# --- recording
+WAVE_EVERY = _take()  # record each n-th strobe; 0 = none
+WAVE_PHASE = _take()
+ZOOM_N = _take()
+ZOOM_T0 = _take(16)  # cycles
+ZOOM_T1 = _take(16)
+ZOOM_MAX = 16
+ENERGY_ON = _take()
+
+# --- physical state
+I = _take(3)  # noqa: E741
+VDC = _take()
+OMEGA = _take()  # electrical
+THETA = _take()  # 0 .. 2 pi
+TURNS = _take()  # whole electrical turns
+TORQUE = _take()
+SOURCE_ON = _take()  # supply conducts
+CHOPPER_ON = _take()
+FILTERED = _take(4)  # divider outputs va vb vc vdc
+SAMPLE = _take()  # number of the next sample
+
+# --- derived, valid at T_CYCLE
+VT = _take(3)  # terminal voltages against the negative rail
+IDC = _take()
+SHAPE = _take(3)  # EMF of phase x = -PSI * omega * SHAPE
+SLOPE = _take(3)  # d SHAPE / d theta
+
+# --- scratch of a sub-interval
+MODE = _take(3)  # OPEN .. DIODE_HIGH
+RAIL = _take(3)  # 1: leg tied to the positive rail
+V_LEG = _take(3)  # constant part of the leg voltage
+R_LEG = _take(3)
+CONDUCTING = _take()  # number of conducting legs
+FLOATING = _take()  # index of an open leg to check, -1 = none
+REFERENCE = _take()  # a conducting leg, -1 = none
+STAR_CLAMP = _take()  # phase whose diode clamps the star point when no leg conducts, -1 = none
+G_MASK = _take()  # conducting legs for which G holds; -1 = stale
+G = _take(6)  # d i / d t = G (v - R i - e), order aa ab ac bb bc cc
+H_LIMIT = _take()  # adapts: longest series step that converges
+SERIES_I = _take(3 * NK)
+SERIES_V = _take(3 * NK)
+SERIES_E = _take(3 * NK)
+SERIES_D = _take(NK)
+ROOT = _take(NK)
+EVENT_LEG = _take()
+DECAY_H = _take()  # step for which DECAY holds
+DECAY = _take()
+
+# --- energies since the start, J (only while ENERGY_ON)
+ENERGIES = 8
+E_SUPPLY, E_SOURCE_R, E_COPPER, E_SWITCH, E_DIODE, E_CHOPPER, E_SHAFT, E_LOAD = range(ENERGIES)
+ENERGY = _take(ENERGIES)
+
+# --- record buffers: position, count and capacity of each
+WAVE_AT, WAVE_COUNT, WAVE_ROWS = _take(), _take(), _take()
+ZOOM_AT, ZOOM_COUNT, ZOOM_ROWS = _take(), _take(), _take()
+EVENT_AT, EVENT_COUNT, EVENT_ROWS = _take(), _take(), _take()
+BUFFERS = _size  # the buffers begin here
+
+# --- columns of a waveform row and of an event row
+WAVE_COLUMNS = 13  # t_cycle theta_e omega_e ia ib ic va vb vc vdc idc torque_nm gates
+EVENT_COLUMNS = 4  # t_cycle kind phase theta_e
+
+# --- constants
+OPEN, HIGH, LOW, DIODE_LOW, DIODE_HIGH = range(5)
+FREE, IMPOSED, LOCKED = range(3)
+EXTINCTION, DIODE_ON = 1, 2
+STROBE = 1  # flag bit
+TOLERANCE_V = 1e-9  # a diode turns on this far beyond its threshold
+
+# --- io
+IO_SIZE = 32
+IO_HEARTBEAT = 16
+IO_PINS = 17
+
+# --- fault codes
+OK = 0
+FAULT_SHOOT_THROUGH = 1
+FAULT_NOT_FINITE = 2
+FAULT_TIME = 3
+FAULT_RECORDS_FULL = 4
+FAULT_TOPOLOGY = 5
+FAULT_EVENTS = 6
+FAULT_EXCEPTION = 7
+FAULT_TEXT = {
+    OK: "no fault",
+    FAULT_SHOOT_THROUGH: "both switches of a leg are on (shoot-through)",
+    FAULT_NOT_FINITE: "a current, the link voltage or the speed is not finite",
+    FAULT_TIME: "time ran backwards",
+    FAULT_RECORDS_FULL: "a record buffer is full: drain it more often or enlarge it",
+    FAULT_TOPOLOGY: "no consistent state of the diodes found",
+    FAULT_EVENTS: "too many diode events in one step",
+    FAULT_EXCEPTION: "exception in the kernel",
+}

@@ -1,0 +1,183 @@
+"""Parameters of the plant: frozen records with units in their names, checked when they are made.
+
+Per-phase values are in the order A, B, C. Converter channels are in the order of `CHANNEL_NAMES`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from . import layout as L
+
+Triple = tuple[float, float, float]
+CHANNEL_NAMES = ("va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm")
+
+
+def require(condition: bool, key: str, value: object, permitted: str) -> None:
+    """Raise a ValueError that names key, value and permitted range."""
+    if not condition:
+        raise ValueError(f"{key} = {value!r}: must be {permitted}")
+
+
+def finite_at_least(low: float, *values: float) -> bool:
+    """Whether all values are finite and not below a limit."""
+    return all(math.isfinite(v) and v >= low for v in values)
+
+
+@dataclass(frozen=True)
+class MachineParams:
+    """Star-connected machine with isolated star point.
+
+    l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. psi_vs: peak phase EMF divided by
+    electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
+    """
+
+    pole_pairs: int
+    r_ohm: Triple
+    l_h: Triple
+    psi_vs: Triple
+    m_h: Triple = (0.0, 0.0, 0.0)
+    emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
+    flat_top_deg: float = 120.0
+    phases: int = 3
+
+    def __post_init__(self) -> None:
+        require(self.phases == L.PHASES, "phases", self.phases, "3")
+        require(self.pole_pairs >= 1, "pole_pairs", self.pole_pairs, "at least 1")
+        require(finite_at_least(0.0, *self.r_ohm), "r_ohm", self.r_ohm, "at least 0")
+        require(finite_at_least(0.0, *self.psi_vs), "psi_vs", self.psi_vs, "at least 0")
+        require(self.emf in ("sinusoidal", "trapezoidal"), "emf", self.emf, "sinusoidal or trapezoidal")
+        require(0.0 <= self.flat_top_deg <= 175.0, "flat_top_deg", self.flat_top_deg, "0 to 175")
+        (la, lb, lc), (mab, mbc, mca) = self.l_h, self.m_h
+        aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
+        definite = aa > 0.0 and aa * bb - ab * ab > 0.0
+        require(definite, "l_h, m_h", (self.l_h, self.m_h), "a positive definite inductance matrix")
+
+
+@dataclass(frozen=True)
+class InverterParams:
+    """Six switches with diodes, supply and DC link.
+
+    Without capacitor (dc_link_c_f = 0) the supply and its resistance feed the legs directly and take energy back.
+    The chopper turns on at chopper_on_v and off at chopper_off_v; chopper_ohm = 0: there is none.
+    """
+
+    supply_v: float
+    r_on_ohm: float = 0.0
+    diode_drop_v: float = 0.7
+    diode_r_ohm: float = 0.0
+    supply_r_ohm: float = 0.0
+    dc_link_c_f: float = 0.0
+    supply_diode: bool = False
+    chopper_ohm: float = 0.0
+    chopper_on_v: float = 0.0
+    chopper_off_v: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(finite_at_least(0.0, self.supply_v), "supply_v", self.supply_v, "at least 0")
+        for key in ("r_on_ohm", "diode_drop_v", "diode_r_ohm", "supply_r_ohm", "dc_link_c_f", "chopper_ohm"):
+            require(finite_at_least(0.0, getattr(self, key)), key, getattr(self, key), "at least 0")
+        capacitor = self.dc_link_c_f > 0.0
+        require(not capacitor or self.supply_r_ohm > 0.0, "supply_r_ohm", self.supply_r_ohm, "above 0 with a DC-link capacitor")
+        require(capacitor or not self.supply_diode, "dc_link_c_f", self.dc_link_c_f, "above 0 with a supply diode")
+        require(capacitor or self.chopper_ohm == 0.0, "dc_link_c_f", self.dc_link_c_f, "above 0 with a brake chopper")
+        if self.chopper_ohm > 0.0:
+            ordered = 0.0 < self.chopper_off_v < self.chopper_on_v
+            require(ordered, "chopper_off_v", self.chopper_off_v, "above 0 and below chopper_on_v")
+
+
+@dataclass(frozen=True)
+class SensingParams:
+    """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator main only."""
+
+    v_full_scale_v: float
+    i_full_scale_a: float
+    bits: int = 12
+    divider_gain: Triple = (1.0, 1.0, 1.0)
+    offset_lsb: tuple[float, ...] = (0.0,) * L.CHANNELS
+    divider_pole_s: float = 0.0
+    noise_lsb_rms: float = 1.0
+    conversion_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(self.v_full_scale_v > 0.0, "v_full_scale_v", self.v_full_scale_v, "above 0")
+        require(self.i_full_scale_a > 0.0, "i_full_scale_a", self.i_full_scale_a, "above 0")
+        require(4 <= self.bits <= 24, "bits", self.bits, "4 to 24")
+        require(len(self.offset_lsb) == L.CHANNELS, "offset_lsb", self.offset_lsb, f"{L.CHANNELS} values")
+        for key in ("divider_pole_s", "noise_lsb_rms", "conversion_s"):
+            require(finite_at_least(0.0, getattr(self, key)), key, getattr(self, key), "at least 0")
+
+
+@dataclass(frozen=True)
+class MechanicsParams:
+    """Rotor and load; speeds are mechanical.
+
+    constant_nm acts against positive rotation at any speed; coulomb_nm opposes motion, holds at standstill up to
+    stiction_ratio times its value and never drives. profile: corners (t_s, omega_m) of an imposed speed.
+    """
+
+    inertia_kgm2: float
+    mode: Literal["free", "imposed", "locked"] = "free"
+    fan_nm_s2_per_rad2: float = 0.0
+    constant_nm: float = 0.0
+    viscous_nm_s_per_rad: float = 0.0
+    coulomb_nm: float = 0.0
+    stiction_ratio: float = 1.0
+    theta_e_rad: float = 0.0
+    omega_m_rad_s: float = 0.0
+    profile: tuple[tuple[float, float], ...] = ()
+    step_max_s: float = 1e-6
+
+    def __post_init__(self) -> None:
+        require(self.inertia_kgm2 > 0.0, "inertia_kgm2", self.inertia_kgm2, "above 0")
+        require(self.mode in MECHANICS_MODES, "mode", self.mode, " or ".join(MECHANICS_MODES))
+        for key in ("fan_nm_s2_per_rad2", "viscous_nm_s_per_rad", "coulomb_nm"):
+            require(finite_at_least(0.0, getattr(self, key)), key, getattr(self, key), "at least 0")
+        require(self.stiction_ratio >= 1.0, "stiction_ratio", self.stiction_ratio, "at least 1")
+        require(self.step_max_s > 0.0, "step_max_s", self.step_max_s, "above 0")
+        check_profile(self.profile)
+
+
+@dataclass(frozen=True)
+class RecordingParams:
+    """What the plant records of itself. zoom: windows (first, last cycle) in which every event is recorded."""
+
+    every_strobes: int = 10
+    zoom: tuple[tuple[int, int], ...] = ()
+    energies: bool = False
+    wave_rows: int = 1 << 15
+    zoom_rows: int = 1 << 15
+    event_rows: int = 1 << 14
+
+    def __post_init__(self) -> None:
+        require(self.every_strobes >= 0, "every_strobes", self.every_strobes, "at least 0 (0: no records)")
+        require(len(self.zoom) <= L.ZOOM_MAX, "zoom", self.zoom, f"at most {L.ZOOM_MAX} windows")
+        for key in ("wave_rows", "zoom_rows", "event_rows"):
+            require(getattr(self, key) >= 1, key, getattr(self, key), "at least 1")
+
+
+@dataclass(frozen=True)
+class PlantParams:
+    """The whole plant."""
+
+    machine: MachineParams
+    inverter: InverterParams
+    sensing: SensingParams
+    mechanics: MechanicsParams
+    recording: RecordingParams = field(default_factory=RecordingParams)
+    clock_period_s: float = 20e-9
+
+    def __post_init__(self) -> None:
+        require(self.clock_period_s > 0.0, "clock_period_s", self.clock_period_s, "above 0")
+
+
+MECHANICS_MODES = {"free": L.FREE, "imposed": L.IMPOSED, "locked": L.LOCKED}
+
+
+def check_profile(profile: tuple[tuple[float, float], ...]) -> None:
+    """Raise unless a speed profile fits and its times do not decrease."""
+    require(len(profile) <= L.PROFILE_MAX, "profile", f"{len(profile)} corners", f"at most {L.PROFILE_MAX} corners")
+    times = [t for t, _ in profile]
+    require(times == sorted(times), "profile", profile, "in order of time")

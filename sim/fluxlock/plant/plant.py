@@ -1,0 +1,266 @@
+"""The plant as Python sees it: parameters in, kernel and records out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from . import layout as L
+from .build import chosen_mode, make_kernel
+from .emf import torque_now
+from .params import CHANNEL_NAMES, MECHANICS_MODES, PlantParams, check_profile, require
+from .state import FloatArray, initial_state, write_machine, write_profile, write_zoom
+from .trajectory import RecordArray, angle_between, event_buffer, wave_buffer, zoom_buffer
+
+NO_HEARTBEAT = -2  # fault code of the simulator main
+RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+
+
+class PlantError(RuntimeError):
+    """The kernel returned a fault code."""
+
+
+@dataclass(frozen=True)
+class Drained:
+    """New records of one `drain`."""
+
+    waves: RecordArray
+    events: RecordArray
+    zoom: RecordArray
+
+
+class Plant:
+    """Machine, inverter, load and sensing, event-driven.
+
+    Either this object is stepped from Python, or native code calls the kernel at `address` with the addresses of
+    `state` and `io`. mode: "jit" (compiled) or "py" (plain Python), default from FLUXLOCK_PLANT, else "jit".
+    """
+
+    def __init__(self, params: PlantParams, seed: int, mode: str | None = None) -> None:
+        self.params = params
+        self.mode = chosen_mode(mode)
+        self.state: FloatArray = initial_state(params, seed)
+        self.io: npt.NDArray[np.int32] = np.zeros(L.IO_SIZE, np.int32)
+        self._kernel = make_kernel(self.mode, self.state, self.io)
+        self._waves = wave_buffer(self.state)
+        self._zoom = zoom_buffer(self.state)
+        self._events = event_buffer(self.state)
+        self._turns = [1.0] * L.PHASES
+
+    # ------------------------------------------------------------------ stepping
+    @property
+    def address(self) -> int:
+        """Address of `int32 step(int64 t_cycle, int32 gates, int32 flags, double* s, int32* io)`."""
+        return self._kernel.address
+
+    def step(self, t_cycle: int, gates: int, flags: int = 0) -> None:
+        """Advance to t_cycle with the old gates, sample if flags bit 0 is set, then take the gates."""
+        code = self._kernel.call(t_cycle, gates, flags)
+        if code != L.OK:
+            raise PlantError(self.fault_text(code, t_cycle)) from self._kernel.error
+
+    def advance(self, t_cycle: int) -> None:
+        """Advance to t_cycle."""
+        self.step(t_cycle, int(self.state[L.GATES]))
+
+    def set_gates(self, gates: int) -> None:
+        """Change the gates now."""
+        self.step(int(self.state[L.T_CYCLE]), gates, 2)
+
+    def sample(self, t_cycle: int) -> npt.NDArray[np.int32]:
+        """Advance to t_cycle, sample there and return the codes of all channels."""
+        self.step(t_cycle, int(self.state[L.GATES]), L.STROBE)
+        return self.io[: L.CHANNELS].copy()
+
+    def fault_text(self, code: int, t_cycle: int | None = None) -> str:
+        """What a fault code means."""
+        text = L.FAULT_TEXT.get(code, "the kernel was left by an exception" if code == NO_HEARTBEAT else "unknown")
+        if self._kernel.error is not None:
+            text += f" ({type(self._kernel.error).__name__}: {self._kernel.error})"
+        at = "" if t_cycle is None else f" at cycle {t_cycle}"
+        return f"plant fault {code}{at}: {text}"
+
+    # ------------------------------------------------------------------ state
+    @property
+    def t_cycle(self) -> int:
+        """Time of the last event, clock cycles."""
+        return int(self.state[L.T_CYCLE])
+
+    @property
+    def currents_a(self) -> FloatArray:
+        """Phase currents into the machine."""
+        return self.state[L.I : L.I + L.PHASES].copy()
+
+    @property
+    def terminals_v(self) -> FloatArray:
+        """Terminal voltages against the negative rail."""
+        return self.state[L.VT : L.VT + L.PHASES].copy()
+
+    @property
+    def theta_e_rad(self) -> float:
+        """Electrical angle, unwrapped."""
+        return float(self.state[L.TURNS] * 2.0 * math.pi + self.state[L.THETA])
+
+    @property
+    def omega_e_rad_s(self) -> float:
+        """Electrical speed."""
+        return float(self.state[L.OMEGA])
+
+    @property
+    def speed_rpm(self) -> float:
+        """Mechanical speed."""
+        return float(self.state[L.OMEGA]) / self.params.machine.pole_pairs * RPM_PER_RAD_S
+
+    def energies_j(self) -> dict[str, float]:
+        """Energies since the start, if `RecordingParams.energies` asks for them, and what is stored now."""
+        s = self.state
+        e = s[L.ENERGY : L.ENERGY + L.ENERGIES]
+        i = self.currents_a
+        capacitor = 0.5 * s[L.VDC] ** 2 / s[L.LINK_C_INV] if s[L.LINK_C_INV] else 0.0
+        return {
+            "supply": float(e[L.E_SUPPLY]),
+            "source_resistance": float(e[L.E_SOURCE_R]),
+            "copper": float(e[L.E_COPPER]),
+            "switches": float(e[L.E_SWITCH]),
+            "diodes": float(e[L.E_DIODE]),
+            "chopper": float(e[L.E_CHOPPER]),
+            "shaft": float(e[L.E_SHAFT]),
+            "load": float(e[L.E_LOAD]),
+            "magnetic_now": float(0.5 * i @ s[L.LM : L.LM + 9].reshape(3, 3) @ i),
+            "capacitor_now": float(capacitor),
+            "kinetic_now": float(0.5 * s[L.INERTIA] * (s[L.OMEGA] / s[L.POLE_PAIRS]) ** 2),
+        }
+
+    # ------------------------------------------------------------------ load, supply, speed
+    def _ramp(self, index: int, value: float, ramp_s: float, at_cycle: int | None) -> None:
+        s = self.state
+        t0 = (s[L.T_CYCLE] if at_cycle is None else at_cycle) * s[L.CLOCK_S]
+        s[L.RAMP_V0 + index] = s[L.VALUE + index]
+        s[L.RAMP_V1 + index] = value
+        s[L.RAMP_T0 + index] = t0
+        s[L.RAMP_T1 + index] = t0 + ramp_s
+        s[L.RAMP_BUSY + index] = 1.0
+
+    def set_load(
+        self,
+        *,
+        fan_nm_s2_per_rad2: float | None = None,
+        constant_nm: float | None = None,
+        viscous_nm_s_per_rad: float | None = None,
+        coulomb_nm: float | None = None,
+        ramp_s: float = 0.0,
+        at_cycle: int | None = None,
+    ) -> None:
+        """Change the given loads in a step, or a linear ramp of ramp_s, from at_cycle (default: the last event) on."""
+        require(ramp_s >= 0.0, "ramp_s", ramp_s, "at least 0")
+        values = {
+            L.FAN: fan_nm_s2_per_rad2,
+            L.CONSTANT: constant_nm,
+            L.VISCOUS: viscous_nm_s_per_rad,
+            L.COULOMB: coulomb_nm,
+        }
+        require(coulomb_nm is None or coulomb_nm >= 0.0, "coulomb_nm", coulomb_nm, "at least 0")
+        for index, value in values.items():
+            if value is not None:
+                self._ramp(index, value, ramp_s, at_cycle)
+
+    def set_supply(self, supply_v: float, ramp_s: float = 0.0, at_cycle: int | None = None) -> None:
+        """Change the supply voltage, as `set_load` does a load."""
+        require(supply_v >= 0.0, "supply_v", supply_v, "at least 0")
+        require(ramp_s >= 0.0, "ramp_s", ramp_s, "at least 0")
+        self._ramp(L.SUPPLY, supply_v, ramp_s, at_cycle)
+
+    def set_mechanics(self, mode: str, profile: tuple[tuple[float, float], ...] | None = None) -> None:
+        """Change to "free", "imposed" (corners (t_s, omega_m rad/s); none: the present speed) or "locked"."""
+        require(mode in MECHANICS_MODES, "mode", mode, " or ".join(MECHANICS_MODES))
+        if profile is not None:
+            check_profile(profile)
+            write_profile(self.state, profile)
+        elif mode == "imposed":
+            write_profile(self.state, ())
+        self.state[L.MECHANICS] = MECHANICS_MODES[mode]
+
+    # ------------------------------------------------------------------ faults
+    def inject_fault(
+        self,
+        kind: str,
+        *,
+        phases: tuple[int, ...] = (0,),
+        turns_fraction: float = 0.05,
+        supply_v: float = 0.0,
+        ramp_s: float = 0.0,
+        channel: str = "ia",
+        code: int | None = None,
+        level: bool = True,
+    ) -> None:
+        """Break something, now.
+
+        "shorted_winding": of the windings of `phases` only turns_fraction of the turns still act: resistance, flux and
+        mutual inductance scale with it, self inductance with its square. Currents are kept; the energy of the lost
+        turns is spent in the short. One phase is a short to the star point, two are a short between terminals.
+        "supply": the supply goes to supply_v within ramp_s. "stuck_channel": the converter channel stays at `code`
+        (None: at its present one). "fault_pin": the gate driver's fault output goes to `level`.
+        "clear": windings, channels and pin are whole again (not the supply).
+        """
+        s = self.state
+        if kind == "shorted_winding":
+            require(0.0 < turns_fraction <= 1.0, "turns_fraction", turns_fraction, "above 0, at most 1")
+            for phase in phases:
+                require(0 <= phase < L.PHASES, "phases", phases, f"numbers 0 to {L.PHASES - 1}")
+                self._turns[phase] = turns_fraction
+            self._rewind()
+        elif kind == "supply":
+            self.set_supply(supply_v, ramp_s)
+        elif kind == "stuck_channel":
+            require(channel in CHANNEL_NAMES, "channel", channel, " or ".join(CHANNEL_NAMES))
+            index = CHANNEL_NAMES.index(channel)
+            stuck = int(self.io[index]) if code is None else code
+            require(0 <= stuck <= s[L.ADC_MAX], "code", stuck, f"0 to {s[L.ADC_MAX]:.0f}")
+            s[L.STUCK + index] = stuck
+        elif kind == "fault_pin":
+            s[L.FAULT_PIN] = float(level)
+            self.io[L.IO_PINS] = int(level)
+        elif kind == "clear":
+            self._turns = [1.0] * L.PHASES
+            self._rewind()
+            s[L.STUCK : L.STUCK + L.CHANNELS] = -1.0
+            s[L.FAULT_PIN] = 0.0
+            self.io[L.IO_PINS] = 0
+        else:
+            require(False, "kind", kind, "shorted_winding, supply, stuck_channel, fault_pin or clear")
+
+    def _rewind(self) -> None:
+        a, b, c = self._turns
+        write_machine(self.state, self.params.machine, (a, b, c))
+        torque_now(self.state)
+
+    # ------------------------------------------------------------------ records
+    def configure_recording(self, every_strobes: int, zoom: tuple[tuple[int, int], ...] = ()) -> None:
+        """Change the grid of the waveform records (0: none) and the zoom windows (first, last cycle)."""
+        require(every_strobes >= 0, "every_strobes", every_strobes, "at least 0")
+        require(len(zoom) <= L.ZOOM_MAX, "zoom", zoom, f"at most {L.ZOOM_MAX} windows")
+        self.state[L.WAVE_EVERY] = every_strobes
+        write_zoom(self.state, zoom)
+
+    def drain(self) -> Drained:
+        """Empty the kernel's record buffers and return the new rows. Call it before a buffer is full."""
+        return Drained(self._waves.drain(), self._events.drain(), self._zoom.drain())
+
+    def records(self) -> RecordArray:
+        """All waveform records so far (`WAVE_DTYPE`)."""
+        return self._waves.all()
+
+    def zoom_records(self) -> RecordArray:
+        """All rows recorded in zoom windows so far (`WAVE_DTYPE`); gate edges have two, before and after."""
+        return self._zoom.all()
+
+    def events(self) -> RecordArray:
+        """All diode events so far (`EVENT_DTYPE`)."""
+        return self._events.all()
+
+    def theta_at(self, t_cycles: npt.ArrayLike) -> FloatArray:
+        """True electrical angle (rad, unwrapped) at any times within the waveform records."""
+        return angle_between(self.records(), t_cycles, self.params.clock_period_s)

@@ -1,0 +1,99 @@
+"""Waveform records and energy account. Kernel code: see `build.py` for its rules."""
+
+from __future__ import annotations
+
+from . import layout as L
+from .emf import theta_unwrapped
+from .series import series_at
+from .vector import Vector
+
+# Gauss-Legendre nodes and weights on 0 .. 1, exact to degree 7.
+NODE_0, NODE_1 = 0.06943184420297371, 0.33000947820757187
+WEIGHT_0, WEIGHT_1 = 0.17392742256872692, 0.32607257743127307
+
+
+def write_row(s: Vector, at: int, gates: int) -> None:
+    """Write one waveform row at index `at`."""
+    s[at] = s[L.T_CYCLE]
+    s[at + 1] = theta_unwrapped(s)
+    s[at + 2] = s[L.OMEGA]
+    for x in range(3):
+        s[at + 3 + x] = s[L.I + x]
+        s[at + 6 + x] = s[L.VT + x]
+    s[at + 9] = s[L.VDC]
+    s[at + 10] = s[L.IDC]
+    s[at + 11] = s[L.TORQUE]
+    s[at + 12] = gates
+
+
+def record_wave(s: Vector, gates: int) -> int:
+    """Record each WAVE_EVERY-th call."""
+    if s[L.WAVE_EVERY] == 0.0:
+        return L.OK
+    s[L.WAVE_PHASE] = s[L.WAVE_PHASE] + 1.0
+    if s[L.WAVE_PHASE] < s[L.WAVE_EVERY]:
+        return L.OK
+    s[L.WAVE_PHASE] = 0.0
+    if s[L.WAVE_COUNT] >= s[L.WAVE_ROWS]:
+        return L.FAULT_RECORDS_FULL
+    write_row(s, int(s[L.WAVE_AT]) + L.WAVE_COLUMNS * int(s[L.WAVE_COUNT]), gates)
+    s[L.WAVE_COUNT] = s[L.WAVE_COUNT] + 1.0
+    return L.OK
+
+
+def in_zoom(s: Vector) -> bool:
+    """Whether the present event lies in a zoom window."""
+    for k in range(int(s[L.ZOOM_N])):
+        if s[L.ZOOM_T0 + k] <= s[L.T_CYCLE] <= s[L.ZOOM_T1 + k]:
+            return True
+    return False
+
+
+def record_zoom(s: Vector, gates: int) -> int:
+    """Record a row in the zoom buffer."""
+    if s[L.ZOOM_COUNT] >= s[L.ZOOM_ROWS]:
+        return L.FAULT_RECORDS_FULL
+    write_row(s, int(s[L.ZOOM_AT]) + L.WAVE_COLUMNS * int(s[L.ZOOM_COUNT]), gates)
+    s[L.ZOOM_COUNT] = s[L.ZOOM_COUNT] + 1.0
+    return L.OK
+
+
+def add_power(s: Vector, order: int, x: float, weight: float) -> None:
+    """Add the powers at x times a weight (s) to the energies."""
+    d = series_at(s, L.SERIES_D, order, x)
+    idc = 0.0
+    copper = 0.0
+    switch = 0.0
+    diode = 0.0
+    shaft = 0.0
+    for p in range(3):
+        i = series_at(s, L.SERIES_I + p * L.NK, order, x)
+        e = series_at(s, L.SERIES_E + p * L.NK, order, x)
+        idc += s[L.RAIL + p] * i
+        copper += s[L.R + p] * i * i
+        shaft += e * i
+        mode = s[L.MODE + p]
+        if mode == L.HIGH or mode == L.LOW:
+            switch += s[L.R_LEG + p] * i * i
+        elif mode != L.OPEN:
+            diode += s[L.DIODE_V] * abs(i) + s[L.R_LEG + p] * i * i
+    supply = s[L.VALUE + L.SUPPLY]
+    source = idc
+    if s[L.LINK_C_INV] != 0.0:
+        source = (supply - d) * s[L.SUPPLY_G] * s[L.SOURCE_ON]
+    s[L.ENERGY + L.E_SUPPLY] = s[L.ENERGY + L.E_SUPPLY] + weight * supply * source
+    s[L.ENERGY + L.E_SOURCE_R] = s[L.ENERGY + L.E_SOURCE_R] + weight * s[L.SUPPLY_R] * source * source
+    s[L.ENERGY + L.E_COPPER] = s[L.ENERGY + L.E_COPPER] + weight * copper
+    s[L.ENERGY + L.E_SWITCH] = s[L.ENERGY + L.E_SWITCH] + weight * switch
+    s[L.ENERGY + L.E_DIODE] = s[L.ENERGY + L.E_DIODE] + weight * diode
+    chopper = d * d * s[L.CHOPPER_G] * s[L.CHOPPER_ON]
+    s[L.ENERGY + L.E_CHOPPER] = s[L.ENERGY + L.E_CHOPPER] + weight * chopper
+    s[L.ENERGY + L.E_SHAFT] = s[L.ENERGY + L.E_SHAFT] + weight * shaft
+
+
+def add_energies(s: Vector, order: int, h: float) -> None:
+    """Integrate the powers over a sub-interval of h seconds."""
+    add_power(s, order, NODE_0, WEIGHT_0 * h)
+    add_power(s, order, NODE_1, WEIGHT_1 * h)
+    add_power(s, order, 1.0 - NODE_1, WEIGHT_1 * h)
+    add_power(s, order, 1.0 - NODE_0, WEIGHT_0 * h)

@@ -1,0 +1,176 @@
+"""Taylor series of the circuit's solution in x = t / h, 0 <= x <= 1. Kernel code: see `build.py` for its rules.
+
+Between events the circuit is linear with the EMF as an analytic input, so its series converges for any step; h is
+short enough for the last of at most ORDER terms to be below rounding. The same polynomials serve for the state, the
+diode instants, the divider filter and the energies.
+"""
+
+from __future__ import annotations
+
+from . import layout as L
+from .vector import Vector
+
+CONVERGED = 1e-17
+
+
+def build_series(s: Vector, h: float) -> int:
+    """Fill SERIES_I, _V, _E, _D for a step h (s) from the present state and return their order, 0 if h is too long."""
+    ia = s[L.I]
+    ib = s[L.I + 1]
+    ic = s[L.I + 2]
+    ra = s[L.RAIL]
+    rb = s[L.RAIL + 1]
+    rc = s[L.RAIL + 2]
+    omega = s[L.OMEGA]
+    ea = -s[L.PSI] * omega * s[L.SHAPE]
+    eb = -s[L.PSI + 1] * omega * s[L.SHAPE + 1]
+    ec = -s[L.PSI + 2] * omega * s[L.SHAPE + 2]
+    wh = omega * h
+    fa = -s[L.PSI] * omega * wh * s[L.SLOPE]
+    fb = -s[L.PSI + 1] * omega * wh * s[L.SLOPE + 1]
+    fc = -s[L.PSI + 2] * omega * wh * s[L.SLOPE + 2]
+    curvature = 0.0 if s[L.TRAPEZOID] != 0.0 else -wh * wh
+    rta = s[L.R] + s[L.R_LEG]
+    rtb = s[L.R + 1] + s[L.R_LEG + 1]
+    rtc = s[L.R + 2] + s[L.R_LEG + 2]
+    gaa = s[L.G]
+    gab = s[L.G + 1]
+    gac = s[L.G + 2]
+    gbb = s[L.G + 3]
+    gbc = s[L.G + 4]
+    gcc = s[L.G + 5]
+    conducting = s[L.CONDUCTING]
+    floating = int(s[L.FLOATING])
+    reference = int(s[L.REFERENCE])
+    clamp = int(s[L.STAR_CLAMP])
+    c_inv = s[L.LINK_C_INV]
+    supply = s[L.VALUE + L.SUPPLY]
+    source_g = s[L.SUPPLY_G] * s[L.SOURCE_ON]
+    leak_g = source_g + s[L.CHOPPER_G] * s[L.CHOPPER_ON]
+    d = s[L.VDC]
+    constant = 1.0
+    scale_i = 0.0
+    scale_d = (abs(d) + 1.0) * CONVERGED
+    converged = 0
+    k = 0
+    while k <= L.ORDER:
+        idc = ra * ia + rb * ib + rc * ic
+        if c_inv == 0.0:
+            d = constant * supply - s[L.SUPPLY_R] * idc
+        va = ra * d + constant * s[L.V_LEG]
+        vb = rb * d + constant * s[L.V_LEG + 1]
+        vc = rc * d + constant * s[L.V_LEG + 2]
+        ja = 0.0
+        jb = 0.0
+        jc = 0.0
+        if conducting > 1:
+            ua = va - rta * ia - ea
+            ub = vb - rtb * ib - eb
+            uc = vc - rtc * ic - ec
+            ja = gaa * ua + gab * ub + gac * uc
+            jb = gab * ua + gbb * ub + gbc * uc
+            jc = gac * ua + gbc * ub + gcc * uc
+            va -= s[L.R_LEG] * ia
+            vb -= s[L.R_LEG + 1] * ib
+            vc -= s[L.R_LEG + 2] * ic
+            if floating >= 0:
+                m = L.LM + 3 * reference
+                n = L.LM + 3 * floating
+                u = ua if reference == 0 else ub
+                u += (s[n] - s[m]) * ja + (s[n + 1] - s[m + 1]) * jb + (s[n + 2] - s[m + 2]) * jc
+                if floating == 0:
+                    va = u + ea
+                elif floating == 1:
+                    vb = u + eb
+                else:
+                    vc = u + ec
+        else:
+            if conducting == 0:
+                star = -(ea + eb + ec) / 3.0
+                if clamp == 0:
+                    star = -constant * s[L.DIODE_V] - ea
+                elif clamp == 1:
+                    star = -constant * s[L.DIODE_V] - eb
+                elif clamp == 2:
+                    star = -constant * s[L.DIODE_V] - ec
+            elif reference == 0:
+                star = va - ea
+            elif reference == 1:
+                star = vb - eb
+            else:
+                star = vc - ec
+            if reference != 0:
+                va = star + ea
+            if reference != 1:
+                vb = star + eb
+            if reference != 2:
+                vc = star + ec
+        s[L.SERIES_I + k] = ia
+        s[L.SERIES_I + L.NK + k] = ib
+        s[L.SERIES_I + 2 * L.NK + k] = ic
+        s[L.SERIES_V + k] = va
+        s[L.SERIES_V + L.NK + k] = vb
+        s[L.SERIES_V + 2 * L.NK + k] = vc
+        s[L.SERIES_E + k] = ea
+        s[L.SERIES_E + L.NK + k] = eb
+        s[L.SERIES_E + 2 * L.NK + k] = ec
+        s[L.SERIES_D + k] = d
+        if converged == 1:
+            return k
+        f = h / (k + 1)
+        ia = f * ja
+        ib = f * jb
+        ic = f * jc
+        if c_inv != 0.0:
+            d = f * c_inv * (constant * supply * source_g - leak_g * d - idc)
+        if k == 0:
+            scale_i = abs(s[L.I]) + abs(s[L.I + 1]) + abs(ia) + abs(ib) + abs(ic)
+            scale_i = scale_i * CONVERGED
+        ga = curvature * ea / ((k + 1) * (k + 2))
+        gb = curvature * eb / ((k + 1) * (k + 2))
+        gc = curvature * ec / ((k + 1) * (k + 2))
+        ea = fa
+        eb = fb
+        ec = fc
+        fa = ga
+        fb = gb
+        fc = gc
+        constant = 0.0
+        k += 1
+        # The term after a negligible one is kept as well, so that series with every other term zero are complete.
+        if (
+            k >= 2
+            and abs(ia) + abs(ib) + abs(ic) <= scale_i
+            and (c_inv == 0.0 or abs(d) <= scale_d)
+            and abs(ea) + abs(eb) + abs(ec) <= scale_d
+        ):
+            converged = 1
+    return 0
+
+
+def stretch(s: Vector, order: int, x: float) -> None:
+    """Rescale all series to the shorter step x * h."""
+    f = x
+    for k in range(1, order + 1):
+        for p in range(3):
+            s[L.SERIES_I + p * L.NK + k] = f * s[L.SERIES_I + p * L.NK + k]
+            s[L.SERIES_V + p * L.NK + k] = f * s[L.SERIES_V + p * L.NK + k]
+            s[L.SERIES_E + p * L.NK + k] = f * s[L.SERIES_E + p * L.NK + k]
+        s[L.SERIES_D + k] = f * s[L.SERIES_D + k]
+        f = f * x
+
+
+def series_end(s: Vector, base: int, order: int) -> float:
+    """Value of a series at x = 1, small terms first."""
+    total = 0.0
+    for k in range(order, -1, -1):
+        total += s[base + k]
+    return total
+
+
+def series_at(s: Vector, base: int, order: int, x: float) -> float:
+    """Value of a series at x."""
+    total = 0.0
+    for k in range(order, -1, -1):
+        total = total * x + s[base + k]
+    return total

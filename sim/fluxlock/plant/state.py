@@ -1,0 +1,134 @@
+"""Makes the initial state vector from parameters."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from . import layout as L
+from .circuit import connect, terminals_now
+from .emf import TWO_PI, shape_now
+from .params import MECHANICS_MODES, MachineParams, PlantParams, SensingParams
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def write_machine(s: FloatArray, machine: MachineParams, turns: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> None:
+    """Write machine parameters; `turns` are the fractions of each winding's turns that still act."""
+    s[L.POLE_PAIRS] = machine.pole_pairs
+    s[L.TRAPEZOID] = machine.emf == "trapezoidal"
+    s[L.RAMP] = math.radians((180.0 - machine.flat_top_deg) / 2.0)
+    mutual = {(0, 1): machine.m_h[0], (1, 2): machine.m_h[1], (0, 2): machine.m_h[2]}
+    for x in range(L.PHASES):
+        s[L.R + x] = machine.r_ohm[x] * turns[x]
+        s[L.PSI + x] = machine.psi_vs[x] * turns[x]
+        for y in range(L.PHASES):
+            henry = machine.l_h[x] if x == y else mutual[min(x, y), max(x, y)]
+            s[L.LM + L.PHASES * x + y] = henry * turns[x] * turns[y]
+    s[L.G_MASK] = -1
+
+
+def write_sensing(s: FloatArray, sensing: SensingParams, seed: int) -> None:
+    """Write converter parameters and the noise keys of a seed."""
+    codes = 1 << sensing.bits
+    s[L.POLE_S] = sensing.divider_pole_s
+    s[L.ADC_MAX] = codes - 1
+    s[L.NOISE_LSB] = sensing.noise_lsb_rms
+    s[L.DECAY_H] = -1.0
+    gains = (*sensing.divider_gain, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    for channel in range(L.CHANNELS):
+        bipolar = channel in (3, 4, 5, 7)
+        span = 2.0 * sensing.i_full_scale_a if bipolar else sensing.v_full_scale_v
+        s[L.CODES_PER_UNIT + channel] = gains[channel] * codes / span
+        s[L.CODE_ZERO + channel] = (codes // 2 if bipolar else 0) + sensing.offset_lsb[channel]
+        s[L.STUCK + channel] = -1.0
+    for key in range(1 + L.CHANNELS):
+        digest = hashlib.sha256(f"{seed}:{key}".encode()).digest()
+        s[L.NOISE_KEY + key] = int.from_bytes(digest[:4], "little")
+
+
+def write_profile(s: FloatArray, profile: tuple[tuple[float, float], ...]) -> None:
+    """Write the corners (s, mechanical rad/s) of an imposed speed."""
+    s[L.PROFILE_N] = len(profile)
+    s[L.PROFILE_AT] = 0
+    for k, (t_s, omega_m) in enumerate(profile):
+        s[L.PROFILE_T + k] = t_s
+        s[L.PROFILE_W + k] = omega_m * s[L.POLE_PAIRS]
+
+
+def initial_state(params: PlantParams, seed: int) -> FloatArray:
+    """State at cycle 0: all gates off, no current, link charged, dividers settled."""
+    recording = params.recording
+    rows = L.WAVE_COLUMNS * (recording.wave_rows + recording.zoom_rows)
+    s: FloatArray = np.zeros(L.BUFFERS + rows + L.EVENT_COLUMNS * recording.event_rows)
+    s[L.CLOCK_S] = params.clock_period_s
+    write_machine(s, params.machine)
+
+    inverter = params.inverter
+    s[L.R_ON] = inverter.r_on_ohm
+    s[L.DIODE_V] = inverter.diode_drop_v
+    s[L.DIODE_R] = inverter.diode_r_ohm
+    s[L.SUPPLY_R] = inverter.supply_r_ohm
+    if inverter.dc_link_c_f > 0.0:
+        s[L.SUPPLY_G] = 1.0 / inverter.supply_r_ohm
+        s[L.LINK_C_INV] = 1.0 / inverter.dc_link_c_f
+    s[L.SUPPLY_DIODE] = inverter.supply_diode
+    s[L.CHOPPER_ON_V] = inverter.chopper_on_v
+    s[L.CHOPPER_OFF_V] = inverter.chopper_off_v
+    s[L.CHOPPER_G] = 1.0 / inverter.chopper_ohm if inverter.chopper_ohm > 0.0 else 0.0
+
+    mechanics = params.mechanics
+    s[L.MECHANICS] = MECHANICS_MODES[mechanics.mode]
+    s[L.INERTIA] = mechanics.inertia_kgm2
+    s[L.STICTION_RATIO] = mechanics.stiction_ratio
+    s[L.STEP_MAX_S] = mechanics.step_max_s
+    s[L.VALUE + L.FAN] = mechanics.fan_nm_s2_per_rad2
+    s[L.VALUE + L.CONSTANT] = mechanics.constant_nm
+    s[L.VALUE + L.VISCOUS] = mechanics.viscous_nm_s_per_rad
+    s[L.VALUE + L.COULOMB] = mechanics.coulomb_nm
+    s[L.VALUE + L.SUPPLY] = inverter.supply_v
+    write_profile(s, mechanics.profile)
+    s[L.OMEGA] = mechanics.omega_m_rad_s * params.machine.pole_pairs
+    if mechanics.mode == "locked":
+        s[L.OMEGA] = 0.0
+    elif mechanics.mode == "imposed" and mechanics.profile:
+        s[L.OMEGA] = np.interp(0.0, *zip(*mechanics.profile, strict=True)) * params.machine.pole_pairs
+    s[L.TURNS] = math.floor(mechanics.theta_e_rad / TWO_PI)
+    s[L.THETA] = mechanics.theta_e_rad - TWO_PI * s[L.TURNS]
+
+    write_sensing(s, params.sensing, seed)
+    s[L.WAVE_EVERY] = recording.every_strobes
+    s[L.ENERGY_ON] = recording.energies
+    write_zoom(s, recording.zoom)
+    s[L.WAVE_AT] = L.BUFFERS
+    s[L.WAVE_ROWS] = recording.wave_rows
+    s[L.ZOOM_AT] = L.BUFFERS + L.WAVE_COLUMNS * recording.wave_rows
+    s[L.ZOOM_ROWS] = recording.zoom_rows
+    s[L.EVENT_AT] = L.BUFFERS + rows
+    s[L.EVENT_ROWS] = recording.event_rows
+
+    s[L.VDC] = inverter.supply_v
+    s[L.SOURCE_ON] = 1.0
+    s[L.H_LIMIT] = 1e-3
+    view = memoryview(s)
+    shape_now(view)
+    connect(view, 0)
+    terminals_now(view)
+    s[L.FILTERED : L.FILTERED + 3] = s[L.VT : L.VT + 3]
+    s[L.FILTERED + 3] = s[L.VDC]
+    # The first event finds and logs again what conducts from the start.
+    s[L.MODE : L.MODE + 3] = L.OPEN
+    s[L.G_MASK] = -1.0
+    s[L.EVENT_COUNT] = 0.0
+    return s
+
+
+def write_zoom(s: FloatArray, windows: tuple[tuple[int, int], ...]) -> None:
+    """Write the zoom windows (first and last cycle)."""
+    s[L.ZOOM_N] = len(windows)
+    for k, (first, last) in enumerate(windows):
+        s[L.ZOOM_T0 + k] = first
+        s[L.ZOOM_T1 + k] = last

@@ -1,0 +1,1 @@
+"""Whole-chip tests: RTL, firmware on the soft core, and plant. They judge physics."""

@@ -1,0 +1,209 @@
+"""The command line as a user meets it: output, exit codes, no tracebacks.
+
+The simulation is replaced by synthetic data.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from fluxlock import cli
+from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, load_trace
+from fluxlock.config import Scenario
+from fluxlock.paths import ROOT
+
+from tests.analysis.synthetic import Drive, make_run
+
+Invoke = Callable[..., tuple[int, str, str]]
+
+DEMO = str(ROOT / "scenarios" / "demo.toml")
+SHORT = [
+    "--set",
+    "duration_s=0.02",
+    "--set",
+    "event=[{at_s=0.0,speed_rpm=60000}]",
+    "--set",
+    'window=[{name="steady",from_s=0.002,to_s=0.01},{name="loaded",from_s=0.01,to_s=0.018}]',
+]
+
+
+@pytest.fixture
+def invoke(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Invoke:
+    """Call main() with arguments; returns exit code, stdout, stderr."""
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["fluxlock", *arguments])
+        monkeypatch.setenv("COLUMNS", "120")
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(caught.value.code or 0), out, err
+
+    return call
+
+
+@pytest.fixture
+def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Replace the co-simulation; `calls` collects what it was asked for, `drive` is what it returns."""
+    module = ModuleType("fluxlock.cosim.run")
+    state: dict[str, Any] = {"calls": [], "drive": Drive(), "fault": None}
+
+    def run_scenario(
+        scenario: Scenario, out_dir: Path, seed: int, waves: bool, progress: Callable[[ProgressInfo], None]
+    ) -> RunData:
+        state["calls"].append((scenario.name, out_dir, seed, waves))
+        progress(ProgressInfo(0.01, 0.02, 60_000.0, 1.1e6, "run"))
+        data = make_run(state["drive"])
+        data.seed = seed
+        if state["fault"]:
+            raise SimulationFault(state["fault"], data)
+        return data
+
+    module.run_scenario = run_scenario
+    monkeypatch.setitem(sys.modules, "fluxlock.cosim.run", module)
+    return state
+
+
+def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """Exit code 0; result, trace and plots are written and the table is printed.
+
+    Verifies: FRONT-06, FRONT-09
+    """
+    code, out, err = invoke("run", DEMO, "--out", str(tmp_path / "o"), *SHORT, "--seed", "5", "--waves")
+    assert code == 0, err
+    assert simulator["calls"] == [("demo", tmp_path / "o", 5, True)]
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        "result.json",
+        "trace.npz",
+        "overview.png",
+        "zoom.png",
+    }
+    assert "commutation error rms" in out and "steady" in out and "loaded" in out
+    result = json.loads((tmp_path / "o" / "result.json").read_text())
+    assert result["failures"] == [] and result["trips"] == []
+    assert result["metrics"]["steady"]["commutation_error_deg"]["rms"] < 0.01
+    run = result["run"]
+    assert run["seed"] == 5 and run["cycles"] == 1_000_000 and run["overruns"] == 0
+    assert run["cycles_per_s"] == pytest.approx(500_000) and run["realtime_factor"] == pytest.approx(0.01)
+    assert run["isr"]["control"] == {"min": 300, "mean": 350.5, "max": 400, "count": 1000}
+    assert "python" in run["tool_versions"] and "git_revision" in run
+    assert result["scenario"]["settings"]["motor"]["pole_pairs"] == 1
+    assert load_trace(tmp_path / "o" / "trace.npz").seed == 5
+
+
+def test_missed_expectation_fails(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """Exit code 1 and a line that names window, metric, value and limit.
+
+    Verifies: FRONT-06, FRONT-07
+    """
+    simulator["drive"] = Drive(commutation_error=lambda k: 1.0)
+    code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 1
+    assert re.search(
+        r"^failed: steady: commutation_error_deg.rms is 1(\.00\d)?, expected max 0.3$", err, re.M
+    ), err
+    assert re.search(r"1\.00\d !", out), out
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert sum(not e["pass"] for e in result["expectations"]) == 4
+
+
+def test_trip_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """An unexpected trip fails the run, an expected one passes it, an expected one that stays away fails.
+
+    Verifies: FRONT-06, FRONT-07, FRONT-14
+    """
+    expects = [*SHORT, "--set", 'expect_trip=["phase_current"]']
+    simulator["drive"] = Drive(trip_at_s=0.019, trip_mask=1)
+    code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 1 and "failed: trip at 0.019000 s: phase_current" in err and "phase_current" in out
+    assert invoke("run", DEMO, "--out", str(tmp_path), *expects)[0] == 0
+    simulator["drive"] = Drive()
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *expects)
+    assert code == 1 and "expected trip did not happen: phase_current" in err
+
+
+def test_simulation_fault_keeps_what_there_is(
+    invoke: Invoke, simulator: dict[str, Any], tmp_path: Path
+) -> None:
+    """Exit code 1 with the fault named; results up to it are written.
+
+    Verifies: FRONT-06
+    """
+    simulator["fault"] = "plant: shoot-through in leg A at 0.02 s"
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 1 and "failed: simulation: plant: shoot-through in leg A" in err
+    assert "Traceback" not in err and (tmp_path / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "missing.toml"], "error: missing.toml: file not found"),
+        (
+            ["run", DEMO, "--set", "drive.duty_max=1.5"],
+            "error: --set: drive.duty_max: 1.5 is out of range, permitted 0.05",
+        ),
+        (["run", DEMO, "--set", "inverter.supply_v=10"], "needs at least 11.0 V"),
+        (["run", DEMO, "--set", "nonsense"], "error: --set: nonsense: must have the form key=value"),
+        (["run", DEMO, "--out", "/dev/null/x"], "error: --out: /dev/null/x: cannot be created"),
+        (["motor", "check", "missing.toml"], "error: missing.toml: file not found"),
+        (["motor", "info", DEMO], "drive: unknown key"),
+        (["run", DEMO, "--seed", "x"], "--seed"),
+        (["frobnicate"], "frobnicate"),
+    ],
+)
+def test_bad_input(invoke: Invoke, simulator: dict[str, Any], arguments: list[str], expected: str) -> None:
+    """Exit code 2, one line a problem on stderr, no traceback, no simulation.
+
+    Verifies: FRONT-02, FRONT-06
+    """
+    code, out, err = invoke(*arguments)
+    assert code == 2 and expected in err, err
+    assert "Traceback" not in err and out == "" and simulator["calls"] == []
+    if "error: " in err:
+        assert all(line.startswith("error: ") for line in err.splitlines())
+
+
+def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
+    """The real command in a process of its own: every line names file and key.
+
+    Verifies: FRONT-02, FRONT-06
+    """
+    text = (ROOT / "motors" / "motor-1.toml").read_text()
+    bad = tmp_path / "bad.toml"
+    bad.write_text(text.replace("inductance_h = 22e-6", "inductance_h = -22e-6").replace("emf =", "enf ="))
+    command = [sys.executable, "-m", "fluxlock.cli", "motor", "check", str(bad)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2 and done.stdout == ""
+    assert sorted(done.stderr.splitlines()) == [
+        f"error: {bad}: emf: required key is missing",
+        f'error: {bad}: enf: unknown key, did you mean "emf"?',
+        f"error: {bad}: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 1 H",
+    ]
+
+
+def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
+    """Check and info of a good file; unusual contents are warned about.
+
+    Verifies: FRONT-06
+    """
+    motor = ROOT / "motors" / "motor-1.toml"
+    code, out, err = invoke("motor", "check", str(motor))
+    assert (code, err) == (0, "") and out.startswith(f"{motor}: ok (Motor-I")
+    code, out, _ = invoke("motor", "info", str(motor))
+    assert code == 0 and "torque constant" in out and "inductance_h" in out
+    code, out, _ = invoke("motor", "info", str(motor), "--json")
+    derived = json.loads(out)["derived"]
+    assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])
+    odd = tmp_path / "odd.toml"
+    odd.write_text(motor.read_text().replace("rated_current_a = 30.0", "rated_current_a = 2.5"))
+    code, _, err = invoke("motor", "check", str(odd))
+    assert code == 0 and "warning" in err and "rated_current_a" in err

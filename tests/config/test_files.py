@@ -1,0 +1,361 @@
+"""Reading and checking of motor, inverter and scenario files."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from fluxlock.analysis.rundata import TRIP_CAUSES
+from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
+from fluxlock.config.checks import required_voltage
+from fluxlock.config.info import derived_values, warnings
+from fluxlock.config.scenario import Channel, Drive, TripCause
+from fluxlock.config.schema import PAGE, page
+from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS
+from fluxlock.paths import ROOT
+from fluxlock.plant.params import CHANNEL_NAMES
+
+DEMO = ROOT / "scenarios" / "demo.toml"
+
+
+def names(folder: str) -> list[str]:
+    return sorted(p.name for p in (ROOT / folder).glob("*.toml"))
+
+
+def errors(*overrides: str, path: Path = DEMO) -> list[str]:
+    """Problems of a scenario with overrides, as lines with the file reduced to its name."""
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(path, overrides)
+    return [str(p).replace(f"{p.file}:", f"{Path(p.file).name}:", 1) for p in caught.value.problems]
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """The shipped files in a folder of the test's own."""
+    for folder in ("motors", "inverters", "scenarios"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    return tmp_path
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+# ---- shipped files
+
+
+@pytest.mark.parametrize("name", names("motors"))
+def test_shipped_motors(name: str) -> None:
+    """Each shipped motor file is valid and without warnings.
+
+    Verifies: FRONT-01
+    """
+    assert warnings(load_motor(ROOT / "motors" / name)) == []
+
+
+@pytest.mark.parametrize("name", names("inverters"))
+def test_shipped_inverters(name: str) -> None:
+    """Each shipped inverter file is valid.
+
+    Verifies: FRONT-01
+    """
+    assert load_inverter(ROOT / "inverters" / name).supply_v > 0
+
+
+@pytest.mark.parametrize("name", names("scenarios"))
+def test_shipped_scenarios(name: str) -> None:
+    """Each shipped scenario is valid and ends after its windows.
+
+    Verifies: FRONT-01
+    """
+    scenario = load_scenario(ROOT / "scenarios" / name)
+    begin, end = scenario.zoom_window_s()
+    assert 0 <= begin < end <= scenario.duration_s
+
+
+def test_motor_1_agrees_with_the_thesis() -> None:
+    """Load of 20 mN*m at 60 000 r/min takes about 12 A and 10.4 V mean line EMF (psi omega 3 sqrt 3 / pi).
+
+    Verifies: FRONT-01
+    """
+    motor = load_motor(ROOT / "motors" / "motor-1.toml")
+    inverter = load_inverter(ROOT / "inverters" / "bench-25v.toml")
+    omega = 2 * math.pi * 1000
+    emf_v = 3 * math.sqrt(3) / math.pi * 1e-3 * omega
+    current = 0.020 * omega / emf_v
+    assert motor.load.torque_nm(60_000) == pytest.approx(0.020)
+    assert motor.load.torque_nm(30_000) == pytest.approx(0.005)
+    drop_v = current * (2 * 0.020 + 2 * inverter.on_resistance_ohm + inverter.supply_resistance_ohm)
+    assert required_voltage(motor, inverter, 60_000, 0.020) == pytest.approx(emf_v + drop_v)
+    values = {v.key: v.value for v in derived_values(motor)}
+    assert values["max_electrical_hz"] == pytest.approx(94_000 / 60)
+    assert values["torque_constant_nm_per_a"] == pytest.approx(1.654e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("flat_top_deg", [170.0, 120.0, 90.0, 60.0])
+def test_mean_line_flux_of_a_trapezoid(flat_top_deg: float) -> None:
+    """The mean line EMF over a sector equals the numeric mean of the trapezoids of two phases.
+
+    Verifies: FRONT-01
+    """
+    motor = load_motor(ROOT / "motors" / "pump-4pp.toml").model_copy(update={"flat_top_deg": flat_top_deg})
+    ramp = (180 - flat_top_deg) / 2
+
+    def shape(angle: float) -> float:
+        a = angle % 360
+        sign = 1.0 if a < 180 else -1.0
+        return sign * min(1.0, (a % 180) / ramp, (180 - a % 180) / ramp)
+
+    n = 6000
+    angles = [30 + 60 * (k + 0.5) / n for k in range(n)]
+    mean = sum(shape(a) - shape(a - 120) for a in angles) / n
+    assert motor.line_flux_vs == pytest.approx(motor.psi_vs[0] * mean, rel=1e-6)
+
+
+def test_mutual_inductance_gives_self_inductance() -> None:
+    """Self minus mutual stays what the file states.
+
+    Verifies: FRONT-01
+    """
+    motor = load_motor(ROOT / "motors" / "motor-1.toml").model_copy(
+        update={"mutual_h": (-3e-6, -3e-6, -3e-6)}
+    )
+    assert motor.self_inductance_h == pytest.approx((19e-6, 19e-6, 19e-6))
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("drive.carier_hz=1e4", '--set: drive.carier_hz: unknown key, did you mean "carrier_hz"?'),
+        ("commutation=RSC", '--set: commutation: unknown key, did you mean "drive.commutation"?'),
+        ("drive.commutation=CCS", "'CCS' is not permitted, permitted: RSC, NSC, CSC, did you mean \"CSC\"?"),
+        ("drive.pattern=on-pwm", 'did you mean "ON-PWM"?'),
+        ("drive.duty_max=1.2", "--set: drive.duty_max: 1.2 is out of range, permitted 0.05 to 1"),
+        ("drive.carrier_hz=fast", "--set: drive.carrier_hz: must be a number, not 'fast'"),
+        ("drive.sync_rect=1", "--set: drive.sync_rect: must be true or false, not 1"),
+        ("drive=3", "--set: drive: must be a table, not 3"),
+        ("seed=1.5", "--set: seed: must be a whole number, not 1.5"),
+        (
+            "motor.inductance_h=-1e-6",
+            "--set: motor.inductance_h: -1e-06 H is out of range, permitted 1e-08 to 1 H",
+        ),
+        ("motor.resistance_ohm=[0.1,0.1,-1]", "--set: motor.resistance_ohm[2]: -1 Ohm is out of range"),
+        ("motor.resistance_ohm=[0.1,0.1]", "must be a number or an array of 3 numbers"),
+        ("motor.psi_vs=nan", "--set: motor.psi_vs: nan V*s/rad is out of range"),
+        (
+            "motor.mutual_h=-30e-6",
+            "--set: motor.mutual_h: with inductance_h gives a self inductance of -8e-06 H",
+        ),
+        ("motor.mutual_h=[60e-6, -10e-6, -10e-6]", "not positive definite"),
+        ("motor.pole_pairs=true", "--set: motor.pole_pairs: must be a whole number, not true"),
+        ("motor.load.fan_speed_rpm=0", "--set: motor.load.fan_speed_rpm: 0 r/min is out of range"),
+        (
+            "inverter.min_pulse_s=1e-7",
+            "--set: inverter.min_pulse_s: 1e-07 s is shorter than dead_time_s (2e-07 s)",
+        ),
+        (
+            "inverter.sensing.voltage_full_scale_v=20",
+            "does not cover supply_v times the largest divider gain (25 V)",
+        ),
+        ("inverter.sensing.conversion_s=2e-6", "is longer than sample_period_s"),
+        ("inverter.protection.phase_current_a=60", "is not below sensing.current_full_scale_a (50 A)"),
+        ("inverter.dc_link_f=0", "OK"),
+        ("motor=motors/motor-3.toml", "--set: motor: file not found (motors/motor-3.toml)"),
+        ("event=3", "--set: event: must be an array, not 3"),
+        ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted 0 to 4'),
+        ("event[0].command=status", "--set: event[0]: needs exactly one action"),
+        ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),
+        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = 1.55 s)"),
+        ("window.steady.to_s=9", "--set: window[0].to_s: 9 s is after the end of the run"),
+        ("window.steady.to_s=0.1", "is not after from_s"),
+        ("window.loaded.name=steady", '"steady" names two windows'),
+        ("expect[0].window=stedy", '"stedy"'),
+        ("expect[0].metric=speed_rpm.avg", '"speed_rpm.avg" is no metric'),
+        ("event[0].speed_rpm=200000", "200000 r/min is above max_speed_rpm of the motor (94000 r/min)"),
+        ("drive.carrier_hz=4000", "is less than one carrier a sector at 60000 r/min, permitted from 6000 Hz"),
+        ("inverter.min_pulse_s=10e-6", "leaves less than four minimum pulses"),
+        ("drive.current_limit_a=46", "is not below protection.phase_current_a"),
+        ("drive.current_limit_a=14", "permitted by drive.current_limit_a 14.0 A"),
+        ("drive.start.current_a=31", "is above drive.current_limit_a (30 A)"),
+        (
+            "event[0].speed_rpm=-5000",
+            "--set: event[0].speed_rpm: -5000 r/min is out of range, permitted 1 to",
+        ),
+        ("nonsense", "--set: nonsense: must have the form key=value"),
+        ("seed.x=1", "--set: seed.x: seed is not a table"),
+        ("mechanics.mode=imposed", "mechanics.profile"),
+        ("record.zoom_from_s=0.1", "zoom_from_s and zoom_to_s go together"),
+        (
+            'event[0]={at_s=0.1,fault={kind="fault_pin",phases=["A"]}}',
+            'does not belong to kind = "fault_pin"',
+        ),
+        (
+            'event[0]={at_s=0.1,fault={kind="shorted_winding"}}',
+            "event[0].fault.phases: required key is missing",
+        ),
+    ],
+)
+def test_bad_values(override: str, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One wrong key: a message with its place, its value and what is permitted.
+
+    Verifies: FRONT-02, FRONT-03, FRONT-04, FRONT-05
+    """
+    monkeypatch.chdir(ROOT)
+    if expected == "OK":
+        load_scenario(DEMO, [override])
+        return
+    found = errors(override)
+    assert any(expected in line for line in found), found
+
+
+def test_unreachable_speed_states_both_voltages() -> None:
+    """A supply that is too low for the speed: required and available voltage are in the message.
+
+    Verifies: FRONT-04
+    """
+    found = errors("inverter.supply_v=10")
+    assert len(found) == 2
+    assert "event[0].speed_rpm: 60000 r/min with 0.02 N*m needs at least 11.0 V" in found[0]
+    assert "available 10.0 V" in found[0]
+    # The load step raises the need, so it is refused by itself too.
+    assert "event[2].load_factor" in found[1]
+
+
+def test_duty_limit_takes_voltage_away() -> None:
+    """The voltage that is available is the supply times the largest duty.
+
+    Verifies: FRONT-04
+    """
+    assert any("available 10.0 V" in line for line in errors("drive.duty_max=0.4"))
+
+
+def test_all_problems_at_once() -> None:
+    """Problems of all three files come in one go.
+
+    Verifies: FRONT-02
+    """
+    found = errors("motor.inductance_h=-1", "inverter.supply_v=-1", "drive.duty_max=2", "name=3", "nonsense")
+    assert {line.split(": ")[1] for line in found} == {
+        "motor.inductance_h",
+        "inverter.supply_v",
+        "drive.duty_max",
+        "name",
+        "nonsense",
+    }
+
+
+def test_problems_in_files_name_the_file(copy: Path) -> None:
+    """A key in a file is reported under that file's name, without the prefix of the scenario.
+
+    Verifies: FRONT-02
+    """
+    edit(copy / "motors" / "motor-1.toml", "inductance_h = 22e-6", "inductance_h = -22e-6\ninductence = 1")
+    edit(copy / "inverters" / "bench-25v.toml", "dead_time_s = 200e-9\n", "")
+    edit(copy / "scenarios" / "demo.toml", "carrier_hz = 40_000", 'carrier_hz = "40k"')
+    found = errors(path=copy / "scenarios" / "demo.toml")
+    assert sorted(found) == [
+        "bench-25v.toml: dead_time_s: required key is missing",
+        "demo.toml: drive.carrier_hz: must be a number, not '40k'",
+        "motor-1.toml: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 1 H",
+        'motor-1.toml: inductence: unknown key, did you mean "inductance_h"?',
+    ]
+
+
+def test_missing_and_broken_files(copy: Path) -> None:
+    """Files that are not there, are folders, or are not TOML.
+
+    Verifies: FRONT-02, FRONT-03
+    """
+    scenarios = copy / "scenarios"
+    assert errors(path=scenarios / "dmo.toml") == ['dmo.toml: file not found, did you mean "demo.toml"?']
+    assert errors(path=scenarios) == ["scenarios: is a folder, not a file"]
+    edit(scenarios / "demo.toml", 'motor = "../motors/motor-1.toml"', 'motor = "../motors/motor1.toml"')
+    found = errors(path=scenarios / "demo.toml")
+    assert len(found) == 1
+    assert (
+        found[0].startswith("demo.toml: motor: file not found") and 'did you mean "motor-1.toml"?' in found[0]
+    )
+    (copy / "motors" / "motor1.toml").write_text("name = ", encoding="utf-8")
+    assert errors(path=scenarios / "demo.toml")[0].startswith("motor1.toml: is not valid TOML: ")
+    (copy / "motors" / "motor1.toml").write_bytes(b"name = '\xff'")
+    assert errors(path=scenarios / "demo.toml")[0].startswith("motor1.toml: cannot be read")
+    edit(scenarios / "demo.toml", 'motor = "../motors/motor1.toml"\n', "")
+    assert errors(path=scenarios / "demo.toml") == [
+        "demo.toml: motor: required key is missing: path of the motor file"
+    ]
+
+
+# ---- overrides
+
+
+def test_overrides_reach_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenario, motor and inverter keys, array entries, windows by name, whole files, new tables.
+
+    Verifies: FRONT-05
+    """
+    monkeypatch.chdir(ROOT)
+    s = load_scenario(
+        DEMO,
+        [
+            "drive.commutation=RSC",
+            "drive.zcd.interpolate=false",
+            "motor=motors/motor-2.toml",
+            "motor.psi_vs=1e-3",
+            "inverter.sensing.divider_gain=[1.1, 1.0, 0.9]",
+            "window.loaded.to_s=1.13",
+            "event[2].load_factor=1.1",
+            "load.fan_torque_nm=0.002",
+            "drive.current_limit_a=9",
+            "record.period_s=20e-6",
+        ],
+    )
+    assert s.drive.commutation == "RSC" and s.drive.zcd.interpolate is False
+    assert s.motor.name == "Motor-II" and s.motor.psi_vs == (1e-3,) * 3
+    assert s.inverter.sensing.divider_gain == (1.1, 1.0, 0.9)
+    assert s.window[1].to_s == 1.13 and s.event[2].load_factor == 1.1
+    assert s.record.period_s == 20e-6
+    assert Path(s.sources.motor).name == "motor-2.toml"
+
+
+def test_defaults_that_follow_from_other_files() -> None:
+    """Load, current limit and slope come from the motor where the scenario states none.
+
+    Verifies: FRONT-05
+    """
+    s = load_scenario(ROOT / "scenarios" / "own-pump.toml")
+    assert s.shaft_load == s.motor.load
+    assert s.current_limit_a == s.motor.rated_current_a
+    expected = 0.25 * s.motor.rated_torque_nm / s.motor.inertia_kgm2 * 30 / math.pi
+    assert s.accel_rpm_per_s == pytest.approx(expected)
+
+
+def test_words_are_those_of_the_other_parts() -> None:
+    """Trip causes, channels, commutations and patterns are the words of analysis, plant and firmware.
+
+    Verifies: FRONT-05
+    """
+    assert get_args(TripCause) == TRIP_CAUSES
+    assert get_args(Channel) == CHANNEL_NAMES
+    assert get_args(Drive.model_fields["commutation"].annotation) == COMMUTATIONS
+    assert get_args(Drive.model_fields["pattern"].annotation) == PATTERNS
+
+
+# ---- reference page
+
+
+def test_reference_page_is_up_to_date() -> None:
+    """The committed page is what the models give now, and names every key.
+
+    Verifies: FRONT-08
+    """
+    assert PAGE.read_text(encoding="utf-8") == page()
+    for key in ("inductance_h", "voltage_full_scale_v", "carrier_hz", "turns_fraction", "zoom_from_s"):
+        assert f"| `{key}` |" in page()

