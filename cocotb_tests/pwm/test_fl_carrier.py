@@ -1,0 +1,307 @@
+"""Carrier: widths, carry, shadowing, commutation patterns and the minimum-pulse rule.
+
+The oracle counts clocks of the recorded pulse; a carrier of n clocks owes min(duty, n).
+No internal state is read.
+"""
+
+from __future__ import annotations
+
+import random
+
+import cocotb
+import numpy as np
+import pytest
+from fluxlock.cosim.block import run_block_test
+
+from cocotb_tests.pwm.chain import (
+    COMM_TO_GATE,
+    CSC,
+    H_ON_L_PWM,
+    H_PWM_L_ON,
+    NSC,
+    ON_PWM,
+    PWM_ON,
+    RSC,
+    SOURCES,
+    Chain,
+    Drive,
+    Dut,
+    Trace,
+    add,
+    carriers,
+    pulse,
+    runs,
+)
+
+PERIOD = 100
+PATTERNS = (RSC, NSC, CSC)
+
+
+def owed(trace: Trace, duty: float) -> np.ndarray:
+    """Volt-seconds delivered less volt-seconds owed after every whole carrier, in clocks."""
+    rows = carriers(trace)
+    return np.cumsum([on - min(duty, n) for _, n, on in rows])
+
+
+@cocotb.test()
+async def fraction_carries_over(dut: Dut) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD)
+    for duty_q8 in (
+        30 * 256,
+        30 * 256 + 1,
+        30 * 256 + 64,
+        30 * 256 + 128,
+        47 * 256 + 255,
+        1 * 256,
+        94 * 256 + 200,
+    ):
+        await tb.update(duty_q8=duty_q8)
+        await tb.run(2 * PERIOD, {})
+        rows = carriers(await tb.run(40 * PERIOD, {}))
+        duty = duty_q8 / 256
+        assert {n for _, n, _ in rows} == {PERIOD}
+        widths = [on for _, _, on in rows]
+        assert set(widths) <= {int(duty), int(duty) + 1}, f"duty {duty}: widths {set(widths)}"
+        error = np.cumsum([w - duty for w in widths])
+        assert np.ptp(error) < 1.0 + 1e-9, f"duty {duty}: accumulated error spans {np.ptp(error)} clocks"
+
+
+@cocotb.test()
+async def pulse_is_at_the_start(dut: Dut) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=37 * 256)
+    trace = await tb.run(10 * PERIOD, {})
+    assert np.array_equal(trace.pulse, (trace.count < 37).astype(int))
+    assert np.array_equal(trace.start, (trace.count == 0).astype(int))
+
+
+@cocotb.test()
+async def extremes_have_no_edges(dut: Dut) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, min_pulse=10)
+    for duty_q8, level in ((0, 0), (PERIOD * 256, 1), (0, 0), (0xFFFFFF, 1), (45 * 256 + 7, None), (0, 0)):
+        await tb.update(duty_q8=duty_q8)
+        drive: Drive = {}
+        pulse(drive, [537, 911, 1350], "comm_valid_i")
+        trace = await tb.run(20 * PERIOD, drive)
+        if level is not None:
+            tail = trace.pulse[2 * PERIOD :]
+            assert np.all(tail == level), (
+                f"duty {duty_q8}: {np.count_nonzero(tail != level)} clocks off {level}"
+            )
+            edges = np.count_nonzero(np.diff(trace.pulse))
+            assert edges <= (1 if level else 2), f"duty {duty_q8}: {edges} edges after the change"
+
+
+@cocotb.test()
+@cocotb.parametrize(duty_clocks=[0.5, 3.25, 9.99, 10, 11.5, 88.5, 89.75, 90, 90.5, 95.125, 99.5])
+async def minimum_pulse_and_gap(dut: Dut, duty_clocks: float) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, min_pulse=10, duty_q8=round(duty_clocks * 256))
+    trace = await tb.run(120 * PERIOD, {})
+    lengths = [n for _, _, n in runs(trace.pulse)]
+    assert lengths and min(lengths) >= 10, f"shortest stretch {min(lengths, default=0)} clocks"
+    error = owed(trace, round(duty_clocks * 256) / 256)
+    # What is held back stays below one minimum pulse; the plan is made up to 4 clocks before its carrier.
+    assert np.ptp(error) <= 10 + 4 + 1, f"volt-seconds wander by {np.ptp(error)} clocks"
+    dropped = (trace.dropped[-1] - trace.dropped[0]) % 65536
+    assert (dropped > 0) == (duty_clocks < 10 or duty_clocks > 90), f"{dropped} pulses counted as changed"
+
+
+@cocotb.test()
+async def settings_wait_for_update_and_carrier_start(dut: Dut) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=40 * 256)
+    await align(tb, PERIOD)
+    trace = await tb.run(
+        5 * PERIOD, {10: {"cfg_duty_q8_i": 60 * 256, "cfg_period_i": 150, "cfg_min_pulse_i": 30}}
+    )
+    assert {(n, on) for _, n, on in carriers(trace)} == {(PERIOD, 40)}, "changed without update"
+    for lead in range(1, 12):
+        new_period, new_duty = (150, 60) if lead % 2 else (PERIOD, 40)
+        old_period, old_duty = (PERIOD, 40) if lead % 2 else (150, 60)
+        await align(tb, old_period)
+        drive: Drive = {
+            0: {"cfg_duty_q8_i": new_duty * 256, "cfg_period_i": new_period, "cfg_min_pulse_i": 5}
+        }
+        pulse(drive, [old_period - lead], "update_i")
+        rows = [(n, on) for _, n, on in carriers(await tb.run(5 * 150 + 1, drive))]
+        old_carriers = 1 if lead >= 4 else 2  # the update needs 4 clocks to reach a carrier start
+        expected = [(old_period, old_duty)] * old_carriers + [(new_period, new_duty)] * (
+            len(rows) - old_carriers
+        )
+        assert rows == expected, f"update {lead} clocks before the carrier start: {rows}"
+
+
+async def align(tb: Chain, period: int) -> None:
+    """Run to just before the first clock of a carrier, so that element 0 of the next run is that clock."""
+    trace = await tb.run(1, {})
+    while not trace.start[0]:
+        trace = await tb.run(1, {})
+    await tb.run(period - 1, {})
+
+
+@cocotb.test()
+async def period_is_raised_to_four_minimum_pulses(dut: Dut) -> None:
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=50 * 256, min_pulse=5)
+    await tb.update(period=60, min_pulse=30)
+    await tb.run(300, {})
+    assert {n for _, n, _ in carriers(await tb.run(1000, {}))} == {120}
+    await tb.update(period=0, min_pulse=0, duty_q8=256)
+    await tb.run(300, {})
+    assert {(n, on) for _, n, on in carriers(await tb.run(100, {}))} == {(4, 1)}
+
+
+@cocotb.test()
+@cocotb.parametrize(pattern=[RSC, NSC, CSC])
+async def commutation_instant(dut: Dut, pattern: int) -> None:
+    """Unannounced commutations at every phase of the carrier."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=40 * 256, commutation=pattern, min_pulse=8)
+    cycle, comms = 50, []
+    drive: Drive = {}
+    for phase in range(PERIOD + 1):
+        cycle += 3 * PERIOD + (phase if pattern == CSC else 1)
+        comms.append(cycle)
+    pulse(drive, comms, "comm_valid_i")
+    trace = await tb.run(cycle + 3 * PERIOD, drive)
+    applied = np.flatnonzero(trace.comm_applied)
+    starts = np.flatnonzero(trace.start)
+    assert len(applied) == len(comms)
+    assert np.count_nonzero(np.diff(trace.sector)) == len(comms)
+    phases = {int(trace.count[c]) for c in comms}
+    assert phases == set(range(PERIOD)), "the stimulus does not cover every phase"
+    if pattern == RSC:
+        for c, a in zip(comms, applied, strict=True):
+            assert a == starts[starts > c][0], (
+                f"commutation at {c} applied at {a}, not at the next carrier start"
+            )
+    else:
+        assert np.array_equal(applied, np.array(comms) + 1), (
+            "sector register not one clock after comm_valid_i"
+        )
+        assert np.all(np.diff(trace.sector)[np.array(comms)] != 0)
+        # Gates: the switch that the new sector adds to the old one turns on two clocks after comm_valid_i.
+        for c in comms:
+            assert trace.gate[c + COMM_TO_GATE - 1] != trace.gate[c + COMM_TO_GATE], f"no gate change for {c}"
+            assert trace.state_sector[c + COMM_TO_GATE] == trace.sector[c + 1] != trace.state_sector[c + 1]
+            assert trace.comm_age[c + COMM_TO_GATE] == 0
+    if pattern == CSC:
+        assert np.all(trace.count[applied] == 0) and np.all(trace.start[applied] == 1)
+        assert np.all(trace.pulse[applied] == 1), "no new pulse at a commutation"
+    else:
+        assert set(np.diff(starts).tolist()) == {PERIOD}, "a commutation moved the carrier"
+
+
+def schedule(drive: Drive, base: int, instant: int, known: int, late_fall: bool) -> None:
+    """One commutation as the timer announces it: known ahead, comm_valid_i in time for the gates."""
+    fire = instant - COMM_TO_GATE
+    add(drive, known, sched_valid_i=1, comm_sched_i=(base + instant) & 0xFFFF_FFFF)
+    pulse(drive, [fire], "comm_valid_i")
+    add(drive, fire + 1 if late_fall else fire, sched_valid_i=0)
+
+
+@cocotb.test()
+@cocotb.parametrize(pattern=[RSC, NSC, CSC], chop=[ON_PWM, H_PWM_L_ON, PWM_ON, H_ON_L_PWM])
+async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
+    """Random scheduled commutations: no short pulse or gap, none is delayed, volt-seconds return."""
+    rng = random.Random(1000 * pattern + chop)
+    tb = Chain(dut)
+    minimum = 12
+    await tb.start(period=PERIOD, commutation=pattern, pattern=chop, min_pulse=minimum)
+    shortest = PERIOD + minimum if pattern == RSC else 4 * minimum
+    cut_too_short = 0
+    for reverse in (0, 1):
+        for _ in range(6):
+            duty_q8 = rng.choice(
+                [rng.randrange(PERIOD * 256), rng.randrange(30 * 256), rng.randrange(80 * 256, PERIOD * 256)]
+            )
+            await tb.update(duty_q8=duty_q8, reverse=reverse)
+            await tb.run(2 * PERIOD, {})
+            drive: Drive = {}
+            instants, t = [], 100
+            while t < 6000:
+                instants.append(t)
+                # Known before the stretch in which the rule may have to act begins, or long before.
+                known = t - rng.choice([minimum + 4 + COMM_TO_GATE, shortest - 6, shortest // 2])
+                schedule(drive, tb.now, t, max(known, t - shortest + 2), rng.random() < 0.5)
+                t += rng.choice([rng.randrange(shortest, 5 * PERIOD), shortest + rng.randrange(40)])
+            trace = await tb.run(6000 + PERIOD, drive)
+            applied = np.flatnonzero(trace.comm_applied)
+            assert len(applied) == len(instants)
+            if pattern != RSC:
+                assert np.array_equal(applied, np.array(instants) - COMM_TO_GATE + 1), (
+                    "a commutation was moved"
+                )
+            where = f"duty {duty_q8 / 256}, reverse {reverse}"
+            for x in range(3):
+                for upper in (True, False):
+                    for level, first, length in runs(trace.switch(x, upper)):
+                        assert length >= minimum, (
+                            f"{where}: leg {x}, upper {upper}, is {level} for {length} clocks at {first}"
+                        )
+            error = owed(trace, duty_q8 / 256)
+            assert np.ptp(error) <= PERIOD + 1, f"{where}: volt-seconds wander by {np.ptp(error)} clocks"
+            cut_too_short += sum(n < minimum + 1 for _, n, _ in carriers(trace))
+    if pattern == CSC:
+        assert cut_too_short > 10, "the stimulus never came to the rule"
+
+
+@cocotb.test()
+@cocotb.parametrize(pattern=[NSC, CSC])
+async def held_back_pulse_returns(dut: Dut, pattern: int) -> None:
+    """A commutation shortly after every carrier start: nothing short is started, and the mean is exact."""
+    tb = Chain(dut)
+    minimum, duty = 12, 30
+    await tb.start(period=PERIOD, commutation=pattern, min_pulse=minimum, duty_q8=duty * 256)
+    trace = await tb.run(PERIOD, {})
+    first = int(np.flatnonzero(trace.start)[0]) + 0  # the next carriers start at first + k * PERIOD
+    drive: Drive = {}
+    instants = []
+    if pattern == NSC:
+        instants = [first + k * PERIOD + 5 + COMM_TO_GATE for k in range(2, 40, 3)]
+    else:
+        t = first + 2 * PERIOD
+        for _ in range(13):
+            t += 3 * PERIOD + 5  # a carrier of five clocks before every commutation
+            instants.append(t)
+    for t in instants:
+        schedule(drive, tb.now, t, t - 60, True)
+    trace = await tb.run(50 * PERIOD, drive)
+    assert min(n for _, _, n in runs(trace.pulse)) >= minimum
+    error = owed(trace, duty)
+    assert np.ptp(error) <= minimum, f"volt-seconds wander by {np.ptp(error)} clocks"
+    dropped = (trace.dropped[-1] - trace.dropped[0]) % 65536
+    assert dropped >= len(instants), f"{dropped} changes counted for {len(instants)} pulses held back"
+
+
+@cocotb.test()
+async def carry_is_bounded(dut: Dut) -> None:
+    """A duty that the rule makes impossible for long does not pile up more than one period."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=CSC, min_pulse=20, duty_q8=15 * 256)
+    drive: Drive = {}
+    # A commutation announced forever and never issued: no pulse is started.
+    add(drive, 0, sched_valid_i=1, comm_sched_i=tb.now)
+    add(drive, 50 * PERIOD, sched_valid_i=0)
+    trace = await tb.run(80 * PERIOD, drive)
+    rows = carriers(trace)
+    blocked = [on for a, _, on in rows if 2 * PERIOD < a < 49 * PERIOD]
+    assert blocked and not any(blocked)
+    extra = sum(on - 15 for a, _, on in rows if a > 50 * PERIOD)
+    # One period at most; less than a minimum pulse of it may still be held back at the end.
+    assert PERIOD - 20 - 4 <= extra <= PERIOD, f"{extra} clocks came back"
+
+
+def test_fl_carrier() -> None:
+    """Carrier block test.
+
+    Verifies: PWM-01, PWM-02, PWM-03, PWM-04, PWM-05, PWM-06, PWM-07, PWM-08, PWM-09
+    """
+    run_block_test("fl_pwm_chain", SOURCES, __name__)
+
+
+if __name__ == "__main__":
+    pytest.main([__file__])

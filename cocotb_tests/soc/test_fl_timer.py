@@ -1,0 +1,153 @@
+"""Time base, control tick, update event and interval events through their registers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cocotb
+from cocotb.triggers import FallingEdge
+
+from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
+
+TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD = range(0, 0x18, 4)
+
+
+class Events:
+    """Records the clock number (now_o) of every pulse."""
+
+    def __init__(self, dut: Any) -> None:
+        self.dut = dut
+        self.times: dict[str, list[int]] = {name: [] for name in ("tick_o", "update_o", "machine_o", "load_o")}
+        cocotb.start_soon(self._run())
+
+    async def _run(self) -> None:
+        while True:
+            await FallingEdge(self.dut.clk_i)
+            for name, times in self.times.items():
+                if getattr(self.dut, name).value == 1:
+                    times.append(int(self.dut.now_o.value))
+
+
+def gaps(times: list[int]) -> list[int]:
+    return [b - a for a, b in zip(times, times[1:], strict=False)]
+
+
+@cocotb.test
+async def tick_period_is_exact(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start()
+    events = Events(dut)
+    await bench.clocks(50)
+    assert not events.times["tick_o"], "a tick with period 0"
+    written = int(dut.now_o.value)
+    await bench.write(TICK_PERIOD, 37)
+    await bench.clocks(37 * 6 + 10)
+    ticks = events.times["tick_o"]
+    # One clock for the register, then period + 1 from stop.
+    assert ticks[0] == written + 1 + 38, f"first tick at {ticks[0]}, written at {written}"
+    assert gaps(ticks) == [37] * (len(ticks) - 1) and len(ticks) >= 5, ticks
+    count, stamp = await bench.read(TICK_COUNT), await bench.read(TICK_TIME)
+    assert (count, stamp) == (len(ticks), ticks[-1])
+
+
+@cocotb.test
+async def tick_period_changes_at_tick(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start()
+    events = Events(dut)
+    await bench.write(TICK_PERIOD, 40)
+    await bench.wait_high(dut.tick_o, 60)
+    await bench.clocks(10)
+    await bench.write(TICK_PERIOD, 100)
+    await bench.clocks(250)
+    assert gaps(events.times["tick_o"]) == [40, 100, 100], events.times["tick_o"]
+    # A shorter period never waits for more than itself.
+    await bench.write(TICK_PERIOD, 8)
+    written = int(dut.now_o.value)
+    await bench.clocks(20)
+    later = [t for t in events.times["tick_o"] if t >= written]
+    assert later[0] - written <= 9 and gaps(later) == [8] * (len(later) - 1), (written, later)
+    await bench.write(TICK_PERIOD, 0)
+    await bench.clocks(2)
+    stopped = len(events.times["tick_o"])
+    await bench.clocks(50)
+    assert len(events.times["tick_o"]) == stopped, "ticks after stop"
+
+
+@cocotb.test
+async def tick_period_of_one(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start()
+    events = Events(dut)
+    await bench.write(TICK_PERIOD, 1)
+    await bench.clocks(20)
+    assert len(events.times["tick_o"]) >= 15 and set(gaps(events.times["tick_o"])) == {1}
+
+
+@cocotb.test
+async def update_only_at_tick_after_commit(dut: Any) -> None:
+    period = 30
+    bench = Bench(dut)
+    await bench.start()
+    events = Events(dut)
+    await bench.write(TICK_PERIOD, period)
+    await bench.wait_high(dut.tick_o, 60)
+    await bench.clocks(5 * period)
+    assert not events.times["update_o"], "update without commit"
+    expected = []
+    # Every distance of the commit from the tick, the last clocks before it included.
+    for offset in range(period):
+        await bench.wait_high(dut.tick_o, period)
+        await bench.clocks(offset)
+        tick = events.times["tick_o"][-1] if offset else int(dut.now_o.value)
+        committed = int(dut.now_o.value) + 1  # clock in which the commit pulse is high
+        await bench.write(UPDATE, 1)
+        await bench.clocks()
+        if committed + 2 < tick + period:
+            assert await bench.read(UPDATE) & 2, f"commit {offset} clocks after a tick is not pending"
+        expected.append(tick + period if committed < tick + period else tick + 2 * period)
+        await bench.clocks(2 * period)
+    assert events.times["update_o"] == expected, f"{events.times['update_o']} != {expected}"
+    assert set(events.times["update_o"]) <= set(events.times["tick_o"])
+    assert not await bench.read(UPDATE) & 2
+
+
+@cocotb.test
+async def intervals(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start()
+    events = Events(dut)
+    await bench.write(MACHINE_PERIOD, 23)
+    await bench.write(LOAD_PERIOD, 7)
+    await bench.clocks(300)
+    await bench.write(LOAD_PERIOD, 0)
+    await bench.clocks(3)
+    loads = len(events.times["load_o"])
+    await bench.clocks(100)
+    assert set(gaps(events.times["machine_o"])) == {23} and len(events.times["machine_o"]) >= 15
+    assert set(gaps(events.times["load_o"])) == {7} and len(events.times["load_o"]) == loads
+    assert not events.times["tick_o"] and not events.times["update_o"]
+
+
+@cocotb.test
+async def period_registers_hold_every_bit(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start()
+    for adr, mask in ((TICK_PERIOD, 0xFFFFFF), (MACHINE_PERIOD, 0xFFFFFFFF), (LOAD_PERIOD, 0xFFFFFFFF)):
+        for value in (0xFFFFFFFF, 0xA5C33C5A):
+            await bench.write(adr, value)
+            assert await bench.read(adr) == value & mask, hex(adr)
+
+
+def test_fl_timer() -> None:
+    """Tick, update event, time stamps and intervals to the clock.
+
+    Verifies: SOC-01, SOC-02, SOC-03
+    """
+    run_block_test(
+        "fl_timer_wb",
+        ["soc/fl_bus_pkg.sv", "soc/fl_interval.sv", "soc/fl_timer.sv", "soc/fl_timer_wb.sv"],
+        __name__,
+        registers=["timer"],
+    )

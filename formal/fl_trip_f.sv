@@ -1,0 +1,175 @@
+// Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
+// to the gates; a latched trip holds until the key, and the key clears only what is gone; enables are locked.
+//
+// Deviations are worked out here with signed integers, not with the block's function.
+`default_nettype none
+module fl_trip_f
+  import fl_pkg::*;
+#(
+    parameter  int unsigned Phases   = 3,
+    localparam int unsigned Channels = 2 * Phases + 3
+) (
+    input logic                     clk_i,
+    input logic                     rst_i,
+    input stamp_t                   now_i,
+    input logic                     adc_valid_i,
+    input adc_code_t [Channels-1:0] adc_code_i,
+    input logic                     fault_pin_i,
+    input logic                     lost_i,
+    input logic                     software_i,
+    input logic                     guard_enable_i,
+    input trip_t                    cfg_enable_i,
+    input adc_code_t                cfg_phase_lsb_i,
+    input adc_code_t                cfg_dc_lsb_i,
+    input adc_code_t                cfg_over_lsb_i,
+    input adc_code_t                cfg_under_lsb_i,
+    input logic                     clear_i,
+    input logic      [         2:0] log_index_i,
+    input logic      [         9:0] dead_time_i,
+    input logic      [  Phases-1:0] req_h_i,
+    input logic      [  Phases-1:0] req_l_i
+);
+
+  logic trip, event_pulse, log_valid;
+  trip_t event_cause, latched, present, first_cause, log_cause;
+  logic [7:0] count;
+  stamp_t log_stamp;
+  logic [2:0] log_phase;
+  adc_code_t log_code;
+  logic [Phases-1:0] gate_h, gate_l;
+  logic [2*Phases-1:0] gate;
+
+  fl_trip #(
+      .Phases(Phases)
+  ) dut (
+      .clk_i,
+      .rst_i,
+      .now_i,
+      .adc_valid_i,
+      .adc_code_i,
+      .fault_pin_i,
+      .lost_i,
+      .software_i,
+      .guard_enable_i,
+      .cfg_enable_i,
+      .cfg_phase_lsb_i,
+      .cfg_dc_lsb_i,
+      .cfg_over_lsb_i,
+      .cfg_under_lsb_i,
+      .clear_i,
+      .trip_o       (trip),
+      .event_o      (event_pulse),
+      .event_cause_o(event_cause),
+      .latched_o    (latched),
+      .present_o    (present),
+      .first_o      (first_cause),
+      .count_o      (count),
+      .log_index_i,
+      .log_stamp_o  (log_stamp),
+      .log_cause_o  (log_cause),
+      .log_valid_o  (log_valid),
+      .log_phase_o  (log_phase),
+      .log_code_o   (log_code)
+  );
+
+  fl_gate_guard #(
+      .Phases(Phases)
+  ) guard (
+      .clk_i,
+      .rst_i,
+      .enable_i         (guard_enable_i),
+      .high_active_low_i(1'b0),
+      .low_active_low_i (1'b0),
+      .dead_time_i,
+      .trip_i           (trip),
+      .req_h_i,
+      .req_l_i,
+      .gate_h_o         (gate_h),
+      .gate_l_o         (gate_l),
+      .gate_o           (gate)
+  );
+
+  function automatic logic beyond(adc_code_t code, adc_code_t limit);
+    int signed d;
+    d = int'({20'b0, code}) - 2048;
+    return d > int'({20'b0, limit}) || -d > int'({20'b0, limit});
+  endfunction
+
+  trip_t of_codes;  // causes that the codes of this clock show
+  always_comb begin
+    of_codes = '0;
+    for (int unsigned x = 0; x < Phases; x++) begin
+      if (beyond(adc_code_i[Phases+x], cfg_phase_lsb_i)) of_codes.phase_current = 1'b1;
+    end
+    of_codes.dc_current    = beyond(adc_code_i[2*Phases+1], cfg_dc_lsb_i);
+    of_codes.over_voltage  = adc_code_i[2*Phases] > cfg_over_lsb_i;
+    of_codes.under_voltage = adc_code_i[2*Phases] < cfg_under_lsb_i;
+  end
+
+  // Enables as they must act, and the past.
+  trip_t enable, enable_q, latched_q, present_q, codes_q;
+  trip_t shown;  // by the last sample set
+  logic first = 1'b1;
+  logic [2:0] since_reset;  // clocks since reset, saturates at 7
+  logic [3:1] pin_q;
+  logic trip_q, clear_q, valid_q, lost_q, software_q;
+  // The gates were forced off two clocks after a sample set with an enabled cause.
+  logic code_trip_q;
+  always_ff @(posedge clk_i) begin
+    first       <= 1'b0;
+    since_reset <= rst_i ? 3'd0 : (&since_reset ? since_reset : since_reset + 3'd1);
+    pin_q       <= {pin_q[2:1], fault_pin_i};
+    trip_q      <= trip;
+    clear_q     <= clear_i;
+    valid_q     <= adc_valid_i;
+    codes_q     <= of_codes;
+    latched_q   <= latched;
+    present_q   <= present;
+    enable_q    <= enable;
+    lost_q      <= lost_i && !rst_i;
+    software_q  <= software_i && !rst_i;
+    code_trip_q <= valid_q && (codes_q & enable) != '0 && since_reset >= 3'd1;
+    if (!guard_enable_i) enable <= cfg_enable_i;
+    if (adc_valid_i) shown <= of_codes;
+    if (rst_i) begin
+      enable <= '0;
+      shown  <= '0;
+    end
+  end
+
+  always_comb begin
+    if (first)
+      assume (rst_i);
+      else begin
+        a_enable : assert (dut.enable_q == enable);
+        a_sync1 : assert (since_reset < 3'd1 || dut.u_fault_sync.meta_q == pin_q[1]);
+        a_sync2 : assert (since_reset < 3'd2 || dut.u_fault_sync.sync_q == pin_q[2]);
+        a_phase_current : assert (present.phase_current == shown.phase_current);
+        a_dc_current : assert (present.dc_current == shown.dc_current);
+        a_over_voltage : assert (present.over_voltage == shown.over_voltage);
+        a_under_voltage : assert (present.under_voltage == shown.under_voltage);
+        a_cause : assert (trip == ((latched | (present & enable)) != '0));
+        a_any : assert (latched == '0 || trip);
+        a_off : assert (!trip_q || gate == '0);
+        if (since_reset >= 3'd1) begin
+          a_hold : assert ((latched_q & ~latched) == '0 || clear_q);
+          a_gone : assert ((latched_q & ~latched & present_q & enable_q) == '0);
+          a_latch : assert ((present_q & enable_q & ~latched) == '0);
+          a_release : assert (!trip_q || trip || clear_q);
+          // Causes that a sample set shows trip in the next clock.
+          a_code : assert (!valid_q || (codes_q & enable) == '0 || trip);
+        end
+        if (!rst_i) begin
+          a_lost : assert (!lost_i || !enable.lost_lock || trip);
+          a_software : assert (!software_i || !enable.software || trip);
+        end
+        // Off at the third edge after the pin, two clocks after a sample set, one clock after a pulse.
+        if (since_reset >= 3'd3) a_pin : assert (!pin_q[3] || !enable_q.fault_pin || gate == '0);
+        if (since_reset >= 3'd2) a_code_gates : assert (!code_trip_q || gate == '0);
+        a_lost_gates : assert (!lost_q || !enable_q.lost_lock || gate == '0);
+        a_software_gates : assert (!software_q || !enable_q.software || gate == '0);
+      end
+  end
+
+endmodule
+`default_nettype wire

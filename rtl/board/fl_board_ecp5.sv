@@ -1,0 +1,99 @@
+// Board top: the chip on an ECP5 with serial converters, a 50 MHz oscillator and a reset button.
+//
+// Reset is held for 2^16 clocks after configuration and after the button is released (1.3 ms: converters and gate
+// drivers are up). The gate pins are off in the polarity of the registers meanwhile; gate drivers need their own
+// pull-down for the time before configuration.
+`default_nettype none
+module fl_board_ecp5
+  import fl_pkg::*;
+#(
+    parameter  int unsigned Phases   = 3,
+    parameter  string       Init     = "firmware.hex",
+    localparam int unsigned Channels = 2 * Phases + 3
+) (
+    input logic clk_i,
+    input logic reset_button_ni,
+
+    output logic                adc_cs_no,
+    output logic                adc_sclk_o,
+    input  logic [Channels-1:0] adc_sdata_i,
+
+    output logic [Phases-1:0] gate_h_o,
+    output logic [Phases-1:0] gate_l_o,
+    input  logic              fault_pin_i,
+
+    input  logic uart_rx_i,
+    output logic uart_tx_o
+);
+
+  // Registers of the FPGA come up as zero, so the count runs once after configuration.
+  logic [15:0] reset_left_q = '0;
+  logic reset_released_q = 1'b0;
+  logic rst_q = 1'b1;
+  logic button;
+
+  fl_sync u_button (
+      .clk_i,
+      .rst_i  (1'b0),
+      .async_i(!reset_button_ni),
+      .sync_o (button)
+  );
+
+  always_ff @(posedge clk_i) begin
+    if (button) begin
+      reset_left_q     <= '0;
+      reset_released_q <= 1'b0;
+    end else if (!reset_released_q) begin
+      reset_left_q     <= reset_left_q + 1'b1;
+      reset_released_q <= reset_left_q == '1;
+    end
+    rst_q <= !reset_released_q;
+  end
+
+  logic adc_strobe, adc_valid;
+  adc_code_t [Channels-1:0] adc_code;
+
+  fl_adc_serial #(
+      .Channels(Channels)
+  ) u_adc (
+      .clk_i,
+      .rst_i   (rst_q),
+      .strobe_i(adc_strobe),
+      .cs_no   (adc_cs_no),
+      .sclk_o  (adc_sclk_o),
+      .sdata_i (adc_sdata_i),
+      .valid_o (adc_valid),
+      .code_o  (adc_code)
+  );
+
+  fl_soc #(
+      .Phases(Phases),
+      .Init  (Init)
+  ) u_soc (
+      .clk_i,
+      .rst_i           (rst_q),
+      .adc_strobe_o    (adc_strobe),
+      .adc_valid_i     (adc_valid),
+      .adc_code_i      (adc_code),
+      .gate_h_o,
+      .gate_l_o,
+      .gate_o          (),
+      .fault_pin_i,
+      .uart_rx_i,
+      .uart_tx_o,
+      .trc_valid_o     (),
+      .trc_now_o       (),
+      .trc_zc_valid_o  (),
+      .trc_zc_late_o   (),
+      .trc_zc_sector_o (),
+      .trc_zc_time_o   (),
+      .trc_comm_valid_o(),
+      .trc_sector_o    (),
+      .trc_comm_sched_o(),
+      .trc_update_o    (),
+      .trc_trip_o      (),
+      .trc_trip_cause_o()
+  );
+
+endmodule
+`default_nettype wire

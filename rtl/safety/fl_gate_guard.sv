@@ -1,0 +1,105 @@
+// Gate guard, the last stage before the pins: enable, trip, interlock, dead time and polarity of every leg.
+//
+// A gate turns off one clock after its request goes (or the other request of the leg comes, or trip_i, or enable_i
+// falls), never later. It turns on one clock after its request once the other gate of the leg has been off for at least
+// the dead time; the dead time is the one at the turn-off, raised to 2 clocks. The same gate may turn on again at once.
+// Both requests of a leg together turn both gates off. After a reset a leg waits 1023 clocks, the longest dead time:
+// what was on before is not known. Legs are independent.
+//
+// Latency: 1 clock; trip_i combinationally forces the next value of every output register to off.
+// Polarity is taken over while enable_i is low and held while it is high; during reset the pins show "off" in the
+// polarity at the ports.
+// Asserted: never both gates of a leg; off in the clock after trip_i. Proved for all inputs: formal/fl_gate_guard.sby.
+`default_nettype none
+module fl_gate_guard #(
+    parameter int unsigned Phases = 3
+) (
+    input  logic                clk_i,
+    input  logic                rst_i,
+    input  logic                enable_i,
+    input  logic                high_active_low_i,
+    input  logic                low_active_low_i,
+    input  logic [         9:0] dead_time_i,        // clocks
+    input  logic                trip_i,
+    input  logic [  Phases-1:0] req_h_i,
+    input  logic [  Phases-1:0] req_l_i,
+    output logic [  Phases-1:0] gate_h_o,           // pins
+    output logic [  Phases-1:0] gate_l_o,
+    output logic [2*Phases-1:0] gate_o              // before polarity: bit 2X upper, 2X+1 lower switch of leg X
+);
+
+  if (Phases == 0) begin : gen_illegal
+    $fatal(1, "fl_gate_guard: Phases must be at least 1 (%m)");
+  end
+
+  logic [9:0] dead_time;
+  logic high_low_d, high_low_q, low_low_d, low_low_q;
+  logic [Phases-1:0] gate_h_d, gate_h_q, gate_l_d, gate_l_q;
+  logic [Phases-1:0] pin_h_q, pin_l_q;
+  // block_h: the lower gate was on last, so the upper waits until wait_q is over; block_l the reverse.
+  logic [Phases-1:0] block_h_q, block_l_q, over;
+  logic [Phases-1:0][9:0] wait_q;  // clocks that the blocked gate must still stay off
+
+  assign dead_time  = (dead_time_i < 10'd2) ? 10'd2 : dead_time_i;
+  assign high_low_d = enable_i ? high_low_q : high_active_low_i;
+  assign low_low_d  = enable_i ? low_low_q : low_active_low_i;
+
+  always_comb begin
+    for (int unsigned x = 0; x < Phases; x++) begin
+      over[x] = wait_q[x] <= 10'd1;
+      gate_h_d[x] = enable_i && !trip_i && req_h_i[x] && !req_l_i[x] && !gate_l_q[x] && (over[x] || !block_h_q[x]);
+      gate_l_d[x] = enable_i && !trip_i && req_l_i[x] && !req_h_i[x] && !gate_h_q[x] && (over[x] || !block_l_q[x]);
+    end
+  end
+
+  always_ff @(posedge clk_i) begin
+    gate_h_q   <= gate_h_d;
+    gate_l_q   <= gate_l_d;
+    high_low_q <= high_low_d;
+    low_low_q  <= low_low_d;
+    pin_h_q    <= gate_h_d ^ {Phases{high_low_d}};
+    pin_l_q    <= gate_l_d ^ {Phases{low_low_d}};
+    for (int unsigned x = 0; x < Phases; x++) begin
+      if (gate_h_q[x] || gate_l_q[x]) begin
+        wait_q[x]    <= dead_time;
+        block_h_q[x] <= gate_l_q[x];
+        block_l_q[x] <= gate_h_q[x];
+      end else if (wait_q[x] != '0) begin
+        wait_q[x] <= wait_q[x] - 10'd1;
+      end
+    end
+    if (rst_i) begin
+      gate_h_q   <= '0;
+      gate_l_q   <= '0;
+      high_low_q <= high_active_low_i;
+      low_low_q  <= low_active_low_i;
+      pin_h_q    <= {Phases{high_active_low_i}};
+      pin_l_q    <= {Phases{low_active_low_i}};
+      block_h_q  <= '1;
+      block_l_q  <= '1;
+      wait_q     <= '1;
+    end
+  end
+
+  assign gate_h_o = pin_h_q;
+  assign gate_l_o = pin_l_q;
+  always_comb begin
+    for (int unsigned x = 0; x < Phases; x++) begin
+      gate_o[2*x]   = gate_h_q[x];
+      gate_o[2*x+1] = gate_l_q[x];
+    end
+  end
+
+  logic tripped_q;
+  always_ff @(posedge clk_i) begin
+    tripped_q <= trip_i && !rst_i;
+    if (!rst_i) begin
+      assert ((gate_h_q & gate_l_q) == '0)
+      else $error("fl_gate_guard: both gates of a leg on");
+      assert (!tripped_q || (gate_h_q | gate_l_q) == '0)
+      else $error("fl_gate_guard: gate on after a trip");
+    end
+  end
+
+endmodule
+`default_nettype wire

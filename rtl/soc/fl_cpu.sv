@@ -1,0 +1,125 @@
+// VexRiscv (4 KiB instruction and data caches) with its RAM, and the bus to the registers.
+//
+// Memory map (byte addresses): 0 .. 4*Words-1 RAM, 0x8000_0000 and above registers (uncached in the core), anything
+// else reads as zero and takes writes without effect. Bursts of the caches are served at one beat a clock.
+// irq_control_i is the machine timer interrupt (cause 7), irq_deferred_i the external interrupt (cause 11, first bit of
+// the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
+`default_nettype none
+module fl_cpu #(
+    parameter int unsigned Words = 16384,
+    parameter string Init = "firmware.hex"
+) (
+    input logic clk_i,
+    input logic rst_i,
+
+    input logic irq_control_i,
+    input logic irq_deferred_i,
+
+    output logic        io_stb_o,   // held until io_ack_i
+    output logic        io_we_o,
+    output logic [29:0] io_adr_o,   // word address below the I/O base
+    output logic [31:0] io_wdat_o,
+    output logic [ 3:0] io_sel_o,
+    input  logic        io_ack_i,
+    input  logic [31:0] io_rdat_i
+);
+
+  localparam int unsigned AddressWidth = $clog2(Words);
+  localparam logic [31:0] ResetVector = 32'h0000_0080;
+  localparam logic [2:0] CtiIncrementing = 3'd2;
+
+  logic i_cyc, i_stb, i_ack_q, i_ram, i_ram_q;
+  logic [29:0] i_adr;
+  logic [ 2:0] i_cti;
+  logic [31:0] i_rdat;
+
+  logic d_cyc, d_stb, d_we, d_ack, d_read_ack_q, d_io, d_memory, d_ram, d_ram_q;
+  logic [29:0] d_adr;
+  logic [ 2:0] d_cti;
+  logic [31:0] d_wdat, d_rdat, d_ram_rdat;
+  logic [ 3:0] d_sel;
+  logic [AddressWidth-1:0] i_ram_adr, d_ram_adr;
+
+  VexRiscv u_core (
+      .clk                   (clk_i),
+      .reset                 (rst_i),
+      .externalResetVector   (ResetVector),
+      .timerInterrupt        (irq_control_i),
+      .softwareInterrupt     (1'b0),
+      .externalInterruptArray({31'b0, irq_deferred_i}),
+      .iBusWishbone_CYC      (i_cyc),
+      .iBusWishbone_STB      (i_stb),
+      .iBusWishbone_ACK      (i_ack_q),
+      .iBusWishbone_WE       (),
+      .iBusWishbone_ADR      (i_adr),
+      .iBusWishbone_DAT_MISO (i_ram_q ? i_rdat : '0),
+      .iBusWishbone_DAT_MOSI (),
+      .iBusWishbone_SEL      (),
+      .iBusWishbone_ERR      (1'b0),
+      .iBusWishbone_CTI      (i_cti),
+      .iBusWishbone_BTE      (),
+      .dBusWishbone_CYC      (d_cyc),
+      .dBusWishbone_STB      (d_stb),
+      .dBusWishbone_ACK      (d_ack),
+      .dBusWishbone_WE       (d_we),
+      .dBusWishbone_ADR      (d_adr),
+      .dBusWishbone_DAT_MISO (d_rdat),
+      .dBusWishbone_DAT_MOSI (d_wdat),
+      .dBusWishbone_SEL      (d_sel),
+      .dBusWishbone_ERR      (1'b0),
+      .dBusWishbone_CTI      (d_cti),
+      .dBusWishbone_BTE      ()
+  );
+
+  // Instruction port: while a beat is acknowledged the address of the next one is already read.
+  assign i_ram     = i_adr[29:AddressWidth] == '0;
+  assign i_ram_adr = i_adr[AddressWidth-1:0] + AddressWidth'(i_ack_q);
+
+  always_ff @(posedge clk_i) begin
+    i_ack_q <= i_cyc && i_stb && (!i_ack_q || i_cti == CtiIncrementing);
+    i_ram_q <= i_ram;
+    if (rst_i) i_ack_q <= 1'b0;
+  end
+
+  // Data port: a write is acknowledged at once, a read in the next clock.
+  assign d_io      = d_adr[29];
+  assign d_memory  = d_cyc && d_stb && !d_io;
+  assign d_ram     = d_adr[28:AddressWidth] == '0;
+  assign d_ram_adr = d_adr[AddressWidth-1:0] + AddressWidth'(d_read_ack_q);
+  assign d_ack     = d_io ? io_ack_i : (d_we ? d_memory : d_read_ack_q);
+
+  always_ff @(posedge clk_i) begin
+    d_read_ack_q <= d_memory && !d_we && (!d_read_ack_q || d_cti == CtiIncrementing);
+    d_ram_q      <= d_ram;
+    if (rst_i) d_read_ack_q <= 1'b0;
+  end
+
+  always_comb begin
+    if (d_io) d_rdat = io_rdat_i;
+    else if (d_ram_q) d_rdat = d_ram_rdat;
+    else d_rdat = '0;
+  end
+
+  assign io_stb_o  = d_cyc && d_stb && d_io;
+  assign io_we_o   = d_we;
+  assign io_adr_o  = {1'b0, d_adr[28:0]};
+  assign io_wdat_o = d_wdat;
+  assign io_sel_o  = d_sel;
+
+  fl_ram #(
+      .Words(Words),
+      .Init (Init)
+  ) u_ram (
+      .clk_i,
+      .a_en_i  (i_cyc),
+      .a_adr_i (i_ram_adr),
+      .a_rdat_o(i_rdat),
+      .b_en_i  (d_memory && d_ram),
+      .b_we_i  ({4{d_we}} & d_sel),
+      .b_adr_i (d_we ? d_adr[AddressWidth-1:0] : d_ram_adr),
+      .b_wdat_i(d_wdat),
+      .b_rdat_o(d_ram_rdat)
+  );
+
+endmodule
+`default_nettype wire

@@ -1,0 +1,51 @@
+// Small synchronous FIFO with the oldest word always visible at the output.
+//
+// push_i while full and pop_i while empty are ignored, so the contents are never damaged; the user counts what is
+// dropped. A pushed word can be popped in the next clock. Latency: 1 clock from push_i to valid_o.
+`default_nettype none
+module fl_fifo #(
+    parameter int unsigned Width = 8,
+    parameter int unsigned Depth = 16
+) (
+    input  logic             clk_i,
+    input  logic             rst_i,
+    input  logic             push_i,
+    input  logic [Width-1:0] data_i,
+    output logic             full_o,
+    input  logic             pop_i,
+    output logic [Width-1:0] data_o,
+    output logic             valid_o
+);
+
+  if (Depth < 2 || (Depth & (Depth - 1)) != 0) begin : g_check
+    $fatal(1, "fl_fifo: Depth must be a power of two, at least 2 (%m)");
+  end
+
+  localparam int unsigned IndexWidth = $clog2(Depth);
+
+  logic [Width-1:0] mem[Depth];
+  // One bit more than the index tells full from empty.
+  logic [IndexWidth:0] write_q, read_q;
+  logic push, pop;
+
+  assign valid_o = write_q != read_q;
+  assign full_o  = (write_q ^ read_q) == (IndexWidth + 1)'(Depth);
+  assign data_o  = mem[read_q[IndexWidth-1:0]];
+  assign push    = push_i && !full_o;
+  assign pop     = pop_i && valid_o;
+
+  always_ff @(posedge clk_i) begin
+    if (push) mem[write_q[IndexWidth-1:0]] <= data_i;
+  end
+
+  always_ff @(posedge clk_i) begin
+    if (push) write_q <= write_q + 1'b1;
+    if (pop) read_q <= read_q + 1'b1;
+    if (rst_i) begin
+      write_q <= '0;
+      read_q  <= '0;
+    end
+  end
+
+endmodule
+`default_nettype wire

@@ -1,0 +1,43 @@
+// Dual-port block RAM of 32-bit words. Port a reads (instructions), port b reads or writes bytes (data).
+//
+// Latency: 1 clock to rdat. A port that is not enabled keeps its output. While port b writes, its output is undefined for
+// that access. The contents come from the hexadecimal file Init (one word a line), read at the start of a simulation from
+// its working directory and by synthesis from where it runs.
+`default_nettype none
+module fl_ram #(
+    parameter int unsigned Words = 16384,
+    parameter string Init = "firmware.hex"
+) (
+    input logic clk_i,
+
+    input  logic                     a_en_i,
+    input  logic [$clog2(Words)-1:0] a_adr_i,
+    output logic [             31:0] a_rdat_o,
+
+    input  logic                     b_en_i,
+    input  logic [              3:0] b_we_i,    // byte lanes, 0: read
+    input  logic [$clog2(Words)-1:0] b_adr_i,
+    input  logic [             31:0] b_wdat_i,
+    output logic [             31:0] b_rdat_o
+);
+
+  // Nobody reads a word in the clock in which it is written, so no bypass is needed.
+  (* no_rw_check *) logic [31:0] mem[Words];
+
+  initial $readmemh(Init, mem);
+
+  always_ff @(posedge clk_i) begin
+    if (a_en_i) a_rdat_o <= mem[a_adr_i];
+  end
+
+  always_ff @(posedge clk_i) begin
+    if (b_en_i) begin
+      for (int i = 0; i < 4; i++) begin
+        if (b_we_i[i]) mem[b_adr_i][8*i+:8] <= b_wdat_i[8*i+:8];
+      end
+      b_rdat_o <= mem[b_adr_i];
+    end
+  end
+
+endmodule
+`default_nettype wire

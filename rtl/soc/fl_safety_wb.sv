@@ -1,0 +1,119 @@
+// Gate guard and trips with their registers.
+`default_nettype none
+module fl_safety_wb
+  import fl_pkg::*;
+  import fl_bus_pkg::*;
+#(
+    parameter  int unsigned Phases   = 3,
+    localparam int unsigned Channels = 2 * Phases + 3
+) (
+    input logic clk_i,
+    input logic rst_i,
+
+    input  bus_req_t        req_i,
+    input  logic            stb_i,
+    output logic     [31:0] rdat_o,
+
+    input stamp_t                   now_i,
+    input logic                     adc_valid_i,
+    input adc_code_t [Channels-1:0] adc_code_i,
+    input logic                     fault_pin_i,  // asynchronous
+    input logic                     lost_i,
+
+    input logic [Phases-1:0] req_h_i,
+    input logic [Phases-1:0] req_l_i,
+
+    output logic [  Phases-1:0] gate_h_o,  // pins
+    output logic [  Phases-1:0] gate_l_o,
+    output logic [2*Phases-1:0] gate_o,
+
+    output logic  tripped_o,     // level
+    output logic  trip_event_o,  // pulse
+    output trip_t trip_cause_o
+);
+
+  fl_safety_regs_pkg::fl_safety_regs__in_t hwif_in;
+  fl_safety_regs_pkg::fl_safety_regs__out_t hwif_out;
+  localparam logic [7:0] ClearKey = 8'hA5;
+  logic trip;
+  logic clear_written_q;
+
+  // The key acts once, in the clock after it has been written.
+  always_ff @(posedge clk_i) begin
+    clear_written_q <= hwif_out.command.clear_key.swmod;
+    if (rst_i) clear_written_q <= 1'b0;
+  end
+
+  assign hwif_in.guard.enable.hwclr = trip;
+  assign hwif_in.gates.gate.next    = 10'(gate_o);
+  assign tripped_o                  = trip;
+
+  fl_trip #(
+      .Phases(Phases)
+  ) u_trip (
+      .clk_i,
+      .rst_i,
+      .now_i,
+      .adc_valid_i,
+      .adc_code_i,
+      .fault_pin_i,
+      .lost_i,
+      .software_i     (hwif_out.command.trip.value),
+      .guard_enable_i (hwif_out.guard.enable.value),
+      .cfg_enable_i   (hwif_out.trip_enable.source.value),
+      .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),
+      .cfg_dc_lsb_i   (hwif_out.current_limit.dc_lsb.value),
+      .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
+      .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
+      .clear_i        (clear_written_q && hwif_out.command.clear_key.value == ClearKey),
+      .trip_o         (trip),
+      .event_o        (trip_event_o),
+      .event_cause_o  (trip_cause_o),
+      .latched_o      (hwif_in.trip.latched.next),
+      .present_o      (hwif_in.trip.now.next),
+      .first_o        (hwif_in.trip.first.next),
+      .count_o        (hwif_in.trip.count.next),
+      .log_index_i    (hwif_out.log_index.index.value),
+      .log_stamp_o    (hwif_in.log_time.stamp.next),
+      .log_cause_o    (hwif_in.log_cause.cause.next),
+      .log_valid_o    (hwif_in.log_cause.valid.next),
+      .log_phase_o    (hwif_in.log_cause.phase.next),
+      .log_code_o     (hwif_in.log_cause.code.next)
+  );
+
+  fl_gate_guard #(
+      .Phases(Phases)
+  ) u_guard (
+      .clk_i,
+      .rst_i,
+      .enable_i         (hwif_out.guard.enable.value),
+      .high_active_low_i(hwif_out.guard.high_active_low.value),
+      .low_active_low_i (hwif_out.guard.low_active_low.value),
+      .dead_time_i      (hwif_out.dead_time.cycles.value),
+      .trip_i           (trip),
+      .req_h_i,
+      .req_l_i,
+      .gate_h_o,
+      .gate_l_o,
+      .gate_o
+  );
+
+  fl_safety_regs u_regs (
+      .clk     (clk_i),
+      .rst     (rst_i),
+      .wb_cyc  (stb_i),
+      .wb_stb  (stb_i),
+      .wb_we   (req_i.we),
+      .wb_stall(),
+      .wb_adr  (req_i.adr[fl_safety_regs_pkg::FL_SAFETY_REGS_MIN_ADDR_WIDTH-1:0]),
+      .wb_odat (req_i.wdat),
+      .wb_sel  (req_i.sel),
+      .wb_ack  (),
+      .wb_err  (),
+      .wb_idat (rdat_o),
+      .hwif_in,
+      .hwif_out
+  );
+
+endmodule
+`default_nettype wire

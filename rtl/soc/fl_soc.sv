@@ -1,0 +1,352 @@
+// The chip: soft core with RAM, register bus, and the six-step path from converter codes to gate pins.
+//
+//   converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (guard, trips) -> gates
+//
+// Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
+// order below (docs: register reference). The trace port shows what happens inside to a test bench or a logic analyser;
+// nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
+//   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
+//   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
+//   trc_update_o      the update event: new settings act from the next clock
+//   trc_trip_o        trip causes were latched in the clock before
+`default_nettype none
+module fl_soc
+  import fl_pkg::*;
+#(
+    parameter  int unsigned Phases       = 3,
+    parameter  int unsigned ClockHz      = 50_000_000,
+    parameter  int unsigned RamWords     = 16384,
+    parameter  string       Init         = "firmware.hex",
+    parameter  int unsigned CaptureDepth = 1024,
+    localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
+) (
+    input logic clk_i,
+    input logic rst_i,
+
+    output logic                     adc_strobe_o,  // 1 clock: hold the inputs and convert
+    input  logic                     adc_valid_i,   // 1 clock: the codes of the last strobe
+    input  adc_code_t [Channels-1:0] adc_code_i,
+
+    output logic [  Phases-1:0] gate_h_o,    // pins, with polarity
+    output logic [  Phases-1:0] gate_l_o,
+    output logic [2*Phases-1:0] gate_o,      // before polarity: bit 2X upper, 2X+1 lower switch of leg X
+    input  logic                fault_pin_i,  // asynchronous, active high
+
+    input  logic uart_rx_i,  // asynchronous
+    output logic uart_tx_o,
+
+    output logic    trc_valid_o,        // any pulse of the trace port
+    output stamp_t  trc_now_o,
+    output logic    trc_zc_valid_o,
+    output logic    trc_zc_late_o,
+    output sector_t trc_zc_sector_o,
+    output stamp_t  trc_zc_time_o,
+    output logic    trc_comm_valid_o,
+    output sector_t trc_sector_o,
+    output stamp_t  trc_comm_sched_o,
+    output logic    trc_update_o,
+    output logic    trc_trip_o,
+    output trip_t   trc_trip_cause_o
+);
+
+  if (Phases != 3 && Phases != 5) begin : g_check
+    $fatal(1, "fl_soc: Phases must be 3 or 5 (%m)");
+  end
+
+  // Windows of the register bus, in the order of the address map.
+  localparam int unsigned Blocks = 10;
+  typedef enum logic [3:0] {
+    Sys     = 4'd0,
+    Irq     = 4'd1,
+    Timer   = 4'd2,
+    Uart    = 4'd3,
+    Sense   = 4'd4,
+    Zcd     = 4'd5,
+    Comm    = 4'd6,
+    Pwm     = 4'd7,
+    Safety  = 4'd8,
+    Capture = 4'd9
+  } block_e;
+  localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH),
+    4'(fl_safety_regs_pkg::FL_SAFETY_REGS_MIN_ADDR_WIDTH),
+    4'(fl_pwm_regs_pkg::FL_PWM_REGS_MIN_ADDR_WIDTH),
+    4'(fl_comm_regs_pkg::FL_COMM_REGS_MIN_ADDR_WIDTH),
+    4'(fl_zcd_regs_pkg::FL_ZCD_REGS_MIN_ADDR_WIDTH),
+    4'(fl_sense_regs_pkg::FL_SENSE_REGS_MIN_ADDR_WIDTH),
+    4'(fl_uart_regs_pkg::FL_UART_REGS_MIN_ADDR_WIDTH),
+    4'(fl_timer_regs_pkg::FL_TIMER_REGS_MIN_ADDR_WIDTH),
+    4'(fl_irq_regs_pkg::FL_IRQ_REGS_MIN_ADDR_WIDTH),
+    4'(fl_sys_regs_pkg::FL_SYS_REGS_MIN_ADDR_WIDTH)
+  };
+
+  // Core and register bus.
+  logic io_stb, io_we, io_ack;
+  logic [29:0] io_adr;
+  logic [31:0] io_wdat, io_rdat;
+  logic [3:0] io_sel;
+  fl_bus_pkg::bus_req_t req;
+  logic [Blocks-1:0] stb;
+  logic [Blocks-1:0][31:0] rdat;
+  logic irq_control, irq_deferred;
+
+  // Events and time.
+  stamp_t now;
+  logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
+
+  // Six-step path.
+  logic sample_valid;
+  sample_t [Channels-1:0] sample;
+  stamp_t sample_time;
+  pwm_state_t sample_pwm, pwm_state;
+  logic zc_valid, zc_late;
+  stamp_t  zc_time;
+  sector_t zc_sector;
+  logic comm_valid, sched_valid, lost;
+  stamp_t comm_sched, comm_sched_q;
+  logic comm_applied, carrier_start, seq_reverse;
+  sector_t seq_sector;
+  logic [17:0] duty_q2;
+  logic [Phases-1:0] req_h, req_l;
+  logic tripped, trip_event;
+  trip_t trip_cause;
+
+  fl_cpu #(
+      .Words(RamWords),
+      .Init (Init)
+  ) u_cpu (
+      .clk_i,
+      .rst_i,
+      .irq_control_i (irq_control),
+      .irq_deferred_i(irq_deferred),
+      .io_stb_o      (io_stb),
+      .io_we_o       (io_we),
+      .io_adr_o      (io_adr),
+      .io_wdat_o     (io_wdat),
+      .io_sel_o      (io_sel),
+      .io_ack_i      (io_ack),
+      .io_rdat_i     (io_rdat)
+  );
+
+  fl_interconnect #(
+      .Blocks      (Blocks),
+      .AddressWidth(AddressWidth)
+  ) u_interconnect (
+      .clk_i,
+      .rst_i,
+      .stb_i (io_stb),
+      .we_i  (io_we),
+      .adr_i (io_adr),
+      .wdat_i(io_wdat),
+      .sel_i (io_sel),
+      .ack_o (io_ack),
+      .rdat_o(io_rdat),
+      .req_o (req),
+      .stb_o (stb),
+      .rdat_i(rdat)
+  );
+
+  fl_sys_wb #(
+      .Phases  (Phases),
+      .Channels(Channels),
+      .ClockHz (ClockHz)
+  ) u_sys (
+      .clk_i,
+      .rst_i,
+      .req_i (req),
+      .stb_i (stb[Sys]),
+      .rdat_o(rdat[Sys]),
+      .now_i (now)
+  );
+
+  // Bit order: fl_irq_regs.
+  fl_irq_wb u_irq (
+      .clk_i,
+      .rst_i,
+      .req_i         (req),
+      .stb_i         (stb[Irq]),
+      .rdat_o        (rdat[Irq]),
+      .event_i       ({
+        load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick
+      }),
+      .irq_control_o (irq_control),
+      .irq_deferred_o(irq_deferred)
+  );
+
+  fl_timer_wb u_timer (
+      .clk_i,
+      .rst_i,
+      .req_i    (req),
+      .stb_i    (stb[Timer]),
+      .rdat_o   (rdat[Timer]),
+      .now_o    (now),
+      .tick_o   (tick),
+      .update_o (update),
+      .machine_o(machine_event),
+      .load_o   (load_event)
+  );
+
+  fl_uart_wb u_uart (
+      .clk_i,
+      .rst_i,
+      .req_i     (req),
+      .stb_i     (stb[Uart]),
+      .rdat_o    (rdat[Uart]),
+      .rx_i      (uart_rx_i),
+      .tx_o      (uart_tx_o),
+      .rx_event_o(uart_rx_event),
+      .tx_event_o(uart_tx_event)
+  );
+
+  fl_sense_wb #(
+      .Phases(Phases)
+  ) u_sense (
+      .clk_i,
+      .rst_i,
+      .req_i          (req),
+      .stb_i          (stb[Sense]),
+      .rdat_o         (rdat[Sense]),
+      .now_i          (now),
+      .tick_i         (tick),
+      .carrier_start_i(carrier_start),
+      .pwm_state_i    (pwm_state),
+      .adc_strobe_o,
+      .adc_valid_i,
+      .adc_code_i,
+      .sample_valid_o (sample_valid),
+      .sample_o       (sample),
+      .sample_time_o  (sample_time),
+      .sample_pwm_o   (sample_pwm)
+  );
+
+  fl_zcd_wb #(
+      .Phases(Phases)
+  ) u_zcd (
+      .clk_i,
+      .rst_i,
+      .req_i         (req),
+      .stb_i         (stb[Zcd]),
+      .rdat_o        (rdat[Zcd]),
+      .update_i      (update),
+      .reverse_i     (seq_reverse),
+      .comm_applied_i(comm_applied),
+      .sample_valid_i(sample_valid),
+      .sample_i      (sample),
+      .sample_time_i (sample_time),
+      .sample_pwm_i  (sample_pwm),
+      .zc_valid_o    (zc_valid),
+      .zc_time_o     (zc_time),
+      .zc_late_o     (zc_late),
+      .zc_sector_o   (zc_sector)
+  );
+
+  fl_comm_wb u_comm (
+      .clk_i,
+      .rst_i,
+      .req_i        (req),
+      .stb_i        (stb[Comm]),
+      .rdat_o       (rdat[Comm]),
+      .now_i        (now),
+      .tick_i       (tick),
+      .update_i     (update),
+      .zc_valid_i   (zc_valid),
+      .zc_time_i    (zc_time),
+      .zc_late_i    (zc_late),
+      .zc_sector_i  (zc_sector),
+      .sector_i     (seq_sector),
+      .comm_valid_o (comm_valid),
+      .comm_sched_o (comm_sched),
+      .sched_valid_o(sched_valid),
+      .lost_o       (lost)
+  );
+
+  fl_pwm_wb #(
+      .Phases(Phases)
+  ) u_pwm (
+      .clk_i,
+      .rst_i,
+      .req_i          (req),
+      .stb_i          (stb[Pwm]),
+      .rdat_o         (rdat[Pwm]),
+      .now_i          (now),
+      .update_i       (update),
+      .comm_valid_i   (comm_valid),
+      .sched_valid_i  (sched_valid),
+      .comm_sched_i   (comm_sched),
+      .req_h_o        (req_h),
+      .req_l_o        (req_l),
+      .gate_i         (gate_o),
+      .pwm_state_o    (pwm_state),
+      .carrier_start_o(carrier_start),
+      .comm_applied_o (comm_applied),
+      .sector_o       (seq_sector),
+      .reverse_o      (seq_reverse),
+      .duty_q2_o      (duty_q2)
+  );
+
+  fl_safety_wb #(
+      .Phases(Phases)
+  ) u_safety (
+      .clk_i,
+      .rst_i,
+      .req_i       (req),
+      .stb_i       (stb[Safety]),
+      .rdat_o      (rdat[Safety]),
+      .now_i       (now),
+      .adc_valid_i,
+      .adc_code_i,
+      .fault_pin_i,
+      .lost_i      (lost),
+      .req_h_i     (req_h),
+      .req_l_i     (req_l),
+      .gate_h_o,
+      .gate_l_o,
+      .gate_o,
+      .tripped_o   (tripped),
+      .trip_event_o(trip_event),
+      .trip_cause_o(trip_cause)
+  );
+
+  fl_capture_wb #(
+      .Channels(Channels),
+      .Depth   (CaptureDepth)
+  ) u_capture (
+      .clk_i,
+      .rst_i,
+      .req_i          (req),
+      .stb_i          (stb[Capture]),
+      .rdat_o         (rdat[Capture]),
+      .sample_valid_i (sample_valid),
+      .sample_i       (sample),
+      .sample_time_i  (sample_time[17:0]),
+      .sample_on_i    (sample_pwm.on),
+      .sample_sector_i(sample_pwm.sector),
+      .duty_q2_i      (duty_q2),
+      .trip_i         (trip_event),
+      .tripped_i      (tripped),
+      .comm_applied_i (comm_applied),
+      .sector_i       (seq_sector),
+      .done_event_o   (capture_event)
+  );
+
+  // The timer may already plan the next commutation when this one reaches the sequencer.
+  always_ff @(posedge clk_i) begin
+    if (comm_valid) comm_sched_q <= comm_sched;
+    if (rst_i) comm_sched_q <= '0;
+  end
+
+  assign trc_valid_o      = comm_applied || zc_valid || update || trip_event;
+  assign trc_now_o        = now;
+  assign trc_zc_valid_o   = zc_valid;
+  assign trc_zc_late_o    = zc_late;
+  assign trc_zc_sector_o  = zc_sector;
+  assign trc_zc_time_o    = zc_time;
+  assign trc_comm_valid_o = comm_applied;
+  assign trc_sector_o     = seq_sector;
+  assign trc_comm_sched_o = comm_sched_q;
+  assign trc_update_o     = update;
+  assign trc_trip_o       = trip_event;
+  assign trc_trip_cause_o = trip_cause;
+
+endmodule
+`default_nettype wire

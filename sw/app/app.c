@@ -1,0 +1,105 @@
+#include "app/app.h"
+
+#include "app/console.h"
+#include "drive/parameters.h"
+#include "hal/chip.h"
+#include "hal/cpu.h"
+#include "hal/uart.h"
+
+// Tick and UART while no valid block says otherwise: 10 kHz and 1 Mbaud at 50 MHz.
+#define DEFAULT_TICK_CYCLES 5000u
+#define UART_BIT_CYCLES 50u
+#define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
+#define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD)
+
+static fault_t boot_fault(const parameter_block_t *block) {
+  if (!chip_is_known()) {
+    return FAULT_CHIP;
+  }
+  const fault_t fault = parameters_check(block);
+  if (fault == FAULT_NONE && (uint32_t)block->parameters.clock_hz != chip_clock_hz()) {
+    return FAULT_CHIP;
+  }
+  return fault;
+}
+
+void app_boot(app_t *app) {
+  const parameter_block_t *block = cpu_parameter_block();
+  const parameters_t *p = &block->parameters;
+  *app = (app_t){.telemetry = cpu_telemetry()};
+  telemetry_init(app->telemetry);
+  chip_gates_off();
+  uart_configure(UART_BIT_CYCLES);
+  console_init();
+  const fault_t fault = boot_fault(block);
+  drive_init(&app->drive, p, fault);
+  if (fault == FAULT_NONE) {
+    chip_configure(p);
+  }
+  telemetry_update(app->telemetry, &app->drive);
+  chip_irq_configure(CONTROL_SOURCES, DEFERRED_SOURCES);
+  chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
+}
+
+static void control_step(app_t *app) {
+  drive_t *drive = &app->drive;
+  if (drive->p != 0) {
+    chip_snapshot_t snapshot;
+    chip_read(&snapshot, drive->state == STATE_INIT);
+    drive_step(drive, &snapshot);
+    const bool enable = drive->command.gate_enable;
+    if (enable != app->gate_enable_written || drive->command.clear_trips) {
+      chip_write_guard(&drive->command, drive->p);
+      app->gate_enable_written = enable;
+    }
+    chip_write(&drive->command, drive->p);
+  } else {
+    drive->tick++;
+  }
+}
+
+void app_control_interrupt(app_t *app) {
+  telemetry_t *telemetry = app->telemetry;
+  const uint32_t entry = chip_now();
+  const uint32_t pending = chip_irq_pending();
+  if ((pending & (uint32_t)IRQ_TRIP) != 0u) {
+    // The gates are off already; the control step names the cause. Nothing to do but take the event.
+    chip_irq_clear(IRQ_TRIP);
+    cycles_add(&telemetry->handler[HANDLER_TRIP], chip_now() - entry);
+  }
+  if ((pending & (uint32_t)IRQ_TICK) != 0u) {
+    const uint32_t start = chip_now();
+    const uint32_t tick_time = chip_tick_time();
+    chip_irq_clear(IRQ_TICK);
+    control_step(app);
+    const uint32_t committed = chip_now();
+    telemetry_update(telemetry, &app->drive);
+    cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
+    cycles_add(&telemetry->handler[HANDLER_CONTROL_DONE], committed - tick_time);
+    cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
+  }
+}
+
+void app_deferred_interrupt(app_t *app) {
+  telemetry_t *telemetry = app->telemetry;
+  const uint32_t pending = chip_irq_pending();
+  if ((pending & (uint32_t)IRQ_UART_RX) != 0u) {
+    const uint32_t start = chip_now();
+    chip_irq_clear(IRQ_UART_RX);
+    uint8_t byte;
+    while (uart_get(&byte)) {
+      console_receive(byte);
+    }
+    cycles_add(&telemetry->handler[HANDLER_UART], chip_now() - start);
+  }
+  if ((pending & (uint32_t)IRQ_LOAD) != 0u) {
+    const uint32_t start = chip_now();
+    chip_irq_clear(IRQ_LOAD);
+    const uint32_t busy_cycles = app->load_period_cycles / 2u;
+    while (chip_now() - start < busy_cycles) {
+    }
+    cycles_add(&telemetry->handler[HANDLER_LOAD], chip_now() - start);
+  }
+}
+
+void app_poll(app_t *app) { console_poll(app); }

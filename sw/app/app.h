@@ -1,0 +1,26 @@
+// The application: boot, the interrupt handlers' work, the main loop's work. The same on chip and host.
+#ifndef FL_APP_H
+#define FL_APP_H
+
+#include <stdint.h>
+
+#include "app/telemetry.h"
+#include "drive/drive.h"
+
+typedef struct {
+  drive_t drive;
+  telemetry_t *telemetry;
+  bool gate_enable_written;
+  volatile uint32_t load_period_cycles;
+} app_t;
+
+// Check the parameter block, configure the chip, start the control tick. Interrupts are still off in the core.
+void app_boot(app_t *app);
+// Work of the control line: trip first, then the control step. Not interruptible.
+void app_control_interrupt(app_t *app);
+// Work of the deferred line: UART and load generator. The control line pre-empts it.
+void app_deferred_interrupt(app_t *app);
+// One round of the main loop: the console.
+void app_poll(app_t *app);
+
+#endif

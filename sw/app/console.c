@@ -1,0 +1,253 @@
+#include "app/console.h"
+
+#include "app/console_items.h"
+#include "app/format.h"
+#include "hal/chip.h"
+#include "hal/cpu.h"
+#include "hal/uart.h"
+
+#define RING_LENGTH 256u
+#define LINE_LENGTH 80u
+#define WORDS_MAX 4u
+
+// Receive ring between the UART's handler (head) and the main loop (tail), and the line being collected.
+static struct {
+  uint8_t ring[RING_LENGTH];
+  volatile uint32_t head;
+  volatile uint32_t tail;
+  char line[LINE_LENGTH];
+  uint32_t length;
+  bool too_long;
+} console;
+
+void console_init(void) {
+  console.head = 0;
+  console.tail = 0;
+  console.length = 0;
+  console.too_long = false;
+}
+
+void console_receive(uint8_t byte) {
+  const uint32_t head = console.head;
+  if (head - console.tail < RING_LENGTH) {
+    console.ring[head % RING_LENGTH] = byte;
+    console.head = head + 1u;
+  }
+}
+
+void console_put(const char *text) {
+  for (; *text != '\0'; text++) {
+    uart_put((uint8_t)*text);
+  }
+}
+
+static void put_u32(uint32_t value) {
+  char text[FORMAT_LENGTH];
+  format_u32(text, value);
+  console_put(text);
+}
+
+static void request(app_t *app, request_t wanted) {
+  const uint32_t state = critical_enter();
+  app->drive.request = wanted;
+  critical_leave(state);
+}
+
+static const char *command_help(void) {
+  console_put(
+      "help | status | get [name] | set name value | start | stop [now] | faults | clear | stats\n"
+      "settings:");
+  items_list_settable();
+  console_put("\n");
+  return 0;
+}
+
+static const char *command_status(app_t *app) {
+  static const char *const shown[] = {"state", "fault", "speed_rpm", "measured_rpm", "duty", "vdc_v", "idc_a", "motor_a"};
+  for (uint32_t i = 0; i < sizeof shown / sizeof shown[0]; i++) {
+    (void)items_print(app, shown[i]);
+  }
+  return 0;
+}
+
+static const char *command_faults(const app_t *app) {
+  const fault_log_t *log = &app->drive.log;
+  const uint32_t shown = (log->count < FAULT_LOG_LENGTH) ? log->count : FAULT_LOG_LENGTH;
+  console_put("now ");
+  console_put(fault_name(app->drive.fault));
+  console_put("\n");
+  for (uint32_t i = 0; i < shown; i++) {
+    const fault_entry_t *entry = &log->entry[(log->count - 1u - i) % FAULT_LOG_LENGTH];
+    console_put("fault ");
+    console_put(fault_name(entry->fault));
+    console_put(" tick ");
+    put_u32(entry->tick);
+    console_put("\n");
+  }
+  for (uint32_t i = 0; i < 8u; i++) {
+    const trip_record_t record = chip_trip_record(i);
+    if (record.valid) {
+      console_put("trip ");
+      console_put(fault_name(fault_of_trip(record.causes)));
+      console_put(" clock ");
+      put_u32(record.stamp);
+      console_put(" phase ");
+      put_u32(record.phase);
+      console_put(" code ");
+      put_u32(record.code_lsb);
+      console_put("\n");
+    }
+  }
+  return 0;
+}
+
+static const char *command_stats(const app_t *app) {
+  for (uint32_t h = 0; h < HANDLER_COUNT; h++) {
+    const uint32_t state = critical_enter();
+    const cycles_t cycles = app->telemetry->handler[h];
+    critical_leave(state);
+    if (cycles.count == 0u) {
+      continue;
+    }
+    console_put("isr ");
+    console_put(handler_name((handler_t)h));
+    const uint32_t values[] = {cycles.min, cycles_mean(&cycles), cycles.max, cycles.count};
+    for (uint32_t i = 0; i < 4u; i++) {
+      console_put(" ");
+      put_u32(values[i]);
+    }
+    console_put("\n");
+  }
+  console_put("overruns ");
+  put_u32(chip_tick_overruns());
+  console_put(" ");
+  put_u32(chip_all_overruns());
+  console_put("\n");
+  return 0;
+}
+
+static const char *command_start(app_t *app) {
+  if (app->drive.state != STATE_READY) {
+    return "not ready";
+  }
+  if (app->drive.settings.target_rpm == 0) {
+    return "speed_rpm is 0";
+  }
+  request(app, REQUEST_START);
+  return 0;
+}
+
+static const char *command_stop(app_t *app, uint32_t words, char **word) {
+  if (words > 1u && !text_equal(word[1], "now")) {
+    return "stop [now]";
+  }
+  request(app, (words > 1u) ? REQUEST_STOP_NOW : REQUEST_STOP);
+  return 0;
+}
+
+static const char *command_clear(app_t *app) {
+  if (app->drive.state != STATE_FAULT) {
+    return "no fault to clear";
+  }
+  request(app, REQUEST_CLEAR);
+  return 0;
+}
+
+// Runs one command; 0 or the text of its error.
+static const char *execute(app_t *app, uint32_t words, char **word) {
+  const char *name = word[0];
+  if (text_equal(name, "help")) {
+    return command_help();
+  }
+  if (text_equal(name, "faults")) {
+    return command_faults(app);
+  }
+  if (text_equal(name, "stats")) {
+    return command_stats(app);
+  }
+  if (app->drive.p == 0) {
+    // Without parameters there is nothing to start or set, and no scale to print with.
+    if (text_equal(name, "status") || (text_equal(name, "get") && words == 2u)) {
+      console_put("state init\nfault ");
+      console_put(fault_name(app->drive.fault));
+      console_put("\n");
+      return 0;
+    }
+    return "no valid parameters";
+  }
+  if (text_equal(name, "status")) {
+    return command_status(app);
+  }
+  if (text_equal(name, "get")) {
+    return (words == 1u) ? items_print_all(app) : (items_print(app, word[1]) ? 0 : "unknown name");
+  }
+  if (text_equal(name, "set")) {
+    return (words == 3u) ? items_set(app, word[1], word[2]) : "set name value";
+  }
+  if (text_equal(name, "start")) {
+    return command_start(app);
+  }
+  if (text_equal(name, "stop")) {
+    return command_stop(app, words, word);
+  }
+  if (text_equal(name, "clear")) {
+    return command_clear(app);
+  }
+  return "unknown command, try help";
+}
+
+static uint32_t split(char *line, char **word) {
+  uint32_t words = 0;
+  bool inside = false;
+  for (; *line != '\0'; line++) {
+    if (*line == ' ' || *line == '\t') {
+      *line = '\0';
+      inside = false;
+    } else if (!inside) {
+      inside = true;
+      if (words == WORDS_MAX) {
+        return WORDS_MAX + 1u;
+      }
+      word[words] = line;
+      words++;
+    }
+  }
+  return words;
+}
+
+static void run_line(app_t *app) {
+  char *word[WORDS_MAX];
+  const char *error = "line too long";
+  console.line[console.length] = '\0';
+  if (!console.too_long) {
+    const uint32_t words = split(console.line, word);
+    if (words == 0u) {
+      return;
+    }
+    error = (words > WORDS_MAX) ? "too many words" : execute(app, words, word);
+  }
+  if (error != 0) {
+    console_put("error: ");
+    console_put(error);
+    console_put("\n");
+  } else {
+    console_put("ok\n");
+  }
+}
+
+void console_poll(app_t *app) {
+  while (console.tail != console.head) {
+    const char c = (char)console.ring[console.tail % RING_LENGTH];
+    console.tail = console.tail + 1u;
+    if (c == '\r' || c == '\n') {
+      run_line(app);
+      console.length = 0;
+      console.too_long = false;
+    } else if (console.length < LINE_LENGTH - 1u) {
+      console.line[console.length] = c;
+      console.length++;
+    } else {
+      console.too_long = true;
+    }
+  }
+}

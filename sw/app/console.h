@@ -1,0 +1,13 @@
+// Console on the UART: one command a line (CR or LF ends it), replies end with `ok` or `error: ...`.
+#ifndef FL_CONSOLE_H
+#define FL_CONSOLE_H
+
+#include "app/app.h"
+
+void console_init(void);
+// A received byte, from the UART's handler.
+void console_receive(uint8_t byte);
+// Take received bytes, run complete lines. Main loop.
+void console_poll(app_t *app);
+
+#endif

@@ -1,0 +1,260 @@
+#include "app/console_items.h"
+
+#include "app/format.h"
+#include "control/fixed.h"
+#include "hal/chip.h"
+#include "hal/cpu.h"
+
+#define LOAD_PERIOD_MIN 500
+
+typedef enum {
+  ITEM_STATE,
+  ITEM_PHASE,
+  ITEM_FAULT,
+  ITEM_LIMIT,
+  ITEM_MEASURED_RPM,
+  ITEM_REFERENCE_RPM,
+  ITEM_DUTY,
+  ITEM_VDC_V,
+  ITEM_IDC_A,
+  ITEM_MOTOR_A,
+  ITEM_LOST_LOCKS,
+  ITEM_SPEED_RPM,  // from here on settable
+  ITEM_ACCEL_RPM_S,
+  ITEM_ADVANCE_Q16,
+  ITEM_COMMUTATION,
+  ITEM_PATTERN,
+  ITEM_CARRIER_HZ,
+  ITEM_SYNC_RECT,
+  ITEM_CURRENT_LIMIT_A,
+  ITEM_DC_LIMIT_A,
+  ITEM_FREEZE,
+  ITEM_IRQ_LOAD,
+  ITEM_COUNT,
+} item_t;
+
+static const char *const item_names[ITEM_COUNT] = {
+    "state",   "phase",      "fault",     "limit",       "measured_rpm", "reference_rpm", "duty",    "vdc_v",
+    "idc_a",   "motor_a",    "lost_locks", "speed_rpm",  "accel_rpm_s",  "advance_q16",   "commutation", "pattern",
+    "carrier_hz", "sync_rect", "current_limit_a", "dc_limit_a", "freeze", "irq_load"};
+static const char *const commutation_names[] = {"RSC", "NSC", "CSC"};
+static const char *const pattern_names[] = {"ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"};
+
+static item_t find(const char *name) {
+  uint32_t item = 0;
+  while (item < ITEM_COUNT && !text_equal(name, item_names[item])) {
+    item++;
+  }
+  return (item_t)item;
+}
+
+static void amperes(char *text, const parameters_t *p, int32_t current_q17) {
+  format_milli(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
+}
+
+// Value as text; names are copied by the caller, so the buffer only holds numbers.
+static const char *value_text(const app_t *app, item_t item, char *text) {
+  const drive_t *d = &app->drive;
+  const settings_t *s = &d->settings;
+  const parameters_t *p = d->p;
+  switch (item) {
+    case ITEM_STATE:
+      return drive_state_name(d->state);
+    case ITEM_PHASE:
+      return (d->state == STATE_STARTING) ? drive_phase_name(d->phase) : "none";
+    case ITEM_FAULT:
+      return fault_name(d->fault);
+    case ITEM_LIMIT:
+      return drive_limit_name(d->limit);
+    case ITEM_COMMUTATION:
+      return commutation_names[s->commutation];
+    case ITEM_PATTERN:
+      return pattern_names[s->pattern];
+    case ITEM_MEASURED_RPM:
+      format_fixed(text, d->reverse ? -(int64_t)d->m.speed_rpm_q8 : d->m.speed_rpm_q8, 8, 1);
+      break;
+    case ITEM_REFERENCE_RPM:
+      format_fixed(text, d->reverse ? -(int64_t)ramp_value(&d->ramp) : ramp_value(&d->ramp), 8, 1);
+      break;
+    case ITEM_DUTY:
+      format_fixed(text, d->duty_q30, 30, 4);
+      break;
+    case ITEM_VDC_V:
+      format_milli(text, sat_i32(round_shift((int64_t)d->m.vdc_v_q25 * p->voltage_full_scale_mv, 25)));
+      break;
+    case ITEM_IDC_A:
+      amperes(text, p, d->m.idc_q17);
+      break;
+    case ITEM_MOTOR_A:
+      amperes(text, p, d->m.motor_q17);
+      break;
+    case ITEM_LOST_LOCKS:
+      format_u32(text, d->lost_locks);
+      break;
+    case ITEM_SPEED_RPM:
+      format_i32(text, s->target_rpm);
+      break;
+    case ITEM_ACCEL_RPM_S:
+      format_i32(text, s->accel_rpm_s);
+      break;
+    case ITEM_ADVANCE_Q16:
+      format_i32(text, s->advance_q16);
+      break;
+    case ITEM_CARRIER_HZ:
+      format_u32(text, (uint32_t)p->clock_hz / s->carrier_period_cycles);
+      break;
+    case ITEM_SYNC_RECT:
+      format_u32(text, s->sync_rect ? 1u : 0u);
+      break;
+    case ITEM_CURRENT_LIMIT_A:
+      amperes(text, p, s->current_limit_q17);
+      break;
+    case ITEM_DC_LIMIT_A:
+      amperes(text, p, s->dc_limit_q17);
+      break;
+    case ITEM_FREEZE:
+      format_u32(text, s->freeze ? 1u : 0u);
+      break;
+    case ITEM_IRQ_LOAD:
+      format_u32(text, app->load_period_cycles);
+      break;
+    case ITEM_COUNT:
+    default:
+      return "?";
+  }
+  return text;
+}
+
+static void print(const app_t *app, item_t item) {
+  char text[FORMAT_LENGTH];
+  console_put(item_names[item]);
+  console_put(" ");
+  console_put(value_text(app, item, text));
+  console_put("\n");
+}
+
+bool items_print(const app_t *app, const char *name) {
+  const item_t item = find(name);
+  if (item == ITEM_COUNT) {
+    return false;
+  }
+  print(app, item);
+  return true;
+}
+
+const char *items_print_all(const app_t *app) {
+  for (uint32_t item = 0; item < ITEM_COUNT; item++) {
+    print(app, (item_t)item);
+  }
+  return 0;
+}
+
+void items_list_settable(void) {
+  for (uint32_t item = ITEM_SPEED_RPM; item < ITEM_COUNT; item++) {
+    console_put(" ");
+    console_put(item_names[item]);
+  }
+}
+
+// A choice by name or by number.
+static bool parse_choice(const char *text, const char *const *names, uint32_t count, uint32_t *choice) {
+  int32_t number;
+  for (uint32_t i = 0; i < count; i++) {
+    if (text_equal(text, names[i])) {
+      *choice = i;
+      return true;
+    }
+  }
+  if (!parse_i32(text, &number) || number < 0 || (uint32_t)number >= count) {
+    return false;
+  }
+  *choice = (uint32_t)number;
+  return true;
+}
+
+static bool parse_current(const drive_t *d, const char *text, int32_t *current_q17) {
+  int32_t milliamp;
+  if (!parse_milli(text, &milliamp) || milliamp <= 0 || milliamp > d->p->current_full_scale_ma) {
+    return false;
+  }
+  *current_q17 = drive_current_q17(d->p, milliamp);
+  return true;
+}
+
+static bool set_load(app_t *app, int32_t cycles) {
+  if (cycles != 0 && cycles < LOAD_PERIOD_MIN) {
+    return false;
+  }
+  app->load_period_cycles = (uint32_t)cycles;
+  chip_set_load((uint32_t)cycles);
+  return true;
+}
+
+static bool set_integer(const drive_t *d, settings_t *s, item_t item, int32_t value) {
+  switch (item) {
+    case ITEM_SPEED_RPM:
+      return settings_target(s, d->p, value);
+    case ITEM_ACCEL_RPM_S:
+      return settings_accel(s, d->p, value);
+    case ITEM_CARRIER_HZ:
+      return settings_carrier_hz(s, d->p, value);
+    case ITEM_ADVANCE_Q16:
+      if (value < -32768 || value > 32767) {
+        return false;
+      }
+      s->advance_q16 = value;
+      return true;
+    case ITEM_FREEZE:
+    case ITEM_SYNC_RECT:
+      if (value != 0 && value != 1) {
+        return false;
+      }
+      if (item == ITEM_FREEZE) {
+        s->freeze = value != 0;
+      } else {
+        s->sync_rect = value != 0;
+      }
+      return true;
+    default:
+      return false;
+  }
+}
+
+static bool set_value(const drive_t *d, settings_t *s, item_t item, const char *text) {
+  int32_t value;
+  switch (item) {
+    case ITEM_COMMUTATION:
+      return parse_choice(text, commutation_names, 3, &s->commutation);
+    case ITEM_PATTERN:
+      return parse_choice(text, pattern_names, 4, &s->pattern);
+    case ITEM_CURRENT_LIMIT_A:
+      return parse_current(d, text, &s->current_limit_q17);
+    case ITEM_DC_LIMIT_A:
+      return parse_current(d, text, &s->dc_limit_q17);
+    default:
+      return parse_i32(text, &value) && set_integer(d, s, item, value);
+  }
+}
+
+const char *items_set(app_t *app, const char *name, const char *value) {
+  const item_t item = find(name);
+  if (item == ITEM_COUNT) {
+    return "unknown name";
+  }
+  if (item < ITEM_SPEED_RPM) {
+    return "cannot be set";
+  }
+  if (item == ITEM_IRQ_LOAD) {
+    int32_t cycles;
+    return (parse_i32(value, &cycles) && set_load(app, cycles)) ? 0 : "value out of range";
+  }
+  // The control step only reads the settings: work on a copy, put it in place as a whole.
+  settings_t next = app->drive.settings;
+  if (!set_value(&app->drive, &next, item, value)) {
+    return "value out of range";
+  }
+  const uint32_t state = critical_enter();
+  app->drive.settings = next;
+  critical_leave(state);
+  return 0;
+}

@@ -1,0 +1,20 @@
+// Statistics of a handler's duration in clocks.
+#ifndef FL_CYCLES_H
+#define FL_CYCLES_H
+
+#include <stdint.h>
+
+typedef struct {
+  uint32_t min;
+  uint32_t max;
+  uint32_t count;
+  uint32_t sum_low;  // 64-bit sum in two words: the structure is read from outside as plain words
+  uint32_t sum_high;
+} cycles_t;
+
+void cycles_reset(cycles_t *cycles);
+void cycles_add(cycles_t *cycles, uint32_t duration);
+// Mean duration, 0 without a call.
+uint32_t cycles_mean(const cycles_t *cycles);
+
+#endif

@@ -1,0 +1,37 @@
+#include "app/telemetry.h"
+
+const char *handler_name(handler_t handler) {
+  static const char *const names[HANDLER_COUNT] = {
+      [HANDLER_CONTROL] = "control", [HANDLER_CONTROL_ENTRY] = "control_entry", [HANDLER_CONTROL_DONE] = "control_done",
+      [HANDLER_TRIP] = "trip",       [HANDLER_UART] = "uart",                   [HANDLER_LOAD] = "load",
+  };
+  return names[handler];
+}
+
+void telemetry_init(telemetry_t *telemetry) {
+  *telemetry = (telemetry_t){.magic = TELEMETRY_MAGIC, .length_bytes = sizeof *telemetry};
+  for (uint32_t h = 0; h < HANDLER_COUNT; h++) {
+    cycles_reset(&telemetry->handler[h]);
+  }
+}
+
+void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
+  telemetry->tick = drive->tick;
+  telemetry->state = (uint32_t)drive->state;
+  telemetry->phase = (uint32_t)drive->phase;
+  telemetry->fault = (uint32_t)drive->fault;
+  telemetry->limit = (uint32_t)drive->limit;
+  telemetry->speed_rpm_q8 = drive->m.speed_rpm_q8;
+  telemetry->reference_rpm_q8 = ramp_value(&drive->ramp);
+  telemetry->target_rpm = drive->settings.target_rpm;
+  telemetry->u_v_q25 = drive->u_v_q25;
+  telemetry->duty_q30 = drive->duty_q30;
+  telemetry->period_cycles = drive->command.period_cycles;
+  telemetry->vdc_v_q25 = drive->m.vdc_v_q25;
+  telemetry->idc_q17 = drive->m.idc_q17;
+  telemetry->motor_q17 = drive->m.motor_q17;
+  telemetry->crossings = drive->m.crossings;
+  telemetry->commutations = drive->m.commutations;
+  telemetry->lost_locks = drive->lost_locks;
+  telemetry->fault_count = drive->log.count;
+}

@@ -1,0 +1,47 @@
+#include "control/carrier.h"
+
+#include "control/fixed.h"
+
+#define DUTY_ONE_Q30 ((int32_t)1 << 30)
+#define PULSE_MAX_Q8 0xFFFFFFu
+
+int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25) {
+  const int64_t above = (int64_t)u_v_q25 + diode_v_q25;
+  const int64_t full = (int64_t)vdc_v_q25 + diode_v_q25;
+  if (above <= 0) {
+    return 0;
+  }
+  if (above >= full) {
+    return DUTY_ONE_Q30;
+  }
+  return (int32_t)div_sat_u32((uint64_t)above << 30, (uint32_t)full);
+}
+
+int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25) {
+  const int64_t full = (int64_t)vdc_v_q25 + diode_v_q25;
+  return sat_i32(round_shift(full * duty_q30, 30) - diode_v_q25);
+}
+
+uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
+                               uint32_t on_time_floor_cycles) {
+  if (duty_q30 <= 0) {
+    return longest_cycles;
+  }
+  const uint64_t floor_q30 = (uint64_t)on_time_floor_cycles << 30;
+  const uint32_t duty = (uint32_t)duty_q30;
+  if ((uint64_t)period_cycles * duty >= floor_q30) {
+    return period_cycles;
+  }
+  if ((uint64_t)longest_cycles * duty <= floor_q30) {
+    return longest_cycles;
+  }
+  return clamp_u32(div_sat_u32(floor_q30, duty), period_cycles, longest_cycles);
+}
+
+uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles) {
+  if (duty_q30 <= 0) {
+    return 0;
+  }
+  const uint64_t width = (((uint64_t)(uint32_t)duty_q30 * period_cycles) >> 22) + ((uint64_t)dead_time_cycles << 8);
+  return (width > PULSE_MAX_Q8) ? PULSE_MAX_Q8 : (uint32_t)width;
+}

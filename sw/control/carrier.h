@@ -1,0 +1,27 @@
+// From the wanted mean voltage to duty, carrier period and pulse width.
+//
+// Duty. While the pulse is off the current freewheels through one diode (drop V_D, 0 with synchronous
+// rectification): u = d*Vdc - (1 - d)*V_D, so d = (u + V_D) / (Vdc + V_D).
+// Carrier. A crossing needs samples that have settled inside a pulse: where the wanted carrier makes pulses
+// shorter than on_time_floor the carrier is made longer, up to the period used at start.
+// Width. With synchronous rectification the complementary switch delays every turn-on by the dead time,
+// which is added to the pulse.
+#ifndef FL_CARRIER_H
+#define FL_CARRIER_H
+
+#include <stdint.h>
+
+// Duty for a mean voltage; vdc_v_q25 > 0. Limited to 0..1. About 150 clocks.
+int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25);
+
+// The voltage that a duty gives: inverse of duty_from_voltage_q30.
+int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25);
+
+// Carrier period for a duty; period_cycles <= longest_cycles. About 170 clocks where it has to divide.
+uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
+                               uint32_t on_time_floor_cycles);
+
+// Pulse width in Q16.8 clocks, saturates at 24 bits.
+uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles);
+
+#endif

@@ -1,0 +1,58 @@
+#include "control/fixed.h"
+
+// One 16-bit digit of a quotient by a normalised divisor (top bit set): *rest < d on entry and on exit.
+// The trial digit from the upper halves is too large by at most two.
+static uint32_t quotient_digit(uint32_t *rest, uint32_t next16, uint32_t d) {
+  const uint32_t d_high = d >> 16;
+  const uint32_t d_low = d & 0xFFFFu;
+  uint32_t digit = *rest / d_high;
+  uint32_t left = *rest - digit * d_high;
+  while (digit > 0xFFFFu || digit * d_low > ((left << 16) | next16)) {
+    digit--;
+    left += d_high;
+    if (left > 0xFFFFu) {
+      break;
+    }
+  }
+  *rest = ((*rest << 16) | next16) - digit * d;
+  return digit;
+}
+
+uint32_t div_sat_u32(uint64_t n, uint32_t d) {
+  if (d == 0u || (uint32_t)(n >> 32) >= d) {
+    return UINT32_MAX;
+  }
+  const int up = __builtin_clz(d);
+  const uint64_t scaled = n << up;  // n >> 32 < d, so nothing is lost
+  const uint32_t divisor = d << up;
+  const uint32_t low = (uint32_t)scaled;
+  uint32_t rest = (uint32_t)(scaled >> 32);
+  const uint32_t high_digit = quotient_digit(&rest, low >> 16, divisor);
+  const uint32_t low_digit = quotient_digit(&rest, low & 0xFFFFu, divisor);
+  return (high_digit << 16) | low_digit;
+}
+
+uint64_t div_u64(uint64_t n, uint32_t d) {
+  const uint32_t high = (uint32_t)(n >> 32);
+  const uint32_t q_high = high / d;
+  const uint32_t rest = high % d;
+  return ((uint64_t)q_high << 32) | div_sat_u32(((uint64_t)rest << 32) | (uint32_t)n, d);
+}
+
+uint32_t sqrt_u64(uint64_t n) {
+  uint64_t root = 0;
+  uint64_t bit = (uint64_t)1 << 62;
+  while (bit > n) {
+    bit >>= 2;
+  }
+  while (bit != 0u) {
+    if (n >= root + bit) {
+      n -= root + bit;
+      root = (root >> 1) + bit;
+    } else {
+      root >>= 1;
+    }
+    bit >>= 2;
+  }
+  return (uint32_t)root;
+}

@@ -1,0 +1,71 @@
+// Fixed-point helpers: saturation, gains with a binary exponent, 64-bit division without a library.
+//
+// Formats used throughout the firmware (the suffix of a name is its format):
+//   _rpm_q8   mechanical speed, signed, 1/256 r/min
+//   _v_q25    voltage, signed, 2^25 = full scale of the voltage converter
+//   _q17      corrected sample, signed, 2^17 = full scale of its converter
+//   _duty_q30 duty, signed, 2^30 = always on
+//   _q16      dimensionless, 2^16 = 1
+//   _cycles   clocks of the chip
+#ifndef FL_FIXED_H
+#define FL_FIXED_H
+
+#include <stdint.h>
+
+// A real factor mant * 2^-shift, 0 <= shift <= 62. Normalised gains (|mant| >= 2^30) keep 30 bits.
+typedef struct {
+  int32_t mant;
+  int32_t shift;
+} gain_t;
+
+static inline int32_t sat_i32(int64_t x) {
+  if (x > INT32_MAX) {
+    return INT32_MAX;
+  }
+  return (x < INT32_MIN) ? INT32_MIN : (int32_t)x;
+}
+
+static inline int32_t clamp_i32(int32_t x, int32_t low, int32_t high) {
+  if (x < low) {
+    return low;
+  }
+  return (x > high) ? high : x;
+}
+
+static inline uint32_t clamp_u32(uint32_t x, uint32_t low, uint32_t high) {
+  if (x < low) {
+    return low;
+  }
+  return (x > high) ? high : x;
+}
+
+static inline int32_t add_sat(int32_t a, int32_t b) { return sat_i32((int64_t)a + b); }
+static inline int32_t sub_sat(int32_t a, int32_t b) { return sat_i32((int64_t)a - b); }
+static inline int32_t abs_sat(int32_t a) { return (a >= 0) ? a : ((a == INT32_MIN) ? INT32_MAX : -a); }
+
+// x * 2^-shift rounded to nearest, 0 <= shift <= 62, |x| <= 2^62.
+static inline int64_t round_shift(int64_t x, int32_t shift) {
+  return (shift > 0) ? ((x + ((int64_t)1 << (shift - 1))) >> shift) : x;
+}
+
+// x * g, rounded, not saturated. About 15 clocks.
+static inline int64_t gain_wide(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+
+// x * g, rounded and saturated. About 20 clocks.
+static inline int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(gain_wide(x, g)); }
+
+// x * factor_q16, rounded and saturated.
+static inline int32_t mul_q16(int32_t x, int32_t factor_q16) {
+  return sat_i32(round_shift((int64_t)x * factor_q16, 16));
+}
+
+// floor(n / d) saturated to 32 bits; d = 0 saturates too. Two hardware divisions, about 130 clocks.
+uint32_t div_sat_u32(uint64_t n, uint32_t d);
+
+// floor(n / d), d > 0, and the full 64-bit quotient. About 200 clocks.
+uint64_t div_u64(uint64_t n, uint32_t d);
+
+// floor(sqrt(n)). About 500 clocks; not for every tick.
+uint32_t sqrt_u64(uint64_t n);
+
+#endif

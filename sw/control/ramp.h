@@ -1,0 +1,25 @@
+// Speed ramp with an acceleration limit that waits while a limit keeps the machine from following.
+//
+// The reference moves toward the target by at most `step` a call and never leaves a window around the measured
+// speed on the side on which it moves: without it a current-limited machine would collect a speed error.
+#ifndef FL_RAMP_H
+#define FL_RAMP_H
+
+#include <stdint.h>
+
+typedef struct {
+  int64_t value_rpm_q24;
+} ramp_t;
+
+// Start at the given speed.
+void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8);
+
+// Reference now.
+int32_t ramp_value(const ramp_t *ramp);
+
+// One step. step_rpm_q24 > 0: largest change; window_rpm_q8: largest lead over the measured speed.
+// Returns the direction in which the reference moved: -1, 0, +1. About 50 clocks.
+int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
+                  int32_t window_rpm_q8);
+
+#endif

@@ -1,0 +1,285 @@
+#include "drive/drive.h"
+
+#include "control/carrier.h"
+#include "control/fixed.h"
+#include "control/speed.h"
+#include "drive/measure.h"
+#include "drive/run.h"
+#include "drive/start.h"
+
+#define INIT_SETTLE_TICKS 5u
+#define AUTO_ZERO_MIN_TICKS 3u
+#define SILENT_TICKS 3u
+// Ticks after a clear in which the latched trips may still be the old ones.
+#define CLEAR_TICKS 2u
+#define MID_CODE_Q4 (2048 * 16)
+// Trips that mean nothing while the gates are off anyway.
+#define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
+
+const char *drive_state_name(drive_state_t state) {
+  static const char *const names[] = {"init", "ready", "starting", "running", "stopping", "fault"};
+  return names[state];
+}
+
+const char *drive_phase_name(phase_t phase) {
+  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp", "lock"};
+  return names[phase];
+}
+
+const char *drive_limit_name(limit_t limit) {
+  static const char *const names[] = {"none", "duty_max", "duty_min", "current", "slew"};
+  return names[limit];
+}
+
+void drive_enter(drive_t *drive, drive_state_t state) {
+  drive->state = state;
+  drive->state_ticks = 0;
+  drive->limit = LIMIT_NONE;
+}
+
+void drive_gates_off(drive_t *drive) {
+  chip_command_t *command = &drive->command;
+  command->gate_enable = false;
+  command->sequencer = SEQUENCER_OFF;
+  command->timer = COMMUTATION_OFF;
+  command->zcd_enable = false;
+  command->miss_limit = 0;
+  command->pulse_cycles_q8 = 0;
+  for (uint32_t x = 0; x < PHASES; x++) {
+    command->leg[x] = LEG_OFF;
+  }
+  drive->u_v_q25 = 0;
+  drive->duty_q30 = 0;
+}
+
+void drive_enter_fault(drive_t *drive, fault_t fault) {
+  drive_gates_off(drive);
+  drive_enter(drive, STATE_FAULT);
+  drive->fault = fault;
+  fault_log_add(&drive->log, fault, drive->tick);
+}
+
+void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles) {
+  const parameters_t *p = drive->p;
+  const int32_t diode = sync_rect ? 0 : p->diode_v_q25;
+  const uint32_t dead_time = sync_rect ? (uint32_t)p->dead_time_cycles : 0u;
+  drive->u_v_q25 = u_v_q25;
+  drive->duty_q30 = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode);
+  drive->command.sync_rect = sync_rect;
+  drive->command.period_cycles = period_cycles;
+  drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);
+}
+
+int32_t drive_target_rpm_q8(const drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const int32_t target = drive->reverse ? -drive->settings.target_rpm : drive->settings.target_rpm;
+  return clamp_i32(target, p->stop_rpm, p->speed_max_rpm) * 256;
+}
+
+bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm) {
+  if (rpm > parameters->speed_max_rpm || rpm < -parameters->speed_max_rpm) {
+    return false;
+  }
+  settings->target_rpm = rpm;
+  return true;
+}
+
+bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s) {
+  const parameters_t *p = parameters;
+  if (rpm_s < 1 || rpm_s > 100000000) {
+    return false;
+  }
+  // Change a tick, 2^-24 r/min: rpm_s * 2^24 * tick_cycles / clock_hz.
+  const uint64_t numerator = (uint64_t)(uint32_t)rpm_s * (uint32_t)p->tick_cycles;
+  const uint64_t whole = div_u64(numerator, (uint32_t)p->clock_hz);
+  const uint64_t rest = numerator - whole * (uint32_t)p->clock_hz;
+  const uint64_t step = (whole << 24) + div_u64(rest << 24, (uint32_t)p->clock_hz);
+  settings->accel_rpm_s = rpm_s;
+  settings->accel_rpm_q24 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
+  settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
+  return true;
+}
+
+bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz) {
+  const parameters_t *p = parameters;
+  const int32_t period = (hz > 0) ? (p->clock_hz + hz / 2) / hz : 0;
+  if (period < 4 * p->min_pulse_cycles || period > p->carrier_longest_cycles) {
+    return false;
+  }
+  settings->carrier_period_cycles = (uint32_t)period;
+  return true;
+}
+
+int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
+  if (milliamp <= 0) {
+    return 0;
+  }
+  const uint64_t scaled = (uint64_t)(uint32_t)milliamp << 17;
+  return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)parameters->current_full_scale_ma)), 0, 131071);
+}
+
+void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
+  *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
+  drive->command.period_cycles = 1250;
+  drive->command.forced_interval_cycles = 0xFFFFFF;
+  if (fault != FAULT_NONE) {
+    fault_log_add(&drive->log, fault, 0);
+    return;
+  }
+  const parameters_t *p = parameters;
+  drive->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
+  settings_t *s = &drive->settings;
+  s->current_limit_q17 = drive_current_q17(p, p->current_limit_ma);
+  s->dc_limit_q17 = drive_current_q17(p, p->dc_current_limit_ma);
+  s->advance_q16 = p->advance_q16;
+  s->commutation = (uint32_t)p->commutation;
+  s->pattern = (uint32_t)p->pattern;
+  s->sync_rect = p->sync_rect != 0;
+  s->carrier_period_cycles = (uint32_t)p->carrier_period_cycles;
+  (void)settings_target(s, p, p->target_rpm);
+  (void)settings_accel(s, p, p->accel_rpm_s);
+  drive->command.commutation = s->commutation;
+  drive->command.pattern = s->pattern;
+  drive->command.advance_q16 = s->advance_q16;
+  drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
+}
+
+// Let samples settle, measure the current offsets with the gates off, judge them.
+static void init_step(drive_t *drive, const chip_snapshot_t *in) {
+  if (drive->state_ticks <= INIT_SETTLE_TICKS) {
+    drive->command.start_auto_zero = drive->state_ticks == INIT_SETTLE_TICKS;
+    return;
+  }
+  if (drive->state_ticks < INIT_SETTLE_TICKS + AUTO_ZERO_MIN_TICKS || in->auto_zero_busy) {
+    return;
+  }
+  for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+    const int32_t deviation = abs_sat((int32_t)in->current_code_offset_q4[i] - MID_CODE_Q4);
+    if (deviation > drive->p->offset_limit_lsb * 16) {
+      drive_enter_fault(drive, FAULT_CURRENT_OFFSET);
+      return;
+    }
+  }
+  drive->fault = FAULT_NONE;
+  drive_enter(drive, STATE_READY);
+}
+
+// A lost lock restarts the drive as often as the parameters allow.
+static void lost_lock(drive_t *drive) {
+  drive->lost_locks++;
+  if (drive->state == STATE_STARTING) {
+    start_failed(drive);
+  } else if (drive->state == STATE_STOPPING) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  } else if (drive->restarts >= (uint32_t)drive->p->restart_retries) {
+    drive_enter_fault(drive, FAULT_LOST_LOCK);
+  } else {
+    drive->restarts++;
+    start_begin(drive);
+  }
+}
+
+// Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
+static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
+  const bool clearing = drive->state == STATE_STARTING && drive->phase == START_COAST && drive->state_ticks <= CLEAR_TICKS;
+  uint32_t causes = (in->trip_first != 0u) ? in->trip_first : in->trip_latched;
+  if (drive->state == STATE_READY) {
+    causes &= ~(uint32_t)TRIPS_OF_RUNNING;
+  }
+  if (in->trip_latched == 0u || causes == 0u || clearing) {
+    return false;
+  }
+  const fault_t fault = fault_of_trip(causes);
+  if (fault == FAULT_LOST_LOCK) {
+    lost_lock(drive);
+  } else {
+    drive_enter_fault(drive, fault);
+  }
+  return true;
+}
+
+static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
+  if (drive->state == STATE_INIT || drive->state == STATE_FAULT) {
+    return false;
+  }
+  if (drive->m.silent_ticks >= SILENT_TICKS) {
+    drive_enter_fault(drive, FAULT_NO_SAMPLES);
+    return true;
+  }
+  if (drive->m.speed_valid && drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm &&
+      (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING)) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+    return true;
+  }
+  return handle_trips(drive, in);
+}
+
+static void handle_request(drive_t *drive) {
+  const request_t request = drive->request;
+  drive->request = REQUEST_NONE;
+  const bool active = drive->state == STATE_STARTING || drive->state == STATE_RUNNING || drive->state == STATE_STOPPING;
+  if (request == REQUEST_START && drive->state == STATE_READY) {
+    drive->failed_starts = 0;
+    drive->restarts = 0;
+    start_begin(drive);
+  } else if (request == REQUEST_STOP && drive->state == STATE_RUNNING) {
+    drive_enter(drive, STATE_STOPPING);
+  } else if ((request == REQUEST_STOP && drive->state == STATE_STARTING) || (request == REQUEST_STOP_NOW && active)) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  } else if (request == REQUEST_CLEAR && drive->state == STATE_FAULT) {
+    drive_enter(drive, STATE_INIT);
+    drive->command.clear_trips = true;
+  }
+}
+
+static void stopping_step(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  run_step(drive, p->stop_rpm * 256);
+  const int32_t open_below_rpm_q8 = p->stop_rpm * 256 + p->stop_rpm * 16;
+  if (drive->m.speed_rpm_q8 < open_below_rpm_q8 || drive->state_ticks > (uint32_t)p->stop_timeout_ticks) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  }
+}
+
+void drive_step(drive_t *drive, const chip_snapshot_t *in) {
+  drive->tick++;
+  drive->command.clear_trips = false;
+  drive->command.start_auto_zero = false;
+  if (drive->p == 0) {
+    drive->request = REQUEST_NONE;
+    return;
+  }
+  if (drive->state_ticks < UINT32_MAX) {
+    drive->state_ticks++;
+  }
+  measure_update(drive, in);
+  handle_request(drive);
+  if (supervise(drive, in)) {
+    return;
+  }
+  switch (drive->state) {
+    case STATE_INIT:
+      init_step(drive, in);
+      break;
+    case STATE_STARTING:
+      start_step(drive, in);
+      break;
+    case STATE_RUNNING:
+      run_step(drive, drive_target_rpm_q8(drive));
+      if (drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
+        drive->restarts = 0;
+        drive->failed_starts = 0;
+      }
+      break;
+    case STATE_STOPPING:
+      stopping_step(drive);
+      break;
+    case STATE_READY:
+    case STATE_FAULT:
+    default:
+      break;
+  }
+}

@@ -1,0 +1,122 @@
+// The drive: state machine, start, speed control, faults. One step a control tick, from a snapshot to a command.
+//
+//   init -> ready -> starting -> running -> stopping -> ready;   any -> fault -> init
+//
+// Knows no register: app/control_task.c carries snapshot and command to and from the chip.
+#ifndef FL_DRIVE_H
+#define FL_DRIVE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "control/handover.h"
+#include "control/limiter.h"
+#include "control/pi.h"
+#include "control/ramp.h"
+#include "drive/faults.h"
+#include "drive/parameters.h"
+#include "hal/chip_io.h"
+
+typedef enum { STATE_INIT, STATE_READY, STATE_STARTING, STATE_RUNNING, STATE_STOPPING, STATE_FAULT } drive_state_t;
+
+typedef enum { START_COAST, START_PRECHARGE, START_ALIGN_FIRST, START_ALIGN_SECOND, START_RAMP, START_LOCK } phase_t;
+
+typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQUEST_CLEAR } request_t;
+
+// The limit that bound the voltage in the last step.
+typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_SLEW } limit_t;
+
+// What may change at run time. The control step only reads them; the console replaces the set as a whole.
+typedef struct {
+  int32_t target_rpm;      // negative: backward
+  int32_t accel_rpm_s;
+  int32_t accel_rpm_q24;  // the same a tick
+  int32_t accel_rpm_q8;    // what accel_feed_forward_s makes of it
+  int32_t current_limit_q17;
+  int32_t dc_limit_q17;
+  int32_t advance_q16;
+  uint32_t commutation;
+  uint32_t pattern;
+  uint32_t carrier_period_cycles;
+  bool sync_rect;
+  bool freeze;  // while running: hold duty and every setting
+} settings_t;
+
+// Measured quantities of the last tick.
+typedef struct {
+  int32_t vdc_v_q25;      // mean over the tick
+  int32_t idc_q17;        // DC-link current, mean over the tick, filtered
+  int32_t motor_q17;      // sum of the positive phase currents, filtered
+  int32_t line_emf_q17;   // spread of the terminal voltages; the line EMF while the gates are off
+  int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
+  bool speed_valid;
+  uint32_t crossings;     // since the commutation timer was switched on, saturates
+  uint32_t commutations;  // the same
+  uint16_t crossings_before;
+  uint16_t commutations_before;
+  uint32_t timer_on_ticks;
+  uint32_t last_sample;
+  uint32_t silent_ticks;  // consecutive ticks without a sample
+  int32_t idc_filter_q25;
+  int32_t motor_filter_q25;
+} measured_t;
+
+typedef struct {
+  const parameters_t *p;
+  uint64_t speed_numerator_q8;
+  settings_t settings;
+  request_t request;
+
+  drive_state_t state;
+  phase_t phase;
+  fault_t fault;
+  fault_log_t log;
+  uint32_t tick;
+  uint32_t state_ticks;  // since entry into the state, or into the phase of a start
+  uint32_t calm_ticks;
+  uint32_t failed_starts;
+  uint32_t restarts;
+  uint32_t lost_locks;  // since boot
+  bool reverse;
+
+  measured_t m;
+  ramp_t ramp;
+  pi_state_t speed_pi;
+  limiter_t limiter;
+  handover_t handover;
+  uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
+  uint32_t locked_from;  // crossing count at hand-over
+  bool was_frozen;
+
+  int32_t u_v_q25;  // mean voltage applied to the conducting pair
+  int32_t duty_q30;
+  limit_t limit;
+  chip_command_t command;
+} drive_t;
+
+// Prepare for the first step. fault: result of the boot checks; with a fault the drive stays in init for good.
+void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault);
+
+// One control step: reads the snapshot, leaves what the chip shall do in drive->command.
+void drive_step(drive_t *drive, const chip_snapshot_t *in);
+
+// Names for people.
+const char *drive_state_name(drive_state_t state);
+const char *drive_phase_name(phase_t phase);
+const char *drive_limit_name(limit_t limit);
+
+// Settings in the units of people; false: out of range, nothing changed.
+bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm);
+bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s);
+bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz);
+// Current in the format of the samples, 0 below zero, at most full scale.
+int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
+
+// Shared by the parts of the drive.
+void drive_enter(drive_t *drive, drive_state_t state);
+void drive_enter_fault(drive_t *drive, fault_t fault);
+void drive_gates_off(drive_t *drive);
+void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles);
+int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds
+
+#endif

@@ -1,0 +1,71 @@
+#include "drive/measure.h"
+
+#include "control/fixed.h"
+#include "control/speed.h"
+
+// The counters of the commutation timer start anew when it leaves OFF; a snapshot taken at that very tick may still
+// hold the old ones.
+#define TIMER_SETTLED_TICKS 2u
+
+static uint32_t add_count(uint32_t count, uint16_t more) {
+  return (count > UINT32_MAX - more) ? UINT32_MAX : count + more;
+}
+
+static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
+  *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
+  return *state_q25 >> 8;
+}
+
+static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
+  measured_t *m = &drive->m;
+  const int32_t shift = drive->p->current_filter_shift;
+  if (in->sum_count > 0u) {
+    const int32_t count = (int32_t)in->sum_count;
+    const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, 131071);
+    m->vdc_v_q25 = vdc_q17 * 256;
+    m->idc_q17 = filter(&m->idc_filter_q25, clamp_i32(in->idc_sum_q17 / count, -131072, 131071), shift);
+  }
+  int32_t magnitude = 0;
+  int32_t highest = in->v_q17[0];
+  int32_t lowest = in->v_q17[0];
+  for (uint32_t x = 0; x < PHASES; x++) {
+    magnitude += abs_sat(in->i_q17[x]);
+    highest = (in->v_q17[x] > highest) ? in->v_q17[x] : highest;
+    lowest = (in->v_q17[x] < lowest) ? in->v_q17[x] : lowest;
+  }
+  m->motor_q17 = filter(&m->motor_filter_q25, magnitude / 2, shift);
+  m->line_emf_q17 = highest - lowest;
+}
+
+static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
+  measured_t *m = &drive->m;
+  m->timer_on_ticks = (drive->command.timer == COMMUTATION_OFF) ? 0u : add_count(m->timer_on_ticks, 1u);
+  const bool counting = m->timer_on_ticks >= TIMER_SETTLED_TICKS;
+  const uint16_t crossings = counting ? (uint16_t)(in->crossings - m->crossings_before) : 0u;
+  const uint16_t commutations = counting ? (uint16_t)(in->commutations - m->commutations_before) : 0u;
+  if (counting) {
+    m->crossings_before = in->crossings;
+    m->commutations_before = in->commutations;
+    m->crossings = add_count(m->crossings, crossings);
+    m->commutations = add_count(m->commutations, commutations);
+  } else {
+    m->crossings_before = 0;
+    m->commutations_before = 0;
+    m->crossings = 0;
+    m->commutations = 0;
+    m->speed_valid = false;
+    m->speed_rpm_q8 = 0;
+  }
+  if (crossings > 0u && m->crossings >= CROSSINGS_FOR_SPEED) {
+    m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
+    m->speed_valid = true;
+  }
+}
+
+void measure_update(drive_t *drive, const chip_snapshot_t *in) {
+  measured_t *m = &drive->m;
+  m->silent_ticks = (in->sample_number == m->last_sample) ? add_count(m->silent_ticks, 1u) : 0u;
+  m->last_sample = in->sample_number;
+  measure_electric(drive, in);
+  measure_speed(drive, in);
+}

@@ -1,0 +1,187 @@
+#include "drive/start.h"
+
+#include "control/carrier.h"
+#include "control/fixed.h"
+#include "control/startup.h"
+#include "drive/run.h"
+
+#define COAST_CALM_TICKS 8u
+#define ALIGN_LEG_FIRST 0u
+#define ALIGN_LEG_SECOND 1u
+
+static void enter_phase(drive_t *drive, phase_t phase) {
+  drive->phase = phase;
+  drive->state_ticks = 0;
+}
+
+static void legs(drive_t *drive, leg_command_t others, uint32_t special, leg_command_t command) {
+  for (uint32_t x = 0; x < PHASES; x++) {
+    drive->command.leg[x] = (x == special) ? command : others;
+  }
+}
+
+void start_begin(drive_t *drive) {
+  drive_gates_off(drive);
+  drive_enter(drive, STATE_STARTING);
+  drive->reverse = drive->settings.target_rpm < 0;
+  drive->calm_ticks = 0;
+  enter_phase(drive, START_COAST);
+  drive->command.clear_trips = true;
+}
+
+void start_failed(drive_t *drive) {
+  drive->failed_starts++;
+  if (drive->failed_starts > (uint32_t)drive->p->start_retries) {
+    drive_enter_fault(drive, FAULT_START_FAILED);
+    return;
+  }
+  start_begin(drive);
+}
+
+// Gates off until the EMF of the rotor is small enough to be shorted by the lower switches.
+static void coast(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  drive->calm_ticks = (drive->m.line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
+  if (drive->calm_ticks < COAST_CALM_TICKS) {
+    if (drive->state_ticks > (uint32_t)p->coast_timeout_ticks) {
+      drive_enter_fault(drive, FAULT_ROTOR_SPINNING);
+    }
+    return;
+  }
+  const int32_t vdc_q17 = drive->m.vdc_v_q25 / 256;
+  if (vdc_q17 < p->vdc_min_q17) {
+    drive_enter_fault(drive, FAULT_UNDER_VOLTAGE);
+  } else if (vdc_q17 > p->vdc_max_q17) {
+    drive_enter_fault(drive, FAULT_OVER_VOLTAGE);
+  } else {
+    drive->command.gate_enable = true;
+    drive->command.sequencer = SEQUENCER_MANUAL;
+    legs(drive, LEG_LOW, 0, LEG_LOW);
+    drive_apply_voltage(drive, 0, true, (uint32_t)p->carrier_longest_cycles);
+    enter_phase(drive, START_PRECHARGE);
+  }
+}
+
+static void align(drive_t *drive, uint32_t leg, uint32_t rise_ticks) {
+  const parameters_t *p = drive->p;
+  int32_t u = p->align_v_q25;
+  if (drive->state_ticks < rise_ticks) {
+    u = mul_q16(u, (int32_t)div_sat_u32((uint64_t)drive->state_ticks << 16, rise_ticks));
+  }
+  legs(drive, LEG_LOW, leg, LEG_PWM_HIGH);
+  drive_apply_voltage(drive, u, true, (uint32_t)p->carrier_longest_cycles);
+}
+
+// First forced sector: the update that switches the sequencer also starts the forced timer.
+static void begin_ramp(drive_t *drive) {
+  chip_command_t *command = &drive->command;
+  command->sequencer = SEQUENCER_SIX_STEP;
+  command->start_sector = start_sector(ALIGN_LEG_SECOND, drive->reverse);
+  command->reverse = drive->reverse;
+  command->timer = COMMUTATION_FORCED;
+  command->forced_interval_cycles = (uint32_t)drive->p->start_first_cycles;
+  command->miss_limit = 0;
+  command->zcd_enable = true;
+  drive->held_from = UINT32_MAX;
+  handover_reset(&drive->handover, 0, 0);
+  ramp_preset(&drive->ramp, 0);
+  drive_apply_voltage(drive, drive->p->start_v_q25, true, (uint32_t)drive->p->carrier_longest_cycles);
+  enter_phase(drive, START_RAMP);
+}
+
+static void begin_lock(drive_t *drive) {
+  drive->command.timer = COMMUTATION_ZCD;
+  drive->command.miss_limit = (uint32_t)drive->p->miss_limit;
+  drive->locked_from = drive->m.crossings;
+  enter_phase(drive, START_LOCK);
+}
+
+static void ramp(drive_t *drive, const chip_snapshot_t *in) {
+  const parameters_t *p = drive->p;
+  const measured_t *m = &drive->m;
+  const int32_t end_rpm_q8 = p->handover_rpm * 256;
+  const uint32_t forced_before = drive->command.forced_interval_cycles;
+
+  // The interval written now is used by the commutation after the pending one.
+  uint32_t interval = (uint32_t)p->handover_interval_cycles;
+  if (drive->held_from == UINT32_MAX) {
+    const uint32_t accelerating = forced_interval_cycles((uint32_t)p->start_first_cycles, m->commutations);
+    if (accelerating > interval) {
+      interval = accelerating;
+    } else {
+      drive->held_from = m->commutations;
+    }
+  }
+  drive->command.forced_interval_cycles = interval;
+
+  (void)ramp_step(&drive->ramp, end_rpm_q8, p->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
+  const int32_t speed_rpm_q8 = ramp_value(&drive->ramp);
+  const int32_t u = add_sat(p->start_v_q25, gain_apply(speed_rpm_q8, p->emf));
+  const int32_t duty = duty_from_voltage_q30(u, m->vdc_v_q25, 0);
+  drive_apply_voltage(drive, u, true,
+                      carrier_period_cycles(duty, drive->settings.carrier_period_cycles,
+                                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles));
+
+  if (drive->held_from == UINT32_MAX) {
+    handover_reset(&drive->handover, in->crossings, in->late);
+    return;
+  }
+  handover_step(&drive->handover, in->crossings, in->late, in->zc_interval_cycles, forced_before,
+                (uint32_t)p->handover_tolerance_q16);
+  const uint32_t held = m->commutations - drive->held_from;
+  const uint32_t wanted = (uint32_t)p->handover_crossings;
+  if (drive->handover.clean >= wanted ||
+      (held >= (uint32_t)p->handover_fallback && drive->handover.plausible >= wanted)) {
+    begin_lock(drive);
+  } else if (held >= (uint32_t)p->handover_timeout) {
+    start_failed(drive);
+  }
+}
+
+// Crossings commutate at held voltage until the period consists of them alone.
+static void lock(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const measured_t *m = &drive->m;
+  const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings;
+  if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
+    run_begin(drive);
+  } else if (drive->state_ticks > (uint32_t)p->lock_timeout_ticks) {
+    start_failed(drive);
+  }
+}
+
+void start_step(drive_t *drive, const chip_snapshot_t *in) {
+  const parameters_t *p = drive->p;
+  switch (drive->phase) {
+    case START_COAST:
+      coast(drive);
+      break;
+    case START_PRECHARGE:
+      if (drive->state_ticks >= (uint32_t)p->precharge_ticks) {
+        enter_phase(drive, START_ALIGN_FIRST);
+        align(drive, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+      }
+      break;
+    case START_ALIGN_FIRST:
+      align(drive, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+      if (drive->state_ticks >= (uint32_t)p->align_ticks) {
+        enter_phase(drive, START_ALIGN_SECOND);
+      }
+      break;
+    case START_ALIGN_SECOND:
+      align(drive, ALIGN_LEG_SECOND, 0);
+      if (drive->state_ticks >= (uint32_t)p->align_ticks) {
+        begin_ramp(drive);
+      }
+      break;
+    case START_RAMP:
+      ramp(drive, in);
+      break;
+    case START_LOCK:
+      lock(drive);
+      break;
+    default:
+      drive_enter_fault(drive, FAULT_START_FAILED);
+      break;
+  }
+}

@@ -1,0 +1,176 @@
+#include "hal/chip.h"
+
+#include "hal/reg.h"
+
+#define MAP_MAGIC 0x464C5558u
+#define MAP_VERSION 1u
+#define CHANNELS (2u * PHASES + 3u)
+#define CURRENT_OFFSET_Q4 (2048u * 16u)
+#define CLEAR_KEY 0xA5u
+
+static const uint8_t current_channel[CURRENT_CHANNELS] = {3, 4, 5, 7};
+
+bool chip_is_known(void) {
+  const uint32_t build = reg_read(REG(sys.build));
+  return reg_read(REG(sys.id)) == MAP_MAGIC && BITS(FL_SYS_REGS__BUILD__MAP_VERSION, build) == MAP_VERSION &&
+         BITS(FL_SYS_REGS__BUILD__PHASES, build) == PHASES;
+}
+
+uint32_t chip_clock_hz(void) { return reg_read(REG(sys.clock)); }
+uint32_t chip_now(void) { return reg_read(REG(sys.time_now)); }
+uint32_t chip_tick_time(void) { return reg_read(REG(timer.tick_time)); }
+void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles); }
+void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
+void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
+
+static void configure_sensing(const parameters_t *p) {
+  reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
+  reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
+  for (uint32_t c = 0; c < CHANNELS; c++) {
+    reg_write(REG(sense.gain[0]) + 4u * c, (uint32_t)p->gain_q15[c]);
+    reg_write(REG(sense.offset[0]) + 4u * c, 0);
+  }
+  for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+    reg_write(REG(sense.offset[0]) + 4u * current_channel[i], CURRENT_OFFSET_Q4);
+  }
+  reg_write(REG(sense.scheduler),
+            FIELD(FL_SENSE_REGS__SCHEDULER__MODE, p->sample_mode) |
+                FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+}
+
+static void configure_crossings(const parameters_t *p) {
+  reg_write(REG(zcd.blanking), FIELD(FL_ZCD_REGS__BLANKING__SETTLE_CYCLES, p->zcd_settle_cycles) |
+                                   FIELD(FL_ZCD_REGS__BLANKING__BLANK_CYCLES, p->zcd_blank_cycles));
+  reg_write(REG(zcd.clamp), (uint32_t)p->zcd_margin_q17);
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)p->zcd_threshold_q17[sector]);
+  }
+  reg_write(REG(comm.latency), (uint32_t)p->latency_cycles);
+  reg_write(REG(comm.timeout), (uint32_t)p->timeout_q12);
+}
+
+static void configure_safety(const parameters_t *p) {
+  const uint32_t polarity = (uint32_t)p->gate_polarity;
+  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
+                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
+  reg_write(REG(safety.dead_time), (uint32_t)p->dead_time_cycles);
+  reg_write(REG(safety.current_limit), FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__PHASE_LSB, p->trip_phase_lsb) |
+                                           FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__DC_LSB, p->trip_dc_lsb));
+  reg_write(REG(safety.voltage_limit), FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__OVER_LSB, p->trip_over_voltage_lsb) |
+                                           FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__UNDER_LSB, p->trip_under_voltage_lsb));
+  reg_write(REG(safety.trip_enable), (uint32_t)p->trip_enable);
+  reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
+}
+
+void chip_configure(const parameters_t *parameters) {
+  configure_safety(parameters);
+  configure_sensing(parameters);
+  configure_crossings(parameters);
+  reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
+}
+
+void chip_read(chip_snapshot_t *snapshot, bool offsets) {
+  snapshot->sample_number = reg_read(REG(sense.snap_number));
+  for (uint32_t x = 0; x < PHASES; x++) {
+    snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+    snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
+  }
+  snapshot->vdc_sum_q17 = (int32_t)reg_read(REG(sense.snap_vdc_sum));
+  snapshot->idc_sum_q17 = (int32_t)reg_read(REG(sense.snap_idc_sum));
+  snapshot->sum_count = reg_read(REG(sense.snap_count));
+  snapshot->zc_interval_cycles = reg_read(REG(comm.snap_interval));
+  snapshot->zc_period_cycles = reg_read(REG(comm.snap_period));
+  const uint32_t counters = reg_read(REG(comm.snap_counters));
+  snapshot->crossings = (uint16_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__CROSSINGS, counters);
+  snapshot->misses = (uint8_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__MISSES, counters);
+  snapshot->late = (uint8_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__LATE, counters);
+  const uint32_t events = reg_read(REG(comm.snap_events));
+  snapshot->commutations = (uint16_t)BITS(FL_COMM_REGS__SNAP_EVENTS__COMMUTATIONS, events);
+  snapshot->overdue = (uint8_t)BITS(FL_COMM_REGS__SNAP_EVENTS__OVERDUE, events);
+  snapshot->timeouts = (uint8_t)BITS(FL_COMM_REGS__SNAP_EVENTS__TIMEOUTS, events);
+  const uint32_t trip = reg_read(REG(safety.trip));
+  snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
+  snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
+  if (offsets) {
+    snapshot->auto_zero_busy = BITS(FL_SENSE_REGS__AUTO_ZERO__BUSY, reg_read(REG(sense.auto_zero))) != 0u;
+    for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+      snapshot->current_code_offset_q4[i] =
+          (uint16_t)(reg_read(REG(sense.offset[0]) + 4u * current_channel[i]) & 0xFFFFu);
+    }
+  }
+}
+
+static void write_pwm(const chip_command_t *command) {
+  reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
+                                  FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
+                                  FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
+                                  FIELD(FL_PWM_REGS__CONTROL__SYNC_RECT, command->sync_rect ? 1 : 0) |
+                                  FIELD(FL_PWM_REGS__CONTROL__REVERSE, command->reverse ? 1 : 0) |
+                                  FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector));
+  reg_write(REG(pwm.period), command->period_cycles);
+  reg_write(REG(pwm.duty), command->pulse_cycles_q8);
+  reg_write(REG(pwm.manual), FIELD(FL_PWM_REGS__MANUAL__LEG_A, command->leg[0]) |
+                                 FIELD(FL_PWM_REGS__MANUAL__LEG_B, command->leg[1]) |
+                                 FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
+}
+
+static void write_crossings(const chip_command_t *command, const parameters_t *p) {
+  reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__INTERPOLATE, p->zcd_interpolate) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous));
+  reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
+                                   FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, 1) |
+                                   FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
+  reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
+                                 FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
+  reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
+}
+
+void chip_write(const chip_command_t *command, const parameters_t *parameters) {
+  write_pwm(command);
+  write_crossings(command, parameters);
+  reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
+  if (command->start_auto_zero) {
+    uint32_t mask = 0;
+    for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+      mask |= 1u << current_channel[i];
+    }
+    reg_write(REG(sense.auto_zero), FIELD(FL_SENSE_REGS__AUTO_ZERO__START, 1) |
+                                        FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, parameters->auto_zero_log2) |
+                                        FIELD(FL_SENSE_REGS__AUTO_ZERO__MASK, mask));
+  }
+}
+
+void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
+  if (command->clear_trips) {
+    reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
+  }
+  const uint32_t polarity = (uint32_t)parameters->gate_polarity;
+  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__ENABLE, command->gate_enable ? 1 : 0) |
+                                   FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
+                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
+}
+
+void chip_irq_configure(uint32_t control, uint32_t deferred) {
+  reg_write(REG(irq.route), control);
+  reg_write(REG(irq.pending), control | deferred);
+  reg_write(REG(irq.enable), control | deferred);
+}
+
+uint32_t chip_irq_pending(void) { return reg_read(REG(irq.pending)); }
+void chip_irq_clear(uint32_t sources) { reg_write(REG(irq.pending), sources); }
+
+uint32_t chip_tick_overruns(void) { return BITS(FL_IRQ_REGS__OVERRUN__TICK_COUNT, reg_read(REG(irq.overrun))); }
+uint32_t chip_all_overruns(void) { return BITS(FL_IRQ_REGS__OVERRUN__COUNT, reg_read(REG(irq.overrun))); }
+
+trip_record_t chip_trip_record(uint32_t index) {
+  reg_write(REG(safety.log_index), index);
+  const uint32_t cause = reg_read(REG(safety.log_cause));
+  trip_record_t record;
+  record.valid = BITS(FL_SAFETY_REGS__LOG_CAUSE__VALID, cause) != 0u;
+  record.causes = BITS(FL_SAFETY_REGS__LOG_CAUSE__CAUSE, cause);
+  record.phase = BITS(FL_SAFETY_REGS__LOG_CAUSE__PHASE, cause);
+  record.code_lsb = BITS(FL_SAFETY_REGS__LOG_CAUSE__CODE, cause);
+  record.stamp = reg_read(REG(safety.log_time));
+  return record;
+}

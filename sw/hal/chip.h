@@ -1,0 +1,67 @@
+// The chip's measuring and power blocks: configuration at boot, snapshot and command at every control tick.
+#ifndef FL_CHIP_H
+#define FL_CHIP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/chip_io.h"
+#include "params.h"
+
+// Interrupt sources, bits of the interrupt controller.
+enum {
+  IRQ_TICK = 1u << 0,
+  IRQ_TRIP = 1u << 1,
+  IRQ_MACHINE_TIMER = 1u << 2,
+  IRQ_UART_RX = 1u << 3,
+  IRQ_UART_TX = 1u << 4,
+  IRQ_CAPTURE = 1u << 5,
+  IRQ_CROSSING = 1u << 6,
+  IRQ_LOAD = 1u << 7,
+};
+
+// Register map and build are what this firmware was written for.
+bool chip_is_known(void);
+uint32_t chip_clock_hz(void);
+
+// Free-running clock counter.
+uint32_t chip_now(void);
+// Its value at the last control tick.
+uint32_t chip_tick_time(void);
+
+// Static configuration of sensing, crossing detection, timers and protections; gates stay off.
+void chip_configure(const parameters_t *parameters);
+// Period of the control tick; 0 stops it.
+void chip_set_tick(uint32_t cycles);
+// Period of the load generator's interrupt; 0 stops it.
+void chip_set_load(uint32_t cycles);
+
+// Read the snapshot of the last tick. `offsets`: read the current offsets too.
+void chip_read(chip_snapshot_t *snapshot, bool offsets);
+// Write every shadowed setting and commit the set for the next tick.
+void chip_write(const chip_command_t *command, const parameters_t *parameters);
+// Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
+void chip_write_guard(const chip_command_t *command, const parameters_t *parameters);
+// Open all gates at once, without a tick.
+void chip_gates_off(void);
+
+// Interrupt controller: sources on the control line (pre-empting) and on the deferred line.
+void chip_irq_configure(uint32_t control, uint32_t deferred);
+uint32_t chip_irq_pending(void);
+void chip_irq_clear(uint32_t sources);
+
+// Events lost to a pending bit still set: of the control tick, and of all sources.
+uint32_t chip_tick_overruns(void);
+uint32_t chip_all_overruns(void);
+
+// Newest trip of the hardware's log.
+typedef struct {
+  bool valid;
+  uint32_t causes;
+  uint32_t stamp;
+  uint32_t phase;
+  uint32_t code_lsb;
+} trip_record_t;
+trip_record_t chip_trip_record(uint32_t index);
+
+#endif

@@ -1,0 +1,70 @@
+// What the drive reads from the chip at a control tick and what it asks of it: plain values, no registers.
+#ifndef FL_CHIP_IO_H
+#define FL_CHIP_IO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define PHASES 3
+#define CURRENT_CHANNELS 4  // ia, ib, ic, idc
+
+typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
+typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
+typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2 } commutation_mode_t;
+
+// Trip causes in the bit order of the safety registers.
+enum {
+  TRIP_PHASE_CURRENT = 1u << 0,
+  TRIP_DC_CURRENT = 1u << 1,
+  TRIP_FAULT_PIN = 1u << 2,
+  TRIP_LOST_LOCK = 1u << 3,
+  TRIP_OVER_VOLTAGE = 1u << 4,
+  TRIP_UNDER_VOLTAGE = 1u << 5,
+  TRIP_SOFTWARE = 1u << 6,
+};
+
+// One coherent set of measurements, latched by the chip at the control tick.
+typedef struct {
+  uint32_t sample_number;
+  int32_t v_q17[PHASES];  // terminal voltages
+  int32_t i_q17[PHASES];  // phase currents
+  int32_t vdc_sum_q17;    // sums over the samples since the last tick
+  int32_t idc_sum_q17;
+  uint32_t sum_count;
+  uint32_t zc_interval_cycles;  // last crossing interval
+  uint32_t zc_period_cycles;    // last electrical period
+  uint16_t crossings;           // counters since the commutation timer was switched on, they wrap
+  uint16_t commutations;
+  uint8_t late;
+  uint8_t misses;  // consecutive
+  uint8_t timeouts;
+  uint8_t overdue;
+  uint8_t trip_latched;  // TRIP_*
+  uint8_t trip_first;
+  bool auto_zero_busy;
+  uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
+} chip_snapshot_t;
+
+// Everything the chip does until the next tick. Takes effect together at that tick, except for the gate enable and
+// the one-shot requests, which act at once.
+typedef struct {
+  bool gate_enable;
+  bool clear_trips;      // one-shot
+  bool start_auto_zero;  // one-shot
+  sequencer_mode_t sequencer;
+  commutation_mode_t timer;
+  leg_command_t leg[PHASES];
+  uint32_t start_sector;
+  uint32_t commutation;  // 0 RSC, 1 NSC, 2 CSC
+  uint32_t pattern;
+  bool sync_rect;
+  bool reverse;
+  bool zcd_enable;
+  uint32_t period_cycles;
+  uint32_t pulse_cycles_q8;
+  uint32_t forced_interval_cycles;
+  uint32_t miss_limit;  // 0: a lost lock is not reported
+  int32_t advance_q16;
+} chip_command_t;
+
+#endif

@@ -1,0 +1,30 @@
+// The processor: critical sections against the control interrupt, interrupt enable, fixed memory areas.
+#ifndef FL_CPU_H
+#define FL_CPU_H
+
+#include <stdint.h>
+
+#define RAM_PARAMETER_BLOCK 0xF000u
+#define RAM_TELEMETRY 0xF800u
+
+#if defined(FL_HOST)
+static inline uint32_t critical_enter(void) { return 0; }
+static inline void critical_leave(uint32_t state) { (void)state; }
+void *cpu_parameter_block(void);
+void *cpu_telemetry(void);
+#else
+#define MSTATUS_MIE 8u
+
+// No interrupt until critical_leave gets the returned state. Delays the control step, never an edge.
+static inline uint32_t critical_enter(void) {
+  uint32_t state;
+  __asm__ volatile("csrrci %0, mstatus, 8" : "=r"(state) : : "memory");
+  return state & MSTATUS_MIE;
+}
+static inline void critical_leave(uint32_t state) { __asm__ volatile("csrs mstatus, %0" : : "r"(state) : "memory"); }
+
+static inline void *cpu_parameter_block(void) { return (void *)RAM_PARAMETER_BLOCK; }
+static inline void *cpu_telemetry(void) { return (void *)RAM_TELEMETRY; }
+#endif
+
+#endif

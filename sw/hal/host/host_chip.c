@@ -1,0 +1,134 @@
+#include "hal/host/host_chip.h"
+
+#include <string.h>
+
+#include "hal/chip.h"
+#include "hal/cpu.h"
+#include "hal/reg.h"
+
+#define FIFO_LENGTH 65536u
+#define OFFSETS 13u
+
+typedef struct {
+  uint8_t data[FIFO_LENGTH];
+  uint32_t head;
+  uint32_t tail;
+} fifo_t;
+
+static struct {
+  uint32_t reg[HOST_REGISTER_WORDS];
+  uint32_t block[512];
+  uint32_t telemetry[512];
+  int32_t auto_zero[OFFSETS];
+  fifo_t to_firmware;
+  fifo_t from_firmware;
+  host_bus_read_t bus_read;
+  host_bus_write_t bus_write;
+} host;
+
+static void push(fifo_t *fifo, uint8_t byte) {
+  if (fifo->head - fifo->tail < FIFO_LENGTH) {
+    fifo->data[fifo->head % FIFO_LENGTH] = byte;
+    fifo->head++;
+  }
+}
+
+uint32_t *fl_host_registers(void) { return host.reg; }
+uint8_t *fl_host_parameter_block(void) { return (uint8_t *)host.block; }
+uint8_t *fl_host_telemetry(void) { return (uint8_t *)host.telemetry; }
+int32_t *fl_host_auto_zero_offsets(void) { return host.auto_zero; }
+void *cpu_parameter_block(void) { return host.block; }
+void *cpu_telemetry(void) { return host.telemetry; }
+
+static uint32_t *at(uint32_t address) { return &host.reg[((address - REG_BASE) / 4u) % HOST_REGISTER_WORDS]; }
+
+void fl_host_reset(void) {
+  memset(&host, 0, sizeof host);
+  *at(REG(sys.id)) = FL_SYS_REGS__ID__MAGIC_reset;
+  *at(REG(sys.build)) =
+      FL_SYS_REGS__BUILD__MAP_VERSION_reset | FIELD(FL_SYS_REGS__BUILD__PHASES, PHASES) | FIELD(FL_SYS_REGS__BUILD__CHANNELS, 9);
+  *at(REG(sys.clock)) = 50000000u;
+  for (uint32_t i = 0; i < OFFSETS; i++) {
+    host.auto_zero[i] = 2048 * 16;
+  }
+}
+
+void fl_host_set_bus(host_bus_read_t read, host_bus_write_t write) {
+  host.bus_read = read;
+  host.bus_write = write;
+}
+
+void fl_host_raise(uint32_t sources) { *at(REG(irq.pending)) |= sources; }
+
+uint32_t fl_host_uart_send(const uint8_t *data, uint32_t length) {
+  uint32_t n = 0;
+  for (; n < length && host.to_firmware.head - host.to_firmware.tail < FIFO_LENGTH; n++) {
+    push(&host.to_firmware, data[n]);
+  }
+  fl_host_raise(IRQ_UART_RX);
+  return n;
+}
+
+uint32_t fl_host_uart_receive(uint8_t *data, uint32_t length) {
+  uint32_t n = 0;
+  for (; n < length && host.from_firmware.tail != host.from_firmware.head; n++) {
+    data[n] = host.from_firmware.data[host.from_firmware.tail % FIFO_LENGTH];
+    host.from_firmware.tail++;
+  }
+  return n;
+}
+
+uint32_t reg_read(uint32_t address) {
+  if (host.bus_read != 0) {
+    return host.bus_read(address);
+  }
+  if (address == REG(uart.rx)) {
+    fifo_t *fifo = &host.to_firmware;
+    if (fifo->head == fifo->tail) {
+      return 0;
+    }
+    const uint8_t byte = fifo->data[fifo->tail % FIFO_LENGTH];
+    fifo->tail++;
+    return byte | FL_UART_REGS__RX__VALID_bm;
+  }
+  if (address == REG(uart.status)) {
+    return FL_UART_REGS__STATUS__TX_READY_bm;
+  }
+  return *at(address);
+}
+
+// Latched trips whose cause is gone, and the first cause, are cleared by the key.
+static void safety_command(uint32_t value) {
+  if (BITS(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, value) == 0xA5u) {
+    const uint32_t now = BITS(FL_SAFETY_REGS__TRIP__NOW, *at(REG(safety.trip)));
+    *at(REG(safety.trip)) = FIELD(FL_SAFETY_REGS__TRIP__LATCHED, now) | FIELD(FL_SAFETY_REGS__TRIP__NOW, now) |
+                            FIELD(FL_SAFETY_REGS__TRIP__FIRST, now);
+  }
+}
+
+static void auto_zero(uint32_t value) {
+  const uint32_t mask = BITS(FL_SENSE_REGS__AUTO_ZERO__MASK, value);
+  for (uint32_t c = 0; c < OFFSETS && (value & FL_SENSE_REGS__AUTO_ZERO__START_bm) != 0u; c++) {
+    if ((mask & (1u << c)) != 0u) {
+      *at(REG(sense.offset[0]) + 4u * c) = (uint32_t)host.auto_zero[c];
+    }
+  }
+}
+
+void reg_write(uint32_t address, uint32_t value) {
+  if (host.bus_write != 0) {
+    host.bus_write(address, value);
+  } else if (address == REG(uart.tx)) {
+    push(&host.from_firmware, (uint8_t)value);
+  } else if (address == REG(irq.pending)) {
+    *at(address) &= ~value;
+  } else if (address == REG(timer.update)) {
+    *at(address) |= (value & FL_TIMER_REGS__UPDATE__COMMIT_bm) << FL_TIMER_REGS__UPDATE__PENDING_bp;
+  } else if (address == REG(safety.command)) {
+    safety_command(value);
+  } else if (address == REG(sense.auto_zero)) {
+    auto_zero(value);
+  } else {
+    *at(address) = value;
+  }
+}

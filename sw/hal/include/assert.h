@@ -1,0 +1,8 @@
+// The freestanding compiler has no <assert.h>; the generated register header includes it for static_assert alone.
+#ifndef FL_ASSERT_H
+#define FL_ASSERT_H
+
+#undef static_assert
+#define static_assert _Static_assert
+
+#endif

@@ -1,0 +1,18 @@
+# Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code.
+  .section .start, "ax"
+  .globl _start
+_start:
+  la sp, _stack_top
+  la a0, _bss
+  la a1, _ebss
+1:
+  bgeu a0, a1, 2f
+  sw zero, 0(a0)
+  addi a0, a0, 4
+  j 1b
+2:
+  la a0, trap_entry
+  csrw mtvec, a0
+  call main
+3:
+  j 3b

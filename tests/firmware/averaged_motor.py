@@ -1,0 +1,285 @@
+"""Small averaged model of chip, inverter and six-step machine, in floating point, for the host tests.
+
+Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once
+(its volt-seconds act as 3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field
+at 330 + 60 k degrees; a floating phase's crossing is the sign change of its EMF.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, field
+
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.paths import BUILD
+
+os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))
+
+import numba  # noqa: E402
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+STEP_S = 5e-6
+
+# State vector.
+(T, THETA, OMEGA, I_ALPHA, I_BETA, I_LINE, SECTOR, T_COMM, T_SCHED, T_ZC, INTERVAL, RING, RING_AT) = range(13)
+RING_FIRST = 13  # six intervals
+(CROSSINGS, LATE, COMMUTATIONS, MISSES, TIMEOUTS, FOUND, TRIPS, IDC_SUM, SUM_TIME, SEED) = range(19, 29)
+(ARMED, I_PEAK) = range(29, 31)
+STATES = 31
+
+# Settings.
+(C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
+(C_LEG, C_CONTROL) = 11, 14
+SETTINGS = 15
+
+# Machine and surroundings.
+(M_R, M_L, M_PSI, M_TRAPEZOID, M_P, M_J, M_FAN, M_COULOMB, M_VDC, M_DIODE, M_TRIP, M_NOISE, M_LOCKED) = range(13)
+(M_BLIND, M_DC_TRIP) = 13, 14
+MACHINE = 15
+
+SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
+TIMER_OFF, TIMER_FORCED, TIMER_ZCD = 0, 1, 2
+LEG_PWM_HIGH = 3
+TRIP_PHASE, TRIP_DC, TRIP_LOST = 1, 2, 8
+
+HIGH = np.array([0, 0, 1, 1, 2, 2])
+LOW = np.array([1, 2, 2, 0, 0, 1])
+OPEN = np.array([2, 1, 0, 2, 1, 0])
+
+
+@numba.njit(cache=True)
+def emf_shape(theta: float, phase: int, trapezoid: float) -> float:
+    """EMF of a phase over psi*omega_e: -sin, or a trapezoid with a flat top of 120 degrees."""
+    angle = (theta - phase * 2.0943951023931953) % 6.283185307179586
+    if trapezoid == 0.0:
+        return -math.sin(angle)
+    sixths = angle / 1.0471975511965976
+    if sixths < 0.5:
+        return -2.0 * sixths
+    if sixths < 2.5:
+        return -1.0
+    if sixths < 3.5:
+        return 2.0 * (sixths - 3.0)
+    if sixths < 5.5:
+        return 1.0
+    return -2.0 * (sixths - 6.0)
+
+
+@numba.njit(cache=True)
+def noise(s: NDArray[np.float64]) -> float:
+    """Roughly Gaussian number of unit variance from a linear congruential generator."""
+    total = 0.0
+    for _ in range(4):
+        s[SEED] = (s[SEED] * 16807.0) % 2147483647.0
+        total += s[SEED] / 2147483647.0 - 0.5
+    return total * 1.7320508075688772
+
+
+@numba.njit(cache=True)
+def crossing(s: NDArray[np.float64], t: float, late: bool) -> None:
+    """A crossing at time t: intervals, counters."""
+    if s[T_ZC] > 0.0:
+        s[INTERVAL] = t - s[T_ZC]
+        s[RING_FIRST + int(s[RING_AT])] = s[INTERVAL]
+        s[RING_AT] = (s[RING_AT] + 1.0) % 6.0
+    s[T_ZC] = t
+    s[CROSSINGS] += 1.0
+    s[MISSES] = 0.0
+    s[FOUND] = 1.0
+    if late:
+        s[LATE] += 1.0
+
+
+@numba.njit(cache=True)
+def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
+    """Step the sector; a new schedule in forced mode."""
+    step = 5.0 if c[C_REVERSE] > 0.0 else 1.0
+    s[SECTOR] = (s[SECTOR] + step) % 6.0
+    s[COMMUTATIONS] += 1.0
+    s[T_COMM] = t
+    s[FOUND] = 0.0
+    s[ARMED] = 0.0
+    s[T_SCHED] = t + c[C_FORCED] if c[C_TIMER] == TIMER_FORCED else 1e30
+
+
+@numba.njit(cache=True)
+def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], before: float, h: float) -> None:
+    """Crossing detection and commutation timer over the step that ended at s[T]."""
+    sector = int(s[SECTOR])
+    rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
+    sign = 1.0 if rising else -1.0
+    omega_e = s[OMEGA] * m[M_P]
+    now = sign * emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+    freewheel = 3e-6 + m[M_L] * abs(s[I_LINE]) / (0.5 * m[M_VDC])
+    visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
+    if s[FOUND] == 0.0 and visible and s[T] - s[T_COMM] > freewheel and c[C_DUTY] > 0.01:
+        jitter = noise(s) * m[M_NOISE] / (1.5 * m[M_PSI] * omega_e * omega_e + 1e-9)
+        if s[ARMED] == 0.0 and now >= 0.0:
+            crossing(s, s[T], True)
+        elif now >= 0.0:
+            crossing(s, s[T] - h * now / max(now - before, 1e-12) + jitter, False)
+        s[ARMED] = 1.0
+        if s[FOUND] > 0.0 and c[C_TIMER] == TIMER_ZCD:
+            s[T_SCHED] = s[T_ZC] + s[INTERVAL] * c[C_DELAY]
+    if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > c[C_TIMEOUT] * s[INTERVAL]:
+        s[MISSES] += 1.0
+        s[TIMEOUTS] += 1.0
+        s[T_ZC] += s[INTERVAL]
+        if c[C_MISS_LIMIT] > 0.0 and s[MISSES] >= c[C_MISS_LIMIT]:
+            s[TRIPS] = TRIP_LOST
+            c[C_GATES] = 0.0
+        commutate(s, c, s[T])
+
+
+@numba.njit(cache=True)
+def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64]) -> float:
+    """Machine torque of the currents as they are."""
+    k = m[M_PSI] * m[M_P]
+    if c[C_SEQ] == SEQ_SIX:
+        sector = int(s[SECTOR])
+        pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+        return k * pair * s[I_LINE]
+    total = 0.0
+    for x in range(3):
+        a = 2.0943951023931953 * x
+        current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
+        total += current * emf_shape(s[THETA], x, m[M_TRAPEZOID])
+    return k * total
+
+
+@numba.njit(cache=True)
+def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
+    """Advance the currents by h with the EMF held, exactly for the first-order circuits."""
+    omega_e = s[OMEGA] * m[M_P]
+    if c[C_GATES] == 0.0 or c[C_SEQ] == SEQ_OFF:
+        s[I_LINE] = 0.0
+        s[I_ALPHA] = 0.0
+        s[I_BETA] = 0.0
+        return
+    if c[C_SEQ] == SEQ_MANUAL:
+        v_alpha, v_beta = 0.0, 0.0
+        for x in range(3):
+            if c[C_LEG + x] == LEG_PWM_HIGH:
+                a = 2.0943951023931953 * x
+                v_alpha += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.cos(a)
+                v_beta += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.sin(a)
+        for x in range(3):
+            a = 2.0943951023931953 * x
+            e = emf_shape(s[THETA], x, m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+            v_alpha -= 2.0 / 3.0 * e * math.cos(a)
+            v_beta -= 2.0 / 3.0 * e * math.sin(a)
+        keep = math.exp(-m[M_R] * h / m[M_L])
+        s[I_ALPHA] = v_alpha / m[M_R] + (s[I_ALPHA] - v_alpha / m[M_R]) * keep
+        s[I_BETA] = v_beta / m[M_R] + (s[I_BETA] - v_beta / m[M_R]) * keep
+        s[I_LINE] = 0.0
+        return
+    sector = int(s[SECTOR])
+    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    diode = 0.0 if c[C_SYNC] > 0.0 else m[M_DIODE]
+    voltage = c[C_DUTY] * m[M_VDC] - (1.0 - c[C_DUTY]) * diode - pair * m[M_PSI] * omega_e
+    resistance = 2.0 * m[M_R] + 3.0 / math.pi * abs(omega_e) * m[M_L]
+    keep = math.exp(-resistance * h / (2.0 * m[M_L]))
+    s[I_LINE] = voltage / resistance + (s[I_LINE] - voltage / resistance) * keep
+    if s[I_LINE] < 0.0 and c[C_SYNC] == 0.0:
+        s[I_LINE] = 0.0
+    if abs(s[I_LINE]) > m[M_TRIP]:
+        s[TRIPS] = TRIP_PHASE
+        c[C_GATES] = 0.0
+    s[I_PEAK] = max(s[I_PEAK], s[I_LINE])
+    s[IDC_SUM] += c[C_DUTY] * s[I_LINE] * h
+    if c[C_DUTY] * s[I_LINE] > m[M_DC_TRIP]:
+        s[TRIPS] = TRIP_DC
+        c[C_GATES] = 0.0
+
+
+@numba.njit(cache=True)
+def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], t_end: float) -> None:
+    """Advance chip and machine to t_end."""
+    while s[T] < t_end - 1e-12:
+        h = min(STEP_S, t_end - s[T])
+        due = c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and s[T_SCHED] < s[T] + h
+        if due:
+            h = max(s[T_SCHED] - s[T], 0.0)
+        sector = int(s[SECTOR])
+        rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
+        before = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * s[OMEGA] * m[M_P]
+        before = before if rising else -before
+        currents(s, c, m, h)
+        load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
+        torque = torque_of(s, c, m)
+        if m[M_LOCKED] == 0.0:
+            s[OMEGA] += h * (torque - load) / m[M_J]
+        else:
+            s[OMEGA] = 0.0
+        s[THETA] += h * s[OMEGA] * m[M_P]
+        s[T] += h
+        s[SUM_TIME] += h
+        if c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and c[C_SEQ] == SEQ_SIX:
+            look(s, c, m, before, h)
+            if due:
+                commutate(s, c, s[T])
+
+
+@dataclass
+class Load:
+    """Load torques of the test: fan at a speed, Coulomb friction."""
+
+    fan_torque_nm: float = 0.0
+    fan_speed_rpm: float = 1.0
+    coulomb_nm: float = 0.0
+
+
+@dataclass
+class AveragedMotor:
+    """State and parameters of the model, with the quantities that tests look at."""
+
+    motor: MotorSpec
+    inverter: InverterSpec
+    drive: DriveSpec
+    load: Load = field(default_factory=Load)
+    theta_rad: float = 0.0
+    speed_rpm: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.s = np.zeros(STATES)
+        self.c = np.zeros(SETTINGS)
+        self.m = np.zeros(MACHINE)
+        self.s[THETA] = self.theta_rad
+        self.s[OMEGA] = self.speed_rpm * math.pi / 30.0
+        self.s[T_SCHED] = 1e30
+        self.s[SEED] = 12345.0
+        motor, inverter = self.motor, self.inverter
+        trip = inverter.phase_current_trip_a or 0.97 * inverter.current_full_scale_a
+        self.m[:M_BLIND] = (
+            motor.resistance_ohm + inverter.on_resistance_ohm,
+            motor.inductance_h,
+            motor.psi_vs,
+            float(motor.emf == "trapezoidal"),
+            motor.pole_pairs,
+            motor.inertia_kgm2,
+            0.0,
+            0.0,
+            inverter.supply_v,
+            inverter.diode_drop_v,
+            trip,
+            inverter.voltage_full_scale_v / 2**inverter.bits,
+            0.0,
+        )
+        self.m[M_DC_TRIP] = inverter.dc_current_trip_a or trip
+        self.set_load(self.load)
+
+    def set_load(self, load: Load) -> None:
+        """Change the load."""
+        self.m[M_FAN] = load.fan_torque_nm / (load.fan_speed_rpm * math.pi / 30.0) ** 2
+        self.m[M_COULOMB] = load.coulomb_nm
+
+    @property
+    def rpm(self) -> float:
+        """True mechanical speed."""
+        return float(self.s[OMEGA]) * 30.0 / math.pi
+
+    def advance(self, t_end: float) -> None:
+        """Advance to a time in seconds."""
+        advance(self.s, self.c, self.m, t_end)

@@ -1,0 +1,195 @@
+"""Firmware on the host, closed over the averaged model: plays the chip at every control tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import averaged_motor as am
+import numpy as np
+from averaged_motor import AveragedMotor, Load
+
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters
+from fluxlock.firmware.host import HostFirmware
+
+MOTOR_1 = MotorSpec(
+    pole_pairs=1,
+    resistance_ohm=20e-3,
+    inductance_h=22e-6,
+    psi_vs=1e-3,
+    inertia_kgm2=5e-7,
+    rated_current_a=20.0,
+    max_speed_rpm=100_000.0,
+)
+INVERTER_1 = InverterSpec(
+    supply_v=25.0,
+    on_resistance_ohm=2e-3,
+    voltage_full_scale_v=30.0,
+    current_full_scale_a=50.0,
+    phase_current_trip_a=45.0,
+    dc_current_trip_a=45.0,
+)
+FAN_1 = Load(fan_torque_nm=20e-3, fan_speed_rpm=60_000.0)
+
+
+@dataclass
+class Bench:
+    """One drive on one machine."""
+
+    motor: MotorSpec = MOTOR_1
+    inverter: InverterSpec = INVERTER_1
+    drive: DriveSpec = field(default_factory=DriveSpec)
+    load: Load = field(default_factory=lambda: replace(FAN_1))
+    theta_rad: float = 0.4
+    speed_rpm: float = 0.0
+    model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
+
+    def __post_init__(self) -> None:
+        self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
+        self.model = AveragedMotor(
+            self.model_motor or self.motor, self.inverter, self.drive, self.load, self.theta_rad, self.speed_rpm
+        )
+        self.fw = HostFirmware()
+        self.fw.load(self.block)
+        self.fw.boot()
+        self.ticks = 0
+        self.samples = 0
+        self.trips = 0
+        self.sampling = True
+        self.idc_offset_a = 0.0
+        self.trace: list[tuple[float, float, float, int, float]] = []
+        self.clock = self.drive.clock_hz
+        self.tick_s = 1.0 / self.drive.tick_hz
+        self._was_timer = 0
+        self._was_seq = 0
+        self._reg = {name: self.fw.offsets[name] // 4 for name in self.fw.offsets}
+
+    # Registers as integers.
+    def get(self, name: str, element: int = 0) -> int:
+        """Value of a register."""
+        return int(self.fw.registers[self._reg[name] + element])
+
+    def put(self, name: str, value: int, element: int = 0) -> None:
+        """Set a register, signed values in two's complement."""
+        self.fw.registers[self._reg[name] + element] = value & 0xFFFFFFFF
+
+    def _update(self) -> None:
+        """The update event: committed settings become active."""
+        if not self.get("timer.update") & 2:
+            return
+        self.put("timer.update", 0)
+        s, c = self.model.s, self.model.c
+        control = self.get("pwm.control")
+        seq, timer = control & 3, self.get("comm.control") & 3
+        sync = bool(control & 0x1000)
+        period = self.get("pwm.period")
+        dead = self.get("safety.dead_time") if sync and seq != am.SEQ_OFF else 0
+        pulse = self.get("pwm.duty") / 256.0
+        c[am.C_DUTY] = min(1.0, max(0.0, pulse - dead) / period)
+        c[am.C_SYNC] = float(sync)
+        c[am.C_REVERSE] = float(bool(control & 0x2000))
+        c[am.C_FORCED] = self.get("comm.forced_interval") / self.clock
+        delay = self.get("comm.delay")
+        advance = ((delay >> 16) ^ 0x8000) - 0x8000
+        c[am.C_DELAY] = ((delay & 0xFFFF) - advance) / 65536.0
+        c[am.C_TIMEOUT] = self.get("comm.timeout") / 4096.0
+        c[am.C_MISS_LIMIT] = (self.get("comm.control") >> 8) & 0xFF
+        c[am.C_ZCD] = float(self.get("zcd.control") & 1)
+        manual = self.get("pwm.manual")
+        for x in range(3):
+            c[am.C_LEG + x] = (manual >> (4 * x)) & 7
+        if seq == am.SEQ_SIX and self._was_seq != am.SEQ_SIX:
+            s[am.SECTOR] = (control >> 16) & 7
+            s[am.T_COMM] = s[am.T]
+            s[am.I_LINE] = math.hypot(s[am.I_ALPHA], s[am.I_BETA]) * 0.75
+        if timer != am.TIMER_OFF and self._was_timer == am.TIMER_OFF:
+            s[[am.CROSSINGS, am.LATE, am.COMMUTATIONS, am.MISSES, am.TIMEOUTS, am.FOUND, am.ARMED]] = 0.0
+            s[am.T_ZC] = 0.0
+            s[am.T_SCHED] = s[am.T] + c[am.C_FORCED]
+        c[am.C_SEQ], c[am.C_TIMER] = seq, timer
+        self._was_seq, self._was_timer = seq, timer
+
+    def _snapshot(self) -> None:
+        """Measurements of the period that ends at this tick."""
+        s, c, m = self.model.s, self.model.c, self.model.m
+        v_unit = 2**17 / self.inverter.voltage_full_scale_v
+        i_unit = 2**17 / self.inverter.current_full_scale_a
+        count = round(self.tick_s / self.inverter.sample_period_s)
+        if self.sampling:
+            self.samples += count
+        idc = s[am.IDC_SUM] / max(s[am.SUM_TIME], 1e-12) + self.idc_offset_a
+        s[am.IDC_SUM] = s[am.SUM_TIME] = 0.0
+        self.put("sense.snap_number", self.samples)
+        self.put("sense.snap_vdc_sum", round(m[am.M_VDC] * v_unit) * count)
+        self.put("sense.snap_idc_sum", round(idc * i_unit) * count)
+        self.put("sense.snap_count", count if self.sampling else 0)
+        omega_e = s[am.OMEGA] * m[am.M_P]
+        emf = np.array([am.emf_shape(s[am.THETA], x, m[am.M_TRAPEZOID]) for x in range(3)]) * m[am.M_PSI] * omega_e
+        current = np.zeros(3)
+        if c[am.C_SEQ] == am.SEQ_SIX:
+            sector = int(s[am.SECTOR])
+            current[am.HIGH[sector]], current[am.LOW[sector]] = s[am.I_LINE], -s[am.I_LINE]
+        else:
+            angles = 2.0 * np.pi / 3.0 * np.arange(3)
+            current = s[am.I_ALPHA] * np.cos(angles) + s[am.I_BETA] * np.sin(angles)
+        for x in range(3):
+            self.put("sense.snap_channel", round((emf[x] - emf.min()) * v_unit), x)
+            self.put("sense.snap_channel", round(float(current[x]) * i_unit), 3 + x)
+        self.put("comm.snap_interval", min(0xFFFFFF, round(s[am.INTERVAL] * self.clock)))
+        period = float(s[am.RING_FIRST : am.RING_FIRST + 6].sum())
+        self.put("comm.snap_period", min(0x7FFFFFF, round(period * self.clock)))
+        counters = (int(s[am.CROSSINGS]) & 0xFFFF) | (min(255, int(s[am.MISSES])) << 16)
+        self.put("comm.snap_counters", counters | ((int(s[am.LATE]) & 0xFF) << 24))
+        events = (int(s[am.COMMUTATIONS]) & 0xFFFF) | ((int(s[am.TIMEOUTS]) & 0xFF) << 24)
+        self.put("comm.snap_events", events)
+        if s[am.TRIPS] > 0.0:
+            self.trip(int(s[am.TRIPS]))
+            s[am.TRIPS] = 0.0
+
+    def trip(self, causes: int, now: int = 0) -> None:
+        """Latch trip causes and open the gates, as the hardware does."""
+        old = self.get("safety.trip")
+        first = (old >> 16) & 0x7F or causes
+        self.put("safety.trip", (old & 0x7F) | causes | (now << 8) | (first << 16))
+        self.put("safety.guard", self.get("safety.guard") & ~1)
+        self.trips += 1
+
+    def step(self) -> None:
+        """One control tick, then the machine up to the next."""
+        self._snapshot()
+        self._update()
+        self.put("timer.tick_time", round(self.ticks * self.tick_s * self.clock))
+        self.put("sys.time_now", round(self.ticks * self.tick_s * self.clock) + 20)
+        self.fw.tick()
+        latched = self.get("safety.trip") & 0x7F
+        self.model.c[am.C_GATES] = float((self.get("safety.guard") & 1) and not latched)
+        self.ticks += 1
+        self.model.advance(self.ticks * self.tick_s)
+
+    @property
+    def now(self) -> float:
+        """Simulated time in seconds."""
+        return self.ticks * self.tick_s
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
+        """Run for a time or until a condition; true if the condition came."""
+        for _ in range(round(seconds / self.tick_s)):
+            self.step()
+            if self.ticks % 10 == 0:
+                t = self.fw.telemetry()
+                self.trace.append((self.now, self.model.rpm, t["speed_rpm_q8"] / 256.0, t["state"], t["duty_q30"] / 2**30))
+            if until is not None and until():
+                return True
+        return False
+
+    def until_state(self, state: str, seconds: float) -> bool:
+        """Run until the drive is in a state."""
+        return self.run(seconds, lambda: self.fw.state == state)
+
+    def start(self, rpm: int, seconds: float = 2.0) -> None:
+        """Boot to ready, set the speed, start; fails the test if it does not come to run."""
+        assert self.until_state("ready", 0.1), f"not ready: {self.fw.command('status')}"
+        assert self.fw.command(f"set speed_rpm {rpm}") == ["ok"]
+        assert self.fw.command("start") == ["ok"]
+        assert self.until_state("running", seconds), f"not running: {self.fw.command('status')}"
