@@ -224,8 +224,8 @@ async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
             instants, t = [], 100
             while t < 6000:
                 instants.append(t)
-                # Known before the stretch in which the rule may have to act begins, or long before.
-                known = t - rng.choice([minimum + 4 + COMM_TO_GATE, shortest - 6, shortest // 2])
+                # Known just in time for the rule, or long before.
+                known = t - rng.choice([minimum + 2, shortest - 6, shortest // 2])
                 schedule(drive, tb.now, t, max(known, t - shortest + 2), rng.random() < 0.5)
                 t += rng.choice([rng.randrange(shortest, 5 * PERIOD), shortest + rng.randrange(40)])
             trace = await tb.run(6000 + PERIOD, drive)
@@ -293,6 +293,17 @@ async def carry_is_bounded(dut: Dut) -> None:
     extra = sum(on - 15 for a, _, on in rows if a > 50 * PERIOD)
     # One period at most; less than a minimum pulse of it may still be held back at the end.
     assert PERIOD - 20 - 4 <= extra <= PERIOD, f"{extra} clocks came back"
+    # A duty that needs no edges clears what is owed.
+    for pinned in (0, PERIOD * 256):
+        drive = {}
+        add(drive, 0, sched_valid_i=1, comm_sched_i=tb.now)
+        await tb.run(20 * PERIOD, drive)
+        await tb.update(duty_q8=pinned)
+        await tb.run(2 * PERIOD, {0: {"sched_valid_i": 0}})
+        await tb.update(duty_q8=15 * 256)
+        rows = carriers(await tb.run(30 * PERIOD, {}))[2:]
+        extra = sum(on - 15 for _, _, on in rows)
+        assert abs(extra) <= 20, f"{extra} clocks came back after duty {pinned}"
 
 
 def test_fl_carrier() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import random
+from itertools import product
 
 import cocotb
 import numpy as np
 from fluxlock.cosim.block import run_block_test
 
-from cocotb_tests.pwm.chain import CSC, NSC, OFF, RSC, SIX_STEP, SOURCES, Chain, Drive, Dut, pulse
+from cocotb_tests.pwm.chain import CSC, MANUAL, NSC, OFF, RSC, SIX_STEP, SOURCES, Chain, Drive, Dut, pulse
 from cocotb_tests.pwm.test_fl_sequencer import SECTORS
 
 PERIOD = 90
@@ -50,6 +51,21 @@ async def state_describes_the_gates(dut: Dut, commutation: int, sync_rect: int) 
             if since.size:
                 assert trace.age[i] == i - int(since[-1]), f"clock {i}: age {trace.age[i]}"
     assert np.all(trace.on[-100:] == 1), "100 % duty and no on-state"
+
+
+@cocotb.test()
+async def on_means_exactly_the_two_gates(dut: Dut) -> None:
+    """Manual commands with the sector register at I: only A+ and B- alone are its on-state."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=0, mode=MANUAL)
+    high, low = 1, 2
+    for a, b, c in product((0, high, low), repeat=3):
+        await tb.update(manual=a | b << 3 | c << 6)
+        trace = await tb.run(PERIOD, {})
+        assert trace.state_sector[-1] == 0 and trace.gate[-1] == sum(
+            v << 2 * x for x, v in enumerate((a, b, c))
+        )
+        assert trace.on[-1] == ((a, b, c) == (high, low, 0)), f"legs {a, b, c}: on = {trace.on[-1]}"
 
 
 @cocotb.test()

@@ -95,6 +95,13 @@ async def entry_and_leaving(dut: Dut) -> None:
         assert not np.any(trace.comm_applied), "the entry is no commutation"
         await tb.update(start_sector=(wanted + 2) % 6)  # still in SIX_STEP: no effect
         assert set((await tb.run(PERIOD, {})).sector) == {loaded}
+        # A commutation in the very clock of the entry is no step of the new mode.
+        await tb.update(mode=OFF)
+        drive: Drive = {0: {"cfg_mode_i": SIX_STEP, "cfg_start_sector_i": wanted}}
+        pulse(drive, [0], "update_i")
+        pulse(drive, [0], "comm_valid_i")
+        trace = await tb.run(PERIOD, drive)
+        assert set(trace.sector[1:]) == {loaded} and not np.any(trace.comm_applied)
         # A setting that was not committed changes nothing.
         tb.dut.cfg_mode_i.value = OFF
         assert np.all((await tb.run(PERIOD, {})).active)

@@ -1,0 +1,1 @@
+"""Block tests of the sample scheduler and of sensing."""

@@ -1,17 +1,17 @@
 """Sample scheduler: spacing and alignment of the strobes in every mode.
 
-The oracle lists the strobes that a sequence of carrier starts must give, from start to start, without counters.
+The oracle lists the strobes that a sequence of carrier starts must give, from start to start.
 """
 
 from __future__ import annotations
 
 import random
+from itertools import pairwise
 from typing import Any
 
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-
 from fluxlock.cosim.block import run_block_test
 
 OFF, CONTINUOUS, CARRIER, ONCE = range(4)
@@ -27,7 +27,7 @@ class TB:
 
     async def start(self, mode: int, period: int, offset: int) -> None:
         dut = self.dut
-        cocotb.start_soon(Clock(dut.clk_i, 20, unit="ns").start())
+        Clock(dut.clk_i, 20, unit="ns").start()
         dut.rst_i.value = 1
         dut.carrier_start_i.value = 0
         self.configure(mode, period, offset)
@@ -54,7 +54,7 @@ class TB:
 
 
 def gaps(strobes: list[int]) -> list[int]:
-    return [b - a for a, b in zip(strobes, strobes[1:], strict=False)]
+    return [b - a for a, b in pairwise(strobes)]
 
 
 @cocotb.test()

@@ -13,7 +13,6 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
-
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -85,9 +84,19 @@ class TB:
 
     async def start(self) -> None:
         dut = self.dut
-        cocotb.start_soon(Clock(dut.clk_i, CLOCK_NS, unit="ns").start())
-        for name in ("strobe_i", "now_i", "pwm_state_i", "adc_valid_i", "adc_code_i", "cfg_delay_i", "az_start_i",
-                     "az_log2_i", "az_mask_i", "tick_i"):
+        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
+        for name in (
+            "strobe_i",
+            "now_i",
+            "pwm_state_i",
+            "adc_valid_i",
+            "adc_code_i",
+            "cfg_delay_i",
+            "az_start_i",
+            "az_log2_i",
+            "az_mask_i",
+            "tick_i",
+        ):
             getattr(dut, name).value = 0
         self.configure()
         dut.rst_i.value = 1
@@ -141,8 +150,12 @@ async def correction_is_exact(dut: Any) -> None:
     for _ in range(400):
         for c in range(tb.channels):
             usual = 2048 * 16 if tb.is_current(c) else 0
-            tb.offsets[c] = rng.choice([usual, usual + rng.randrange(-800, 800), rng.randrange(-(1 << 17), 1 << 17)])
-            tb.gains[c] = rng.choice([0x8000, rng.randrange(0x7000, 0x9000), 0, 0xFFFF, rng.randrange(1 << 16)])
+            tb.offsets[c] = rng.choice(
+                [usual, usual + rng.randrange(-800, 800), rng.randrange(-(1 << 17), 1 << 17)]
+            )
+            tb.gains[c] = rng.choice(
+                [0x8000, rng.randrange(0x7000, 0x9000), 0, 0xFFFF, rng.randrange(1 << 16)]
+            )
         tb.configure()
         codes = tb.random_codes(rng)
         got = await tb.convert(codes)
@@ -165,15 +178,14 @@ async def full_scale_is_two_to_the_17(dut: Any) -> None:
 
 @cocotb.test()
 async def stamps_belong_to_the_strobe(dut: Any) -> None:
-    """Time less delay and PWM state are those of the strobe's clock; latency is constant; sets stay until the next.
+    """Time less delay and PWM state are those of the strobe's clock; latency is constant; sets stay.
 
     Verifies: SENSE-05, SENSE-06
     """
     rng = random.Random(5)
     tb = TB(dut)
     await tb.start()
-    number = 0
-    for _ in range(150):
+    for number in range(1, 151):
         delay = rng.choice([0, 1, 50, 65535, rng.randrange(1000)])
         dut.cfg_delay_i.value = delay
         now = rng.choice([rng.randrange(1 << 32), rng.randrange(70000), 0xFFFF_FFF0 + rng.randrange(16)])
@@ -187,7 +199,6 @@ async def stamps_belong_to_the_strobe(dut: Any) -> None:
             assert int(dut.sample_valid_o.value) == 0
             assert tb.sample() == before, "the published set changed before sample_valid"
             await tb.clocks(1)
-        number += 1
         assert int(dut.sample_valid_o.value) == 1
         assert tb.sample() == tb.expected(codes)
         assert int(dut.sample_time_o.value) == (now - delay) & MASK32, f"now {now}, delay {delay}"
@@ -199,7 +210,7 @@ async def stamps_belong_to_the_strobe(dut: Any) -> None:
 
 @cocotb.test()
 async def back_to_back_at_the_least_period(dut: Any) -> None:
-    """A set every 16 clocks, each strobe in the clock of the valid before it: no set lost, none gets another's stamp.
+    """A set every 16 clocks, each strobe in the clock of the valid before it: no set or stamp is lost.
 
     Verifies: SENSE-05, SENSE-06
     """
@@ -339,7 +350,7 @@ async def auto_zero_restarts(dut: Any) -> None:
 
 @cocotb.test()
 async def snapshot_is_coherent(dut: Any) -> None:
-    """Ticks at random clocks latch one whole set with its number and time, and each set is summed exactly once.
+    """Ticks at random clocks latch one whole set with number and time, and each set is summed once.
 
     Verifies: SENSE-08
     """

@@ -1,4 +1,7 @@
-"""Test bench of the blocks behind the register bus: clock, reset, bus master. Inputs change at the falling edge."""
+"""Test bench of the blocks behind the register bus: clock, reset, bus master.
+
+Inputs change at the falling edge.
+"""
 
 from __future__ import annotations
 

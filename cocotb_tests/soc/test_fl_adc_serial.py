@@ -8,16 +8,16 @@ from typing import Any
 import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, First, RisingEdge, Timer
+from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import CLOCK_NS, Bench
-from fluxlock.cosim.block import run_block_test
 
 FRAME_CYCLES, QUIET_CYCLES = 29, 2
 ACCESS_NS = 20  # from the falling edge to the new bit: the slowest that constraints/ allows
 
 
 class Converters:
-    """AD7276 kind: two leading zeros and 12 bits, one after every falling edge; high impedance reads as noise."""
+    """AD7276 kind: two leading zeros and 12 bits, one after every falling edge."""
 
     def __init__(self, dut: Any, channels: int) -> None:
         self.dut, self.channels = dut, channels

@@ -6,9 +6,9 @@ import random
 from typing import Any
 
 import cocotb
+from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
-from fluxlock.cosim.block import run_block_test
 
 BLOCKS = 10
 DECODED = 4  # address bits that a block decodes in this build
@@ -31,7 +31,9 @@ async def access(bench: Bench, adr: int, write: int | None) -> tuple[int, int, l
         strobes.append(int(dut.stb_o.value))
         request = int(dut.req_o.value)
         if strobes[-1]:
-            assert request == (int(dut.we_i.value) << 48 | (adr & 0xFFF) << 36 | (write or 0) << 4 | 0xF), hex(request)
+            assert request == (int(dut.we_i.value) << 48 | (adr & 0xFFF) << 36 | (write or 0) << 4 | 0xF), (
+                hex(request)
+            )
         await bench.clocks()
         if dut.ack_o.value == 1:
             break
@@ -47,7 +49,14 @@ async def access(bench: Bench, adr: int, write: int | None) -> tuple[int, int, l
 @cocotb.test
 async def windows_and_unmapped(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start(stb_i=0, we_i=0, adr_i=0, wdat_i=0, sel_i=0, rdat_i=sum(block_data(i) << 32 * i for i in range(BLOCKS)))
+    await bench.start(
+        stb_i=0,
+        we_i=0,
+        adr_i=0,
+        wdat_i=0,
+        sel_i=0,
+        rdat_i=sum(block_data(i) << 32 * i for i in range(BLOCKS)),
+    )
     mapped = [WINDOW * block + 4 * word for block in range(BLOCKS) for word in (0, 3)]
     offsets = [WINDOW * block + offset for block in (0, 5, 9) for offset in (16, 0x40, 0x800, 0xFFC)]
     pages = [WINDOW * page for page in (10, 11, 15, 16, 32, 0x100, 0x10000, 0x3FFFF)]

@@ -6,9 +6,9 @@ import random
 from typing import Any
 
 import cocotb
+from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench, request
-from fluxlock.cosim.block import run_block_test
 
 PENDING, ENABLE, ROUTE, OVERRUN = range(0, 0x10, 4)
 TICK = 0

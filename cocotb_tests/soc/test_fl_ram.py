@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import cocotb
-
-from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import BUILD
+
+from cocotb_tests.soc.bench import Bench
 
 WORDS = 64
 
@@ -39,7 +39,13 @@ async def against_model(dut: Any) -> None:
         # One word is never read and written in the same clock (no bypass).
         if b_en and lanes and a_adr == b_adr:
             a_en = 0
-        for name, value in (("a_en", a_en), ("a_adr", a_adr), ("b_en", b_en), ("b_adr", b_adr), ("b_wdat", data)):
+        for name, value in (
+            ("a_en", a_en),
+            ("a_adr", a_adr),
+            ("b_en", b_en),
+            ("b_adr", b_adr),
+            ("b_wdat", data),
+        ):
             getattr(dut, name + "_i").value = value
         dut.b_we_i.value = lanes
         await bench.clocks()

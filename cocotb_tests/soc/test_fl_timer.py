@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import cocotb
 from cocotb.triggers import FallingEdge
+from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
-from fluxlock.cosim.block import run_block_test
 
 TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD = range(0, 0x18, 4)
 
@@ -18,7 +19,9 @@ class Events:
 
     def __init__(self, dut: Any) -> None:
         self.dut = dut
-        self.times: dict[str, list[int]] = {name: [] for name in ("tick_o", "update_o", "machine_o", "load_o")}
+        self.times: dict[str, list[int]] = {
+            name: [] for name in ("tick_o", "update_o", "machine_o", "load_o")
+        }
         cocotb.start_soon(self._run())
 
     async def _run(self) -> None:
@@ -30,7 +33,7 @@ class Events:
 
 
 def gaps(times: list[int]) -> list[int]:
-    return [b - a for a, b in zip(times, times[1:], strict=False)]
+    return [b - a for a, b in itertools.pairwise(times)]
 
 
 @cocotb.test

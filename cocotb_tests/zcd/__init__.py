@@ -1,0 +1,1 @@
+"""Block tests of zero-crossing detection and commutation timer."""

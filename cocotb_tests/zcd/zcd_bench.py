@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 
 CLOCK_NS = 20
 MASK32 = 0xFFFFFFFF
 FLOATING = (2, 1, 0, 2, 1, 0)  # phase by sector index: C, B, A, C, B, A
-DIRECT_LATENCY, INTERPOLATED_LATENCY = 5, 24  # clocks, published by the module
+DIRECT_LATENCY, INTERPOLATED_LATENCY = 5, 23  # clocks, published by the module
 
 
 def signed(value: int, bits: int) -> int:
@@ -71,8 +70,15 @@ class TB:
 
     async def start(self, settings: Settings) -> None:
         dut = self.dut
-        cocotb.start_soon(Clock(dut.clk_i, CLOCK_NS, unit="ns").start())
-        for name in ("update_i", "comm_applied_i", "sample_valid_i", "sample_i", "sample_time_i", "sample_pwm_i"):
+        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
+        for name in (
+            "update_i",
+            "comm_applied_i",
+            "sample_valid_i",
+            "sample_i",
+            "sample_time_i",
+            "sample_pwm_i",
+        ):
             getattr(dut, name).value = 0
         self.stage(settings)
         dut.rst_i.value = 1

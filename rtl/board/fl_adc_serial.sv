@@ -20,7 +20,7 @@ module fl_adc_serial
 
     input  logic strobe_i,
     output logic cs_no,
-    output logic sclk_o,   // idles high
+    output logic sclk_o,    // idles high
 
     input  logic      [Channels-1:0] sdata_i,
     output logic                     valid_o,

@@ -26,11 +26,15 @@ module fl_board_ecp5
     output logic uart_tx_o
 );
 
-  // Registers of the FPGA come up as zero, so the count runs once after configuration.
-  logic [15:0] reset_left_q = '0;
-  logic reset_released_q = 1'b0;
-  logic rst_q = 1'b1;
-  logic button;
+  // The only registers with a value from configuration: they make the reset.
+  logic [15:0] reset_count_q;
+  logic reset_released_q, rst_q, button;
+
+  initial begin
+    reset_count_q    = '0;
+    reset_released_q = 1'b0;
+    rst_q            = 1'b1;
+  end
 
   fl_sync u_button (
       .clk_i,
@@ -41,11 +45,11 @@ module fl_board_ecp5
 
   always_ff @(posedge clk_i) begin
     if (button) begin
-      reset_left_q     <= '0;
+      reset_count_q    <= '0;
       reset_released_q <= 1'b0;
     end else if (!reset_released_q) begin
-      reset_left_q     <= reset_left_q + 1'b1;
-      reset_released_q <= reset_left_q == '1;
+      reset_count_q    <= reset_count_q + 1'b1;
+      reset_released_q <= reset_count_q == '1;
     end
     rst_q <= !reset_released_q;
   end

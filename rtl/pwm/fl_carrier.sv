@@ -10,7 +10,8 @@
 // period; what exceeds that is lost. A duty of 0 or of a period and more needs no edge at all: the carry is cleared.
 //
 // Minimum pulse. A pulse shorter than min_pulse is not started and a gap shorter than min_pulse is not opened; the same
-// holds where a commutation ends them, as far as it is scheduled at least min_pulse + 2 clocks ahead:
+// holds where a commutation ends them, as far as sched_valid_i shows it min_pulse + 2 clocks or more before
+// comm_sched_i:
 //  - a pulse that the commutation would cut below min_pulse is not started (NSC: it starts with the commutation);
 //  - a gap that the commutation would end before min_pulse is not opened;
 //  - NSC: a rest of the pulse shorter than min_pulse ends with the commutation; a rest of the carrier shorter than
@@ -118,17 +119,23 @@ module fl_carrier
     end
   end
 
-  // Instants. A level that pulse_o takes at the next clock lasts comm_sched_i - 2 - now_i clocks until the commutation.
+  // Instants. A level that pulse_o takes at the next clock lasts comm_sched_i - 2 - now_i clocks until the commutation;
+  // the compare is made one clock ahead.
   stamp_t until_comm;
-  logic wrap, restart, start, natural, near;
+  logic wrap, restart, start, natural, near, near_q;
+  logic [12:0] near_limit_q;
   logic [16:0] reach;  // end of a pulse of min_pulse that started or went on at the next clock
   logic ended;  // the pulse's width is reached at the end of this clock
   logic rest_short;  // what is left of the pulse is shorter than min_pulse
   logic tail_short;  // what is left of the carrier is shorter than min_pulse
 
   assign until_comm = comm_sched_i - now_i;
-  assign near = sched_valid_i && !comm_valid_i && commutation_q != CommRsc &&
-      signed'(until_comm) < signed'({20'b0, min_q} + 32'd2);
+  always_ff @(posedge clk_i) begin
+    near_limit_q <= {1'b0, min_q} + 13'd3;
+    near_q <= !rst_i && sched_valid_i && !comm_valid_i && commutation_q != CommRsc &&
+        signed'(until_comm) < signed'({19'b0, near_limit_q});
+  end
+  assign near = near_q && !comm_valid_i;
   assign wrap = count_q >= last_q;
   assign restart = comm_valid_i && commutation_q == CommCsc;
   assign start = wrap || restart;
@@ -138,7 +145,7 @@ module fl_carrier
   assign rest_short = !full_q && (ended || reach > {1'b0, width_q});
   assign tail_short = reach > {1'b0, last_q} + 17'd1;
 
-  logic drop;
+  logic drop, drop_q;
   always_comb begin
     pulse_d = pulse_q;
     width_d = width_q;
@@ -201,7 +208,8 @@ module fl_carrier
     full_q    <= full_d;
     early_q   <= early_d;
     held_q    <= held_d;
-    dropped_q <= dropped_q + 16'(drop);
+    drop_q    <= drop;
+    dropped_q <= dropped_q + 16'(drop_q);
     if (start) begin
       last_q   <= last_c_q;
       duty_q   <= duty_c_q;
@@ -218,6 +226,7 @@ module fl_carrier
       full_q    <= 1'b0;
       early_q   <= 1'b0;
       held_q    <= 1'b0;
+      drop_q    <= 1'b0;
       dropped_q <= '0;
       last_q    <= '1;
       duty_q    <= '0;

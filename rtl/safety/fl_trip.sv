@@ -77,19 +77,26 @@ module fl_trip
     for (int unsigned x = 0; x < Phases; x++) if (deviation(codes[x]) > limit) any_over = 1'b1;
   endfunction
 
-  function automatic log_entry_t make_entry(stamp_t stamp, trip_t cause, adc_code_t [Phases-1:0] codes);
-    make_entry = '{stamp: stamp, cause: cause, phase: 3'd0, code: codes[0]};
-    for (int unsigned x = 1; x < Phases; x++) begin
-      if (deviation(codes[x]) > deviation(make_entry.code)) begin
-        make_entry.phase = 3'(x);
-        make_entry.code  = codes[x];
+  // The phase with the largest deviation, the first of equals. All pairs at once: a chain of compares would be slow.
+  function automatic log_entry_t make_entry(stamp_t stamp, trip_t cause, adc_code_t [Phases-1:0] codes,
+                                            adc_code_t [Phases-1:0] deviations);
+    logic wins;
+    make_entry = '{stamp: stamp, cause: cause, phase: 3'd0, code: '0};
+    for (int unsigned x = 0; x < Phases; x++) begin
+      wins = 1'b1;
+      for (int unsigned y = 0; y < Phases; y++) begin
+        if (deviations[y] > deviations[x] || (y < x && deviations[y] == deviations[x])) wins = 1'b0;
+      end
+      if (wins) begin
+        make_entry.phase |= 3'(x);
+        make_entry.code |= codes[x];
       end
     end
   endfunction
 
   // Causes of the codes.
   logic phase_over_q, dc_over_q, over_voltage_q, under_voltage_q;
-  adc_code_t [Phases-1:0] current_q;
+  adc_code_t [Phases-1:0] current_q, deviation_q;
   always_ff @(posedge clk_i) begin
     if (adc_valid_i) begin
       phase_over_q    <= any_over(adc_code_i[2*Phases-1:Phases], cfg_phase_lsb_i);
@@ -97,6 +104,7 @@ module fl_trip
       over_voltage_q  <= adc_code_i[ChannelVdc] > cfg_over_lsb_i;
       under_voltage_q <= adc_code_i[ChannelVdc] < cfg_under_lsb_i;
       current_q       <= adc_code_i[2*Phases-1:Phases];
+      for (int unsigned x = 0; x < Phases; x++) deviation_q[x] <= deviation(adc_code_i[Phases+x]);
     end
     if (rst_i) begin
       phase_over_q    <= 1'b0;
@@ -152,7 +160,7 @@ module fl_trip
     if (latched_q == '0) first_q <= active;
     else if (latched_d == '0) first_q <= '0;
     if (event_q) begin
-      log_mem[log_next_q] <= make_entry(event_stamp_q, event_cause_q, current_q);
+      log_mem[log_next_q] <= make_entry(event_stamp_q, event_cause_q, current_q, deviation_q);
       log_next_q          <= log_next_q + 3'd1;
       if (log_used_q < 4'(LogEntries)) log_used_q <= log_used_q + 4'd1;
     end

@@ -17,28 +17,28 @@ module fl_capture
     input logic clk_i,
     input logic rst_i,
 
-    input logic                     arm_i,              // pulse
-    input logic [1:0]               cfg_trigger_i,      // 0 now, 1 trip, 2 commutation, 3 entry into sector I
-    input logic [7:0]               cfg_decimation_i,
-    input logic [$clog2(Depth)-1:0] cfg_pre_trigger_i,  // records
-    input logic [3:0][3:0]          cfg_lane_i,
+    input logic                          arm_i,              // pulse
+    input logic [              1:0]      cfg_trigger_i,      // 0 now, 1 trip, 2 commutation, 3 entry into sector I
+    input logic [              7:0]      cfg_decimation_i,
+    input logic [$clog2(Depth)-1:0]      cfg_pre_trigger_i,  // records
+    input logic [              3:0][3:0] cfg_lane_i,
 
-    input logic                     sample_valid_i,
-    input sample_t   [Channels-1:0] sample_i,
-    input logic      [17:0]         sample_time_i,    // low bits of the time stamp
-    input logic                     sample_on_i,
-    input sector_t                  sample_sector_i,
-    input logic      [17:0]         duty_q2_i,
+    input logic                   sample_valid_i,
+    input sample_t [Channels-1:0] sample_i,
+    input logic    [        17:0] sample_time_i,    // low bits of the time stamp
+    input logic                   sample_on_i,
+    input sector_t                sample_sector_i,
+    input logic    [        17:0] duty_q2_i,
 
     input logic    trip_i,          // pulse
     input logic    tripped_i,       // level
     input logic    comm_applied_i,  // pulse
     input sector_t sector_i,        // after the commutation, valid with comm_applied_i
 
-    output logic                                  busy_o,
-    output logic                                  done_o,
-    input  logic         [     $clog2(Depth)-1:0] read_record_i,
-    output logic    [3:0][       SampleWidth-1:0] lane_o
+    output logic                                      busy_o,
+    output logic                                      done_o,
+    input  logic [$clog2(Depth)-1:0]                  read_record_i,
+    output logic [              3:0][SampleWidth-1:0] lane_o
 );
 
   if (Depth < 2 || (Depth & (Depth - 1)) != 0) begin : g_check_depth
@@ -54,10 +54,10 @@ module fl_capture
   localparam logic [3:0] LaneDuty = 4'd15;
 
   typedef enum logic [1:0] {
-    TriggerNow        = 2'd0,
-    TriggerTrip       = 2'd1,
+    TriggerNow         = 2'd0,
+    TriggerTrip        = 2'd1,
     TriggerCommutation = 2'd2,
-    TriggerSector0    = 2'd3
+    TriggerSector0     = 2'd3
   } trigger_e;
 
   typedef enum logic [1:0] {

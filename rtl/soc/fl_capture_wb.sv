@@ -14,12 +14,12 @@ module fl_capture_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
-    input logic                     sample_valid_i,
-    input sample_t   [Channels-1:0] sample_i,
-    input logic      [17:0]         sample_time_i,
-    input logic                     sample_on_i,
-    input sector_t                  sample_sector_i,
-    input logic      [17:0]         duty_q2_i,
+    input logic                   sample_valid_i,
+    input sample_t [Channels-1:0] sample_i,
+    input logic    [        17:0] sample_time_i,
+    input logic                   sample_on_i,
+    input sector_t                sample_sector_i,
+    input logic    [        17:0] duty_q2_i,
 
     input logic    trip_i,          // pulse
     input logic    tripped_i,       // level
@@ -29,7 +29,7 @@ module fl_capture_wb
     output logic done_event_o
 );
 
-  fl_capture_regs_pkg::fl_capture_regs__in_t hwif_in;
+  fl_capture_regs_pkg::fl_capture_regs__in_t  hwif_in;
   fl_capture_regs_pkg::fl_capture_regs__out_t hwif_out;
   localparam int unsigned IndexWidth = $clog2(Depth);
   logic [3:0][SampleWidth-1:0] lane;
@@ -41,15 +41,12 @@ module fl_capture_wb
   ) u_capture (
       .clk_i,
       .rst_i,
-      .arm_i            (hwif_out.control.arm.value),
-      .cfg_trigger_i    (hwif_out.control.trigger.value),
-      .cfg_decimation_i (hwif_out.control.decimation.value),
+      .arm_i(hwif_out.control.arm.value),
+      .cfg_trigger_i(hwif_out.control.trigger.value),
+      .cfg_decimation_i(hwif_out.control.decimation.value),
       .cfg_pre_trigger_i(IndexWidth'(hwif_out.control.pre_trigger.value)),
-      .cfg_lane_i       ({
-        hwif_out.lanes.lane3.value,
-        hwif_out.lanes.lane2.value,
-        hwif_out.lanes.lane1.value,
-        hwif_out.lanes.lane0.value
+      .cfg_lane_i({
+        hwif_out.lanes.lane3.value, hwif_out.lanes.lane2.value, hwif_out.lanes.lane1.value, hwif_out.lanes.lane0.value
       }),
       .sample_valid_i,
       .sample_i,
@@ -61,10 +58,10 @@ module fl_capture_wb
       .tripped_i,
       .comm_applied_i,
       .sector_i,
-      .busy_o           (hwif_in.status.busy.next),
-      .done_o           (done),
-      .read_record_i    (IndexWidth'(hwif_out.read_address.record.value)),
-      .lane_o           (lane)
+      .busy_o(hwif_in.status.busy.next),
+      .done_o(done),
+      .read_record_i(IndexWidth'(hwif_out.read_address.record.value)),
+      .lane_o(lane)
   );
 
   assign hwif_in.status.done.next  = done;

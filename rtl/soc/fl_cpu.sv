@@ -37,7 +37,7 @@ module fl_cpu #(
   logic [29:0] d_adr;
   logic [ 2:0] d_cti;
   logic [31:0] d_wdat, d_rdat, d_ram_rdat;
-  logic [ 3:0] d_sel;
+  logic [3:0] d_sel;
   logic [AddressWidth-1:0] i_ram_adr, d_ram_adr;
 
   VexRiscv u_core (

@@ -9,8 +9,8 @@ module fl_interval #(
 ) (
     input  logic             clk_i,
     input  logic             rst_i,
-    input  logic [Width-1:0] period_i,  // clocks
-    output logic             pulse_d_o, // pulse_o of the next clock
+    input  logic [Width-1:0] period_i,   // clocks
+    output logic             pulse_d_o,  // pulse_o of the next clock
     output logic             pulse_o
 );
 

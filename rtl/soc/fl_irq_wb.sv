@@ -10,9 +10,9 @@ module fl_irq_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
-    input  logic [7:0] event_i,  // pulses
-    output logic               irq_control_o,
-    output logic               irq_deferred_o
+    input  logic [7:0] event_i,        // pulses
+    output logic       irq_control_o,
+    output logic       irq_deferred_o
 );
 
   fl_irq_regs_pkg::fl_irq_regs__in_t hwif_in;

@@ -23,7 +23,7 @@ module fl_pwm_wb
     output logic [Phases-1:0] req_h_o,  // to the guard
     output logic [Phases-1:0] req_l_o,
 
-    input  logic       [2*Phases-1:0] gate_i,       // from the guard
+    input  logic       [2*Phases-1:0] gate_i,      // from the guard
     output pwm_state_t                pwm_state_o,
 
     output logic           carrier_start_o,
@@ -33,7 +33,7 @@ module fl_pwm_wb
     output logic    [17:0] duty_q2_o         // staged setting, clocks, Q16.2
 );
 
-  fl_pwm_regs_pkg::fl_pwm_regs__in_t hwif_in;
+  fl_pwm_regs_pkg::fl_pwm_regs__in_t  hwif_in;
   fl_pwm_regs_pkg::fl_pwm_regs__out_t hwif_out;
   logic apply, pulse, active;
   leg_cmd_e [Phases-1:0] manual;
@@ -46,7 +46,7 @@ module fl_pwm_wb
     manual[2] = leg_cmd_e'(hwif_out.manual.leg_c.value);
   end
 
-  assign reverse_o = hwif_out.control.reverse.value;
+  assign reverse_o = hwif_out.control.backward.value;
   assign duty_q2_o = hwif_out.duty.cycles_q8.value[23:6];
 
   fl_carrier u_carrier (
@@ -77,7 +77,7 @@ module fl_pwm_wb
       .cfg_mode_i        (seq_mode_e'(hwif_out.control.mode.value)),
       .cfg_pattern_i     (chop_pattern_e'(hwif_out.control.pattern.value)),
       .cfg_sync_rect_i   (hwif_out.control.sync_rect.value),
-      .cfg_reverse_i     (hwif_out.control.reverse.value),
+      .cfg_reverse_i     (hwif_out.control.backward.value),
       .cfg_start_sector_i(hwif_out.control.start_sector.value),
       .cfg_manual_i      (manual),
       .apply_i           (apply),

@@ -32,8 +32,12 @@ module fl_safety_wb
     output trip_t trip_cause_o
 );
 
-  fl_safety_regs_pkg::fl_safety_regs__in_t hwif_in;
+  fl_safety_regs_pkg::fl_safety_regs__in_t  hwif_in;
   fl_safety_regs_pkg::fl_safety_regs__out_t hwif_out;
+  if ($bits(trip_t) != TripSources || $bits(hwif_out.trip_enable.source.value) != TripSources) begin : g_check
+    $fatal(1, "fl_safety_wb: trip registers and fl_pkg::trip_t do not match (%m)");
+  end
+
   localparam logic [7:0] ClearKey = 8'hA5;
   logic trip;
   logic clear_written_q;

@@ -29,7 +29,7 @@ module fl_sense_wb
     output pwm_state_t                sample_pwm_o
 );
 
-  fl_sense_regs_pkg::fl_sense_regs__in_t hwif_in;
+  fl_sense_regs_pkg::fl_sense_regs__in_t  hwif_in;
   fl_sense_regs_pkg::fl_sense_regs__out_t hwif_out;
   localparam int unsigned RegisterChannels = 13;
 
@@ -40,26 +40,26 @@ module fl_sense_wb
 
   for (genvar i = 0; i < RegisterChannels; i++) begin : g_channel
     if (i < Channels) begin : g_used
-      assign offset[i]                           = hwif_out.offset[i].lsb_q4.value;
-      assign gain[i]                             = hwif_out.gain[i].q15.value;
-      assign hwif_in.offset[i].lsb_q4.we         = az_offset_we[i];
-      assign hwif_in.offset[i].lsb_q4.next       = az_offset[i];
-      assign hwif_in.snap_channel[i].value.next  = 32'(snap_sample[i]);
+      assign offset[i]                          = hwif_out.offset[i].lsb_q4.value;
+      assign gain[i]                            = hwif_out.gain[i].q15.value;
+      assign hwif_in.offset[i].lsb_q4.we        = az_offset_we[i];
+      assign hwif_in.offset[i].lsb_q4.next      = az_offset[i];
+      assign hwif_in.snap_channel[i].value.next = 32'(snap_sample[i]);
     end else begin : g_unused
-      assign hwif_in.offset[i].lsb_q4.we         = 1'b0;
-      assign hwif_in.offset[i].lsb_q4.next       = '0;
-      assign hwif_in.snap_channel[i].value.next  = '0;
+      assign hwif_in.offset[i].lsb_q4.we        = 1'b0;
+      assign hwif_in.offset[i].lsb_q4.next      = '0;
+      assign hwif_in.snap_channel[i].value.next = '0;
     end
   end
 
   fl_sample_scheduler u_scheduler (
       .clk_i,
       .rst_i,
-      .cfg_mode_i     (sched_mode_e'(hwif_out.scheduler.mode.value)),
-      .cfg_period_i   (hwif_out.period.cycles.value),
-      .cfg_offset_i   (hwif_out.scheduler.offset_cycles.value),
+      .cfg_mode_i  (sched_mode_e'(hwif_out.scheduler.mode.value)),
+      .cfg_period_i(hwif_out.period.cycles.value),
+      .cfg_offset_i(hwif_out.scheduler.offset_cycles.value),
       .carrier_start_i,
-      .strobe_o       (adc_strobe_o)
+      .strobe_o    (adc_strobe_o)
   );
 
   fl_sense #(
@@ -67,32 +67,32 @@ module fl_sense_wb
   ) u_sense (
       .clk_i,
       .rst_i,
-      .strobe_i        (adc_strobe_o),
+      .strobe_i       (adc_strobe_o),
       .now_i,
       .pwm_state_i,
       .adc_valid_i,
       .adc_code_i,
-      .cfg_delay_i     (hwif_out.delay.cycles.value),
-      .cfg_offset_i    (offset),
-      .cfg_gain_i      (gain),
-      .az_start_i      (hwif_out.auto_zero.start.value),
-      .az_log2_i       (hwif_out.auto_zero.log2_samples.value),
-      .az_mask_i       (hwif_out.auto_zero.mask.value[Channels-1:0]),
-      .az_busy_o       (hwif_in.auto_zero.busy.next),
-      .az_offset_we_o  (az_offset_we),
-      .az_offset_o     (az_offset),
+      .cfg_delay_i    (hwif_out.delay.cycles.value),
+      .cfg_offset_i   (offset),
+      .cfg_gain_i     (gain),
+      .az_start_i     (hwif_out.auto_zero.start.value),
+      .az_log2_i      (hwif_out.auto_zero.log2_samples.value),
+      .az_mask_i      (hwif_out.auto_zero.mask.value[Channels-1:0]),
+      .az_busy_o      (hwif_in.auto_zero.busy.next),
+      .az_offset_we_o (az_offset_we),
+      .az_offset_o    (az_offset),
       .tick_i,
       .sample_valid_o,
       .sample_o,
       .sample_time_o,
       .sample_pwm_o,
-      .sample_number_o (),
-      .snap_number_o   (hwif_in.snap_number.sample.next),
-      .snap_time_o     (hwif_in.snap_time.stamp.next),
-      .snap_idc_sum_o  (hwif_in.snap_idc_sum.sum.next),
-      .snap_vdc_sum_o  (hwif_in.snap_vdc_sum.sum.next),
-      .snap_count_o    (hwif_in.snap_count.count.next),
-      .snap_sample_o   (snap_sample)
+      .sample_number_o(),
+      .snap_number_o  (hwif_in.snap_number.sample.next),
+      .snap_time_o    (hwif_in.snap_time.stamp.next),
+      .snap_idc_sum_o (hwif_in.snap_idc_sum.total.next),
+      .snap_vdc_sum_o (hwif_in.snap_vdc_sum.total.next),
+      .snap_count_o   (hwif_in.snap_count.count.next),
+      .snap_sample_o  (snap_sample)
   );
 
   fl_sense_regs u_regs (

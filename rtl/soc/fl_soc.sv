@@ -30,12 +30,12 @@ module fl_soc
     output logic [  Phases-1:0] gate_h_o,    // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
     output logic [2*Phases-1:0] gate_o,      // before polarity: bit 2X upper, 2X+1 lower switch of leg X
-    input  logic                fault_pin_i,  // asynchronous, active high
+    input  logic                fault_pin_i, // asynchronous, active high
 
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
 
-    output logic    trc_valid_o,        // any pulse of the trace port
+    output logic    trc_valid_o,       // any pulse of the trace port
     output stamp_t  trc_now_o,
     output logic    trc_zc_valid_o,
     output logic    trc_zc_late_o,
@@ -163,13 +163,11 @@ module fl_soc
   fl_irq_wb u_irq (
       .clk_i,
       .rst_i,
-      .req_i         (req),
-      .stb_i         (stb[Irq]),
-      .rdat_o        (rdat[Irq]),
-      .event_i       ({
-        load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick
-      }),
-      .irq_control_o (irq_control),
+      .req_i(req),
+      .stb_i(stb[Irq]),
+      .rdat_o(rdat[Irq]),
+      .event_i({load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick}),
+      .irq_control_o(irq_control),
       .irq_deferred_o(irq_deferred)
   );
 

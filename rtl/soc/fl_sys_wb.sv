@@ -4,9 +4,9 @@ module fl_sys_wb
   import fl_pkg::*;
   import fl_bus_pkg::*;
 #(
-    parameter int unsigned Phases = 3,
+    parameter int unsigned Phases   = 3,
     parameter int unsigned Channels = 9,
-    parameter int unsigned ClockHz = 50_000_000
+    parameter int unsigned ClockHz  = 50_000_000
 ) (
     input logic clk_i,
     input logic rst_i,

@@ -13,19 +13,19 @@ module fl_timer
     input logic clk_i,
     input logic rst_i,
 
-    input logic [23:0] cfg_tick_period_i,    // clocks, 0: stopped
-    input logic [31:0] cfg_machine_period_i, // clocks, 0: stopped
-    input logic [31:0] cfg_load_period_i,    // clocks, 0: stopped
-    input logic        commit_i,             // pulse
+    input logic [23:0] cfg_tick_period_i,     // clocks, 0: stopped
+    input logic [31:0] cfg_machine_period_i,  // clocks, 0: stopped
+    input logic [31:0] cfg_load_period_i,     // clocks, 0: stopped
+    input logic        commit_i,              // pulse
 
-    output stamp_t      now_o,
-    output logic        tick_o,
-    output logic        update_o,
-    output logic        update_pending_o,
-    output logic [31:0] tick_count_o,
-    output stamp_t      tick_time_o,
-    output logic        machine_o,
-    output logic        load_o
+    output stamp_t        now_o,
+    output logic          tick_o,
+    output logic          update_o,
+    output logic          update_pending_o,
+    output logic   [31:0] tick_count_o,
+    output stamp_t        tick_time_o,
+    output logic          machine_o,
+    output logic          load_o
 );
 
   logic tick_d;

@@ -18,7 +18,7 @@ module fl_timer_wb
     output logic   load_o
 );
 
-  fl_timer_regs_pkg::fl_timer_regs__in_t hwif_in;
+  fl_timer_regs_pkg::fl_timer_regs__in_t  hwif_in;
   fl_timer_regs_pkg::fl_timer_regs__out_t hwif_out;
 
   fl_timer u_timer (

@@ -10,13 +10,13 @@ module fl_uart_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
-    input  logic rx_i,  // asynchronous
+    input logic rx_i,  // asynchronous
     output logic tx_o,
     output logic rx_event_o,
     output logic tx_event_o
 );
 
-  fl_uart_regs_pkg::fl_uart_regs__in_t hwif_in;
+  fl_uart_regs_pkg::fl_uart_regs__in_t  hwif_in;
   fl_uart_regs_pkg::fl_uart_regs__out_t hwif_out;
   logic tx_push_q, rx_valid;
 

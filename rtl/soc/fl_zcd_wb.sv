@@ -15,7 +15,7 @@ module fl_zcd_wb
     output logic     [31:0] rdat_o,
 
     input logic update_i,
-    input logic reverse_i,       // staged setting
+    input logic reverse_i,      // staged setting
     input logic comm_applied_i,
 
     input logic                      sample_valid_i,

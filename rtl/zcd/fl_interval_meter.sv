@@ -46,7 +46,7 @@ module fl_interval_meter
 
   // Distance of the arriving crossing, or of this clock, from the last crossing.
   stamp_t distance_q, last_q;
-  logic elapsed_q;  // more than an interval can hold since the last crossing
+  logic elapsed_q;  // so long ago that stamps may have wrapped since
 
   // Crossing in work: 1 distance known, 2 interval known.
   logic valid1_q, valid2_q, done_q, measure1_q, measure2_q, late1_q;
@@ -70,7 +70,7 @@ module fl_interval_meter
     if (span_q == '1) known_q <= 1'b0;
     assumed_q <= assume_zc;
     // distance_q of a clock without crossing lags last_q by a clock.
-    if (!valid1_q && !done_q && !assumed_q && !distance_q[31] && distance_q[30:24] != '0) elapsed_q <= 1'b1;
+    if (!valid1_q && !done_q && !assumed_q && !distance_q[31] && distance_q[30:28] != '0) elapsed_q <= 1'b1;
     if (zc_valid_i) begin
       time1_q    <= zc_time_i;
       sector1_q  <= zc_sector_i;

@@ -30,7 +30,7 @@ module fl_zcd
     localparam int unsigned Channels            = 2 * Phases + 3,
     // verilator lint_off UNUSEDPARAM
     localparam int unsigned DirectLatency       = 5,
-    localparam int unsigned InterpolatedLatency = 24
+    localparam int unsigned InterpolatedLatency = 23
     // verilator lint_on UNUSEDPARAM
 ) (
     input logic clk_i,

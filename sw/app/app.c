@@ -1,6 +1,7 @@
 #include "app/app.h"
 
 #include "app/console.h"
+#include "control/placement.h"
 #include "drive/parameters.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
@@ -41,7 +42,7 @@ void app_boot(app_t *app) {
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
 }
 
-static void control_step(app_t *app) {
+HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
   if (drive->p != 0) {
     chip_snapshot_t snapshot;
@@ -58,7 +59,7 @@ static void control_step(app_t *app) {
   }
 }
 
-void app_control_interrupt(app_t *app) {
+HOT void app_control_interrupt(app_t *app) {
   telemetry_t *telemetry = app->telemetry;
   const uint32_t entry = chip_now();
   const uint32_t pending = chip_irq_pending();

@@ -74,7 +74,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       format_fixed(text, d->reverse ? -(int64_t)d->m.speed_rpm_q8 : d->m.speed_rpm_q8, 8, 1);
       break;
     case ITEM_REFERENCE_RPM:
-      format_fixed(text, d->reverse ? -(int64_t)ramp_value(&d->ramp) : ramp_value(&d->ramp), 8, 1);
+      format_fixed(text, d->reverse ? -(int64_t)d->ramp.value_rpm_q8 : d->ramp.value_rpm_q8, 8, 1);
       break;
     case ITEM_DUTY:
       format_fixed(text, d->duty_q30, 30, 4);

@@ -1,10 +1,11 @@
 #include "app/cycles.h"
 
 #include "control/fixed.h"
+#include "control/placement.h"
 
 void cycles_reset(cycles_t *cycles) { *cycles = (cycles_t){.min = UINT32_MAX}; }
 
-void cycles_add(cycles_t *cycles, uint32_t duration) {
+HOT void cycles_add(cycles_t *cycles, uint32_t duration) {
   cycles->min = (duration < cycles->min) ? duration : cycles->min;
   cycles->max = (duration > cycles->max) ? duration : cycles->max;
   cycles->count++;

@@ -1,5 +1,7 @@
 #include "app/telemetry.h"
 
+#include "control/placement.h"
+
 const char *handler_name(handler_t handler) {
   static const char *const names[HANDLER_COUNT] = {
       [HANDLER_CONTROL] = "control", [HANDLER_CONTROL_ENTRY] = "control_entry", [HANDLER_CONTROL_DONE] = "control_done",
@@ -15,14 +17,14 @@ void telemetry_init(telemetry_t *telemetry) {
   }
 }
 
-void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
+HOT void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   telemetry->tick = drive->tick;
   telemetry->state = (uint32_t)drive->state;
   telemetry->phase = (uint32_t)drive->phase;
   telemetry->fault = (uint32_t)drive->fault;
   telemetry->limit = (uint32_t)drive->limit;
   telemetry->speed_rpm_q8 = drive->m.speed_rpm_q8;
-  telemetry->reference_rpm_q8 = ramp_value(&drive->ramp);
+  telemetry->reference_rpm_q8 = drive->ramp.value_rpm_q8;
   telemetry->target_rpm = drive->settings.target_rpm;
   telemetry->u_v_q25 = drive->u_v_q25;
   telemetry->duty_q30 = drive->duty_q30;

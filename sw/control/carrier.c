@@ -1,28 +1,29 @@
 #include "control/carrier.h"
 
 #include "control/fixed.h"
+#include "control/placement.h"
 
 #define DUTY_ONE_Q30 ((int32_t)1 << 30)
 #define PULSE_MAX_Q8 0xFFFFFFu
 
-int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25) {
-  const int64_t above = (int64_t)u_v_q25 + diode_v_q25;
-  const int64_t full = (int64_t)vdc_v_q25 + diode_v_q25;
+HOT int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25) {
+  const int32_t above = add_sat(u_v_q25, diode_v_q25);
+  const int32_t full = add_sat(vdc_v_q25, diode_v_q25);
   if (above <= 0) {
     return 0;
   }
   if (above >= full) {
     return DUTY_ONE_Q30;
   }
-  return (int32_t)div_sat_u32((uint64_t)above << 30, (uint32_t)full);
+  return (int32_t)div_sat_u32((uint64_t)(uint32_t)above << 30, (uint32_t)full);
 }
 
-int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25) {
-  const int64_t full = (int64_t)vdc_v_q25 + diode_v_q25;
-  return sat_i32(round_shift(full * duty_q30, 30) - diode_v_q25);
+HOT int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25) {
+  const gain_t duty = {.mant = duty_q30, .shift = 30};
+  return sub_sat(gain_apply(add_sat(vdc_v_q25, diode_v_q25), duty), diode_v_q25);
 }
 
-uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
+HOT uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
                                uint32_t on_time_floor_cycles) {
   if (duty_q30 <= 0) {
     return longest_cycles;
@@ -38,7 +39,7 @@ uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_
   return clamp_u32(div_sat_u32(floor_q30, duty), period_cycles, longest_cycles);
 }
 
-uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles) {
+HOT uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles) {
   if (duty_q30 <= 0) {
     return 0;
   }

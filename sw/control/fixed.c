@@ -1,8 +1,32 @@
 #include "control/fixed.h"
 
+#include "control/placement.h"
+
+HOT int32_t add_sat(int32_t a, int32_t b) {
+  const int32_t sum = (int32_t)((uint32_t)a + (uint32_t)b);
+  if (((a ^ sum) & (b ^ sum)) < 0) {
+    return (a < 0) ? INT32_MIN : INT32_MAX;
+  }
+  return sum;
+}
+
+HOT int32_t sub_sat(int32_t a, int32_t b) {
+  const int32_t difference = (int32_t)((uint32_t)a - (uint32_t)b);
+  if (((a ^ b) & (a ^ difference)) < 0) {
+    return (a < 0) ? INT32_MIN : INT32_MAX;
+  }
+  return difference;
+}
+
+HOT int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(round_shift((int64_t)x * g.mant, g.shift)); }
+
+HOT int32_t mul_q16(int32_t x, int32_t factor_q16) {
+  return gain_apply(x, (gain_t){.mant = factor_q16, .shift = 16});
+}
+
 // One 16-bit digit of a quotient by a normalised divisor (top bit set): *rest < d on entry and on exit.
 // The trial digit from the upper halves is too large by at most two.
-static uint32_t quotient_digit(uint32_t *rest, uint32_t next16, uint32_t d) {
+HOT static uint32_t quotient_digit(uint32_t *rest, uint32_t next16, uint32_t d) {
   const uint32_t d_high = d >> 16;
   const uint32_t d_low = d & 0xFFFFu;
   uint32_t digit = *rest / d_high;
@@ -18,7 +42,7 @@ static uint32_t quotient_digit(uint32_t *rest, uint32_t next16, uint32_t d) {
   return digit;
 }
 
-uint32_t div_sat_u32(uint64_t n, uint32_t d) {
+HOT uint32_t div_sat_u32(uint64_t n, uint32_t d) {
   if (d == 0u || (uint32_t)(n >> 32) >= d) {
     return UINT32_MAX;
   }

@@ -39,8 +39,10 @@ static inline uint32_t clamp_u32(uint32_t x, uint32_t low, uint32_t high) {
   return (x > high) ? high : x;
 }
 
-static inline int32_t add_sat(int32_t a, int32_t b) { return sat_i32((int64_t)a + b); }
-static inline int32_t sub_sat(int32_t a, int32_t b) { return sat_i32((int64_t)a - b); }
+// a + b and a - b, saturated; the overflow shows in the signs.
+int32_t add_sat(int32_t a, int32_t b);
+int32_t sub_sat(int32_t a, int32_t b);
+
 static inline int32_t abs_sat(int32_t a) { return (a >= 0) ? a : ((a == INT32_MIN) ? INT32_MAX : -a); }
 
 // x * 2^-shift rounded to nearest, 0 <= shift <= 62, |x| <= 2^62.
@@ -48,16 +50,13 @@ static inline int64_t round_shift(int64_t x, int32_t shift) {
   return (shift > 0) ? ((x + ((int64_t)1 << (shift - 1))) >> shift) : x;
 }
 
-// x * g, rounded, not saturated. About 15 clocks.
-static inline int64_t gain_wide(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+// The products are functions and not inlined: a control step must stay within the 4 KiB instruction cache.
 
-// x * g, rounded and saturated. About 20 clocks.
-static inline int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(gain_wide(x, g)); }
+// x * g, rounded and saturated. About 35 clocks.
+int32_t gain_apply(int32_t x, gain_t g);
 
 // x * factor_q16, rounded and saturated.
-static inline int32_t mul_q16(int32_t x, int32_t factor_q16) {
-  return sat_i32(round_shift((int64_t)x * factor_q16, 16));
-}
+int32_t mul_q16(int32_t x, int32_t factor_q16);
 
 // floor(n / d) saturated to 32 bits; d = 0 saturates too. Two hardware divisions, about 130 clocks.
 uint32_t div_sat_u32(uint64_t n, uint32_t d);

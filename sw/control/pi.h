@@ -1,10 +1,11 @@
 // PI regulator with feed-forward and anti-windup by back-calculation.
 //
 //   u   = feed_forward + kp*e + integral,  output = u limited to [low, high]
-//   integral += ki*e + (output - u) / 2^PI_ANTI_WINDUP_SHIFT
+//   integral += ki*e + (output - u) / 8
 //
 // The caller passes the limits that really bind at this step (duty, current, slew), so the integral follows
-// them and not a fixed rail. The integral has 16 bits below the output's format.
+// them and not a fixed rail. The integral has PI_INTEGRAL_BITS bits below the output's format and saturates; the
+// output's format therefore has to leave as many bits of headroom (voltage v_q25 does).
 #ifndef FL_PI_H
 #define FL_PI_H
 
@@ -12,15 +13,15 @@
 
 #include "control/fixed.h"
 
-#define PI_ANTI_WINDUP_SHIFT 3
+#define PI_INTEGRAL_BITS 5
 
 typedef struct {
-  int64_t integral_q16;  // output format with 16 more fraction bits
+  int32_t integral_q5;  // output format with PI_INTEGRAL_BITS more fraction bits
 } pi_state_t;
 
 typedef struct {
   gain_t kp;  // error format -> output format
-  gain_t ki;  // error format -> output format with 16 more fraction bits, a step
+  gain_t ki;  // error format -> format of the integral, a step
 } pi_gains_t;
 
 typedef struct {
@@ -31,8 +32,8 @@ typedef struct {
 // Set the integral so that the next step with this error and feed-forward gives `output`: bumpless entry.
 void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output);
 
-// One step, low <= high. About 90 clocks.
-pi_result_t pi_step(pi_state_t *state, pi_gains_t gains, int32_t error, int32_t feed_forward, int32_t low,
+// One step, low <= high. About 120 clocks.
+pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t error, int32_t feed_forward, int32_t low,
                     int32_t high);
 
 #endif

@@ -1,29 +1,30 @@
 #include "control/ramp.h"
 
-#define Q8_TO_Q24 65536
+#include "control/placement.h"
 
-void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8) { ramp->value_rpm_q24 = (int64_t)value_rpm_q8 * Q8_TO_Q24; }
+void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8) {
+  ramp->value_rpm_q8 = value_rpm_q8;
+  ramp->carry_q16 = 0;
+}
 
-int32_t ramp_value(const ramp_t *ramp) { return (int32_t)(ramp->value_rpm_q24 >> 16); }
-
-int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
-                  int32_t window_rpm_q8) {
-  const int64_t target = (int64_t)target_rpm_q8 * Q8_TO_Q24;
-  const int64_t old = ramp->value_rpm_q24;
-  int64_t next = target;
-  if (target > old) {
-    const int64_t highest = ((int64_t)measured_rpm_q8 + window_rpm_q8) * Q8_TO_Q24;
-    next = (target > old + step_rpm_q24) ? old + step_rpm_q24 : target;
-    if (next > highest) {
-      next = (old > highest) ? old : highest;
-    }
-  } else if (target < old) {
-    const int64_t lowest = ((int64_t)measured_rpm_q8 - window_rpm_q8) * Q8_TO_Q24;
-    next = (target < old - step_rpm_q24) ? old - step_rpm_q24 : target;
-    if (next < lowest) {
-      next = (old < lowest) ? old : lowest;
-    }
+HOT int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
+                      int32_t window_rpm_q8) {
+  const int32_t old = ramp->value_rpm_q8;
+  if (target_rpm_q8 == old) {
+    return 0;
   }
-  ramp->value_rpm_q24 = next;
-  return (next > old) - (next < old);
+  // Upward problem: mirror a falling ramp.
+  const int32_t direction = (target_rpm_q8 > old) ? 1 : -1;
+  const int32_t farthest = direction * measured_rpm_q8 + window_rpm_q8;
+  const int32_t start = direction * old;
+  const int32_t end = direction * target_rpm_q8;
+  const uint32_t step_q24 = (uint32_t)step_rpm_q24 + ramp->carry_q16;
+  int32_t next = start + (int32_t)(step_q24 >> 16);
+  ramp->carry_q16 = step_q24 & 0xFFFFu;
+  next = (next > end) ? end : next;
+  if (next > farthest) {
+    next = (start > farthest) ? start : farthest;
+  }
+  ramp->value_rpm_q8 = direction * next;
+  return (next > start || ramp->carry_q16 != 0u) ? direction : 0;
 }

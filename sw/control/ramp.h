@@ -8,17 +8,15 @@
 #include <stdint.h>
 
 typedef struct {
-  int64_t value_rpm_q24;
+  int32_t value_rpm_q8;
+  uint32_t carry_q16;  // part of a step below 1/256 r/min, kept for the next
 } ramp_t;
 
 // Start at the given speed.
 void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8);
 
-// Reference now.
-int32_t ramp_value(const ramp_t *ramp);
-
-// One step. step_rpm_q24 > 0: largest change; window_rpm_q8: largest lead over the measured speed.
-// Returns the direction in which the reference moved: -1, 0, +1. About 50 clocks.
+// One step. step_rpm_q24 > 0: largest change; window_rpm_q8: largest lead over the measured speed. Speeds below
+// 2^29 (2 million r/min). Returns the direction in which the reference moves: -1, 0, +1. About 40 clocks.
 int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
                   int32_t window_rpm_q8);
 

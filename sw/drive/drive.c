@@ -2,6 +2,7 @@
 
 #include "control/carrier.h"
 #include "control/fixed.h"
+#include "control/placement.h"
 #include "control/speed.h"
 #include "drive/measure.h"
 #include "drive/run.h"
@@ -31,19 +32,20 @@ const char *drive_limit_name(limit_t limit) {
   return names[limit];
 }
 
-void drive_enter(drive_t *drive, drive_state_t state) {
+COLD void drive_enter(drive_t *drive, drive_state_t state) {
   drive->state = state;
   drive->state_ticks = 0;
   drive->limit = LIMIT_NONE;
 }
 
-void drive_gates_off(drive_t *drive) {
+COLD void drive_gates_off(drive_t *drive) {
   chip_command_t *command = &drive->command;
   command->gate_enable = false;
   command->sequencer = SEQUENCER_OFF;
   command->timer = COMMUTATION_OFF;
   command->zcd_enable = false;
   command->miss_limit = 0;
+  command->force_on_miss = false;
   command->pulse_cycles_q8 = 0;
   for (uint32_t x = 0; x < PHASES; x++) {
     command->leg[x] = LEG_OFF;
@@ -52,14 +54,14 @@ void drive_gates_off(drive_t *drive) {
   drive->duty_q30 = 0;
 }
 
-void drive_enter_fault(drive_t *drive, fault_t fault) {
+COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_FAULT);
   drive->fault = fault;
   fault_log_add(&drive->log, fault, drive->tick);
 }
 
-void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles) {
+HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles) {
   const parameters_t *p = drive->p;
   const int32_t diode = sync_rect ? 0 : p->diode_v_q25;
   const uint32_t dead_time = sync_rect ? (uint32_t)p->dead_time_cycles : 0u;
@@ -70,7 +72,7 @@ void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32
   drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);
 }
 
-int32_t drive_target_rpm_q8(const drive_t *drive) {
+HOT int32_t drive_target_rpm_q8(const drive_t *drive) {
   const parameters_t *p = drive->p;
   const int32_t target = drive->reverse ? -drive->settings.target_rpm : drive->settings.target_rpm;
   return clamp_i32(target, p->stop_rpm, p->speed_max_rpm) * 256;
@@ -141,11 +143,12 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;
   drive->command.advance_q16 = s->advance_q16;
+  drive->command.timeout_q12 = (uint32_t)p->timeout_q12;
   drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
 }
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
-static void init_step(drive_t *drive, const chip_snapshot_t *in) {
+COLD static void init_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state_ticks <= INIT_SETTLE_TICKS) {
     drive->command.start_auto_zero = drive->state_ticks == INIT_SETTLE_TICKS;
     return;
@@ -165,7 +168,7 @@ static void init_step(drive_t *drive, const chip_snapshot_t *in) {
 }
 
 // A lost lock restarts the drive as often as the parameters allow.
-static void lost_lock(drive_t *drive) {
+COLD static void lost_lock(drive_t *drive) {
   drive->lost_locks++;
   if (drive->state == STATE_STARTING) {
     start_failed(drive);
@@ -181,13 +184,13 @@ static void lost_lock(drive_t *drive) {
 }
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
-static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
+COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   const bool clearing = drive->state == STATE_STARTING && drive->phase == START_COAST && drive->state_ticks <= CLEAR_TICKS;
   uint32_t causes = (in->trip_first != 0u) ? in->trip_first : in->trip_latched;
   if (drive->state == STATE_READY) {
     causes &= ~(uint32_t)TRIPS_OF_RUNNING;
   }
-  if (in->trip_latched == 0u || causes == 0u || clearing) {
+  if (causes == 0u || clearing) {
     return false;
   }
   const fault_t fault = fault_of_trip(causes);
@@ -199,7 +202,7 @@ static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   return true;
 }
 
-static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
+HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state == STATE_INIT || drive->state == STATE_FAULT) {
     return false;
   }
@@ -212,10 +215,10 @@ static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_OVERSPEED);
     return true;
   }
-  return handle_trips(drive, in);
+  return in->trip_latched != 0u && handle_trips(drive, in);
 }
 
-static void handle_request(drive_t *drive) {
+COLD static void handle_request(drive_t *drive) {
   const request_t request = drive->request;
   drive->request = REQUEST_NONE;
   const bool active = drive->state == STATE_STARTING || drive->state == STATE_RUNNING || drive->state == STATE_STOPPING;
@@ -244,7 +247,7 @@ static void stopping_step(drive_t *drive) {
   }
 }
 
-void drive_step(drive_t *drive, const chip_snapshot_t *in) {
+HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
   drive->tick++;
   drive->command.clear_trips = false;
   drive->command.start_auto_zero = false;
@@ -256,7 +259,9 @@ void drive_step(drive_t *drive, const chip_snapshot_t *in) {
     drive->state_ticks++;
   }
   measure_update(drive, in);
-  handle_request(drive);
+  if (drive->request != REQUEST_NONE) {
+    handle_request(drive);
+  }
   if (supervise(drive, in)) {
     return;
   }

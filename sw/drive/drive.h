@@ -85,6 +85,8 @@ typedef struct {
   limiter_t limiter;
   handover_t handover;
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
+  uint32_t first_cycles;         // of this attempt's ramp
+  int32_t start_accel_rpm_q24;
   uint32_t locked_from;  // crossing count at hand-over
   bool was_frozen;
 

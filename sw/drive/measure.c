@@ -1,22 +1,24 @@
 #include "drive/measure.h"
 
 #include "control/fixed.h"
+#include "control/placement.h"
 #include "control/speed.h"
 
 // The counters of the commutation timer start anew when it leaves OFF; a snapshot taken at that very tick may still
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 
-static uint32_t add_count(uint32_t count, uint16_t more) {
-  return (count > UINT32_MAX - more) ? UINT32_MAX : count + more;
+static uint32_t add_count(uint32_t count, uint32_t more) {
+  const uint32_t sum = count + more;
+  return (sum < count) ? UINT32_MAX : sum;
 }
 
-static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
+HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
   *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
   return *state_q25 >> 8;
 }
 
-static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
+HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
   const int32_t shift = drive->p->current_filter_shift;
   if (in->sum_count > 0u) {
@@ -37,7 +39,7 @@ static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
   m->line_emf_q17 = highest - lowest;
 }
 
-static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
+HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
   m->timer_on_ticks = (drive->command.timer == COMMUTATION_OFF) ? 0u : add_count(m->timer_on_ticks, 1u);
   const bool counting = m->timer_on_ticks >= TIMER_SETTLED_TICKS;
@@ -62,7 +64,7 @@ static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
-void measure_update(drive_t *drive, const chip_snapshot_t *in) {
+HOT void measure_update(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
   m->silent_ticks = (in->sample_number == m->last_sample) ? add_count(m->silent_ticks, 1u) : 0u;
   m->last_sample = in->sample_number;

@@ -1,6 +1,7 @@
 #include "drive/run.h"
 
 #include "control/carrier.h"
+#include "control/placement.h"
 
 #define ONE_Q16 65536
 // Least share of the gains at low speed.
@@ -13,25 +14,23 @@ typedef struct {
 } gains_t;
 
 static int32_t interpolate(int32_t low, int32_t high, int32_t ratio_q16) {
-  return low + (int32_t)round_shift(((int64_t)high - low) * ratio_q16, 16);
+  return low + mul_q16(high - low, ratio_q16);
 }
 
-static gains_t scheduled_gains(const drive_t *drive) {
+HOT static void scheduled_gains(const drive_t *drive, gains_t *g) {
   const parameters_t *p = drive->p;
   const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
   const int32_t ratio_q16 = clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16);
   const int32_t scale_q16 =
       clamp_i32(gain_apply(speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, ONE_Q16);
-  gains_t g;
-  g.kp_full.mant = interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16);
-  g.kp_full.shift = p->speed_kp_shift;
-  g.pi.kp.mant = mul_q16(g.kp_full.mant, scale_q16);
-  g.pi.kp.shift = p->speed_kp_shift;
-  g.pi.ki.mant = mul_q16(p->speed_ki.mant, scale_q16);
-  g.pi.ki.shift = p->speed_ki.shift;
-  g.resistance.mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
-  g.resistance.shift = p->resistance_shift;
-  return g;
+  g->kp_full.mant = interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16);
+  g->kp_full.shift = p->speed_kp_shift;
+  g->pi.kp.mant = mul_q16(g->kp_full.mant, scale_q16);
+  g->pi.kp.shift = p->speed_kp_shift;
+  g->pi.ki.mant = mul_q16(interpolate(p->speed_ki_low, p->speed_ki_high, ratio_q16), scale_q16);
+  g->pi.ki.shift = p->speed_ki_shift;
+  g->resistance.mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
+  g->resistance.shift = p->resistance_shift;
 }
 
 static int32_t diode_v_q25(const drive_t *drive) { return drive->settings.sync_rect ? 0 : drive->p->diode_v_q25; }
@@ -40,14 +39,14 @@ static int32_t lesser(int32_t a, int32_t b) { return (a < b) ? a : b; }
 static int32_t greater(int32_t a, int32_t b) { return (a > b) ? a : b; }
 
 // Settings that the console may change while running.
-static void apply_settings(drive_t *drive) {
+HOT static void apply_settings(drive_t *drive) {
   const settings_t *s = &drive->settings;
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;
   drive->command.advance_q16 = s->advance_q16;
 }
 
-static void apply_running_voltage(drive_t *drive, int32_t u_v_q25) {
+HOT static void apply_running_voltage(drive_t *drive, int32_t u_v_q25) {
   const parameters_t *p = drive->p;
   const int32_t duty = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode_v_q25(drive));
   const uint32_t period =
@@ -57,23 +56,26 @@ static void apply_running_voltage(drive_t *drive, int32_t u_v_q25) {
 }
 
 // Set ramp and integral so that the present voltage continues.
-static void preset(drive_t *drive) {
+COLD static void preset(drive_t *drive) {
   const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
-  const gains_t g = scheduled_gains(drive);
+  gains_t g;
+  scheduled_gains(drive, &g);
   ramp_preset(&drive->ramp, speed_rpm_q8);
   pi_preset(&drive->speed_pi, g.pi.kp, 0, gain_apply(speed_rpm_q8, drive->p->emf), drive->u_v_q25);
   drive->limiter.trim_v_q25 = 0;
 }
 
-void run_begin(drive_t *drive) {
+COLD void run_begin(drive_t *drive) {
   drive_enter(drive, STATE_RUNNING);
   drive->was_frozen = false;
+  drive->command.force_on_miss = true;
+  drive->command.timeout_q12 = (uint32_t)drive->p->timeout_q12;
   preset(drive);
   apply_settings(drive);
   apply_running_voltage(drive, drive->u_v_q25);
 }
 
-void run_step(drive_t *drive, int32_t target_rpm_q8) {
+HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
   if (drive->settings.freeze && drive->state == STATE_RUNNING) {
     drive->was_frozen = true;
     return;
@@ -86,18 +88,19 @@ void run_step(drive_t *drive, int32_t target_rpm_q8) {
   const measured_t *m = &drive->m;
   const settings_t *s = &drive->settings;
   apply_settings(drive);
-  const gains_t g = scheduled_gains(drive);
+  gains_t g;
+  scheduled_gains(drive, &g);
 
   const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, s->accel_rpm_q24, m->speed_rpm_q8,
                                       p->ramp_window_rpm * 256);
-  const int32_t reference = ramp_value(&drive->ramp);
+  const int32_t reference = drive->ramp.value_rpm_q8;
   const int32_t accelerating = direction * gain_apply(s->accel_rpm_q8, g.kp_full);
   const int32_t feed_forward = add_sat(gain_apply(reference, p->emf), accelerating);
 
   const limiter_gains_t limiter_gains = {p->limiter_kp, p->limiter_ki};
   const int32_t margin_q17 = lesser(s->current_limit_q17 - m->motor_q17, s->dc_limit_q17 - m->idc_q17);
   const int32_t resistive = gain_apply(s->current_limit_q17, g.resistance);
-  const int32_t high_current = limiter_bound(&drive->limiter, limiter_gains, gain_apply(m->speed_rpm_q8, p->emf),
+  const int32_t high_current = limiter_bound(&drive->limiter, &limiter_gains, gain_apply(m->speed_rpm_q8, p->emf),
                                              resistive, margin_q17);
   const int32_t diode = diode_v_q25(drive);
   const int32_t high_duty = voltage_from_duty_v_q25(p->duty_max_q30, m->vdc_v_q25, diode);
@@ -107,13 +110,13 @@ void run_step(drive_t *drive, int32_t target_rpm_q8) {
   const int32_t high = lesser(high_now, add_sat(drive->u_v_q25, p->slew_v_q25));
   const int32_t low = lesser(greater(low_duty, sub_sat(drive->u_v_q25, p->slew_v_q25)), high);
 
-  const pi_result_t u = pi_step(&drive->speed_pi, g.pi, sub_sat(reference, m->speed_rpm_q8), feed_forward, low, high);
+  const pi_result_t u = pi_step(&drive->speed_pi, &g.pi, sub_sat(reference, m->speed_rpm_q8), feed_forward, low, high);
   drive->limit = LIMIT_NONE;
   if (u.output < u.unlimited) {
     drive->limit = (high < high_now) ? LIMIT_SLEW : ((high_current < high_duty) ? LIMIT_CURRENT : LIMIT_DUTY_MAX);
   } else if (u.output > u.unlimited) {
     drive->limit = (low > low_duty) ? LIMIT_SLEW : LIMIT_DUTY_MIN;
   }
-  limiter_update(&drive->limiter, limiter_gains, resistive, margin_q17, drive->limit == LIMIT_CURRENT);
+  limiter_update(&drive->limiter, &limiter_gains, resistive, margin_q17, drive->limit == LIMIT_CURRENT);
   apply_running_voltage(drive, u.output);
 }

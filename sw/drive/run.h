@@ -1,6 +1,6 @@
 // Speed control while the crossings commutate.
 //
-//   u = k_e n_ref + Kp a_ref/w_b + PI(n_ref - n),   Kp = J R(n) w_b / k_t,  Ki = k_e w_b
+//   u = k_e n_ref + Kp a_ref/w_b + PI(n_ref - n),   Kp = J R(n) w_b / k_t,  Ki = max(k_e w_b, Kp w_b / 5)
 //
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, so that Kp follows the speed. Both gains
 // shrink at speeds whose electrical turn is long against 1/w_b: the speed is a mean over that turn.

@@ -2,16 +2,29 @@
 
 #include "control/carrier.h"
 #include "control/fixed.h"
+#include "control/placement.h"
 #include "control/startup.h"
 #include "drive/run.h"
 
 #define COAST_CALM_TICKS 8u
 #define ALIGN_LEG_FIRST 0u
 #define ALIGN_LEG_SECOND 1u
+#define HALVINGS_MAX 4u
+#define SQRT2_Q16 92682u
+#define INTERVAL_MAX 0xFFFFFFu
+#define LOCK_TIMEOUT_Q12 0xFFFFu
 
 static void enter_phase(drive_t *drive, phase_t phase) {
   drive->phase = phase;
   drive->state_ticks = 0;
+}
+
+static void apply_start_voltage(drive_t *drive, int32_t u_v_q25) {
+  const parameters_t *p = drive->p;
+  const int32_t duty = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, 0);
+  drive_apply_voltage(drive, u_v_q25, true,
+                      carrier_period_cycles(duty, drive->settings.carrier_period_cycles,
+                                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles));
 }
 
 static void legs(drive_t *drive, leg_command_t others, uint32_t special, leg_command_t command) {
@@ -72,6 +85,17 @@ static void align(drive_t *drive, uint32_t leg, uint32_t rise_ticks) {
   drive_apply_voltage(drive, u, true, (uint32_t)p->carrier_longest_cycles);
 }
 
+// Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
+static void choose_acceleration(drive_t *drive) {
+  const uint32_t halvings = (drive->failed_starts < HALVINGS_MAX) ? drive->failed_starts : HALVINGS_MAX;
+  uint64_t first = (uint64_t)(uint32_t)drive->p->start_first_cycles << (halvings / 2u);
+  if (halvings % 2u != 0u) {
+    first = (first * SQRT2_Q16) >> 16;
+  }
+  drive->first_cycles = (first > INTERVAL_MAX) ? INTERVAL_MAX : (uint32_t)first;
+  drive->start_accel_rpm_q24 = (drive->p->start_accel_rpm_q24 >> halvings) | 1;
+}
+
 // First forced sector: the update that switches the sequencer also starts the forced timer.
 static void begin_ramp(drive_t *drive) {
   chip_command_t *command = &drive->command;
@@ -79,7 +103,8 @@ static void begin_ramp(drive_t *drive) {
   command->start_sector = start_sector(ALIGN_LEG_SECOND, drive->reverse);
   command->reverse = drive->reverse;
   command->timer = COMMUTATION_FORCED;
-  command->forced_interval_cycles = (uint32_t)drive->p->start_first_cycles;
+  choose_acceleration(drive);
+  command->forced_interval_cycles = drive->first_cycles;
   command->miss_limit = 0;
   command->zcd_enable = true;
   drive->held_from = UINT32_MAX;
@@ -89,9 +114,15 @@ static void begin_ramp(drive_t *drive) {
   enter_phase(drive, START_RAMP);
 }
 
+// The forced field lags a lightly loaded rotor by up to 90 degrees, its crossings are late ones then and the next
+// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them.
 static void begin_lock(drive_t *drive) {
+  const parameters_t *p = drive->p;
   drive->command.timer = COMMUTATION_ZCD;
-  drive->command.miss_limit = (uint32_t)drive->p->miss_limit;
+  drive->command.miss_limit = (uint32_t)p->miss_limit;
+  drive->command.force_on_miss = false;
+  drive->command.timeout_q12 = LOCK_TIMEOUT_Q12;
+  apply_start_voltage(drive, add_sat(p->lock_v_q25, gain_apply(p->handover_rpm * 256, p->emf)));
   drive->locked_from = drive->m.crossings;
   enter_phase(drive, START_LOCK);
 }
@@ -105,7 +136,7 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   // The interval written now is used by the commutation after the pending one.
   uint32_t interval = (uint32_t)p->handover_interval_cycles;
   if (drive->held_from == UINT32_MAX) {
-    const uint32_t accelerating = forced_interval_cycles((uint32_t)p->start_first_cycles, m->commutations);
+    const uint32_t accelerating = forced_interval_cycles(drive->first_cycles, m->commutations);
     if (accelerating > interval) {
       interval = accelerating;
     } else {
@@ -114,13 +145,10 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.forced_interval_cycles = interval;
 
-  (void)ramp_step(&drive->ramp, end_rpm_q8, p->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
-  const int32_t speed_rpm_q8 = ramp_value(&drive->ramp);
-  const int32_t u = add_sat(p->start_v_q25, gain_apply(speed_rpm_q8, p->emf));
-  const int32_t duty = duty_from_voltage_q30(u, m->vdc_v_q25, 0);
-  drive_apply_voltage(drive, u, true,
-                      carrier_period_cycles(duty, drive->settings.carrier_period_cycles,
-                                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles));
+  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
+  const int32_t speed_rpm_q8 = drive->ramp.value_rpm_q8;
+  const int32_t u = add_sat(p->start_v_q25, gain_apply(speed_rpm_q8, p->start_emf));
+  apply_start_voltage(drive, u);
 
   if (drive->held_from == UINT32_MAX) {
     handover_reset(&drive->handover, in->crossings, in->late);
@@ -150,7 +178,7 @@ static void lock(drive_t *drive) {
   }
 }
 
-void start_step(drive_t *drive, const chip_snapshot_t *in) {
+COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
   switch (drive->phase) {
     case START_COAST:

@@ -1,5 +1,6 @@
 #include "hal/chip.h"
 
+#include "control/placement.h"
 #include "hal/reg.h"
 
 #define MAP_MAGIC 0x464C5558u
@@ -17,8 +18,8 @@ bool chip_is_known(void) {
 }
 
 uint32_t chip_clock_hz(void) { return reg_read(REG(sys.clock)); }
-uint32_t chip_now(void) { return reg_read(REG(sys.time_now)); }
-uint32_t chip_tick_time(void) { return reg_read(REG(timer.tick_time)); }
+HOT uint32_t chip_now(void) { return reg_read(REG(sys.time_now)); }
+HOT uint32_t chip_tick_time(void) { return reg_read(REG(timer.tick_time)); }
 void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles); }
 void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
@@ -46,7 +47,6 @@ static void configure_crossings(const parameters_t *p) {
     reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)p->zcd_threshold_q17[sector]);
   }
   reg_write(REG(comm.latency), (uint32_t)p->latency_cycles);
-  reg_write(REG(comm.timeout), (uint32_t)p->timeout_q12);
 }
 
 static void configure_safety(const parameters_t *p) {
@@ -69,7 +69,7 @@ void chip_configure(const parameters_t *parameters) {
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
-void chip_read(chip_snapshot_t *snapshot, bool offsets) {
+HOT void chip_read(chip_snapshot_t *snapshot, bool offsets) {
   snapshot->sample_number = reg_read(REG(sense.snap_number));
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
@@ -100,12 +100,12 @@ void chip_read(chip_snapshot_t *snapshot, bool offsets) {
   }
 }
 
-static void write_pwm(const chip_command_t *command) {
+HOT static void write_pwm(const chip_command_t *command) {
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
                                   FIELD(FL_PWM_REGS__CONTROL__SYNC_RECT, command->sync_rect ? 1 : 0) |
-                                  FIELD(FL_PWM_REGS__CONTROL__REVERSE, command->reverse ? 1 : 0) |
+                                  FIELD(FL_PWM_REGS__CONTROL__BACKWARD, command->reverse ? 1 : 0) |
                                   FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector));
   reg_write(REG(pwm.period), command->period_cycles);
   reg_write(REG(pwm.duty), command->pulse_cycles_q8);
@@ -114,19 +114,20 @@ static void write_pwm(const chip_command_t *command) {
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
 }
 
-static void write_crossings(const chip_command_t *command, const parameters_t *p) {
+HOT static void write_crossings(const chip_command_t *command, const parameters_t *p) {
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
                                   FIELD(FL_ZCD_REGS__CONTROL__INTERPOLATE, p->zcd_interpolate) |
                                   FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous));
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
-                                   FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, 1) |
+                                   FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
   reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
                                  FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
+  reg_write(REG(comm.timeout), command->timeout_q12);
   reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
 }
 
-void chip_write(const chip_command_t *command, const parameters_t *parameters) {
+HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
   write_pwm(command);
   write_crossings(command, parameters);
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
@@ -157,8 +158,8 @@ void chip_irq_configure(uint32_t control, uint32_t deferred) {
   reg_write(REG(irq.enable), control | deferred);
 }
 
-uint32_t chip_irq_pending(void) { return reg_read(REG(irq.pending)); }
-void chip_irq_clear(uint32_t sources) { reg_write(REG(irq.pending), sources); }
+HOT uint32_t chip_irq_pending(void) { return reg_read(REG(irq.pending)); }
+HOT void chip_irq_clear(uint32_t sources) { reg_write(REG(irq.pending), sources); }
 
 uint32_t chip_tick_overruns(void) { return BITS(FL_IRQ_REGS__OVERRUN__TICK_COUNT, reg_read(REG(irq.overrun))); }
 uint32_t chip_all_overruns(void) { return BITS(FL_IRQ_REGS__OVERRUN__COUNT, reg_read(REG(irq.overrun))); }

@@ -64,6 +64,8 @@ typedef struct {
   uint32_t pulse_cycles_q8;
   uint32_t forced_interval_cycles;
   uint32_t miss_limit;  // 0: a lost lock is not reported
+  bool force_on_miss;   // commutate after a timeout
+  uint32_t timeout_q12;
   int32_t advance_q16;
 } chip_command_t;
 

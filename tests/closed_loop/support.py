@@ -41,14 +41,14 @@ class Outcome:
         return "\n".join(self.data.uart)
 
 
-def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED) -> Outcome:
-    """Run `scenarios/<scenario>` with overrides; print the seed, keep result and plots in build/closed_loop/<name>."""
+def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED, log_strobes: bool = False) -> Outcome:
+    """Run a scenario (absolute, or in scenarios/) with overrides; print the seed, keep result and plots in build/closed_loop/<name>."""
     path = ROOT / "scenarios" / scenario
     loaded = load_scenario(path, overrides)
     folder = BUILD / "closed_loop" / name
     shutil.rmtree(folder, ignore_errors=True)
     print(f"{path.name} {' '.join(overrides)} seed {seed}: {folder}")
-    data = run_scenario(loaded, folder, seed)
+    data = run_scenario(loaded, folder, seed, log_strobes=log_strobes)
     save_trace(folder / "trace.npz", data)
     analysis, metrics = run_metrics(data, loaded)
     result = build_result(data, loaded, metrics)

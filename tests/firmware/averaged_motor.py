@@ -31,7 +31,8 @@ STATES = 31
 
 # Settings.
 (C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
-(C_LEG, C_CONTROL) = 11, 14
+C_FORCE = 14
+C_LEG = 11
 SETTINGS = 15
 
 # Machine and surroundings.
@@ -126,11 +127,14 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
     if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > c[C_TIMEOUT] * s[INTERVAL]:
         s[MISSES] += 1.0
         s[TIMEOUTS] += 1.0
-        s[T_ZC] += s[INTERVAL]
         if c[C_MISS_LIMIT] > 0.0 and s[MISSES] >= c[C_MISS_LIMIT]:
             s[TRIPS] = TRIP_LOST
             c[C_GATES] = 0.0
-        commutate(s, c, s[T])
+        if c[C_FORCE] > 0.0:
+            s[T_ZC] += s[INTERVAL]
+            commutate(s, c, s[T])
+        else:
+            s[T_COMM] = s[T]
 
 
 @numba.njit(cache=True)

@@ -94,6 +94,7 @@ class Bench:
         advance = ((delay >> 16) ^ 0x8000) - 0x8000
         c[am.C_DELAY] = ((delay & 0xFFFF) - advance) / 65536.0
         c[am.C_TIMEOUT] = self.get("comm.timeout") / 4096.0
+        c[am.C_FORCE] = float(bool(self.get("comm.control") & 16))
         c[am.C_MISS_LIMIT] = (self.get("comm.control") >> 8) & 0xFF
         c[am.C_ZCD] = float(self.get("zcd.control") & 1)
         manual = self.get("pwm.manual")

@@ -1,7 +1,8 @@
-"""Independent solution of the plant's circuit for the tests: nodal equations, scipy's integrator, its event finder.
+"""Independent solution of the plant's circuit for the tests: nodal equations, scipy's integrator and events.
 
-Shares no formula with the kernel: unknowns are di/dt of the three phases, the star voltage and the terminal voltages
-of one 7 x 7 system a topology; the state of the diodes is found by trying every combination and looking ahead.
+Shares no formula with the kernel: unknowns are di/dt of the three phases, the star voltage and the terminal
+voltages of one 7 x 7 system a topology; the state of the diodes is found by trying every combination and
+looking ahead.
 """
 
 from __future__ import annotations
@@ -10,9 +11,8 @@ import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.integrate import solve_ivp
-
 from fluxlock.plant import PlantParams
+from scipy.integrate import solve_ivp
 
 OPEN, SWITCH_H, SWITCH_L, DIODE_L, DIODE_H = "open", "H", "L", "dL", "dH"
 LOOK_AHEAD_S = 2e-10

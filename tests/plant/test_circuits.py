@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from fluxlock.plant import Plant, PlantParams
 from fluxlock.plant import layout as L
+
 from tests.plant.circuits import CLOCK_S, random_gates, random_params
 from tests.plant.reference import DIODE_H, DIODE_L, OPEN, SWITCH_H, SWITCH_L, Reference
 
@@ -28,7 +28,14 @@ def reference_of(params: PlantParams, plant: Plant, **options: object) -> Refere
 class Comparison:
     """Runs plant and reference side by side and keeps the largest differences."""
 
-    def __init__(self, seed: int, mechanics: str, duration: int = DURATION_CYCLES, pole_s: float = 0.0, **options: object):
+    def __init__(
+        self,
+        seed: int,
+        mechanics: str,
+        duration: int = DURATION_CYCLES,
+        pole_s: float = 0.0,
+        **options: object,
+    ) -> None:
         rng = np.random.default_rng(seed)
         self.params = random_params(rng, mechanics, pole_s)
         rows = random_gates(rng, duration)

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-
 from fluxlock.plant import Plant, PlantError
 from fluxlock.plant import layout as L
 from fluxlock.plant.build import CALLBACK
+
 from tests.plant.circuits import random_gates, random_params
 from tests.plant.drives import drive, motor_1
 
@@ -97,10 +97,9 @@ def test_exception_in_plain_mode_becomes_a_fault() -> None:
     Verifies: PLANT-13
     """
     plant = Plant(motor_1(), seed=1, mode="py")
-    plant.state[L.EVENT_LEG] = 0.0
     plant.state[L.GATES] = np.nan
     with pytest.raises(PlantError, match="ValueError") as caught:
-        plant.advance(10)
+        plant.step(10, 0)
     assert isinstance(caught.value.__cause__, ValueError)
 
 
@@ -114,7 +113,10 @@ def test_plain_mode_needs_no_numba() -> None:
         "p = Plant(motor_1(), seed=1); drive(p, 20); assert p.mode == 'py'; assert 'numba' not in sys.modules"
     )
     result = subprocess.run(
-        [sys.executable, "-c", code], env={"FLUXLOCK_PLANT": "py", "PYTHONPATH": "."}, capture_output=True, text=True
+        [sys.executable, "-c", code],
+        env={"FLUXLOCK_PLANT": "py", "PYTHONPATH": "."},
+        capture_output=True,
+        text=True,
     )
     assert result.returncode == 0, result.stderr
 

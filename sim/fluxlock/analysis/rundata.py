@@ -27,6 +27,8 @@ class LogKind(IntEnum):
     CROSSING = 3  # a = sector | late << 4, b = time of the crossing that the chip claims (cycle)
     TRIP = 4  # a = causes, bits in the order of TRIP_CAUSES
     UPDATE = 5  # shadowed settings took effect
+    STROBE = 6  # sample strobe; logged on request
+    PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault
 
 
 class PlantEventKind(IntEnum):

@@ -18,6 +18,7 @@ from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, pack
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
 CHANNELS = 9
+MEMORY_WORDS = 16384
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def build_chip(waves: bool = False, jobs: int | None = None) -> Chip:
         raise RuntimeError("writing FST waveforms needs zlib's header: install zlib1g-dev (Debian) or zlib-devel")
     sources = rtl_sources()
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
-    key = content_hash([*sources, WAIVERS, scope, *NATIVE.glob("cosim*")], waves, os.environ.get("CXX", "g++"))
+    key = content_hash([*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), Path(__file__)], waves, os.environ.get("CXX", "g++"))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves)
     with file_lock(BUILD / "chip" / f"{key}.lock"):
@@ -71,9 +72,9 @@ def build_chip(waves: bool = False, jobs: int | None = None) -> Chip:
         libs = cocotb_tools.config.libs_dir
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
-            "--vpi", "--timescale", "1ns/1ns", "-O3", "--x-assign", "fast", "--x-initial", "fast",
+            "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0" if not waves else "20000", "-Wno-fatal",
-            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS}",
+            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={MEMORY_WORDS}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
             *(["--trace-fst", "--trace-structs"] if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),

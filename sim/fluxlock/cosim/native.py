@@ -43,6 +43,8 @@ class Native:
         self._lib.cosim_console_send.argtypes = [ctypes.c_char_p, ctypes.c_int64]
         self._lib.cosim_console_take.argtypes = [ctypes.c_char_p, ctypes.c_int64]
         self._lib.cosim_console_take.restype = ctypes.c_int64
+        self._lib.cosim_peek.argtypes = [ctypes.c_uint32, ctypes.c_void_p, ctypes.c_int32]
+        self._lib.cosim_peek.restype = ctypes.c_int32
         self._lib.cosim_record.argtypes = [ctypes.c_int32]
         self._lib.cosim_record_save.argtypes = [ctypes.c_char_p]
         self._lib.cosim_record_save.restype = ctypes.c_int32
@@ -82,6 +84,13 @@ class Native:
         """What the chip has sent on its console since the last call."""
         count = self._lib.cosim_console_take(self._buffer, len(self._buffer))
         return bytes(self._buffer[:count]).decode("ascii", errors="replace")
+
+    def peek(self, address: int, count: int) -> NDArray[np.uint32]:
+        """Words of the soft core's memory, as they are now (a write still in the data cache is already in it: write-through)."""
+        words: NDArray[np.uint32] = np.zeros(count, np.uint32)
+        if self._lib.cosim_peek(address, words.ctypes.data, count):
+            raise ValueError(f"peek of {count} words at {address:#x} is outside of the memory")
+        return words
 
     def record(self, on: bool) -> None:
         """Start or stop recording converter codes, console bytes and pins for a replay."""

@@ -49,6 +49,7 @@ class SessionPlan:
     batch_cycles: int = 100_000
     marks: tuple[int, ...] = ()
     recording: bool = False
+    log_strobes: bool = False
     plant_mode: str = "jit"
     folder: Path = field(default_factory=Path)
 

@@ -28,12 +28,13 @@ def prepare(
     seed: int,
     *,
     recording: bool = False,
+    log_strobes: bool = False,
     marks: tuple[int, ...] = (),
     stop_cycle: int | None = None,
 ) -> SessionPlan:
     """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
 
-    recording, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
+    recording, log_strobes, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
     """
     folder.mkdir(parents=True, exist_ok=True)
     block = compile_parameters(motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario))
@@ -52,6 +53,7 @@ def prepare(
         actions=tuple(action_of(scenario, event) for event in scenario.events_in_order()),
         marks=marks,
         recording=recording,
+        log_strobes=log_strobes,
         folder=folder.resolve(),
     )
 
@@ -61,7 +63,7 @@ def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
     handlers: dict[str, dict[str, float]] = {}
     for name, low, mean, high, count in re.findall(r"^isr (\w+) (\d+) ([\d.]+) (\d+) (\d+)\s*$", text, re.MULTILINE):
         handlers[name] = {"min": float(low), "mean": float(mean), "max": float(high), "count": float(count)}
-    overruns = re.search(r"^overruns (\d+)\s*$", text, re.MULTILINE)
+    overruns = re.search(r"^overruns (\d+) \d+\s*$", text, re.MULTILINE)  # control tick, all sources
     return handlers, int(overruns.group(1)) if overruns else 0
 
 
@@ -86,7 +88,12 @@ def collect(plan: SessionPlan, meta: dict[str, Any], pole_pairs: int) -> RunData
 
 
 def run_scenario(
-    scenario: Scenario, out_dir: Path, seed: int, waves: bool = False, progress: Progress | None = None
+    scenario: Scenario,
+    out_dir: Path,
+    seed: int,
+    waves: bool = False,
+    progress: Progress | None = None,
+    log_strobes: bool = False,
 ) -> RunData:
     """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
 
@@ -96,7 +103,7 @@ def run_scenario(
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
     try:
         chip = build_chip(waves)
-        plan = prepare(scenario, out_dir / "simulator", seed)
+        plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
         meta = run_plan(plan, chip, progress)
     except (SimulatorError, RuntimeError) as error:
         raise SimulationFault(str(error)) from error

@@ -87,7 +87,7 @@ class Session:
     async def run(self) -> None:
         """Run the plan to its end, then ask the chip for its statistics."""
         plan, native = self.plan, self.native
-        native.configure(plan.conversion_cycles, plan.bit_cycles)
+        native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
         native.record(plan.recording)
         stops = sorted({*range(plan.batch_cycles, plan.duration_cycles, plan.batch_cycles), plan.duration_cycles,

@@ -13,17 +13,21 @@ from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
-Q8, Q16, Q17, Q24, Q25, Q30 = 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
+Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
-RAMP_TORQUE_SHARE = 0.35
+RAMP_TORQUE_SHARE = 0.3
 RAMP_SECTORS_MIN = 10
 # Amplitude of the floating EMF at the end of a sector, in converter steps, from which crossings are trusted.
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
 BANDWIDTH_HZ = 30.0
+KI_DIVISOR = 5.0
 LIMITER_BANDWIDTH_RAD = 600.0
+# A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
+START_EMF_SHARE = 0.85
+HANDOVER_FALLBACK = 8
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,8 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         bandwidth = min(2.0 * math.pi * BANDWIDTH_HZ, 0.3 * m.r_line / m.l_line)
     kp = [motor.inertia_kgm2 * r * bandwidth / m.k_e * volt / rpm_q8 for r in (m.r_line, m.r_high)]
     speed_kp, speed_kp_shift = shared_gains(*kp)
+    ki = [max(m.k_e * bandwidth * volt / rpm_q8, gain_p * bandwidth / KI_DIVISOR) * tick * Q5 for gain_p in kp]
+    speed_ki, speed_ki_shift = shared_gains(*ki)
     resistance, resistance_shift = shared_gains(*(r * volt / amp_q17 for r in (m.r_line, m.r_high)))
     if drive.accel_rpm_per_s is not None:
         accel_rpm_s = drive.accel_rpm_per_s
@@ -212,13 +218,15 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "align_ramp_ticks": ticks(0.2 * align_s),
         "align_v_q25": max(1, round(1.5 * m.r_phase * start_a * volt)),
         "start_v_q25": max(1, round(start_v * volt)),
+        "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8),
+        "lock_v_q25": max(1, round(0.5 * start_v * volt)),
         "start_first_cycles": cycles(math.sqrt(math.pi / 3.0 / (p * accel))),
         "start_accel_rpm_q24": max(1, round(accel * RPM * tick * Q24)),
         "handover_rpm": max(1, round(w_handover * RPM)),
         "handover_interval_cycles": cycles(handover_interval_s),
         "handover_crossings": 6,
-        "handover_fallback": 12,
-        "handover_timeout": 36,
+        "handover_fallback": HANDOVER_FALLBACK,
+        "handover_timeout": 3 * HANDOVER_FALLBACK,
         "handover_tolerance_q16": round(0.25 * Q16),
         "lock_crossings": lock_crossings,
         "lock_timeout_ticks": ticks(6.0 * lock_crossings * handover_interval_s + 5e-3),
@@ -230,7 +238,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "speed_kp_low": speed_kp[0],
         "speed_kp_high": speed_kp[1],
         "speed_kp_shift": speed_kp_shift,
-        "speed_ki": gain(m.k_e * bandwidth * tick * volt / rpm_q8 * Q16),
+        "speed_ki_low": speed_ki[0],
+        "speed_ki_high": speed_ki[1],
+        "speed_ki_shift": speed_ki_shift,
         # The speed is a mean over one electrical turn: w_b may be at most 0.9 f_e for 60 degrees of phase margin.
         "speed_bandwidth_scale": gain(0.9 * p / (60.0 * Q8) / bandwidth * Q16),
         "accel_feed_forward_s": gain(Q8 / bandwidth),

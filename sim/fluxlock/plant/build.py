@@ -1,15 +1,17 @@
 """Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
 
-Rules of kernel code (`circuit`, `emf`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`), which make
-both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by what may be
-zero, state only through `s[i]`, integer products masked before they are used. The functions carry no decorator: for
-the compiled form they are cloned with the compiled clones of their callees as globals.
+Rules of kernel code (`circuit`, `emf`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`), which
+make
+both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by
+what may be zero, state only through `s[i]`, integer products masked before they are used. The functions carry
+no decorator: for the compiled form they are cloned with the compiled clones of their callees as globals.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import importlib
 import os
 import types
 from collections.abc import Callable
@@ -22,7 +24,7 @@ from fluxlock.paths import BUILD
 
 from . import circuit, emf, events, kernel, mechanics, record, sensing, series
 from . import layout as L
-from .vector import IntVector, Vector
+from .vector import int_view_of, view_of
 
 Mode = Literal["jit", "py"]
 ENVIRONMENT = "FLUXLOCK_PLANT"
@@ -40,7 +42,7 @@ CALLBACK = ctypes.CFUNCTYPE(
 
 @dataclass
 class Kernel:
-    """A callable kernel: `call` from Python, `address` for native code. `error` holds an exception of mode "py"."""
+    """A callable kernel: `call` from Python, `address` for native code; `error`: exception of mode "py"."""
 
     call: Callable[[int, int, int], int]
     address: int
@@ -70,9 +72,9 @@ def cache_folder() -> Path:
 @lru_cache(maxsize=1)
 def compiled() -> Any:  # noqa: ANN401 - numba has no types
     """The kernel as a numba cfunc, from the cache if possible."""
-    import numba
-    from numba import types as nt
-
+    # Loaded by name: numba's type stubs do not cover what is used here.
+    numba: Any = importlib.import_module("numba")
+    nt: Any = importlib.import_module("numba.types")
     folder = cache_folder()
     folder.mkdir(parents=True, exist_ok=True)
     before = numba.config.CACHE_DIR
@@ -93,7 +95,7 @@ def compiled() -> Any:  # noqa: ANN401 - numba has no types
         take_event = done[kernel.take_event]
         signature = nt.int32(nt.int64, nt.int32, nt.int32, nt.CPointer(nt.double), nt.CPointer(nt.int32))
 
-        def step(t_cycle, gates, flags, s, io):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        def step(t_cycle: Any, gates: Any, flags: Any, s: Any, io: Any) -> Any:  # noqa: ANN401
             return take_event(t_cycle, gates, flags, s, io)
 
         return numba.cfunc(signature, **options)(step)
@@ -114,9 +116,8 @@ def make_kernel(mode: Mode, state: Any, io: Any) -> Kernel:  # noqa: ANN401 - nu
 
         return Kernel(call_native, int(function.address), (function, native, state, io))
 
-    # A memoryview gives plain floats, several times faster than numpy scalars or C pointers.
-    s_view: Vector = memoryview(state)
-    io_view: IntVector = memoryview(io)
+    s_view = view_of(state)
+    io_view = int_view_of(io)
 
     def call(t_cycle: int, gates: int, flags: int) -> int:
         try:

@@ -1,12 +1,13 @@
-"""Circuit: which legs conduct, and its exact solution as Taylor series. Kernel code: see `build.py` for its rules.
+"""Circuit: which legs conduct, and what follows at an instant. Kernel code: see `build.py` for its rules.
 
-Conducting leg x: v_x = rail_x vdc + V_x - r_x i_x (switch: V = 0, r = R_on; lower diode: V = -Vd; upper: rail = 1,
-V = +Vd). Star-connected machine: v_x = R_x i_x + sum_y L_xy di_y/dt + e_x + v_N, sum of currents 0. Eliminating v_N
-over the conducting legs gives di/dt = G u with u_x = v_x - R_x i_x - e_x and a symmetric G whose rows sum to zero.
+Conducting leg x: v_x = rail_x vdc + V_x - r_x i_x (switch: V = 0, r = R_on; lower diode: V = -Vd; upper: rail
+= 1, V = +Vd). Star-connected machine: v_x = R_x i_x + sum_y L_xy di_y/dt + e_x + v_N, sum of currents 0.
+Eliminating v_N over the conducting legs gives di/dt = G u with u_x = v_x - R_x i_x - e_x and a symmetric G
+whose rows sum to zero.
 
-A leg with both gates off and i = 0 is open while its terminal stays within [-Vd, vdc + Vd]. With one conducting leg
-no current flows and it fixes the star point; with none the equal sense resistors put it where the terminals sum to
-zero, unless a lower diode clamps the lowest terminal.
+A leg with both gates off and i = 0 is open while its terminal stays within [-Vd, vdc + Vd]. With one
+conducting leg no current flows and it fixes the star point; with none the equal sense resistors put it where
+the terminals sum to zero, unless a lower diode clamps the lowest terminal.
 """
 
 from __future__ import annotations
@@ -100,12 +101,9 @@ def emf_now(s: Vector, x: int) -> float:
 
 
 def voltage_behind(s: Vector, x: int) -> float:
-    """u of a conducting leg now: leg voltage less resistive drop and EMF."""
+    """Return u of a conducting leg now: leg voltage less resistive drop and EMF."""
     return (
-        s[L.RAIL + x] * s[L.VDC]
-        + s[L.V_LEG + x]
-        - (s[L.R + x] + s[L.R_LEG + x]) * s[L.I + x]
-        - emf_now(s, x)
+        s[L.RAIL + x] * s[L.VDC] + s[L.V_LEG + x] - (s[L.R + x] + s[L.R_LEG + x]) * s[L.I + x] - emf_now(s, x)
     )
 
 
@@ -230,7 +228,7 @@ def settle_diodes(s: Vector, free_a: bool, free_b: bool, free_c: bool) -> int:
 
 
 def connect(s: Vector, gates: int) -> int:
-    """Set MODE and all that follows from it for the gates and the present currents; log diodes that turn on."""
+    """Set MODE and what follows from it for the gates and the present currents; log diodes that turn on."""
     before_a = s[L.MODE]
     before_b = s[L.MODE + 1]
     before_c = s[L.MODE + 2]
@@ -241,7 +239,6 @@ def connect(s: Vector, gates: int) -> int:
         g = (gates >> (2 * x)) & 3
         if g == 3:
             return L.FAULT_SHOOT_THROUGH
-        free = False
         if g == 1:
             mode = L.HIGH
         elif g == 2:
@@ -252,7 +249,6 @@ def connect(s: Vector, gates: int) -> int:
             mode = L.DIODE_HIGH
         else:
             mode = L.OPEN
-            free = True
             if x == 0:
                 free_a = True
             elif x == 1:

@@ -1,8 +1,8 @@
 """Back EMF: shape, slope, Taylor series, corners, torque. Kernel code: see `build.py` for its rules.
 
-Phase x: e_x = -psi_x * omega * g(theta - 120 deg * x), theta = d axis against phase A. g = sin, or a trapezoid of
-height 1 with the sine's sign and zero crossings, so the flat top of the phase EMF is psi * omega. Torque
-T = sum(e_x i_x) / omega_mechanical.
+Phase x: e_x = -psi_x * omega * g(theta - 120 deg * x), theta = d axis against phase A. g = sin, or a
+trapezoid of height 1 with the sine's sign and zero crossings, so the flat top of the phase EMF is psi *
+omega. Torque T = sum(e_x i_x) / omega_mechanical.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Instants inside a sub-interval at which the circuit changes. Kernel code: see `build.py` for its rules.
 
-Each is the first zero of a polynomial that is positive before: a diode current, the room of an open terminal to a
-rail, the room of the link voltage to the supply or to the chopper's thresholds. The step is so short that a polynomial
-bends at most once.
+Each is the first zero of a polynomial that is positive before: a diode current, the room of an open terminal
+to a rail, the room of the link voltage to the supply or to the chopper's thresholds. The step is so short
+that a polynomial bends at most once.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def link_zero(s: Vector, order: int, level: float, rising: bool) -> float:
 
 
 def next_event(s: Vector, order: int) -> float:
-    """Return x of the first event (NONE: no event), and set EVENT_LEG to the leg whose current ends, else -1."""
+    """Return x of the first event (else NONE) and set EVENT_LEG to the leg whose current ends (else -1)."""
     best = NONE
     s[L.EVENT_LEG] = -1.0
     for x in range(3):
@@ -231,12 +231,12 @@ def balance(s: Vector) -> None:
             or (mode == L.DIODE_HIGH and current > 0.0)
         ):
             s[L.I + x] = 0.0
-    # The leg that takes up the rest must be able to: a switch if there is one, else the largest diode current.
+    # The leg that takes up the rest must be able to: a switch if there is one, else the largest current.
     rest = 0
     for x in range(1, 3):
         switch_x = s[L.MODE + x] == L.HIGH or s[L.MODE + x] == L.LOW
         switch_r = s[L.MODE + rest] == L.HIGH or s[L.MODE + rest] == L.LOW
-        if switch_x and not switch_r or switch_x == switch_r and abs(s[L.I + x]) > abs(s[L.I + rest]):
+        if (switch_x and not switch_r) or (switch_x == switch_r and abs(s[L.I + x]) > abs(s[L.I + rest])):
             rest = x
     y = 1 if rest == 0 else 0
     z = 1 if rest == 2 else 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from . import layout as L
-from .circuit import connect, link_now, terminals_now
+from .circuit import connect, link_now
 from .emf import corner_limit, shape_now, turn
 from .events import balance, end_current, next_event, switch_link
 from .mechanics import kick, profile_speed, ramps, step_limit
@@ -12,7 +12,7 @@ from .sensing import convert, filter_step
 from .series import build_series, series_end, stretch
 from .vector import IntVector, Vector
 
-EVENTS_MAX = 1000  # diode events in one electrical step
+EVENTS_MAX = 100_000  # diode, supply and chopper events in one electrical step
 
 
 def finite(x: float) -> bool:
@@ -25,7 +25,8 @@ def electrical(s: Vector, gates: int, total: float) -> int:
     done = 0.0
     clock = s[L.CLOCK_S]
     begin = s[L.T_BASE]
-    for _ in range(EVENTS_MAX):
+    events = 0
+    while events < EVENTS_MAX:
         left = total - done
         h = corner_limit(s, left)
         if h > s[L.H_LIMIT]:
@@ -46,6 +47,8 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         last = h >= left
         x = next_event(s, order)
         event = x <= 1.0
+        if event:
+            events += 1
         if event and x < 1.0:
             stretch(s, order, x)
             h = x * h
@@ -56,7 +59,6 @@ def electrical(s: Vector, gates: int, total: float) -> int:
             filter_step(s, order, h)
             for p in range(3):
                 s[L.I + p] = series_end(s, L.SERIES_I + p * L.NK, order)
-                s[L.VT + p] = series_end(s, L.SERIES_V + p * L.NK, order)
             s[L.VDC] = series_end(s, L.SERIES_D, order)
             turn(s, s[L.OMEGA] * h)
         done = total if last else done + h
@@ -135,7 +137,6 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
         code = connect(s, gates)
         if code != L.OK:
             return code
-        terminals_now(s)
         if zoom:
             code = record_zoom(s, gates)
             if code != L.OK:

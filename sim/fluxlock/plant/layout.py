@@ -1,8 +1,8 @@
 """Layout of the plant's state vector `s[]` (float64) and of `io[]` (int32): the one place that numbers them.
 
-Everything the kernel knows is in `s`: parameters, physical state, scratch of the current sub-interval, and the record
-buffers at its end. Writing an entry between two kernel calls is how a parameter or a fault changes at run time.
-SI units; angles in electrical rad; time in clock cycles where the name says so.
+Everything the kernel knows is in `s`: parameters, physical state, scratch of the current sub-interval, and
+the record buffers at its end. Writing an entry between two kernel calls is how a parameter or a fault changes
+at run time. SI units; angles in electrical rad; time in clock cycles where the name says so.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ FILTERED = _take(4)  # divider outputs va vb vc vdc
 SAMPLE = _take()  # number of the next sample
 
 # --- derived, valid at T_CYCLE
-VT = _take(3)  # terminal voltages against the negative rail
+VT = _take(3)  # terminal voltages against the negative rail; set by `terminals_now` only
 IDC = _take()
 SHAPE = _take(3)  # EMF of phase x = -PSI * omega * SHAPE
 SLOPE = _take(3)  # d SHAPE / d theta
@@ -171,6 +171,6 @@ FAULT_TEXT = {
     FAULT_TIME: "time ran backwards",
     FAULT_RECORDS_FULL: "a record buffer is full: drain it more often or enlarge it",
     FAULT_TOPOLOGY: "no consistent state of the diodes found",
-    FAULT_EVENTS: "too many diode events in one step",
+    FAULT_EVENTS: "too many diode or chopper events in one step",
     FAULT_EXCEPTION: "exception in the kernel",
 }

@@ -1,7 +1,7 @@
 """Rotor: loads, free motion, imposed speed. Kernel code: see `build.py` for its rules.
 
-J d(omega_m)/dt = T - constant - viscous omega_m - fan omega_m |omega_m| - friction. Friction is Coulomb's: it opposes
-motion, and at standstill it holds against anything up to its breakaway value and never drives.
+J d(omega_m)/dt = T - constant - viscous omega_m - fan omega_m |omega_m| - friction. Friction is Coulomb's: it
+opposes motion, and at standstill it holds against anything up to its breakaway value and never drives.
 """
 
 from __future__ import annotations

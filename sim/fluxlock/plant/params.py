@@ -60,8 +60,8 @@ class MachineParams:
 class InverterParams:
     """Six switches with diodes, supply and DC link.
 
-    Without capacitor (dc_link_c_f = 0) the supply and its resistance feed the legs directly and take energy back.
-    The chopper turns on at chopper_on_v and off at chopper_off_v; chopper_ohm = 0: there is none.
+    Without capacitor (dc_link_c_f = 0) the supply and its resistance feed the legs directly and take energy
+    back. The chopper turns on at chopper_on_v and off at chopper_off_v; chopper_ohm = 0: there is none.
     """
 
     supply_v: float
@@ -80,9 +80,21 @@ class InverterParams:
         for key in ("r_on_ohm", "diode_drop_v", "diode_r_ohm", "supply_r_ohm", "dc_link_c_f", "chopper_ohm"):
             require(finite_at_least(0.0, getattr(self, key)), key, getattr(self, key), "at least 0")
         capacitor = self.dc_link_c_f > 0.0
-        require(not capacitor or self.supply_r_ohm > 0.0, "supply_r_ohm", self.supply_r_ohm, "above 0 with a DC-link capacitor")
-        require(capacitor or not self.supply_diode, "dc_link_c_f", self.dc_link_c_f, "above 0 with a supply diode")
-        require(capacitor or self.chopper_ohm == 0.0, "dc_link_c_f", self.dc_link_c_f, "above 0 with a brake chopper")
+        require(
+            not capacitor or self.supply_r_ohm > 0.0,
+            "supply_r_ohm",
+            self.supply_r_ohm,
+            "above 0 with a DC-link capacitor",
+        )
+        require(
+            capacitor or not self.supply_diode, "dc_link_c_f", self.dc_link_c_f, "above 0 with a supply diode"
+        )
+        require(
+            capacitor or self.chopper_ohm == 0.0,
+            "dc_link_c_f",
+            self.dc_link_c_f,
+            "above 0 with a brake chopper",
+        )
         if self.chopper_ohm > 0.0:
             ordered = 0.0 < self.chopper_off_v < self.chopper_on_v
             require(ordered, "chopper_off_v", self.chopper_off_v, "above 0 and below chopper_on_v")
@@ -90,7 +102,7 @@ class InverterParams:
 
 @dataclass(frozen=True)
 class SensingParams:
-    """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator main only."""
+    """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator."""
 
     v_full_scale_v: float
     i_full_scale_a: float
@@ -114,8 +126,8 @@ class SensingParams:
 class MechanicsParams:
     """Rotor and load; speeds are mechanical.
 
-    constant_nm acts against positive rotation at any speed; coulomb_nm opposes motion, holds at standstill up to
-    stiction_ratio times its value and never drives. profile: corners (t_s, omega_m) of an imposed speed.
+    constant_nm acts against positive rotation at any speed; coulomb_nm opposes motion, holds at standstill up
+    to stiction_ratio times its value and never drives. profile: corners (t_s, omega_m) of an imposed speed.
     """
 
     inertia_kgm2: float
@@ -142,7 +154,7 @@ class MechanicsParams:
 
 @dataclass(frozen=True)
 class RecordingParams:
-    """What the plant records of itself. zoom: windows (first, last cycle) in which every event is recorded."""
+    """What the plant records of itself. zoom: windows (first, last cycle) with a row for every event."""
 
     every_strobes: int = 10
     zoom: tuple[tuple[int, int], ...] = ()
@@ -178,6 +190,11 @@ MECHANICS_MODES = {"free": L.FREE, "imposed": L.IMPOSED, "locked": L.LOCKED}
 
 def check_profile(profile: tuple[tuple[float, float], ...]) -> None:
     """Raise unless a speed profile fits and its times do not decrease."""
-    require(len(profile) <= L.PROFILE_MAX, "profile", f"{len(profile)} corners", f"at most {L.PROFILE_MAX} corners")
+    require(
+        len(profile) <= L.PROFILE_MAX,
+        "profile",
+        f"{len(profile)} corners",
+        f"at most {L.PROFILE_MAX} corners",
+    )
     times = [t for t, _ in profile]
     require(times == sorted(times), "profile", profile, "in order of time")

@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from . import layout as L
 from .build import chosen_mode, make_kernel
+from .circuit import terminals_now
 from .emf import torque_now
 from .params import CHANNEL_NAMES, MECHANICS_MODES, PlantParams, check_profile, require
 from .state import FloatArray, initial_state, write_machine, write_profile, write_zoom
 from .trajectory import RecordArray, angle_between, event_buffer, wave_buffer, zoom_buffer
+from .vector import view_of
 
 NO_HEARTBEAT = -2  # fault code of the simulator main
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
@@ -35,8 +37,9 @@ class Drained:
 class Plant:
     """Machine, inverter, load and sensing, event-driven.
 
-    Either this object is stepped from Python, or native code calls the kernel at `address` with the addresses of
-    `state` and `io`. mode: "jit" (compiled) or "py" (plain Python), default from FLUXLOCK_PLANT, else "jit".
+    Either this object is stepped from Python, or native code calls the kernel at `address` with the addresses
+    of `state` and `io`. mode: "jit" (compiled) or "py" (plain Python), default from FLUXLOCK_PLANT, else
+    "jit".
     """
 
     def __init__(self, params: PlantParams, seed: int, mode: str | None = None) -> None:
@@ -50,7 +53,6 @@ class Plant:
         self._events = event_buffer(self.state)
         self._turns = [1.0] * L.PHASES
 
-    # ------------------------------------------------------------------ stepping
     @property
     def address(self) -> int:
         """Address of `int32 step(int64 t_cycle, int32 gates, int32 flags, double* s, int32* io)`."""
@@ -77,13 +79,13 @@ class Plant:
 
     def fault_text(self, code: int, t_cycle: int | None = None) -> str:
         """What a fault code means."""
-        text = L.FAULT_TEXT.get(code, "the kernel was left by an exception" if code == NO_HEARTBEAT else "unknown")
+        unlisted = "the kernel was left by an exception" if code == NO_HEARTBEAT else "unknown"
+        text = L.FAULT_TEXT.get(code, unlisted)
         if self._kernel.error is not None:
             text += f" ({type(self._kernel.error).__name__}: {self._kernel.error})"
         at = "" if t_cycle is None else f" at cycle {t_cycle}"
         return f"plant fault {code}{at}: {text}"
 
-    # ------------------------------------------------------------------ state
     @property
     def t_cycle(self) -> int:
         """Time of the last event, clock cycles."""
@@ -97,6 +99,7 @@ class Plant:
     @property
     def terminals_v(self) -> FloatArray:
         """Terminal voltages against the negative rail."""
+        terminals_now(view_of(self.state))
         return self.state[L.VT : L.VT + L.PHASES].copy()
 
     @property
@@ -134,7 +137,6 @@ class Plant:
             "kinetic_now": float(0.5 * s[L.INERTIA] * (s[L.OMEGA] / s[L.POLE_PAIRS]) ** 2),
         }
 
-    # ------------------------------------------------------------------ load, supply, speed
     def _ramp(self, index: int, value: float, ramp_s: float, at_cycle: int | None) -> None:
         s = self.state
         t0 = (s[L.T_CYCLE] if at_cycle is None else at_cycle) * s[L.CLOCK_S]
@@ -154,7 +156,7 @@ class Plant:
         ramp_s: float = 0.0,
         at_cycle: int | None = None,
     ) -> None:
-        """Change the given loads in a step, or a linear ramp of ramp_s, from at_cycle (default: the last event) on."""
+        """Change the given loads, in a ramp of ramp_s (0: step) from at_cycle (default: last event) on."""
         require(ramp_s >= 0.0, "ramp_s", ramp_s, "at least 0")
         values = {
             L.FAN: fan_nm_s2_per_rad2,
@@ -183,7 +185,6 @@ class Plant:
             write_profile(self.state, ())
         self.state[L.MECHANICS] = MECHANICS_MODES[mode]
 
-    # ------------------------------------------------------------------ faults
     def inject_fault(
         self,
         kind: str,
@@ -198,11 +199,12 @@ class Plant:
     ) -> None:
         """Break something, now.
 
-        "shorted_winding": of the windings of `phases` only turns_fraction of the turns still act: resistance, flux and
-        mutual inductance scale with it, self inductance with its square. Currents are kept; the energy of the lost
-        turns is spent in the short. One phase is a short to the star point, two are a short between terminals.
-        "supply": the supply goes to supply_v within ramp_s. "stuck_channel": the converter channel stays at `code`
-        (None: at its present one). "fault_pin": the gate driver's fault output goes to `level`.
+        "shorted_winding": of the windings of `phases` only turns_fraction of the turns still act: resistance,
+        flux and mutual inductance scale with it, self inductance with its square. Currents are kept; the
+        energy of the lost turns is spent in the short. One phase is a short to the star point, two are a
+        short between terminals.
+        "supply": the supply goes to supply_v within ramp_s. "stuck_channel": the converter channel stays at
+        `code` (None: at its present one). "fault_pin": the gate driver's fault output goes to `level`.
         "clear": windings, channels and pin are whole again (not the supply).
         """
         s = self.state
@@ -237,7 +239,6 @@ class Plant:
         write_machine(self.state, self.params.machine, (a, b, c))
         torque_now(self.state)
 
-    # ------------------------------------------------------------------ records
     def configure_recording(self, every_strobes: int, zoom: tuple[tuple[int, int], ...] = ()) -> None:
         """Change the grid of the waveform records (0: none) and the zoom windows (first, last cycle)."""
         require(every_strobes >= 0, "every_strobes", every_strobes, "at least 0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from . import layout as L
+from .circuit import terminals_now
 from .emf import theta_unwrapped
 from .series import series_at
 from .vector import Vector
@@ -14,6 +15,7 @@ WEIGHT_0, WEIGHT_1 = 0.17392742256872692, 0.32607257743127307
 
 def write_row(s: Vector, at: int, gates: int) -> None:
     """Write one waveform row at index `at`."""
+    terminals_now(s)
     s[at] = s[L.T_CYCLE]
     s[at + 1] = theta_unwrapped(s)
     s[at + 2] = s[L.OMEGA]
@@ -43,7 +45,7 @@ def record_wave(s: Vector, gates: int) -> int:
 
 def in_zoom(s: Vector) -> bool:
     """Whether the present event lies in a zoom window."""
-    for k in range(int(s[L.ZOOM_N])):
+    for k in range(int(s[L.ZOOM_N])):  # noqa: SIM110 - no generators in a kernel
         if s[L.ZOOM_T0 + k] <= s[L.T_CYCLE] <= s[L.ZOOM_T1 + k]:
             return True
     return False

@@ -1,8 +1,8 @@
 """Sense chain: divider pole, noise, quantisation. Kernel code: see `build.py` for its rules.
 
-A voltage channel is unipolar: code = V * gain / (full scale / 2^bits) + offset. A current channel is offset binary:
-code = 2^(bits-1) + I / (2 full scale / 2^bits) + offset. Both then get noise, are rounded and clipped. The virtual
-star point is the mean of the three terminals behind the same pole, gain 1.
+A voltage channel is unipolar: code = V * gain / (full scale / 2^bits) + offset. A current channel is offset
+binary: code = 2^(bits-1) + I / (2 full scale / 2^bits) + offset. Both then get noise, are rounded and
+clipped. The virtual star point is the mean of the three terminals behind the same pole, gain 1.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ def filter_input(s: Vector, channel: int) -> int:
 def filter_step(s: Vector, order: int, h: float) -> None:
     """Advance the divider outputs over a sub-interval of h seconds, exactly for a polynomial input.
 
-    tau y' = v - y has the polynomial solution p with p_n = v_n - (tau / h) (n + 1) p_(n+1) and the decaying rest.
+    tau y' = v - y has the polynomial solution p with p_n = v_n - (tau / h) (n + 1) p_(n+1) and the decaying
+    rest.
     """
     tau = s[L.POLE_S]
     if tau == 0.0:

@@ -1,8 +1,8 @@
-"""Taylor series of the circuit's solution in x = t / h, 0 <= x <= 1. Kernel code: see `build.py` for its rules.
+"""Taylor series of the circuit's solution in x = t / h, 0 <= x <= 1. Kernel code: rules in `build.py`.
 
-Between events the circuit is linear with the EMF as an analytic input, so its series converges for any step; h is
-short enough for the last of at most ORDER terms to be below rounding. The same polynomials serve for the state, the
-diode instants, the divider filter and the energies.
+Between events the circuit is linear with the EMF as an analytic input, so its series converges for any step;
+h is short enough for the last of at most ORDER terms to be below rounding. The same polynomials serve for the
+state, the diode instants, the divider filter and the energies.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ CONVERGED = 1e-17
 
 
 def build_series(s: Vector, h: float) -> int:
-    """Fill SERIES_I, _V, _E, _D for a step h (s) from the present state and return their order, 0 if h is too long."""
+    """Fill SERIES_I, _V, _E, _D for a step h (s) from now; return their order, 0 if h is too long."""
     ia = s[L.I]
     ib = s[L.I + 1]
     ic = s[L.I + 2]
@@ -137,7 +137,7 @@ def build_series(s: Vector, h: float) -> int:
         fc = gc
         constant = 0.0
         k += 1
-        # The term after a negligible one is kept as well, so that series with every other term zero are complete.
+        # The term after a negligible one is kept as well: every other term of a series may be zero.
         if (
             k >= 2
             and abs(ia) + abs(ib) + abs(ic) <= scale_i

@@ -11,12 +11,13 @@ import numpy.typing as npt
 from . import layout as L
 from .circuit import connect, terminals_now
 from .emf import TWO_PI, shape_now
-from .params import MECHANICS_MODES, MachineParams, PlantParams, SensingParams
+from .params import MECHANICS_MODES, MachineParams, PlantParams, SensingParams, Triple
+from .vector import view_of
 
 FloatArray = npt.NDArray[np.float64]
 
 
-def write_machine(s: FloatArray, machine: MachineParams, turns: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> None:
+def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1.0, 1.0)) -> None:
     """Write machine parameters; `turns` are the fractions of each winding's turns that still act."""
     s[L.POLE_PAIRS] = machine.pole_pairs
     s[L.TRAPEZOID] = machine.emf == "trapezoidal"
@@ -95,7 +96,8 @@ def initial_state(params: PlantParams, seed: int) -> FloatArray:
     if mechanics.mode == "locked":
         s[L.OMEGA] = 0.0
     elif mechanics.mode == "imposed" and mechanics.profile:
-        s[L.OMEGA] = np.interp(0.0, *zip(*mechanics.profile, strict=True)) * params.machine.pole_pairs
+        times, speeds = np.array(mechanics.profile).T
+        s[L.OMEGA] = np.interp(0.0, times, speeds) * params.machine.pole_pairs
     s[L.TURNS] = math.floor(mechanics.theta_e_rad / TWO_PI)
     s[L.THETA] = mechanics.theta_e_rad - TWO_PI * s[L.TURNS]
 
@@ -113,7 +115,7 @@ def initial_state(params: PlantParams, seed: int) -> FloatArray:
     s[L.VDC] = inverter.supply_v
     s[L.SOURCE_ON] = 1.0
     s[L.H_LIMIT] = 1e-3
-    view = memoryview(s)
+    view = view_of(s)
     shape_now(view)
     connect(view, 0)
     terminals_now(view)

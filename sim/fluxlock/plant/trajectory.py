@@ -12,9 +12,9 @@ from . import layout as L
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 
-# Units: clock cycles (fractional for events), electrical rad (unwrapped), rad/s, A into the machine, V against the
-# negative rail, A drawn from the link, N*m; gates: bit 2X = upper, bit 2X+1 = lower switch of leg X, in force before
-# the instant (the second of two rows of one instant: after it).
+# Units: clock cycles (fractional for events), electrical rad (unwrapped), rad/s, A into the machine, V
+# against the negative rail, A drawn from the link, N*m. gates: bit 2X = upper, bit 2X+1 = lower switch of leg
+# X, in force before the instant (in the second of two rows of one instant: after it).
 WAVE_DTYPE = np.dtype(
     [
         *((name, "f8") for name in ("t_cycle", "theta_e", "omega_e", "ia", "ib", "ic", "va", "vb", "vc")),
@@ -60,7 +60,7 @@ class Buffer:
 
 
 def angle_between(records: RecordArray, t_cycles: npt.ArrayLike, clock_period_s: float) -> FloatArray:
-    """True electrical angle (rad, unwrapped) at any times within the records: cubic Hermite in angle and speed."""
+    """True electrical angle (rad, unwrapped) at times within the records: cubic Hermite interpolation."""
     t = np.asarray(t_cycles, float)
     known, first = np.unique(records["t_cycle"], return_index=True)
     if known.size < 2 or (t.size and not (known[0] <= t.min() and t.max() <= known[-1])):

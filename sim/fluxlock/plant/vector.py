@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 
 class Vector(Protocol):
@@ -19,3 +19,13 @@ class IntVector(Protocol):
     def __getitem__(self, index: int, /) -> int: ...
 
     def __setitem__(self, index: int, value: int, /) -> None: ...
+
+
+def view_of(array: Any) -> Vector:  # noqa: ANN401 - a numpy array
+    """The same float64 memory with plain floats as elements: several times faster than numpy scalars."""
+    return cast(Vector, memoryview(array))
+
+
+def int_view_of(array: Any) -> IntVector:  # noqa: ANN401 - a numpy array
+    """The same int32 memory with plain ints as elements."""
+    return cast(IntVector, memoryview(array))

@@ -8,7 +8,7 @@
 #define CSR_EXTERNAL_MASK 0xBC0
 #define SAFETY_GUARD 0x80008000
 
-  .text
+  .section .text.hot.trap, "ax"
   .align 4
   .globl trap_entry
 trap_entry:

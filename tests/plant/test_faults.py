@@ -1,0 +1,152 @@
+"""Injected faults."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from fluxlock.plant import Plant
+from fluxlock.plant import layout as L
+
+from tests.plant.drives import drive, motor_1
+
+
+def steepest(phases: tuple[int, ...] | None) -> float:
+    """Greatest phase current within 500 us after the fault, in a running drive."""
+    plant = Plant(motor_1(), seed=1, mode="jit")
+    drive(plant, 500)
+    plant.configure_recording(1)
+    begin = len(plant.records())
+    if phases is not None:
+        plant.inject_fault("shorted_winding", phases=phases, turns_fraction=0.05)
+    drive(plant, 500)
+    rows = plant.records()[begin:]
+    return float(max(abs(rows[name]).max() for name in ("ia", "ib", "ic")))
+
+
+def test_shorted_winding_is_an_over_current() -> None:
+    """One winding: well above the healthy current; two: far above full scale.
+
+    Verifies: PLANT-12
+    """
+    healthy, one, two = steepest(None), steepest((0,)), steepest((0, 1))
+    print(f"healthy {healthy:.0f} A, one winding {one:.0f} A, two windings {two:.0f} A")
+    assert healthy < 30.0  # of 50 A full scale
+    assert one > 50.0
+    assert two > 200.0
+
+
+def test_shorted_winding_clears() -> None:
+    """The winding is whole again after "clear"; currents are continuous through both changes.
+
+    Verifies: PLANT-12
+    """
+    plant = Plant(motor_1(), seed=1, mode="jit")
+    drive(plant, 500)
+    matrix = plant.state[L.LM : L.LM + 9].copy()
+    for kind in ("shorted_winding", "clear"):
+        before = plant.currents_a
+        plant.inject_fault(kind, phases=(0, 1))
+        assert (plant.currents_a == before).all()
+    assert (plant.state[L.LM : L.LM + 9] == matrix).all()
+
+
+def test_supply_dip() -> None:
+    """The link follows the supply with its time constant, and back.
+
+    Verifies: PLANT-12
+    """
+    plant = Plant(motor_1(inverter__dc_link_c_f=1e-3, mechanics__omega_m_rad_s=0.0), seed=1, mode="jit")
+    plant.inject_fault("supply", supply_v=12.0)
+    plant.advance(1000)
+    assert plant.state[L.VDC] == pytest.approx(12.0 + 13.0 * math.exp(-1.0), rel=1e-3)
+    plant.inject_fault("supply", supply_v=25.0)
+    plant.advance(20_000)
+    assert plant.state[L.VDC] == pytest.approx(25.0, rel=1e-6)
+
+
+def test_supply_diode_and_chopper() -> None:
+    """With a diode regenerated energy stays in the link, until the chopper takes it.
+
+    Verifies: PLANT-02, PLANT-12
+    """
+    link = {
+        "inverter__dc_link_c_f": 20e-6,
+        "inverter__supply_diode": True,
+        "mechanics__omega_m_rad_s": 20_000.0,
+    }
+    plant = Plant(motor_1(**link), seed=1, mode="jit")
+    plant.advance(100_000)
+    assert plant.state[L.VDC] > 32.0
+    chopper = {"inverter__chopper_on_v": 28.0, "inverter__chopper_off_v": 26.0, "inverter__chopper_ohm": 0.5}
+    plant = Plant(motor_1(**link, **chopper), seed=1, mode="jit")
+    plant.configure_recording(1)
+    for k in range(1, 2001):
+        plant.sample(50 * k)
+    vdc = plant.records()["vdc"]
+    assert 27.9 < vdc.max() <= 28.0 + 1e-6
+    assert (vdc[:-1] > vdc[1:]).any() and (vdc[:-1] < vdc[1:]).any()
+
+
+def test_fault_pin() -> None:
+    """The pin shows at once, stays through events, and clears.
+
+    Verifies: PLANT-12
+    """
+    plant = Plant(motor_1(), seed=1, mode="py")
+    plant.advance(10)
+    assert plant.io[L.IO_PINS] == 0
+    plant.inject_fault("fault_pin")
+    assert plant.io[L.IO_PINS] == 1
+    plant.advance(20)
+    assert plant.io[L.IO_PINS] == 1
+    plant.inject_fault("fault_pin", level=False)
+    plant.advance(30)
+    assert plant.io[L.IO_PINS] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"kind": "lightning"}, "kind"),
+        ({"kind": "shorted_winding", "turns_fraction": 0.0}, "turns_fraction"),
+        ({"kind": "shorted_winding", "phases": (3,)}, "phases"),
+        ({"kind": "stuck_channel", "channel": "vd"}, "channel"),
+        ({"kind": "stuck_channel", "channel": "va", "code": 4096}, "code"),
+        ({"kind": "supply", "supply_v": -1.0}, "supply_v"),
+    ],
+)
+def test_wrong_arguments(arguments: dict[str, object], message: str) -> None:
+    """Wrong arguments are named, with the permitted range.
+
+    Verifies: PLANT-13
+    """
+    with pytest.raises(ValueError, match=rf"{message} = .* must be"):
+        Plant(motor_1(), seed=1, mode="py").inject_fault(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("machine__pole_pairs", 0),
+        ("machine__r_ohm", (0.1, -0.1, 0.1)),
+        ("machine__m_h", (22e-6, 22e-6, 22e-6)),
+        ("machine__phases", 5),
+        ("inverter__supply_v", math.nan),
+        ("inverter__supply_diode", True),
+        ("inverter__chopper_ohm", 1.0),
+        ("sensing__bits", 2),
+        ("sensing__offset_lsb", (0.0,)),
+        ("mechanics__inertia_kgm2", 0.0),
+        ("mechanics__mode", "flying"),
+        ("mechanics__profile", ((1.0, 0.0), (0.5, 0.0))),
+        ("recording__wave_rows", 0),
+    ],
+)
+def test_wrong_parameters(key: str, value: object) -> None:
+    """Parameters are checked when they are made.
+
+    Verifies: PLANT-13
+    """
+    with pytest.raises(ValueError, match="must be"):
+        motor_1(**{key: value})
