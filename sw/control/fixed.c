@@ -2,7 +2,7 @@
 
 #include "control/placement.h"
 
-HOT int32_t add_sat(int32_t a, int32_t b) {
+SHARED int32_t add_sat(int32_t a, int32_t b) {
   const int32_t sum = (int32_t)((uint32_t)a + (uint32_t)b);
   if (((a ^ sum) & (b ^ sum)) < 0) {
     return (a < 0) ? INT32_MIN : INT32_MAX;
@@ -10,7 +10,7 @@ HOT int32_t add_sat(int32_t a, int32_t b) {
   return sum;
 }
 
-HOT int32_t sub_sat(int32_t a, int32_t b) {
+SHARED int32_t sub_sat(int32_t a, int32_t b) {
   const int32_t difference = (int32_t)((uint32_t)a - (uint32_t)b);
   if (((a ^ b) & (a ^ difference)) < 0) {
     return (a < 0) ? INT32_MIN : INT32_MAX;
@@ -18,7 +18,7 @@ HOT int32_t sub_sat(int32_t a, int32_t b) {
   return difference;
 }
 
-HOT int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(round_shift((int64_t)x * g.mant, g.shift)); }
+SHARED int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(round_shift((int64_t)x * g.mant, g.shift)); }
 
 HOT int32_t mul_q16(int32_t x, int32_t factor_q16) {
   return gain_apply(x, (gain_t){.mant = factor_q16, .shift = 16});

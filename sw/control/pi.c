@@ -3,13 +3,17 @@
 #include "control/placement.h"
 
 // (output - u) / 8 in the format of the integral.
-#define BACK_CALCULATION (1 << (PI_INTEGRAL_BITS - 3))
+#define BACK_CALCULATION_BITS (PI_INTEGRAL_BITS - 3)
 
-static int32_t scale_sat(int32_t x, int32_t factor) { return sat_i32((int64_t)x * factor); }
+// x * 2^bits, saturated.
+static int32_t shift_sat(int32_t x, int32_t bits) {
+  const int32_t most = INT32_MAX >> bits;
+  return clamp_i32(x, -most, most) * (1 << bits);
+}
 
 void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output) {
   const int32_t rest = sub_sat(output, add_sat(feed_forward, gain_apply(error, kp)));
-  state->integral_q5 = scale_sat(rest, 1 << PI_INTEGRAL_BITS);
+  state->integral_q5 = shift_sat(rest, PI_INTEGRAL_BITS);
 }
 
 HOT pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t error, int32_t feed_forward, int32_t low,
@@ -19,7 +23,7 @@ HOT pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t erro
   result.unlimited = add_sat(add_sat(feed_forward, gain_apply(error, gains->kp)), integral);
   result.output = clamp_i32(result.unlimited, low, high);
   const int32_t excess = sub_sat(result.output, result.unlimited);
-  const int32_t change = add_sat(gain_apply(error, gains->ki), scale_sat(excess, BACK_CALCULATION));
+  const int32_t change = add_sat(gain_apply(error, gains->ki), shift_sat(excess, BACK_CALCULATION_BITS));
   state->integral_q5 = add_sat(state->integral_q5, change);
   return result;
 }

@@ -50,10 +50,8 @@ typedef struct {
   int32_t line_emf_q17;   // spread of the terminal voltages; the line EMF while the gates are off
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
-  uint32_t crossings;     // since the commutation timer was switched on, saturates
+  uint32_t crossings;     // since the commutation timer was switched on, wraps after days
   uint32_t commutations;  // the same
-  uint16_t crossings_before;
-  uint16_t commutations_before;
   uint32_t timer_on_ticks;
   uint32_t last_sample;
   uint32_t silent_ticks;  // consecutive ticks without a sample

@@ -8,11 +8,6 @@
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 
-static uint32_t add_count(uint32_t count, uint32_t more) {
-  const uint32_t sum = count + more;
-  return (sum < count) ? UINT32_MAX : sum;
-}
-
 HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
   *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
   return *state_q25 >> 8;
@@ -41,32 +36,30 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
 
 HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
-  m->timer_on_ticks = (drive->command.timer == COMMUTATION_OFF) ? 0u : add_count(m->timer_on_ticks, 1u);
-  const bool counting = m->timer_on_ticks >= TIMER_SETTLED_TICKS;
-  const uint16_t crossings = counting ? (uint16_t)(in->crossings - m->crossings_before) : 0u;
-  const uint16_t commutations = counting ? (uint16_t)(in->commutations - m->commutations_before) : 0u;
-  if (counting) {
-    m->crossings_before = in->crossings;
-    m->commutations_before = in->commutations;
-    m->crossings = add_count(m->crossings, crossings);
-    m->commutations = add_count(m->commutations, commutations);
-  } else {
-    m->crossings_before = 0;
-    m->commutations_before = 0;
+  if (drive->command.timer == COMMUTATION_OFF) {
+    m->timer_on_ticks = 0;
     m->crossings = 0;
     m->commutations = 0;
     m->speed_valid = false;
     m->speed_rpm_q8 = 0;
+    return;
   }
-  if (crossings > 0u && m->crossings >= CROSSINGS_FOR_SPEED) {
+  m->timer_on_ticks++;
+  if (m->timer_on_ticks < TIMER_SETTLED_TICKS) {
+    return;
+  }
+  const uint16_t crossings = (uint16_t)(in->crossings - (uint16_t)m->crossings);
+  m->crossings += crossings;
+  m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
+  m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
+  if (crossings > 0u && m->speed_valid) {
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
-    m->speed_valid = true;
   }
 }
 
 HOT void measure_update(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
-  m->silent_ticks = (in->sample_number == m->last_sample) ? add_count(m->silent_ticks, 1u) : 0u;
+  m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
   m->last_sample = in->sample_number;
   measure_electric(drive, in);
   measure_speed(drive, in);

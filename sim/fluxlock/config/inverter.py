@@ -12,7 +12,7 @@ from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_
 class Sensing(Model):
     """Converter and the analog chain before it."""
 
-    bits: int = quantity("Resolution of the converter codes.", "bit", 8, 12, default=12)
+    bits: int = quantity("Resolution of the converter codes; the chip takes 12.", "bit", 12, 12, default=12)
     sample_period_s: float = quantity("Period of the sample sets (all channels at once).", "s", 0.32e-6, 1e-3)
     conversion_s: float = quantity(
         "Time from sample-and-hold to valid codes.", "s", 0.0, 1e-3, default=0.4e-6

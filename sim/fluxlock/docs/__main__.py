@@ -1,0 +1,18 @@
+"""Write every generated page of the documentation: `python -m fluxlock.docs`."""
+
+from __future__ import annotations
+
+import sys
+
+from fluxlock.config import schema
+from fluxlock.docs import matrix, parameters
+
+
+def main() -> int:
+    """Input files, parameters, requirement matrix; exit code 1 if one of them fails."""
+    schema.PAGE.write_text(schema.page(), encoding="utf-8")
+    return max(parameters.main([]), matrix.main([]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
