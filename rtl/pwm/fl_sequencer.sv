@@ -14,8 +14,8 @@
 //
 // Timing: apply_i or update_i at clock k, sector_o and leg_cmd_o at k + 1; the requests are combinational in leg_cmd_o
 // and pulse_i. sync_rect lets the other switch of a chopping leg conduct while the pulse is off (dead time: guard).
-// The sector is loaded from cfg_start_sector_i (above 5: 0) when an update enters SIX_STEP. Outside SIX_STEP apply_i has
-// no effect.
+// An update that enters SIX_STEP loads the sector from cfg_start_sector_i (above 5: 0). apply_i has no effect in that
+// clock, nor outside SIX_STEP.
 // Asserted: no leg is asked for both switches; sector_o is 0..5.
 `default_nettype none
 module fl_sequencer

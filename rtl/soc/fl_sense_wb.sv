@@ -31,25 +31,18 @@ module fl_sense_wb
 
   fl_sense_regs_pkg::fl_sense_regs__in_t  hwif_in;
   fl_sense_regs_pkg::fl_sense_regs__out_t hwif_out;
-  localparam int unsigned RegisterChannels = 13;
 
   logic [Channels-1:0][17:0] offset, az_offset;
   logic [Channels-1:0][15:0] gain;
   logic [Channels-1:0] az_offset_we;
   sample_t [Channels-1:0] snap_sample;
 
-  for (genvar i = 0; i < RegisterChannels; i++) begin : g_channel
-    if (i < Channels) begin : g_used
-      assign offset[i]                          = hwif_out.offset[i].lsb_q4.value;
-      assign gain[i]                            = hwif_out.gain[i].q15.value;
-      assign hwif_in.offset[i].lsb_q4.we        = az_offset_we[i];
-      assign hwif_in.offset[i].lsb_q4.next      = az_offset[i];
-      assign hwif_in.snap_channel[i].value.next = 32'(snap_sample[i]);
-    end else begin : g_unused
-      assign hwif_in.offset[i].lsb_q4.we        = 1'b0;
-      assign hwif_in.offset[i].lsb_q4.next      = '0;
-      assign hwif_in.snap_channel[i].value.next = '0;
-    end
+  for (genvar i = 0; i < Channels; i++) begin : g_channel
+    assign offset[i]                          = hwif_out.offset[i].lsb_q4.value;
+    assign gain[i]                            = hwif_out.gain[i].q15.value;
+    assign hwif_in.offset[i].lsb_q4.we        = az_offset_we[i];
+    assign hwif_in.offset[i].lsb_q4.next      = az_offset[i];
+    assign hwif_in.snap_channel[i].value.next = 32'(snap_sample[i]);
   end
 
   fl_sample_scheduler u_scheduler (

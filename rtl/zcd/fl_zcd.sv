@@ -154,7 +154,7 @@ module fl_zcd
   end
 
   // Stage 3: value against the threshold, relation to the sample before.
-  logic known_q, previous_on_q, applied_q;  // known: there is a sample before since enabling
+  logic known_q, applied_q;  // known: there is a sample before since enabling
   sector_t previous_sector_q;
   sample_t rel_q;
   logic clamped_q, same_state_q, new_visit_q;
@@ -169,10 +169,9 @@ module fl_zcd
     if (valid2_q) begin
       rel_q <= 18'(19'(value_q) - 19'(product_q >>> 17) - 19'($signed({1'b0, product_q[16]})));
       clamped_q <= low_clamped_q || 19'(value_q) > high_q;
-      same_state_q <= same_sector && pwm_q.on && previous_on_q && !long_q && pwm_q.age >= since_q;
+      same_state_q <= same_sector && !long_q && pwm_q.age >= since_q;
       new_visit_q <= !same_sector || visit_break;
       known_q <= 1'b1;
-      previous_on_q <= pwm_q.on;
       previous_sector_q <= pwm_q.sector;
       previous_time_q <= time_q;
       applied_q <= comm_applied_i;

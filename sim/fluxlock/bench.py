@@ -20,10 +20,9 @@ import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.config import load_scenario
-from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
-from fluxlock.cosim.run import prepare
+from fluxlock.cosim.run import prepare, ready_chip
 from fluxlock.paths import BUILD, ROOT
 
 WINDOW = "steady"
@@ -47,7 +46,7 @@ def measure(repeat: int = 2) -> dict[str, Any]:
     scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
     window = next(w for w in scenario.window if w.name == WINDOW)
     folder = BUILD / "bench"
-    chip = build_chip()
+    chip = ready_chip()
     pairs: list[dict[str, Any]] = []
     identical = True
     for index in range(repeat):

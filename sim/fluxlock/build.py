@@ -91,9 +91,9 @@ def main() -> int:
     if options.step == "html":
         print(generate_html())
     elif options.step == "chip":
-        from fluxlock.cosim.chip import build_chip
+        from fluxlock.cosim.run import ready_chip
 
-        print(build_chip().executable)
+        print(ready_chip().executable)
     else:
         print(generate_registers(options.force))
     return 0

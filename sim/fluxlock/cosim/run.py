@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault
-from fluxlock.config import Scenario
-from fluxlock.cosim.chip import build_chip
+from fluxlock.config import Scenario, load_scenario
+from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.convert import CLOCK_HZ, action_of, drive_spec, inverter_spec, motor_spec, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import build_firmware, compile_parameters, write_image
-from fluxlock.paths import BUILD
+from fluxlock.paths import BUILD, ROOT
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
 IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
-RESET_CYCLES = 10  # the simulator main holds the reset for as long
+TRAINING_CYCLES = 1_500_000
 
 
 def prepare(
@@ -56,6 +56,16 @@ def prepare(
         log_strobes=log_strobes,
         folder=folder.resolve(),
     )
+
+
+def ready_chip(waves: bool = False) -> Chip:
+    """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment)."""
+
+    def train(chip: Chip) -> None:
+        scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
+        run_plan(prepare(scenario, BUILD / "chip" / "training", 1, stop_cycle=TRAINING_CYCLES), chip)
+
+    return build_chip(waves, train)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
@@ -102,7 +112,7 @@ def run_scenario(
     if progress is not None:
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
     try:
-        chip = build_chip(waves)
+        chip = ready_chip(waves)
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
         meta = run_plan(plan, chip, progress)
     except (SimulatorError, RuntimeError) as error:
