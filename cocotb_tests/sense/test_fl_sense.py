@@ -210,7 +210,7 @@ async def stamps_belong_to_the_strobe(dut: Any) -> None:
 
 @cocotb.test()
 async def back_to_back_at_the_least_period(dut: Any) -> None:
-    """A set every 16 clocks, each strobe in the clock of the valid before it: no set or stamp is lost.
+    """Sets at the least spacing, each strobe in the clock of the valid before it: no set or stamp is lost.
 
     Verifies: SENSE-05, SENSE-06
     """
@@ -226,6 +226,8 @@ async def back_to_back_at_the_least_period(dut: Any) -> None:
             got.append((tb.sample(), int(dut.sample_time_o.value), int(dut.sample_pwm_o.value)))
 
     cocotb.start_soon(watch())
+    spacing = tb.channels + 3
+    assert spacing <= 16
     await tb.strobe(sets[0][1], sets[0][2])
     await tb.clocks(15)
     for i, (codes, _, _) in enumerate(sets):
@@ -238,7 +240,7 @@ async def back_to_back_at_the_least_period(dut: Any) -> None:
         await tb.clocks(1)
         dut.adc_valid_i.value = 0
         dut.strobe_i.value = 0
-        await tb.clocks(15)
+        await tb.clocks(spacing - 1)
     await tb.clocks(20)
     assert got == [(tb.expected(c), t, p.word()) for c, t, p in sets]
 
@@ -423,3 +425,15 @@ def test_fl_sense(phases: int) -> None:
     run_block_test(
         "fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], __name__, parameters={"Phases": phases}
     )
+
+
+def test_assertions_are_alive(capfd: pytest.CaptureFixture[str]) -> None:
+    """Sets closer than the contract allows stop the simulation with the module's own message.
+
+    Verifies: SENSE-05
+    """
+    with pytest.raises(Exception):  # noqa: B017 - whatever the runner makes of a simulator that stopped
+        run_block_test(
+            "fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], "cocotb_tests.sense.too_close"
+        )
+    assert "sample sets closer than Channels + 3 clocks" in "".join(capfd.readouterr())

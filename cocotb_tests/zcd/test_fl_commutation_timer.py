@@ -415,6 +415,29 @@ async def handover_crossing_at_the_last_clock(dut: Any) -> None:
 
 
 @cocotb.test()
+@cocotb.parametrize(missing=[1, 2, 3, 5])
+async def handover_with_an_old_interval(dut: Any, missing: int) -> None:
+    """Commutations without crossing before the hand-over: from three on the forced interval stands in again.
+
+    Verifies: COMM-02, COMM-07
+    """
+    tb = TB(dut)
+    await tb.start(Settings(mode=OFF))
+    last = await spin_forced(tb, 1000, 4)
+    await tb.update(Settings(mode=FORCED, forced_interval=700))
+    await tb.until(last + 1000 + 700 * (missing - 1) + 5)
+    assert len(tb.comms) == 4 + missing
+    await tb.update(Settings(mode=ZCD, forced_interval=700))
+    t = tb.now() + 100
+    await tb.until(t + 30)
+    await tb.crossing(t)
+    await tb.until(t + 600)
+    # spin_forced's last visit had a crossing, so one more commutation than `missing` lies between.
+    delay = 350 if missing + 1 >= 3 else 500
+    assert tb.comms[-1] == Commutation(t + delay, t + delay, False)
+
+
+@cocotb.test()
 async def first_crossing_uses_the_forced_interval(dut: Any) -> None:
     """ZCD straight from OFF: until one is measured the forced interval stands in, for delay and timeout.
 
@@ -641,11 +664,12 @@ async def saturation_and_long_pauses(dut: Any, jumps: list[int]) -> None:
     tb = TB(dut)
     await tb.start(Settings(mode=OFF), now=(1 << 32) - 50)
     await tb.update(Settings(forced_interval=64, force_on_miss=0, miss_limit=0))
-    first = tb.now()
-    await tb.crossing(first)
-    await tb.clocks(60)
-    assert len(tb.comms) == 1
-    now = first
+    for _ in range(2):  # the interval before the pause is short and known
+        now = tb.now()
+        await tb.crossing(now)
+        await tb.clocks(60)
+    assert (await tb.snapshot())["interval"] == 61
+    assert len(tb.comms) == 2
     for jump in jumps[:-1]:
         now += jump
         await tb.jump(now)
@@ -653,7 +677,7 @@ async def saturation_and_long_pauses(dut: Any, jumps: list[int]) -> None:
     now += jumps[-1]
     await tb.jump(now - 20)
     await tb.until(now + 20)
-    assert len(tb.comms) == 1
+    assert len(tb.comms) == 2
     await tb.crossing(now)
     await tb.clocks(6)
     snap = await tb.snapshot()
@@ -662,7 +686,7 @@ async def saturation_and_long_pauses(dut: Any, jumps: list[int]) -> None:
     # A commutation and a crossing later the interval is an ordinary one again.
     await tb.update(Settings(mode=FORCED, forced_interval=64))
     await tb.clocks(70)
-    assert len(tb.comms) == 2
+    assert len(tb.comms) == 3
     await tb.crossing(now + 90)
     await tb.clocks(6)
     assert (await tb.snapshot())["interval"] == 90

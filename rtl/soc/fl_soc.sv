@@ -49,8 +49,8 @@ module fl_soc
     output trip_t   trc_trip_cause_o
 );
 
-  if (Phases != 3 && Phases != 5) begin : g_check
-    $fatal(1, "fl_soc: Phases must be 3 or 5 (%m)");
+  if (Phases != 3) begin : g_check
+    $fatal(1, "fl_soc: the register map holds the channels and legs of 3 phases (%m)");
   end
 
   // Windows of the register bus, in the order of the address map.

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from fluxlock import regblock
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
 
 REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
@@ -59,7 +60,7 @@ def generate_registers(force: bool = False) -> Path:
     Returns the folder. The HTML reference is a step of its own (`html`).
     """
     sources = list((RTL / "regs").glob("*.rdl"))
-    key = content_hash(sources, REGBLOCK_OPTIONS, IO_BASE)
+    key = content_hash([*sources, Path(regblock.__file__)], REGBLOCK_OPTIONS, IO_BASE)
     stamp = GENERATED / ".regs.stamp"
     with file_lock(BUILD / ".regs.lock"):
         if not force and stamp.exists() and stamp.read_text() == key:
@@ -68,6 +69,8 @@ def generate_registers(force: bool = False) -> Path:
         for block in REGISTER_BLOCKS:
             rdl = RTL / "regs" / f"fl_{block}_regs.rdl"
             _peakrdl("regblock", str(rdl), "-o", str(GENERATED), *REGBLOCK_OPTIONS)
+            module = GENERATED / f"fl_{block}_regs.sv"
+            module.write_text(regblock.gate_with_request(module.read_text()))
         top = RTL / "regs" / "fluxlock_regs.rdl"
         header = GENERATED / "fluxlock_regs.h"
         _peakrdl("c-header", str(top), "-o", str(header), "-i", "--inst-offset", hex(IO_BASE))

@@ -59,11 +59,9 @@ def verilator() -> str:
         "--timescale",
         "1ns/1ns",
     ]
-    tops = [("fl_board_ecp5", 3), ("fl_soc", 3), ("fl_soc", 5)]
     found = [_missing()]
     found += [
-        _run(["verilator", *options, f"-GPhases={phases}", "--top-module", top, *files])
-        for top, phases in tops
+        _run(["verilator", *options, "--top-module", top, *files]) for top in ("fl_board_ecp5", "fl_soc")
     ]
     return "\n".join(text for text in found if text)
 
@@ -102,7 +100,7 @@ def c_code() -> str:
 def ruff() -> str:
     """Rules and form of the Python code."""
     python = [name for name in ("sim", "tests", "cocotb_tests") if Path(ROOT / name).is_dir()]
-    return _run(["ruff", "check", "--quiet", *python]) + _run(
+    return _run(["ruff", "check", "--quiet", "--output-format", "concise", *python]) + _run(
         ["ruff", "format", "--quiet", "--diff", *python]
     )
 

@@ -150,7 +150,7 @@ def synthesize(config: Configuration, folder: Path) -> dict[str, int]:
         text = log.read_text(errors="replace")
         if "Assertion failed" in text and "selection is not empty" in text:
             found = re.findall(r"^\S+/\S+$", text, re.MULTILINE)
-            raise SynthesisError(f"{config.name}: latches inferred: {', '.join(found)}") from error
+            raise SynthesisError(f"{config.name}: latches inferred: {', '.join(sorted(set(found)))}") from error
         raise
     counts = json.loads((folder / "stat.json").read_text())["design"]["num_cells_by_type"]
     return {str(name): int(count) for name, count in counts.items()}

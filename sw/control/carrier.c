@@ -7,20 +7,24 @@
 #define PULSE_MAX_Q8 0xFFFFFFu
 
 HOT int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25) {
-  const int32_t above = add_sat(u_v_q25, diode_v_q25);
-  const int32_t full = add_sat(vdc_v_q25, diode_v_q25);
-  if (above <= 0) {
+  const int32_t above = u_v_q25 + diode_v_q25;
+  // The measured voltage has 17 bits; with them the quotient comes in two divisions of 8 and 14 bits.
+  const uint32_t full_q17 = (uint32_t)(vdc_v_q25 + diode_v_q25 + 128) >> 8;
+  if (above <= 0 || full_q17 == 0u) {
     return 0;
   }
-  if (above >= full) {
+  const uint32_t whole_q8 = (uint32_t)above / full_q17;
+  if (whole_q8 >= 256u) {
     return DUTY_ONE_Q30;
   }
-  return (int32_t)div_sat_u32((uint64_t)(uint32_t)above << 30, (uint32_t)full);
+  const uint32_t rest = (uint32_t)above - whole_q8 * full_q17;
+  const uint32_t fraction_q14 = (rest << 14) / full_q17;
+  return (int32_t)((whole_q8 << 22) + (fraction_q14 << 8));
 }
 
 HOT int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25) {
   const gain_t duty = {.mant = duty_q30, .shift = 30};
-  return sub_sat(gain_apply(add_sat(vdc_v_q25, diode_v_q25), duty), diode_v_q25);
+  return gain_apply(vdc_v_q25 + diode_v_q25, duty) - diode_v_q25;
 }
 
 HOT uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,

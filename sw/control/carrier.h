@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-// Duty for a mean voltage; vdc_v_q25 > 0. Limited to 0..1. About 150 clocks.
+// Duty for a mean voltage, limited to 0..1, 22 bits. |u| <= 2 * PRODUCT_MAX, 0 <= vdc, diode <= 2^25. About 110 clocks.
 int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_v_q25);
 
 // The voltage that a duty gives: inverse of duty_from_voltage_q30.

@@ -2,26 +2,28 @@
 
 #include "control/placement.h"
 
-SHARED int32_t add_sat(int32_t a, int32_t b) {
-  const int32_t sum = (int32_t)((uint32_t)a + (uint32_t)b);
-  if (((a ^ sum) & (b ^ sum)) < 0) {
-    return (a < 0) ? INT32_MIN : INT32_MAX;
+// The shift works on 32-bit halves: a 64-bit shift by a variable costs three times as much.
+SHARED int32_t gain_apply(int32_t x, gain_t g) {
+  const int64_t product = (int64_t)x * g.mant;
+  const int32_t high = (int32_t)(product >> 32);
+  int32_t twice;  // the result with one more bit, for the rounding
+  if (g.shift > 32) {
+    twice = high >> (g.shift - 33);
+  } else {
+    const int32_t bound = 1 << (g.shift - 3);
+    if (high >= bound) {
+      return PRODUCT_MAX;
+    }
+    if (high < -bound) {
+      return -PRODUCT_MAX;
+    }
+    twice = (int32_t)(((uint32_t)high << (33 - g.shift)) | ((uint32_t)product >> (g.shift - 1)));
   }
-  return sum;
+  return clamp_i32((twice + 1) >> 1, -PRODUCT_MAX, PRODUCT_MAX);
 }
 
-SHARED int32_t sub_sat(int32_t a, int32_t b) {
-  const int32_t difference = (int32_t)((uint32_t)a - (uint32_t)b);
-  if (((a ^ b) & (a ^ difference)) < 0) {
-    return (a < 0) ? INT32_MIN : INT32_MAX;
-  }
-  return difference;
-}
-
-SHARED int32_t gain_apply(int32_t x, gain_t g) { return sat_i32(round_shift((int64_t)x * g.mant, g.shift)); }
-
-HOT int32_t mul_q16(int32_t x, int32_t factor_q16) {
-  return gain_apply(x, (gain_t){.mant = factor_q16, .shift = 16});
+SHARED int32_t mul_q16(int32_t x, int32_t factor_q16) {
+  return (int32_t)(((int64_t)x * factor_q16 + 32768) >> 16);
 }
 
 // One 16-bit digit of a quotient by a normalised divisor (top bit set): *rest < d on entry and on exit.

@@ -12,7 +12,7 @@
 
 #include <stdint.h>
 
-// A real factor mant * 2^-shift, 0 <= shift <= 62. Normalised gains (|mant| >= 2^30) keep 30 bits.
+// A real factor mant * 2^-shift, 4 <= shift <= 62. Normalised gains (|mant| >= 2^30) keep 30 bits.
 typedef struct {
   int32_t mant;
   int32_t shift;
@@ -39,10 +39,6 @@ static inline uint32_t clamp_u32(uint32_t x, uint32_t low, uint32_t high) {
   return (x > high) ? high : x;
 }
 
-// a + b and a - b, saturated; the overflow shows in the signs.
-int32_t add_sat(int32_t a, int32_t b);
-int32_t sub_sat(int32_t a, int32_t b);
-
 static inline int32_t abs_sat(int32_t a) { return (a >= 0) ? a : ((a == INT32_MIN) ? INT32_MAX : -a); }
 
 // x * 2^-shift rounded to nearest, 0 <= shift <= 62, |x| <= 2^62.
@@ -52,10 +48,13 @@ static inline int64_t round_shift(int64_t x, int32_t shift) {
 
 // The products are functions and not inlined: a control step must stay within the 4 KiB instruction cache.
 
-// x * g, rounded and saturated. About 35 clocks.
+// Products saturate at +-PRODUCT_MAX, so that three of them, and what is below 2^29, add up without overflow.
+#define PRODUCT_MAX ((1 << 29) - 1)
+
+// x * g, rounded and saturated at +-PRODUCT_MAX. About 35 clocks.
 int32_t gain_apply(int32_t x, gain_t g);
 
-// x * factor_q16, rounded and saturated.
+// x * factor_q16, rounded, for results within 32 bits. About 20 clocks.
 int32_t mul_q16(int32_t x, int32_t factor_q16);
 
 // floor(n / d) saturated to 32 bits; d = 0 saturates too. Two hardware divisions, about 130 clocks.

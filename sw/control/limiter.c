@@ -6,7 +6,7 @@
 
 HOT int32_t limiter_bound(const limiter_t *limiter, const limiter_gains_t *gains, int32_t emf_v_q25, int32_t resistive_v_q25,
                       int32_t margin_q17) {
-  return add_sat(add_sat(emf_v_q25, resistive_v_q25), add_sat(gain_apply(margin_q17, gains->kp), limiter->trim_v_q25));
+  return emf_v_q25 + resistive_v_q25 + gain_apply(margin_q17, gains->kp) + limiter->trim_v_q25;
 }
 
 HOT void limiter_update(limiter_t *limiter, const limiter_gains_t *gains, int32_t resistive_v_q25, int32_t margin_q17,
@@ -16,5 +16,5 @@ HOT void limiter_update(limiter_t *limiter, const limiter_gains_t *gains, int32_
     return;
   }
   const int32_t rail = resistive_v_q25 / 2;
-  limiter->trim_v_q25 = clamp_i32(add_sat(limiter->trim_v_q25, gain_apply(margin_q17, gains->ki)), -rail, rail);
+  limiter->trim_v_q25 = clamp_i32(limiter->trim_v_q25 + gain_apply(margin_q17, gains->ki), -rail, rail);
 }

@@ -21,7 +21,8 @@ typedef struct {
   gain_t ki;  // current q17 -> voltage q25 a step
 } limiter_gains_t;
 
-// Bound for this step. resistive_v_q25 = R*I_limit >= 0. About 60 clocks.
+// Bound for this step. resistive_v_q25 = R*I_limit >= 0; emf and resistive are products (|x| <= PRODUCT_MAX).
+// About 60 clocks.
 int32_t limiter_bound(const limiter_t *limiter, const limiter_gains_t *gains, int32_t emf_v_q25, int32_t resistive_v_q25,
                       int32_t margin_q17);
 

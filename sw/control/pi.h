@@ -6,6 +6,7 @@
 // The caller passes the limits that really bind at this step (duty, current, slew), so the integral follows
 // them and not a fixed rail. The integral has PI_INTEGRAL_BITS bits below the output's format and saturates; the
 // output's format therefore has to leave as many bits of headroom (voltage v_q25 does).
+// Ranges: |feed_forward| <= 2 * PRODUCT_MAX, |low|, |high| <= PRODUCT_MAX.
 #ifndef FL_PI_H
 #define FL_PI_H
 
@@ -32,7 +33,7 @@ typedef struct {
 // Set the integral so that the next step with this error and feed-forward gives `output`: bumpless entry.
 void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output);
 
-// One step, low <= high. About 120 clocks.
+// One step, low <= high. About 130 clocks.
 pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t error, int32_t feed_forward, int32_t low,
                     int32_t high);
 

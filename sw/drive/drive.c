@@ -61,12 +61,15 @@ COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
   fault_log_add(&drive->log, fault, drive->tick);
 }
 
-HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles) {
+HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
   const parameters_t *p = drive->p;
   const int32_t diode = sync_rect ? 0 : p->diode_v_q25;
   const uint32_t dead_time = sync_rect ? (uint32_t)p->dead_time_cycles : 0u;
   drive->u_v_q25 = u_v_q25;
   drive->duty_q30 = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode);
+  const uint32_t period_cycles =
+      carrier_period_cycles(drive->duty_q30, drive->settings.carrier_period_cycles,
+                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles);
   drive->command.sync_rect = sync_rect;
   drive->command.period_cycles = period_cycles;
   drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);

@@ -59,6 +59,16 @@ typedef struct {
   int32_t motor_filter_q25;
 } measured_t;
 
+// Gains and limits of the speed control that vary with speed and DC-link voltage.
+typedef struct {
+  pi_gains_t pi;
+  gain_t kp_full;  // without the reduction at low speed
+  int32_t resistive_v_q25;  // R * current limit
+  int32_t acceleration_v_q25;  // voltage that accelerates with the ramp
+  int32_t low_v_q25;  // of the least and of the largest duty
+  int32_t high_v_q25;
+} scheduled_t;
+
 typedef struct {
   const parameters_t *p;
   uint64_t speed_numerator_q8;
@@ -78,10 +88,12 @@ typedef struct {
   bool reverse;
 
   measured_t m;
+  scheduled_t scheduled;
   ramp_t ramp;
   pi_state_t speed_pi;
   limiter_t limiter;
   handover_t handover;
+  uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;         // of this attempt's ramp
   int32_t start_accel_rpm_q24;
@@ -116,7 +128,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
 void drive_enter(drive_t *drive, drive_state_t state);
 void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);
-void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect, uint32_t period_cycles);
+void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect);
 int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds
 
 #endif

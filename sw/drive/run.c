@@ -7,36 +7,45 @@
 // Least share of the gains at low speed.
 #define BANDWIDTH_SCALE_MIN_Q16 4096
 
-typedef struct {
-  pi_gains_t pi;
-  gain_t kp_full;  // without the reduction at low speed
-  gain_t resistance;
-} gains_t;
+// Quantities that follow speed and DC-link voltage slowly are renewed one group a tick.
+#define SCHEDULE_GROUPS 4u
 
 static int32_t interpolate(int32_t low, int32_t high, int32_t ratio_q16) {
   return low + mul_q16(high - low, ratio_q16);
-}
-
-HOT static void scheduled_gains(const drive_t *drive, gains_t *g) {
-  const parameters_t *p = drive->p;
-  const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
-  const int32_t ratio_q16 = clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16);
-  const int32_t scale_q16 =
-      clamp_i32(gain_apply(speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, ONE_Q16);
-  g->kp_full.mant = interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16);
-  g->kp_full.shift = p->speed_kp_shift;
-  g->pi.kp.mant = mul_q16(g->kp_full.mant, scale_q16);
-  g->pi.kp.shift = p->speed_kp_shift;
-  g->pi.ki.mant = mul_q16(interpolate(p->speed_ki_low, p->speed_ki_high, ratio_q16), scale_q16);
-  g->pi.ki.shift = p->speed_ki_shift;
-  g->resistance.mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
-  g->resistance.shift = p->resistance_shift;
 }
 
 static int32_t diode_v_q25(const drive_t *drive) { return drive->settings.sync_rect ? 0 : drive->p->diode_v_q25; }
 
 static int32_t lesser(int32_t a, int32_t b) { return (a < b) ? a : b; }
 static int32_t greater(int32_t a, int32_t b) { return (a > b) ? a : b; }
+
+HOT static void schedule(drive_t *drive, uint32_t group) {
+  const parameters_t *p = drive->p;
+  scheduled_t *g = &drive->scheduled;
+  const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
+  if (group == 0u) {
+    const int32_t diode = diode_v_q25(drive);
+    g->low_v_q25 = voltage_from_duty_v_q25(p->duty_min_q30, drive->m.vdc_v_q25, diode);
+    g->high_v_q25 = voltage_from_duty_v_q25(p->duty_max_q30, drive->m.vdc_v_q25, diode);
+    return;
+  }
+  const int32_t ratio_q16 = clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16);
+  if (group == 1u) {
+    const gain_t resistance = {interpolate(p->resistance_low, p->resistance_high, ratio_q16), p->resistance_shift};
+    g->resistive_v_q25 = gain_apply(drive->settings.current_limit_q17, resistance);
+    return;
+  }
+  const int32_t scale_q16 =
+      clamp_i32(gain_apply(speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, ONE_Q16);
+  if (group == 2u) {
+    g->kp_full = (gain_t){interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16), p->speed_kp_shift};
+    g->pi.kp = (gain_t){mul_q16(g->kp_full.mant, scale_q16), p->speed_kp_shift};
+    g->acceleration_v_q25 = gain_apply(drive->settings.accel_rpm_q8, g->kp_full);
+  } else {
+    const int32_t ki = interpolate(p->speed_ki_low, p->speed_ki_high, ratio_q16);
+    g->pi.ki = (gain_t){mul_q16(ki, scale_q16), p->speed_ki_shift};
+  }
+}
 
 // Settings that the console may change while running.
 HOT static void apply_settings(drive_t *drive) {
@@ -46,22 +55,14 @@ HOT static void apply_settings(drive_t *drive) {
   drive->command.advance_q16 = s->advance_q16;
 }
 
-HOT static void apply_running_voltage(drive_t *drive, int32_t u_v_q25) {
-  const parameters_t *p = drive->p;
-  const int32_t duty = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode_v_q25(drive));
-  const uint32_t period =
-      carrier_period_cycles(duty, drive->settings.carrier_period_cycles, (uint32_t)p->carrier_longest_cycles,
-                            (uint32_t)p->on_time_floor_cycles);
-  drive_apply_voltage(drive, u_v_q25, drive->settings.sync_rect, period);
-}
-
-// Set ramp and integral so that the present voltage continues.
+// Set gains, ramp and integral so that the present voltage continues.
 COLD static void preset(drive_t *drive) {
   const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
-  gains_t g;
-  scheduled_gains(drive, &g);
+  for (uint32_t group = 0; group < SCHEDULE_GROUPS; group++) {
+    schedule(drive, group);
+  }
   ramp_preset(&drive->ramp, speed_rpm_q8);
-  pi_preset(&drive->speed_pi, g.pi.kp, 0, gain_apply(speed_rpm_q8, drive->p->emf), drive->u_v_q25);
+  pi_preset(&drive->speed_pi, drive->scheduled.pi.kp, 0, gain_apply(speed_rpm_q8, drive->p->emf), drive->u_v_q25);
   drive->limiter.trim_v_q25 = 0;
 }
 
@@ -72,7 +73,7 @@ COLD void run_begin(drive_t *drive) {
   drive->command.timeout_q12 = (uint32_t)drive->p->timeout_q12;
   preset(drive);
   apply_settings(drive);
-  apply_running_voltage(drive, drive->u_v_q25);
+  drive_apply_voltage(drive, drive->u_v_q25, drive->settings.sync_rect);
 }
 
 HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
@@ -87,36 +88,31 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
   const settings_t *s = &drive->settings;
+  const scheduled_t *g = &drive->scheduled;
   apply_settings(drive);
-  gains_t g;
-  scheduled_gains(drive, &g);
+  schedule(drive, drive->tick % SCHEDULE_GROUPS);
 
   const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, s->accel_rpm_q24, m->speed_rpm_q8,
                                       p->ramp_window_rpm * 256);
   const int32_t reference = drive->ramp.value_rpm_q8;
-  const int32_t accelerating = direction * gain_apply(s->accel_rpm_q8, g.kp_full);
-  const int32_t feed_forward = add_sat(gain_apply(reference, p->emf), accelerating);
+  const int32_t feed_forward = gain_apply(reference, p->emf) + direction * g->acceleration_v_q25;
 
   const limiter_gains_t limiter_gains = {p->limiter_kp, p->limiter_ki};
   const int32_t margin_q17 = lesser(s->current_limit_q17 - m->motor_q17, s->dc_limit_q17 - m->idc_q17);
-  const int32_t resistive = gain_apply(s->current_limit_q17, g.resistance);
   const int32_t high_current = limiter_bound(&drive->limiter, &limiter_gains, gain_apply(m->speed_rpm_q8, p->emf),
-                                             resistive, margin_q17);
-  const int32_t diode = diode_v_q25(drive);
-  const int32_t high_duty = voltage_from_duty_v_q25(p->duty_max_q30, m->vdc_v_q25, diode);
-  const int32_t low_duty = voltage_from_duty_v_q25(p->duty_min_q30, m->vdc_v_q25, diode);
+                                             g->resistive_v_q25, margin_q17);
   // The least duty keeps the crossings visible and stands above the current limit; that one stands above the slew.
-  const int32_t high_now = greater(lesser(high_duty, high_current), low_duty);
-  const int32_t high = lesser(high_now, add_sat(drive->u_v_q25, p->slew_v_q25));
-  const int32_t low = lesser(greater(low_duty, sub_sat(drive->u_v_q25, p->slew_v_q25)), high);
+  const int32_t high_now = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
+  const int32_t high = lesser(high_now, drive->u_v_q25 + p->slew_v_q25);
+  const int32_t low = lesser(greater(g->low_v_q25, drive->u_v_q25 - p->slew_v_q25), high);
 
-  const pi_result_t u = pi_step(&drive->speed_pi, &g.pi, sub_sat(reference, m->speed_rpm_q8), feed_forward, low, high);
+  const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, low, high);
   drive->limit = LIMIT_NONE;
   if (u.output < u.unlimited) {
-    drive->limit = (high < high_now) ? LIMIT_SLEW : ((high_current < high_duty) ? LIMIT_CURRENT : LIMIT_DUTY_MAX);
+    drive->limit = (high < high_now) ? LIMIT_SLEW : ((high_current < g->high_v_q25) ? LIMIT_CURRENT : LIMIT_DUTY_MAX);
   } else if (u.output > u.unlimited) {
-    drive->limit = (low > low_duty) ? LIMIT_SLEW : LIMIT_DUTY_MIN;
+    drive->limit = (low > g->low_v_q25) ? LIMIT_SLEW : LIMIT_DUTY_MIN;
   }
-  limiter_update(&drive->limiter, &limiter_gains, resistive, margin_q17, drive->limit == LIMIT_CURRENT);
-  apply_running_voltage(drive, u.output);
+  limiter_update(&drive->limiter, &limiter_gains, g->resistive_v_q25, margin_q17, drive->limit == LIMIT_CURRENT);
+  drive_apply_voltage(drive, u.output, drive->settings.sync_rect);
 }

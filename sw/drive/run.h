@@ -12,7 +12,7 @@
 // Enter STATE_RUNNING without a step of the voltage.
 void run_begin(drive_t *drive);
 
-// One step toward a target (magnitude). About 900 clocks.
+// One step toward a target (magnitude). About 1300 clocks with what it calls.
 void run_step(drive_t *drive, int32_t target_rpm_q8);
 
 #endif

@@ -1,6 +1,5 @@
 #include "drive/start.h"
 
-#include "control/carrier.h"
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/startup.h"
@@ -17,14 +16,6 @@
 static void enter_phase(drive_t *drive, phase_t phase) {
   drive->phase = phase;
   drive->state_ticks = 0;
-}
-
-static void apply_start_voltage(drive_t *drive, int32_t u_v_q25) {
-  const parameters_t *p = drive->p;
-  const int32_t duty = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, 0);
-  drive_apply_voltage(drive, u_v_q25, true,
-                      carrier_period_cycles(duty, drive->settings.carrier_period_cycles,
-                                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles));
 }
 
 static void legs(drive_t *drive, leg_command_t others, uint32_t special, leg_command_t command) {
@@ -70,7 +61,7 @@ static void coast(drive_t *drive) {
     drive->command.gate_enable = true;
     drive->command.sequencer = SEQUENCER_MANUAL;
     legs(drive, LEG_LOW, 0, LEG_LOW);
-    drive_apply_voltage(drive, 0, true, (uint32_t)p->carrier_longest_cycles);
+    drive_apply_voltage(drive, 0, true);
     enter_phase(drive, START_PRECHARGE);
   }
 }
@@ -82,7 +73,7 @@ static void align(drive_t *drive, uint32_t leg, uint32_t rise_ticks) {
     u = mul_q16(u, (int32_t)div_sat_u32((uint64_t)drive->state_ticks << 16, rise_ticks));
   }
   legs(drive, LEG_LOW, leg, LEG_PWM_HIGH);
-  drive_apply_voltage(drive, u, true, (uint32_t)p->carrier_longest_cycles);
+  drive_apply_voltage(drive, u, true);
 }
 
 // Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
@@ -108,9 +99,10 @@ static void begin_ramp(drive_t *drive) {
   command->miss_limit = 0;
   command->zcd_enable = true;
   drive->held_from = UINT32_MAX;
+  drive->interval_for = UINT32_MAX;
   handover_reset(&drive->handover, 0, 0);
   ramp_preset(&drive->ramp, 0);
-  drive_apply_voltage(drive, drive->p->start_v_q25, true, (uint32_t)drive->p->carrier_longest_cycles);
+  drive_apply_voltage(drive, drive->p->start_v_q25, true);
   enter_phase(drive, START_RAMP);
 }
 
@@ -122,7 +114,7 @@ static void begin_lock(drive_t *drive) {
   drive->command.miss_limit = (uint32_t)p->miss_limit;
   drive->command.force_on_miss = false;
   drive->command.timeout_q12 = LOCK_TIMEOUT_Q12;
-  apply_start_voltage(drive, add_sat(p->lock_v_q25, gain_apply(p->handover_rpm * 256, p->emf)));
+  drive_apply_voltage(drive, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
   drive->locked_from = drive->m.crossings;
   enter_phase(drive, START_LOCK);
 }
@@ -135,7 +127,10 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
 
   // The interval written now is used by the commutation after the pending one.
   uint32_t interval = (uint32_t)p->handover_interval_cycles;
-  if (drive->held_from == UINT32_MAX) {
+  if (drive->held_from == UINT32_MAX && m->commutations == drive->interval_for) {
+    interval = drive->command.forced_interval_cycles;
+  } else if (drive->held_from == UINT32_MAX) {
+    drive->interval_for = m->commutations;
     const uint32_t accelerating = forced_interval_cycles(drive->first_cycles, m->commutations);
     if (accelerating > interval) {
       interval = accelerating;
@@ -147,8 +142,8 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
 
   (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
   const int32_t speed_rpm_q8 = drive->ramp.value_rpm_q8;
-  const int32_t u = add_sat(p->start_v_q25, gain_apply(speed_rpm_q8, p->start_emf));
-  apply_start_voltage(drive, u);
+  const int32_t u = p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf);
+  drive_apply_voltage(drive, u, true);
 
   if (drive->held_from == UINT32_MAX) {
     handover_reset(&drive->handover, in->crossings, in->late);

@@ -1,0 +1,325 @@
+"""The pure algorithms of the firmware against independent models in floating point or exact arithmetic."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import zlib
+from random import Random
+
+import pytest
+
+from fluxlock.firmware import gain
+from fluxlock.firmware.toolchain import build_host_library
+
+PRODUCT_MAX = 2**29 - 1
+
+
+class Gain(ctypes.Structure):
+    """gain_t."""
+
+    _fields_ = [("mant", ctypes.c_int32), ("shift", ctypes.c_int32)]
+
+
+class PiGains(ctypes.Structure):
+    """pi_gains_t."""
+
+    _fields_ = [("kp", Gain), ("ki", Gain)]
+
+
+class PiState(ctypes.Structure):
+    """pi_state_t."""
+
+    _fields_ = [("integral_q5", ctypes.c_int32)]
+
+
+class PiResult(ctypes.Structure):
+    """pi_result_t."""
+
+    _fields_ = [("output", ctypes.c_int32), ("unlimited", ctypes.c_int32)]
+
+
+class Ramp(ctypes.Structure):
+    """ramp_t."""
+
+    _fields_ = [("value_rpm_q8", ctypes.c_int32), ("carry_q16", ctypes.c_uint32)]
+
+
+class Limiter(ctypes.Structure):
+    """limiter_t."""
+
+    _fields_ = [("trim_v_q25", ctypes.c_int32)]
+
+
+class Handover(ctypes.Structure):
+    """handover_t."""
+
+    _fields_ = [
+        ("crossings", ctypes.c_uint16),
+        ("late", ctypes.c_uint8),
+        ("clean", ctypes.c_uint16),
+        ("plausible", ctypes.c_uint16),
+    ]
+
+
+@pytest.fixture(scope="module")
+def lib() -> ctypes.CDLL:
+    """The host library with the prototypes of the pure functions."""
+    library = ctypes.CDLL(str(build_host_library()))
+    i32, u32, u64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint64
+    for name, result, arguments in (
+        ("gain_apply", i32, [i32, Gain]),
+        ("mul_q16", i32, [i32, i32]),
+        ("div_sat_u32", u32, [u64, u32]),
+        ("div_u64", u64, [u64, u32]),
+        ("sqrt_u64", u32, [u64]),
+        ("crc32", u32, [ctypes.c_char_p, ctypes.c_size_t]),
+        ("pi_step", PiResult, [ctypes.c_void_p, ctypes.c_void_p, i32, i32, i32, i32]),
+        ("pi_preset", None, [ctypes.c_void_p, Gain, i32, i32, i32]),
+        ("ramp_step", i32, [ctypes.c_void_p, i32, i32, i32, i32]),
+        ("ramp_preset", None, [ctypes.c_void_p, i32]),
+        ("speed_numerator_q8", u64, [u32, u32]),
+        ("speed_from_period_rpm_q8", i32, [u64, u32]),
+        ("limiter_bound", i32, [ctypes.c_void_p, ctypes.c_void_p, i32, i32, i32]),
+        ("limiter_update", None, [ctypes.c_void_p, ctypes.c_void_p, i32, i32, ctypes.c_bool]),
+        ("duty_from_voltage_q30", i32, [i32, i32, i32]),
+        ("voltage_from_duty_v_q25", i32, [i32, i32, i32]),
+        ("carrier_period_cycles", u32, [i32, u32, u32, u32]),
+        ("pulse_cycles_q8", u32, [i32, u32, u32]),
+        ("start_sector", u32, [u32, ctypes.c_bool]),
+        ("forced_interval_cycles", u32, [u32, u32]),
+        ("handover_reset", None, [ctypes.c_void_p, ctypes.c_uint16, ctypes.c_uint8]),
+        ("handover_step", None, [ctypes.c_void_p, ctypes.c_uint16, ctypes.c_uint8, u32, u32, u32]),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+def some_ints(rng: Random, bits: int, count: int) -> list[int]:
+    """Integers of all magnitudes below 2^bits, with the corners."""
+    corners = [0, 1, 2, 3, 2**bits - 1, 2 ** (bits - 1), 2 ** (bits // 2), 2 ** (bits // 2) - 1]
+    return corners + [rng.getrandbits(rng.randint(1, bits)) for _ in range(count)]
+
+
+def test_division_and_root_are_exact(lib: ctypes.CDLL) -> None:
+    """Division saturates and is exact, also where a trial digit has to be corrected; the root is the floor.
+
+    Verifies: FW-02
+    """
+    rng = Random(1)
+    for n in some_ints(rng, 64, 150):
+        assert lib.sqrt_u64(n) == math.isqrt(n), n
+        for d in some_ints(rng, 32, 20):
+            wanted = 2**32 - 1 if d == 0 else min(n // d, 2**32 - 1)
+            assert lib.div_sat_u32(n, d) == wanted, (n, d)
+            if d:
+                assert lib.div_u64(n, d) == n // d, (n, d)
+
+
+def test_gain_rounds_and_saturates(lib: ctypes.CDLL) -> None:
+    """x * mant / 2^shift rounded half up and limited, over all shifts.
+
+    Verifies: FW-02
+    """
+    rng = Random(2)
+    for shift in range(4, 63):
+        for _ in range(60):
+            x = rng.choice([-1, 1]) * rng.choice(some_ints(rng, 31, 4))
+            mant = rng.choice([-1, 1]) * rng.choice(some_ints(rng, 31, 4))
+            exact = (x * mant + (1 << (shift - 1))) >> shift
+            wanted = max(-PRODUCT_MAX, min(PRODUCT_MAX, exact))
+            assert lib.gain_apply(x, Gain(mant, shift)) == wanted, (x, mant, shift)
+    for value in (1e-6, 0.37, 1.0, 4000.0):
+        mant, shift = gain(value)
+        assert mant * 2.0**-shift == pytest.approx(value, rel=2**-29)
+        assert lib.gain_apply(1000, Gain(mant, shift)) == pytest.approx(1000 * value, abs=0.51)
+
+
+def test_crc_is_the_ieee_one(lib: ctypes.CDLL) -> None:
+    """Same checksums as zlib.
+
+    Verifies: FW-03
+    """
+    rng = Random(3)
+    assert lib.crc32(b"123456789", 9) == 0xCBF43926
+    for length in (0, 1, 3, 64, 500):
+        data = rng.randbytes(length)
+        assert lib.crc32(data, length) == zlib.crc32(data)
+
+
+def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:
+    """Random errors and moving limits: output within 4 units of a float PI with the same back-calculation.
+
+    Verifies: FW-04
+    """
+    rng = Random(4)
+    kp, ki = 37.2, 5.3 * 32
+    gains = PiGains(Gain(*gain(kp)), Gain(*gain(ki)))
+    state, integral = PiState(0), 0.0
+    for k in range(4000):
+        error = rng.randint(-20000, 20000) if k % 50 == 0 else error + rng.randint(-200, 200)
+        feed_forward = 2_000_000 + 1000 * (k % 300)
+        high = 2_500_000 if (k // 500) % 2 else 30_000_000
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), error, feed_forward, 100_000, high)
+        u = feed_forward + kp * error + integral
+        out = min(max(u, 100_000), high)
+        integral += ki / 32 * error + (out - u) / 8
+        assert abs(result.output - out) < 4 + 1e-5 * abs(out), k
+        assert (result.output < result.unlimited) == (out < u) or abs(out - u) < 4
+
+
+def test_pi_leaves_a_limit_without_windup(lib: ctypes.CDLL) -> None:
+    """After a second at the limit the output leaves it within 40 steps of the sign change of the error.
+
+    Verifies: FW-04
+    """
+    gains = PiGains(Gain(*gain(10.0)), Gain(*gain(2.0 * 32)))
+    state = PiState(0)
+    for _ in range(10_000):
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 50_000, 0, 0, 1_000_000)
+    assert result.output == 1_000_000
+    steps = 0
+    while result.output == 1_000_000:
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), -2_000, 0, 0, 1_000_000)
+        steps += 1
+        assert steps < 40
+    lib.pi_preset(ctypes.byref(state), gains.kp, 1234, 5678, 400_000)
+    assert lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 1234, 5678, 0, 10**8).output == pytest.approx(400_000, abs=1)
+
+
+def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
+    """Slopes far below 1/256 r/min a step are kept exactly; the window holds the reference; both directions alike.
+
+    Verifies: FW-05
+    """
+    for sign in (1, -1):
+        ramp = Ramp()
+        lib.ramp_preset(ctypes.byref(ramp), sign * 256_000)
+        target, step = sign * 2_560_000, 20_001
+        for k in range(1, 50_000):
+            assert lib.ramp_step(ctypes.byref(ramp), target, step, target, 10**6) == sign
+            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 65536)) <= 1
+        lib.ramp_preset(ctypes.byref(ramp), 0)
+        for _ in range(1000):
+            lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
+        assert ramp.value_rpm_q8 == sign * 5_000
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 65536, sign * -9_000, 5_000) == 0
+        for _ in range(1000):
+            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, sign * 5_000, 5_000)
+        assert ramp.value_rpm_q8 == sign * 5_100
+
+
+def test_speed_from_period(lib: ctypes.CDLL) -> None:
+    """r/min of a period to 1/256 r/min, for pole pairs and clocks.
+
+    Verifies: FW-06
+    """
+    for clock, pole_pairs in ((50_000_000, 1), (50_000_000, 7), (100_000_000, 4)):
+        numerator = lib.speed_numerator_q8(clock, pole_pairs)
+        for period in (1, 600, 50_000, 51_237, 7_000_001, 2**27 - 1):
+            wanted = 60 * clock / (pole_pairs * period) * 256
+            got = lib.speed_from_period_rpm_q8(numerator, period)
+            assert got == (2**31 - 1 if wanted > 2**31 - 1 else pytest.approx(wanted, abs=1.01)), (clock, period)
+    assert lib.speed_from_period_rpm_q8(numerator, 0) == 2**31 - 1
+
+
+def test_duty_and_voltage_are_inverse(lib: ctypes.CDLL) -> None:
+    """Duty of a voltage with and without a diode drop; voltage_from_duty inverts it; limits at 0 and 1.
+
+    Verifies: FW-07
+    """
+    rng = Random(5)
+    for _ in range(2000):
+        vdc = rng.randint(2**20, 2**25)
+        diode = rng.choice([0, rng.randint(0, 2**20)])
+        u = rng.randint(-(2**21), vdc + 2**20)
+        duty = lib.duty_from_voltage_q30(u, vdc, diode) / 2**30
+        wanted = min(1.0, max(0.0, (u + diode) / (vdc + diode)))
+        assert duty == pytest.approx(wanted, abs=2**-21 + 256 / vdc), (u, vdc, diode)
+        if 0.0 < wanted < 1.0:
+            back = lib.voltage_from_duty_v_q25(round(wanted * 2**30), vdc, diode)
+            assert back == pytest.approx(u, abs=2)
+    assert lib.duty_from_voltage_q30(1000, 0, 0) == 0
+
+
+def test_carrier_period_and_pulse(lib: ctypes.CDLL) -> None:
+    """The carrier is stretched just so far that the pulse keeps its floor, within its limits; the dead time is added.
+
+    Verifies: FW-08
+    """
+    for duty in (0.0, 0.01, 0.03, 0.05, 0.1, 0.2239, 0.2241, 0.5, 1.0):
+        period = lib.carrier_period_cycles(round(duty * 2**30), 1250, 6250, 280)
+        wanted = 6250 if duty == 0 else min(6250, max(1250, 280 / duty))
+        assert period == pytest.approx(wanted, abs=1.01), duty
+        pulse = lib.pulse_cycles_q8(round(duty * 2**30), period, 10) / 256
+        assert pulse == pytest.approx(0 if duty == 0 else duty * period + 10, abs=0.005)
+
+
+def test_start_sector_pulls_by_90_degrees(lib: ctypes.CDLL) -> None:
+    """The field of the start sector leads the aligned rotor by 90 degrees in the direction of rotation.
+
+    Verifies: FW-09
+    """
+    high, low = (0, 0, 1, 1, 2, 2), (1, 2, 2, 0, 0, 1)
+    for leg in range(3):
+        for reverse in (False, True):
+            sector = lib.start_sector(leg, reverse)
+            field = sum(s * complex(math.cos(a), math.sin(a)) for s, a in (
+                (1, 2 * math.pi / 3 * high[sector]), (-1, 2 * math.pi / 3 * low[sector])))  # fmt: skip
+            ahead = math.degrees(math.atan2(field.imag, field.real)) - 120 * leg
+            assert (ahead - (-90 if reverse else 90) + 180) % 360 - 180 == pytest.approx(0, abs=1e-9)
+
+
+def test_forced_intervals_accelerate_evenly(lib: ctypes.CDLL) -> None:
+    """The sum of the intervals is the time that a constant acceleration needs: to 2 clocks or 2e-4 of it.
+
+    Verifies: FW-09
+    """
+    first = 500_000
+    total = first
+    for n in range(400):
+        total += lib.forced_interval_cycles(first, n)
+        wanted = first * math.sqrt(2 * n + 3)
+        assert total == pytest.approx(wanted, rel=2e-4, abs=2), n
+
+
+def test_limiter_bounds_by_model_and_trim(lib: ctypes.CDLL) -> None:
+    """Bound = EMF + R*I + kp*margin; the trim moves only while it binds, within half of R*I, and decays after.
+
+    Verifies: FW-10
+    """
+    gains = PiGains(Gain(*gain(20.0)), Gain(*gain(2.0)))
+    limiter = Limiter(0)
+    bound = lib.limiter_bound(ctypes.byref(limiter), ctypes.byref(gains), 10_000_000, 400_000, -500)
+    assert bound == pytest.approx(10_000_000 + 400_000 - 20 * 500, abs=2)
+    for _ in range(1000):
+        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, True)
+    assert limiter.trim_v_q25 == -200_000
+    for _ in range(1000):
+        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, False)
+    assert abs(limiter.trim_v_q25) < 64
+
+
+def test_handover_counts_plausible_crossings(lib: ctypes.CDLL) -> None:
+    """Late crossings are plausible but not clean; a wrong interval starts both counts anew; counters wrap.
+
+    Verifies: FW-11
+    """
+    h = Handover()
+    lib.handover_reset(ctypes.byref(h), 65_534, 255)
+    count, late = 65_534, 255
+
+    def step(fresh: int, more_late: int, interval: int) -> tuple[int, int]:
+        nonlocal count, late
+        count, late = (count + fresh) & 0xFFFF, (late + more_late) & 0xFF
+        lib.handover_step(ctypes.byref(h), count, late, interval, 100_000, 16_384)
+        return h.clean, h.plausible
+
+    assert step(1, 0, 100_000) == (1, 1)
+    assert step(2, 0, 124_999) == (3, 3)
+    assert step(0, 0, 500_000) == (3, 3)
+    assert step(1, 1, 100_000) == (0, 4)
+    assert step(1, 0, 75_001) == (1, 5)
+    assert step(1, 0, 74_000) == (0, 0)
+    assert step(1, 0, 126_000) == (0, 0)

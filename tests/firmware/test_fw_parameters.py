@@ -1,0 +1,216 @@
+"""Parameter schema, block, compiler and image."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from firmware_bench import INVERTER_1, MOTOR_1
+
+from fluxlock.firmware import (
+    DriveSpec,
+    InverterSpec,
+    MotorSpec,
+    ParameterBlock,
+    ParameterError,
+    build_firmware,
+    compile_parameters,
+    gain,
+    load_schema,
+    write_image,
+)
+from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS
+from fluxlock.firmware.host import HostFirmware
+from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
+
+
+def block() -> ParameterBlock:
+    """A valid block."""
+    return compile_parameters(MOTOR_1, INVERTER_1, DriveSpec())
+
+
+def boot(data: bytes) -> HostFirmware:
+    """Firmware booted on these bytes, with some ticks and a start attempt behind it."""
+    fw = HostFirmware()
+    fw.load(data)
+    fw.boot()
+    for _ in range(3):
+        fw.tick()
+    return fw
+
+
+def repacked(words: dict[str, int]) -> bytes:
+    """A block whose words were changed after the check of the writer, with a right CRC."""
+    import zlib
+
+    b = block()
+    data = bytearray(b.pack())
+    for name, value in words.items():
+        struct.pack_into("<i", data, 4 * (HEADER_WORDS + b.schema.offsets[name]), value)
+    struct.pack_into("<I", data, 12, zlib.crc32(bytes(data[16:])))
+    return bytes(data)
+
+
+def patched(offset: int, value: int) -> bytes:
+    """A block with one header word replaced."""
+    data = bytearray(block().pack())
+    struct.pack_into("<I", data, offset, value)
+    return bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (bytes(1024), "parameter_magic"),
+        (patched(4, 0x00010000), "parameter_version"),
+        (patched(8, 4), "parameter_version"),
+        (patched(12, 0x12345678), "parameter_crc"),
+        (patched(200, 77), "parameter_crc"),
+        (repacked({"pole_pairs": 0}), "parameter_range"),
+        (repacked({"duty_max_q30": 2**30 + 1}), "parameter_range"),
+        (repacked({"clock_hz": 40_000_000}), "chip"),
+    ],
+)
+def test_wrong_block_stays_in_init(data: bytes, fault: str) -> None:
+    """Every defect has its own name; the drive stays in init, keeps the gates off and refuses to start.
+
+    Verifies: FW-03
+    """
+    fw = boot(data)
+    assert fw.state == "init"
+    assert fw.command("status") == ["state init", f"fault {fault}", "ok"]
+    assert fw.command("start") == ["error: no valid parameters"]
+    assert fw.command("set speed_rpm 1000") == ["error: no valid parameters"]
+    assert fw.command("clear") == ["error: no valid parameters"]
+    for _ in range(50):
+        fw.tick()
+    assert fw.state == "init"
+    assert int(fw.registers[fw.index("safety.guard")]) & 1 == 0
+    assert int(fw.registers[fw.index("sense.scheduler")]) == 0
+
+
+def test_good_block_is_accepted() -> None:
+    """The unchanged block boots.
+
+    Verifies: FW-03
+    """
+    fw = boot(block().pack())
+    assert fw.command("get fault") == ["fault none", "ok"]
+
+
+def test_wrong_chip_is_named() -> None:
+    """Another register map version is refused.
+
+    Verifies: FW-03
+    """
+    fw = HostFirmware()
+    fw.load(block())
+    fw.registers[fw.index("sys.build")] += 1
+    fw.boot()
+    assert fw.command("get fault") == ["state init", "fault chip", "ok"]
+
+
+def test_writer_refuses_what_does_not_fit() -> None:
+    """Missing, unknown and out-of-range values have messages that name parameter and range.
+
+    Verifies: FW-12
+    """
+    b = block()
+    b.values["duty_max_q30"] = 2**30 + 1
+    with pytest.raises(ParameterError, match=r"duty_max_q30: 1073741825 is outside 536870912..1073741824"):
+        b.pack()
+    b = block()
+    del b.values["pole_pairs"]
+    with pytest.raises(ParameterError, match="pole_pairs has no value"):
+        b.pack()
+    with pytest.raises(KeyError):
+        block().update({"nonsense": 1})
+    with pytest.raises(ParameterError):
+        gain(1e12)
+
+
+def test_schema_makes_header_and_table() -> None:
+    """Header and documentation list every parameter once; the version word follows the layout.
+
+    Verifies: FW-12
+    """
+    schema = load_schema()
+    header, table = c_header(schema), markdown_table(schema)
+    for p in schema.parameters:
+        assert header.count(f" {p.name}") >= 1
+        assert table.count(f"| `{p.name}`") == 1
+        assert p.min <= p.max
+    changed = replace(schema, parameters=(*schema.parameters[1:], schema.parameters[0]))
+    assert changed.version_word != schema.version_word
+    assert 4 * (schema.words + HEADER_WORDS) <= 2048
+
+
+MOTORS = [
+    MOTOR_1,
+    MotorSpec(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0),
+    MotorSpec(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
+    MotorSpec(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0, "trapezoidal"),
+    MotorSpec(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
+    MotorSpec(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
+    MotorSpec(21, 0.2, 0.3e-3, 8e-3, 3e-3, 15.0, 600.0),
+    MotorSpec(1, 0.02, 8e-6, 0.4e-3, 5e-8, 10.0, 250_000.0),
+]
+INVERTERS = [
+    INVERTER_1,
+    InverterSpec(supply_v=12.0, voltage_full_scale_v=15.0, current_full_scale_a=30.0),
+    InverterSpec(supply_v=48.0, voltage_full_scale_v=60.0, current_full_scale_a=60.0, divider_pole_s=1e-6),
+]
+
+
+@pytest.mark.parametrize(("motor", "inverter"), list(itertools.product(MOTORS, INVERTERS)))
+def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> None:
+    """Blocks of very different machines are within the schema, and the gains mean what the formulas say.
+
+    Verifies: FW-12, FW-13
+    """
+    drive = DriveSpec(carrier_hz=30e3)
+    b = compile_parameters(motor, inverter, drive)
+    assert len(b.pack()) < 2048
+    volt = 2**25 / inverter.voltage_full_scale_v
+    k_e = motor.pole_pairs * motor.psi_vs * (2.0 if motor.emf == "trapezoidal" else 3 * math.sqrt(3) / math.pi)
+    assert b.gain("emf") * 256 * 60 / (2 * math.pi) / volt == pytest.approx(k_e, rel=1e-6)
+    # The floating voltage at hand-over is well above the converter's step.
+    w_e = b.number("handover_rpm") * math.pi / 30 * motor.pole_pairs
+    step = inverter.voltage_full_scale_v / 2**inverter.bits
+    assert (1.0 if motor.emf == "trapezoidal" else 0.75) * motor.psi_vs * w_e >= 29 * step or (
+        b.number("handover_rpm") == pytest.approx(0.3 * motor.max_speed_rpm, abs=1)
+    )
+    assert b.number("handover_rpm") < b.number("stop_rpm") < b.number("speed_max_rpm")
+    # Same acceleration in both of its units.
+    accel = b.number("start_accel_rpm_q24") / 2**24 * drive.tick_hz * math.pi / 30
+    first_s = b.number("start_first_cycles") / drive.clock_hz
+    assert 0.5 * accel * motor.pole_pairs * first_s**2 == pytest.approx(math.pi / 6, rel=1e-3)
+    assert 0.02 <= b.number("align_ticks") / drive.tick_hz <= 0.6
+
+
+def test_image_carries_the_block(tmp_path: Path) -> None:
+    """16384 words of hex: the code from the reset vector, the block at its address, telemetry area clear.
+
+    Verifies: FW-01, FW-12
+    """
+    image = build_firmware()
+    assert image == build_firmware()
+    code = image.read_bytes()
+    assert len(code) < 32 * 1024
+    assert code[:0x80] == bytes(0x80)
+    path = write_image(tmp_path / "ram.hex", image, block())
+    words = [int(line, 16) for line in path.read_text().split()]
+    assert len(words) == RAM_WORDS
+    data = struct.pack(f"<{RAM_WORDS}I", *words)
+    assert data[: len(code)] == code
+    packed = block().pack()
+    assert data[BLOCK_ADDRESS : BLOCK_ADDRESS + len(packed)] == packed
+    assert not any(data[0xF800:])
+    too_long = tmp_path / "long.bin"
+    too_long.write_bytes(bytes(BLOCK_ADDRESS + 4))
+    with pytest.raises(ParameterError, match="reach into the parameter block"):
+        write_image(tmp_path / "x.hex", too_long, block())
