@@ -11,8 +11,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
-from fluxlock.paths import ROOT
 from numpy.typing import NDArray
+
+from fluxlock.paths import ROOT
 
 Dut: TypeAlias = Any  # handles are found by name at run time
 

@@ -11,7 +11,6 @@ import random
 import cocotb
 import numpy as np
 import pytest
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.pwm.chain import (
     COMM_TO_GATE,
@@ -32,6 +31,7 @@ from cocotb_tests.pwm.chain import (
     pulse,
     runs,
 )
+from fluxlock.cosim.block import run_block_test
 
 PERIOD = 100
 PATTERNS = (RSC, NSC, CSC)
@@ -87,9 +87,7 @@ async def extremes_have_no_edges(dut: Dut) -> None:
         trace = await tb.run(20 * PERIOD, drive)
         if level is not None:
             tail = trace.pulse[2 * PERIOD :]
-            assert np.all(tail == level), (
-                f"duty {duty_q8}: {np.count_nonzero(tail != level)} clocks off {level}"
-            )
+            assert np.all(tail == level), f"duty {duty_q8}: {np.count_nonzero(tail != level)} clocks off {level}"
             edges = np.count_nonzero(np.diff(trace.pulse))
             assert edges <= (1 if level else 2), f"duty {duty_q8}: {edges} edges after the change"
 
@@ -114,23 +112,17 @@ async def settings_wait_for_update_and_carrier_start(dut: Dut) -> None:
     tb = Chain(dut)
     await tb.start(period=PERIOD, duty_q8=40 * 256)
     await align(tb, PERIOD)
-    trace = await tb.run(
-        5 * PERIOD, {10: {"cfg_duty_q8_i": 60 * 256, "cfg_period_i": 150, "cfg_min_pulse_i": 30}}
-    )
+    trace = await tb.run(5 * PERIOD, {10: {"cfg_duty_q8_i": 60 * 256, "cfg_period_i": 150, "cfg_min_pulse_i": 30}})
     assert {(n, on) for _, n, on in carriers(trace)} == {(PERIOD, 40)}, "changed without update"
     for lead in range(1, 12):
         new_period, new_duty = (150, 60) if lead % 2 else (PERIOD, 40)
         old_period, old_duty = (PERIOD, 40) if lead % 2 else (150, 60)
         await align(tb, old_period)
-        drive: Drive = {
-            0: {"cfg_duty_q8_i": new_duty * 256, "cfg_period_i": new_period, "cfg_min_pulse_i": 5}
-        }
+        drive: Drive = {0: {"cfg_duty_q8_i": new_duty * 256, "cfg_period_i": new_period, "cfg_min_pulse_i": 5}}
         pulse(drive, [old_period - lead], "update_i")
         rows = [(n, on) for _, n, on in carriers(await tb.run(5 * 150 + 1, drive))]
         old_carriers = 1 if lead >= 4 else 2  # the update needs 4 clocks to reach a carrier start
-        expected = [(old_period, old_duty)] * old_carriers + [(new_period, new_duty)] * (
-            len(rows) - old_carriers
-        )
+        expected = [(old_period, old_duty)] * old_carriers + [(new_period, new_duty)] * (len(rows) - old_carriers)
         assert rows == expected, f"update {lead} clocks before the carrier start: {rows}"
 
 
@@ -175,13 +167,9 @@ async def commutation_instant(dut: Dut, pattern: int) -> None:
     assert phases == set(range(PERIOD)), "the stimulus does not cover every phase"
     if pattern == RSC:
         for c, a in zip(comms, applied, strict=True):
-            assert a == starts[starts > c][0], (
-                f"commutation at {c} applied at {a}, not at the next carrier start"
-            )
+            assert a == starts[starts > c][0], f"commutation at {c} applied at {a}, not at the next carrier start"
     else:
-        assert np.array_equal(applied, np.array(comms) + 1), (
-            "sector register not one clock after comm_valid_i"
-        )
+        assert np.array_equal(applied, np.array(comms) + 1), "sector register not one clock after comm_valid_i"
         assert np.all(np.diff(trace.sector)[np.array(comms)] != 0)
         # Gates: the switch that the new sector adds to the old one turns on two clocks after comm_valid_i.
         for c in comms:
@@ -232,9 +220,7 @@ async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
             applied = np.flatnonzero(trace.comm_applied)
             assert len(applied) == len(instants)
             if pattern != RSC:
-                assert np.array_equal(applied, np.array(instants) - COMM_TO_GATE + 1), (
-                    "a commutation was moved"
-                )
+                assert np.array_equal(applied, np.array(instants) - COMM_TO_GATE + 1), "a commutation was moved"
             where = f"duty {duty_q8 / 256}, reverse {reverse}"
             for x in range(3):
                 for upper in (True, False):

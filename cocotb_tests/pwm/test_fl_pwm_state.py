@@ -7,10 +7,10 @@ from itertools import product
 
 import cocotb
 import numpy as np
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.pwm.chain import CSC, MANUAL, NSC, OFF, RSC, SIX_STEP, SOURCES, Chain, Drive, Dut, pulse
 from cocotb_tests.pwm.test_fl_sequencer import SECTORS
+from fluxlock.cosim.block import run_block_test
 
 PERIOD = 90
 
@@ -44,9 +44,7 @@ async def state_describes_the_gates(dut: Dut, commutation: int, sync_rect: int) 
             assert trace.state_sector[i] == sector
             assert trace.on[i] == (trace.gate[i] == gates_of(sector)), f"duty {duty}, clock {i}"
             since_comm = i - int(applied[applied <= i][-1])
-            assert trace.comm_age[i] == since_comm, (
-                f"clock {i}: comm_age {trace.comm_age[i]}, not {since_comm}"
-            )
+            assert trace.comm_age[i] == since_comm, f"clock {i}: comm_age {trace.comm_age[i]}, not {since_comm}"
             since = changed[changed <= i]
             if since.size:
                 assert trace.age[i] == i - int(since[-1]), f"clock {i}: age {trace.age[i]}"
@@ -62,9 +60,7 @@ async def on_means_exactly_the_two_gates(dut: Dut) -> None:
     for a, b, c in product((0, high, low), repeat=3):
         await tb.update(manual=a | b << 3 | c << 6)
         trace = await tb.run(PERIOD, {})
-        assert trace.state_sector[-1] == 0 and trace.gate[-1] == sum(
-            v << 2 * x for x, v in enumerate((a, b, c))
-        )
+        assert trace.state_sector[-1] == 0 and trace.gate[-1] == sum(v << 2 * x for x, v in enumerate((a, b, c)))
         assert trace.on[-1] == ((a, b, c) == (high, low, 0)), f"legs {a, b, c}: on = {trace.on[-1]}"
 
 

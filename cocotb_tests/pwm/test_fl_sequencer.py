@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import cocotb
 import numpy as np
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.pwm.chain import (
     CSC,
@@ -26,6 +25,7 @@ from cocotb_tests.pwm.chain import (
     Dut,
     pulse,
 )
+from fluxlock.cosim.block import run_block_test
 
 SECTORS = ["A+B-", "A+C-", "B+C-", "B+A-", "C+A-", "C+B-"]
 PERIOD = 60
@@ -58,9 +58,7 @@ async def patterns(dut: Dut, pattern: int, reverse: int, start_sector: int) -> N
     previous: set[str] = set()
     for k, sector in enumerate(expected_sector):
         window = range(k * 2 * PERIOD + 1, (k + 1) * 2 * PERIOD)
-        assert {int(trace.sector[i]) for i in window} == {sector}, (
-            f"visit {k}: sectors {expected_sector[: k + 1]}"
-        )
+        assert {int(trace.sector[i]) for i in window} == {sector}, f"visit {k}: sectors {expected_sector[: k + 1]}"
         on = {frozenset(requested(trace.req_h[i], trace.req_l[i])) for i in window if trace.pulse[i]}
         off = {frozenset(requested(trace.req_h[i], trace.req_l[i])) for i in window if not trace.pulse[i]}
         switches = conducting(sector)
@@ -136,9 +134,7 @@ async def manual_commands(dut: Dut, sync_rect: int) -> None:
                     for name, c in zip("ABC", codes, strict=True)
                     for sign in by_code.get(c, ("", ""))[0 if trace.pulse[i] else 1]
                 }
-                assert requested(trace.req_h[i], trace.req_l[i]) == expected, (
-                    f"codes {codes}, pulse {trace.pulse[i]}"
-                )
+                assert requested(trace.req_h[i], trace.req_l[i]) == expected, f"codes {codes}, pulse {trace.pulse[i]}"
             assert not np.any(trace.comm_applied) and np.all(trace.active)
 
 

@@ -11,6 +11,7 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
+
 from fluxlock.cosim.block import run_block_test
 
 Dut: TypeAlias = Any  # handles are found by name at run time
@@ -72,9 +73,7 @@ class GuardTb:
             self.polarity = (x["high_active_low_i"], x["low_active_low_i"])
         gate, pin_h, pin_l = 0, 0, 0
         for i, leg in enumerate(self.legs):
-            h, low = leg.step(
-                bool(x["req_h_i"] >> i & 1), bool(x["req_l_i"] >> i & 1), allowed, x["dead_time_i"]
-            )
+            h, low = leg.step(bool(x["req_h_i"] >> i & 1), bool(x["req_l_i"] >> i & 1), allowed, x["dead_time_i"])
             gate |= h << (2 * i) | low << (2 * i + 1)
             pin_h |= (h ^ self.polarity[0]) << i
             pin_l |= (low ^ self.polarity[1]) << i

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 

@@ -12,6 +12,7 @@ from typing import Any
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+
 from fluxlock.cosim.block import run_block_test
 
 OFF, CONTINUOUS, CARRIER, ONCE = range(4)
@@ -147,9 +148,7 @@ async def once_a_carrier(dut: Any, offset: int) -> None:
     starts.pop()
     got = await tb.run(8000, set(starts))
     ends = [*starts[1:], 8000]
-    assert got == [
-        s + START_TO_STROBE + offset for s, end in zip(starts, ends, strict=True) if s + offset < end
-    ]
+    assert got == [s + START_TO_STROBE + offset for s, end in zip(starts, ends, strict=True) if s + offset < end]
 
 
 @cocotb.test()

@@ -13,6 +13,7 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
+
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -70,9 +71,7 @@ class TB:
         return self.phases <= channel < 2 * self.phases or channel == 2 * self.phases + 1
 
     def expected(self, codes: Sequence[int]) -> list[int]:
-        return [
-            correct(code, self.offsets[c], self.gains[c], self.is_current(c)) for c, code in enumerate(codes)
-        ]
+        return [correct(code, self.offsets[c], self.gains[c], self.is_current(c)) for c, code in enumerate(codes)]
 
     def configure(self) -> None:
         self.dut.cfg_offset_i.value = pack(self.offsets, 18)
@@ -150,12 +149,8 @@ async def correction_is_exact(dut: Any) -> None:
     for _ in range(400):
         for c in range(tb.channels):
             usual = 2048 * 16 if tb.is_current(c) else 0
-            tb.offsets[c] = rng.choice(
-                [usual, usual + rng.randrange(-800, 800), rng.randrange(-(1 << 17), 1 << 17)]
-            )
-            tb.gains[c] = rng.choice(
-                [0x8000, rng.randrange(0x7000, 0x9000), 0, 0xFFFF, rng.randrange(1 << 16)]
-            )
+            tb.offsets[c] = rng.choice([usual, usual + rng.randrange(-800, 800), rng.randrange(-(1 << 17), 1 << 17)])
+            tb.gains[c] = rng.choice([0x8000, rng.randrange(0x7000, 0x9000), 0, 0xFFFF, rng.randrange(1 << 16)])
         tb.configure()
         codes = tb.random_codes(rng)
         got = await tb.convert(codes)
@@ -422,9 +417,7 @@ async def sums_saturate(dut: Any, code: int) -> None:
 @pytest.mark.parametrize("phases", [3, 5])
 def test_fl_sense(phases: int) -> None:
     """Sensing block test, builds for three and five phases."""
-    run_block_test(
-        "fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], __name__, parameters={"Phases": phases}
-    )
+    run_block_test("fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], __name__, parameters={"Phases": phases})
 
 
 def test_assertions_are_alive(capfd: pytest.CaptureFixture[str]) -> None:
@@ -433,7 +426,5 @@ def test_assertions_are_alive(capfd: pytest.CaptureFixture[str]) -> None:
     Verifies: SENSE-05
     """
     with pytest.raises(Exception):  # noqa: B017 - whatever the runner makes of a simulator that stopped
-        run_block_test(
-            "fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], "cocotb_tests.sense.too_close"
-        )
+        run_block_test("fl_sense", ["sense/fl_auto_zero.sv", "sense/fl_sense.sv"], "cocotb_tests.sense.too_close")
     assert "sample sets closer than Channels + 3 clocks" in "".join(capfd.readouterr())

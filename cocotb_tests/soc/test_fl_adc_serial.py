@@ -8,9 +8,9 @@ from typing import Any
 import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, First, RisingEdge, Timer
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import CLOCK_NS, Bench
+from fluxlock.cosim.block import run_block_test
 
 FRAME_CYCLES, QUIET_CYCLES = 29, 2
 ACCESS_NS = 20  # from the falling edge to the new bit: the slowest that constraints/ allows

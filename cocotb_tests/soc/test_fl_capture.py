@@ -8,9 +8,9 @@ from typing import Any
 
 import cocotb
 import pytest
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
 
 CONTROL, LANES, STATUS, READ_ADDRESS, DATA = 0x00, 0x04, 0x08, 0x0C, 0x10
 NOW, TRIP, COMMUTATION, SECTOR0 = range(4)

@@ -8,9 +8,9 @@ from typing import Any
 
 import cocotb
 import pytest
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
 
 
 @cocotb.test

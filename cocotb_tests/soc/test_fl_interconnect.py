@@ -6,9 +6,9 @@ import random
 from typing import Any
 
 import cocotb
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
 
 BLOCKS = 10
 DECODED = 4  # address bits that a block decodes in this build
@@ -31,9 +31,7 @@ async def access(bench: Bench, adr: int, write: int | None) -> tuple[int, int, l
         strobes.append(int(dut.stb_o.value))
         request = int(dut.req_o.value)
         if strobes[-1]:
-            assert request == (int(dut.we_i.value) << 48 | (adr & 0xFFF) << 36 | (write or 0) << 4 | 0xF), (
-                hex(request)
-            )
+            assert request == (int(dut.we_i.value) << 48 | (adr & 0xFFF) << 36 | (write or 0) << 4 | 0xF), hex(request)
         await bench.clocks()
         if dut.ack_o.value == 1:
             break

@@ -6,9 +6,9 @@ import random
 from typing import Any
 
 import cocotb
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench, request
+from fluxlock.cosim.block import run_block_test
 
 PENDING, ENABLE, ROUTE, OVERRUN = range(0, 0x10, 4)
 TICK = 0
@@ -100,6 +100,4 @@ def test_fl_irq() -> None:
 
     Verifies: SOC-04, SOC-05
     """
-    run_block_test(
-        "fl_irq_wb", ["soc/fl_bus_pkg.sv", "soc/fl_irq.sv", "soc/fl_irq_wb.sv"], __name__, registers=["irq"]
-    )
+    run_block_test("fl_irq_wb", ["soc/fl_bus_pkg.sv", "soc/fl_irq.sv", "soc/fl_irq_wb.sv"], __name__, registers=["irq"])

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import cocotb
-from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import BUILD
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
+from fluxlock.paths import BUILD
 
 WORDS = 64
 

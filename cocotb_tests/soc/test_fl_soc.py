@@ -10,13 +10,13 @@ from typing import Any
 
 import cocotb
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
+
+from cocotb_tests.soc.bench import Bench
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
 from fluxlock.paths import BUILD, GENERATED, RTL, content_hash
-
-from cocotb_tests.soc.bench import Bench
 
 HERE = Path(__file__).parent
 CHANNELS, RAM_WORDS = 9, 16384
@@ -80,9 +80,7 @@ class Chip:
             if self.mailbox(DONE) == 0x600D600D:
                 await FallingEdge(self.dut.clk_i)
                 return
-        raise AssertionError(
-            f"the program did not finish; mailbox {[hex(self.mailbox(i)) for i in range(32)]}"
-        )
+        raise AssertionError(f"the program did not finish; mailbox {[hex(self.mailbox(i)) for i in range(32)]}")
 
 
 @cocotb.test
@@ -97,9 +95,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     assert found[12] == 0x12AB5678, f"byte write: {found[12]:#x}"
     assert 2 <= found[13] <= 60, f"{found[13]} clocks between two reads of the time"
     assert found[14] == 0, f"unmapped addresses read {found[14]:#x}"
-    assert found[15] == 0x600DF00D and found[16] == found[0], (
-        "a write to an unmapped address landed somewhere"
-    )
+    assert found[15] == 0x600DF00D and found[16] == found[0], "a write to an unmapped address landed somewhere"
     assert found[17] == 0, f"{found[17]} wrong words in RAM"
     ticks, loads, preempted, other, latency, overruns = found[18:24]
     assert (ticks, other, overruns) == (20, 0, 0), f"ticks, other causes, overruns: {ticks, other, overruns}"
@@ -126,9 +122,7 @@ async def commutation_reaches_the_gates_at_its_instant(dut: Any) -> None:
         if int(dut.gate_o.value) != gates:
             gates = changes[now] = int(dut.gate_o.value)
         high, low = int(dut.gate_h_o.value), int(dut.gate_l_o.value)
-        assert [high >> x & 1 | (low >> x & 1) << 1 for x in range(3)] == [
-            gates >> 2 * x & 3 for x in range(3)
-        ]
+        assert [high >> x & 1 | (low >> x & 1) << 1 for x in range(3)] == [gates >> 2 * x & 3 for x in range(3)]
     assert len(schedule) >= 8
     assert [b[0] - a[0] for a, b in itertools.pairwise(schedule)] == [3000] * (len(schedule) - 1)
     for instant, sector in schedule[1:-1]:
@@ -155,10 +149,7 @@ async def faults_turn_the_gates_off(dut: Any) -> None:
         for _ in range(20000):
             await FallingEdge(dut.clk_i)
             # Early in a pulse, so that the carrier is not what turns them off.
-            if (
-                int(dut.gate_o.value).bit_count() == 2
-                and dut.u_pwm.u_carrier.count_o.value.to_unsigned() == 60
-            ):
+            if int(dut.gate_o.value).bit_count() == 2 and dut.u_pwm.u_carrier.count_o.value.to_unsigned() == 60:
                 return
         raise AssertionError("gates do not come back after the trip is cleared")
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import cocotb
 from cocotb.triggers import FallingEdge
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
 
 TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD = range(0, 0x18, 4)
 
@@ -19,9 +19,7 @@ class Events:
 
     def __init__(self, dut: Any) -> None:
         self.dut = dut
-        self.times: dict[str, list[int]] = {
-            name: [] for name in ("tick_o", "update_o", "machine_o", "load_o")
-        }
+        self.times: dict[str, list[int]] = {name: [] for name in ("tick_o", "update_o", "machine_o", "load_o")}
         cocotb.start_soon(self._run())
 
     async def _run(self) -> None:

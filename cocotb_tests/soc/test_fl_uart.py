@@ -8,9 +8,9 @@ from typing import Any
 import cocotb
 import pytest
 from cocotb.triggers import FallingEdge, Timer
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.soc.bench import CLOCK_NS, Bench
+from fluxlock.cosim.block import run_block_test
 
 BIT_TIME, TX, RX, STATUS = range(0, 0x10, 4)
 TX_READY, RX_VALID, TX_IDLE = 1, 2, 4

@@ -94,8 +94,6 @@ class Motor:
             clamped = True
             v = self.rng.choice([-0.02, 1.02]) * self.vdc
         return (
-            Sample(
-                t, self.quantise(v), self.quantise(self.vdc), on, sector, age, min(int(since_comm), 65535)
-            ),
+            Sample(t, self.quantise(v), self.quantise(self.vdc), on, sector, age, min(int(since_comm), 65535)),
             clamped,
         )

@@ -16,6 +16,7 @@ from typing import Any
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, Timer
+
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -507,12 +508,7 @@ async def missed_crossings(dut: Any, timeout: int) -> None:
     await tb.until(wanted + 5)
     assert tb.comms[-1] == Commutation(wanted, wanted, False)
     snap = await tb.snapshot()
-    assert (
-        snap["misses"] == 0
-        and snap["timeouts"] == 2
-        and snap["interval"] == interval
-        and snap["crossings"] == 5
-    )
+    assert snap["misses"] == 0 and snap["timeouts"] == 2 and snap["interval"] == interval and snap["crossings"] == 5
     assert tb.lost == []
 
 

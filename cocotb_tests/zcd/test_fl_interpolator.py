@@ -11,6 +11,7 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
+
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -34,9 +35,7 @@ async def quotient_is_exact(dut: Any) -> None:
     await Timer(CLOCK_NS, "ns")
 
     def draw(bits: int) -> int:
-        return rng.choice(
-            [0, 1, (1 << bits) - 1, rng.randrange(1 << bits), rng.randrange(1 << rng.randint(1, bits))]
-        )
+        return rng.choice([0, 1, (1 << bits) - 1, rng.randrange(1 << bits), rng.randrange(1 << rng.randint(1, bits))])
 
     for _ in range(1500):
         gap, before, after = draw(time_bits), draw(value_bits), draw(value_bits)

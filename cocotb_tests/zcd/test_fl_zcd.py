@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any
 
 import cocotb
-from fluxlock.cosim.block import run_block_test
 
 from cocotb_tests.zcd.six_step_motor import LSB, Motor
 from cocotb_tests.zcd.zcd_bench import (
@@ -23,6 +22,7 @@ from cocotb_tests.zcd.zcd_bench import (
     Settings,
     signed,
 )
+from fluxlock.cosim.block import run_block_test
 
 
 def error_bound(motor: Motor, valid: list[int], visit: int) -> float:
@@ -64,9 +64,7 @@ async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> li
             and not clamped
             and s.age >= settings.settle
             and i >= settings.need_previous
-            and all(
-                not c and p.on and s.time - p.time <= s.age for p, c in row[i - settings.need_previous : i]
-            )
+            and all(not c and p.on and s.time - p.time <= s.age for p, c in row[i - settings.need_previous : i])
         ]
         true = motor.crossing(visit)
         assert len(new) <= 1, f"visit {visit}: {len(new)} crossings"
@@ -75,16 +73,12 @@ async def run_motor(tb: TB, motor: Motor, settings: Settings, visits: int) -> li
             continue
         bound = error_bound(motor, valid, visit)
         if not new:
-            assert valid[-1] < true + bound, (
-                f"visit {visit}: crossing at {true}, valid up to {valid[-1]}, none found"
-            )
+            assert valid[-1] < true + bound, f"visit {visit}: crossing at {true}, valid up to {valid[-1]}, none found"
             continue
         error = signed((new[0].time - round(true)) & MASK32, 32)
         assert new[0].sector == row[0][0].sector
         if new[0].late:
-            assert new[0].time == valid[0] & MASK32 and valid[0] > true - bound, (
-                f"visit {visit}: late, {error} clocks"
-            )
+            assert new[0].time == valid[0] & MASK32 and valid[0] > true - bound, f"visit {visit}: late, {error} clocks"
             continue
         assert valid[0] < true + bound
         assert abs(error) <= bound, f"visit {visit}: off by {error} clocks, bound {bound:.1f}, {motor}"
@@ -232,9 +226,7 @@ async def overridden_crossing(dut: Any, direction: int) -> None:
         for visit, crossing in enumerate(late, 2):
             back = crossing.time - math.asin(abs(crossing.value) / motor.amplitude) / rad_per_clock
             error_deg = (back - motor.crossing(visit)) * 60.0 / motor.sector_clocks
-            assert abs(error_deg) <= 0.15, (
-                f"freewheel {freewheel}: computed back with {error_deg:.3f} degrees"
-            )
+            assert abs(error_deg) <= 0.15, f"freewheel {freewheel}: computed back with {error_deg:.3f} degrees"
     tb.check_counters()
 
 

@@ -98,14 +98,10 @@ def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
 @app.command()
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for results, default build/<name of the file>.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for results, default build/<name of the file>.")] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."
-        ),
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the noise.")] = None,
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST file of the chip's signals.")] = False,
@@ -170,9 +166,7 @@ def motor_info(
             )
         )
         return
-    table = Table(
-        title=f"{motor.name}: {motor.description}" if motor.description else motor.name, title_justify="left"
-    )
+    table = Table(title=f"{motor.name}: {motor.description}" if motor.description else motor.name, title_justify="left")
     for header, side in (("quantity", "left"), ("value", "right"), ("unit", "left")):
         table.add_column(header, justify="right" if side == "right" else "left")
     for name, info in type(motor).model_fields.items():

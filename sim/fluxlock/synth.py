@@ -149,8 +149,8 @@ def synthesize(config: Configuration, folder: Path) -> dict[str, int]:
     except SynthesisError as error:
         text = log.read_text(errors="replace")
         if "Assertion failed" in text and "selection is not empty" in text:
-            found = re.findall(r"^\S+/\S+$", text, re.MULTILINE)
-            raise SynthesisError(f"{config.name}: latches inferred: {', '.join(sorted(set(found)))}") from error
+            found = ", ".join(sorted(set(re.findall(r"^\S+/\S+$", text, re.MULTILINE))))
+            raise SynthesisError(f"{config.name}: latches inferred: {found}") from error
         raise
     counts = json.loads((folder / "stat.json").read_text())["design"]["num_cells_by_type"]
     return {str(name): int(count) for name, count in counts.items()}
@@ -188,9 +188,7 @@ def critical_path(report: dict[str, Any]) -> list[str]:
 
 def tool_version(tool: str) -> str:
     """First line that a tool prints for its version."""
-    done = subprocess.run(
-        [tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False)
     return (done.stdout + done.stderr).strip().splitlines()[0].strip('"')
 
 
@@ -203,9 +201,7 @@ def build(config: Configuration, seed: int = 1) -> Result:
     report = place_and_route(config, folder, seed)
     fmax = min(float(clock["achieved"]) for clock in report["fmax"].values())
     used = {
-        name: round(100.0 * u["used"] / u["available"], 1)
-        for name, u in report["utilization"].items()
-        if u["used"]
+        name: round(100.0 * u["used"] / u["available"], 1) for name, u in report["utilization"].items() if u["used"]
     }
     return Result(
         description=config.description,

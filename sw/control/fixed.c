@@ -65,20 +65,15 @@ uint64_t div_u64(uint64_t n, uint32_t d) {
   return ((uint64_t)q_high << 32) | div_sat_u32(((uint64_t)rest << 32) | (uint32_t)n, d);
 }
 
-uint32_t sqrt_u64(uint64_t n) {
-  uint64_t root = 0;
-  uint64_t bit = (uint64_t)1 << 62;
-  while (bit > n) {
-    bit >>= 2;
-  }
-  while (bit != 0u) {
-    if (n >= root + bit) {
-      n -= root + bit;
-      root = (root >> 1) + bit;
-    } else {
-      root >>= 1;
+uint32_t sqrt_u32(uint32_t n) {
+  uint32_t root = 0;
+  for (uint32_t bit = 1u << 30; bit != 0u; bit >>= 2) {
+    const uint32_t trial = root + bit;
+    root >>= 1;
+    if (n >= trial) {
+      n -= trial;
+      root += bit;
     }
-    bit >>= 2;
   }
-  return (uint32_t)root;
+  return root;
 }

@@ -63,7 +63,7 @@ uint32_t div_sat_u32(uint64_t n, uint32_t d);
 // floor(n / d), d > 0, and the full 64-bit quotient. About 200 clocks.
 uint64_t div_u64(uint64_t n, uint32_t d);
 
-// floor(sqrt(n)). About 500 clocks; not for every tick.
-uint32_t sqrt_u64(uint64_t n);
+// floor(sqrt(n)). About 140 clocks.
+uint32_t sqrt_u32(uint32_t n);
 
 #endif

@@ -23,8 +23,9 @@ HOT int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24,
   ramp->carry_q16 = step_q24 & 0xFFFFu;
   next = (next > end) ? end : next;
   if (next > farthest) {
+    ramp->carry_q16 = 0;
     next = (start > farthest) ? start : farthest;
   }
   ramp->value_rpm_q8 = direction * next;
-  return (next > start || ramp->carry_q16 != 0u) ? direction : 0;
+  return direction;
 }

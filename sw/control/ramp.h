@@ -16,7 +16,7 @@ typedef struct {
 void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8);
 
 // One step. step_rpm_q24 > 0: largest change; window_rpm_q8: largest lead over the measured speed. Speeds below
-// 2^29 (2 million r/min). Returns the direction in which the reference moves: -1, 0, +1. About 40 clocks.
+// 2^29 (2 million r/min). Returns the direction toward the target, 0 there: -1, 0, +1. About 40 clocks.
 int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
                   int32_t window_rpm_q8);
 

@@ -2,14 +2,20 @@
 
 #include "control/fixed.h"
 
+// Longer ramps go on with the interval of this commutation.
+#define COMMUTATION_MAX 32000u
+
 uint32_t start_sector(uint32_t leg, bool reverse) {
   // Forward: 330 + 60 k = 120 leg + 90, so k = 2 leg + 2. Reverse: 330 + 60 k = 120 leg - 90, so k = 2 leg + 5.
   return (2u * leg + (reverse ? 5u : 2u)) % 6u;
 }
 
+// sqrt(odd) in Q10, odd < 2^16: ten bits below the point while they fit, eight above.
+static uint32_t root_q10(uint32_t odd) {
+  return (odd < 4096u) ? sqrt_u32(odd << 20) : sqrt_u32(odd << 16) << 2;
+}
+
 uint32_t forced_interval_cycles(uint32_t first_cycles, uint32_t commutation) {
-  const uint64_t odd = 2u * (uint64_t)commutation + 1u;
-  const uint64_t sum_q16 = (uint64_t)sqrt_u64(odd << 32) + sqrt_u64((odd + 2u) << 32);
-  const uint32_t divisor = (sum_q16 > UINT32_MAX) ? UINT32_MAX : (uint32_t)sum_q16;
-  return div_sat_u32((uint64_t)first_cycles << 17, divisor);
+  const uint32_t odd = 2u * ((commutation < COMMUTATION_MAX) ? commutation : COMMUTATION_MAX) + 1u;
+  return div_sat_u32((uint64_t)first_cycles << 11, root_q10(odd) + root_q10(odd + 2u));
 }

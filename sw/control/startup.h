@@ -15,7 +15,7 @@
 uint32_t start_sector(uint32_t leg, bool reverse);
 
 // Interval from forced commutation n to n + 1: t_1 * (sqrt(2 n + 3) - sqrt(2 n + 1)), computed without
-// cancellation as 2 t_1 / (sqrt(2 n + 3) + sqrt(2 n + 1)). first_cycles = t_1. About 1300 clocks.
+// cancellation as 2 t_1 / (sqrt(2 n + 3) + sqrt(2 n + 1)), to 1e-3. first_cycles = t_1 < 2^24. About 500 clocks.
 uint32_t forced_interval_cycles(uint32_t first_cycles, uint32_t commutation);
 
 #endif

@@ -13,6 +13,7 @@
 #define SILENT_TICKS 3u
 // Ticks after a clear in which the latched trips may still be the old ones.
 #define CLEAR_TICKS 2u
+#define MISSES_BEFORE_TRIP 2u
 #define MID_CODE_Q4 (2048 * 16)
 // Trips that mean nothing while the gates are off anyway.
 #define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
@@ -186,6 +187,14 @@ COLD static void lost_lock(drive_t *drive) {
   }
 }
 
+// A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
+// consequence, not a fault of its own.
+static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
+  const bool over_current = fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
+  const bool on_crossings = drive->command.timer == COMMUTATION_ZCD;
+  return fault == FAULT_LOST_LOCK || (over_current && on_crossings && in->misses >= MISSES_BEFORE_TRIP);
+}
+
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
 COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   const bool clearing = drive->state == STATE_STARTING && drive->phase == START_COAST && drive->state_ticks <= CLEAR_TICKS;
@@ -197,7 +206,7 @@ COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
     return false;
   }
   const fault_t fault = fault_of_trip(causes);
-  if (fault == FAULT_LOST_LOCK) {
+  if (means_lost_lock(drive, in, fault)) {
     lost_lock(drive);
   } else {
     drive_enter_fault(drive, fault);

@@ -32,7 +32,12 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
   const int32_t ratio_q16 = clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16);
   if (group == 1u) {
     const gain_t resistance = {interpolate(p->resistance_low, p->resistance_high, ratio_q16), p->resistance_shift};
-    g->resistive_v_q25 = gain_apply(drive->settings.current_limit_q17, resistance);
+    // The DC-link current is the machine's current times the duty.
+    const uint32_t duty_q14 = ((uint32_t)drive->duty_q30 >> 16) + 1u;
+    const uint32_t dc_as_motor_q17 = ((uint32_t)drive->settings.dc_limit_q17 << 14) / duty_q14;
+    const uint32_t limit_q17 = (uint32_t)drive->settings.current_limit_q17;
+    g->resistive_v_q25 =
+        gain_apply((int32_t)((dc_as_motor_q17 < limit_q17) ? dc_as_motor_q17 : limit_q17), resistance);
     return;
   }
   const int32_t scale_q16 =
@@ -40,7 +45,8 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
   if (group == 2u) {
     g->kp_full = (gain_t){interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16), p->speed_kp_shift};
     g->pi.kp = (gain_t){mul_q16(g->kp_full.mant, scale_q16), p->speed_kp_shift};
-    g->acceleration_v_q25 = gain_apply(drive->settings.accel_rpm_q8, g->kp_full);
+    // More than the current limit allows would only be unwound again by the integral.
+    g->acceleration_v_q25 = lesser(gain_apply(drive->settings.accel_rpm_q8, g->kp_full), g->resistive_v_q25);
   } else {
     const int32_t ki = interpolate(p->speed_ki_low, p->speed_ki_high, ratio_q16);
     g->pi.ki = (gain_t){mul_q16(ki, scale_q16), p->speed_ki_shift};

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+
 from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, PlantEventKind, RunData
 
 CLOCK_HZ = 50e6
@@ -24,9 +25,7 @@ def emf(theta: float, phase: int, direction: float) -> float:
 
 def best_sector(theta: float, direction: float) -> int:
     """Sector whose line EMF is largest: the one that should conduct."""
-    return max(
-        range(6), key=lambda s: emf(theta, PAIRS[s][0], direction) - emf(theta, PAIRS[s][1], direction)
-    )
+    return max(range(6), key=lambda s: emf(theta, PAIRS[s][0], direction) - emf(theta, PAIRS[s][1], direction))
 
 
 def floating(sector: int) -> int:
@@ -155,9 +154,7 @@ def make_run(drive: Drive) -> RunData:
     zoom = np.zeros(0, RECORD_DTYPE)
     if drive.zoom_s is not None:
         low, high = (t * clock for t in drive.zoom_s)
-        edges = np.array(
-            [row[0] for row in log if row[1] == LogKind.GATES and low <= row[0] < high], dtype=np.float64
-        )
+        edges = np.array([row[0] for row in log if row[1] == LogKind.GATES and low <= row[0] < high], dtype=np.float64)
         at = np.unique(np.concatenate([np.arange(low, high, 50.0), edges - 1, edges]))
         zoom = _records(drive, at, commutations, log)
     event_array = np.array(sorted(events), dtype=PLANT_EVENT_DTYPE)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from fluxlock.analysis.angles import AngleTrack
 from fluxlock.analysis.metrics import Analysis, gate_change_cycles, judge, lookup, trips
 from fluxlock.analysis.rundata import RECORD_DTYPE, TRIP_CAUSES, LogKind, load_trace, save_trace
 from fluxlock.config.scenario import METRICS, Expect
 from fluxlock.paths import RTL
-
 from tests.analysis.synthetic import Drive, make_run
 
 ANGLE_TOL_DEG = 0.01
@@ -39,9 +39,7 @@ def test_ideal_run_has_no_error(speed: float) -> None:
     for name in ("zcp_error_deg", "commutation_error_deg"):
         assert m[name]["max"] < ANGLE_TOL_DEG, m[name]
     for name in ("sector_interval_deg", "commutation_interval_deg"):
-        assert (
-            abs(m[name]["min"] - 60) < 2 * ANGLE_TOL_DEG and abs(m[name]["max"] - 60) < 2 * ANGLE_TOL_DEG
-        ), m[name]
+        assert abs(m[name]["min"] - 60) < 2 * ANGLE_TOL_DEG and abs(m[name]["max"] - 60) < 2 * ANGLE_TOL_DEG, m[name]
     assert m["late_crossings"] == 0
 
 
@@ -118,9 +116,7 @@ def test_freewheel_without_extinction() -> None:
     Verifies: FRONT-12
     """
     data = make_run(Drive(freewheel_deg=None))
-    assert Analysis(data).window(0.002, 0.018)["freewheel_deg"]["mean"] == pytest.approx(
-        60.0, abs=2 * ANGLE_TOL_DEG
-    )
+    assert Analysis(data).window(0.002, 0.018)["freewheel_deg"]["mean"] == pytest.approx(60.0, abs=2 * ANGLE_TOL_DEG)
     for name in ("ia", "ib", "ic"):
         data.records[name] = 0.0
     assert Analysis(data).window(0.002, 0.018)["freewheel_deg"]["max"] == 0.0

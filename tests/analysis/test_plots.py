@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.plots import overview_page, write_plots
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.paths import ROOT
-
 from tests.analysis.synthetic import Drive, make_run
 
 
@@ -51,9 +51,7 @@ def test_panels_show_what_they_say(scenario: Scenario) -> None:
 
     Verifies: FRONT-09
     """
-    drive = Drive(
-        zoom_s=scenario.zoom_window_s(), crossing_error=lambda k: 1.5, commutation_error=lambda k: -1.0
-    )
+    drive = Drive(zoom_s=scenario.zoom_window_s(), crossing_error=lambda k: 1.5, commutation_error=lambda k: -1.0)
     analysis = Analysis(make_run(drive))
     speed, errors, voltages, currents, gates = overview_page(analysis, scenario).axes
     assert all(axes.get_ylabel() for axes in (speed, errors, voltages, currents, gates))

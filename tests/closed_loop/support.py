@@ -42,7 +42,10 @@ class Outcome:
 
 
 def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED, log_strobes: bool = False) -> Outcome:
-    """Run a scenario (absolute, or in scenarios/) with overrides; print the seed, keep result and plots in build/closed_loop/<name>."""
+    """Run a scenario (absolute, or in scenarios/) with overrides; print the seed.
+
+    Result and plots stay in build/closed_loop/<name>.
+    """
     path = ROOT / "scenarios" / scenario
     loaded = load_scenario(path, overrides)
     folder = BUILD / "closed_loop" / name

@@ -15,11 +15,11 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
 from fluxlock import cli
 from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, load_trace
 from fluxlock.config import Scenario
 from fluxlock.paths import ROOT
-
 from tests.analysis.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]
@@ -107,9 +107,7 @@ def test_missed_expectation_fails(invoke: Invoke, simulator: dict[str, Any], tmp
     simulator["drive"] = Drive(commutation_error=lambda k: 1.0)
     code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
     assert code == 1
-    assert re.search(
-        r"^failed: steady: commutation_error_deg.rms is 1(\.00\d)?, expected max 0.3$", err, re.M
-    ), err
+    assert re.search(r"^failed: steady: commutation_error_deg.rms is 1(\.00\d)?, expected max 0.3$", err, re.M), err
     assert re.search(r"1\.00\d !", out), out
     result = json.loads((tmp_path / "result.json").read_text())
     assert sum(not e["pass"] for e in result["expectations"]) == 4
@@ -130,9 +128,7 @@ def test_trip_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], t
     assert code == 1 and "expected trip did not happen: phase_current" in err
 
 
-def test_simulation_fault_keeps_what_there_is(
-    invoke: Invoke, simulator: dict[str, Any], tmp_path: Path
-) -> None:
+def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """Exit code 1 with the fault named; results up to it are written.
 
     Verifies: FRONT-06

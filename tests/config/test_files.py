@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+
 from fluxlock.analysis.rundata import TRIP_CAUSES
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
@@ -122,9 +123,7 @@ def test_mutual_inductance_gives_self_inductance() -> None:
 
     Verifies: FRONT-01
     """
-    motor = load_motor(ROOT / "motors" / "motor-1.toml").model_copy(
-        update={"mutual_h": (-3e-6, -3e-6, -3e-6)}
-    )
+    motor = load_motor(ROOT / "motors" / "motor-1.toml").model_copy(update={"mutual_h": (-3e-6, -3e-6, -3e-6)})
     assert motor.self_inductance_h == pytest.approx((19e-6, 19e-6, 19e-6))
 
 
@@ -280,17 +279,13 @@ def test_missing_and_broken_files(copy: Path) -> None:
     edit(scenarios / "demo.toml", 'motor = "../motors/motor-1.toml"', 'motor = "../motors/motor1.toml"')
     found = errors(path=scenarios / "demo.toml")
     assert len(found) == 1
-    assert (
-        found[0].startswith("demo.toml: motor: file not found") and 'did you mean "motor-1.toml"?' in found[0]
-    )
+    assert found[0].startswith("demo.toml: motor: file not found") and 'did you mean "motor-1.toml"?' in found[0]
     (copy / "motors" / "motor1.toml").write_text("name = ", encoding="utf-8")
     assert errors(path=scenarios / "demo.toml")[0].startswith("motor1.toml: is not valid TOML: ")
     (copy / "motors" / "motor1.toml").write_bytes(b"name = '\xff'")
     assert errors(path=scenarios / "demo.toml")[0].startswith("motor1.toml: cannot be read")
     edit(scenarios / "demo.toml", 'motor = "../motors/motor1.toml"\n', "")
-    assert errors(path=scenarios / "demo.toml") == [
-        "demo.toml: motor: required key is missing: path of the motor file"
-    ]
+    assert errors(path=scenarios / "demo.toml") == ["demo.toml: motor: required key is missing: path of the motor file"]
 
 
 # ---- overrides

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from fluxlock.docs import parameters
 from fluxlock.paths import ROOT, RTL
 
@@ -47,9 +48,7 @@ def names_in_rtl(module: str) -> set[str]:
     assert head, f"{source}: no module header"
     lines = [re.sub(r"//.*", "", line) for line in head.group(1).splitlines()]
     ports = [m.group(1) for line in lines if (m := re.match(r"\s*(?:in|out)put\b.*?(\w+)\s*,?\s*$", line))]
-    values = [
-        m.group(1) for line in lines if (m := re.match(r"\s*(?:local)?param(?:eter)?\b.*?(\w+)\s*=", line))
-    ]
+    values = [m.group(1) for line in lines if (m := re.match(r"\s*(?:local)?param(?:eter)?\b.*?(\w+)\s*=", line))]
     assert ports, f"{source}: no ports found"
     return {*ports, *values}
 
@@ -69,9 +68,7 @@ def test_port_tables(module: str) -> None:
     """
     page = BLOCKS / f"{SHARED.get(module, module)}.md"
     text = page.read_text()
-    sections = re.split(
-        r"^`(fl_\w+)`.*:$", text.split("## Ports")[1].split("## Registers")[0], flags=re.MULTILINE
-    )
+    sections = re.split(r"^`(fl_\w+)`.*:$", text.split("## Ports")[1].split("## Registers")[0], flags=re.MULTILINE)
     tables = {page.stem: sections[0], **dict(zip(sections[1::2], sections[2::2], strict=True))}
     named = set(re.findall(r"^\| `(\w+)` \|", tables[module], re.MULTILINE))
     assert named == names_in_rtl(module)

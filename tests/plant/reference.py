@@ -11,8 +11,9 @@ import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
-from fluxlock.plant import PlantParams
 from scipy.integrate import solve_ivp
+
+from fluxlock.plant import PlantParams
 
 OPEN, SWITCH_H, SWITCH_L, DIODE_L, DIODE_H = "open", "H", "L", "dL", "dH"
 LOOK_AHEAD_S = 2e-10

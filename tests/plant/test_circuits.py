@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from fluxlock.plant import Plant, PlantParams
 from fluxlock.plant import layout as L
-
 from tests.plant.circuits import CLOCK_S, random_gates, random_params
 from tests.plant.reference import DIODE_H, DIODE_L, OPEN, SWITCH_H, SWITCH_L, Reference
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+
 from fluxlock.plant import Plant
 from fluxlock.plant import layout as L
-
 from tests.plant.drives import CLOCK_S, motor_1
 
 OMEGA = 6283.0
@@ -76,9 +76,7 @@ def test_floating_terminal(emf: str, slope: float) -> None:
 
     Verifies: PLANT-03, PLANT-11
     """
-    plant = running(
-        0b001001, math.radians(45.0 + 180.0), emf
-    )  # sector I: A+ B-, C floats and falls through zero at 60
+    plant = running(0b001001, math.radians(45.0 + 180.0), emf)  # sector I: A+ B-, C floats and falls through zero at 60
     for t in range(500, 4000, 250):
         plant.advance(t)
         prime = math.degrees(plant.theta_e_rad) - 180.0
@@ -92,9 +90,7 @@ def test_unequal_inductance_shifts_the_floating_terminal() -> None:
     Verifies: PLANT-03
     """
     lh, ll = 27e-6, 22e-6
-    plant = running(
-        0b001001, math.radians(60.0 + 180.0), machine__l_h=(lh, ll, 22e-6), machine__r_ohm=(0.0,) * 3
-    )
+    plant = running(0b001001, math.radians(60.0 + 180.0), machine__l_h=(lh, ll, 22e-6), machine__r_ohm=(0.0,) * 3)
     plant.advance(1)
     e_h, e_l = PSI * OMEGA * math.sin(math.radians(60)), -PSI * OMEGA * math.sin(math.radians(60))
     shift = -0.5 * (lh - ll) / (lh + ll) * (25.0 - (e_h - e_l))
@@ -125,11 +121,7 @@ def test_freewheel_of_the_outgoing_phase(emf: str, drop: float | None) -> None:
     if drop is None:
         t, i, h = 0.0, i0, 1e-9
         while i > 0:
-            i += (
-                h
-                / 22e-6
-                * (-25.0 / 3 - PSI * OMEGA * math.sin(math.radians(150.0) + OMEGA * (t + h / 2)) - 0.02 * i)
-            )
+            i += h / 22e-6 * (-25.0 / 3 - PSI * OMEGA * math.sin(math.radians(150.0) + OMEGA * (t + h / 2)) - 0.02 * i)
             t += h
         assert (first["t_cycle"] - 2000) * CLOCK_S == pytest.approx(t, abs=3e-9)
         assert first["theta_e"] == pytest.approx(commutation + OMEGA * t, abs=3e-5)

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from fluxlock.plant import Plant
 
+from fluxlock.plant import Plant
 from tests.plant.circuits import random_gates, random_params
 
 ELECTRICAL_LIMIT = 1e-8  # of the energy that passed through

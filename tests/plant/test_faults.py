@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
+
 from fluxlock.plant import Plant
 from fluxlock.plant import layout as L
-
 from tests.plant.drives import drive, motor_1
 
 

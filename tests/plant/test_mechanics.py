@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
+
 from fluxlock.plant import Plant
 from fluxlock.plant import layout as L
-
 from tests.plant.drives import CLOCK_S, drive, motor_1
 
 US = 50  # cycles
@@ -147,9 +147,7 @@ def test_fan_drive_reaches_balance() -> None:
 
     Verifies: PLANT-04, PLANT-10
     """
-    plant = Plant(
-        motor_1(mechanics__fan_nm_s2_per_rad2=2e-9, mechanics__inertia_kgm2=5e-8), seed=1, mode="jit"
-    )
+    plant = Plant(motor_1(mechanics__fan_nm_s2_per_rad2=2e-9, mechanics__inertia_kgm2=5e-8), seed=1, mode="jit")
     drive(plant, 60_000)
     tail = plant.records()[-2000:]
     torque, omega = tail["torque_nm"].mean(), tail["omega_e"]

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
+
 from fluxlock.plant import Plant, PlantError
 from fluxlock.plant import layout as L
 from fluxlock.plant.build import CALLBACK
-
 from tests.plant.circuits import random_gates, random_params
 from tests.plant.drives import drive, motor_1
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from fluxlock.plant import EVENT_DTYPE, WAVE_DTYPE, Plant, PlantError
 from fluxlock.plant import layout as L
-
 from tests.plant.drives import CLOCK_S, STROBE_CYCLES, drive, motor_1, six_step_gates
 
 RPM_100K = 100_000 / 60 * 2 * np.pi

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
+
 from fluxlock.plant import CHANNEL_NAMES, Plant
 from fluxlock.plant import layout as L
 from fluxlock.plant.sensing import normal_quantile
-from scipy.special import ndtri
-
 from tests.plant.drives import CLOCK_S, motor_1
 
 VA, VB, VC, IA, IB, IC, VDC, IDC, VSM = range(9)

@@ -73,9 +73,7 @@ def _speed(axes: Axes, page: _Page) -> None:
     for window in scenario.window:
         axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
         middle = (window.from_s + window.to_s) / 2
-        axes.annotate(
-            window.name, (middle, 0.03), xycoords=("data", "axes fraction"), ha="center", fontsize=9
-        )
+        axes.annotate(window.name, (middle, 0.03), xycoords=("data", "axes fraction"), ha="center", fontsize=9)
     for row in data.rows(LogKind.TRIP):
         axes.axvline(row[0] / page.clock, color="red", linewidth=1, label="trip")
     axes.set_xlabel("time / s")
@@ -91,9 +89,7 @@ def _speed(axes: Axes, page: _Page) -> None:
 def _error_limit(page: _Page, series: tuple[Series, ...]) -> float:
     """Half range of the error axis: what the windows need, else nearly all points."""
     errors = [
-        s.between(w.from_s * page.clock, w.to_s * page.clock).error_deg
-        for s in series
-        for w in page.scenario.window
+        s.between(w.from_s * page.clock, w.to_s * page.clock).error_deg for s in series for w in page.scenario.window
     ]
     inside = np.abs(np.concatenate([*errors, np.zeros(1)]))
     if inside.size == 1:
@@ -213,9 +209,7 @@ def _gates(axes: Axes, page: _Page) -> None:
         level = lane + 0.8 * np.concatenate((state, state[-1:]))
         colour = PHASE_COLOURS[switch // 2]
         if state.size:
-            axes.fill_between(
-                edges, lane, level, step="post", color=colour, alpha=0.75, linewidth=0, label=label
-            )
+            axes.fill_between(edges, lane, level, step="post", color=colour, alpha=0.75, linewidth=0, label=label)
         axes.axhline(lane, color="#bbbbbb", linewidth=0.5)
     _mark_commutations(axes, page)
     page.finish_zoomed(axes, "gates (filled = on)")

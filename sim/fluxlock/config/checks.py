@@ -55,9 +55,7 @@ def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
     if abs(speed_rpm) > s.motor.max_speed_rpm:
         limit = with_unit(s.motor.max_speed_rpm, "r/min")
         problems.append(
-            Problem(
-                file, key, f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})"
-            )
+            Problem(file, key, f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})")
         )
     carriers = s.drive.carrier_hz / (6 * s.motor.electrical_hz(speed_rpm)) if speed_rpm else 1.0
     if carriers < 1.0:

@@ -86,12 +86,8 @@ def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
         return (value,) * count
     if isinstance(value, (list, tuple)) and len(value) == count:
         return tuple(value)
-    raise PydanticCustomError(
-        "per_phase", "must be a number or an array of {count} numbers", {"count": count}
-    )
+    raise PydanticCustomError("per_phase", "must be a number or an array of {count} numbers", {"count": count})
 
 
 PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]
-SectorValues = Annotated[
-    tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))
-]
+SectorValues = Annotated[tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))]

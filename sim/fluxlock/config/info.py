@@ -38,9 +38,7 @@ def derived_values(motor: Motor) -> list[Derived]:
         Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
         Derived("electrical_time_constant_s", "electrical time constant L/R", inductance / resistance, "s"),
         Derived("mechanical_time_constant_s", "mechanical time constant", mechanical_s, "s"),
-        Derived(
-            "max_electrical_hz", "frequency at max_speed_rpm", motor.electrical_hz(motor.max_speed_rpm), "Hz"
-        ),
+        Derived("max_electrical_hz", "frequency at max_speed_rpm", motor.electrical_hz(motor.max_speed_rpm), "Hz"),
         Derived("line_emf_max_v", "mean line EMF at max_speed_rpm", line_v, "V"),
         Derived("supply_min_v", "least supply at max_speed_rpm and rated current", line_v + drop_v, "V"),
         Derived(
@@ -69,7 +67,6 @@ def warnings(motor: Motor) -> list[str]:
     drop_v = 2 * sum(motor.resistance_ohm) / 3 * motor.rated_current_a
     if drop_v > emf_v:
         found.append(
-            f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at "
-            f"max_speed_rpm ({emf_v:.3g} V)"
+            f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"
         )
     return found

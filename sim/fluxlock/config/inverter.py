@@ -14,9 +14,7 @@ class Sensing(Model):
 
     bits: int = quantity("Resolution of the converter codes; the chip takes 12.", "bit", 12, 12, default=12)
     sample_period_s: float = quantity("Period of the sample sets (all channels at once).", "s", 0.32e-6, 1e-3)
-    conversion_s: float = quantity(
-        "Time from sample-and-hold to valid codes.", "s", 0.0, 1e-3, default=0.4e-6
-    )
+    conversion_s: float = quantity("Time from sample-and-hold to valid codes.", "s", 0.0, 1e-3, default=0.4e-6)
     voltage_full_scale_v: float = quantity("Voltage at full scale of the voltage channels.", "V", 1, 2000)
     current_full_scale_a: float = quantity("Current at full scale, both signs.", "A", 0.1, 5000)
     divider_pole_s: float = quantity(
@@ -72,9 +70,7 @@ class BrakeChopper(Model):
     @model_validator(mode="after")
     def _hysteresis(self) -> Self:
         if self.off_v >= self.on_v:
-            raise conflict(
-                "off_v", f"{with_unit(self.off_v, 'V')} is not below on_v ({with_unit(self.on_v, 'V')})"
-            )
+            raise conflict("off_v", f"{with_unit(self.off_v, 'V')} is not below on_v ({with_unit(self.on_v, 'V')})")
         return self
 
 
@@ -116,9 +112,7 @@ class Inverter(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.dc_link_f > 0 and self.supply_resistance_ohm == 0:
-            raise conflict(
-                "supply_resistance_ohm", "must be above 0 Ohm with a DC-link capacitor (dc_link_f)"
-            )
+            raise conflict("supply_resistance_ohm", "must be above 0 Ohm with a DC-link capacitor (dc_link_f)")
         for key in ("supply_diode", "brake_chopper"):
             if getattr(self, key) and self.dc_link_f == 0:
                 raise conflict(key, "needs a DC-link capacitor (dc_link_f)")

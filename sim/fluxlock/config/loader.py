@@ -115,9 +115,7 @@ def _apply(table: dict[str, Any], override: Override) -> str:
             else:
                 here = here.setdefault(part, {})
         else:
-            raise ConfigError(
-                [Problem(SET_OPTION, _dotted([*path, part]), f"{_dotted(path)} is not a table")]
-            )
+            raise ConfigError([Problem(SET_OPTION, _dotted([*path, part]), f"{_dotted(path)} is not a table")])
     return _dotted(path)
 
 
@@ -146,11 +144,7 @@ def _unknown_key(model: type[Model], loc: Sequence[str | int]) -> str:
     hint = did_you_mean(key, owner.model_fields)
     if not hint:
         elsewhere = [k for k in keys_of(model) if k.rpartition(".")[2] == key]
-        hint = (
-            f', did you mean "{elsewhere[0]}"?'
-            if elsewhere
-            else f", permitted: {', '.join(owner.model_fields)}"
-        )
+        hint = f', did you mean "{elsewhere[0]}"?' if elsewhere else f", permitted: {', '.join(owner.model_fields)}"
     return f"unknown key{hint}"
 
 
@@ -257,9 +251,7 @@ def _load_part(
     path = Path(os.path.normpath(Path(reference) if replaced else folder / reference))
     try:
         source = _Source(model, str(path), _read_toml(path, str(path), referrer), f"{name}.")
-        source.override(
-            Override(o.key[1:], o.value) for o in overrides if o.key[0] == name and len(o.key) > 1
-        )
+        source.override(Override(o.key[1:], o.value) for o in overrides if o.key[0] == name and len(o.key) > 1)
         return _load_plain(source), str(path)
     except ConfigError as error:
         problems += error.problems

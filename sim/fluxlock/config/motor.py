@@ -33,9 +33,7 @@ class Load(Model):
         1e4,
         default=0.0,
     )
-    viscous_nm_s_per_rad: float = quantity(
-        "Torque proportional to mechanical speed.", "N*m*s/rad", 0, 1e3, default=0.0
-    )
+    viscous_nm_s_per_rad: float = quantity("Torque proportional to mechanical speed.", "N*m*s/rad", 0, 1e3, default=0.0)
     coulomb_nm: float = quantity(
         "Brake torque that opposes rotation and holds at standstill; it never drives.",
         "N*m",
@@ -43,9 +41,7 @@ class Load(Model):
         1e4,
         default=0.0,
     )
-    stiction_ratio: float = quantity(
-        "Breakaway torque at standstill over `coulomb_nm`.", "", 1.0, 10.0, default=1.0
-    )
+    stiction_ratio: float = quantity("Breakaway torque at standstill over `coulomb_nm`.", "", 1.0, 10.0, default=1.0)
 
     @model_validator(mode="after")
     def _fan_speed(self) -> Self:
@@ -115,9 +111,7 @@ class Motor(Model):
         # Energy of any currents with zero sum must be positive: 2 x 2 matrix of (ia, ib), ic = -ia - ib.
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         if not (aa > 0 and aa * bb - ab * ab > 0):
-            raise conflict(
-                "mutual_h", "with inductance_h gives an inductance matrix that is not positive definite"
-            )
+            raise conflict("mutual_h", "with inductance_h gives an inductance matrix that is not positive definite")
         return self
 
     @property

@@ -58,9 +58,7 @@ class Zcd(Model):
         0.95,
         default=(0.5,) * 6,
     )
-    miss_limit: int = quantity(
-        "Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6
-    )
+    miss_limit: int = quantity("Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6)
 
 
 class Start(Model):
@@ -109,9 +107,7 @@ class Drive(Model):
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
     )
-    advance_deg: float = quantity(
-        "Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0
-    )
+    advance_deg: float = quantity("Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0)
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     start: Start = Field(default_factory=Start, description="Start-up.")
 
@@ -119,9 +115,7 @@ class Drive(Model):
 class Initial(Model):
     """State of the rotor at time 0."""
 
-    theta_deg: float = quantity(
-        "Electrical angle of the d axis against phase A.", "deg", -360, 360, default=0.0
-    )
+    theta_deg: float = quantity("Electrical angle of the d axis against phase A.", "deg", -360, 360, default=0.0)
     speed_rpm: float = quantity("Mechanical speed.", "r/min", -2e6, 2e6, default=0.0)
 
 
@@ -167,9 +161,7 @@ class Fault(Model):
         absent="0.05 for a shorted winding",
     )
     channel: Channel | None = Field(default=None, description="Channel that is stuck.")
-    code: int | None = quantity(
-        "Code of the stuck channel.", "", 0, 4095, default=None, absent="the code at that time"
-    )
+    code: int | None = quantity("Code of the stuck channel.", "", 0, 4095, default=None, absent="the code at that time")
 
     @model_validator(mode="after")
     def _belongs(self) -> Self:
@@ -190,27 +182,19 @@ class Event(Model):
     """Something that happens at one instant: exactly one action."""
 
     at_s: float = quantity("Time of the event.", "s", 0.0, 3600)
-    command: str | None = Field(
-        default=None, min_length=1, description="Line sent to the drive's console as it is."
-    )
+    command: str | None = Field(default=None, min_length=1, description="Line sent to the drive's console as it is.")
     speed_rpm: float | None = quantity("New speed target.", "r/min", 1, 2e6, default=None)
-    accel_rpm_per_s: float | None = quantity(
-        "New slope of the speed target.", "r/min/s", 1, 1e8, default=None
-    )
+    accel_rpm_per_s: float | None = quantity("New slope of the speed target.", "r/min/s", 1, 1e8, default=None)
     load_factor: float | None = quantity("New factor of the load torque.", "", 0.0, 100, default=None)
     supply_v: float | None = quantity("New supply voltage.", "V", 0.0, 1500, default=None)
     fault: Fault | None = Field(default=None, description="A fault of the plant.")
-    ramp_s: float = quantity(
-        "Time in which `load_factor` or `supply_v` changes linearly.", "s", 0.0, 3600, default=0.0
-    )
+    ramp_s: float = quantity("Time in which `load_factor` or `supply_v` changes linearly.", "s", 0.0, 3600, default=0.0)
 
     @model_validator(mode="after")
     def _one_action(self) -> Self:
         given = [name for name in ACTIONS if getattr(self, name) is not None]
         if len(given) != 1:
-            raise conflict(
-                "", f"needs exactly one action of {', '.join(ACTIONS)}, has {', '.join(given) or 'none'}"
-            )
+            raise conflict("", f"needs exactly one action of {', '.join(ACTIONS)}, has {', '.join(given) or 'none'}")
         if self.ramp_s > 0 and given[0] not in ("load_factor", "supply_v"):
             raise conflict("ramp_s", f"has no meaning beside {given[0]}")
         return self
@@ -274,9 +258,7 @@ class Record(Model):
             raise conflict("zoom_to_s", "zoom_from_s and zoom_to_s go together")
         if self.zoom_from_s is not None and self.zoom_to_s is not None:
             if self.zoom_to_s <= self.zoom_from_s:
-                raise conflict(
-                    "zoom_to_s", f"{self.zoom_to_s:g} s is not after zoom_from_s ({self.zoom_from_s:g} s)"
-                )
+                raise conflict("zoom_to_s", f"{self.zoom_to_s:g} s is not after zoom_from_s ({self.zoom_from_s:g} s)")
             if self.zoom_to_s - self.zoom_from_s > 0.1:
                 raise conflict("zoom_to_s", "the span is longer than 0.1 s")
         return self
@@ -327,11 +309,7 @@ class Scenario(Model):
     @property
     def current_limit_a(self) -> float:
         """DC-current limit that applies."""
-        return (
-            self.drive.current_limit_a
-            if self.drive.current_limit_a is not None
-            else self.motor.rated_current_a
-        )
+        return self.drive.current_limit_a if self.drive.current_limit_a is not None else self.motor.rated_current_a
 
     @property
     def accel_rpm_per_s(self) -> float:

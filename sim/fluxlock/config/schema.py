@@ -34,9 +34,7 @@ are TOML; what is not TOML is taken as a string. Problems are reported as `error
 once, with exit code 2.
 """
 
-MOTOR_NOTE = (
-    "`fluxlock motor check FILE` checks a file, `fluxlock motor info FILE` shows what follows from it."
-)
+MOTOR_NOTE = "`fluxlock motor check FILE` checks a file, `fluxlock motor info FILE` shows what follows from it."
 
 
 def _kind(annotation: object) -> str:

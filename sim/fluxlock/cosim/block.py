@@ -67,8 +67,19 @@ def run_block_test(
                     timescale=("1ns", "1ns"),
                     waves=waves,
                     always=True,
-                    build_args=["--x-assign", "unique", "--x-initial", "unique", "--assert", "-Wall", "-Wno-fatal",
-                                "--output-split", "0", "-CFLAGS", "-O1"],
+                    build_args=[
+                        "--x-assign",
+                        "unique",
+                        "--x-initial",
+                        "unique",
+                        "--assert",
+                        "-Wall",
+                        "-Wno-fatal",
+                        "--output-split",
+                        "0",
+                        "-CFLAGS",
+                        "-O1",
+                    ],
                     log_file=build_dir / "build.log",
                 )
                 (build_dir / ".done").touch()
@@ -84,7 +95,11 @@ def run_block_test(
             waves=waves,
             timescale=("1ns", "1ns"),
             results_xml=str(run_dir / "results.xml"),
-            extra_env={"PYTHONPATH": str(ROOT), "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py", **(extra_env or {})},
+            extra_env={
+                "PYTHONPATH": str(ROOT),
+                "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
+                **(extra_env or {}),
+            },
         )
     finally:
         os.environ.clear()

@@ -83,7 +83,8 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
         libs = cocotb_tools.config.libs_dir
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
-            "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--x-assign", "fast", "--x-initial", "fast",
+            "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
+            "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0" if not waves else "20000", "-Wno-fatal",
             "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={MEMORY_WORDS}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",

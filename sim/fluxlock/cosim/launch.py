@@ -81,7 +81,9 @@ def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) ->
     meta_path = folder / META_FILE
     if not meta_path.exists():
         tail = "\n".join(log_path.read_text(errors="replace").splitlines()[-25:])
-        raise SimulatorError(f"the simulator ended with code {process.returncode} and no result; end of {log_path}:\n{tail}")
+        raise SimulatorError(
+            f"the simulator ended with code {process.returncode} and no result; end of {log_path}:\n{tail}"
+        )
     meta: dict[str, Any] = json.loads(meta_path.read_text())
     return meta
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-
 class Status(ctypes.Structure):
     """Counters of the simulator main; fields as in `cosim_status_t`."""
 
@@ -83,10 +82,10 @@ class Native:
     def receive(self) -> str:
         """What the chip has sent on its console since the last call."""
         count = self._lib.cosim_console_take(self._buffer, len(self._buffer))
-        return bytes(self._buffer[:count]).decode("ascii", errors="replace")
+        return self._buffer.raw[:count].decode("ascii", errors="replace")
 
     def peek(self, address: int, count: int) -> NDArray[np.uint32]:
-        """Words of the soft core's memory, as they are now (a write still in the data cache is already in it: write-through)."""
+        """Words of the soft core's memory as they are now; its data cache writes through."""
         words: NDArray[np.uint32] = np.zeros(count, np.uint32)
         if self._lib.cosim_peek(address, words.ctypes.data, count):
             raise ValueError(f"peek of {count} words at {address:#x} is outside of the memory")

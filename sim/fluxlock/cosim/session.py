@@ -18,7 +18,15 @@ from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 
 from fluxlock.cosim.native import Native
-from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, RAW_FILE, RECORDING_FILE, Action, SessionPlan
+from fluxlock.cosim.plan import (
+    META_FILE,
+    PLAN_ENV,
+    PROGRESS_FILE,
+    RAW_FILE,
+    RECORDING_FILE,
+    Action,
+    SessionPlan,
+)
 from fluxlock.plant import Plant
 
 CLOCK_NS = 20
@@ -151,7 +159,7 @@ class Session:
 
 
 @cocotb.test()
-async def drive(dut: Any) -> None:
+async def drive(dut: object) -> None:
     """Run the plan named by the environment."""
     session = Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
     fault: str | None = None

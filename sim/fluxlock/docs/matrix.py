@@ -98,9 +98,7 @@ def read_claims(root: Path) -> list[Claim]:
 def check_claims(requirements: list[Requirement], claims: list[Claim]) -> list[str]:
     """IDs that no requirement has."""
     known = {r.id for r in requirements}
-    return [
-        f"{c.place}: verifies {i}, which is no requirement" for c in claims for i in c.ids if i not in known
-    ]
+    return [f"{c.place}: verifies {i}, which is no requirement" for c in claims for i in c.ids if i not in known]
 
 
 def matrix_page(requirements: list[Requirement], claims: list[Claim]) -> str:
@@ -134,9 +132,7 @@ def matrix_page(requirements: list[Requirement], claims: list[Claim]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page, or with `--check` only compare it; exit code 1 on unknown IDs or a stale page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="fail if the page is out of date, write nothing")
     parser.add_argument("--strict", action="store_true", help="fail if a requirement is not verified")
     parser.add_argument("--root", type=Path, default=ROOT, help="checkout to read")

@@ -151,7 +151,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     limiter_ki = 200.0 * tick * m.r_line * volt / amp_q17
 
     def code(volts: float) -> int:
-        return min(2**inverter.bits - 1, round(volts / v_lsb))
+        return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
     supply = inverter.supply_v
     over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else 1.25 * supply

@@ -21,7 +21,17 @@ REGISTER_WORDS = 0x2800
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load")
 _TELEMETRY_WORDS = (
-    *("magic", "length_bytes", "tick", "state", "phase", "fault", "limit", "speed_rpm_q8", "reference_rpm_q8"),
+    *(
+        "magic",
+        "length_bytes",
+        "tick",
+        "state",
+        "phase",
+        "fault",
+        "limit",
+        "speed_rpm_q8",
+        "reference_rpm_q8",
+    ),
     *("target_rpm", "u_v_q25", "duty_q30", "period_cycles", "vdc_v_q25", "idc_q17", "motor_q17", "crossings"),
     *("commutations", "lost_locks", "fault_count"),
 )

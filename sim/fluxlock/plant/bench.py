@@ -30,9 +30,7 @@ CLOCK_S = 20e-9
 SECTOR_PAIRS = ((0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1))
 
 
-def demo_params(
-    dc_link_c_f: float = 0.0, emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
-) -> PlantParams:
+def demo_params(dc_link_c_f: float = 0.0, emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal") -> PlantParams:
     """Motor-I of the specification on its 25 V inverter."""
     return PlantParams(
         MachineParams(1, (0.02,) * 3, (22e-6,) * 3, (1e-3,) * 3, emf=emf),

@@ -102,9 +102,7 @@ def emf_now(s: Vector, x: int) -> float:
 
 def voltage_behind(s: Vector, x: int) -> float:
     """Return u of a conducting leg now: leg voltage less resistive drop and EMF."""
-    return (
-        s[L.RAIL + x] * s[L.VDC] + s[L.V_LEG + x] - (s[L.R + x] + s[L.R_LEG + x]) * s[L.I + x] - emf_now(s, x)
-    )
+    return s[L.RAIL + x] * s[L.VDC] + s[L.V_LEG + x] - (s[L.R + x] + s[L.R_LEG + x]) * s[L.I + x] - emf_now(s, x)
 
 
 def slope_of(s: Vector, x: int, ua: float, ub: float, uc: float) -> float:

@@ -225,11 +225,7 @@ def balance(s: Vector) -> None:
     for x in range(3):
         mode = s[L.MODE + x]
         current = s[L.I + x]
-        if (
-            mode == L.OPEN
-            or (mode == L.DIODE_LOW and current < 0.0)
-            or (mode == L.DIODE_HIGH and current > 0.0)
-        ):
+        if mode == L.OPEN or (mode == L.DIODE_LOW and current < 0.0) or (mode == L.DIODE_HIGH and current > 0.0):
             s[L.I + x] = 0.0
     # The leg that takes up the rest must be able to: a switch if there is one, else the largest current.
     rest = 0

@@ -86,9 +86,7 @@ class InverterParams:
             self.supply_r_ohm,
             "above 0 with a DC-link capacitor",
         )
-        require(
-            capacitor or not self.supply_diode, "dc_link_c_f", self.dc_link_c_f, "above 0 with a supply diode"
-        )
+        require(capacitor or not self.supply_diode, "dc_link_c_f", self.dc_link_c_f, "above 0 with a supply diode")
         require(
             capacitor or self.chopper_ohm == 0.0,
             "dc_link_c_f",

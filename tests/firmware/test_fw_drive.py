@@ -1,0 +1,491 @@
+"""The whole drive on the host, closed over the averaged model: start, hand-over, speed, limits, faults, restart."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
+from tests.firmware import averaged_motor as am
+from tests.firmware.averaged_motor import Load
+from tests.firmware.firmware_bench import FAN_1, MOTOR_1, Bench
+
+
+def fault_of(bench: Bench) -> str:
+    """Name of the present fault."""
+    return bench.fw.command("get fault")[0].split()[1]
+
+
+def test_boot_measures_offsets_with_gates_off() -> None:
+    """From reset to ready in less than 2 ms, offsets measured, gates disabled all the time.
+
+    Verifies: FW-14
+    """
+    bench = Bench()
+    bench.fw.auto_zero_offsets[3:6] = (2048 * 16 + 40, 2048 * 16 - 64, 2048 * 16 + 7)
+    assert bench.fw.state == "init"
+    for _ in range(20):
+        bench.step()
+        assert bench.get("safety.guard") & 1 == 0
+    assert bench.fw.state == "ready"
+    assert [bench.get("sense.offset", 3 + x) for x in range(3)] == [
+        2048 * 16 + 40,
+        2048 * 16 - 64,
+        2048 * 16 + 7,
+    ]
+
+
+def test_wrong_offset_is_a_named_fault() -> None:
+    """A current sensor far off its mid-scale does not come to ready; clear measures again.
+
+    Verifies: FW-14, FW-18
+    """
+    bench = Bench()
+    bench.fw.auto_zero_offsets[4] = 1700 * 16
+    bench.run(0.005)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "current_offset")
+    bench.fw.auto_zero_offsets[4] = 2050 * 16
+    assert bench.fw.command("clear") == ["ok"]
+    assert bench.until_state("ready", 0.005)
+    assert fault_of(bench) == "none"
+
+
+@pytest.mark.parametrize("theta_rad", [0.0, 1.1, 2.2, 3.141592653589793, 4.4, 5.5])
+def test_starts_from_any_angle_and_holds_60000(theta_rad: float) -> None:
+    """Standstill to 60 000 r/min within 0.3 s + ramp; held within 0.5 %; the measured speed is the true one.
+
+    Verifies: FW-15, FW-16
+    """
+    bench = Bench(theta_rad=theta_rad)
+    bench.start(60_000, 0.3)
+    bench.run(0.8)
+    speeds = []
+    for _ in range(1000):
+        bench.step()
+        speeds.append(bench.model.rpm)
+        assert bench.fw.telemetry()["speed_rpm_q8"] / 256 == pytest.approx(bench.model.rpm, rel=2e-3)
+    assert np.max(np.abs(np.array(speeds) / 60_000 - 1)) < 0.005
+    assert bench.trips == 0
+
+
+def test_start_sequence_uses_the_right_vectors() -> None:
+    """All low, leg A high, leg B high, then six-step forced from sector index 4, then crossings.
+
+    Verifies: FW-15
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    seen: list[tuple[int, tuple[int, ...], int]] = []
+    while bench.fw.state != "running" and bench.now < 1.0:
+        bench.step()
+        manual, control = bench.get("pwm.manual"), bench.get("pwm.control")
+        legs = tuple(manual >> (4 * x) & 7 for x in range(3)) if control & 3 == 1 else ()
+        entry = (control & 3, legs, bench.get("comm.control") & 3)
+        if not seen or seen[-1] != entry:
+            seen.append(entry)
+            if entry == (2, (), 1):
+                assert control >> 16 & 7 == 4
+    assert seen == [
+        (0, (), 0),
+        (1, (2, 2, 2), 0),
+        (1, (3, 2, 2), 0),
+        (1, (2, 3, 2), 0),
+        (2, (), 1),
+        (2, (), 2),
+    ]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"inertia_kgm2": 1e-6},
+        {"inertia_kgm2": 2.5e-7},
+        {"psi_vs": 0.85e-3},
+        {"psi_vs": 1.15e-3},
+        {"resistance_ohm": 14e-3},
+        {"resistance_ohm": 28e-3},
+        {"inductance_h": 15e-6},
+        {"inductance_h": 31e-6},
+    ],
+)
+def test_start_tolerates_wrong_parameters(change: dict[str, float]) -> None:
+    """The machine differs from its file by half in inertia, 15 % in flux, 40 % in R or L: it starts at once.
+
+    Verifies: FW-15
+    """
+    bench = Bench(model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+    bench.start(40_000, 0.35)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0
+
+
+@pytest.mark.parametrize("coulomb_nm", [1e-3, 3e-3])
+def test_start_against_friction(coulomb_nm: float) -> None:
+    """Coulomb friction up to 30 % of the start torque.
+
+    Verifies: FW-15
+    """
+    bench = Bench(load=replace(FAN_1, coulomb_nm=coulomb_nm))
+    bench.start(30_000, 1.0)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+OTHERS = [
+    (
+        MotorSpec(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
+        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 25.0, 200e-9),
+        Load(0.02, 15_000, 2e-3),
+        15_000,
+    ),
+    (
+        MotorSpec(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0, "trapezoidal"),
+        InverterSpec(24.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 30.0, 30.0, 200e-9),
+        Load(0.12, 8_000, 3e-3),
+        6_000,
+    ),
+    (
+        MotorSpec(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
+        InverterSpec(14.8, 3e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 20.0, 60.0, 200e-9),
+        Load(0.10, 9_000),
+        8_000,
+    ),
+    (
+        MotorSpec(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
+        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 15.0, 200e-9),
+        Load(0.2, 3_000, 0.02),
+        3_000,
+    ),
+]
+
+
+@pytest.mark.parametrize(("motor", "inverter", "load", "rpm"), OTHERS)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_other_machines_run_from_their_files(
+    motor: MotorSpec, inverter: InverterSpec, load: Load, rpm: int, direction: int
+) -> None:
+    """2, 4 and 7 pole pairs, 15 to 48 V, to mH, trapezoidal, both directions: start, hold within 0.5 %.
+
+    Verifies: FW-13, FW-15, FW-16
+    """
+    bench = Bench(motor, inverter, DriveSpec(carrier_hz=30e3), load)
+    bench.start(direction * rpm, 2.0)
+    bench.run(2.0)
+    assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
+
+
+def test_load_step_and_ramp_follow_the_settings() -> None:
+    """+25 % load: less than 4 % dip, back within 0.5 % after 60 ms; ramps have the set acceleration.
+
+    Verifies: FW-16
+    """
+    bench = Bench(drive=DriveSpec(accel_rpm_per_s=150_000.0))
+    bench.start(60_000)
+    bench.run(0.7)
+    bench.model.set_load(Load(25e-3, 60_000))
+    dip = 60_000.0
+    for _ in range(600):
+        bench.step()
+        dip = min(dip, bench.model.rpm)
+    assert dip > 57_600
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+    bench.fw.command("set accel_rpm_s 100000")
+    bench.fw.command("set speed_rpm 40000")
+    before = bench.model.rpm
+    bench.run(0.1)
+    assert before - bench.model.rpm == pytest.approx(10_000, rel=0.1)
+    bench.run(0.4)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+
+
+def test_current_limit_binds_without_windup() -> None:
+    """Far too steep a ramp: the current settles at its limit within 15 %, then no overshoot above 2 %.
+
+    Verifies: FW-17
+    """
+    bench = Bench(drive=DriveSpec(accel_rpm_per_s=2e6, current_limit_a=15.0))
+    bench.start(60_000)
+    peak_rpm, currents = 0.0, []
+    for _ in range(6000):
+        bench.step()
+        peak_rpm = max(peak_rpm, bench.model.rpm)
+        if 15_000 < bench.model.rpm < 45_000:
+            currents.append(float(bench.model.s[am.I_LINE]))
+    assert np.mean(currents[len(currents) // 4 :]) == pytest.approx(15.0, rel=0.15)
+    assert max(currents) < 20.0
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+    assert peak_rpm < 61_200
+
+
+def test_dc_limit_binds() -> None:
+    """A DC-link current limit below what the load wants holds the mean DC current there, at a lower speed.
+
+    Verifies: FW-17
+    """
+    bench = Bench(drive=DriveSpec(dc_current_limit_a=4.0))
+    bench.start(60_000)
+    bench.run(1.2)
+    mean = [bench.model.c[am.C_DUTY] * bench.model.s[am.I_LINE] for _ in range(500) if bench.step() is None]
+    assert np.mean(mean) == pytest.approx(4.0, rel=0.05)
+    assert 40_000 < bench.model.rpm < 58_000
+    assert bench.fw.command("get limit") == ["limit current", "ok"]
+
+
+def test_duty_limit_binds_and_releases() -> None:
+    """At 12 V supply 60 000 r/min are out of reach: full duty, no windup when the target falls.
+
+    Verifies: FW-17
+    """
+    inverter = InverterSpec(supply_v=12.0, phase_current_trip_a=45.0)
+    bench = Bench(inverter=inverter, drive=DriveSpec(duty_max=0.9, accel_rpm_per_s=200_000.0))
+    bench.start(60_000)
+    bench.run(1.0)
+    assert bench.fw.command("get duty") == ["duty 0.9000", "ok"]
+    assert bench.fw.command("get limit") == ["limit duty_max", "ok"]
+    bench.fw.command("set speed_rpm 30000")
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+def test_stop_and_stop_now() -> None:
+    """`stop` ramps down before the gates open, `stop now` opens them at once; both end ready and can start again.
+
+    Verifies: FW-19
+    """
+    bench = Bench()
+    bench.start(30_000)
+    bench.run(0.4)
+    assert bench.fw.command("stop") == ["ok"]
+    assert bench.until_state("stopping", 0.01)
+    assert bench.until_state("ready", 2.0)
+    assert bench.model.rpm < 7_000
+    assert bench.get("safety.guard") & 1 == 0
+    bench.start(30_000, 4.0)
+    bench.run(0.4)
+    assert bench.fw.command("stop now") == ["ok"]
+    bench.run(0.0002)
+    assert bench.fw.state == "ready"
+    assert bench.get("safety.guard") & 1 == 0
+
+
+@pytest.mark.parametrize(
+    ("cause", "name"),
+    [
+        (1, "phase_over_current"),
+        (2, "dc_over_current"),
+        (4, "fault_pin"),
+        (16, "over_voltage"),
+        (32, "under_voltage"),
+        (64, "software_trip"),
+        (1 | 4, "phase_over_current"),
+    ],
+)
+def test_trips_have_names_and_can_be_cleared(cause: int, name: str) -> None:
+    """Every trip opens the gates and names its first cause; clear, then a new start runs again.
+
+    Verifies: FW-18
+    """
+    bench = Bench()
+    bench.start(30_000)
+    bench.run(0.2)
+    bench.trip(cause)
+    bench.run(0.0003)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+    assert bench.get("safety.guard") & 1 == 0
+    assert bench.fw.command("start") == ["error: not ready"]
+    assert any(line.startswith(f"fault {name} ") for line in bench.fw.command("faults"))
+    assert bench.fw.command("clear") == ["ok"]
+    assert bench.until_state("ready", 0.01)
+    bench.start(30_000, 5.0)
+
+
+def test_cause_still_present_is_a_fault_again() -> None:
+    """Clearing does not help while the cause persists.
+
+    Verifies: FW-18
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    bench.trip(4, now=4)
+    bench.run(0.001)
+    assert fault_of(bench) == "fault_pin"
+    bench.fw.command("clear")
+    bench.run(0.01)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "fault_pin")
+
+
+def test_real_over_current_in_the_model_trips() -> None:
+    """A rotor that stops dead drives the current into the trip; the fault is named.
+
+    Verifies: FW-18
+    """
+    bench = Bench(drive=DriveSpec(restart_retries=0))
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_LOCKED] = 1.0
+    assert bench.until_state("fault", 0.5)
+    assert fault_of(bench) in ("phase_over_current", "lost_lock")
+    assert bench.get("safety.guard") & 1 == 0
+
+
+def test_lost_lock_restarts_by_itself() -> None:
+    """Crossings vanish for a while: gates open, the rotor coasts, the drive starts anew and comes back to speed.
+
+    Verifies: FW-20
+    """
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench.start(20_000)
+    bench.run(0.3)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    assert bench.get("safety.guard") & 1 == 0
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.until_state("running", 5.0)
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(20_000, rel=0.005)
+    assert bench.fw.command("get lost_locks") == ["lost_locks 1", "ok"]
+
+
+def test_restarts_are_limited() -> None:
+    """Without crossings every attempt fails: after the retries a named fault, gates off.
+
+    Verifies: FW-20
+    """
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(start_retries=2))
+    bench.start(20_000)
+    bench.run(0.2)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("fault", 10.0)
+    assert fault_of(bench) == "start_failed"
+    bench = Bench(drive=DriveSpec(restart_retries=0))
+    bench.start(20_000)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("fault", 1.0)
+    assert fault_of(bench) == "lost_lock"
+
+
+def test_locked_rotor_fails_to_start_by_name() -> None:
+    """A rotor that cannot turn: start_failed after the retries, current bounded by the start current.
+
+    Verifies: FW-20
+    """
+    bench = Bench(drive=DriveSpec(start_retries=1, start_current_a=6.0))
+    bench.model.m[am.M_LOCKED] = 1.0
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    assert bench.until_state("fault", 3.0)
+    assert fault_of(bench) == "start_failed"
+    assert bench.model.s[am.I_PEAK] < 45.0
+
+
+def test_start_waits_for_a_spinning_rotor() -> None:
+    """A rotor at 40 000 r/min coasts with open gates until its EMF is small; then it is aligned and started.
+
+    Verifies: FW-15
+    """
+    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3))
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    while bench.fw.telemetry()["phase"] == 0 and bench.now < 5.0:
+        assert bench.get("safety.guard") & 1 == 0
+        bench.step()
+    assert bench.model.rpm < 6_500
+    assert bench.until_state("running", 1.0)
+    assert bench.trips == 0
+
+
+def test_voltage_outside_of_its_range_refuses_to_start() -> None:
+    """Start at a wrong supply is a named fault.
+
+    Verifies: FW-18
+    """
+    for supply, name in ((12.0, "under_voltage"), (29.9, "over_voltage")):
+        bench = Bench()
+        bench.model.m[am.M_VDC] = supply
+        bench.until_state("ready", 0.1)
+        bench.fw.command("set speed_rpm 20000")
+        bench.fw.command("start")
+        bench.run(0.05)
+        assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+
+
+def test_silent_converter_is_a_fault() -> None:
+    """No new samples for three ticks while running.
+
+    Verifies: FW-18
+    """
+    bench = Bench()
+    bench.start(20_000)
+    bench.sampling = False
+    bench.run(0.001)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "no_samples")
+
+
+def test_freeze_holds_every_setting() -> None:
+    """Frozen, every committed register stays as it is whatever the machine does; released, control goes on.
+
+    Verifies: FW-21
+    """
+    bench = Bench()
+    bench.start(40_000)
+    bench.run(0.6)
+    assert bench.fw.command("set freeze 1") == ["ok"]
+    bench.step()
+    names = (
+        "pwm.control",
+        "pwm.period",
+        "pwm.duty",
+        "comm.control",
+        "comm.delay",
+        "comm.timeout",
+        "zcd.control",
+    )
+    held = [bench.get(name) for name in names]
+    bench.model.set_load(Load(24e-3, 60_000))
+    bench.fw.command("set advance_q16 1000")
+    bench.fw.command("set speed_rpm 50000")
+    for _ in range(500):
+        bench.step()
+        assert [bench.get(name) for name in names] == held
+    assert abs(bench.model.rpm - 40_000) > 200
+    bench.fw.command("set freeze 0")
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(50_000, rel=0.005)
+
+
+def test_long_carrier_at_low_duty_only() -> None:
+    """Pulses keep the on-time floor at low speed by a longer carrier; at speed the carrier is the wanted one.
+
+    Verifies: FW-08
+    """
+    bench = Bench()
+    bench.start(60_000)
+    floor = bench.block.number("on_time_floor_cycles")
+    longest = bench.block.number("carrier_longest_cycles")
+    while bench.model.rpm < 55_000:
+        bench.step()
+        pulse, period = bench.get("pwm.duty") / 256, bench.get("pwm.period")
+        assert 1250 <= period <= longest
+        assert pulse > floor - 2 or period == longest
+        assert period == 1250 or pulse < floor + 2
+    assert bench.get("pwm.period") == 1250
+
+
+def test_host_runs_faster_than_real_time() -> None:
+    """The drive on the host over the averaged model: more than a second a second, even on a busy machine.
+
+    Verifies: FW-22
+    """
+    bench = Bench()
+    bench.start(30_000)
+    begin = time.process_time()
+    bench.run(1.0)
+    assert time.process_time() - begin < 1.0
