@@ -56,7 +56,7 @@ struct cosim_t {
     int32_t pins = 0;
     int64_t conversion = 35;
     int64_t valid_at = NEVER;  // adc_valid_i rises after this edge
-    bool valid_high = false;
+    int64_t valid_low_at = NEVER;  // and falls after this one
     uint16_t codes[CHANNELS] = {};
     // console
     int64_t bit_time = 50;
@@ -86,7 +86,7 @@ replay_t R;
 
 void plan() {
     C.next = C.valid_at;
-    if (C.valid_high && C.st.cycle + 1 < C.next) C.next = C.st.cycle + 1;
+    if (C.valid_low_at < C.next) C.next = C.valid_low_at;
     if (C.rx_next < C.next) C.next = C.rx_next;
     if (C.tx_next < C.next) C.next = C.tx_next;
     if (R.pin < R.pins.size() && R.pins[R.pin].cycle < C.next) C.next = R.pins[R.pin].cycle;
@@ -231,12 +231,12 @@ void slow_step(Vtop* t) {
         plan();
     }
     if (C.st.cycle >= C.next) {
-        if (C.valid_high) t->adc_valid_i = 0, C.valid_high = false;
+        if (C.st.cycle >= C.valid_low_at) t->adc_valid_i = 0, C.valid_low_at = NEVER;
         if (C.st.cycle >= C.valid_at) {
             put_codes(t);
             t->adc_valid_i = 1;
-            C.valid_high = true;
             C.valid_at = NEVER;
+            C.valid_low_at = C.st.cycle + 1;
         }
         while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle) t->fault_pin_i = R.pins[R.pin++].value & 1;
         console_step(t);

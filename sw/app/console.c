@@ -63,7 +63,8 @@ static const char *command_help(void) {
 }
 
 static const char *command_status(app_t *app) {
-  static const char *const shown[] = {"state", "fault", "speed_rpm", "measured_rpm", "duty", "vdc_v", "idc_a", "motor_a"};
+  static const char *const shown[] = {"state", "fault", "speed_rpm", "measured_rpm",
+                                      "duty",  "vdc_v", "idc_a",     "motor_a"};
   for (uint32_t i = 0; i < sizeof shown / sizeof shown[0]; i++) {
     (void)items_print(app, shown[i]);
   }

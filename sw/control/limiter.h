@@ -23,8 +23,8 @@ typedef struct {
 
 // Bound for this step. resistive_v_q25 = R*I_limit >= 0; emf and resistive are products (|x| <= PRODUCT_MAX).
 // About 60 clocks.
-int32_t limiter_bound(const limiter_t *limiter, const limiter_gains_t *gains, int32_t emf_v_q25, int32_t resistive_v_q25,
-                      int32_t margin_q17);
+int32_t limiter_bound(const limiter_t *limiter, const limiter_gains_t *gains, int32_t emf_v_q25,
+                      int32_t resistive_v_q25, int32_t margin_q17);
 
 // Move the trim after the step: `binding` tells whether the bound was the active limit.
 void limiter_update(limiter_t *limiter, const limiter_gains_t *gains, int32_t resistive_v_q25, int32_t margin_q17,

@@ -70,7 +70,7 @@ HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
   drive->duty_q30 = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode);
   const uint32_t period_cycles =
       carrier_period_cycles(drive->duty_q30, drive->settings.carrier_period_cycles,
-                            (uint32_t)p->carrier_longest_cycles, (uint32_t)p->on_time_floor_cycles);
+                            drive->m.longest_cycles, (uint32_t)p->on_time_floor_cycles);
   drive->command.sync_rect = sync_rect;
   drive->command.period_cycles = period_cycles;
   drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);
@@ -197,7 +197,8 @@ static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fau
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
 COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
-  const bool clearing = drive->state == STATE_STARTING && drive->phase == START_COAST && drive->state_ticks <= CLEAR_TICKS;
+  const bool coasting = drive->state == STATE_STARTING && drive->phase == START_COAST;
+  const bool clearing = coasting && drive->state_ticks <= CLEAR_TICKS;
   uint32_t causes = (in->trip_first != 0u) ? in->trip_first : in->trip_latched;
   if (drive->state == STATE_READY) {
     causes &= ~(uint32_t)TRIPS_OF_RUNNING;

@@ -50,6 +50,7 @@ typedef struct {
   int32_t line_emf_q17;   // spread of the terminal voltages; the line EMF while the gates are off
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
+  uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
   uint32_t commutations;  // the same
   uint32_t timer_on_ticks;

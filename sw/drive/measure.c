@@ -7,6 +7,7 @@
 // The counters of the commutation timer start anew when it leaves OFF; a snapshot taken at that very tick may still
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
+#define CARRIERS_A_SECTOR 6u
 
 HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
   *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
@@ -34,6 +35,15 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
   m->line_emf_q17 = highest - lowest;
 }
 
+// A sector needs pulses before and after its crossing: at least CARRIERS_A_SECTOR carriers, or as many as the
+// carrier wanted by the user gives.
+HOT static uint32_t longest_carrier(const drive_t *drive, uint32_t zc_period_cycles) {
+  const uint32_t wanted = drive->settings.carrier_period_cycles;
+  const uint32_t longest = (uint32_t)drive->p->carrier_longest_cycles;
+  const uint32_t allowed = zc_period_cycles / (6u * CARRIERS_A_SECTOR);
+  return clamp_u32(allowed, wanted, (longest > wanted) ? longest : wanted);
+}
+
 HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
   if (drive->command.timer == COMMUTATION_OFF) {
@@ -42,6 +52,7 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->commutations = 0;
     m->speed_valid = false;
     m->speed_rpm_q8 = 0;
+    m->longest_cycles = (uint32_t)drive->p->carrier_longest_cycles;
     return;
   }
   m->timer_on_ticks++;
@@ -53,6 +64,7 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
   if (crossings > 0u && m->speed_valid) {
+    m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
   }
 }

@@ -4,6 +4,8 @@
 #include "control/placement.h"
 
 #define ONE_Q16 65536
+// The least duty grows with speed; at most this.
+#define LEAST_DUTY_MAX_Q16 26214
 // Least share of the gains at low speed.
 #define BANDWIDTH_SCALE_MIN_Q16 4096
 
@@ -25,7 +27,9 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
   const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
   if (group == 0u) {
     const int32_t diode = diode_v_q25(drive);
-    g->low_v_q25 = voltage_from_duty_v_q25(p->duty_min_q30, drive->m.vdc_v_q25, diode);
+    const uint32_t least_q16 = ((uint32_t)p->least_on_cycles << 16) / drive->m.longest_cycles;
+    const int32_t least_q30 = (least_q16 < LEAST_DUTY_MAX_Q16) ? (int32_t)(least_q16 << 14) : LEAST_DUTY_MAX_Q16 << 14;
+    g->low_v_q25 = voltage_from_duty_v_q25(least_q30, drive->m.vdc_v_q25, diode);
     g->high_v_q25 = voltage_from_duty_v_q25(p->duty_max_q30, drive->m.vdc_v_q25, diode);
     return;
   }

@@ -156,7 +156,7 @@ def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:
     rng = Random(4)
     kp, ki = 37.2, 5.3 * 32
     gains = PiGains(Gain(*gain(kp)), Gain(*gain(ki)))
-    state, integral = PiState(0), 0.0
+    state, integral, error = PiState(0), 0.0, 0
     for k in range(4000):
         error = rng.randint(-20000, 20000) if k % 50 == 0 else error + rng.randint(-200, 200)
         feed_forward = 2_000_000 + 1000 * (k % 300)

@@ -19,6 +19,12 @@ def fault_of(bench: Bench) -> str:
     return bench.fw.command("get fault")[0].split()[1]
 
 
+def longest_period(bench: Bench) -> int:
+    """Carrier period that leaves six pulses in the sectors of the last turn."""
+    sixth = bench.get("comm.snap_period") // 36
+    return max(1250, min(bench.block.number("carrier_longest_cycles"), sixth))
+
+
 def test_boot_measures_offsets_with_gates_off() -> None:
     """From reset to ready in less than 2 ms, offsets measured, gates disabled all the time.
 
@@ -469,14 +475,35 @@ def test_long_carrier_at_low_duty_only() -> None:
     bench = Bench()
     bench.start(60_000)
     floor = bench.block.number("on_time_floor_cycles")
-    longest = bench.block.number("carrier_longest_cycles")
     while bench.model.rpm < 55_000:
         bench.step()
         pulse, period = bench.get("pwm.duty") / 256, bench.get("pwm.period")
+        longest = longest_period(bench)
         assert 1250 <= period <= longest
         assert pulse > floor - 2 or period == longest
         assert period == 1250 or pulse < floor + 2
     assert bench.get("pwm.period") == 1250
+
+
+def test_coasting_keeps_enough_pulses_in_a_sector() -> None:
+    """Far too steep a ramp down: the least duty binds, pulses stay long enough and six or more in a sector.
+
+    Verifies: FW-08
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.fw.command("set accel_rpm_s 2000000")
+    bench.fw.command("set speed_rpm 10000")
+    bound = 0
+    for _ in range(3000):
+        bench.step()
+        assert bench.get("pwm.period") <= longest_period(bench)
+        assert bench.get("pwm.duty") / 256 >= bench.block.number("least_on_cycles") - 12
+        bound += bench.fw.telemetry()["limit"] == 2
+    assert bound > 100
+    assert bench.model.rpm < 45_000
+    assert bench.fw.state == "running"
 
 
 def test_host_runs_faster_than_real_time() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, Schema, load_schema
+from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Schema, load_schema
 
 RAM_WORDS = 16384
 BLOCK_ADDRESS = 0xF000
@@ -22,13 +22,13 @@ class ParameterError(ValueError):
 
 
 def gain(value: float) -> tuple[int, int]:
-    """Mantissa and shift of a real factor: 30 significant bits, shift 0..62.
+    """Mantissa and shift of a real factor: 30 significant bits, shift 4..62.
 
     >>> gain(0.5)
     (1073741824, 31)
     """
     if value == 0.0:
-        return 0, 0
+        return 0, SHIFT_MIN
     shift = 0
     magnitude = abs(value)
     while magnitude < 2**30 and shift < SHIFT_MAX:
@@ -38,7 +38,7 @@ def gain(value: float) -> tuple[int, int]:
     if mantissa > 0x7FFFFFFF:
         mantissa = round(magnitude / 2.0)
         shift -= 1
-    if shift < 0:
+    if shift < SHIFT_MIN:
         raise ParameterError(f"gain {value!r} is too large for a parameter")
     return (mantissa if value > 0 else -mantissa), shift
 

@@ -111,9 +111,11 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         start_a = min(0.35 * motor.rated_current_a, 0.6 * limit_a, 0.4 * trip_a)
 
     # Crossing detection.
-    settle_s = max(0.4e-6, 6.0 * inverter.divider_pole_s)
-    on_time_s = settle_s + 5.0 * inverter.sample_period_s
-    least_on_s = settle_s + 3.5 * inverter.sample_period_s
+    # A sample that counts follows one that is settled itself: a clamp shorter than the sample spacing would else go
+    # unseen between an unsettled sample on its rise and one on its fall.
+    settle_s = max(0.4e-6, 6.0 * inverter.divider_pole_s) + inverter.sample_period_s
+    on_time_s = settle_s + 4.0 * inverter.sample_period_s
+    least_on_s = settle_s + 3.0 * inverter.sample_period_s
 
     # Open-loop start.
     start_v = m.r_line * start_a
@@ -196,7 +198,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
         "carrier_longest_cycles": cycles(longest_s),
         "on_time_floor_cycles": cycles(on_time_s),
-        "duty_min_q30": round(min(0.4, least_on_s / longest_s) * Q30),
+        "least_on_cycles": cycles(least_on_s),
         "duty_max_q30": round(drive.duty_max * Q30),
         "diode_v_q25": round(inverter.diode_drop_v * volt),
         "slew_v_q25": max(1, round(supply * tick / 5e-3 * volt)),

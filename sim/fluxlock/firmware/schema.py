@@ -13,7 +13,7 @@ from fluxlock.paths import ROOT
 SCHEMA_FILE = ROOT / "sw" / "params.toml"
 MAGIC = 0x464C5850  # "FLXP"
 HEADER_WORDS = 4  # magic, version, payload bytes, CRC-32 of the payload
-SHIFT_MAX = 62
+SHIFT_MIN, SHIFT_MAX = 4, 62
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,8 @@ void fl_host_reset(void) {
   memset(&host, 0, sizeof host);
   *at(REG(sys.id)) = FL_SYS_REGS__ID__MAGIC_reset;
   *at(REG(sys.build)) =
-      FL_SYS_REGS__BUILD__MAP_VERSION_reset | FIELD(FL_SYS_REGS__BUILD__PHASES, PHASES) | FIELD(FL_SYS_REGS__BUILD__CHANNELS, 9);
+      FL_SYS_REGS__BUILD__MAP_VERSION_reset | FIELD(FL_SYS_REGS__BUILD__PHASES, PHASES) |
+      FIELD(FL_SYS_REGS__BUILD__CHANNELS, 9);
   *at(REG(sys.clock)) = 50000000u;
   for (uint32_t i = 0; i < OFFSETS; i++) {
     host.auto_zero[i] = 2048 * 16;
