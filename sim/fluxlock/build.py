@@ -78,6 +78,24 @@ def generate_registers(force: bool = False) -> Path:
     return GENERATED
 
 
+def generate_python() -> Path:
+    """Generate Python accessors into `build/generated/python`; with that folder on the path: `import fluxlock_regs`.
+
+    They read and write through two callbacks, so one API serves a serial line, a debugger or a bus model.
+    """
+    out = GENERATED / "python"
+    sources = list((RTL / "regs").glob("*.rdl"))
+    key = content_hash(sources)
+    stamp = out / ".stamp"
+    with file_lock(BUILD / ".regs-python.lock"):
+        if not stamp.exists() or stamp.read_text() != key:
+            _peakrdl(
+                "python", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out), "--skip_test_case_generation"
+            )
+            stamp.write_text(key)
+    return out
+
+
 def generate_html() -> Path:
     """Generate the HTML register reference into `build/html/registers`."""
     out = BUILD / "html" / "registers"
@@ -88,11 +106,13 @@ def generate_html() -> Path:
 def main() -> int:
     """Command line of this module."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("step", choices=["regs", "html", "chip"])
+    parser.add_argument("step", choices=["regs", "python", "html", "chip"])
     parser.add_argument("--force", action="store_true", help="generate again even if nothing changed")
     options = parser.parse_args()
     if options.step == "html":
         print(generate_html())
+    elif options.step == "python":
+        print(generate_python())
     elif options.step == "chip":
         from fluxlock.cosim.run import ready_chip
 

@@ -38,6 +38,10 @@ class PlantFault(Exception):
     """The plant kernel returned a fault code."""
 
 
+class ConsoleSilent(Exception):
+    """The firmware gave no answer: its main loop hangs or has no time left."""
+
+
 class Session:
     """One run: plan, plant, native main, and what they have recorded so far."""
 
@@ -128,6 +132,8 @@ class Session:
                 lines = self.text[seen:].splitlines()
                 if any(line.strip() == "ok" or line.startswith("error") for line in lines):
                     break
+            else:
+                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {FINAL_REPLY_S:g} s")
 
     def save(self, fault: str | None) -> None:
         """Write arrays and meta data into the plan's folder."""
@@ -165,8 +171,6 @@ async def drive(dut: object) -> None:
     fault: str | None = None
     try:
         await session.run()
-    except PlantFault as error:
-        fault = str(error)
-    except BufferError as error:
+    except (PlantFault, ConsoleSilent, BufferError) as error:
         fault = str(error)
     session.save(fault)
