@@ -57,7 +57,8 @@ def measure(repeat: int = 2) -> dict[str, Any]:
         meta = run_plan(plan, chip)
         if meta["fault"]:
             raise RuntimeError(meta["fault"])
-        closed_s = meta["marks"][str(end)] - meta["marks"][str(begin)]
+        first, last = meta["marks"][str(begin)], meta["marks"][str(end)]
+        closed_s, python_s, events = (y - x for x, y in zip(first, last, strict=True))
         timing, gates = replay(plan, chip.executable, end, begin)
         with np.load(folder / RAW_FILE) as raw:
             log = raw["log"]
@@ -70,6 +71,14 @@ def measure(repeat: int = 2) -> dict[str, Any]:
                 "closed_loop_cycles_per_s": cycles / closed_s,
                 "bare_cycles_per_s": cycles / timing["wall_s"],
                 "ratio": timing["wall_s"] / closed_s,
+                # Where the time of the closed loop goes: the model alone, Python's wake-ups, the rest is the plant.
+                "time_s": {
+                    "closed_loop": closed_s,
+                    "model": timing["wall_s"],
+                    "python": python_s,
+                    "plant": closed_s - timing["wall_s"] - python_s,
+                },
+                "plant_events": events,
                 "gate_changes": len(gates),
             }
         )

@@ -34,8 +34,8 @@ class Action:
 class SessionPlan:
     """One run, all in clock cycles.
 
-    batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time is noted
-    (result `mark_wall_s`). recording: also record the chip's inputs for a replay.
+    batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
+    in Python and plant events are noted. recording: also record the chip's inputs for a replay.
     """
 
     plant: PlantParams

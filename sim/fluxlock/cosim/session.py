@@ -51,7 +51,9 @@ class Session:
         self.plant = Plant(plan.plant, seed=plan.seed, mode=plan.plant_mode)
         self.logs: list[Any] = []
         self.text = ""
-        self.marks: dict[int, float] = {}
+        # Wall time, time in Python and plant events at the marks of the plan.
+        self.marks: dict[int, tuple[float, float, int]] = {}
+        self.python_s = 0.0
         self.begin = time.perf_counter()
         self._progress_at = 0.0
 
@@ -102,15 +104,18 @@ class Session:
         native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
         native.record(plan.recording)
-        stops = sorted({*range(plan.batch_cycles, plan.duration_cycles, plan.batch_cycles), plan.duration_cycles,
-                        *(a.cycle for a in plan.actions), *plan.marks})  # fmt: skip
+        end = plan.duration_cycles
+        planned = {*(a.cycle for a in plan.actions), *plan.marks, *range(plan.batch_cycles, end, plan.batch_cycles)}
+        stops = [*sorted(cycle for cycle in planned if cycle < end), end]
         pending = sorted(plan.actions, key=lambda a: a.cycle)
         self.begin = time.perf_counter()
         for stop in stops:
             await self.wait_until(stop)
+            woken = time.perf_counter()
             self.drain()
+            self.python_s += time.perf_counter() - woken
             if stop in plan.marks:
-                self.marks[stop] = time.perf_counter() - self.begin
+                self.marks[stop] = (woken - self.begin, self.python_s, native.status.events)
             while pending and pending[0].cycle <= stop:
                 self.act(pending.pop(0))
         self.wall_s = time.perf_counter() - self.begin
