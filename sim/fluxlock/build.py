@@ -89,9 +89,7 @@ def generate_python() -> Path:
     stamp = out / ".stamp"
     with file_lock(BUILD / ".regs-python.lock"):
         if not stamp.exists() or stamp.read_text() != key:
-            _peakrdl(
-                "python", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out), "--skip_test_case_generation"
-            )
+            _peakrdl("python", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out), "--skip_test_case_generation")
             stamp.write_text(key)
     return out
 

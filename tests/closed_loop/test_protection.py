@@ -50,7 +50,7 @@ def test_fault_pin() -> None:
 
 
 def test_lost_lock() -> None:
-    """The voltage channels fail for 8 ms: lost lock by name, then the drive starts again by itself.
+    """The voltage channels fail for 1.3 ms: lost lock by name, then the drive starts again by itself.
 
     Verifies: SYS-10
     """
