@@ -20,14 +20,15 @@ help: ## list the targets
 RUN := .venv/.group-run
 TEST := $(RUN) .venv/.group-test
 LINT := $(RUN) .venv/.group-lint
+FORMAL := .venv/.group-formal
 SYNTH := $(RUN) .venv/.group-synth
 
-setup: $(TEST) $(LINT) $(SYNTH) ## install every dependency group
+setup: $(TEST) $(LINT) $(FORMAL) $(SYNTH) ## install every dependency group
 
 demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
-test: $(TEST) ## unit, block, firmware and closed-loop tests
+test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
 	@$(PY) -m pytest -n $(JOBS) --dist loadgroup
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
@@ -39,7 +40,7 @@ bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/
 synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json and the table in docs
 	@$(PY) -m fluxlock.synth
 
-formal: $(TEST) $(SYNTH) ## proofs of the safety blocks
+formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
 	@$(PY) -m pytest tests/formal
 
 docs: $(TEST) ## register reference, schema pages, verification matrix

@@ -172,7 +172,7 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted 0 to 4'),
         ("event[0].command=status", "--set: event[0]: needs exactly one action"),
         ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),
-        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = 1.55 s)"),
+        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = 1.5 s)"),
         ("window.steady.to_s=9", "--set: window[0].to_s: 9 s is after the end of the run"),
         ("window.steady.to_s=0.1", "is not after from_s"),
         ("window.loaded.name=steady", '"steady" names two windows'),

