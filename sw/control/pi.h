@@ -3,7 +3,7 @@
 //   u   = feed_forward + kp*e + integral,  output = u limited to [low, high]
 //   integral += ki*e + (output - u) / 8
 //
-// The caller passes the limits that really bind at this step (duty, current, slew), so the integral follows
+// The caller passes the limits that really bind at this step (duty, current), so the integral follows
 // them and not a fixed rail. The integral has PI_INTEGRAL_BITS bits below the output's format and saturates; the
 // output's format therefore has to leave as many bits of headroom (voltage v_q25 does).
 // Ranges: |feed_forward| <= 2 * PRODUCT_MAX, |low|, |high| <= PRODUCT_MAX.

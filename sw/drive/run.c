@@ -111,18 +111,22 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
   const int32_t margin_q17 = lesser(s->current_limit_q17 - m->motor_q17, s->dc_limit_q17 - m->idc_q17);
   const int32_t high_current = limiter_bound(&drive->limiter, &limiter_gains, gain_apply(m->speed_rpm_q8, p->emf),
                                              g->resistive_v_q25, margin_q17);
-  // The least duty keeps the crossings visible and stands above the current limit; that one stands above the slew.
-  const int32_t high_now = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
-  const int32_t high = lesser(high_now, drive->u_v_q25 + p->slew_v_q25);
-  const int32_t low = lesser(greater(g->low_v_q25, drive->u_v_q25 - p->slew_v_q25), high);
-
-  const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, low, high);
+  // The least duty keeps the crossings visible and stands above the current limit.
+  const int32_t high = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
+  const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, g->low_v_q25, high);
+  // The slew is behind the regulator: it only smooths the voltage (full range in a few ms). Fed back into the integral
+  // it would turn skewed jitter of the measured speed (RSC with late crossings) into a lasting speed error. It must not
+  // hold the voltage above the limits.
+  const int32_t slewed = clamp_i32(u.output, drive->u_v_q25 - p->slew_v_q25, drive->u_v_q25 + p->slew_v_q25);
+  const int32_t output = lesser(slewed, high);
   drive->limit = LIMIT_NONE;
   if (u.output < u.unlimited) {
-    drive->limit = (high < high_now) ? LIMIT_SLEW : ((high_current < g->high_v_q25) ? LIMIT_CURRENT : LIMIT_DUTY_MAX);
+    drive->limit = (high_current < g->high_v_q25) ? LIMIT_CURRENT : LIMIT_DUTY_MAX;
   } else if (u.output > u.unlimited) {
-    drive->limit = (low > g->low_v_q25) ? LIMIT_SLEW : LIMIT_DUTY_MIN;
+    drive->limit = LIMIT_DUTY_MIN;
+  } else if (output != u.output) {
+    drive->limit = LIMIT_SLEW;
   }
   limiter_update(&drive->limiter, &limiter_gains, g->resistive_v_q25, margin_q17, drive->limit == LIMIT_CURRENT);
-  drive_apply_voltage(drive, u.output, drive->settings.sync_rect);
+  drive_apply_voltage(drive, output, drive->settings.sync_rect);
 }
