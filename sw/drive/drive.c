@@ -188,11 +188,14 @@ COLD static void lost_lock(drive_t *drive) {
 }
 
 // A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
-// consequence, not a fault of its own.
+// consequence, not a fault of its own; nor is one as the precharge of the restart shorts a rotor whose EMF was not
+// seen.
 static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
   const bool over_current = fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
-  const bool on_crossings = drive->command.timer == COMMUTATION_ZCD;
-  return fault == FAULT_LOST_LOCK || (over_current && on_crossings && in->misses >= MISSES_BEFORE_TRIP);
+  const bool missed = drive->command.timer == COMMUTATION_ZCD && in->misses >= MISSES_BEFORE_TRIP;
+  const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
+  const bool unseen = restarting && drive->phase == START_PRECHARGE;
+  return fault == FAULT_LOST_LOCK || (over_current && (missed || unseen));
 }
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.

@@ -57,6 +57,18 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
   }
 }
 
+// Without synchronous rectification nothing brakes: below half of the EMF the pulses carry next to no current, less
+// voltage slows the rotor no faster. All of the voltage below the EMF has to be regained when the target is reached,
+// and the rotor falls on meanwhile: so the nearer the target, the nearer to the EMF.
+HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t reference_v_q25) {
+  if (drive->settings.sync_rect) {
+    return drive->scheduled.low_v_q25;
+  }
+  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
+  const int32_t depth_v_q25 = clamp_i32(4 * (emf_v_q25 - reference_v_q25), emf_v_q25 / 8, emf_v_q25 / 2);
+  return greater(drive->scheduled.low_v_q25, emf_v_q25 - depth_v_q25);
+}
+
 // Settings that the console may change while running.
 HOT static void apply_settings(drive_t *drive) {
   const settings_t *s = &drive->settings;
@@ -105,7 +117,8 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
   const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, s->accel_rpm_q24, m->speed_rpm_q8,
                                       p->ramp_window_rpm * 256);
   const int32_t reference = drive->ramp.value_rpm_q8;
-  const int32_t feed_forward = gain_apply(reference, p->emf) + direction * g->acceleration_v_q25;
+  const int32_t reference_v_q25 = gain_apply(reference, p->emf);
+  const int32_t feed_forward = reference_v_q25 + direction * g->acceleration_v_q25;
 
   const limiter_gains_t limiter_gains = {p->limiter_kp, p->limiter_ki};
   const int32_t margin_q17 = lesser(s->current_limit_q17 - m->motor_q17, s->dc_limit_q17 - m->idc_q17);
@@ -113,7 +126,8 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
                                              g->resistive_v_q25, margin_q17);
   // The least duty keeps the crossings visible and stands above the current limit.
   const int32_t high = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
-  const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, g->low_v_q25, high);
+  const int32_t low = lesser(lower_limit_v_q25(drive, reference_v_q25), high);
+  const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, low, high);
   // The slew is behind the regulator: it only smooths the voltage (full range in a few ms). Fed back into the integral
   // it would turn skewed jitter of the measured speed (RSC with late crossings) into a lasting speed error. It must not
   // hold the voltage above the limits.

@@ -46,7 +46,8 @@ void start_failed(drive_t *drive) {
 static void coast(drive_t *drive) {
   const parameters_t *p = drive->p;
   drive->calm_ticks = (drive->m.line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
-  if (drive->calm_ticks < COAST_CALM_TICKS) {
+  // The more often a start failed, the longer the calm: voltage channels may fail for a while and show no EMF.
+  if (drive->calm_ticks < COAST_CALM_TICKS << clamp_u32(drive->failed_starts, 0, HALVINGS_MAX)) {
     if (drive->state_ticks > (uint32_t)p->coast_timeout_ticks) {
       drive_enter_fault(drive, FAULT_ROTOR_SPINNING);
     }

@@ -376,6 +376,43 @@ def test_restarts_are_limited() -> None:
     assert fault_of(bench) == "lost_lock"
 
 
+def test_unseen_rotor_shorted_by_the_precharge_of_a_restart() -> None:
+    """Voltage channels that hide the EMF let the precharge short a turning rotor: open, wait longer, start again.
+
+    Verifies: FW-20
+    """
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench.start(20_000)
+    bench.run(0.3)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.run(5.0, lambda: bench.fw.telemetry()["phase"] == 1)
+    bench.trip(1)
+    bench.run(0.0003)
+    assert (bench.fw.state, bench.fw.telemetry()["phase"]) == ("starting", 0)
+    assert bench.get("safety.guard") & 1 == 0
+    assert bench.until_state("running", 5.0)
+
+
+def test_ramp_down_does_not_undershoot() -> None:
+    """Without braking (fan alone slows the rotor) the speed falls at most 3 % below its target.
+
+    Verifies: FW-16
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.fw.command("set speed_rpm 20000")
+    assert bench.run(1.0, lambda: bench.model.rpm < 20_400)
+    speeds = []
+    for _ in range(2000):
+        bench.step()
+        speeds.append(bench.model.rpm)
+    assert min(speeds) > 19_400
+    assert speeds[-1] == pytest.approx(20_000, rel=0.005)
+
+
 def test_locked_rotor_fails_to_start_by_name() -> None:
     """A rotor that cannot turn: start_failed after the retries, current bounded by the start current.
 
