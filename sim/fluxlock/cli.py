@@ -1,13 +1,16 @@
 """The `fluxlock` command.
 
-Exit codes: 0 = done and passed, 1 = the run failed (trip, missed expectation, simulation fault), 2 = bad
-input.
+Exit codes: 0 = done and passed, 1 = the run failed (trip, missed expectation, rejected command, simulation fault), 2 =
+bad input, 130 = interrupted, 143 = terminated.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -22,6 +25,11 @@ from fluxlock.config.info import derived_values, warnings
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 128 + signal.SIGINT
+EXIT_TERMINATED = 128 + signal.SIGTERM
+
+SEED_MAX = 2**31 - 1
+OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 
 app = typer.Typer(
     help="Sensorless motor control on an FPGA: run the chip, its firmware and a motor together.",
@@ -59,12 +67,41 @@ class _ProgressBar:
     def __call__(self, info: ProgressInfo) -> None:
         self._progress.update(
             self._task,
-            completed=info.t_s,
+            completed=min(info.t_s, info.duration_s),
             total=info.duration_s,
             phase=info.phase,
             speed=info.speed_rpm,
             rate=info.rate_cycles_per_s / 1e6,
         )
+
+
+def _seed(text: str) -> int:
+    """Value of `--seed`."""
+    if not (text.isascii() and text.isdigit() and int(text) <= SEED_MAX):
+        raise ConfigError([Problem("--seed", "", f"must be a whole number from 0 to {SEED_MAX}, not {text!r}")])
+    return int(text)
+
+
+def _prepare_output(out_dir: Path) -> None:
+    """Make the folder of the results and find out now, not after the run, whether everything can be written."""
+    simulator = out_dir / "simulator"
+    for folder in (out_dir, simulator):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            reason = "a file is in the way" if isinstance(error, FileExistsError) else error.strerror
+            raise _unwritable(folder, f"{reason}; name another folder") from None
+    for path in [*(out_dir / name for name in OUTPUTS), *sorted(simulator.iterdir())]:
+        if path.is_dir():
+            raise _unwritable(path, "a folder is in the way; remove it or name another folder")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise _unwritable(path, "Permission denied; remove it or name another folder")
+
+
+def _unwritable(path: Path, reason: str) -> ConfigError:
+    return ConfigError([Problem("--out", str(path), f"cannot be written: {reason}")])
 
 
 def _write_outputs(data: RunData, scenario: Scenario, out_dir: Path) -> dict[str, Any]:
@@ -103,16 +140,13 @@ def run(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the noise.")] = None,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST file of the chip's signals.")] = False,
 ) -> None:
     """Run a scenario in closed loop and write result.json, trace.npz and plots."""
     loaded = load_scenario(scenario, set_ or ())
     out_dir = out if out is not None else Path("build") / scenario.stem
-    try:
-        out_dir.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError([Problem("--out", str(out_dir), f"cannot be created ({error.strerror})")]) from None
+    _prepare_output(out_dir)
     # Simulator packages are not needed by the other commands.
     from fluxlock.cosim.run import run_scenario
 
@@ -147,7 +181,8 @@ def motor_check(file: Annotated[Path, typer.Argument(help="Motor file (TOML).")]
     motor = load_motor(file)
     for line in warnings(motor):
         print(f"warning: {file}: {line}", file=sys.stderr)
-    print(f"{file}: ok ({motor.name}, {motor.pole_pairs} pole pairs, {motor.emf})")
+    pairs = f"{motor.pole_pairs} pole pair{'s' if motor.pole_pairs > 1 else ''}"
+    print(f"{file}: ok ({motor.name}, {pairs}, {motor.emf})")
 
 
 @motor_app.command("info")
@@ -184,14 +219,39 @@ def motor_info(
         print(f"warning: {file}: {line}", file=sys.stderr)
 
 
+def _report_usage(error: typer.TyperException) -> None:
+    """Wrong usage in one line; without any argument the help text is the answer."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "fluxlock"
+    text = error.format_message().rstrip(".")
+    if text:
+        print(f"error: {command}: {text[:1].lower()}{text[1:]}; see {command} --help", file=sys.stderr)
+
+
+def _terminate(*_: object) -> NoReturn:
+    """SIGTERM unwinds like Ctrl-C: the simulator's process ends with this one."""
+    sys.exit(EXIT_TERMINATED)
+
+
 def main() -> None:
     """Entry point: bad input becomes one line a problem and exit code 2, never a traceback."""
+    before = signal.signal(signal.SIGTERM, _terminate)
     try:
-        app()
+        code = app(prog_name="fluxlock", standalone_mode=False) or 0
     except ConfigError as error:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)
-        sys.exit(EXIT_BAD_INPUT)
+        code = EXIT_BAD_INPUT
+    except typer.TyperException as error:
+        _report_usage(error)
+        code = EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    if code == EXIT_INTERRUPTED:
+        print("interrupted", file=sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ The simulation is replaced by synthetic data.
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -15,10 +16,12 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from fluxlock import cli
-from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, load_trace
+from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault, load_trace
 from fluxlock.config import Scenario
+from fluxlock.cosim.run import rejected_lines
 from fluxlock.paths import ROOT
 from tests.analysis.synthetic import Drive, make_run
 
@@ -29,9 +32,17 @@ SHORT = [
     "--set",
     "duration_s=0.02",
     "--set",
-    "event=[{at_s=0.0,speed_rpm=60000}]",
+    "event=[{at_s=0.001,speed_rpm=60000}]",
     "--set",
     'window=[{name="steady",from_s=0.002,to_s=0.01},{name="loaded",from_s=0.01,to_s=0.018}]',
+    "--set",
+    "expect=["
+    + ",".join(
+        f'{{window="{window}",metric="commutation_error_deg.{kind}",min=-0.3,max=0.3}}'
+        for window in ("steady", "loaded")
+        for kind in ("mean", "rms")
+    )
+    + "]",
 ]
 
 
@@ -54,15 +65,18 @@ def invoke(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
 def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Replace the co-simulation; `calls` collects what it was asked for, `drive` is what it returns."""
     module = ModuleType("fluxlock.cosim.run")
-    state: dict[str, Any] = {"calls": [], "drive": Drive(), "fault": None}
+    state: dict[str, Any] = {"calls": [], "drive": Drive(), "fault": None, "rejected": [], "interrupt": False}
 
     def run_scenario(
         scenario: Scenario, out_dir: Path, seed: int, waves: bool, progress: Callable[[ProgressInfo], None]
     ) -> RunData:
         state["calls"].append((scenario.name, out_dir, seed, waves))
         progress(ProgressInfo(0.01, 0.02, 60_000.0, 1.1e6, "run"))
+        if state["interrupt"]:
+            raise KeyboardInterrupt
         data = make_run(state["drive"])
         data.seed = seed
+        data.rejected = state["rejected"]
         if state["fault"]:
             raise SimulationFault(state["fault"], data)
         return data
@@ -85,6 +99,7 @@ def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Pa
         "trace.npz",
         "overview.png",
         "zoom.png",
+        "simulator",
     }
     assert "commutation error rms" in out and "steady" in out and "loaded" in out
     result = json.loads((tmp_path / "o" / "result.json").read_text())
@@ -94,7 +109,9 @@ def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Pa
     assert run["seed"] == 5 and run["cycles"] == 1_000_000 and run["overruns"] == 0
     assert run["cycles_per_s"] == pytest.approx(500_000) and run["realtime_factor"] == pytest.approx(0.01)
     assert run["isr"]["control"] == {"min": 300, "mean": 350.5, "max": 400, "count": 1000}
-    assert "python" in run["tool_versions"] and "git_revision" in run
+    versions = run["tool_versions"]
+    assert "python" in versions and versions["verilator_program"] and versions["cxx"]
+    assert result["rejected"] == [] and "git_revision" in run
     assert result["scenario"]["settings"]["motor"]["pole_pairs"] == 1
     assert load_trace(tmp_path / "o" / "trace.npz").seed == 5
 
@@ -107,7 +124,9 @@ def test_missed_expectation_fails(invoke: Invoke, simulator: dict[str, Any], tmp
     simulator["drive"] = Drive(commutation_error=lambda k: 1.0)
     code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
     assert code == 1
-    assert re.search(r"^failed: steady: commutation_error_deg.rms is 1(\.00\d)?, expected max 0.3$", err, re.M), err
+    assert re.search(
+        r"^failed: steady: commutation_error_deg.rms is 1(\.00\d)?, expected min -0.3 and max 0.3$", err, re.M
+    ), err
     assert re.search(r"1\.00\d !", out), out
     result = json.loads((tmp_path / "result.json").read_text())
     assert sum(not e["pass"] for e in result["expectations"]) == 4
@@ -126,6 +145,52 @@ def test_trip_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], t
     simulator["drive"] = Drive()
     code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *expects)
     assert code == 1 and "expected trip did not happen: phase_current" in err
+
+
+def test_rejected_command_fails(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """A console line that the drive refused: exit code 1, line, time and reason in words and in the result.
+
+    Verifies: FRONT-17
+    """
+    simulator["rejected"] = [Rejection(0.012, "set sped 1", "unknown name")]
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 1 and 'failed: console at 0.012000 s: "set sped 1" was rejected: unknown name' in err
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["rejected"] == [{"time_s": 0.012, "line": "set sped 1", "reason": "unknown name"}]
+
+
+def test_replies_belong_to_their_lines() -> None:
+    """The console answers in order; a line without answer counts as rejected.
+
+    Verifies: FRONT-17
+    """
+    sent = [(50, "start"), (100, "status"), (150, "clear")]
+    assert rejected_lines(sent, ["ok", "error: no valid parameters"], 50.0) == [
+        Rejection(2.0, "status", "no valid parameters"),
+        Rejection(3.0, "clear", "no reply"),
+    ]
+    assert rejected_lines(sent, ["ok"] * 3, 50.0) == []
+
+
+def test_progress_ends_at_the_duration() -> None:
+    """What the simulator does after the end of the run does not show.
+
+    Verifies: FRONT-06
+    """
+    console = Console(file=io.StringIO(), width=120)
+    with cli._ProgressBar(console, 0.05) as bar:
+        bar(ProgressInfo(0.054, 0.05, 0.0, 1e6, "simulating"))
+        assert bar._progress.tasks[0].completed == 0.05
+
+
+def test_interrupted(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """Ctrl-C: one word and exit code 130.
+
+    Verifies: FRONT-18
+    """
+    simulator["interrupt"] = True
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 130 and err.splitlines()[-1] == "interrupted" and "Traceback" not in err
 
 
 def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
@@ -149,11 +214,19 @@ def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[st
         ),
         (["run", DEMO, "--set", "inverter.supply_v=10"], "needs at least 11.0 V"),
         (["run", DEMO, "--set", "nonsense"], "error: --set: nonsense: must have the form key=value"),
-        (["run", DEMO, "--out", "/dev/null/x"], "error: --out: /dev/null/x: cannot be created"),
+        (["run", DEMO, "--out", "/dev/null/x"], "error: --out: /dev/null/x: cannot be written: Not a directory"),
+        (["run", DEMO, "--out", DEMO], "demo.toml: cannot be written: a file is in the way; name another folder"),
+        (["run", DEMO, "--out", "/proc/self"], "error: --out: /proc/self"),
         (["motor", "check", "missing.toml"], "error: missing.toml: file not found"),
         (["motor", "info", DEMO], "drive: unknown key"),
-        (["run", DEMO, "--seed", "x"], "--seed"),
-        (["frobnicate"], "frobnicate"),
+        (["run", DEMO, "--seed", "x"], "error: --seed: must be a whole number from 0 to 2147483647, not 'x'"),
+        (["run", DEMO, "--seed", "-1"], "error: --seed: must be a whole number from 0 to 2147483647, not '-1'"),
+        (["run", DEMO, "--seed", "2147483648"], "error: --seed: must be a whole number from 0 to 2147483647"),
+        (["run"], "error: fluxlock run: missing argument 'scenario'; see fluxlock run --help"),
+        (["run", DEMO, "--bogus"], "error: fluxlock run: no such option: --bogus"),
+        (["run", DEMO, "--out"], "error: fluxlock: option '--out' requires an argument"),
+        (["motor", "chek", "x"], "error: fluxlock motor: no such command 'chek'"),
+        (["frobnicate"], "error: fluxlock: no such command 'frobnicate'; see fluxlock --help"),
     ],
 )
 def test_bad_input(invoke: Invoke, simulator: dict[str, Any], arguments: list[str], expected: str) -> None:
@@ -164,8 +237,54 @@ def test_bad_input(invoke: Invoke, simulator: dict[str, Any], arguments: list[st
     code, out, err = invoke(*arguments)
     assert code == 2 and expected in err, err
     assert "Traceback" not in err and out == "" and simulator["calls"] == []
-    if "error: " in err:
-        assert all(line.startswith("error: ") for line in err.splitlines())
+    assert all(line.startswith("error: ") for line in err.splitlines())
+
+
+@pytest.mark.parametrize("name", ["result.json", "zoom.png", "simulator/meta.json"])
+def test_output_that_is_a_folder(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path, name: str) -> None:
+    """A folder where a file is to be written: one message before the run.
+
+    Verifies: FRONT-06
+    """
+    (tmp_path / name).mkdir(parents=True)
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 2 and simulator["calls"] == []
+    text = "a folder is in the way; remove it or name another folder"
+    assert err == f"error: --out: {tmp_path / name}: cannot be written: {text}\n"
+
+
+def test_simulator_folder_that_is_a_file(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """A file where the simulator's folder is to be.
+
+    Verifies: FRONT-06
+    """
+    (tmp_path / "simulator").touch()
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 2 and simulator["calls"] == []
+    assert err.startswith(f"error: --out: {tmp_path / 'simulator'}: cannot be written: a file is in the way")
+
+
+@pytest.mark.parametrize("locked", ["", "result.json"])
+def test_output_without_permission(
+    invoke: Invoke, simulator: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locked: str
+) -> None:
+    """A folder or a file of an earlier run that may not be written to. Refusals are simulated: root has none.
+
+    Verifies: FRONT-06
+    """
+    (tmp_path / "result.json").touch()
+
+    def refuse(**_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    if locked:
+        monkeypatch.setattr(cli.os, "access", lambda path, mode: Path(path).name != locked)
+    else:
+        monkeypatch.setattr(cli.tempfile, "TemporaryFile", refuse)
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 2 and simulator["calls"] == []
+    assert err.startswith(f"error: --out: {tmp_path / locked}: cannot be written: Permission denied")
+    assert len(err.splitlines()) == 1
 
 
 def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
@@ -193,7 +312,8 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     """
     motor = ROOT / "motors" / "motor-1.toml"
     code, out, err = invoke("motor", "check", str(motor))
-    assert (code, err) == (0, "") and out.startswith(f"{motor}: ok (Motor-I")
+    assert (code, err) == (0, "") and out == f"{motor}: ok (Motor-I, 1 pole pair, sinusoidal)\n"
+    assert "4 pole pairs" in invoke("motor", "check", str(ROOT / "motors" / "pump-4pp.toml"))[1]
     code, out, _ = invoke("motor", "info", str(motor))
     assert code == 0 and "torque constant" in out and "inductance_h" in out
     code, out, _ = invoke("motor", "info", str(motor), "--json")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import os
 import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
@@ -10,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.analysis.metrics import judge, trips
-from fluxlock.analysis.rundata import RunData
+from fluxlock.analysis.rundata import Rejection, RunData
 from fluxlock.config.scenario import Scenario
-from fluxlock.paths import ROOT
+from fluxlock.paths import ROOT, tool_environment
 
 SCHEMA_VERSION = 1
 # What a run depends on besides the checkout.
@@ -28,9 +30,25 @@ TOOLS = (
 )
 
 
+def _program_version(command: str) -> str | None:
+    """First line of what a program says of its version; None if it does not run."""
+    try:
+        done = subprocess.run(
+            [command, "--version"], env=tool_environment(), capture_output=True, text=True, check=True, timeout=20
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip().partition("\n")[0]
+
+
+@functools.cache
 def tool_versions() -> dict[str, str]:
-    """Versions of Python and of the installed packages that a run uses."""
+    """Versions of Python, of the installed packages and of the programs that a run uses."""
     found = {"python": platform.python_version()}
+    for key, command in (("verilator_program", "verilator"), ("cxx", os.environ.get("CXX", "c++"))):
+        line = _program_version(command)
+        if line:
+            found[key] = line
     for name in TOOLS:
         try:
             found[name] = version(name)
@@ -67,7 +85,8 @@ def build_result(data: RunData, scenario: Scenario, metrics: dict[str, dict[str,
         "metrics": metrics,
         "trips": trip_list,
         "expectations": expectations,
-        "failures": failures(trip_list, expectations, scenario.expect_trip),
+        "rejected": [vars(r) for r in data.rejected],
+        "failures": failures(trip_list, data.rejected, expectations, scenario.expect_trip),
         "run": {
             "cycles": data.cycles,
             "simulated_s": data.duration_s,
@@ -84,7 +103,10 @@ def build_result(data: RunData, scenario: Scenario, metrics: dict[str, dict[str,
 
 
 def failures(
-    trip_list: list[dict[str, Any]], expectations: list[dict[str, Any]], expected_trips: list[Any]
+    trip_list: list[dict[str, Any]],
+    rejected: list[Rejection],
+    expectations: list[dict[str, Any]],
+    expected_trips: list[Any],
 ) -> list[str]:
     """Why a run failed, a line each; empty when it passed."""
     lines = []
@@ -95,6 +117,7 @@ def failures(
         if not causes & set(expected_trips):
             lines.append(f"trip at {trip['time_s']:.6f} s: {trip['cause']}")
     lines += [f"expected trip did not happen: {cause}" for cause in expected_trips if cause not in seen]
+    lines += [f'console at {r.time_s:.6f} s: "{r.line}" was rejected: {r.reason}' for r in rejected]
     for e in expectations:
         if not e["pass"]:
             value = "no value" if e["value"] is None else f"{e['value']:.4g}"

@@ -80,6 +80,15 @@ class ProgressInfo:
     phase: str
 
 
+@dataclass(frozen=True)
+class Rejection:
+    """A console line of the scenario that the drive refused: when it was sent, and the reason."""
+
+    time_s: float
+    line: str
+    reason: str
+
+
 @dataclass
 class RunData:
     """Everything measured in one run.
@@ -87,6 +96,7 @@ class RunData:
     log: int64 [n, 4] rows as LogKind says; stamps are unwrapped to the same cycle count as the first column.
     records: waveforms on a coarse regular grid; zoom: the same at every event inside the zoom window.
     isr: handler name -> {"min", "mean", "max", "count"} in clock cycles.
+    rejected: console lines of the scenario that the drive did not carry out.
     """
 
     log: IntArray
@@ -101,6 +111,7 @@ class RunData:
     uart: list[str] = field(default_factory=list)
     isr: dict[str, dict[str, float]] = field(default_factory=dict)
     overruns: int = 0
+    rejected: list[Rejection] = field(default_factory=list)
 
     @property
     def duration_s(self) -> float:
@@ -147,7 +158,7 @@ def save_trace(path: Path, data: RunData) -> None:
 
 
 def load_trace(path: Path) -> RunData:
-    """Read a trace file. Wall time and interrupt statistics are not part of it."""
+    """Read a trace file. Wall time, interrupt statistics and rejected lines are not part of it."""
     with np.load(path, allow_pickle=False) as file:
         return RunData(
             log=file["log"],

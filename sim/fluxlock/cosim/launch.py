@@ -71,7 +71,8 @@ def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) ->
         try:
             process.wait()
         except BaseException:
-            process.terminate()
+            # Ctrl-C, SIGTERM: the simulator has nothing to clean up, and must not outlive the command.
+            process.kill()
             process.wait()
             raise
         finally:
@@ -98,5 +99,6 @@ def _watch(plan: SessionPlan, progress: Progress | None, stop: threading.Event) 
         if text and text != last:
             last = text
             line = json.loads(text)
-            progress(ProgressInfo(line["t_s"], duration, line["speed_rpm"], line["rate_cycles_per_s"], "simulating"))
+            t_s = min(line["t_s"], duration)  # the statistics are asked after the end
+            progress(ProgressInfo(t_s, duration, line["speed_rpm"], line["rate_cycles_per_s"], "simulating"))
         time.sleep(0.1)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault
+from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.convert import CLOCK_HZ, action_of, drive_spec, inverter_spec, motor_spec, plant_params
@@ -77,6 +77,16 @@ def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
     return handlers, int(overruns.group(1)) if overruns else 0
 
 
+def rejected_lines(sent: list[tuple[int, str]], replies: list[str], clock_hz: float) -> list[Rejection]:
+    """Lines that the console answered with an error or not at all; it answers in the order of the lines."""
+    answers = [*replies, *["no reply"] * (len(sent) - len(replies))]
+    return [
+        Rejection(cycle / clock_hz, line, answer.removeprefix("error: "))
+        for (cycle, line), answer in zip(sent, answers, strict=False)
+        if answer != "ok"
+    ]
+
+
 def collect(plan: SessionPlan, meta: dict[str, Any], pole_pairs: int) -> RunData:
     """Read what a session left in its folder."""
     handlers, overruns = parse_statistics(meta["uart"])
@@ -94,6 +104,7 @@ def collect(plan: SessionPlan, meta: dict[str, Any], pole_pairs: int) -> RunData
             uart=meta["uart"].splitlines(),
             isr=handlers,
             overruns=overruns,
+            rejected=rejected_lines(meta["sent"], meta["replies"], plan.clock_hz),
         )
 
 

@@ -6,8 +6,11 @@ draining (every `batch_cycles`).
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import signal
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -31,7 +34,8 @@ from fluxlock.plant import Plant
 
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
-FINAL_REPLY_S = 0.1  # simulated time allowed for the replies after the end
+REPLY_S = 0.1  # simulated time allowed for a reply after the end
+PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 
 
 class PlantFault(Exception):
@@ -51,6 +55,9 @@ class Session:
         self.plant = Plant(plan.plant, seed=plan.seed, mode=plan.plant_mode)
         self.logs: list[Any] = []
         self.text = ""
+        # Console lines of the plan: cycle and text.
+        self.sent: list[tuple[int, str]] = []
+        self.answers: list[str] | None = None
         # Wall time, time in Python and plant events at the marks of the plan.
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
@@ -88,6 +95,7 @@ class Session:
     def act(self, action: Action) -> None:
         """Carry out one action of the plan."""
         if action.kind == "console":
+            self.sent.append((self.native.status.cycle, action.arguments["line"]))
             self.native.send(action.arguments["line"])
         elif action.kind == "load":
             self.plant.set_load(**action.arguments)
@@ -126,19 +134,29 @@ class Session:
         await self.ask_statistics()
 
     async def ask_statistics(self) -> None:
-        """Send the final commands one by one and wait for each reply's last line."""
-        step = int(1e-3 * self.plan.clock_hz)
+        """Wait for the replies to the plan's lines, then send the final commands one by one and wait for each."""
+        await self.answered(len(self.sent))
+        self.answers = self.replies()
+        count = len(self.answers)
         for command in self.plan.final_commands:
-            seen = len(self.text)
+            count += 1
             self.native.send(command)
-            for _ in range(int(FINAL_REPLY_S * 1e3)):
-                await self.wait_until(self.native.status.cycle + step)
-                self.drain()
-                lines = self.text[seen:].splitlines()
-                if any(line.strip() == "ok" or line.startswith("error") for line in lines):
-                    break
-            else:
-                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {FINAL_REPLY_S:g} s")
+            if not await self.answered(count):
+                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {REPLY_S:g} s")
+
+    def replies(self) -> list[str]:
+        """Last lines of the replies so far: `ok` or `error: TEXT`."""
+        lines = self.text.splitlines(keepends=True)
+        return [x.strip() for x in lines if x.endswith("\n") and (x.strip() == "ok" or x.startswith("error: "))]
+
+    async def answered(self, count: int) -> bool:
+        """Whether the console has given that many replies, after some patience."""
+        for _ in range(int(REPLY_S * 1e3)):
+            if len(self.replies()) >= count:
+                return True
+            await self.wait_until(self.native.status.cycle + int(1e-3 * self.plan.clock_hz))
+            self.drain()
+        return False
 
     def save(self, fault: str | None) -> None:
         """Write arrays and meta data into the plan's folder."""
@@ -156,10 +174,15 @@ class Session:
             zoom=zoom,
         )
         status = self.native.status
+        # A run that broke off leaves lines unanswered.
+        replies = self.replies() if self.answers is None else self.answers
+        sent = self.sent[: len(replies)] if self.answers is None else self.sent
         meta = {
             "cycles": min(int(status.cycle), limit),
             "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
             "uart": self.text,
+            "sent": sent,
+            "replies": replies,
             "fault": fault,
             "marks": {str(k): v for k, v in self.marks.items()},
             "plant_events": int(status.events),
@@ -169,9 +192,16 @@ class Session:
         (self.plan.folder / META_FILE).write_text(json.dumps(meta))
 
 
+def end_with_parent() -> None:
+    """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 @cocotb.test()
 async def drive(dut: object) -> None:
     """Run the plan named by the environment."""
+    end_with_parent()
     session = Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
     fault: str | None = None
     try:

@@ -1,0 +1,78 @@
+"""The command on the real chip: what the console refuses, and what is left when a run is broken off."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fluxlock.cosim.run import ready_chip
+from fluxlock.paths import ROOT
+from tests.closed_loop.support import drive
+
+SPIN = ROOT / "tests" / "closed_loop" / "scenarios" / "spin.toml"
+
+
+def test_refused_lines_are_failures() -> None:
+    """Each refused line with its time and reason, also those behind long replies and at the very end.
+
+    Verifies: FRONT-17
+    """
+    lines = (
+        (0.001, "get"),
+        (0.0011, "set sped 1"),
+        (0.0012, "status"),
+        (0.006, "clear"),
+        (0.01, "set commutation XSC"),
+    )
+    events = ",".join(f'{{at_s={at},command="{line}"}}' for at, line in lines)
+    run = drive(SPIN, "refused", "duration_s=0.01", f"event=[{events}]", "window=[]", "expect=[]")
+    assert [(round(r.time_s, 6), r.line) for r in run.data.rejected] == [
+        (0.0011, "set sped 1"),
+        (0.006, "clear"),
+        (0.01, "set commutation XSC"),
+    ]
+    assert 'console at 0.001100 s: "set sped 1" was rejected: unknown name' in run.result["failures"]
+    assert len(run.result["failures"]) == 3
+    assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
+
+
+def children_of(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)]
+)
+def test_no_process_is_left(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    """A run that is broken off takes the simulator's process with it, without a traceback.
+
+    Verifies: FRONT-18
+    """
+    ready_chip()
+    command = [sys.executable, "-m", "fluxlock.cli", "run", str(SPIN), "--out", str(tmp_path)]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    progress = tmp_path / "simulator" / "progress.json"
+    give_up = time.monotonic() + 120
+    while not progress.exists() and run.poll() is None and time.monotonic() < give_up:
+        time.sleep(0.05)
+    assert progress.exists() and run.poll() is None
+    (simulator,) = children_of(run.pid)
+    os.kill(run.pid, number)
+    _, err = run.communicate(timeout=20)
+    assert run.returncode == code and "Traceback" not in err
+    assert ("interrupted" in err) == (number == signal.SIGINT)
+    give_up = time.monotonic() + 5
+    while Path(f"/proc/{simulator}/stat").exists() and time.monotonic() < give_up:
+        # A process whose parent was killed may stay as a zombie where nobody reaps it.
+        if Path(f"/proc/{simulator}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+            break
+        time.sleep(0.05)
+    else:
+        assert not Path(f"/proc/{simulator}/stat").exists(), "the simulator runs on"
