@@ -21,8 +21,9 @@ def scenario() -> Scenario:
         ROOT / "scenarios" / "demo.toml",
         [
             "duration_s=0.02",
-            "event=[{at_s=0.0,speed_rpm=60000},{at_s=0.015,speed_rpm=20000}]",
+            "event=[{at_s=0.001,speed_rpm=60000},{at_s=0.015,speed_rpm=20000}]",
             'window=[{name="steady",from_s=0.005,to_s=0.01},{name="loaded",from_s=0.012,to_s=0.018}]',
+            "expect=[]",
         ],
     )
 
@@ -57,7 +58,7 @@ def test_panels_show_what_they_say(scenario: Scenario) -> None:
     assert all(axes.get_ylabel() for axes in (speed, errors, voltages, currents, gates))
     lines = {line.get_label(): line for line in speed.lines}
     assert np.allclose(lines["speed"].get_ydata(), 60.0)
-    assert lines["target"].get_ydata().tolist() == [60.0, 60.0, 20.0, 20.0]
+    assert lines["target"].get_ydata().tolist() == [0.0, 60.0, 20.0, 20.0]
     lines = {line.get_label(): line for line in errors.lines}
     assert np.allclose(lines["zero crossing"].get_ydata(), 1.5, atol=0.01)
     assert np.allclose(lines["commutation"].get_ydata(), -1.0, atol=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from pathlib import Path
 from typing import get_args
@@ -13,7 +14,7 @@ from fluxlock.analysis.rundata import TRIP_CAUSES
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
 from fluxlock.config.info import derived_values, warnings
-from fluxlock.config.scenario import Channel, Drive, TripCause
+from fluxlock.config.scenario import COMMAND_LENGTH, COMMANDS, Channel, Drive, TripCause
 from fluxlock.config.schema import PAGE, page
 from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS
 from fluxlock.paths import ROOT
@@ -169,10 +170,39 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("inverter.dc_link_f=0", "OK"),
         ("motor=motors/motor-3.toml", "--set: motor: file not found (motors/motor-3.toml)"),
         ("event=3", "--set: event: must be an array, not 3"),
-        ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted 0 to 4'),
+        ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted: 0 to 4'),
+        ("window.nope.to_s=1", '--set: window: has no entry "nope", permitted: 0 to '),
+        ("window.nope.to_s=1", ", steady, loaded"),
+        ("expect[0].window=nope", 'no window is named "nope", permitted: steady, loaded'),
+        ("name=1979-05-27", "--set: name: must be a string, not 1979-05-27"),
+        ("drive.carrier_hz=1979-05-27T07:32:00Z", "must be a number, not 1979-05-27T07:32:00+00:00"),
+        ('name=""', "--set: name: must not be empty"),
+        ('window.steady.name="a b"', "window[0].name: may hold only letters, digits, _ and -, not 'a b'"),
+        ("expect[0].min=nan", "--set: expect[0].min: must be a finite number, not nan"),
+        (
+            'mechanics={mode="imposed",profile=[[1]]}',
+            "mechanics.profile[0]: must be a pair of numbers [time in s, speed in r/min] ([1])",
+        ),
+        (
+            'mechanics={mode="imposed",profile=[[0,"a"]]}',
+            "mechanics.profile[0][1]: must be a number, not 'a'",
+        ),
+        ('mechanics={mode="imposed",profile=[[0,nan]]}', "mechanics.profile: is out of range"),
+        ('name="abc', '--set: name: "abc is not valid TOML'),
+        ('name=abc"', '--set: name: abc" is not valid TOML'),
+        ("window=[3", "--set: window: [3 is not valid TOML"),
+        ("name=1\nseed=2", "--set: name: holds several lines"),
+        ("event[1].command=strat", '"strat" is no command of the drive, permitted: help, status, get, set, start,'),
+        ("event[1].command=stärt", "--set: event[1].command: must be one line of at most 79 printable ASCII"),
+        ('event[1].command=" "', '"" is no command of the drive'),
+        ("event[0].at_s=0.0", "event[0].at_s: 0 s is too early for speed_rpm: the drive boots until 0.001 s"),
+        ("inverter.supply_v=29.5", "sensing.voltage_full_scale_v: 30 V leaves no room for an over-voltage trip"),
+        ("inverter.protection.over_voltage_v=30", "over_voltage_v: 30 V is not below sensing.voltage_full_scale_v"),
+        ("inverter.protection.over_voltage_v=25", "over_voltage_v: 25 V is not above supply_v (25 V)"),
+        ("inverter.protection.under_voltage_v=25", "under_voltage_v: 25 V is not below supply_v (25 V)"),
         ("event[0].command=status", "--set: event[0]: needs exactly one action"),
         ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),
-        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = 1.5 s)"),
+        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = "),
         ("window.steady.to_s=9", "--set: window[0].to_s: 9 s is after the end of the run"),
         ("window.steady.to_s=0.1", "is not after from_s"),
         ("window.loaded.name=steady", '"steady" names two windows'),
@@ -221,11 +251,45 @@ def test_unreachable_speed_states_both_voltages() -> None:
     Verifies: FRONT-04
     """
     found = errors("inverter.supply_v=10")
-    assert len(found) == 2
+    assert len(found) == 1
     assert "event[0].speed_rpm: 60000 r/min with 0.02 N*m needs at least 11.0 V" in found[0]
     assert "available 10.0 V" in found[0]
-    # The load step raises the need, so it is refused by itself too.
-    assert "event[2].load_factor" in found[1]
+    # The load step alone may ask too much.
+    found = errors("inverter.supply_v=11.1")
+    assert len(found) == 1 and "event[2].load_factor: 60000 r/min with 0.025 N*m needs at least 11.2 V" in found[0]
+
+
+def test_one_line_for_one_unreachable_speed() -> None:
+    """Above the machine's limit, or short of voltage and current: one line each time.
+
+    Verifies: FRONT-04
+    """
+    assert errors("event[0].speed_rpm=200000") == [
+        "--set: event[0].speed_rpm: 200000 r/min is above max_speed_rpm of the motor (94000 r/min)"
+    ]
+    found = errors("inverter.supply_v=10", "drive.current_limit_a=11")
+    assert len(found) == 1 and "needs at least 11.0 V" in found[0] and "and needs 12.1 A" in found[0]
+
+
+def test_shortened_run_names_what_is_beyond_its_end() -> None:
+    """One message with all entries after the end, and what to do; one entry alone keeps its key.
+
+    Verifies: FRONT-04
+    """
+    arrays = [
+        "event=[{at_s=0.01,speed_rpm=60000},{at_s=0.4,command='status'},{at_s=1,load_factor=1.1,ramp_s=0.1}]",
+        "window=[{name='steady',from_s=0.4,to_s=0.6}]",
+        "expect=[{window='steady',metric='late_crossings',max=0}]",
+    ]
+    assert errors("duration_s=0.5", *arrays) == [
+        "--set: duration_s: 0.5 s ends before event[2].ramp_s (1.1 s), window[0].to_s (0.6 s); set duration_s to at "
+        "least 1.1 s, or change these, all at once with --set 'event=[...]' --set 'window=[...]' --set 'expect=[...]'"
+    ]
+    assert errors("window.loaded.to_s=9") == [
+        "--set: window[1].to_s: 9 s is after the end of the run (duration_s = "
+        f"{load_scenario(DEMO).duration_s:g} s); set duration_s to at least 9 s or this earlier"
+    ]
+    load_scenario(DEMO, ["duration_s=0.5", "event=[{at_s=0.01,speed_rpm=60000}]", "window=[]", "expect=[]"])
 
 
 def test_duty_limit_takes_voltage_away() -> None:
@@ -276,6 +340,10 @@ def test_missing_and_broken_files(copy: Path) -> None:
     scenarios = copy / "scenarios"
     assert errors(path=scenarios / "dmo.toml") == ['dmo.toml: file not found, did you mean "demo.toml"?']
     assert errors(path=scenarios) == ["scenarios: is a folder, not a file"]
+    # Of other kinds or names: no hint.
+    shutil.copy(ROOT / "pyproject.toml", scenarios)
+    assert errors(path=scenarios / "project.toml") == ["project.toml: file not found"]
+    assert errors(path=scenarios / "motor.toml") == ["motor.toml: file not found"]
     edit(scenarios / "demo.toml", 'motor = "../motors/motor-1.toml"', 'motor = "../motors/motor1.toml"')
     found = errors(path=scenarios / "demo.toml")
     assert len(found) == 1
@@ -286,6 +354,21 @@ def test_missing_and_broken_files(copy: Path) -> None:
     assert errors(path=scenarios / "demo.toml")[0].startswith("motor1.toml: cannot be read")
     edit(scenarios / "demo.toml", 'motor = "../motors/motor1.toml"\n', "")
     assert errors(path=scenarios / "demo.toml") == ["demo.toml: motor: required key is missing: path of the motor file"]
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_implausible_inertia_is_warned_of(factor: float) -> None:
+    """An inertia that gives a run-up time no machine has: value, time and a likely value are in the line.
+
+    Verifies: FRONT-01
+    """
+    motor = load_motor(ROOT / "motors" / "motor-1.toml")
+    found = warnings(motor.model_copy(update={"inertia_kgm2": factor * motor.inertia_kgm2}))
+    assert len(found) == 1
+    # J * omega / T = 5e-7 * 9844 / 0.0496 s = 0.099 s for the shipped file.
+    seconds = f"{0.0992 * factor:.2g}"
+    assert f"reaches max_speed_rpm in {seconds} s, usual 0.003 to 10 s" in found[0]
+    assert "0.1 s would be 5e-07 kg*m^2" in found[0]
 
 
 # ---- overrides
@@ -333,7 +416,7 @@ def test_defaults_that_follow_from_other_files() -> None:
 
 
 def test_words_are_those_of_the_other_parts() -> None:
-    """Trip causes, channels, commutations and patterns are the words of analysis, plant and firmware.
+    """Trip causes, channels, commutations, patterns and commands are the words of analysis, plant and firmware.
 
     Verifies: FRONT-05
     """
@@ -341,6 +424,9 @@ def test_words_are_those_of_the_other_parts() -> None:
     assert get_args(Channel) == CHANNEL_NAMES
     assert get_args(Drive.model_fields["commutation"].annotation) == COMMUTATIONS
     assert get_args(Drive.model_fields["pattern"].annotation) == PATTERNS
+    console = (ROOT / "sw" / "app" / "console.c").read_text(encoding="utf-8")
+    assert set(re.findall(r'text_equal\(name, "(\w+)"\)', console)) == set(COMMANDS)
+    assert f"#define LINE_LENGTH {COMMAND_LENGTH + 1}u" in console
 
 
 # ---- reference page

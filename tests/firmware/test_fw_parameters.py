@@ -214,3 +214,23 @@ def test_image_carries_the_block(tmp_path: Path) -> None:
     too_long.write_bytes(bytes(BLOCK_ADDRESS + 4))
     with pytest.raises(ParameterError, match="reach into the parameter block"):
         write_image(tmp_path / "x.hex", too_long, block())
+
+
+def test_power_stage_keys_reach_the_block() -> None:
+    """Precharge time and voltage limits of the inverter; the limits left out are below the converter's full scale.
+
+    Verifies: FW-12
+    """
+    drive = DriveSpec()
+    values = compile_parameters(MOTOR_1, replace(INVERTER_1, precharge_s=15e-3), drive).values
+    assert values["precharge_ticks"] == 150
+    inverter = replace(INVERTER_1, supply_v=25.0, voltage_full_scale_v=30.0)
+    values = compile_parameters(MOTOR_1, inverter, drive).values
+    assert values["trip_over_voltage_lsb"] == round(0.98 * 4096)
+    assert values["trip_under_voltage_lsb"] == round(0.6 * 25 / 30 * 4096)
+    values = compile_parameters(MOTOR_1, replace(inverter, voltage_full_scale_v=40.0), drive).values
+    assert values["trip_over_voltage_lsb"] == round(1.25 * 25 / 40 * 4096)
+    stated = replace(inverter, over_voltage_v=28.0, under_voltage_v=20.0)
+    values = compile_parameters(MOTOR_1, stated, drive).values
+    assert values["trip_over_voltage_lsb"] == round(28 / 30 * 4096)
+    assert values["trip_under_voltage_lsb"] == round(20 / 30 * 4096)

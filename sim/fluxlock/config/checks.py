@@ -21,31 +21,42 @@ def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_
     return motor.line_flux_vs * abs(motor.omega_e(speed_rpm)) + current_a * resistance
 
 
+def _beyond_the_end(s: Scenario) -> list[Problem]:
+    """Entries after the end of the run, in one message: a shortened run has many, and one cause."""
+    ends = [(f"event[{i}].{'ramp_s' if e.ramp_s else 'at_s'}", e.at_s + e.ramp_s) for i, e in enumerate(s.event)]
+    ends += [(f"window[{i}].to_s", w.to_s) for i, w in enumerate(s.window)]
+    ends += [("record.zoom_to_s", s.record.zoom_to_s or 0.0)]
+    late = [(key, end_s) for key, end_s in ends if end_s > s.duration_s]
+    if not late:
+        return []
+    enough = f"set duration_s to at least {max(end_s for _, end_s in late):g} s"
+    if len(late) == 1:
+        key, end_s = late[0]
+        text = f"{end_s:g} s is after the end of the run (duration_s = {s.duration_s:g} s); {enough} or this earlier"
+        return [Problem(s.sources.scenario, key, text)]
+    listed = ", ".join(f"{key} ({end_s:g} s)" for key, end_s in late)
+    arrays = [name for name in ("event", "window") if any(key.startswith(name) for key, _ in late)]
+    arrays += ["expect"] if "window" in arrays and s.expect else []
+    shorter = " ".join(f"--set '{name}=[...]'" for name in arrays)
+    change = f"{enough}, or change these" + (f", all at once with {shorter}" if arrays else "")
+    return [Problem(s.sources.scenario, "duration_s", f"{s.duration_s:g} s ends before {listed}; {change}")]
+
+
 def _times(s: Scenario) -> list[Problem]:
-    file, problems = s.sources.scenario, []
-    end = f"duration_s = {s.duration_s:g} s"
-    for i, event in enumerate(s.event):
-        if event.at_s + event.ramp_s > s.duration_s:
-            text = f"{event.at_s + event.ramp_s:g} s is after the end of the run ({end})"
-            problems.append(Problem(file, f"event[{i}].{'ramp_s' if event.ramp_s else 'at_s'}", text))
-    names: set[str] = set()
+    file, problems = s.sources.scenario, _beyond_the_end(s)
+    names: dict[str, None] = {}
     for i, window in enumerate(s.window):
-        if window.to_s > s.duration_s:
-            text = f"{window.to_s:g} s is after the end of the run ({end})"
-            problems.append(Problem(file, f"window[{i}].to_s", text))
         if window.name in names:
             problems.append(Problem(file, f"window[{i}].name", f'"{window.name}" names two windows'))
-        names.add(window.name)
+        names[window.name] = None
     for i, expect in enumerate(s.expect):
         if expect.window not in names:
-            text = f'no window is named "{expect.window}"{did_you_mean(expect.window, names)}'
+            known = f"permitted: {', '.join(names)}" if names else "the scenario has no [[window]]"
+            text = f'no window is named "{expect.window}", {known}{did_you_mean(expect.window, names)}'
             problems.append(Problem(file, f"expect[{i}].window", text))
         if expect.metric not in METRICS:
             hint = did_you_mean(expect.metric, METRICS) or f", permitted: {', '.join(METRICS)}"
             problems.append(Problem(file, f"expect[{i}].metric", f'"{expect.metric}" is no metric{hint}'))
-    if s.record.zoom_to_s is not None and s.record.zoom_to_s > s.duration_s:
-        text = f"{s.record.zoom_to_s:g} s is after the end of the run ({end})"
-        problems.append(Problem(file, "record.zoom_to_s", text))
     return problems
 
 
@@ -54,9 +65,8 @@ def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
     file, problems = s.sources.scenario, []
     if abs(speed_rpm) > s.motor.max_speed_rpm:
         limit = with_unit(s.motor.max_speed_rpm, "r/min")
-        problems.append(
-            Problem(file, key, f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})")
-        )
+        text = f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})"
+        return [Problem(file, key, text)]
     carriers = s.drive.carrier_hz / (6 * s.motor.electrical_hz(speed_rpm)) if speed_rpm else 1.0
     if carriers < 1.0:
         needed = with_unit(6 * s.motor.electrical_hz(speed_rpm), "Hz")
@@ -68,17 +78,38 @@ def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
     return problems
 
 
+def _lacking(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
+    """What a speed under a load needs and does not have: voltage, current."""
+    found = []
+    need_v = required_voltage(s.motor, s.inverter, speed_rpm, torque_nm)
+    have_v = supply_v * s.drive.duty_max
+    if need_v > have_v:
+        found.append(
+            f"needs at least {need_v:.1f} V (back EMF and resistance), available {have_v:.1f} V "
+            "(supply_v x drive.duty_max)"
+        )
+    need_a = torque_nm / s.motor.torque_per_amp_nm
+    if need_a > s.current_limit_a:
+        found.append(f"needs {need_a:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A")
+    return found
+
+
 def _reach(s: Scenario) -> list[Problem]:
-    """Follow the events: is every speed target within reach of the voltage and the current at that time?"""
+    """Follow the events: is every speed target within reach of the voltage and the current at that time?
+
+    One line a speed target: what else is wrong with it, also under a later load, follows from the same cause.
+    """
     file, problems = s.sources.scenario, []
-    speed_rpm, factor, supply_v = 0.0, 1.0, s.inverter.supply_v
+    speed_rpm, factor, supply_v, refused = 0.0, 1.0, s.inverter.supply_v, False
     order = sorted(range(len(s.event)), key=lambda i: s.event[i].at_s)
     for i in order:
         event = s.event[i]
         key = f"event[{i}].{event.action}"
         if event.speed_rpm is not None:
             speed_rpm = event.speed_rpm
-            problems += _speed(s, key, speed_rpm)
+            found = _speed(s, key, speed_rpm)
+            problems += found
+            refused = bool(found)
         elif event.load_factor is not None:
             factor = event.load_factor
         elif event.supply_v is not None:
@@ -96,24 +127,14 @@ def _reach(s: Scenario) -> list[Problem]:
             continue
         # A supply that is meant to collapse and a machine driven from outside are not promises to hold a
         # speed.
-        if event.supply_v is not None or s.mechanics.mode != "free" or speed_rpm == 0:
+        if refused or event.supply_v is not None or s.mechanics.mode != "free" or speed_rpm == 0:
             continue
         torque_nm = s.shaft_load.torque_nm(speed_rpm) * factor
-        need_v = required_voltage(s.motor, s.inverter, speed_rpm, torque_nm)
-        have_v = supply_v * s.drive.duty_max
-        if need_v > have_v:
-            text = (
-                f"{with_unit(speed_rpm, 'r/min')} with {torque_nm:.3g} N*m needs at least {need_v:.1f} V "
-                f"(back EMF and resistance), available {have_v:.1f} V (supply_v x drive.duty_max)"
-            )
+        lacking = _lacking(s, speed_rpm, torque_nm, supply_v)
+        if lacking:
+            text = f"{with_unit(speed_rpm, 'r/min')} with {torque_nm:.3g} N*m {' and '.join(lacking)}"
             problems.append(Problem(file, key, text))
-        need_a = torque_nm / s.motor.torque_per_amp_nm
-        if need_a > s.current_limit_a:
-            text = (
-                f"{with_unit(speed_rpm, 'r/min')} with {torque_nm:.3g} N*m needs {need_a:.1f} A, "
-                f"permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
-            )
-            problems.append(Problem(file, key, text))
+            refused = True
     if s.initial.speed_rpm:
         problems += _speed(s, "initial.speed_rpm", s.initial.speed_rpm)
     return problems

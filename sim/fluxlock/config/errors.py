@@ -27,9 +27,14 @@ class ConfigError(Exception):
         super().__init__("\n".join(str(p) for p in self.problems))
 
 
+def closest(word: str, candidates: Iterable[str]) -> str | None:
+    """The candidate most like `word`, None if none is close."""
+    folded = {c.casefold(): c for c in candidates}
+    close = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
+    return folded[close[0]] if close else None
+
+
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:
     """`, did you mean "x"?` if a candidate is close to `word`, else nothing."""
-    pool = list(candidates)
-    folded = {c.casefold(): c for c in pool}
-    close = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
-    return f', did you mean "{folded[close[0]]}"?' if close else ""
+    found = closest(word, candidates)
+    return f', did you mean "{found}"?' if found else ""

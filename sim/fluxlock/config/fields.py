@@ -89,5 +89,13 @@ def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
     raise PydanticCustomError("per_phase", "must be a number or an array of {count} numbers", {"count": count})
 
 
+def _pair(value: Any) -> Any:  # noqa: ANN401
+    """A list of two becomes a tuple."""
+    if isinstance(value, (list, tuple)) and len(value) == 2:
+        return tuple(value)
+    raise PydanticCustomError("pair", "must be a pair of numbers [time in s, speed in r/min]")
+
+
+ProfilePoint = Annotated[tuple[float, float], BeforeValidator(_pair)]
 PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]
 SectorValues = Annotated[tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))]

@@ -50,6 +50,23 @@ def derived_values(motor: Motor) -> list[Derived]:
     ]
 
 
+# Run-up time of usual machines, from servo motors to fans with heavy wheels.
+RUN_UP_MIN_S, RUN_UP_USUAL_S, RUN_UP_MAX_S = 3e-3, 0.1, 10.0
+
+
+def _inertia_warning(motor: Motor) -> list[str]:
+    """Inertia against the torque and the speed: the run-up time J * omega / T spans few decades among all machines."""
+    per_second = motor.rated_torque_nm * RPM_PER_RAD_S / motor.max_speed_rpm
+    run_up_s = motor.inertia_kgm2 / per_second
+    if RUN_UP_MIN_S <= run_up_s <= RUN_UP_MAX_S:
+        return []
+    return [
+        f"inertia_kgm2: with {motor.inertia_kgm2:g} kg*m^2 the rated torque reaches max_speed_rpm in {run_up_s:.2g} s, "
+        f"usual {RUN_UP_MIN_S:g} to {RUN_UP_MAX_S:g} s without load; {RUN_UP_USUAL_S:g} s would be "
+        f"{RUN_UP_USUAL_S * per_second:.1g} kg*m^2; check the unit (1 g*cm^2 = 1e-7 kg*m^2)"
+    ]
+
+
 def warnings(motor: Motor) -> list[str]:
     """Legal but unusual contents of a motor file."""
     found = []
@@ -69,4 +86,4 @@ def warnings(motor: Motor) -> list[str]:
         found.append(
             f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"
         )
-    return found
+    return found + _inertia_warning(motor)

@@ -53,10 +53,15 @@ class Protection(Model):
     phase_current_a: float = quantity("Phase current, both signs.", "A", 0.1, 5000)
     dc_current_a: float = quantity("DC-link current, both signs.", "A", 0.1, 5000)
     over_voltage_v: float | None = quantity(
-        "DC-link voltage above which the drive trips.", "V", 1, 2000, default=None, absent="no trip"
+        "DC-link voltage above which the drive trips.",
+        "V",
+        1,
+        2000,
+        default=None,
+        absent="1.25 `supply_v`, at most 0.98 `voltage_full_scale_v`",
     )
     under_voltage_v: float | None = quantity(
-        "DC-link voltage below which the drive trips.", "V", 0, 2000, default=None, absent="no trip"
+        "DC-link voltage below which the drive trips; 0 = never.", "V", 0, 2000, default=None, absent="0.6 `supply_v`"
     )
 
 
@@ -105,6 +110,13 @@ class Inverter(Model):
         10e-6,
         default=0.0,
     )
+    precharge_s: float = quantity(
+        "Time before a start in which all lower switches are on and charge the bootstrap capacitors.",
+        "s",
+        1e-4,
+        1.0,
+        default=2e-3,
+    )
     sensing: Sensing = Field(description="Converter and analog chain.")
     protection: Protection = Field(description="Hardware trips.")
     brake_chopper: BrakeChopper | None = Field(default=None, description="Brake chopper, if there is one.")
@@ -137,4 +149,22 @@ class Inverter(Model):
                     f"{with_unit(limit, 'A')} is not below sensing.current_full_scale_a "
                     f"({with_unit(self.sensing.current_full_scale_a, 'A')})",
                 )
+        self._check_voltage_limits()
         return self
+
+    def _check_voltage_limits(self) -> None:
+        """The link's limits must enclose the supply and lie within what the converter can see."""
+        over_v, under_v = self.protection.over_voltage_v, self.protection.under_voltage_v
+        supply, full = with_unit(self.supply_v, "V"), with_unit(self.sensing.voltage_full_scale_v, "V")
+        if over_v is None and self.supply_v >= 0.98 * self.sensing.voltage_full_scale_v:
+            text = f"{full} leaves no room for an over-voltage trip above supply_v ({supply})"
+            raise conflict("sensing.voltage_full_scale_v", text)
+        if over_v is not None and over_v >= self.sensing.voltage_full_scale_v:
+            text = f"{with_unit(over_v, 'V')} is not below sensing.voltage_full_scale_v ({full}): it could never act"
+            raise conflict("protection.over_voltage_v", text)
+        if over_v is not None and over_v <= self.supply_v:
+            text = f"{with_unit(over_v, 'V')} is not above supply_v ({supply}): the drive would trip at once"
+            raise conflict("protection.over_voltage_v", text)
+        if under_v is not None and under_v >= self.supply_v:
+            text = f"{with_unit(under_v, 'V')} is not below supply_v ({supply}): the drive would trip at once"
+            raise conflict("protection.under_voltage_v", text)

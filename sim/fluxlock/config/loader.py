@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import re
 import tomllib
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from fluxlock.config.checks import check_scenario
-from fluxlock.config.errors import ConfigError, Problem, did_you_mean
+from fluxlock.config.errors import ConfigError, Problem, closest, did_you_mean
 from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
@@ -34,6 +35,13 @@ _TYPE_WORDS = {
     "model_attributes_type": "a table",
     "dict_type": "a table",
 }
+_MESSAGES = {
+    "string_too_short": "must not be empty",
+    "too_short": "must not be empty",
+    "too_long": "has too many entries, permitted {max_length}",
+    # The names of windows are the only strings with a pattern.
+    "string_pattern_mismatch": "may hold only letters, digits, _ and -, not {shown}",
+}
 
 
 @dataclass(frozen=True)
@@ -52,10 +60,18 @@ class Override:
             raise ConfigError(
                 [Problem(SET_OPTION, text, "must have the form key=value, such as drive.commutation=CSC")]
             )
+        value = value.strip()
         try:
-            return Override(parts, tomllib.loads(f"value = {value.strip()}")["value"])
-        except tomllib.TOMLDecodeError:
-            return Override(parts, value.strip())
+            table = tomllib.loads(f"value = {value}")
+        except tomllib.TOMLDecodeError as error:
+            # A plain word needs no quotes; what opens or closes a TOML value must be one.
+            if value.startswith(('"', "'", "[", "{")) or value.endswith('"'):
+                text = f"{value} is not valid TOML ({error}); close quotes and brackets, or leave the quotes out"
+                raise ConfigError([Problem(SET_OPTION, key.strip(), text)]) from None
+            return Override(parts, value)
+        if len(table) > 1:
+            raise ConfigError([Problem(SET_OPTION, key.strip(), "holds several lines; give each key its own --set")])
+        return Override(parts, table["value"])
 
 
 def _dotted(parts: Iterable[str | int]) -> str:
@@ -66,13 +82,28 @@ def _dotted(parts: Iterable[str | int]) -> str:
     return text
 
 
-def _read_toml(path: Path, shown: str, referrer: Problem | None = None) -> dict[str, Any]:
+def _is_kind(path: Path, model: type[Model]) -> bool:
+    """Whether a file holds at least half of the keys that the model requires."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    required = [name for name, info in model.model_fields.items() if info.is_required()]
+    return 2 * sum(name in table for name in required) >= len(required)
+
+
+def _alike(path: Path, model: type[Model]) -> str:
+    """Hint at a file of like name and of the same kind beside one that does not exist."""
+    stem = closest(path.name.removesuffix(".toml"), [p.stem for p in path.parent.glob("*.toml") if _is_kind(p, model)])
+    return f', did you mean "{stem}.toml"?' if stem else ""
+
+
+def _read_toml(path: Path, shown: str, model: type[Model], referrer: Problem | None = None) -> dict[str, Any]:
     """Read one file. referrer: file and key that name it, for the message if it does not exist."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
-        siblings = sorted(p.name for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
-        hint = did_you_mean(path.name, siblings)
+        hint = _alike(path, model)
         if referrer is not None:
             problem = Problem(referrer.file, referrer.key, f"file not found ({shown}){hint}")
         else:
@@ -101,7 +132,7 @@ def _apply(table: dict[str, Any], override: Override) -> str:
             if index < 0 and part in names:
                 index = names.index(part)
             if not 0 <= index < len(here):
-                text = f'has no entry "{part}", permitted 0 to {len(here) - 1}'
+                text = f'has no entry "{part}", {_entries(len(here), [n for n in names if isinstance(n, str)])}'
                 raise ConfigError([Problem(SET_OPTION, _dotted(path), text)])
             path.append(index)
             if last:
@@ -117,6 +148,11 @@ def _apply(table: dict[str, Any], override: Override) -> str:
         else:
             raise ConfigError([Problem(SET_OPTION, _dotted([*path, part]), f"{_dotted(path)} is not a table")])
     return _dotted(path)
+
+
+def _entries(count: int, names: Sequence[str]) -> str:
+    """What an entry of an array may be called."""
+    return f"permitted: {', '.join([f'0 to {count - 1}', *names])}" if count else "the array is empty"
 
 
 def model_in(annotation: object) -> type[Model] | None:
@@ -149,8 +185,11 @@ def _unknown_key(model: type[Model], loc: Sequence[str | int]) -> str:
 
 
 def _shown(value: object) -> str:
-    """Value for a message, cut to a readable length."""
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    """Value for a message as TOML would state it, cut to a readable length."""
+    if isinstance(value, (datetime.date, datetime.time)):
+        text = value.isoformat()
+    else:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -173,6 +212,8 @@ def _describe(model: type[Model], error: ErrorDetails) -> tuple[str, str]:
         message = f"{_shown(error['input'])} is not permitted, permitted: {', '.join(permitted)}{hint}"
     elif kind in _TYPE_WORDS:
         message = f"must be {_TYPE_WORDS[kind]}, not {_shown(error['input'])}"
+    elif kind in _MESSAGES:
+        message = _MESSAGES[kind].format(shown=_shown(error["input"]), **context)
     else:
         message = f"{message[:1].lower()}{message[1:]} ({_shown(error['input'])})"
     return _dotted(loc), message
@@ -215,7 +256,7 @@ def _load_plain(source: _Source) -> Model:
 def load_motor(path: Path | str) -> Motor:
     """Read and check a motor file."""
     path = Path(path)
-    motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path)), ""))
+    motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path), Motor), ""))
     assert isinstance(motor, Motor)
     return motor
 
@@ -223,7 +264,7 @@ def load_motor(path: Path | str) -> Motor:
 def load_inverter(path: Path | str) -> Inverter:
     """Read and check an inverter file."""
     path = Path(path)
-    inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path)), ""))
+    inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path), Inverter), ""))
     assert isinstance(inverter, Inverter)
     return inverter
 
@@ -250,7 +291,7 @@ def _load_part(
     # A path on the command line starts where the command runs, one in the file where the file is.
     path = Path(os.path.normpath(Path(reference) if replaced else folder / reference))
     try:
-        source = _Source(model, str(path), _read_toml(path, str(path), referrer), f"{name}.")
+        source = _Source(model, str(path), _read_toml(path, str(path), model, referrer), f"{name}.")
         source.override(Override(o.key[1:], o.value) for o in overrides if o.key[0] == name and len(o.key) > 1)
         return _load_plain(source), str(path)
     except ConfigError as error:
@@ -265,7 +306,7 @@ def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
     `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
     """
     path = Path(path)
-    source = _Source(Scenario, str(path), _read_toml(path, str(path)), "")
+    source = _Source(Scenario, str(path), _read_toml(path, str(path), Scenario), "")
     parsed: list[Override] = []
     problems: list[Problem] = []
     for text in overrides:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from fluxlock.config.fields import Model, SectorValues, conflict, quantity
+from fluxlock.config.fields import Model, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 
@@ -68,12 +69,12 @@ class Start(Model):
         "DC current of alignment and open-loop ramp.", "A", 0.01, 2000, default=None, absent="from the motor"
     )
     carrier_hz: float | None = quantity(
-        "Carrier frequency until the hand-over.",
+        "Carrier frequency until the hand-over; not above `drive.carrier_hz`, at least six carriers a sector.",
         "Hz",
         1e3,
         200e3,
         default=None,
-        absent="from `drive.carrier_hz`",
+        absent="8 kHz",
     )
     retries: int = quantity("Attempts after a failed start-up.", "", 0, 20, default=3)
     restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
@@ -102,7 +103,7 @@ class Drive(Model):
         1,
         1e8,
         default=None,
-        absent="a quarter of rated torque over inertia",
+        absent="a quarter of the acceleration at rated torque without load (`fluxlock motor info`)",
     )
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
@@ -125,10 +126,9 @@ class Mechanics(Model):
     mode: Literal["free", "imposed", "locked"] = Field(
         default="free", description="Free: inertia and load; imposed: speed profile; locked: standstill."
     )
-    profile: list[tuple[float, float]] = Field(
+    profile: list[ProfilePoint] = Field(
         default_factory=list,
         description="Pairs `[time in s, speed in r/min]` of the imposed speed, linear between them.",
-        strict=False,
     )
 
     @model_validator(mode="after")
@@ -138,6 +138,8 @@ class Mechanics(Model):
         times = [t for t, _ in self.profile]
         if any(b <= a for a, b in pairwise(times)):
             raise conflict("profile", "times must increase")
+        if not all(0 <= t <= 3600 and abs(rpm) <= 2e6 for t, rpm in self.profile):
+            raise conflict("profile", "is out of range, permitted times 0 to 3600 s, speeds -2e6 to 2e6 r/min")
         return self
 
 
@@ -175,6 +177,11 @@ class Fault(Model):
         return self
 
 
+# First words of the firmware's console (sw/app/console.c), the longest line it takes, and its first moment.
+COMMANDS = ("help", "status", "get", "set", "start", "stop", "faults", "clear", "stats")
+COMMAND_LENGTH = 79
+BOOT_S = 1e-3
+
 ACTIONS = ("command", "speed_rpm", "accel_rpm_per_s", "load_factor", "supply_v", "fault")
 
 
@@ -197,7 +204,19 @@ class Event(Model):
             raise conflict("", f"needs exactly one action of {', '.join(ACTIONS)}, has {', '.join(given) or 'none'}")
         if self.ramp_s > 0 and given[0] not in ("load_factor", "supply_v"):
             raise conflict("ramp_s", f"has no meaning beside {given[0]}")
+        if given[0] in ("command", "speed_rpm", "accel_rpm_per_s") and self.at_s < BOOT_S:
+            text = f"{with_unit(self.at_s, 's')} is too early for {given[0]}: the drive boots until {BOOT_S:g} s"
+            raise conflict("at_s", text)
+        if self.command is not None:
+            self._check_command(self.command)
         return self
+
+    def _check_command(self, line: str) -> None:
+        if not (line.isascii() and line.isprintable() and len(line) <= COMMAND_LENGTH):
+            raise conflict("command", f"must be one line of at most {COMMAND_LENGTH} printable ASCII characters")
+        word = line.split()[0] if line.split() else ""
+        if word not in COMMANDS:
+            raise conflict("command", f'"{word}" is no command of the drive, permitted: {", ".join(COMMANDS)}')
 
     @property
     def action(self) -> str:
@@ -231,6 +250,9 @@ class Expect(Model):
     def _limit(self) -> Self:
         if self.min is None and self.max is None:
             raise conflict("", "needs min or max")
+        for key in ("min", "max"):
+            if not math.isfinite(getattr(self, key) or 0.0):
+                raise conflict(key, f"must be a finite number, not {getattr(self, key):g}")
         if self.min is not None and self.max is not None and self.min > self.max:
             raise conflict("min", f"{self.min:g} is above max ({self.max:g})")
         return self

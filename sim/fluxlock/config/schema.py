@@ -30,8 +30,8 @@ Unknown keys are refused. A scenario names its motor and inverter file relative 
 `fluxlock run SCENARIO --set KEY=VALUE` overrides one key and may be repeated: `drive.commutation=RSC`,
 `window.steady.to_s=0.9` (windows by name), `event[2].load_factor=1.5` (other arrays by index from 0).
 `motor.KEY` and `inverter.KEY` reach into those files, `motor=FILE` and `inverter=FILE` replace them. Values
-are TOML; what is not TOML is taken as a string. Problems are reported as `error: FILE: KEY: message`, all at
-once, with exit code 2.
+are TOML; a word without quotes is taken as a string. Problems are reported all at once with exit code 2, a line each:
+`error: FILE: KEY: message`, and `error: --set: KEY: message` where the value comes from `--set`.
 """
 
 MOTOR_NOTE = "`fluxlock motor check FILE` checks a file, `fluxlock motor info FILE` shows what follows from it."

@@ -57,6 +57,7 @@ def inverter_spec(s: Scenario) -> InverterSpec:
         current_full_scale_a=i.sensing.current_full_scale_a,
         divider_pole_s=i.sensing.divider_pole_s,
         driver_delay_s=i.gate_delay_s,
+        precharge_s=i.precharge_s,
         high_active_low=i.gate_high_active_low,
         low_active_low=i.gate_low_active_low,
         phase_current_trip_a=i.protection.phase_current_a,

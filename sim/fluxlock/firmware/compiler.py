@@ -156,7 +156,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
     supply = inverter.supply_v
-    over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else 1.25 * supply
+    # A limit at the converter's full scale could never be exceeded.
+    over_v = min(1.25 * supply, 0.98 * inverter.voltage_full_scale_v)
+    over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else over_v
     under_v = inverter.under_voltage_v if inverter.under_voltage_v is not None else 0.6 * supply
 
     def q17_volts(volts: float) -> int:
@@ -215,7 +217,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "miss_limit": drive.miss_limit,
         "coast_v_q17": q17_volts(max(m.line_emf_peak * p * w_coast, 20.0 * v_lsb)),
         "coast_timeout_ticks": ticks(30.0),
-        "precharge_ticks": ticks(2e-3),
+        "precharge_ticks": ticks(inverter.precharge_s),
         "align_ticks": ticks(align_s),
         "align_ramp_ticks": ticks(0.2 * align_s),
         "align_v_q25": max(1, round(1.5 * m.r_phase * start_a * volt)),

@@ -45,6 +45,7 @@ class InverterSpec:
     current_full_scale_a: float = 50.0
     divider_pole_s: float = 100e-9
     driver_delay_s: float = 0.0
+    precharge_s: float = 2e-3
     high_active_low: bool = False
     low_active_low: bool = False
     phase_current_trip_a: float | None = None
