@@ -24,6 +24,13 @@ static fault_t boot_fault(const parameter_block_t *block) {
   return fault;
 }
 
+HOT static void receive_all(void) {
+  uint8_t byte;
+  while (uart_get(&byte)) {
+    console_receive(byte);
+  }
+}
+
 void app_boot(app_t *app) {
   const parameter_block_t *block = cpu_parameter_block();
   const parameters_t *p = &block->parameters;
@@ -39,6 +46,8 @@ void app_boot(app_t *app) {
   }
   telemetry_update(app->telemetry, &app->drive);
   chip_irq_configure(CONTROL_SOURCES, DEFERRED_SOURCES);
+  // Bytes that came before: their event is gone, and a full FIFO would never give another.
+  receive_all();
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
 }
 
@@ -87,10 +96,7 @@ void app_deferred_interrupt(app_t *app) {
   if ((pending & (uint32_t)IRQ_UART_RX) != 0u) {
     const uint32_t start = chip_now();
     chip_irq_clear(IRQ_UART_RX);
-    uint8_t byte;
-    while (uart_get(&byte)) {
-      console_receive(byte);
-    }
+    receive_all();
     cycles_add(&telemetry->handler[HANDLER_UART], chip_now() - start);
   }
   if ((pending & (uint32_t)IRQ_LOAD) != 0u) {

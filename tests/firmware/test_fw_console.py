@@ -109,6 +109,17 @@ def test_settings_from_the_parameters(ready: Bench) -> None:
     assert shown["commutation"] == "CSC"
 
 
+def test_bytes_before_boot_are_not_lost(ready: Bench) -> None:
+    """A line that fills the receive FIFO while the core boots is answered, as is the next one.
+
+    Verifies: FW-23
+    """
+    line = b"get commutation\n"
+    ready.fw.lib.fl_host_uart_send(line, len(line))
+    ready.fw.boot()
+    assert ready.fw.command("") == ["commutation CSC", "ok"]
+
+
 def test_line_ends_and_blanks(ready: Bench) -> None:
     """CR, LF and both end a line; blanks do not matter; empty lines are not answered.
 
