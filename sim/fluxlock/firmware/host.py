@@ -122,6 +122,10 @@ class HostFirmware:
         data = (line + "\n").encode()
         self.lib.fl_host_uart_send(data, len(data))
         self.poll()
+        return self.replies()
+
+    def replies(self) -> list[str]:
+        """Lines that the console has sent since they were last taken."""
         buffer = ctypes.create_string_buffer(65536)
         length = self.lib.fl_host_uart_receive(buffer, len(buffer))
         return buffer.raw[:length].decode().splitlines()
