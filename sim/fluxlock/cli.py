@@ -30,6 +30,7 @@ EXIT_TERMINATED = 128 + signal.SIGTERM
 
 SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
+WAVES = "simulator/waves.fst"
 
 app = typer.Typer(
     help="Sensorless motor control on an FPGA: run the chip, its firmware and a motor together.",
@@ -129,7 +130,8 @@ def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
     for trip in result["trips"]:
         console.print(f"trip at {trip['time_s']:.6f} s: {trip['cause']}", highlight=False)
     console.print(run_line(result), highlight=False)
-    console.print(f"written: {out_dir}/result.json, trace.npz, overview.png, zoom.png", highlight=False)
+    written = ", ".join(name for name in (*OUTPUTS, WAVES) if (out_dir / name).exists())
+    console.print(f"written: {out_dir}/{written}", highlight=False, soft_wrap=True)
 
 
 @app.command()
@@ -141,7 +143,7 @@ def run(
         typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
-    waves: Annotated[bool, typer.Option("--waves", help="Write an FST file of the chip's signals.")] = False,
+    waves: Annotated[bool, typer.Option("--waves", help="Write an FST of the chip's signals (zoomed span).")] = False,
 ) -> None:
     """Run a scenario in closed loop and write result.json, trace.npz and plots."""
     loaded = load_scenario(scenario, set_ or ())

@@ -306,14 +306,17 @@ extern "C" void vlog_startup_routines_bootstrap(void);
 
 namespace {
 
+// Value that follows `name` on the command line.
+std::string argument(int argc, char** argv, const char* name, const char* preset) {
+    for (int i = 1; i + 1 < argc; i++)
+        if (!strcmp(argv[i], name)) return argv[i + 1];
+    return preset;
+}
+
 // --replay FILE --cycles N --from M --conversion K --bit-time B --gates OUT: run N cycles, time those after cycle M,
 // write the gate log (int64 cycle, gates) to OUT.
 int replay(int argc, char** argv) {
-    const auto option = [&](const char* name, const char* preset) {
-        for (int i = 1; i + 1 < argc; i++)
-            if (!strcmp(argv[i], name)) return std::string(argv[i + 1]);
-        return std::string(preset);
-    };
+    const auto option = [&](const char* name, const char* preset) { return argument(argc, argv, name, preset); };
     FILE* f = fopen(option("--replay", "").c_str(), "rb");
     int64_t head[2];
     if (!f || fread(head, sizeof head, 1, f) != 1) {
@@ -387,12 +390,11 @@ int main(int argc, char** argv) {
     vlog_startup_routines_bootstrap();
     Verilated::addExitCb([](void*) { VerilatedVpi::callCbs(cbEndOfSimulation); }, nullptr);
 #if VM_TRACE
-    VerilatedFstC* fst = new VerilatedFstC;
-    t->trace(fst, 99);
-    fst->open("waves.fst");
-#define DUMP() fst->dump(main_time)
-#else
-#define DUMP() static_cast<void>(0)
+    // --waves-from M --waves-to N: waves.fst holds every clock edge of these cycles, and is complete when they are over.
+    VerilatedFstC fst;
+    t->trace(&fst, 99);
+    const int64_t waves_from = atoll(argument(argc, argv, "--waves-from", "0").c_str());
+    const int64_t waves_to = atoll(argument(argc, argv, "--waves-to", "0").c_str());
 #endif
     power_up(t);
     VerilatedVpi::callCbs(cbStartOfSimulation);
@@ -412,7 +414,6 @@ int main(int argc, char** argv) {
         } while (VerilatedVpi::evalNeeded());
         t->eval_end_step();
         VerilatedVpi::callCbs(cbReadOnlySynch);
-        DUMP();
         const uint64_t deadline = VerilatedVpi::cbNextDeadline();
         const bool watch = VerilatedVpi::hasCbs(cbValueChange), step = VerilatedVpi::hasCbs(cbNextSimTime);
         if (deadline == ~0ULL && !watch && !step) break;
@@ -428,7 +429,14 @@ int main(int argc, char** argv) {
                 if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
                 if (watch) woken |= VerilatedVpi::callValueCbs();
             }
-            if (!woken) DUMP();
+#if VM_TRACE
+            if (C.st.cycle >= waves_from && C.st.cycle <= waves_to) {
+                if (!fst.isOpen()) fst.open("waves.fst");
+                fst.dump(main_time);
+            } else if (fst.isOpen()) {
+                fst.close();
+            }
+#endif
         }
         if (woken) {
             settle();
@@ -443,8 +451,5 @@ int main(int argc, char** argv) {
     C.fn = nullptr;
     t->final();
     VerilatedVpi::callCbs(cbEndOfSimulation);
-#if VM_TRACE
-    fst->close();
-#endif
     return Verilated::threadContextp()->errorCount() > 0;
 }

@@ -263,7 +263,7 @@ class Record(Model):
 
     period_s: float = quantity("Period of the waveform records.", "s", 1e-6, 1e-3, default=10e-6)
     zoom_from_s: float | None = quantity(
-        "Start of the span in which every event is recorded.",
+        "Start of the span in which every event is recorded, with `--waves` every clock edge of the chip.",
         "s",
         0.0,
         3600,

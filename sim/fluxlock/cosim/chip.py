@@ -18,6 +18,7 @@ from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, pack
 
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
+FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 CHANNELS = 9
 MEMORY_WORDS = 16384
 
@@ -60,17 +61,15 @@ def _compiler_is_gcc(env: dict[str, str]) -> bool:
 def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None, jobs: int | None = None) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
-    waves: also able to write an FST (slower; needs zlib's header). train: runs the chip for a moment; with GCC the
-    simulator is then compiled a second time with what was learnt of its branches (1.4 times faster).
+    waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment; with
+    GCC the simulator is then compiled a second time with what was learnt of its branches (1.4 times faster).
     """
     generate_registers()
-    if waves and not Path("/usr/include/zlib.h").exists():
-        raise RuntimeError("writing FST waveforms needs zlib's header: install zlib1g-dev (Debian) or zlib-devel")
     sources = rtl_sources()
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), Path(__file__)]
+    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
     key = content_hash(inputs, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves)
@@ -81,14 +80,15 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
         folder.mkdir(parents=True)
         log = folder / "build.log"
         libs = cocotb_tools.config.libs_dir
+        trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
-            "--output-split", "0" if not waves else "20000", "-Wno-fatal",
+            "--output-split", "0", "-Wno-fatal",
             "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={MEMORY_WORDS}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
-            *(["--trace-fst", "--trace-structs"] if waves else []),
+            *(trace if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),
         ]  # fmt: skip
         _run(command, log, env)
@@ -100,6 +100,8 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
             for stale in (*folder.glob("*.o"), *folder.glob("*.a"), chip.executable):
                 stale.unlink()
             _run([*make, "OPT_FAST=-O3 -fprofile-use -fprofile-correction -Wno-missing-profile"], log, env)
+        elif waves:  # LDLIBS: Verilator's, without zlib and LZ4
+            _run([*make, "OPT_FAST=-O1", "LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"], log, env)
         else:
             _run([*make, "OPT_FAST=-O3"], log, env)
         (folder / ".done").write_text(json.dumps({"key": key, "waves": waves, "profiled": profiled}))

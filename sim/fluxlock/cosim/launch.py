@@ -18,6 +18,7 @@ import find_libpython
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.cosim.chip import TOP, Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
+from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
 from fluxlock.paths import BUILD, ROOT
 
 Progress = Callable[[ProgressInfo], None]
@@ -56,14 +57,21 @@ def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
 
 
 def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) -> dict[str, Any]:
-    """Run a plan whose folder holds `firmware.hex`; return the meta data, leave the arrays in the folder."""
+    """Run a plan whose folder holds `firmware.hex`; return the meta data, leave the arrays in the folder.
+
+    A chip that can write waveforms writes those of the plan's zoom window.
+    """
     folder = plan.folder
-    for name in (META_FILE, PROGRESS_FILE):
+    for name in (META_FILE, PROGRESS_FILE, WAVE_FILE, GTKWAVE_FILE, SURFER_FILE):
         (folder / name).unlink(missing_ok=True)
+    command = [str(chip.executable)]
+    if chip.waves:
+        first, last = plan.plant.recording.zoom[0]
+        command += ["--waves-from", str(first), "--waves-to", str(last)]
     log_path = folder / "simulator.log"
     env = simulator_environment(plan.save(), folder / "results.xml")
     with log_path.open("w") as log:
-        process = subprocess.Popen([str(chip.executable)], cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(command, cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT)
         stop = threading.Event()
         watcher = threading.Thread(target=_watch, args=(plan, progress, stop), daemon=True)
         if progress is not None:
@@ -79,6 +87,8 @@ def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) ->
             stop.set()
             if progress is not None:
                 watcher.join()
+    if (folder / WAVE_FILE).exists():
+        write_view(folder)
     meta_path = folder / META_FILE
     if not meta_path.exists():
         tail = "\n".join(log_path.read_text(errors="replace").splitlines()[-25:])

@@ -118,7 +118,7 @@ def run_scenario(
 ) -> RunData:
     """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
 
-    The simulator's files (log, image, waves.fst) stay in `out_dir/simulator`.
+    The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window.
     """
     if progress is not None:
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
@@ -131,8 +131,4 @@ def run_scenario(
     data = collect(plan, meta, scenario.motor.pole_pairs)
     if meta["fault"]:
         raise SimulationFault(meta["fault"], data)
-    if waves:
-        from fluxlock.cosim.waves import write_save_file
-
-        write_save_file(out_dir / "simulator")
     return data

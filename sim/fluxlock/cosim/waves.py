@@ -1,28 +1,124 @@
-"""Save file beside an FST: the chip's signals in groups, for GTKWave (and Surfer, which reads it too)."""
+"""View of an FST: the chip's signals in groups, for GTKWave (save file) and Surfer (command file)."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+from fluxlock.cosim.chip import TOP
+
+WAVE_FILE = "waves.fst"  # written by the simulator main
+GTKWAVE_FILE = "waves.gtkw"
+SURFER_FILE = "waves.sucl"
+
+# GTKWave's flags of a row. b: binary, d: decimal, x: hexadecimal, c: decimal drawn as a curve, s: the same, signed.
+FORMATS = {"b": "28", "d": "24", "x": "22", "c": "8024", "s": "8420"}
+CURVE_ROWS = 2  # that a curve gets below its own
+
+# Format and name below the top, as in the FST.
 GROUPS: dict[str, tuple[str, ...]] = {
-    "gates": ("gate_h_o[2:0]", "gate_l_o[2:0]", "gate_o[5:0]", "fault_pin_i"),
-    "six-step": ("trc_sector_o[2:0]", "trc_comm_valid_o", "trc_comm_sched_o[31:0]", "trc_update_o"),
-    "crossing": ("trc_zc_valid_o", "trc_zc_late_o", "trc_zc_sector_o[2:0]", "trc_zc_time_o[31:0]"),
-    "sampling": ("adc_strobe_o", "adc_valid_i", "adc_code_i[107:0]"),
-    "safety": ("trc_trip_o", "trc_trip_cause_o[6:0]"),
-    "console": ("uart_rx_i", "uart_tx_o"),
-    "time": ("clk_i", "rst_i", "trc_now_o[31:0]"),
+    "carrier": (
+        "c u_pwm.u_carrier.count_o[15:0]",
+        "d u_pwm.u_carrier.last_q[15:0]",
+        "d u_pwm.u_carrier.width_q[15:0]",
+        "b u_pwm.u_carrier.pulse_o",
+        "b carrier_start",
+    ),
+    "gates": (
+        "b req_h[2:0]",
+        "b req_l[2:0]",
+        "b gate_o[5:0]",
+        "b gate_h_o[2:0]",
+        "b gate_l_o[2:0]",
+    ),
+    "sampling": (
+        "b adc_strobe_o",
+        "b adc_valid_i",
+        "b sample_valid",
+        "d sample_time[31:0]",
+        "b sample_pwm.on",
+        *(f"s sample.sample[{channel}][17:0]" for channel in range(7)),  # v a b c, i a b c, vdc
+    ),
+    "crossing": (
+        "b u_zcd.u_zcd.enable_q",
+        "s u_zcd.u_zcd.rel_q[17:0]",
+        "b u_zcd.u_zcd.counts",
+        "b zc_valid",
+        "b zc_late",
+        "d zc_sector[2:0]",
+        "d zc_time[31:0]",
+    ),
+    "commutation": (
+        "d u_comm.u_timer.mode_q[1:0]",
+        "b sched_valid",
+        "d comm_sched[31:0]",
+        "b comm_valid",
+        "b comm_applied",
+        "d seq_sector[2:0]",
+    ),
+    "safety": (
+        "b u_safety.u_guard.enable_i",
+        "b fault_pin_i",
+        "b tripped",
+        "b trip_event",
+        "b trip_cause.phase_current",
+        "b trip_cause.dc_current",
+        "b trip_cause.fault_pin",
+        "b trip_cause.lost_lock",
+        "b trip_cause.over_voltage",
+        "b trip_cause.under_voltage",
+        "b trip_cause.software",
+    ),
+    "bus": (
+        "b irq_control",
+        "b irq_deferred",
+        "b io_stb",
+        "b io_we",
+        "b io_ack",
+        "x io_adr[29:0]",
+        "x io_wdat[31:0]",
+        "x io_rdat[31:0]",
+        "b tick",
+        "b update",
+    ),
+    "console": (
+        "b uart_rx_i",
+        "b uart_tx_o",
+    ),
+    "time": (
+        "b clk_i",
+        "b rst_i",
+        "d now[31:0]",
+    ),
 }
-WAVE_FILE = "waves.fst"
-SAVE_FILE = "waves.gtkw"
 
 
-def write_save_file(folder: Path, top: str = "TOP") -> Path:
-    """Write `waves.gtkw` into the folder of `waves.fst` and return it."""
-    lines = [f"[dumpfile] {WAVE_FILE!r}".replace("'", '"'), "[sst_expanded] 1"]
+def _gtkwave(folder: Path) -> list[str]:
+    # With both paths GTKWave finds the FST from anywhere, also when the folder has moved.
+    lines = [f'[dumpfile] "{folder / WAVE_FILE}"', f'[savefile] "{folder / GTKWAVE_FILE}"', "[sst_expanded] 1"]
     for group, signals in GROUPS.items():
-        lines += ["@200", f"-{group}", "@28"]
-        lines += [f"{top}.{signal}" for signal in signals]
-    path = folder / SAVE_FILE
-    path.write_text("\n".join(lines) + "\n")
-    return path
+        lines += ["@800200", f"-{group}"]
+        for signal in signals:
+            style, name = signal.split()
+            lines += [f"@{FORMATS[style]}", f"{TOP}.{name}"]
+            if style in "cs":
+                lines += ["@20000", *["-"] * CURVE_ROWS]
+        lines += ["@1000200", f"-{group}"]
+    return lines
+
+
+def _surfer() -> list[str]:
+    """Names as Surfer's reader sees them: without range, and an element of an array is `array.[index]`."""
+    lines = []
+    for group, signals in GROUPS.items():
+        lines.append(f"divider_add {group}")
+        for signal in signals:
+            name = re.sub(r"\[\d+:\d+\]$", "", signal.split()[1])
+            lines.append(f"variable_add {TOP}." + re.sub(r"(\w+)\.\1(\[\d+\])$", r"\1.\2", name))
+    return lines
+
+
+def write_view(folder: Path) -> None:
+    """Write the viewers' files beside `waves.fst`."""
+    for name, lines in ((GTKWAVE_FILE, _gtkwave(folder.resolve())), (SURFER_FILE, _surfer())):
+        (folder / name).write_text("\n".join(lines) + "\n")

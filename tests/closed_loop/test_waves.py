@@ -1,0 +1,149 @@
+"""`fluxlock run --waves`: an FST of the zoomed span, and the files with which viewers show it in groups."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pywellen
+
+from fluxlock.analysis.rundata import LogKind, RunData, load_trace
+from fluxlock.cosim.chip import FST
+from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SURFER_FILE, WAVE_FILE
+from fluxlock.paths import BUILD
+
+SCENARIO = Path(__file__).parent / "scenarios" / "spin.toml"
+# The first carriers after the start command.
+FROM_S, TO_S = 0.020, 0.021
+CLOCK_NS = 20
+SHIM = """
+#include "lz4.h"
+#include "zlib.h"
+extern "C" unsigned long lz4(const char* src, char* dst, unsigned long size) {
+    return LZ4_compress_default(src, dst, size, LZ4_compressBound(size));
+}
+extern "C" unsigned long deflate(const unsigned char* src, unsigned char* dst, unsigned long size) {
+    return compress2(dst, &size, src, size, 9), size;
+}
+extern "C" unsigned long lz4_bound(unsigned long size) { return LZ4_compressBound(size); }
+extern "C" unsigned long deflate_bound(unsigned long size) { return compressBound(size); }
+"""
+
+
+def changes(fst: pywellen.Waveform, name: str) -> list[tuple[int, int]]:
+    """Clock edge and new value; edge n is at (2n - 1) half periods."""
+    rows = [((t + CLOCK_NS // 2) / CLOCK_NS, value) for t, value in fst[name].tv]
+    return [(int(n), value) for n, value in rows if n == int(n)]
+
+
+def check_gates(data: RunData, fst: pywellen.Waveform) -> None:
+    """Every change of the gates in the span, at its clock edge."""
+    first, last = (round(t * data.clock_hz) for t in (FROM_S, TO_S))
+    logged = [(int(c), int(g)) for c, _, g, _ in data.rows(LogKind.GATES) if first < c <= last]
+    assert len(logged) > 20
+    start, *traced = changes(fst, "fl_soc.gate_o")
+    assert start[0] == first
+    assert traced == logged
+
+
+def check_carrier(fst: pywellen.Waveform) -> None:
+    """One count a clock from 0 to the last one, clock by clock through the whole span."""
+    counts = changes(fst, "fl_soc.u_pwm.u_carrier.count_q")
+    last_of = dict(changes(fst, "fl_soc.u_pwm.u_carrier.last_q"))
+    assert len(counts) == round((TO_S - FROM_S) * 1e9 / CLOCK_NS) + 1
+    last, starts = 0, 0
+    for (n, before), (m, after) in itertools.pairwise(counts):
+        last = last_of.get(n, last)
+        assert m == n + 1
+        assert after == before + 1 or (after == 0 and before == last), (n, before, after, last)
+        starts += after == 0
+    assert starts > 5
+
+
+def check_names(folder: Path, fst: pywellen.Waveform) -> None:
+    """What the viewers' files name is in the FST, in the width that they name; the core's inside is not."""
+    width = {var.full_name: var.bitwidth for var in fst.all_vars()}
+    surfer = re.findall(r"^variable_add (\S+)$", (folder / SURFER_FILE).read_text(), re.MULTILINE)
+    assert len(surfer) == sum(map(len, GROUPS.values())) and set(surfer) <= set(width)
+    rows = re.findall(r"^fl_soc\.\S+$", (folder / GTKWAVE_FILE).read_text(), re.MULTILINE)
+    ranges = [re.search(r"\[(\d+):0\]$", row) for row in rows]
+    assert [width[name] for name in surfer] == [int(found[1]) + 1 if found else 1 for found in ranges]
+    inside = re.compile(r"u_core|u_ram|u_regs")
+    assert not [name for name in width if inside.search(name)]
+    assert {name.split(".")[0] for name in width} == {"fl_soc"}
+
+
+def test_waves() -> None:
+    """A short run with waveforms; the FST is read by another library than the one that wrote it.
+
+    Verifies: SYS-11
+    """
+    out = BUILD / "closed_loop" / "waves"
+    shutil.rmtree(out, ignore_errors=True)
+    options = [f"duration_s={TO_S}", "window=[]", f"record.zoom_from_s={FROM_S}", f"record.zoom_to_s={TO_S}"]
+    command = [sys.executable, "-m", "fluxlock.cli", "run", str(SCENARIO), "--waves", "--out", str(out)]
+    for option in options:
+        command += ["--set", option]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert f"simulator/{WAVE_FILE}" in done.stdout
+    fst = pywellen.Waveform(str(out / "simulator" / WAVE_FILE))
+    check_gates(load_trace(out / "trace.npz"), fst)
+    check_carrier(fst)
+    check_names(out / "simulator", fst)
+
+
+def _lz4_block(data: bytes) -> bytes:
+    """Decoder of the LZ4 block format."""
+    out, i = bytearray(), 0
+
+    def length(n: int) -> int:
+        nonlocal i
+        more = n == 15
+        while more:
+            more = data[i] == 255
+            n += data[i]
+            i += 1
+        return n
+
+    while True:
+        token = data[i]
+        i += 1
+        n = length(token >> 4)
+        out += data[i : i + n]
+        i += n
+        if i == len(data):
+            return bytes(out)
+        distance = int.from_bytes(data[i : i + 2], "little")
+        i += 2
+        for _ in range(length(token & 15) + 4):
+            out.append(out[-distance])
+
+
+def test_compression(tmp_path: Path) -> None:
+    """The stand-ins for LZ4 and zlib write valid streams within their bounds, from empty to beyond LZ4's window."""
+    source, library = tmp_path / "shim.cpp", tmp_path / "shim.so"
+    source.write_text(SHIM)
+    compiler = os.environ.get("CXX", "c++")
+    subprocess.run([compiler, "-O1", "-shared", "-fPIC", f"-I{FST}", source, "-o", library], check=True)
+    lib = ctypes.CDLL(str(library))
+    rng = random.Random(1)
+    for size in (*range(40), 255, 256, 257, 258, 259, 274, 517, 4000, 150_000):
+        for alphabet in (1, 2, 20, 256):
+            data = bytes(rng.choices(range(alphabet), k=size))
+            data += data[: size // 2]
+            for name, decoder in (("lz4", _lz4_block), ("deflate", zlib.decompress)):
+                bound = lib[f"{name}_bound"](len(data))
+                packed = ctypes.create_string_buffer(bound + 1)
+                written = lib[name](data, packed, len(data))
+                assert written <= bound
+                assert decoder(packed.raw[:written]) == data, (name, size, alphabet)
+    assert lib.deflate(bytes(100_000), ctypes.create_string_buffer(200_000), 100_000) < 1000
