@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import struct
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +44,27 @@ def boot(data: bytes) -> HostFirmware:
     for _ in range(3):
         fw.tick()
     return fw
+
+
+def test_library_keeps_its_own_symbols(tmp_path: Path) -> None:
+    """Boot works in a process where another library has put its own `crc32` into the global scope, as zlib does.
+
+    Verifies: FW-03
+    """
+    (tmp_path / "other.cpp").write_text(
+        'extern "C" unsigned crc32(unsigned, const void *, unsigned) { __builtin_trap(); }'
+    )
+    other = tmp_path / "libother.so"
+    compiler = os.environ.get("CXX", "g++")
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", other, tmp_path / "other.cpp"], check=True)
+    (tmp_path / "block.bin").write_bytes(block().pack())
+    program = (
+        "import ctypes, pathlib; from fluxlock.firmware.host import HostFirmware;"
+        f"ctypes.CDLL({str(other)!r}, ctypes.RTLD_GLOBAL); fw = HostFirmware();"
+        f"fw.load(pathlib.Path({str(tmp_path / 'block.bin')!r}).read_bytes()); fw.boot(); print(fw.state)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "init"), done.stderr
 
 
 def repacked(words: dict[str, int]) -> bytes:

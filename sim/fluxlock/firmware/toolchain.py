@@ -22,9 +22,10 @@ TARGET_FLAGS = (
     *("-ffreestanding", "-nostdlib", "-fno-builtin", "-ffunction-sections", "-fdata-sections"),
     *("-fno-sanitize=all", "-fno-stack-protector"),
 )
+# -Bsymbolic: our crc32 is not to be replaced by that of a zlib which Python has loaded.
 HOST_FLAGS = (
     *("-O1", "-g", "-fPIC", "-shared", "-DFL_HOST=1", "-fno-omit-frame-pointer"),
-    *("-fsanitize=undefined", "-fsanitize-trap=undefined"),
+    *("-fsanitize=undefined", "-fsanitize-trap=undefined", "-Wl,-Bsymbolic"),
 )
 TARGET_ONLY = ("app/main.c", "hal/soc/")
 HOST_ONLY = ("app/host_main.c", "hal/host/")
