@@ -1,0 +1,351 @@
+"""Commands `fluxlock six-step ...`: theory of six-step operation as table, PNG and JSON.
+
+Defaults are the thesis's operating points with Motor-I. What is slow to import is imported by the commands.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import typer
+
+from fluxlock.analysis.six_step.output import (
+    number,
+    prepare_folder,
+    print_table,
+    progress_bars,
+    write_figure,
+)
+from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
+from fluxlock.paths import ROOT
+
+if TYPE_CHECKING:
+    from fluxlock.analysis.six_step.soa_study import Study
+
+app = typer.Typer(
+    help="Theory of six-step operation: safe area, stability, spectra, linearity. Writes PNG and JSON.",
+    no_args_is_help=True,
+)
+
+MOTOR_1 = ROOT / "motors" / "motor-1.toml"
+# Motor-I: figures 4.9 and 4.10 reach 120 000 r/min and, here, beyond their 30 A; its file says 94 000 and 30 A.
+SPEED_OVER_MAX, CURRENT_OVER_RATED = 120 / 94, 2.0
+MAX_DENOMINATOR = 1000
+
+CommutationChoice = Literal["RSC", "NSC", "CSC"]
+OutOption = Annotated[Path, typer.Option(help="Folder for PNG and JSON.")]
+CarrierOption = Annotated[float, typer.Option("--carrier", min=100.0, max=1e6, help="Carrier frequency, Hz.")]
+OrderOption = Annotated[float, typer.Option(min=2.0, max=200.0, help="Highest order (multiple of the fundamental).")]
+
+
+@app.command()
+def soa(
+    motor: Annotated[Path, typer.Argument(help="Motor file (TOML).", show_default="Motor-I of the thesis")] = MOTOR_1,
+    out: OutOption = Path("build/six-step"),
+    inverter: Annotated[
+        Path | None, typer.Option(help="Inverter file (TOML); without: ideal switches on a stiff supply.")
+    ] = None,
+    supply: Annotated[
+        float, typer.Option(min=1.0, max=1500.0, help="Supply voltage, V; an inverter file's own counts.")
+    ] = 25.0,
+    carrier: CarrierOption = 40e3,
+    speed_max: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=2e6, help="Highest speed, r/min; default 1.28 x that of the motor file."),
+    ] = None,
+    current_max: Annotated[
+        float | None, typer.Option(min=0.01, max=5000.0, help="Highest current, A; default 2 x rated current.")
+    ] = None,
+    late: Annotated[
+        float, typer.Option(min=0.0, max=30.0, help="Latest commutation after the ideal instant, deg el.")
+    ] = 0.0,
+    settle: Annotated[
+        float, typer.Option(min=0.0, max=1e-3, help="Settling time after pulse start and extinction, s.")
+    ] = 2e-6,
+    sample: Annotated[float, typer.Option(min=0.0, max=1e-3, help="Sample period, s.")] = 1e-6,
+    simulate: Annotated[bool, typer.Option(help="Also simulate the switched circuit.")] = True,
+) -> None:
+    """Safe operating area: freewheel angles over speed and current, at the load of the file, torque limits."""
+    loaded = load_motor(motor)
+    power_stage = load_inverter(inverter) if inverter else None
+    prepare_folder(out)
+    from fluxlock.analysis.six_step import plots
+    from fluxlock.analysis.six_step.override import SampleTiming
+    from fluxlock.analysis.six_step.soa_study import Settings, study
+    from fluxlock.analysis.six_step.switched import ideal_inverter, real_inverter
+
+    settings = Settings(
+        speed_max_rpm=speed_max if speed_max is not None else round(SPEED_OVER_MAX * loaded.max_speed_rpm),
+        current_max_a=current_max if current_max is not None else CURRENT_OVER_RATED * loaded.rated_current_a,
+        carrier_hz=carrier,
+        late_deg=late,
+        timing=SampleTiming(settle_s=settle, period_s=sample, latency_s=sample),
+        simulate=simulate,
+    )
+    circuit = real_inverter(power_stage) if power_stage else ideal_inverter(supply)
+    with progress_bars() as begin:
+        result = study(loaded, circuit, settings, begin)
+    _print_study(result)
+    write_figure(out, "soa", plots.soa_figure(result), result.document())
+
+
+def _print_study(result: Study) -> None:
+    most, speeds, limits_a = result.settings.current_max_a, result.bound.speed_rpm, result.current_limits_a
+    rows = []
+    for k in range(0, speeds.size, 10):
+        beyond = "supply" if result.supply_a[k] <= most else f"> {most:g}"
+        rows.append([f"{speeds[k]:.0f}", *(number(values[k], missing=beyond) for values in limits_a.values())])
+    print_table("Largest current at the commutation, A", ("speed r/min", "25°", "30°", "computed back", "supply"), rows)
+    if result.limits:
+        rows = []
+        for s, speed in enumerate(result.coarse_rpm):
+            values = [v[s] for x in result.limits.values() for v in (x.visible_nm, x.recovered_nm, x.supply_nm)]
+            rows.append([f"{speed:.0f}", *(number(1e3 * value) for value in values)])
+        headers = [f"{c} {what}" for c in result.limits for what in ("30°", "computed back", "largest")]
+        print_table("Largest mean torque of the switched circuit, mN m", ("speed r/min", *headers), rows)
+    if result.lines:
+        rows = []
+        for states in zip(*result.lines.values(), strict=False):
+            first = states[0]
+            cells = [f"{first.speed_rpm:.0f}", f"{first.torque_nm * 1e3:.1f}", f"{first.current_a.mean():.1f}"]
+            cells += [f"{number(s.freewheel_deg.min())} … {number(s.freewheel_deg.max())}" for s in states]
+            rows.append(cells)
+        headers = [f"{chopping} deg" for chopping in result.lines]
+        print_table("Freewheel angle at the load of the file", ("speed r/min", "mN m", "A", *headers), rows)
+
+
+@app.command()
+def stability(
+    out: OutOption = Path("build/six-step"),
+    n_min: Annotated[float, typer.Option(min=1.0, max=100.0, help="Least carriers a sector.")] = 1.0,
+    n_max: Annotated[float, typer.Option(min=1.0, max=100.0, help="Most carriers a sector.")] = 6.0,
+    points: Annotated[int, typer.Option(min=2, max=5000, help="Values of N.")] = 501,
+    sectors: Annotated[int, typer.Option(min=10, max=100_000, help="Sectors that the map is followed.")] = 2000,
+    freewheel: Annotated[
+        float, typer.Option(min=0.0, max=60.0, help="Freewheel angle of the examples at N = 2.9 and 3.1, deg el.")
+    ] = 15.0,
+) -> None:
+    """Stability of the zero-crossing loop: boundary of the map over N against the closed form, figure 5.7."""
+    if not n_min < n_max:
+        raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
+    prepare_folder(out)
+    from fluxlock.analysis.six_step import plots
+    from fluxlock.analysis.six_step import stability as theory
+    from fluxlock.analysis.six_step.patterns import Commutation
+
+    n = np.linspace(n_min, n_max, points)
+    cases: dict[str, tuple[Commutation, bool]] = {
+        "RSC": ("RSC", False),
+        "RSC, computed back": ("RSC", True),
+        "CSC, NSC": ("CSC", False),
+        "CSC, NSC, computed back": ("CSC", True),
+    }
+    found, closed = {}, {}
+    with progress_bars() as begin:
+        for name, (commutation, back) in cases.items():
+            closed[name] = theory.freewheel_limit_deg(n, commutation=commutation, back_computed=back)
+            found[name] = theory.stable_freewheel_deg(
+                n, commutation=commutation, back_computed=back, sectors=sectors, progress=begin(name)
+            )
+    examples = {}
+    for carriers, back in ((2.9, False), (2.9, True), (3.1, False)):
+        label = f"RSC, N = {carriers}, {freewheel:g}°{', computed back' if back else ''}"
+        examples[label] = theory.commutation_errors_deg(carriers, freewheel, 60, back_computed=back)
+    difference = {name: float(np.abs(found[name] - closed[name]).max()) for name in cases}
+    write_figure(
+        out,
+        "stability",
+        plots.stability_figure(n, found, closed, examples),
+        {
+            "n": n,
+            "map_deg": found,
+            "closed_form_deg": closed,
+            "largest_difference_deg": difference,
+            "examples": examples,
+        },
+    )
+    at = [1.999, 2.0, 2.999, 3.0, 25 / 8, 3.999, 4.0, 4.999, 5.0]
+    rows = []
+    for carriers in at:
+        limits = [theory.freewheel_limit_deg(carriers, commutation=c, back_computed=back) for c, back in cases.values()]
+        rows.append([f"{carriers:.3f}", *(number(float(limit)) for limit in limits)])
+    print_table("Largest freewheel angle, closed form, deg el.", ("N", *cases), rows)
+    rows = [[name, f"{value:.3f}"] for name, value in difference.items()]
+    print_table(f"Map against closed form, {points} values of N", ("loop", "largest difference deg"), rows)
+
+
+def _ratio(speed_rpm: float, pole_pairs: int, carrier_hz: float) -> Fraction:
+    """Carriers a sector as a fraction."""
+    exact = Fraction(carrier_hz) * 10 / (Fraction(speed_rpm) * pole_pairs)
+    return exact.limit_denominator(MAX_DENOMINATOR)
+
+
+@app.command()
+def spectrum(
+    out: OutOption = Path("build/six-step"),
+    speed: Annotated[float, typer.Option(min=1.0, max=2e6, help="Speed, r/min.")] = 64_000.0,
+    pole_pairs: Annotated[int, typer.Option(min=1, max=100, help="Pole pairs.")] = 1,
+    carrier: CarrierOption = 20e3,
+    mean: Annotated[float, typer.Option(min=0.0, max=1.0, help="Mean of the output, 0..1.")] = 0.6,
+    compensate: Annotated[
+        bool, typer.Option(help="CSC: duty of (5.18), so that the mean is as wanted; without: duty = mean.")
+    ] = True,
+    start: Annotated[
+        float, typer.Option(min=0.0, max=360.0, help="Initial phase of the fundamental at a carrier start, deg el.")
+    ] = 5.0,
+    max_order: OrderOption = 17.0,
+) -> None:
+    """Line spectra of the space vector under RSC, NSC and CSC: series of chapter 6 against generated gates."""
+    if mean == 0.0:
+        raise ConfigError([Problem("--mean", "", "must be above 0: there is no fundamental")])
+    prepare_folder(out)
+    from fluxlock.analysis.six_step import plots
+    from fluxlock.analysis.six_step.fourier import sequence_lines
+    from fluxlock.analysis.six_step.linearity import compensated_duty
+    from fluxlock.analysis.six_step.patterns import COMMUTATIONS, Commutation, GateSequence, gate_sequence
+    from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numbers, weighted_distortion
+
+    ratio = _ratio(speed, pole_pairs, carrier)
+    shown: dict[Commutation, tuple[Lines, Lines, GateSequence, float]] = {}
+    rows, data = [], {}
+    for commutation in COMMUTATIONS:
+        duty = float(compensated_duty(mean, float(ratio))) if commutation == "CSC" and compensate else mean
+        # The distortion needs more lines than the figure: their weight falls with the square of the order.
+        lines = analytic_lines(commutation, ratio, duty, line_numbers(ratio, max(max_order, 300.0)), start)
+        sequence = gate_sequence(commutation, float(ratio), duty, turns=ratio.denominator, start_deg=start)
+        exact = Lines(lines.order, sequence_lines(sequence, lines.order))
+        difference = float(np.abs(lines.amplitude - exact.amplitude).max())
+        distortion = weighted_distortion(lines)
+        drawn = np.abs(lines.order) <= max_order
+        shown[commutation] = (
+            Lines(lines.order[drawn], lines.amplitude[drawn]),
+            Lines(exact.order[drawn], exact.amplitude[drawn]),
+            sequence,
+            distortion,
+        )
+        size = np.abs(lines.amplitude)
+        own = np.abs((lines.order - 1) % 6) < 1e-9
+        between = float(np.sqrt(np.sum(size[~own] ** 2)))
+        rows.append(
+            [
+                commutation,
+                f"{duty:.4f}",
+                f"{abs(lines.fundamental):.4f}",
+                f"{between:.4f}",
+                number(distortion, 3, "infinite"),
+                f"{difference:.1e}",
+            ]
+        )
+        data[commutation] = {
+            "duty": duty,
+            "order": lines.order[drawn],
+            "amplitude": lines.amplitude[drawn],
+            "weighted_distortion": distortion,
+            "largest_difference_to_gates": difference,
+        }
+    title = f"{speed:.0f} r/min, {carrier / 1e3:g} kHz: N = {ratio}, mean {mean:g}, initial phase {start:g}°"
+    figure = plots.spectrum_figure(title, shown, max_order, start)
+    settings = {"n": [ratio.numerator, ratio.denominator], "mean": mean, "start_deg": start}
+    write_figure(out, "spectrum", figure, {"settings": settings, "spectra": data})
+    headers = ("pattern", "duty", "fundamental", "other than 1 + 6 k (rms)", "weighted distortion", "to gates")
+    print_table(
+        f"Space vector, unit Vdc, N = {ratio}, lines every {float(6 / Fraction(ratio.denominator)):g} f_e",
+        headers,
+        rows,
+    )
+
+
+@app.command()
+def recorded(
+    trace: Annotated[Path, typer.Argument(help="trace.npz of a run.")],
+    from_s: Annotated[float, typer.Option("--from", min=0.0, max=1e4, help="Begin of the window, s.")],
+    to_s: Annotated[float, typer.Option("--to", min=0.0, max=1e4, help="End of the window, s.")],
+    out: OutOption = Path("build/six-step"),
+    commutation: Annotated[
+        CommutationChoice | None, typer.Option(help="Pattern of the run: shows the series of chapter 6 beside.")
+    ] = None,
+    carrier: CarrierOption = 20e3,
+    max_order: OrderOption = 17.0,
+) -> None:
+    """Line spectrum of the gates that a run recorded, over a whole number of turns."""
+    from fluxlock.analysis.rundata import load_trace
+    from fluxlock.analysis.six_step import plots
+    from fluxlock.analysis.six_step import recording as theory
+
+    try:
+        run = load_trace(trace)
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError([Problem(str(trace), "", f"is no trace of a run ({error})")]) from None
+    try:
+        window = theory.whole_turns(run, from_s, to_s)
+    except ValueError as error:
+        raise ConfigError([Problem("--from, --to", "", str(error))]) from None
+    prepare_folder(out)
+    lines = theory.recorded_spectrum(run, window, max_order)
+    own, others = theory.harmonics(lines)
+    hertz, mean = window.fundamental_hz(run.clock_hz), theory.mean_excitation(run, window)
+    headers, columns = ["order", "Hz", "recorded / Vdc"], [(own, others)]
+    data: dict[str, Any] = {
+        "turns": window.turns,
+        "fundamental_hz": hertz,
+        "mean": mean,
+        "order": lines.order,
+        "amplitude": lines.amplitude,
+    }
+    if commutation is not None:
+        series = theory.expected_spectrum(run, window, commutation, carrier, max_order)
+        columns.append(theory.harmonics(series))
+        headers.append(f"series of {commutation}")
+        data["series"] = {"order": series.order, "size": np.abs(series.amplitude)}
+    rows = [
+        [f"{order:+d}", f"{order * hertz:.0f}", *(f"{sizes[order]:.4f}" for sizes, _ in columns)]
+        for order in sorted(own, key=abs)
+    ]
+    rows.append(["others, rms", "", *(f"{rest:.4f}" for _, rest in columns)])
+    print_table(f"{window.turns} turns at {hertz:.1f} Hz, mean of the output {mean:.4f}", headers, rows)
+    title = f"{trace}: {window.turns} turns from {from_s:g} s, fundamental {hertz:.1f} Hz"
+    write_figure(out, "recorded", plots.recorded_figure(title, lines, max_order), data)
+
+
+@app.command()
+def linearity(
+    out: OutOption = Path("build/six-step"),
+    n_min: Annotated[float, typer.Option(min=0.1, max=100.0, help="Least carriers a sector.")] = 2.0,
+    n_max: Annotated[float, typer.Option(min=0.1, max=100.0, help="Most carriers a sector.")] = 7.0,
+    n_error: Annotated[
+        float, typer.Option(min=0.0, max=0.5, help="Relative error of the N that the compensation uses.")
+    ] = 0.05,
+    min_pulse: Annotated[
+        float, typer.Option(min=0.0, max=0.5, help="Shortest pulse and gap, carriers (0.4 us at 20 kHz: 0.008).")
+    ] = 0.008,
+) -> None:
+    """Mean of the output under CSC with and without the compensation (5.18), wrong N, shortest pulse."""
+    if not n_min < n_max:
+        raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
+    prepare_folder(out)
+    from fluxlock.analysis.six_step import plots
+    from fluxlock.analysis.six_step.linearity import compensated_duty, mean_output, mean_with_min_pulse
+
+    wanted = np.linspace(0.0, 1.0, 501)
+    n = np.linspace(n_min, n_max, 1001)[:, None]
+    cases = {
+        "no compensation": mean_output(np.broadcast_to(wanted, (n.size, wanted.size)), n),
+        "compensated": mean_output(compensated_duty(wanted, n), n),
+        f"compensated, N {n_error:+.0%} wrong": mean_output(compensated_duty(wanted, n * (1 + n_error)), n),
+        f"compensated, N {-n_error:+.0%} wrong": mean_output(compensated_duty(wanted, n * (1 - n_error)), n),
+        f"compensated, shortest pulse {min_pulse:g}": mean_with_min_pulse(compensated_duty(wanted, n), n, min_pulse),
+    }
+    errors = {name: (output - wanted) for name, output in cases.items()}
+    ranges = {name: (error.min(axis=0), error.max(axis=0)) for name, error in errors.items()}
+    outputs = {f"N = {number:g}": mean_output(wanted, number) for number in (2.1, 2.5, 3.125, 3.9)}
+    data = {
+        "wanted": wanted,
+        "n": [n_min, n_max],
+        "error": {name: {"min": low, "max": high} for name, (low, high) in ranges.items()},
+    }
+    write_figure(out, "linearity", plots.linearity_figure(wanted, outputs, ranges), data)
+    rows = [[name, f"{error.min():+.4f}", f"{error.max():+.4f}"] for name, error in errors.items()]
+    print_table(f"Error of the mean, N from {n_min:g} to {n_max:g}", ("case", "least", "largest"), rows)

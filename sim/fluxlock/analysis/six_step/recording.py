@@ -1,0 +1,87 @@
+"""Gate edges of a run, and the window of whole turns over which their lines are taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from fluxlock.analysis.angles import AngleTrack
+from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
+from fluxlock.analysis.six_step.fourier import cut_edges, line_amplitudes, space_vector
+from fluxlock.analysis.six_step.linearity import compensated_duty
+from fluxlock.analysis.six_step.patterns import Commutation
+from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numbers
+
+# A measured N is no fraction of small numbers; of the series' fractions the nearest up to this denominator is taken.
+MAX_DENOMINATOR = 100
+
+
+@dataclass(frozen=True)
+class Window:
+    """Clock cycles (fractional) between which the rotor makes `turns` electrical turns."""
+
+    first_cycle: float
+    last_cycle: float
+    turns: int
+
+    def fundamental_hz(self, clock_hz: float) -> float:
+        """Mean electrical frequency."""
+        return clock_hz * self.turns / (self.last_cycle - self.first_cycle)
+
+
+def whole_turns(run: RunData, from_s: float, to_s: float) -> Window:
+    """Longest window of whole electrical turns that begins at from_s and ends by to_s, by the plant's angle."""
+    track = AngleTrack(run.records, run.clock_hz)
+    grid = np.linspace(from_s * run.clock_hz, to_s * run.clock_hz, 1 + max(2, round((to_s - from_s) * 1e6)))
+    inside = (grid >= track.first_cycle) & (grid <= track.last_cycle)
+    grid = grid[inside]
+    if grid.size < 2:
+        raise ValueError(f"{from_s:g} s to {to_s:g} s: outside of the recorded run")
+    turned = np.abs(track.theta_rad(grid) - track.theta_rad(grid[:1])) / (2.0 * np.pi)
+    turns = int(turned[-1])
+    if turns < 1 or np.any(np.diff(turned) <= 0.0):
+        raise ValueError(f"{from_s:g} s to {to_s:g} s: less than one electrical turn, or the direction changes")
+    return Window(float(grid[0]), float(np.interp(turns, turned, grid)), turns)
+
+
+def recorded_spectrum(run: RunData, window: Window, max_order: float) -> Lines:
+    """Lines of the excitation of a run at all orders j / turns up to max_order.
+
+    The order is relative to the mean speed of the window; backward rotation has its fundamental at -1.
+    """
+    rows = run.rows(LogKind.GATES)
+    at, gates = cut_edges(rows[:, 0], rows[:, 2], window.first_cycle, window.last_cycle, window.turns)
+    most = int(max_order * window.turns)
+    orders: FloatArray = np.arange(-most, most + 1) / window.turns
+    return Lines(orders, line_amplitudes(at, space_vector(gates), float(window.turns), orders))
+
+
+def mean_excitation(run: RunData, window: Window) -> float:
+    """Share of the window in which a pair of phases is excited: the mean of the output, 0..1."""
+    rows = run.rows(LogKind.GATES)
+    at, gates = cut_edges(rows[:, 0], rows[:, 2], window.first_cycle, window.last_cycle, window.turns)
+    return float(np.abs(space_vector(gates)) @ np.diff(at, append=window.turns)) / window.turns
+
+
+def expected_spectrum(
+    run: RunData, window: Window, commutation: Commutation, carrier_hz: float, max_order: float
+) -> Lines:
+    """Series of chapter 6 at the mean and the carriers a sector of a recording.
+
+    Initial phase arbitrary: compare sizes, of lines that do not depend on it.
+    """
+    mean = mean_excitation(run, window)
+    exact = Fraction(carrier_hz) / (6 * Fraction(window.fundamental_hz(run.clock_hz)))
+    ratio = exact.limit_denominator(MAX_DENOMINATOR)
+    duty = float(compensated_duty(mean, float(ratio))) if commutation == "CSC" else mean
+    return analytic_lines(commutation, ratio, duty, line_numbers(ratio, max_order), start_deg=5.0)
+
+
+def harmonics(lines: Lines) -> tuple[dict[int, float], float]:
+    """Sizes of the lines 1 + 6 k by order, and the rms of all others together, unit: Vdc."""
+    own = np.abs((lines.order - 1.0 + 3.0) % 6.0 - 3.0) < 1e-9
+    size = np.abs(lines.amplitude)
+    found = {round(float(order)): float(a) for order, a in zip(lines.order[own], size[own], strict=True)}
+    return found, float(np.sqrt(np.sum(size[~own] ** 2)))

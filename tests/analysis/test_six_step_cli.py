@@ -1,0 +1,161 @@
+"""The commands of the six-step theory: tables, files, bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fluxlock.analysis.rundata import save_trace
+from fluxlock.analysis.six_step import soa_study
+from fluxlock.analysis.six_step.cli import app
+from fluxlock.analysis.six_step.output import plain
+from fluxlock.config import ConfigError
+from fluxlock.paths import ROOT
+from tests.analysis.synthetic import Drive, make_run
+
+RUNNER = CliRunner(env={"COLUMNS": "160"})
+FINE, COARSE, LOAD_POINTS = (13, 12), (5, 2), 2
+
+
+def run(out: Path, *arguments: str) -> tuple[str, dict]:
+    """Run a command; its output and its JSON."""
+    result = RUNNER.invoke(app, [*arguments, "--out", str(out)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    png = out / f"{arguments[0]}.png"
+    assert png.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    return result.output, json.loads((out / f"{arguments[0]}.json").read_text())
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(soa_study, "FINE", FINE)
+    monkeypatch.setattr(soa_study, "COARSE", COARSE)
+    monkeypatch.setattr(soa_study, "LOAD_POINTS", LOAD_POINTS)
+
+
+def test_soa(tmp_path: Path, small: None) -> None:
+    """Safe area of Motor-I: limits shrink with the speed, computed back is above seen.
+
+    Verifies: THEORY-11
+    """
+    output, data = run(tmp_path, "soa", "--speed-max", "90000")
+    assert "computed back" in output and "written" in output
+    assert np.array(data["bound_deg"], dtype=float).shape == FINE
+    for limit in data["torque_limit_nm"].values():
+        assert all(a <= b + 1e-9 for a, b in zip(limit["freewheel_30_deg"], limit["computed_back"], strict=True))
+    assert set(data["simulated"]) == {"ON-PWM", "PWM-ON"}
+    assert data["load"]["ON-PWM"][0]["speed_rpm"] == pytest.approx(22_500)
+
+
+def test_soa_of_another_motor(tmp_path: Path, small: None) -> None:
+    """A trapezoidal machine without a fan load, with its inverter; and the bound alone.
+
+    Verifies: THEORY-11
+    """
+    motor = str(ROOT / "motors" / "pump-4pp.toml")
+    inverter = str(ROOT / "inverters" / "drive-24v.toml")
+    _, data = run(tmp_path, "soa", motor, "--inverter", inverter, "--carrier", "20000")
+    assert data["settings"]["supply_v"] == 24.0
+    _, data = run(tmp_path / "bound", "soa", motor, "--supply", "24", "--no-simulate")
+    assert data["simulated"] == {} and data["load"] == {}
+
+
+def test_stability(tmp_path: Path) -> None:
+    """Map and closed form agree, also in the file.
+
+    Verifies: THEORY-11
+    """
+    output, data = run(tmp_path, "stability", "--points", "21", "--sectors", "500")
+    assert "27.6" in output
+    assert max(data["largest_difference_deg"].values()) < 0.5
+    assert len(data["map_deg"]["RSC"]) == 21
+
+
+def test_spectrum(tmp_path: Path) -> None:
+    """The thesis's point: N = 25/8, distortions 0.238 and 0.061.
+
+    Verifies: THEORY-11
+    """
+    output, data = run(tmp_path, "spectrum")
+    assert "25/8" in output and "every 0.75 f_e" in output
+    spectra = data["spectra"]
+    assert spectra["RSC"]["weighted_distortion"] == pytest.approx(0.238, abs=5e-4)
+    assert spectra["CSC"]["weighted_distortion"] == pytest.approx(0.061, abs=5e-4)
+    assert all(s["largest_difference_to_gates"] < 1e-9 for s in spectra.values())
+    _, data = run(tmp_path, "spectrum", "--speed", "60000", "--no-compensate", "--mean", "0.5")
+    assert data["settings"]["n"] == [10, 3] and data["spectra"]["CSC"]["duty"] == 0.5
+
+
+def test_recorded(tmp_path: Path) -> None:
+    """Lines of a trace file.
+
+    Verifies: THEORY-11
+    """
+    save_trace(tmp_path / "trace.npz", make_run(Drive(duration_s=0.02, carrier_hz=20e3)))
+    window = ("--from", "0.003", "--to", "0.015", "--commutation", "CSC")
+    output, data = run(tmp_path, "recorded", str(tmp_path / "trace.npz"), *window)
+    assert "series of CSC" in output
+    sizes = {order: abs(complex(*a)) for order, a in zip(data["order"], data["amplitude"], strict=True)}
+    series = dict(zip(data["series"]["order"], data["series"]["size"], strict=True))
+    for order in (-17, -11, -5, 1, 7, 13):
+        # Edges of the run are in whole clocks of 0.007 degrees.
+        assert sizes[order] == pytest.approx(series[order], abs=2e-4)
+    assert data["turns"] in (11, 12) and data["fundamental_hz"] == pytest.approx(1000.0, rel=1e-6)
+
+
+def test_linearity(tmp_path: Path) -> None:
+    """Errors of the mean.
+
+    Verifies: THEORY-11
+    """
+    output, data = run(tmp_path, "linearity")
+    assert "no compensation" in output
+    low, high = data["error"]["compensated"]["min"], data["error"]["compensated"]["max"]
+    assert max(np.abs([*low, *high])) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["soa", "missing.toml"], "missing.toml"),
+        (["stability", "--n-min", "3", "--n-max", "2"], "--n-max"),
+        (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
+        (["spectrum", "--mean", "0"], "--mean"),
+        (["recorded", "missing.npz", "--from", "0", "--to", "1"], "missing.npz"),
+        (["linearity", "--out", "FILE"], "--out"),
+    ],
+)
+def test_bad_input(tmp_path: Path, arguments: list[str], message: str) -> None:
+    """Bad values raise the error that the command line prints in one line.
+
+    Verifies: THEORY-11
+    """
+    (tmp_path / "file").write_text("")
+    replaced = [str(tmp_path / "file") if a == "FILE" else a for a in arguments]
+    with pytest.raises(ConfigError, match=message):
+        RUNNER.invoke(app, replaced, catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["soa", "--supply", "nan"], ["spectrum", "--carrier", "inf"], ["stability", "--points", "1"]]
+)
+def test_bad_usage(arguments: list[str]) -> None:
+    """Options out of range are refused with their name.
+
+    Verifies: THEORY-11
+    """
+    result = RUNNER.invoke(app, arguments)
+    assert result.exit_code == 2 and arguments[1] in result.output
+
+
+def test_json_numbers() -> None:
+    """Arrays, complex and undefined values as JSON has them.
+
+    Verifies: THEORY-11
+    """
+    values = {"a": np.array([1.0, np.inf, np.nan]), "b": np.array([1 + 2j]), 3: (np.float64(0.5), "x", True, None)}
+    assert plain(values) == {"a": [1.0, None, None], "b": [[1.0, 2.0]], "3": [0.5, "x", True, None]}
