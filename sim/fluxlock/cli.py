@@ -20,6 +20,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, save_trace
+from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 
@@ -40,6 +41,7 @@ app = typer.Typer(
 )
 motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=True)
 app.add_typer(motor_app, name="motor")
+app.add_typer(six_step_app, name="six-step")
 
 
 class _ProgressBar:
