@@ -88,6 +88,8 @@ def test_spectrum(tmp_path: Path) -> None:
     assert all(s["largest_difference_to_gates"] < 1e-9 for s in spectra.values())
     _, data = run(tmp_path, "spectrum", "--speed", "60000", "--no-compensate", "--mean", "0.5")
     assert data["settings"]["n"] == [10, 3] and data["spectra"]["CSC"]["duty"] == 0.5
+    output, data = run(tmp_path, "spectrum", "--speed", "61234.567")
+    assert "taken as" in output and data["settings"]["n"][1] <= 100
 
 
 def test_recorded(tmp_path: Path) -> None:
@@ -125,6 +127,7 @@ def test_linearity(tmp_path: Path) -> None:
         (["stability", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["spectrum", "--mean", "0"], "--mean"),
+        (["spectrum", "--speed", "10"], "carriers a sector"),
         (["recorded", "missing.npz", "--from", "0", "--to", "1"], "missing.npz"),
         (["linearity", "--out", "FILE"], "--out"),
     ],

@@ -143,9 +143,11 @@ def test_overridden_crossings(speed_rpm: float) -> None:
                 errors.append(found.error_deg)
                 angles.append(found.freewheel_deg)
     rms = float(np.sqrt(np.mean(np.square(errors))))
-    print(f"{len(errors)} crossings, {min(angles):.1f} to {max(angles):.1f} deg: rms {rms:.3f}, {len(lost)} lost")
+    largest = float(np.abs(errors).max())
+    print(f"{len(errors)} crossings, {min(angles):.1f} to {max(angles):.1f} deg: rms {rms:.3f}, max {largest:.3f}")
+    print(f"lost (no sample in time): {len(lost)}")
     assert len(errors) >= 15
-    assert rms < 0.13 and float(np.abs(errors).max()) < 4 * 0.13
+    assert rms < 0.13 and largest < 4 * 0.13
     assert speed_rpm == 90_000 or max(angles) > 50.0
 
 

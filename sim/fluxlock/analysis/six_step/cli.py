@@ -33,7 +33,8 @@ app = typer.Typer(
 MOTOR_1 = ROOT / "motors" / "motor-1.toml"
 # Motor-I: figures 4.9 and 4.10 reach 120 000 r/min and, here, beyond their 30 A; its file says 94 000 and 30 A.
 SPEED_OVER_MAX, CURRENT_OVER_RATED = 120 / 94, 2.0
-MAX_DENOMINATOR = 1000
+MAX_DENOMINATOR = 100
+N_RANGE = (0.1, 100.0)  # carriers a sector
 
 CommutationChoice = Literal["RSC", "NSC", "CSC"]
 OutOption = Annotated[Path, typer.Option(help="Folder for PNG and JSON.")]
@@ -177,10 +178,15 @@ def stability(
     print_table(f"Map against closed form, {points} values of N", ("loop", "largest difference deg"), rows)
 
 
-def _ratio(speed_rpm: float, pole_pairs: int, carrier_hz: float) -> Fraction:
-    """Carriers a sector as a fraction."""
+def _ratio(speed_rpm: float, pole_pairs: int, carrier_hz: float) -> tuple[Fraction, str]:
+    """Carriers a sector as a fraction, and how to write it."""
     exact = Fraction(carrier_hz) * 10 / (Fraction(speed_rpm) * pole_pairs)
-    return exact.limit_denominator(MAX_DENOMINATOR)
+    if not N_RANGE[0] <= exact <= N_RANGE[1]:
+        low, high = N_RANGE
+        text = f"with --speed gives {float(exact):.4g} carriers a sector, permitted {low:g} to {high:g}"
+        raise ConfigError([Problem("--carrier", "", text)])
+    ratio = exact.limit_denominator(MAX_DENOMINATOR)
+    return ratio, f"N = {ratio}" if ratio == exact else f"N = {float(exact):.6g}, taken as {ratio}"
 
 
 @app.command()
@@ -194,68 +200,57 @@ def spectrum(
         bool, typer.Option(help="CSC: duty of (5.18), so that the mean is as wanted; without: duty = mean.")
     ] = True,
     start: Annotated[
-        float, typer.Option(min=0.0, max=360.0, help="Initial phase of the fundamental at a carrier start, deg el.")
+        float,
+        typer.Option(
+            min=0.0, max=360.0, help="Initial phase, deg el.; RSC jumps where a carrier start meets a commutation."
+        ),
     ] = 5.0,
     max_order: OrderOption = 17.0,
 ) -> None:
     """Line spectra of the space vector under RSC, NSC and CSC: series of chapter 6 against generated gates."""
     if mean == 0.0:
         raise ConfigError([Problem("--mean", "", "must be above 0: there is no fundamental")])
+    ratio, n_text = _ratio(speed, pole_pairs, carrier)
     prepare_folder(out)
     from fluxlock.analysis.six_step import plots
-    from fluxlock.analysis.six_step.fourier import sequence_lines
     from fluxlock.analysis.six_step.linearity import compensated_duty
-    from fluxlock.analysis.six_step.patterns import COMMUTATIONS, Commutation, GateSequence, gate_sequence
-    from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numbers, weighted_distortion
+    from fluxlock.analysis.six_step.patterns import COMMUTATIONS
+    from fluxlock.analysis.six_step.spectrum_study import pattern_spectrum
 
-    ratio = _ratio(speed, pole_pairs, carrier)
-    shown: dict[Commutation, tuple[Lines, Lines, GateSequence, float]] = {}
-    rows, data = [], {}
-    for commutation in COMMUTATIONS:
-        duty = float(compensated_duty(mean, float(ratio))) if commutation == "CSC" and compensate else mean
-        # The distortion needs more lines than the figure: their weight falls with the square of the order.
-        lines = analytic_lines(commutation, ratio, duty, line_numbers(ratio, max(max_order, 300.0)), start)
-        sequence = gate_sequence(commutation, float(ratio), duty, turns=ratio.denominator, start_deg=start)
-        exact = Lines(lines.order, sequence_lines(sequence, lines.order))
-        difference = float(np.abs(lines.amplitude - exact.amplitude).max())
-        distortion = weighted_distortion(lines)
-        drawn = np.abs(lines.order) <= max_order
-        shown[commutation] = (
-            Lines(lines.order[drawn], lines.amplitude[drawn]),
-            Lines(exact.order[drawn], exact.amplitude[drawn]),
-            sequence,
-            distortion,
-        )
-        size = np.abs(lines.amplitude)
-        own = np.abs((lines.order - 1) % 6) < 1e-9
-        between = float(np.sqrt(np.sum(size[~own] ** 2)))
-        rows.append(
-            [
-                commutation,
-                f"{duty:.4f}",
-                f"{abs(lines.fundamental):.4f}",
-                f"{between:.4f}",
-                number(distortion, 3, "infinite"),
-                f"{difference:.1e}",
-            ]
-        )
-        data[commutation] = {
-            "duty": duty,
-            "order": lines.order[drawn],
-            "amplitude": lines.amplitude[drawn],
-            "weighted_distortion": distortion,
-            "largest_difference_to_gates": difference,
-        }
-    title = f"{speed:.0f} r/min, {carrier / 1e3:g} kHz: N = {ratio}, mean {mean:g}, initial phase {start:g}°"
-    figure = plots.spectrum_figure(title, shown, max_order, start)
-    settings = {"n": [ratio.numerator, ratio.denominator], "mean": mean, "start_deg": start}
-    write_figure(out, "spectrum", figure, {"settings": settings, "spectra": data})
-    headers = ("pattern", "duty", "fundamental", "other than 1 + 6 k (rms)", "weighted distortion", "to gates")
-    print_table(
-        f"Space vector, unit Vdc, N = {ratio}, lines every {float(6 / Fraction(ratio.denominator)):g} f_e",
-        headers,
-        rows,
-    )
+    csc_duty = float(compensated_duty(mean, float(ratio))) if compensate else mean
+    spectra = [
+        pattern_spectrum(pattern, ratio, csc_duty if pattern == "CSC" else mean, start, max_order)
+        for pattern in COMMUTATIONS
+    ]
+    rows = [
+        [
+            s.commutation,
+            f"{s.duty:.4f}",
+            f"{abs(s.lines.fundamental):.4f}",
+            f"{s.others_rms:.4f}",
+            number(s.distortion, 3, "infinite"),
+            f"{s.largest_difference:.1e}",
+        ]
+        for s in spectra
+    ]
+    headers = ("pattern", "duty", "fundamental", "others rms", "weighted distortion", "series - gates")
+    spacing = f"lines every {float(Fraction(6, ratio.denominator)):g} f_e; others: not 1 + 6 k, to order {max_order:g}"
+    print_table(f"Space vector, unit Vdc, {n_text}, {spacing}", headers, rows)
+    title = f"{speed:.0f} r/min, {carrier / 1e3:g} kHz: {n_text}; mean {mean:g}, initial phase {start:g}°"
+    data = {
+        "settings": {"n": [ratio.numerator, ratio.denominator], "mean": mean, "start_deg": start},
+        "spectra": {
+            s.commutation: {
+                "duty": s.duty,
+                "order": s.lines.order,
+                "amplitude": s.lines.amplitude,
+                "weighted_distortion": s.distortion,
+                "largest_difference_to_gates": s.largest_difference,
+            }
+            for s in spectra
+        },
+    }
+    write_figure(out, "spectrum", plots.spectrum_figure(title, spectra, max_order, start), data)
 
 
 @app.command()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 
 from fluxlock.analysis.plots import COMMUTATION_COLOUR, CROSSING_COLOUR, DPI, LATE_COLOUR, PHASE_COLOURS
 from fluxlock.analysis.rundata import FloatArray
-from fluxlock.analysis.six_step.patterns import SECTORS, Chopping, Commutation, GateSequence
+from fluxlock.analysis.six_step.patterns import SECTORS, Chopping, GateSequence
 from fluxlock.analysis.six_step.soa import SAMPLED_DEG, VISIBLE_DEG, SafeMap
 from fluxlock.analysis.six_step.soa_study import Study
 from fluxlock.analysis.six_step.spectrum import Lines
+from fluxlock.analysis.six_step.spectrum_study import PatternSpectrum
 
 BLUE, ORANGE, GREEN = PHASE_COLOURS
 GREY = "#888888"
@@ -172,30 +173,19 @@ def _stems(axes: Axes, lines: Lines, max_order: float) -> None:
     axes.legend(loc="upper right", fontsize=SMALL)
 
 
-def spectrum_figure(
-    title: str,
-    spectra: Mapping[Commutation, tuple[Lines, Lines, GateSequence, float]],
-    max_order: float,
-    start_deg: float,
-) -> Figure:
-    """A row a pattern: lines and gates. Values: analytic lines (bars), lines of the gates (crosses), gates, WTHD."""
+def spectrum_figure(title: str, spectra: Sequence[PatternSpectrum], max_order: float, start_deg: float) -> Figure:
+    """A row a pattern: lines (bars: series, crosses: gates) and gates."""
     figure = Figure(figsize=(13, 3.6 * len(spectra)), layout="constrained")
     figure.suptitle(title)
     grid = figure.subplots(len(spectra), 2, squeeze=False, width_ratios=(1.7, 1.0))
-    for (left, right), (commutation, (lines, exact, sequence, distortion)) in zip(grid, spectra.items(), strict=True):
-        _stems(left, lines, max_order)
-        drawn = (np.abs(exact.amplitude) > LINE_FLOOR) & (np.abs(exact.order) < max_order)
-        left.plot(
-            exact.order[drawn],
-            np.abs(exact.amplitude[drawn]),
-            "x",
-            color=COMMUTATION_COLOUR,
-            markersize=4,
-            label="gates",
-        )
+    for (left, right), one in zip(grid, spectra, strict=True):
+        _stems(left, one.lines, max_order)
+        size = np.abs(one.gates.amplitude)
+        drawn = (size > LINE_FLOOR) & (np.abs(one.gates.order) < max_order)
+        left.plot(one.gates.order[drawn], size[drawn], "x", color=COMMUTATION_COLOUR, markersize=4, label="gates")
         left.legend(loc="upper right", fontsize=SMALL, ncols=3)
-        left.set_title(f"{commutation}: weighted distortion {distortion:.3f}", fontsize=10, loc="left")
-        _pulses(right, sequence, start_deg)
+        left.set_title(f"{one.commutation}: weighted distortion {one.distortion:.3f}", fontsize=10, loc="left")
+        _pulses(right, one.sequence, start_deg)
     return figure
 
 
