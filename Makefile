@@ -8,10 +8,10 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench synth formal docs setup clean distclean
+.PHONY: help demo test lint regression bench synth formal docs setup clean distclean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
 
 # One stamp a dependency group, renewed when the lock changes.
 .venv/.group-%: uv.lock pyproject.toml tools/setup.sh
@@ -33,6 +33,9 @@ test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs o
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
 	@$(PY) -m fluxlock.lint
+
+regression: $(TEST) ## the long sets with their limits: build/regression.json (QUICK=1: short; CASES=...: some)
+	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 
 bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
 	@$(PY) -m fluxlock.bench

@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from fluxlock.analysis.rundata import ProgressInfo, RunData, SimulationFault, save_trace
+from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
-from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
+from fluxlock.config import ConfigError, Problem, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 
 EXIT_FAILED = 1
@@ -107,21 +107,6 @@ def _unwritable(path: Path, reason: str) -> ConfigError:
     return ConfigError([Problem("--out", str(path), f"cannot be written: {reason}")])
 
 
-def _write_outputs(data: RunData, scenario: Scenario, out_dir: Path) -> dict[str, Any]:
-    """Trace, result and plots of a run."""
-    # Matplotlib is slow to import and not needed by the other commands.
-    from fluxlock.analysis.metrics import run_metrics
-    from fluxlock.analysis.plots import write_plots
-    from fluxlock.analysis.result import build_result, write_result
-
-    save_trace(out_dir / "trace.npz", data)
-    analysis, metrics = run_metrics(data, scenario)
-    result = build_result(data, scenario, metrics)
-    write_result(out_dir / "result.json", result)
-    write_plots(out_dir, analysis, scenario)
-    return result
-
-
 def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
     from fluxlock.analysis.report import handlers_table, metrics_table, run_line
 
@@ -151,7 +136,8 @@ def run(
     loaded = load_scenario(scenario, set_ or ())
     out_dir = out if out is not None else Path("build") / scenario.stem
     _prepare_output(out_dir)
-    # Simulator packages are not needed by the other commands.
+    # Simulator and Matplotlib are slow to import and not needed by the other commands.
+    from fluxlock.cosim.outcome import write_outcome
     from fluxlock.cosim.run import run_scenario
 
     console, messages = Console(), Console(stderr=True)
@@ -165,7 +151,7 @@ def run(
             if error.data is None or error.data.records.size < 2:
                 _fail([f"simulation: {error}"])
             data = error.data
-    result = _write_outputs(data, loaded, out_dir)
+    result = write_outcome(data, loaded, out_dir).result
     _report(console, result, out_dir)
     lines = ([f"simulation: {fault}"] if fault else []) + result["failures"]
     if lines:
@@ -177,6 +163,23 @@ def _fail(lines: list[str]) -> NoReturn:
     for line in lines:
         print(f"failed: {line}", file=sys.stderr)
     raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def regression(
+    cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Only list the cases.")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Cases run side by side.")] = os.cpu_count() or 1,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+) -> None:
+    """Run the long sets and write build/regression.json; runs finished before are not repeated."""
+    from fluxlock.regression.command import list_cases, run_regression
+
+    if list_:
+        list_cases(cases or [])
+    elif not run_regression(cases or [], quick, 1 if seed is None else seed, jobs):
+        raise typer.Exit(EXIT_FAILED)
 
 
 @motor_app.command("check")

@@ -4,41 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from fluxlock.analysis.metrics import Analysis, run_metrics
-from fluxlock.analysis.plots import write_plots
-from fluxlock.analysis.result import build_result, write_result
-from fluxlock.analysis.rundata import LogKind, RunData, save_trace
-from fluxlock.config import Scenario, load_scenario
+from fluxlock.config import load_scenario
+from fluxlock.cosim.outcome import Outcome, write_outcome
 from fluxlock.cosim.run import run_scenario
 from fluxlock.paths import BUILD, ROOT
 
 SEED = 1
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A finished run."""
-
-    scenario: Scenario
-    data: RunData
-    analysis: Analysis
-    metrics: dict[str, dict[str, Any]]
-    result: dict[str, Any]
-    folder: Path
-
-    def gates(self) -> np.ndarray[Any, Any]:
-        """Gate log [cycle, gates]."""
-        return self.data.rows(LogKind.GATES)[:, [0, 2]]
-
-    def console(self) -> str:
-        """What the drive has printed."""
-        return "\n".join(self.data.uart)
 
 
 def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED, log_strobes: bool = False) -> Outcome:
@@ -52,10 +25,6 @@ def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED, lo
     shutil.rmtree(folder, ignore_errors=True)
     print(f"{path.name} {' '.join(overrides)} seed {seed}: {folder}")
     data = run_scenario(loaded, folder, seed, log_strobes=log_strobes)
-    save_trace(folder / "trace.npz", data)
-    analysis, metrics = run_metrics(data, loaded)
-    result = build_result(data, loaded, metrics)
-    write_result(folder / "result.json", result)
-    write_plots(folder, analysis, loaded)
-    print(json.dumps(metrics, indent=1))
-    return Outcome(loaded, data, analysis, metrics, result, folder)
+    outcome = write_outcome(data, loaded, folder)
+    print(json.dumps(outcome.metrics, indent=1))
+    return outcome

@@ -1,0 +1,60 @@
+"""Table of the regression for the documentation: `python -m fluxlock.docs.regression` after `make regression`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from fluxlock.paths import BUILD, ROOT
+from fluxlock.regression.case import limit_text
+
+PAGE = ROOT / "docs" / "verification" / "regression.md"
+RESULT = BUILD / "regression.json"
+
+HEAD = """# Regression
+
+Written by `python -m fluxlock.docs.regression` from `build/regression.json`, which `make regression` writes.
+`make regression CASES=six-step/starts` runs the cases whose names begin so, `QUICK=1` a short version of each; runs
+finished before with the same chip, firmware, scenario and plant are not repeated. Values in **bold** have a limit.
+"""
+
+
+def _value(name: str, row: dict[str, Any]) -> str:
+    value, limit = row["values"][name], row["limit"].get(name)
+    shown = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{name} {shown}" if limit is None else f"**{name} {shown}** ({limit_text(limit['min'], limit['max'])})"
+
+
+def page(document: dict[str, Any]) -> str:
+    """The page: a table a case, a line a row."""
+    lines = [HEAD]
+    kind = "short versions" if document["quick"] else "full length"
+    lines.append(f"Revision {document['git_revision']}, seed {document['seed']}, {kind}.\n")
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in document["rows"]:
+        groups.setdefault("/".join(row["id"].split("/")[:2]), []).append(row)
+    for name, rows in groups.items():
+        lines += [f"## {name}\n", "| row | conditions | values (limit) | |", "|---|---|---|---|"]
+        for row in rows:
+            conditions = ", ".join(f"{key} {value}" for key, value in row["conditions"].items())
+            values = ", ".join(_value(key, row) for key in row["values"])
+            lines.append(f"| {row['id']} | {conditions} | {values} | {'pass' if row['pass'] else '**miss**'} |")
+        lines.append("")
+        lines += [f"{row['id']}: {row['note']}\n" for row in rows if row["note"]]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main(result: Path = RESULT) -> int:
+    """Write the page; exit code 1 without results."""
+    if not result.exists():
+        print(f"error: {result} is missing; run make regression", file=sys.stderr)
+        return 1
+    PAGE.write_text(page(json.loads(result.read_text(encoding="utf-8"))), encoding="utf-8")
+    print(f"written: {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,144 @@
+"""Runs the cases side by side; a run whose inputs have not changed is read from its folder instead."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import shutil
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fluxlock.analysis.result import git_revision, tool_versions
+from fluxlock.analysis.rundata import SimulationFault
+from fluxlock.config import Scenario, load_scenario
+from fluxlock.cosim.outcome import Outcome, read_outcome, write_outcome
+from fluxlock.cosim.run import ready_chip, run_scenario
+from fluxlock.firmware import build_firmware
+from fluxlock.paths import BUILD, ROOT, content_hash
+from fluxlock.regression.case import CASES, Row
+
+SCHEMA_VERSION = 1
+FOLDER = BUILD / "regression"
+RESULT = BUILD / "regression.json"
+KEY = "key.txt"
+# Python that a run's data depend on; the metrics are computed anew from the data.
+RUN_SOURCES = ("plant", "cosim", "config", "firmware")
+
+
+class RunFailed(Exception):
+    """A run of a case broke off."""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """What a case gets: its folder, whether to be short, and the way to run scenarios.
+
+    quick: cases run a short version of themselves, with the same limits. seed: of the noise.
+    """
+
+    case_id: str
+    quick: bool = False
+    seed: int = 1
+
+    def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
+        """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
+
+        name: of the run within the case. Raises RunFailed if the simulation breaks off.
+        """
+        loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
+        used_seed = self.seed if seed is None else seed
+        folder = FOLDER / ("quick" if self.quick else "full") / self.case_id / name
+        key = _key(loaded, used_seed)
+        if (folder / KEY).exists() and (folder / KEY).read_text(encoding="utf-8") == key:
+            return read_outcome(loaded, folder)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        try:
+            data = run_scenario(loaded, folder, used_seed)
+        except SimulationFault as error:
+            raise RunFailed(f"{name}, seed {used_seed}: {error}") from error
+        outcome = write_outcome(data, loaded, folder)
+        shutil.rmtree(folder / "simulator", ignore_errors=True)
+        (folder / KEY).write_text(key, encoding="utf-8")
+        return outcome
+
+
+def _key(scenario: Scenario, seed: int) -> str:
+    package = Path(__file__).parent.parent
+    sources = [path for name in RUN_SOURCES for path in (package / name).rglob("*.py")]
+    settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
+    return content_hash([*sources, build_firmware(BUILD / "firmware")], ready_chip().key, settings, seed)
+
+
+def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:
+    """All rows of a case; a case that breaks off gives one failed row that says why."""
+    import fluxlock.regression.sets  # noqa: F401  (registers the cases, also in a worker process)
+
+    rows: list[Row] = []
+    try:
+        rows.extend(CASES[case_id].body(Runner(case_id, quick, seed)))
+    except RunFailed as error:
+        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, str(error)))
+    except Exception:
+        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, traceback.format_exc()))
+    return [row.as_json() for row in rows]
+
+
+def select(patterns: Sequence[str]) -> list[str]:
+    """Ids of the cases that begin with one of the patterns; all without a pattern."""
+    import fluxlock.regression.sets  # noqa: F401
+
+    return [name for name in CASES if not patterns or any(name.startswith(p) for p in patterns)]
+
+
+def run_cases(
+    names: Iterable[str],
+    quick: bool = False,
+    seed: int = 1,
+    jobs: int = 2,
+    done: Callable[[str, list[dict[str, Any]]], None] | None = None,
+) -> dict[str, Any]:
+    """Run cases in `jobs` processes and return the document; done: called with every finished case's rows."""
+    order = list(names)
+    ready_chip()  # once, before the workers ask for it
+    build_firmware(BUILD / "firmware")
+    rows: dict[str, list[dict[str, Any]]] = {}
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        pending = {pool.submit(_rows, name, quick, seed): name for name in order}
+        try:
+            for future in as_completed(pending):
+                name = pending[future]
+                rows[name] = future.result()
+                if done is not None:
+                    done(name, rows[name])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return {
+        "schema": SCHEMA_VERSION,
+        "quick": quick,
+        "seed": seed,
+        "git_revision": git_revision(),
+        "tool_versions": tool_versions(),
+        "rows": [row for name in order for row in rows[name]],
+    }
+
+
+def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -> dict[str, Any]:
+    """Keep the rows of cases other than `names` that stand in the file already (same length of run)."""
+    if path.exists():
+        before = json.loads(path.read_text(encoding="utf-8"))
+        if before.get("schema") == SCHEMA_VERSION and before.get("quick") == document["quick"]:
+            document["rows"] += [row for row in before["rows"] if _case_of(row["id"]) not in names]
+            order = list(CASES)
+            document["rows"].sort(key=lambda row: order.index(_case_of(row["id"])))
+    return document
+
+
+def _case_of(row_id: str) -> str:
+    """Case that a row belongs to: the longest one whose name begins its id."""
+    return max((name for name in CASES if f"{row_id}/".startswith(f"{name}/")), key=len)

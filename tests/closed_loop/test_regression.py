@@ -1,0 +1,32 @@
+"""The short version of every case of the regression, and how rows judge their values."""
+
+from __future__ import annotations
+
+import pytest
+
+from fluxlock.regression import CASES, Row, Runner, sets
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_quick_case(name: str) -> None:
+    """Every row of the case keeps its limits.
+
+    Verifies: SYS-12
+    """
+    print(f"{name} seed 1, cases registered by {sets.__name__}")
+    rows = list(CASES[name].body(Runner(name, quick=True)))
+    assert rows
+    for row in rows:
+        print(row.as_json())
+    assert not [(row.id, miss) for row in rows for miss in row.misses()]
+
+
+def test_limits_are_judged() -> None:
+    """A value outside of its limits, without a value or missing altogether fails the row.
+
+    Verifies: SYS-12
+    """
+    limits = {"a": (0.0, 1.0)}
+    assert not Row("r", {}, {"a": 1.0}, limits).misses()
+    for values in ({"a": 1.01}, {"a": -0.01}, {"a": None}, {"b": 0.5}, {"a": float("nan")}):
+        assert Row("r", {}, dict(values), limits).misses(), values
