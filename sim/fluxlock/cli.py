@@ -44,7 +44,7 @@ app = typer.Typer(
 )
 motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=True)
 app.add_typer(motor_app, name="motor")
-app.add_typer(six_step_app, name="six-step")
+app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 
 
 class _ProgressBar:

@@ -1,4 +1,4 @@
-"""Commands `fluxlock six-step ...`: theory of six-step operation as table, PNG and JSON.
+"""Commands `fluxlock soa`, `stability`, `spectrum` and others: theory of six-step operation as table, PNG and JSON.
 
 Defaults are the thesis's operating points with Motor-I. What is slow to import is imported by the commands.
 """

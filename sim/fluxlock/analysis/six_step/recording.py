@@ -9,7 +9,7 @@ import numpy as np
 
 from fluxlock.analysis.angles import AngleTrack
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
-from fluxlock.analysis.six_step.fourier import cut_edges, line_amplitudes, space_vector
+from fluxlock.analysis.six_step.fourier import ComplexArray, cut_edges, line_amplitudes, space_vector
 from fluxlock.analysis.six_step.linearity import compensated_duty
 from fluxlock.analysis.six_step.patterns import Commutation
 from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numbers
@@ -31,8 +31,11 @@ class Window:
         return clock_hz * self.turns / (self.last_cycle - self.first_cycle)
 
 
-def whole_turns(run: RunData, from_s: float, to_s: float) -> Window:
-    """Longest window of whole electrical turns that begins at from_s and ends by to_s, by the plant's angle."""
+def whole_turns(run: RunData, from_s: float, to_s: float, multiple: int = 1) -> Window:
+    """Longest window of whole electrical turns that begins at from_s and ends by to_s, by the plant's angle.
+
+    multiple: the number of turns is a multiple of it (q of N = p/q: lines every 6/q of the fundamental).
+    """
     track = AngleTrack(run.records, run.clock_hz)
     grid = np.linspace(from_s * run.clock_hz, to_s * run.clock_hz, 1 + max(2, round((to_s - from_s) * 1e6)))
     inside = (grid >= track.first_cycle) & (grid <= track.last_cycle)
@@ -40,7 +43,7 @@ def whole_turns(run: RunData, from_s: float, to_s: float) -> Window:
     if grid.size < 2:
         raise ValueError(f"{from_s:g} s to {to_s:g} s: outside of the recorded run")
     turned = np.abs(track.theta_rad(grid) - track.theta_rad(grid[:1])) / (2.0 * np.pi)
-    turns = int(turned[-1])
+    turns = int(turned[-1]) // multiple * multiple
     if turns < 1 or np.any(np.diff(turned) <= 0.0):
         raise ValueError(f"{from_s:g} s to {to_s:g} s: less than one electrical turn, or the direction changes")
     return Window(float(grid[0]), float(np.interp(turns, turned, grid)), turns)
@@ -56,6 +59,38 @@ def recorded_spectrum(run: RunData, window: Window, max_order: float) -> Lines:
     most = int(max_order * window.turns)
     orders: FloatArray = np.arange(-most, most + 1) / window.turns
     return Lines(orders, line_amplitudes(at, space_vector(gates), float(window.turns), orders))
+
+
+def current_lines(run: RunData, window: Window, orders: FloatArray) -> Lines:
+    """Lines of the current space vector (2/3)(ia + a ib + a^2 ic), A, at `orders` of the rotor's angle.
+
+    From the records on their regular grid: orders far below f_record / f_e, multiples of 1 / turns.
+    """
+    time, vector, theta = _recorded(run, window)
+    amplitude = [np.mean(vector * np.exp(-1j * order * theta) * _weight(theta, time)) for order in orders]
+    return Lines(orders, np.array(amplitude))
+
+
+def torque_lines(run: RunData, window: Window, orders: FloatArray) -> Lines:
+    """Lines of the torque, N*m, at `orders` of the rotor's angle (peak of a line above 0: twice its size)."""
+    inside = (run.records["t_cycle"] >= window.first_cycle) & (run.records["t_cycle"] < window.last_cycle)
+    time, _, theta = _recorded(run, window)
+    torque = run.records["torque_nm"][inside]
+    amplitude = [np.mean(torque * np.exp(-1j * order * theta) * _weight(theta, time)) for order in orders]
+    return Lines(orders, np.array(amplitude))
+
+
+def _recorded(run: RunData, window: Window) -> tuple[FloatArray, ComplexArray, FloatArray]:
+    records = run.records[(run.records["t_cycle"] >= window.first_cycle) & (run.records["t_cycle"] < window.last_cycle)]
+    a = np.exp(2j * np.pi / 3)
+    vector = (records["ia"] + a * records["ib"] + a * a * records["ic"]) * (2 / 3)
+    return records["t_cycle"], vector, records["theta_e"]
+
+
+def _weight(theta: FloatArray, time: FloatArray) -> FloatArray:
+    """Angle of a sample relative to the mean one: makes means over samples means over the angle."""
+    step: FloatArray = np.gradient(theta, time)
+    return step / np.mean(step)
 
 
 def mean_excitation(run: RunData, window: Window) -> float:
