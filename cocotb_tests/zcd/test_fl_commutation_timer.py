@@ -21,7 +21,7 @@ from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
 MASK32 = 0xFFFFFFFF
-OFF, FORCED, ZCD = range(3)
+OFF, FORCED, ZCD, HALL = range(4)
 GATE = 2  # clocks from comm_valid_o to the gate pins
 CROSSING_LATENCY = 7  # least clocks from zc_valid_i to comm_valid_o, published by the module
 SATURATED = (1 << 24) - 1
@@ -45,6 +45,10 @@ class Settings:
     latency: int = 0
     forced_interval: int = 1000
     timeout_q12: int = 0x1800
+    correction_a: int = 0
+    hall_timed: int = 0
+    hall_offset_q16: tuple[int, ...] = (0,) * 6
+    reverse: int = 0
 
     @property
     def fraction(self) -> Fraction:
@@ -87,6 +91,13 @@ class TB:
             "zc_time_i",
             "zc_late_i",
             "zc_sector_i",
+            "zc_back_i",
+            "hall_valid_i",
+            "hall_time_i",
+            "hall_position_i",
+            "hall_backward_i",
+            "hall_single_i",
+            "hall_ok_i",
             "tick_i",
         ):
             getattr(dut, name).value = 0
@@ -146,6 +157,10 @@ class TB:
         dut.cfg_latency_i.value = settings.latency
         dut.cfg_forced_interval_i.value = settings.forced_interval
         dut.cfg_timeout_q12_i.value = settings.timeout_q12
+        dut.cfg_correction_a_i.value = settings.correction_a
+        dut.cfg_hall_timed_i.value = settings.hall_timed
+        dut.cfg_hall_offset_q16_i.value = sum((o & 0xFFFF) << (16 * i) for i, o in enumerate(settings.hall_offset_q16))
+        dut.cfg_reverse_i.value = settings.reverse
 
     async def update(self, settings: Settings) -> int:
         """Take settings over; returns the time of the update's clock."""
@@ -156,13 +171,14 @@ class TB:
         self.dut.update_i.value = 0
         return now
 
-    async def crossing(self, time: int, sector: int | None = None, late: bool = False) -> int:
+    async def crossing(self, time: int, sector: int | None = None, late: bool = False, back: bool = False) -> int:
         """Report a crossing in this clock, by default in the present sector; returns this clock's time."""
         dut = self.dut
         now = self.now()
         dut.zc_time_i.value = time & MASK32
         dut.zc_sector_i.value = int(dut.sector_o.value) if sector is None else sector
         dut.zc_late_i.value = int(late)
+        dut.zc_back_i.value = int(back)
         dut.zc_valid_i.value = 1
         await self.clocks(1)
         dut.zc_valid_i.value = 0
@@ -728,9 +744,10 @@ async def off_and_shadowing(dut: Any) -> None:
     await tb.clocks(1000)
     assert len(tb.comms) == 1 and int(dut.sched_valid_o.value) == 0
     assert (await tb.snapshot())["commutations"] == 1
-    entry = await tb.update(Settings(mode=3))
+    await tb.update(Settings(mode=HALL))
     await tb.clocks(5000)
-    assert len(tb.comms) == 1
+    assert len(tb.comms) == 1, "no valid Hall code: no commutation"
+    await tb.update(Settings(mode=OFF))
     entry = await tb.update(Settings(mode=FORCED, forced_interval=300))
     snap = await tb.snapshot()
     assert snap["commutations"] == 0 and snap["interval"] == SATURATED and snap["period"] == 6 * SATURATED
