@@ -16,7 +16,7 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
-from fluxlock.paths import BUILD, GENERATED, RTL, content_hash
+from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
 
 HERE = Path(__file__).parent
 CHANNELS, RAM_WORDS = 9, 16384
@@ -190,5 +190,5 @@ def test_fl_soc() -> None:
         [path for path in sources if path.parent.name != "pkg"],
         __name__,
         parameters={"Init": f'"{image}"'},
-        registers=["sys", "irq", "timer", "uart", "sense", "zcd", "comm", "pwm", "safety", "capture"],
+        registers=REGISTER_BLOCKS,
     )

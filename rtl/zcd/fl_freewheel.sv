@@ -12,7 +12,7 @@
 // last_*: the last measurement. snap_*: sum, count, longest (with sector) and number of open ones since the tick before,
 // taken at tick_i; a measurement that ends in the clock of the tick belongs to the next. sum and counts saturate.
 // Settings are taken over at update_i (reset: disabled). Enabling begins with the next commutation.
-// Latency: sample_valid_i to done_o 5 clocks direct, 24 interpolated.
+// Latency: sample_valid_i to done_o 5 clocks direct, 23 interpolated.
 `default_nettype none
 module fl_freewheel
   import fl_pkg::*;

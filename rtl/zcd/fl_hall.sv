@@ -61,10 +61,11 @@ module fl_hall
   // Filter: clocks for which the pins have shown the same code.
   logic [15:0] stable_q;
   logic changed, accept, settled_q;  // settled: the present code has been looked at
+  logic [2:0] started_q;  // the pins have come through since the reset
   logic [2:0] code_q;
 
   assign changed = pin != pin_q;
-  assign accept  = !changed && !settled_q && (stable_q >= cfg_filter_i || cfg_filter_i <= 16'd1);
+  assign accept  = started_q[2] && !changed && !settled_q && (stable_q >= cfg_filter_i || cfg_filter_i <= 16'd1);
 
   // Decode.
   logic seen_q, have_position_q, ok_q, is_valid, new_code;
@@ -84,6 +85,7 @@ module fl_hall
 
   always_ff @(posedge clk_i) begin
     pin_q           <= pin;
+    started_q       <= {started_q[1:0], 1'b1};
     valid_o         <= 1'b0;
     invalid_event_o <= 1'b0;
     if (changed) begin
@@ -125,6 +127,7 @@ module fl_hall
       pin_q           <= '0;
       stable_q        <= '0;
       settled_q       <= 1'b0;
+      started_q       <= '0;
       seen_q          <= 1'b0;
       code_q          <= '0;
       ok_q            <= 1'b0;
