@@ -57,7 +57,9 @@ async def distance_is_within_the_bound(dut: Any, seed: int) -> None:
     worst = 0.0
     for i in range(4000):
         peak = rng.choice([rng.randrange(1, 1 << 17), rng.randrange(2000, 1 << 17), (1 << 17) - 1])
-        value = rng.choice([0, peak - 1, peak, rng.randrange(peak + 1), rng.randrange(peak + 1), rng.randrange(1 << 17)])
+        value = rng.choice(
+            [0, peak - 1, peak, rng.randrange(peak + 1), rng.randrange(peak + 1), rng.randrange(1 << 17)]
+        )
         interval = rng.choice([1, (1 << 24) - 1, rng.randrange(1 << 24), rng.randrange(400, 100_000)])
         linear = int(i % 4 == 0)
         got, saturated = await measure(dut, value, peak, interval, linear)

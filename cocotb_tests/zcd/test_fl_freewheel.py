@@ -89,7 +89,7 @@ class TB:
 async def decay_is_timed(dut: Any, seed: int) -> None:
     """Straight decays through the limit: exact to rounding where the line is straight, statistics complete.
 
-    Verifies: FW-01, FW-02
+    Verifies: FRW-01, FRW-02
     """
     rng = random.Random(seed)
     tb = TB(dut, now=rng.choice([0, (1 << 32) - 20_000]))
@@ -144,7 +144,7 @@ async def decay_is_timed(dut: Any, seed: int) -> None:
             values.append((tb.results[-1][0], (sector + 1) % 6))
             continue
         assert tb.results[-1] == (wanted, sector, False), f"{k}: {tb.results[-1]}, {wanted}, sector {sector}"
-        if before is not None and not stays:
+        if before is not None and not stays and i > -100_000:
             assert abs(wanted - duration) <= 1.5 + 1 / slope
         values.append((wanted, sector))
         await tb.sample(t + period, sector, 0)
@@ -165,7 +165,7 @@ async def decay_is_timed(dut: Any, seed: int) -> None:
 async def latencies_and_long_gaps(dut: Any) -> None:
     """Latency as published; a gap beyond 16 bits takes the sample's own time; long times saturate.
 
-    Verifies: FW-01
+    Verifies: FRW-01
     """
     tb = TB(dut)
     await tb.start(10)
@@ -199,7 +199,7 @@ async def latencies_and_long_gaps(dut: Any) -> None:
 async def disabled_measures_nothing(dut: Any) -> None:
     """Disabled: no result; enabling begins with the next commutation.
 
-    Verifies: FW-02
+    Verifies: FRW-02
     """
     tb = TB(dut)
     await tb.start(10)

@@ -152,7 +152,9 @@ async def third_harmonic(dut: Any, source: int, direction: int) -> None:
     settings = Settings(source=source, reverse=int(direction < 0), margin=6000)
     player = await run(dut, motor, settings)
     errors = player.errors_deg()
-    dut._log.info("mean %.3f, rms %.3f, max %.3f degrees", sum(errors) / len(errors), rms(errors), max(map(abs, errors)))
+    dut._log.info(
+        "mean %.3f, rms %.3f, max %.3f degrees", sum(errors) / len(errors), rms(errors), max(map(abs, errors))
+    )
     assert len(errors) == 30 and not any(c.late for c, _ in player.reported)
     assert rms(errors) < (0.5 if source == STAR_POINT else 0.25) and abs(sum(errors) / len(errors)) < 0.15
 

@@ -11,7 +11,8 @@
 //
 // FORCED: t_c = previous t_c + forced_interval (first: clock of the update that enters the mode + forced_interval, not
 // below 64). An interval taken over at an update counts from the next schedule. FORCED or HALL to ZCD: the running
-// schedule stays until a crossing replaces it. Crossings are measured in both modes.
+// schedule stays until a crossing replaces it; HALL without one: an interval after the last edge. Crossings are
+// measured in both modes.
 //
 // HALL: the edge into sector s at hall_time_i names the sector to drive; comm_load_o and comm_sector_o go with every
 // commutation. At the edge: at once. With cfg_hall_timed_i, when the interval is known and the edge is one of the set
@@ -46,7 +47,7 @@ module fl_commutation_timer
 #(
     // verilator lint_off UNUSEDPARAM
     localparam int unsigned CrossingLatency   = 7,
-    localparam int unsigned CorrectionLatency = 11,
+    localparam int unsigned CorrectionLatency = 10,
     localparam int unsigned HallLatency       = 10
     // verilator lint_on UNUSEDPARAM
 ) (
@@ -434,6 +435,13 @@ module fl_commutation_timer
       forced_load_q     <= 1'b0;
       chain_q           <= 1'b0;
       if (is_timeout_q) armed_q <= 1'b0;
+    end
+    if (to_zcd && from_hall && known && hall_ready && in_sector) begin
+      // The crossing of this visit may have been: an interval after the edge, until a crossing replaces it.
+      base_q            <= zc_base_q;
+      forced_load_q     <= 1'b1;
+      chain_q           <= 1'b1;
+      timeout_pending_q <= 1'b0;
     end
     if (from_off) left_sector_q <= NoSector;
     if (to_off || from_hall) entry_q <= 1'b0;
