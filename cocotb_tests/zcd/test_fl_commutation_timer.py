@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import pairwise
 from math import floor
 from pathlib import Path
 from typing import Any
@@ -872,7 +873,7 @@ async def correction_a_is_neutral(dut: Any) -> None:
             comms.append(tb.comms[-1].sched)
             if 4 <= i < 6:
                 assert abs(diff(comms[-1], (t + scale // 2) & MASK32)) <= 1 + scale * 4e-6
-        steps = [diff(b, a) for a, b in zip(comms[10:], comms[11:], strict=False)]
+        steps = [diff(b, a) for a, b in pairwise(comms[10:])]
         assert all(abs(s - scale) <= 2 for s in steps), f"commutations {steps} apart, wanted {scale}"
 
 
@@ -994,7 +995,7 @@ async def hall_timed_corrects_misplacement(dut: Any, reverse: int, seed: int) ->
         error = min((c.sched - x for x in true), key=abs)
         assert abs(error) <= 2 + scale * 3e-5, f"off by {error} of {scale}: {settings}"
         assert c.gate == c.sched or c.overdue
-    gaps = [b.gate - a.gate for a, b in zip(tail, tail[1:], strict=False)]
+    gaps = [b.gate - a.gate for a, b in pairwise(tail)]
     assert all(abs(g - scale) < scale * 0.1 + 60 for g in gaps), gaps
     # Late by no more than report and computation where the edge is ahead of the wanted instant.
     assert all(c.gate - c.sched <= 25 + HALL_LATENCY + GATE for c in tail)
@@ -1084,7 +1085,7 @@ async def zcd_to_hall_and_back(dut: Any, late_permille: int, when: float, timed:
             await tb.update(hall if kind == "hall" else zcd)
     await tb.clocks(scale)
     order = [s for _, s in sectors]
-    assert all(b == (a + 1) % 6 for a, b in zip(order, order[1:], strict=False)), order
+    assert all(b == (a + 1) % 6 for a, b in pairwise(order)), order
     assert len(order) >= 23
     for at, sector in sectors[3:]:
         k = round((at - start) / scale)

@@ -161,7 +161,7 @@ async def third_harmonic(dut: Any, source: int, direction: int) -> None:
 
 @cocotb.test()
 async def third_harmonic_is_exact(dut: Any) -> None:
-    """rel of both third harmonics against exact integers, clamp test at its limits, with random thresholds.
+    """Values of both third harmonics against exact integers, clamp test at its limits, with random thresholds.
 
     Verifies: ZCD-10
     """
