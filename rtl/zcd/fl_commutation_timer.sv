@@ -257,7 +257,8 @@ module fl_commutation_timer
   logic [28:0] product_q;  // without the 12 lowest bits of the product
   logic [24:0] partial_q;  // interval * k
   logic negative_q;  // sign of what the multiplier does not see
-  logic signed [26:0] difference;
+  logic signed [26:0] difference, difference_q;
+  logic [26:0] interval0_w, interval2_w;
   logic [26:0] difference_size;
   logic signed [26:0] corrected_delay_q, sixth;
   logic signed [16:0] hall_fraction;
@@ -275,14 +276,10 @@ module fl_commutation_timer
   assign period_known = period < 27'h0FFFFFF;
   assign correct = correction_q && run;
   // -4 t[n] + t[n-1] + 3 t[n-2]
-  assign difference = $signed(
-      {3'b0, interval1}
-  ) + $signed(
-      {3'b0, interval2}
-  ) * 27'sd3 - ($signed(
-      {3'b0, interval}
-  ) <<< 2);
-  assign difference_size = difference[26] ? 27'(-difference) : 27'(difference);
+  assign interval0_w = 27'(interval);
+  assign interval2_w = 27'(interval2);
+  assign difference = 27'(interval1) + interval2_w + (interval2_w << 1) - (interval0_w << 2);
+  assign difference_size = difference_q[26] ? 27'(-difference_q) : 27'(difference_q);
   assign hall_fraction = 17'($signed(hall_offset_q[hall_sector])) - 17'(advance_q);
 
   always_comb begin
@@ -355,6 +352,7 @@ module fl_commutation_timer
   always_ff @(posedge clk_i) begin
     ahead_q       <= now_i + stamp_t'(CommLatencyCycles + 1);
     state_q       <= state_d;
+    difference_q  <= difference;
     forced_load_q <= 1'b0;
     if (use_crossing || state_q == HallOperands) begin
       zc_base_q         <= (hall ? hall_time_i : zc_time_i) - stamp_t'(latency_q);
@@ -368,7 +366,7 @@ module fl_commutation_timer
     if (state_q == ZcProduct) corrected_q <= correct;
     if (state_q == CorrectionLoad) begin
       partial_q  <= rounded;
-      negative_q <= difference[26];
+      negative_q <= difference_q[26];
       factor_q   <= (difference_size[26:24] != '0) ? '1 : difference_size[23:0];
       scale_q    <= SixthQ19;
     end

@@ -128,13 +128,15 @@ module fl_zcd
   logic mean_q, third_q, wait1_q, wait2_q, fresh_q, valid1_q, valid2_q, valid3_q;
   sample_t value_q, vdc_q;
   logic signed [19:0] sum_q;
+  logic signed [22:0] sum_x5;
   logic signed [26:0] sum_x85_q;
   logic signed [39:0] third_product;
   logic [16:0] threshold1_q;
   stamp_t time_q;
   pwm_state_t pwm_q;
 
-  assign third_product = (40'(sum_x85_q) <<< 8) + 40'(sum_x85_q) + (40'(sum_q) * 40'sd5 <<< 16);
+  assign sum_x5        = (23'(sum_q) <<< 2) + 23'(sum_q);
+  assign third_product = (40'(sum_x85_q) <<< 8) + 40'(sum_x85_q) + (40'(sum_x5) <<< 16);
   assign valid1_q      = mean_q ? wait2_q : fresh_q;
 
   always_ff @(posedge clk_i) begin
@@ -143,7 +145,7 @@ module fl_zcd
     wait2_q   <= wait1_q;
     valid2_q  <= valid1_q;
     valid3_q  <= valid2_q;
-    sum_x85_q <= 27'(sum_q) * 27'sd85;
+    sum_x85_q <= (27'(sum_x5) <<< 4) + 27'(sum_x5);
     if (wait1_q) value_q <= sample_t'((third_product + 40'sh80000) >>> 20);
     if (sample_valid_i && enable_q) begin
       value_q      <= (source_q == ZcStarPoint) ? sample_i[StarChannel] : sample_i[floating_phase(sample_pwm_i.sector)];
@@ -203,8 +205,8 @@ module fl_zcd
   assign visit_break = long_q ? applied_q : pwm_q.comm_age < since_q;
 
   // Third harmonic: both sides of the comparison three times as large.
-  assign low         = third_q ? 21'(low_q) * 21'sd3 : 21'(low_q);
-  assign high        = third_q ? 21'(high_q) * 21'sd3 : 21'(high_q);
+  assign low         = third_q ? (21'(low_q) <<< 1) + 21'(low_q) : 21'(low_q);
+  assign high        = third_q ? (21'(high_q) <<< 1) + 21'(high_q) : 21'(high_q);
   assign low_limit   = third_q ? 21'(vdc_q) : 21'sd0;
   assign high_limit  = third_q ? 21'(vdc_q) <<< 1 : 21'(vdc_q);
 
