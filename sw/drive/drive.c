@@ -71,9 +71,14 @@ HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
   const uint32_t period_cycles =
       carrier_period_cycles(drive->duty_q30, drive->settings.carrier_period_cycles,
                             drive->m.longest_cycles, (uint32_t)p->on_time_floor_cycles);
+  int32_t duty_q30 = drive->duty_q30;
+  if (drive->settings.linearity && drive->settings.commutation == COMMUTATION_CSC &&
+      (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING)) {
+    duty_q30 = csc_linear_duty_q30(&drive->scheduled.linearity, duty_q30);
+  }
   drive->command.sync_rect = sync_rect;
   drive->command.period_cycles = period_cycles;
-  drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);
+  drive->command.pulse_cycles_q8 = pulse_cycles_q8(duty_q30, period_cycles, dead_time);
 }
 
 HOT int32_t drive_target_rpm_q8(const drive_t *drive) {
@@ -116,6 +121,41 @@ bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, i
   return true;
 }
 
+bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp) {
+  const uint32_t full_ma = (uint32_t)parameters->current_full_scale_ma;
+  const uint32_t size_ma = (uint32_t)abs_sat(milliamp);
+  if (size_ma > full_ma) {
+    return false;
+  }
+  const int32_t i_q25 = (int32_t)div_u64(((uint64_t)size_ma << 25) + full_ma / 2u, full_ma);
+  settings->target_i_q25 = (milliamp < 0) ? -i_q25 : i_q25;
+  return true;
+}
+
+bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm) {
+  const int32_t i_q25 = gain_apply(micro_nm, parameters->torque_to_current);
+  if (abs_sat(i_q25) > 1 << 25) {
+    return false;
+  }
+  settings->target_i_q25 = i_q25;
+  return true;
+}
+
+int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25) {
+  // Division by mant * 2^-shift, the mantissa normalised to 31 bits: shifted so far that nothing is lost or overflows.
+  const gain_t g = parameters->torque_to_current;
+  const uint32_t size = (uint32_t)abs_sat(i_q25);
+  if (g.mant <= 0) {
+    return 0;
+  }
+  if (g.shift > 37) {
+    return INT32_MAX;
+  }
+  const uint64_t scaled = ((uint64_t)size << g.shift) + (uint32_t)g.mant / 2u;
+  const int32_t unm = sat_i32((int64_t)(div_u64(scaled, (uint32_t)g.mant) & INT64_MAX));
+  return (i_q25 < 0) ? -unm : unm;
+}
+
 int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
   if (milliamp <= 0) {
     return 0;
@@ -142,6 +182,10 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   s->pattern = (uint32_t)p->pattern;
   s->sync_rect = p->sync_rect != 0;
   s->carrier_period_cycles = (uint32_t)p->carrier_period_cycles;
+  s->linearity = p->csc_linearity != 0;
+  s->current_loop = p->current_loop != 0;
+  s->torque_mode = p->torque_mode != 0 && s->current_loop;
+  s->target_i_q25 = p->target_i_q25;
   (void)settings_target(s, p, p->target_rpm);
   (void)settings_accel(s, p, p->accel_rpm_s);
   drive->command.commutation = s->commutation;

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "control/csc_linearity.h"
 #include "control/handover.h"
 #include "control/limiter.h"
 #include "control/pi.h"
@@ -40,6 +41,10 @@ typedef struct {
   uint32_t carrier_period_cycles;
   bool sync_rect;
   bool freeze;  // while running: hold duty and every setting
+  bool linearity;  // correct the duty for cut pulses under CSC
+  bool current_loop;
+  bool torque_mode;      // needs the current loop; target_rpm is the speed limit and the direction then
+  int32_t target_i_q25;  // torque mode; positive drives
 } settings_t;
 
 // Measured quantities of the last tick.
@@ -47,9 +52,11 @@ typedef struct {
   int32_t vdc_v_q25;      // mean over the tick
   int32_t idc_q17;        // DC-link current, mean over the tick, filtered
   int32_t motor_q17;      // sum of the positive phase currents, filtered
+  int32_t line_i_q25;     // current of the conducting pair from the DC-link current, filtered
   int32_t line_emf_q17;   // spread of the terminal voltages; the line EMF while the gates are off
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
+  uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
   uint32_t commutations;  // the same
@@ -58,6 +65,7 @@ typedef struct {
   uint32_t silent_ticks;  // consecutive ticks without a sample
   int32_t idc_filter_q25;
   int32_t motor_filter_q25;
+  int32_t loop_filter_q25;
 } measured_t;
 
 // Gains and limits of the speed control that vary with speed and DC-link voltage.
@@ -68,7 +76,17 @@ typedef struct {
   int32_t acceleration_v_q25;  // voltage that accelerates with the ramp
   int32_t low_v_q25;  // of the least and of the largest duty
   int32_t high_v_q25;
+  int32_t line_ratio_q16;  // current of the conducting pair over DC-link current
+  int32_t limit_i_q25;     // the lower one of current limit and DC limit
+  int32_t acceleration_i_q25;
+  gain_t resistance;     // R(n), i_q25 -> v_q25
+  pi_gains_t speed_i;    // speed regulator of the current loop
+  pi_gains_t current;    // current regulator
+  csc_linearity_t linearity;
 } scheduled_t;
+
+// What gives the voltage while running.
+typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
 
 typedef struct {
   const parameters_t *p;
@@ -91,7 +109,12 @@ typedef struct {
   measured_t m;
   scheduled_t scheduled;
   ramp_t ramp;
+  regulator_t regulator;
+  bool linear;  // settings.linearity that the gains were set for
   pi_state_t speed_pi;
+  pi_state_t current_pi;
+  int32_t reference_i_q25;
+  int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
   handover_t handover;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
@@ -122,6 +145,10 @@ const char *drive_limit_name(limit_t limit);
 bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm);
 bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s);
 bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz);
+// Target of the torque mode: current, or torque through the machine's constant; at most full scale.
+bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp);
+bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm);
+int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25);
 // Current in the format of the samples, 0 below zero, at most full scale.
 int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
 

@@ -166,7 +166,9 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
 static void lock(drive_t *drive) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
-  const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings;
+  run_prepare(drive);
+  const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings &&
+                      drive->state_ticks > RUN_PREPARE_TICKS;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
     run_begin(drive);
   } else if (drive->state_ticks > (uint32_t)p->lock_timeout_ticks) {

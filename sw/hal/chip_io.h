@@ -12,6 +12,9 @@ typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
 typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2 } commutation_mode_t;
 
+// Commutation patterns: when a commutation reaches the gates.
+enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
+
 // Trip causes in the bit order of the safety registers.
 enum {
   TRIP_PHASE_CURRENT = 1u << 0,

@@ -26,8 +26,8 @@ STEP_S = 5e-6
 (T, THETA, OMEGA, I_ALPHA, I_BETA, I_LINE, SECTOR, T_COMM, T_SCHED, T_ZC, INTERVAL, RING, RING_AT) = range(13)
 RING_FIRST = 13  # six intervals
 (CROSSINGS, LATE, COMMUTATIONS, MISSES, TIMEOUTS, FOUND, TRIPS, IDC_SUM, SUM_TIME, SEED) = range(19, 29)
-(ARMED, I_PEAK) = range(29, 31)
-STATES = 31
+(ARMED, I_PEAK, IDC_MEAN) = range(29, 32)
+STATES = 32
 
 # Settings.
 (C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
@@ -192,7 +192,10 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         s[TRIPS] = TRIP_PHASE
         c[C_GATES] = 0.0
     s[I_PEAK] = max(s[I_PEAK], s[I_LINE])
-    s[IDC_SUM] += c[C_DUTY] * s[I_LINE] * h
+    # The volt-seconds of a commutation are no loss: the outgoing phase's energy returns to the link.
+    returned = 3.0 / math.pi * abs(omega_e) * m[M_L] * s[I_LINE] / m[M_VDC]
+    s[IDC_MEAN] = (c[C_DUTY] - returned) * s[I_LINE]
+    s[IDC_SUM] += s[IDC_MEAN] * h
     if c[C_DUTY] * s[I_LINE] > m[M_DC_TRIP]:
         s[TRIPS] = TRIP_DC
         c[C_GATES] = 0.0

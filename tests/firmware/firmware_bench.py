@@ -44,6 +44,7 @@ class Bench:
     theta_rad: float = 0.4
     speed_rpm: float = 0.0
     model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
+    cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
         self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
@@ -79,6 +80,14 @@ class Bench:
         """Set a register, signed values in two's complement."""
         self.fw.registers[self._reg[name] + element] = value & 0xFFFFFFFF
 
+    def _mean(self, duty: float, period: int) -> float:
+        """Mean over a sector: whole carriers and a cut one, if the bench looks so closely."""
+        carriers = self.model.s[am.INTERVAL] * self.clock / period
+        if not self.cut_pulses or carriers <= 0.0:
+            return duty
+        whole = math.floor(carriers)
+        return float((whole * duty + min(duty, carriers - whole)) / carriers)
+
     def _update(self) -> None:
         """The update event: committed settings become active."""
         if not self.get("timer.update") & 2:
@@ -91,7 +100,7 @@ class Bench:
         period = self.get("pwm.period")
         dead = self.get("safety.dead_time") if sync and seq != am.SEQ_OFF else 0
         pulse = self.get("pwm.duty") / 256.0
-        c[am.C_DUTY] = min(1.0, max(0.0, pulse - dead) / period)
+        c[am.C_DUTY] = self._mean(min(1.0, max(0.0, pulse - dead) / period), period)
         c[am.C_SYNC] = float(sync)
         c[am.C_REVERSE] = float(bool(control & 0x2000))
         c[am.C_FORCED] = self.get("comm.forced_interval") / self.clock

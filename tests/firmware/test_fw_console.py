@@ -84,6 +84,10 @@ def test_bad_input_changes_nothing(ready: Bench, line: str, reply: str) -> None:
         ("current_limit_a", "12.5", "12.500"),
         ("dc_limit_a", "7.25", "7.250"),
         ("freeze", "1", "1"),
+        ("linearity", "1", "1"),
+        ("current_loop", "1", "1"),
+        ("torque_mnm", "-3.25", "-3.250"),
+        ("current_ma", "-1500", "-1500"),
         ("irq_load", "3000", "3000"),
     ],
 )

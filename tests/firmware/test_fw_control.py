@@ -51,6 +51,12 @@ class Limiter(ctypes.Structure):
     _fields_ = [("trim_v_q25", ctypes.c_int32)]
 
 
+class Linearity(ctypes.Structure):
+    """csc_linearity_t."""
+
+    _fields_ = [("first_q16", ctypes.c_uint32), ("second_q16", ctypes.c_uint32), ("rest_q16", ctypes.c_uint32)]
+
+
 class Handover(ctypes.Structure):
     """handover_t."""
 
@@ -86,6 +92,12 @@ def lib() -> ctypes.CDLL:
         ("voltage_from_duty_v_q25", i32, [i32, i32, i32]),
         ("carrier_period_cycles", u32, [i32, u32, u32, u32]),
         ("pulse_cycles_q8", u32, [i32, u32, u32]),
+        ("line_current_ratio_q16", i32, [i32, i32, i32, i32, i32]),
+        ("line_current", i32, [i32, i32]),
+        ("line_current_limit_q25", i32, [i32, i32]),
+        ("torque_reference", i32, [i32, Gain, i32, i32, i32, i32, i32]),
+        ("csc_linearity", Linearity, [u32, u32, u32]),
+        ("csc_linear_duty_q30", i32, [ctypes.c_void_p, i32]),
         ("start_sector", u32, [u32, ctypes.c_bool]),
         ("forced_interval_cycles", u32, [u32, u32]),
         ("handover_reset", None, [ctypes.c_void_p, ctypes.c_uint16, ctypes.c_uint8]),
@@ -330,3 +342,125 @@ def test_handover_counts_plausible_crossings(lib: ctypes.CDLL) -> None:
     assert step(1, 0, 75_001) == (1, 5)
     assert step(1, 0, 74_000) == (0, 0)
     assert step(1, 0, 126_000) == (0, 0)
+
+
+def test_line_current_balances_the_power(lib: ctypes.CDLL) -> None:
+    """The current whose power behind the link is what the link gives, with R and diode; bounded near standstill.
+
+    Verifies: FW-25
+    """
+    rng = Random(6)
+    volt, ampere = 2**25 / 30.0, 2**25 / 50.0
+    for _ in range(2000):
+        vdc, emf, r = rng.uniform(10, 28), rng.uniform(1.0, 12.0), rng.uniform(0.01, 0.2)
+        current, duty = rng.uniform(-20, 20), rng.uniform(0.1, 0.95)
+        if emf + r * current < 1.0:
+            continue
+        diode = rng.choice([0.0, 0.7])
+        idc = current * (emf + r * current + (1 - duty) * diode) / vdc
+        ratio = lib.line_current_ratio_q16(
+            round(vdc * volt), round(emf * volt), round(r * current * volt), round(diode * volt), round(duty * 2**30)
+        )
+        assert lib.line_current(round(idc * ampere), ratio) / ampere == pytest.approx(current, rel=1e-3, abs=1e-3)
+        wanted = min(50.0, 7.0 * ratio / 65536)
+        assert lib.line_current_limit_q25(round(7.0 / 50 * 2**17), ratio) / ampere == pytest.approx(wanted, rel=1e-3)
+    assert lib.line_current_ratio_q16(round(25 * volt), 0, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(round(25 * volt), -1000, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(0, 1000, 0, 0, 2**20) == 0
+
+
+def test_torque_reference_between_its_limits(lib: ctypes.CDLL) -> None:
+    """Target inside; a falling line toward the upper speed, a rising one toward the lower; current limits last.
+
+    Verifies: FW-26
+    """
+    kp = 3.0
+    for target in (-50_000, 0, 4_000, 90_000):
+        for speed in (0, 900, 1_000, 5_000, 9_000, 10_000, 12_000, 40_000):
+            wanted = min(max(target, kp * (1_000 - speed)), kp * (10_000 - speed))
+            wanted = min(max(wanted, -20_000), 25_000)
+            got = lib.torque_reference(target, Gain(*gain(kp)), speed, 1_000, 10_000, -20_000, 25_000)
+            assert got == pytest.approx(wanted, abs=1), (target, speed)
+
+
+def linear_duty(lib: ctypes.CDLL, sector: int, period: int, mean: float, tolerance: int = 655) -> float:
+    """Duty that the firmware makes of a wanted mean."""
+    factors = lib.csc_linearity(sector, period, tolerance)
+    return float(lib.csc_linear_duty_q30(ctypes.byref(factors), round(mean * 2**30))) / 2**30
+
+
+def cut_mean(sector: int, period: int, duty: float) -> float:
+    """Mean of a train of pulses that starts with the sector and is cut at its end."""
+    return sum(min(duty * period, sector - start) for start in range(0, sector, period)) / sector
+
+
+def test_csc_linearity_gives_the_wanted_mean(lib: ctypes.CDLL) -> None:
+    """N 0.8 to 8, M 0.02 to 1: the mean of the cut train is the wanted one within 1e-3, also at and about integers.
+
+    Verifies: FW-27
+    """
+    period = 1250
+    sectors = [round(period * (0.8 + 0.01 * k)) for k in range(721)]
+    sectors += [n * period + d for n in range(1, 9) for d in (-2, -1, 0, 1, 2)]
+    for sector in sectors:
+        last = -1.0
+        for mean in [0.02 * k for k in range(1, 51)]:
+            duty = linear_duty(lib, sector, period, mean, 0)
+            assert 0.0 <= duty <= 1.0
+            assert duty >= last
+            last = duty
+            error = cut_mean(sector, period, duty) - mean
+            assert abs(error) < 1e-3, (sector / period, mean)
+    # Without the correction it is far off.
+    assert max(abs(cut_mean(s, period, m) - m) for s in sectors[:100] for m in (0.2, 0.5, 0.8)) > 0.15
+
+
+def test_csc_linearity_tolerates_jitter_about_integers(lib: ctypes.CDLL) -> None:
+    """Within the tolerance below an integer the duty is the mean; it is continuous there within 1 %.
+
+    Verifies: FW-27
+    """
+    for n in range(1, 9):
+        for mean in (0.02, 0.3, 0.7, 0.99):
+            at = linear_duty(lib, n * 1250, 1250, mean)
+            assert at == pytest.approx(mean, abs=1e-4)
+            assert linear_duty(lib, n * 1250 - 12, 1250, mean) == pytest.approx(mean, abs=1e-4)
+            assert linear_duty(lib, n * 1250 + 12, 1250, mean) == pytest.approx(mean, abs=0.011)
+            assert linear_duty(lib, n * 1250 - 14, 1250, mean) == pytest.approx(mean, abs=0.013)
+    # Very many carriers, and an interval that is not measured yet: nothing to correct.
+    assert linear_duty(lib, 0xFFFFFF, 1250, 0.37) == pytest.approx(0.37, abs=1e-6)
+
+
+def carried_mean(sector: int, period: int, duty: float, min_pulse: int, sectors: int = 400) -> float:
+    """Mean with whole clocks, the minimum-pulse rule and the carrier's account of volt-seconds, as fl_carrier states.
+
+    A carrier of n clocks owes min(duty, n); what a pulse gave more or less goes into the next one.
+    """
+    carry, on = 0.0, 0
+    for _ in range(sectors):
+        for start in range(0, sector, period):
+            n = min(period, sector - start)
+            want = duty * period + carry
+            width = 0 if want < min_pulse else min(int(want), n)
+            if n - width < min_pulse:
+                width = n
+            # The commutation would cut the pulse too short: it is not started.
+            width = 0 if n < min_pulse else width
+            carry += min(duty * period, n) - width
+            carry = max(-period, min(period, carry))
+            on += width
+    return on / (sectors * sector)
+
+
+def test_csc_linearity_with_minimum_pulses(lib: ctypes.CDLL) -> None:
+    """Vanishing pulses and gaps return through the carrier's account: the mean holds within 0.4 %.
+
+    Verifies: FW-27
+    """
+    rng = Random(7)
+    for _ in range(1500):
+        sector, mean = rng.randint(1000, 10_000), rng.uniform(0.02, 0.98)
+        duty = linear_duty(lib, sector, 1250, mean)
+        got = carried_mean(sector, 1250, duty, 20)
+        tolerance = 0.004 if (sector + 12) % 1250 > 12 else 0.015
+        assert got == pytest.approx(mean, abs=tolerance), (sector / 1250, mean, duty)

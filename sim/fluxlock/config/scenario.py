@@ -108,9 +108,31 @@ class Drive(Model):
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
     )
+    linearity: bool = Field(default=False, description="CSC: duty corrected for the pulse that a commutation cuts.")
+    current_loop: bool = Field(
+        default=False,
+        description="DC-current loop inside of the speed loop; `false`: the speed regulator sets the voltage.",
+    )
+    current_bandwidth_hz: float | None = quantity(
+        "Bandwidth of the current loop.", "Hz", 1, 2000, default=None, absent="100 Hz, or what the control tick allows"
+    )
+    mode: Literal["speed", "torque"] = Field(
+        default="speed", description="What the target is. `torque`: a current, with `current_loop` only."
+    )
+    torque_mnm: float | None = quantity(
+        "Target torque in torque mode; negative brakes (`sync_rect`).", "mN*m", -1e7, 1e7, default=None, absent="0"
+    )
     advance_deg: float = quantity("Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0)
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+
+    @model_validator(mode="after")
+    def _mode(self) -> Self:
+        if self.mode == "torque" and not self.current_loop:
+            raise conflict("mode", 'mode = "torque" needs current_loop = true')
+        if self.torque_mnm is not None and self.mode != "torque":
+            raise conflict("torque_mnm", 'belongs to mode = "torque"')
+        return self
 
 
 class Initial(Model):

@@ -88,6 +88,11 @@ def drive_spec(s: Scenario) -> DriveSpec:
         start_carrier_hz=d.start.carrier_hz,
         start_retries=d.start.retries,
         restart_retries=d.start.restart_retries,
+        linearity=d.linearity,
+        current_loop=d.current_loop,
+        mode=d.mode,
+        target_torque_nm=1e-3 * (d.torque_mnm or 0.0),
+        current_bandwidth_hz=d.current_bandwidth_hz,
     )
 
 

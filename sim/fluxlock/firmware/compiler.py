@@ -28,6 +28,12 @@ LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
+CURRENT_BANDWIDTH_HZ = 100.0
+CSC_TOLERANCE = 0.01
+# Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
+# loop may cost at its bandwidth.
+CURRENT_LOOP_LAG_RAD = 0.7
+LOOP_FILTER_SHIFT = 2
 
 
 @dataclass(frozen=True)
@@ -152,6 +158,16 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     limiter_kp = max(LIMITER_BANDWIDTH_RAD * m.l_line - m.r_line, 0.5 * m.r_line) * volt / amp_q17
     limiter_ki = 200.0 * tick * m.r_line * volt / amp_q17
 
+    # Current loop: PI that cancels the pole R(n)/L; the speed regulator gives its reference.
+    amp_q25 = Q25 / inverter.current_full_scale_a
+    if drive.current_bandwidth_hz is not None:
+        current_bandwidth = 2.0 * math.pi * drive.current_bandwidth_hz
+    else:
+        current_bandwidth = 2.0 * math.pi * CURRENT_BANDWIDTH_HZ
+    current_bandwidth = min(current_bandwidth, CURRENT_LOOP_LAG_RAD / ((2.0 + 2**LOOP_FILTER_SHIFT) * tick))
+    outer_bandwidth = min(bandwidth, current_bandwidth / 3.0)
+    outer_kp = motor.inertia_kgm2 * outer_bandwidth / m.k_e * amp_q25 / rpm_q8
+
     def code(volts: float) -> int:
         return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
@@ -198,6 +214,8 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "pattern": PATTERNS.index(drive.pattern),
         "sync_rect": int(drive.sync_rect),
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
+        "csc_linearity": int(drive.linearity),
+        "csc_tolerance_q16": round(CSC_TOLERANCE * Q16),
         "carrier_longest_cycles": cycles(longest_s),
         "on_time_floor_cycles": cycles(on_time_s),
         "least_on_cycles": cycles(least_on_s),
@@ -254,6 +272,15 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "limiter_kp": gain(limiter_kp),
         "limiter_ki": gain(limiter_ki),
         "current_filter_shift": 3,
+        "current_loop": int(drive.current_loop),
+        "torque_mode": int(drive.mode == "torque"),
+        "target_i_q25": max(-Q25, min(Q25, round(drive.target_torque_nm / m.k_e * amp_q25))),
+        "torque_to_current": gain(1e-6 / m.k_e * amp_q25),
+        "speed_to_current_kp": gain(outer_kp),
+        "speed_to_current_ki": gain(outer_kp * outer_bandwidth / KI_DIVISOR * tick * Q5),
+        "current_kp": gain(m.l_line * current_bandwidth * volt / amp_q25),
+        "current_wt_q16": max(1, round(current_bandwidth * tick * Q16)),
+        "loop_filter_shift": LOOP_FILTER_SHIFT,
         "stop_rpm": max(1, round(1.1 * w_handover * RPM)),
         "stop_timeout_ticks": ticks(20.0),
     }

@@ -78,3 +78,8 @@ class DriveSpec:
     miss_limit: int = 6
     start_retries: int = 3
     restart_retries: int = 3
+    linearity: bool = False
+    current_loop: bool = False
+    mode: Literal["speed", "torque"] = "speed"
+    target_torque_nm: float = 0.0
+    current_bandwidth_hz: float | None = None
