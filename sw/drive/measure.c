@@ -67,7 +67,8 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   m->crossings += crossings;
   m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
-  if (crossings > 0u && m->speed_valid) {
+  m->speed_fresh = crossings > 0u && m->speed_valid;
+  if (m->speed_fresh) {
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);

@@ -1,5 +1,7 @@
 #include "drive/run.h"
 
+#include "control/advance.h"
+#include "control/brake.h"
 #include "control/carrier.h"
 #include "control/line_current.h"
 #include "control/placement.h"
@@ -13,9 +15,13 @@
 
 // Quantities that follow speed and DC-link voltage slowly are renewed one group a tick.
 #define SCHEDULE_GROUPS 8u
+#define GROUP_DUTY 0u
+#define GROUP_RESISTANCE 1u
+#define GROUP_CURRENT 2u
 #define GROUP_SPEED_KP 3u
 #define GROUP_SPEED_KI 4u
 #define GROUP_LINEARITY 5u
+#define GROUP_ADVANCE 6u
 
 static int32_t interpolate(int32_t low, int32_t high, int32_t ratio_q16) {
   return low + mul_q16(high - low, ratio_q16);
@@ -89,15 +95,16 @@ static void schedule_speed(drive_t *drive, int32_t speed_rpm_q8, int32_t ratio_q
 HOT static void schedule(drive_t *drive, uint32_t group) {
   const parameters_t *p = drive->p;
   const int32_t speed_rpm_q8 = drive->m.speed_rpm_q8;
-  const int32_t ratio_q16 = clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16);
+  const bool by_speed = group != GROUP_DUTY && group != GROUP_CURRENT && group != GROUP_LINEARITY;
+  const int32_t ratio_q16 = by_speed ? clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16) : 0;
   switch (group) {
-    case 0:
+    case GROUP_DUTY:
       schedule_duty_limits(drive);
       break;
-    case 1:
+    case GROUP_RESISTANCE:
       schedule_resistance(drive, ratio_q16);
       break;
-    case 2:
+    case GROUP_CURRENT:
       schedule_current(drive, speed_rpm_q8);
       break;
     case GROUP_SPEED_KP:
@@ -110,6 +117,11 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
             csc_linearity(drive->m.sector_cycles, drive->command.period_cycles, (uint32_t)p->csc_tolerance_q16);
       }
       break;
+    case GROUP_ADVANCE:
+      drive->scheduled.advance_q16 = advance_added_q16(
+          drive->settings.advance_speed_q16, ratio_q16, drive->settings.advance_current_q16,
+          clamp_i32(gain_apply(drive->m.line_i_q25, p->rated_current_ratio), 0, 2 * ONE_Q16));
+      break;
     default:
       break;
   }
@@ -118,11 +130,13 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
 // Without synchronous rectification nothing brakes: below half of the EMF the pulses carry next to no current, less
 // voltage slows the rotor no faster. All of the voltage below the EMF has to be regained when the target is reached,
 // and the rotor falls on meanwhile: so the nearer the target, the nearer to the EMF.
-HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t reference_v_q25) {
+//
+// With it the braking current bounds the voltage.
+HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t emf_v_q25, int32_t reference_v_q25) {
   if (drive->settings.sync_rect) {
-    return drive->scheduled.low_v_q25;
+    const int32_t brake_v_q25 = gain_apply(drive->brake_i_q25, drive->scheduled.resistance);
+    return greater(drive->scheduled.low_v_q25, emf_v_q25 - brake_v_q25);
   }
-  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
   const int32_t depth_v_q25 = clamp_i32(4 * (emf_v_q25 - reference_v_q25), emf_v_q25 / 8, emf_v_q25 / 2);
   return greater(drive->scheduled.low_v_q25, emf_v_q25 - depth_v_q25);
 }
@@ -132,14 +146,15 @@ HOT static void apply_settings(drive_t *drive) {
   const settings_t *s = &drive->settings;
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;
-  drive->command.advance_q16 = s->advance_q16;
+  drive->command.advance_q16 = advance_total_q16(s->advance_q16, drive->scheduled.advance_q16);
 }
 
 HOT static regulator_t wanted_regulator(const drive_t *drive) {
   if (!drive->settings.current_loop) {
     return REGULATOR_VOLTAGE;
   }
-  return (drive->settings.torque_mode && drive->state == STATE_RUNNING) ? REGULATOR_TORQUE : REGULATOR_CURRENT;
+  const bool torque = drive->settings.torque_mode && drive->state == STATE_RUNNING && !drive_turns_wrong(drive);
+  return torque ? REGULATOR_TORQUE : REGULATOR_CURRENT;
 }
 
 // Set ramp and integrals so that the present voltage continues.
@@ -155,7 +170,7 @@ COLD static void preset(drive_t *drive) {
     pi_preset(&drive->speed_pi, g->pi.kp, 0, emf_v_q25, drive->u_v_q25);
     return;
   }
-  const int32_t i_q25 = clamp_i32(drive->m.line_i_q25, 0, g->limit_i_q25);
+  const int32_t i_q25 = clamp_i32(drive->m.line_i_q25, -drive->brake_i_q25, g->limit_i_q25);
   drive->reference_i_q25 = i_q25;
   pi_preset(&drive->speed_pi, g->speed_i.kp, 0, 0, i_q25);
   pi_preset(&drive->current_pi, drive->p->current_kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), drive->u_v_q25);
@@ -164,7 +179,8 @@ COLD static void preset(drive_t *drive) {
 COLD void run_prepare(drive_t *drive) {
   drive->regulator = wanted_regulator(drive);
   drive->linear = drive->settings.linearity;
-  schedule(drive, drive->tick % SCHEDULE_GROUPS);
+  // The groups build on each other in their order.
+  schedule(drive, drive->state_ticks % SCHEDULE_GROUPS);
 }
 
 // Another regulator: its gains are not scheduled yet.
@@ -198,12 +214,15 @@ SHARED static int32_t voltage_step(drive_t *drive, int32_t direction) {
   const int32_t feed_forward = reference_v_q25 + direction * g->acceleration_v_q25;
 
   const limiter_gains_t limiter_gains = {p->limiter_kp, p->limiter_ki};
-  const int32_t margin_q17 = lesser(s->current_limit_q17 - m->motor_q17, s->dc_limit_q17 - m->idc_q17);
-  const int32_t high_current = limiter_bound(&drive->limiter, &limiter_gains, gain_apply(m->speed_rpm_q8, p->emf),
-                                             g->resistive_v_q25, margin_q17);
+  // The magnitude of a braking current has its own limit.
+  const int32_t motor_q17 = (m->idc_q17 >= 0) ? m->motor_q17 : 0;
+  const int32_t margin_q17 = lesser(s->current_limit_q17 - motor_q17, s->dc_limit_q17 - m->idc_q17);
+  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
+  const int32_t high_current =
+      limiter_bound(&drive->limiter, &limiter_gains, emf_v_q25, g->resistive_v_q25, margin_q17);
   // The least duty keeps the crossings visible and stands above the current limit.
   const int32_t high = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
-  const int32_t low = lesser(lower_limit_v_q25(drive, reference_v_q25), high);
+  const int32_t low = lesser(lower_limit_v_q25(drive, emf_v_q25, reference_v_q25), high);
   const pi_result_t u = pi_step(&drive->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, low, high);
   // The slew is behind the regulator: it only smooths the voltage (full range in a few ms). Fed back into the integral
   // it would turn skewed jitter of the measured speed (RSC with late crossings) into a lasting speed error. It must not
@@ -229,7 +248,7 @@ SHARED static void reference_step(drive_t *drive, int32_t direction, int32_t tar
   const measured_t *m = &drive->m;
   const scheduled_t *g = &drive->scheduled;
   int32_t high = g->limit_i_q25;
-  int32_t low = drive->settings.sync_rect ? -g->limit_i_q25 : 0;
+  int32_t low = drive->settings.sync_rect ? -drive->brake_i_q25 : 0;
   const int32_t room = g->limit_i_q25 / 8;
   if (drive->saturated > 0) {
     high = clamp_i32(m->line_i_q25 + room, low, high);
@@ -259,7 +278,7 @@ SHARED static int32_t current_step(drive_t *drive) {
   const int32_t feed_forward = emf_v_q25 + gain_apply(reference, g->resistance);
   const int32_t reference_v_q25 =
       (drive->regulator == REGULATOR_TORQUE) ? 0 : gain_apply(drive->ramp.value_rpm_q8, p->emf);
-  const int32_t least = lesser(lower_limit_v_q25(drive, reference_v_q25), g->high_v_q25);
+  const int32_t least = lesser(lower_limit_v_q25(drive, emf_v_q25, reference_v_q25), g->high_v_q25);
   const int32_t high = clamp_i32(drive->u_v_q25 + p->slew_v_q25, least, g->high_v_q25);
   const int32_t low = clamp_i32(drive->u_v_q25 - p->slew_v_q25, least, high);
   const pi_result_t u =
@@ -291,7 +310,16 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
   }
   drive->was_frozen = false;
   apply_settings(drive);
-  schedule(drive, drive->tick % SCHEDULE_GROUPS);
+  // A tick that moves thresholds leaves the schedule to another one; so does one that divides for a new speed, once.
+  drive->schedule_skipped = drive->thresholds.busy || (drive->m.speed_fresh && !drive->schedule_skipped);
+  if (!drive->schedule_skipped) {
+    schedule(drive, drive->schedule_group);
+    drive->schedule_group = (drive->schedule_group + 1u) % SCHEDULE_GROUPS;
+  }
+  if (drive->settings.sync_rect) {
+    drive->brake_i_q25 = brake_current(drive->brake_i_q25, drive->settings.brake_limit_i_q25, drive->m.vdc_v_q25,
+                                       drive->p->brake_vdc_v_q25, drive->p->brake_range);
+  }
   int32_t output;
   const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, drive->settings.accel_rpm_q24,
                                       drive->m.speed_rpm_q8, drive->p->ramp_window_rpm * 256);

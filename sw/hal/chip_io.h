@@ -44,6 +44,7 @@ typedef struct {
   uint8_t overdue;
   uint8_t trip_latched;  // TRIP_*
   uint8_t trip_first;
+  uint32_t sector_interval_cycles[6];  // crossing intervals by the sector they ended in; only where asked for
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
 } chip_snapshot_t;
@@ -70,6 +71,9 @@ typedef struct {
   bool force_on_miss;   // commutate after a timeout
   uint32_t timeout_q12;
   int32_t advance_q16;
+  int32_t threshold_q17[6];
+  bool write_thresholds;  // one-shot: they have changed
+  bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals
 } chip_command_t;
 
 #endif

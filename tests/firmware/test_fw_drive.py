@@ -381,7 +381,7 @@ def test_unseen_rotor_shorted_by_the_precharge_of_a_restart() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(catch_rotor=False))
     bench.start(20_000)
     bench.run(0.3)
     bench.model.m[am.M_BLIND] = 1.0
@@ -433,7 +433,7 @@ def test_start_waits_for_a_spinning_rotor() -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3))
+    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3), drive=DriveSpec(catch_rotor=False))
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
     bench.fw.command("start")
@@ -760,3 +760,207 @@ def test_linearity_makes_the_voltage_the_wanted_one(linearity: bool) -> None:
     ratio = float(np.mean(got) / np.mean(asked))
     assert (ratio == pytest.approx(1.0, abs=0.01)) if linearity else (ratio > 1.05)
     assert bench.model.rpm == pytest.approx(59_000, rel=0.005)
+
+
+MOTOR_2 = MotorSpec(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0)
+INVERTER_2 = InverterSpec(15.0, 2e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 18.0, 20.0)
+FAN_2 = Load(8e-3, 54_000)
+
+
+def thresholds_of(bench: Bench) -> list[float]:
+    """Thresholds as the console shows them."""
+    return [float(word) for word in bench.fw.command("get threshold_pu")[0].split()[1:]]
+
+
+def interval_spread_deg(bench: Bench) -> float:
+    """Largest deviation of a sector's interval from 60 degrees."""
+    ring = bench.model.s[am.RING_FIRST : am.RING_FIRST + 6]
+    return float(np.max(np.abs(ring / ring.mean() - 1.0)) * 60.0)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_balance_learns_dividers_and_inductances(direction: int) -> None:
+    """Motor-II with divider gains 1.10, 1.00, 0.90 at 20 000 r/min: vertical takes most, both nearly all of it.
+
+    Verifies: FW-28
+    """
+    bench = Bench(MOTOR_2, INVERTER_2, DriveSpec(accel_rpm_per_s=20_000.0), FAN_2)
+    bench.start(direction * 20_000, 3.0)
+    bench.run(0.8)
+    mean = (27.5 + 27.2 + 28.6) / 3
+    bench.model.m[am.M_UNEQUAL : am.M_UNEQUAL + 3] = (27.5 / mean, 27.2 / mean, 28.6 / mean)
+    bench.model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = (1.10, 1.00, 0.90)
+    bench.run(0.3)
+    spread = interval_spread_deg(bench)
+    assert spread > 10.0
+    assert bench.fw.command("set balance vertical") == ["ok"]
+    bench.run(0.3)
+    vertical = interval_spread_deg(bench)
+    assert vertical < 0.5 * spread
+    assert bench.fw.command("set balance both") == ["ok"]
+    bench.run(0.3)
+    assert interval_spread_deg(bench) < 0.5
+    got = thresholds_of(bench)
+    # Sectors I..VI float C, B, A, C, B, A.
+    assert (got[2] + got[5]) / 2 == pytest.approx(0.55, abs=0.004)
+    assert (got[1] + got[4]) / 2 == pytest.approx(0.50, abs=0.004)
+    assert (got[0] + got[3]) / 2 == pytest.approx(0.45, abs=0.004)
+    assert bench.model.rpm == pytest.approx(direction * 20_000, rel=0.005)
+    # Through a ramp to 54 000 r/min in 3 s the intervals stay within 59 to 61 degrees.
+    bench.fw.command("set accel_rpm_s 12000")
+    bench.fw.command(f"set speed_rpm {direction * 54_000}")
+    worst = 0.0
+    for _ in range(30_000):
+        bench.step()
+        worst = max(worst, interval_spread_deg(bench))
+    assert abs(bench.model.rpm) > 52_000
+    assert worst < 1.0
+    assert bench.fw.command("set balance none") == ["ok"]
+    bench.run(0.01)
+    assert thresholds_of(bench) == [0.5] * 6
+
+
+def test_balance_rests_in_transients() -> None:
+    """On a healthy machine a steep ramp moves no threshold by more than 0.2 %.
+
+    Verifies: FW-28
+    """
+    bench = Bench(drive=DriveSpec(accel_rpm_per_s=400_000.0, balance="both"))
+    bench.start(80_000)
+    worst = 0.0
+    for _ in range(6000):
+        bench.step()
+        if bench.ticks % 10 == 0:
+            worst = max(worst, max(abs(t - 0.5) for t in thresholds_of(bench)))
+    assert worst < 0.002
+
+
+def test_advance_follows_speed_and_current() -> None:
+    """Base, speed and current add up in the register, limited to 30 degrees; the model's timer obeys.
+
+    Verifies: FW-29
+    """
+    drive = DriveSpec(advance_deg=1.0, advance_deg_at_max_speed=6.0, advance_deg_at_rated_current=4.0)
+    bench = Bench(drive=drive)
+    bench.start(50_000)
+    bench.run(1.0)
+    current = float(bench.model.s[am.I_LINE])
+
+    def advance_deg() -> float:
+        raw = bench.get("comm.delay") >> 16
+        return ((raw ^ 0x8000) - 0x8000) / 65536 * 60.0
+
+    wanted = 1.0 + 6.0 * 50_000 / MOTOR_1.max_speed_rpm + 4.0 * current / MOTOR_1.rated_current_a
+    assert advance_deg() == pytest.approx(wanted, abs=0.1)
+    bench.fw.command("set advance_speed_q16 32767")
+    bench.fw.command("set advance_q16 30000")
+    bench.run(0.002)
+    assert advance_deg() == pytest.approx(30.0, abs=0.01)
+    bench.fw.command("set advance_q16 -32768")
+    bench.fw.command("set advance_speed_q16 -32768")
+    bench.run(0.002)
+    assert advance_deg() == pytest.approx(-30.0, abs=0.01)
+
+
+@pytest.mark.parametrize("rpm", [18_000, 20_000, 40_000, 60_000, 77_777, 94_000, 100_000])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_spinning_rotor_is_caught(rpm: int, direction: int) -> None:
+    """At any speed, both directions: locked within 40 ms without a trip, speed dips by less than a fifth, then held.
+
+    Verifies: FW-30
+    """
+    bench = Bench(speed_rpm=direction * rpm, theta_rad=0.3 * direction + rpm, load=Load(20e-3, 100_000))
+    bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {direction * rpm}")
+    before = abs(bench.model.rpm)
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.04)
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    assert bench.fw.command("get lost_locks") == ["lost_locks 0", "ok"]
+    assert bench.model.rpm * direction > 0.8 * before
+    assert bench.model.s[am.I_PEAK] < 15.0
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_lost_lock_is_caught_again() -> None:
+    """Crossings vanish for 3 ms at 60 000 r/min: back at speed within 50 ms, without standstill.
+
+    Verifies: FW-30, FW-20
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.until_state("running", 0.05)
+    assert bench.model.rpm > 30_000
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+
+
+@pytest.mark.parametrize("sync_rect", [True, False])
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_rotor_that_spins_backward_is_turned(sync_rect: bool, current_loop: bool) -> None:
+    """Caught backward, slowed down (with braking current or by its load), started forward; no trip.
+
+    Verifies: FW-30, FW-31
+    """
+    drive = DriveSpec(sync_rect=sync_rect, current_loop=current_loop, accel_rpm_per_s=200_000.0)
+    bench = Bench(speed_rpm=-50_000.0, load=replace(FAN_1, coulomb_nm=2e-3), drive=drive)
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 40000")
+    bench.fw.command("start")
+    assert bench.run(3.0, lambda: bench.model.rpm > 39_000)
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0
+    assert fault_of(bench) == "none"
+
+
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_reversal_brakes_within_its_limit(current_loop: bool) -> None:
+    """60 000 r/min to -60 000 and back with 8 A of braking current: kept within 20 %, faster than coasting, no trip.
+
+    Verifies: FW-31
+    """
+    drive = DriveSpec(sync_rect=True, current_loop=current_loop, accel_rpm_per_s=1e6, brake_current_limit_a=8.0)
+    bench = Bench(drive=drive)
+    bench.start(60_000)
+    bench.run(0.6)
+    for sign in (-1, 1):
+        lowest, begin = 0.0, bench.now
+        bench.fw.command(f"set speed_rpm {sign * 60_000}")
+        while abs(bench.model.rpm) > 10_000 and bench.now - begin < 1.0:
+            bench.step()
+            lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+        # Fan and 8 A: 13 mN*m and at least as much of the fan at first.
+        assert bench.now - begin < 0.2
+        assert -9.6 < lowest < -6.0
+        assert bench.run(2.0, lambda s=sign: s * bench.model.rpm > 59_000)
+        bench.run(0.3)
+        assert bench.model.rpm == pytest.approx(sign * 60_000, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_braking_spares_the_dc_link() -> None:
+    """A DC link at its limit takes no braking current: the rotor slows by its load alone.
+
+    Verifies: FW-31
+    """
+    bench = Bench(drive=DriveSpec(sync_rect=True, accel_rpm_per_s=1e6, brake_current_limit_a=10.0))
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_VDC] = 29.8
+    bench.run(0.1)
+    bench.fw.command("set speed_rpm 30000")
+    lowest = 0.0
+    for _ in range(500):
+        bench.step()
+        lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+    assert lowest > -1.5
+    bench.model.m[am.M_VDC] = 25.0
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
-from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import BALANCES, COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
@@ -30,6 +30,17 @@ START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
 CURRENT_BANDWIDTH_HZ = 100.0
 CSC_TOLERANCE = 0.01
+# Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
+BALANCE_BANDWIDTH_RATIO = 1.5
+BALANCE_SHARE_A_TURN = 0.4
+BALANCE_LIMIT = 0.15
+# Catching: speed over that of the hand-over; the angle between two control ticks must stay below a third of a turn.
+CATCH_SPEED_RATIO = 1.25
+CATCH_TURNS_A_TICK = 0.28
+# Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
+CATCH_DIODES = 3.6
+# Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
+BRAKE_MARGIN = (0.3, 0.75)
 # Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
 # loop may cost at its bandwidth.
 CURRENT_LOOP_LAG_RAD = 0.7
@@ -168,6 +179,13 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     outer_bandwidth = min(bandwidth, current_bandwidth / 3.0)
     outer_kp = motor.inertia_kgm2 * outer_bandwidth / m.k_e * amp_q25 / rpm_q8
 
+    # Correction B: slope of the floating voltage at its crossing over the line EMF, per radian.
+    if drive.balance_bandwidth_hz is not None:
+        balance_bandwidth = 2.0 * math.pi * drive.balance_bandwidth_hz
+    else:
+        balance_bandwidth = BALANCE_BANDWIDTH_RATIO * bandwidth
+    slope = (1.5 if motor.emf == "sinusoidal" else 6.0 / math.pi) * p * motor.psi_vs / m.k_e
+
     def code(volts: float) -> int:
         return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
@@ -176,6 +194,15 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     over_v = min(1.25 * supply, 0.98 * inverter.voltage_full_scale_v)
     over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else over_v
     under_v = inverter.under_voltage_v if inverter.under_voltage_v is not None else 0.6 * supply
+
+    def turn60(degrees: float) -> int:
+        return max(-0x8000, min(0x7FFF, round(degrees / 60.0 * Q16)))
+
+    brake_a = drive.brake_current_limit_a
+    if brake_a is None:
+        brake_a = min(0.5 * motor.rated_current_a, limit_a)
+    brake_from_v, brake_to_v = (supply + share * (over_v - supply) for share in BRAKE_MARGIN)
+    can_catch = p * 1.25 * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
 
     def q17_volts(volts: float) -> int:
         return max(1, min(Q17, round(volts * volt_q17)))
@@ -228,13 +255,27 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_blank_cycles": cycles(settle_s),
         "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
+        "balance": BALANCES.index(drive.balance),
+        "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
+        "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
+        "balance_limit_q25": round(BALANCE_LIMIT * Q25),
         "delay_q16": 0x8000,
-        "advance_q16": round(drive.advance_deg / 60.0 * Q16),
+        "advance_q16": turn60(drive.advance_deg),
+        "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),
+        "advance_current_q16": turn60(drive.advance_deg_at_rated_current),
+        "rated_current_ratio": gain(Q16 / (motor.rated_current_a * amp_q25)),
         "latency_cycles": cycles(inverter.driver_delay_s),
         "timeout_q12": 0x1800,
         "miss_limit": drive.miss_limit,
         "coast_v_q17": q17_volts(max(m.line_emf_peak * p * w_coast, 20.0 * v_lsb)),
         "coast_timeout_ticks": ticks(30.0),
+        "catch_rotor": int(drive.catch_rotor and can_catch),
+        "catch_v_q17": q17_volts(
+            max(
+                CATCH_SPEED_RATIO * m.line_emf_peak * p * w_handover, CATCH_DIODES * inverter.diode_drop_v, 40.0 * v_lsb
+            )
+        ),
+        "catch_speed": gain(60.0 / (2.0**24 * p * tick) * Q8),
         "precharge_ticks": ticks(inverter.precharge_s),
         "align_ticks": ticks(align_s),
         "align_ramp_ticks": ticks(0.2 * align_s),
@@ -269,6 +310,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
         "current_limit_ma": round(1e3 * limit_a),
         "dc_current_limit_ma": round(1e3 * dc_limit_a),
+        "brake_limit_ma": round(1e3 * brake_a),
+        "brake_vdc_v_q25": round(brake_to_v * volt),
+        "brake_range": gain(Q16 / ((brake_to_v - brake_from_v) * volt)),
         "limiter_kp": gain(limiter_kp),
         "limiter_ki": gain(limiter_ki),
         "current_filter_shift": 3,
