@@ -6,11 +6,14 @@ bad input, 130 = interrupted, 143 = terminated.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -21,7 +24,7 @@ from rich.table import Table
 
 from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
-from fluxlock.config import ConfigError, Problem, load_motor, load_scenario
+from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 
 EXIT_FAILED = 1
@@ -85,8 +88,14 @@ def _seed(text: str) -> int:
     return int(text)
 
 
-def _prepare_output(out_dir: Path) -> None:
-    """Make the folder of the results and find out now, not after the run, whether everything can be written."""
+@contextmanager
+def _output(out_dir: Path) -> Iterator[None]:
+    """Make the folder of the results and keep it for this run; find out now, not after it, what cannot be written.
+
+    Results of an earlier run are removed: what stands there after the run belongs to it.
+    """
+    if out_dir.resolve() == Path.cwd():
+        raise _unwritable(out_dir, "it is the current folder; name a folder of the run's own")
     simulator = out_dir / "simulator"
     for folder in (out_dir, simulator):
         try:
@@ -101,6 +110,14 @@ def _prepare_output(out_dir: Path) -> None:
             raise _unwritable(path, "a folder is in the way; remove it or name another folder")
         if path.exists() and not os.access(path, os.W_OK):
             raise _unwritable(path, "Permission denied; remove it or name another folder")
+    with (simulator / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise _unwritable(out_dir, "another run is using it; wait for its end or name another folder") from None
+        for name in OUTPUTS:
+            (out_dir / name).unlink(missing_ok=True)
+        yield
 
 
 def _unwritable(path: Path, reason: str) -> ConfigError:
@@ -135,23 +152,28 @@ def run(
     """Run a scenario in closed loop and write result.json, trace.npz and plots."""
     loaded = load_scenario(scenario, set_ or ())
     out_dir = out if out is not None else Path("build") / scenario.stem
-    _prepare_output(out_dir)
+    with _output(out_dir):
+        _run(loaded, out_dir, loaded.seed if seed is None else seed, waves)
+
+
+def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool) -> None:
+    """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
     from fluxlock.cosim.outcome import write_outcome
     from fluxlock.cosim.run import run_scenario
 
     console, messages = Console(), Console(stderr=True)
     fault: SimulationFault | None = None
-    with _ProgressBar(messages, loaded.duration_s) as progress:
+    with _ProgressBar(messages, scenario.duration_s) as progress:
         try:
-            data = run_scenario(loaded, out_dir, loaded.seed if seed is None else seed, waves, progress)
+            data = run_scenario(scenario, out_dir, seed, waves, progress)
         except SimulationFault as error:
             fault = error
             # Two records are the least that has an angle to measure against.
             if error.data is None or error.data.records.size < 2:
                 _fail([f"simulation: {error}"])
             data = error.data
-    result = write_outcome(data, loaded, out_dir).result
+    result = write_outcome(data, scenario, out_dir).result
     _report(console, result, out_dir)
     lines = ([f"simulation: {fault}"] if fault else []) + result["failures"]
     if lines:
@@ -254,10 +276,12 @@ def main() -> None:
         code = EXIT_BAD_INPUT
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
+    except SystemExit as error:
+        code = error.code if isinstance(error.code, int) else EXIT_FAILED
     finally:
         signal.signal(signal.SIGTERM, before)
-    if code == EXIT_INTERRUPTED:
-        print("interrupted", file=sys.stderr)
+    if code in (EXIT_INTERRUPTED, EXIT_TERMINATED):
+        print("interrupted" if code == EXIT_INTERRUPTED else "terminated", file=sys.stderr)
     sys.exit(code)
 
 

@@ -5,6 +5,7 @@ The simulation is replaced by synthetic data.
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
 import re
@@ -216,9 +217,10 @@ def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[st
         (["run", DEMO, "--set", "nonsense"], "error: --set: nonsense: must have the form key=value"),
         (["run", DEMO, "--out", "/dev/null/x"], "error: --out: /dev/null/x: cannot be written: Not a directory"),
         (["run", DEMO, "--out", DEMO], "demo.toml: cannot be written: a file is in the way; name another folder"),
+        (["run", DEMO, "--out", ""], "error: --out: .: cannot be written: it is the current folder; name"),
         (["run", DEMO, "--out", "/proc/self"], "error: --out: /proc/self"),
         (["motor", "check", "missing.toml"], "error: missing.toml: file not found"),
-        (["motor", "info", DEMO], "drive: unknown key"),
+        (["motor", "info", DEMO], "is a scenario, not a motor file"),
         (["run", DEMO, "--seed", "x"], "error: --seed: must be a whole number from 0 to 2147483647, not 'x'"),
         (["run", DEMO, "--seed", "-1"], "error: --seed: must be a whole number from 0 to 2147483647, not '-1'"),
         (["run", DEMO, "--seed", "2147483648"], "error: --seed: must be a whole number from 0 to 2147483647"),
@@ -262,6 +264,33 @@ def test_simulator_folder_that_is_a_file(invoke: Invoke, simulator: dict[str, An
     code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
     assert code == 2 and simulator["calls"] == []
     assert err.startswith(f"error: --out: {tmp_path / 'simulator'}: cannot be written: a file is in the way")
+
+
+def test_output_in_use(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """A folder that another run is writing to is refused; that run's files stay.
+
+    Verifies: FRONT-17
+    """
+    (tmp_path / "simulator").mkdir()
+    (tmp_path / "result.json").write_text("{}")
+    with (tmp_path / "simulator" / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 2 and simulator["calls"] == []
+    assert err.startswith(f"error: --out: {tmp_path}: cannot be written: another run is using it")
+    assert (tmp_path / "result.json").exists()
+
+
+def test_results_of_an_earlier_run_do_not_stay(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """What a run that breaks off leaves is not mistaken for its result.
+
+    Verifies: FRONT-17
+    """
+    assert invoke("run", DEMO, "--out", str(tmp_path), *SHORT)[0] in (0, 1)
+    assert (tmp_path / "result.json").exists()
+    simulator["interrupt"] = True
+    assert invoke("run", DEMO, "--out", str(tmp_path), *SHORT)[0] == 130
+    assert not (tmp_path / "result.json").exists() and not (tmp_path / "overview.png").exists()
 
 
 @pytest.mark.parametrize("locked", ["", "result.json"])

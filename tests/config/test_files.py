@@ -356,6 +356,39 @@ def test_missing_and_broken_files(copy: Path) -> None:
     assert errors(path=scenarios / "demo.toml") == ["demo.toml: motor: required key is missing: path of the motor file"]
 
 
+def test_file_of_another_kind(copy: Path) -> None:
+    """A motor file where a scenario is wanted, and so on: one line that says so.
+
+    Verifies: FRONT-01
+    """
+    motor, scenario = copy / "motors" / "motor-1.toml", copy / "scenarios" / "demo.toml"
+    assert errors(path=motor) == ["motor-1.toml: is a motor file, not a scenario"]
+    with pytest.raises(ConfigError, match=r"demo\.toml: is a scenario, not a motor file$"):
+        load_motor(scenario)
+    edit(scenario, "../inverters/bench-25v.toml", "../motors/motor-1.toml")
+    assert errors(path=scenario) == ["motor-1.toml: is a motor file, not an inverter file"]
+
+
+@pytest.mark.parametrize(
+    ("change", "begin"),
+    [
+        ({"inductance_h": (22e-3,) * 3}, "inductance_h, resistance_ohm: L/R is 1.1 s"),
+        ({"inductance_h": (22e-9,) * 3}, "inductance_h, resistance_ohm: L/R is 1.1e-06 s"),
+        ({"psi_vs": (1.0,) * 3}, "psi_vs: the line EMF at max_speed_rpm is"),
+        ({"psi_vs": (1e-6,) * 3}, "psi_vs: the line EMF at max_speed_rpm is"),
+    ],
+)
+def test_implausible_units_are_warned_of(change: dict[str, object], begin: str) -> None:
+    """Values a thousand times off are named by their own key.
+
+    Verifies: FRONT-01
+    """
+    motor = load_motor(ROOT / "motors" / "motor-1.toml")
+    found = warnings(motor.model_copy(update=change))
+    assert any(line.startswith(begin) for line in found), found
+    assert not any(line.startswith("inertia") for line in found)
+
+
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_implausible_inertia_is_warned_of(factor: float) -> None:
     """An inertia that gives a run-up time no machine has: value, time and a likely value are in the line.

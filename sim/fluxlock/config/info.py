@@ -51,6 +51,8 @@ def derived_values(motor: Motor) -> list[Derived]:
 
 
 # Run-up time of usual machines, from servo motors to fans with heavy wheels.
+TIME_CONSTANT_MIN_S, TIME_CONSTANT_MAX_S = 1e-5, 0.1
+EMF_MIN_V, EMF_MAX_V = 1.0, 2000.0
 RUN_UP_MIN_S, RUN_UP_USUAL_S, RUN_UP_MAX_S = 3e-3, 0.1, 10.0
 
 
@@ -86,4 +88,16 @@ def warnings(motor: Motor) -> list[str]:
         found.append(
             f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"
         )
+    constant_s = sum(motor.inductance_h) / sum(motor.resistance_ohm)
+    if not TIME_CONSTANT_MIN_S <= constant_s <= TIME_CONSTANT_MAX_S:
+        found.append(
+            f"inductance_h, resistance_ohm: L/R is {constant_s:.2g} s, usual {TIME_CONSTANT_MIN_S:g} to "
+            f"{TIME_CONSTANT_MAX_S:g} s; check the units"
+        )
+    if not EMF_MIN_V <= emf_v <= EMF_MAX_V:
+        found.append(
+            f"psi_vs: the line EMF at max_speed_rpm is {emf_v:.3g} V, usual {EMF_MIN_V:g} to {EMF_MAX_V:g} V; check "
+            "the units"
+        )
+        return found  # The torque, and with it the judgement of the inertia, follows from psi_vs.
     return found + _inertia_warning(motor)

@@ -42,6 +42,7 @@ _MESSAGES = {
     # The names of windows are the only strings with a pattern.
     "string_pattern_mismatch": "may hold only letters, digits, _ and -, not {shown}",
 }
+_KINDS: dict[type[Model], str] = {Motor: "a motor file", Inverter: "an inverter file", Scenario: "a scenario"}
 
 
 @dataclass(frozen=True)
@@ -98,10 +99,24 @@ def _alike(path: Path, model: type[Model]) -> str:
     return f', did you mean "{stem}.toml"?' if stem else ""
 
 
+def _kind(table: dict[str, Any]) -> type[Model] | None:
+    """The kind of file that a table is by the keys that no other kind has; None if that is not clear."""
+    scores = {}
+    for model in _KINDS:
+        others = {key for other in _KINDS if other is not model for key in other.model_fields}
+        scores[model] = len(table.keys() & (model.model_fields.keys() - others))
+    found = [model for model, score in scores.items() if score]
+    return found[0] if len(found) == 1 and scores[found[0]] > 1 else None
+
+
 def _read_toml(path: Path, shown: str, model: type[Model], referrer: Problem | None = None) -> dict[str, Any]:
     """Read one file. referrer: file and key that name it, for the message if it does not exist."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        kind = _kind(table)
+        if kind in (None, model):
+            return table
+        problem = Problem(shown, "", f"is {_KINDS[kind]}, not {_KINDS[model]}")
     except (FileNotFoundError, NotADirectoryError):
         hint = _alike(path, model)
         if referrer is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,8 +46,15 @@ def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
     with log.open("a") as out:
         out.write(" ".join(command) + "\n")
         out.flush()
-        done = subprocess.run(command, env=env, stdout=out, stderr=subprocess.STDOUT, check=False)
-    if done.returncode:
+        # A group of its own: whoever interrupts the build takes make's compilers with it.
+        process = subprocess.Popen(command, env=env, stdout=out, stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            process.wait()
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            raise
+    if process.returncode:
         lines = log.read_text().splitlines()
         shown = [line for line in lines if "rror" in line][:20] or lines[-20:]
         raise RuntimeError(f"building the chip failed; from {log}:\n" + "\n".join(shown))
