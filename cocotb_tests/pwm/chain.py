@@ -100,6 +100,7 @@ class Chain:
             "enable_i": 1, "dead_time_i": 2, "cfg_commutation_i": CSC, "cfg_period_i": 100,
             "cfg_duty_q8_i": 0, "cfg_min_pulse_i": 0,
             "cfg_mode_i": SIX_STEP, "cfg_pattern_i": ON_PWM, "cfg_sync_rect_i": 0,
+            "cfg_start_hall_i": 0, "hall_position_i": 0, "hall_ok_i": 0, "load_i": 0, "load_sector_i": 0,
             "cfg_reverse_i": 0, "cfg_start_sector_i": 0, "cfg_manual_i": 0, "rst_i": 1,
         }  # fmt: skip
         for name, value in inputs.items():

@@ -109,6 +109,30 @@ async def entry_and_leaving(dut: Dut) -> None:
 
 
 @cocotb.test()
+@cocotb.parametrize(reverse=[0, 1], commutation=[RSC, CSC])
+async def sector_of_the_sensors(dut: Dut, reverse: int, commutation: int) -> None:
+    """Entry in the Hall sensors' sector for the direction of that update; loading commutations go where they say."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, duty_q8=25 * 256, mode=OFF, commutation=commutation)
+    for position in range(6):
+        for ok in (0, 1):
+            dut.hall_position_i.value, dut.hall_ok_i.value = position, ok
+            await tb.update(mode=SIX_STEP, start_sector=1, start_hall=1, reverse=reverse)
+            entered = (position + 3 * reverse) % 6 if ok else 1
+            trace = await tb.run(PERIOD, {})
+            assert set(trace.sector) == {entered} and not np.any(trace.comm_applied)
+            for target in (position, (position + 4) % 6):
+                drive: Drive = {7: {"load_i": 1, "load_sector_i": target}}
+                pulse(drive, [7], "comm_valid_i")
+                trace = await tb.run(3 * PERIOD, drive)
+                assert trace.sector[-1] == target and np.count_nonzero(trace.comm_applied) == 1
+            dut.load_i.value = 0
+            trace = await tb.run(3 * PERIOD, {7: {"comm_valid_i": 1}, 8: {"comm_valid_i": 0}})
+            assert trace.sector[-1] == (target + (5 if reverse else 1)) % 6, "a plain commutation steps"
+            await tb.update(mode=OFF, start_hall=0, reverse=0)
+
+
+@cocotb.test()
 @cocotb.parametrize(sync_rect=[0, 1])
 async def manual_commands(dut: Dut, sync_rect: int) -> None:
     """Every command on every leg; codes without meaning leave the leg open; commutations have no effect."""
@@ -173,6 +197,6 @@ async def synchronous_rectification(dut: Dut, pattern: int) -> None:
 def test_fl_sequencer() -> None:
     """Sequencer block test.
 
-    Verifies: SEQ-01, SEQ-02, SEQ-03, SEQ-04, SEQ-05
+    Verifies: SEQ-01, SEQ-02, SEQ-03, SEQ-04, SEQ-05, SEQ-06
     """
     run_block_test("fl_pwm_chain", SOURCES, __name__)

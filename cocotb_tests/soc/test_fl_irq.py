@@ -28,18 +28,18 @@ def lines(dut: Any) -> tuple[int, int]:
 async def every_source_reaches_the_routed_line(dut: Any) -> None:
     bench = Bench(dut)
     await bench.start(event_i=0)
-    for source in range(8):
+    for source in range(9):
         bit = 1 << source
         for control in (0, 1):
             await bench.write(ENABLE, bit)
-            await bench.write(ROUTE, bit if control else 0xFF & ~bit)
+            await bench.write(ROUTE, bit if control else 0x1FF & ~bit)
             assert lines(dut) == (0, 0)
             await event(bench, bit)
             assert lines(dut) == (control, 1 - control), f"source {source}, control {control}: {lines(dut)}"
             assert await bench.read(PENDING) == bit
             await bench.write(ENABLE, 0)
             assert lines(dut) == (0, 0), "a disabled source raises a line"
-            await bench.write(PENDING, 0xFF & ~bit)
+            await bench.write(PENDING, 0x1FF & ~bit)
             assert await bench.read(PENDING) == bit, "cleared by another source's bit"
             await bench.write(PENDING, bit)
             assert await bench.read(PENDING) == 0

@@ -16,7 +16,7 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
-from fluxlock.paths import BUILD, GENERATED, RTL, content_hash
+from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
 
 HERE = Path(__file__).parent
 CHANNELS, RAM_WORDS = 9, 16384
@@ -57,7 +57,7 @@ class Chip:
     async def start(self) -> None:
         for index in range(32):
             self.dut.u_cpu.u_ram.mem[MAILBOX + index].value = 0
-        await self.bench.start(adc_valid_i=0, adc_code_i=0, fault_pin_i=0, uart_rx_i=1)
+        await self.bench.start(adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, uart_rx_i=1)
         cocotb.start_soon(self._convert())
 
     async def _convert(self) -> None:
@@ -190,5 +190,5 @@ def test_fl_soc() -> None:
         [path for path in sources if path.parent.name != "pkg"],
         __name__,
         parameters={"Init": f'"{image}"'},
-        registers=["sys", "irq", "timer", "uart", "sense", "zcd", "comm", "pwm", "safety", "capture"],
+        registers=REGISTER_BLOCKS,
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import pairwise
 from math import floor
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
 MASK32 = 0xFFFFFFFF
-OFF, FORCED, ZCD = range(3)
+OFF, FORCED, ZCD, HALL = range(4)
 GATE = 2  # clocks from comm_valid_o to the gate pins
 CROSSING_LATENCY = 7  # least clocks from zc_valid_i to comm_valid_o, published by the module
 SATURATED = (1 << 24) - 1
@@ -45,6 +46,10 @@ class Settings:
     latency: int = 0
     forced_interval: int = 1000
     timeout_q12: int = 0x1800
+    correction_a: int = 0
+    hall_timed: int = 0
+    hall_offset_q16: tuple[int, ...] = (0,) * 6
+    reverse: int = 0
 
     @property
     def fraction(self) -> Fraction:
@@ -87,6 +92,13 @@ class TB:
             "zc_time_i",
             "zc_late_i",
             "zc_sector_i",
+            "zc_back_i",
+            "hall_valid_i",
+            "hall_time_i",
+            "hall_position_i",
+            "hall_backward_i",
+            "hall_single_i",
+            "hall_ok_i",
             "tick_i",
         ):
             getattr(dut, name).value = 0
@@ -146,6 +158,10 @@ class TB:
         dut.cfg_latency_i.value = settings.latency
         dut.cfg_forced_interval_i.value = settings.forced_interval
         dut.cfg_timeout_q12_i.value = settings.timeout_q12
+        dut.cfg_correction_a_i.value = settings.correction_a
+        dut.cfg_hall_timed_i.value = settings.hall_timed
+        dut.cfg_hall_offset_q16_i.value = sum((o & 0xFFFF) << (16 * i) for i, o in enumerate(settings.hall_offset_q16))
+        dut.cfg_reverse_i.value = settings.reverse
 
     async def update(self, settings: Settings) -> int:
         """Take settings over; returns the time of the update's clock."""
@@ -156,13 +172,14 @@ class TB:
         self.dut.update_i.value = 0
         return now
 
-    async def crossing(self, time: int, sector: int | None = None, late: bool = False) -> int:
+    async def crossing(self, time: int, sector: int | None = None, late: bool = False, back: bool = False) -> int:
         """Report a crossing in this clock, by default in the present sector; returns this clock's time."""
         dut = self.dut
         now = self.now()
         dut.zc_time_i.value = time & MASK32
         dut.zc_sector_i.value = int(dut.sector_o.value) if sector is None else sector
         dut.zc_late_i.value = int(late)
+        dut.zc_back_i.value = int(back)
         dut.zc_valid_i.value = 1
         await self.clocks(1)
         dut.zc_valid_i.value = 0
@@ -728,9 +745,10 @@ async def off_and_shadowing(dut: Any) -> None:
     await tb.clocks(1000)
     assert len(tb.comms) == 1 and int(dut.sched_valid_o.value) == 0
     assert (await tb.snapshot())["commutations"] == 1
-    entry = await tb.update(Settings(mode=3))
+    await tb.update(Settings(mode=HALL))
     await tb.clocks(5000)
-    assert len(tb.comms) == 1
+    assert len(tb.comms) == 1, "no valid Hall code: no commutation"
+    await tb.update(Settings(mode=OFF))
     entry = await tb.update(Settings(mode=FORCED, forced_interval=300))
     snap = await tb.snapshot()
     assert snap["commutations"] == 0 and snap["interval"] == SATURATED and snap["period"] == 6 * SATURATED
@@ -756,6 +774,325 @@ async def back_to_forced(dut: Any) -> None:
         assert [c.gate for c in tb.comms[count:]] == [entry + 400], f"{delay} clocks after the crossing"
         await tb.update(Settings())
         await tb.clocks(500)
+
+
+CORRECTION_LATENCY, HALL_LATENCY = 10, 10  # published by the module
+
+
+def corrected_delay(settings: Settings, t0: int, t1: int, t2: int) -> float:
+    """Thesis ch. 2: (-t[n] + t[n-1] + 3 t[n-2]) / 6 less the advance, with the general delay, limited."""
+    delay = t0 * float(settings.fraction) + (-4 * t0 + t1 + 3 * t2) / 6
+    return min(max(delay, 0.0), float(t0))
+
+
+@cocotb.test()
+@cocotb.parametrize(seed=list(range(4)))
+async def correction_a(dut: Any, seed: int) -> None:
+    """Random intervals, misses, late crossings, direction changes: the thesis' delay exactly where it may be used.
+
+    Verifies: COMM-12
+    """
+    rng = random.Random(seed)
+    tb = TB(dut)
+    await tb.start(Settings(mode=OFF))
+    reverse = 0
+    settings = Settings(correction_a=1, timeout_q12=0x1C00, forced_interval=2000)
+    await tb.update(settings)
+    t = tb.now() + 300
+    good: list[int] = []  # times of good crossings in a row
+    last: int | None = None
+    corrected = plain = 0
+    for i in range(90):
+        event = rng.random()
+        if event < 0.04:
+            reverse = 1 - reverse
+            good = []
+        if rng.random() < 0.2:
+            settings = replace(settings, correction_a=rng.randrange(2), advance_q16=rng.choice([0, 0x2000, -0x1000]))
+        settings = replace(settings, reverse=reverse)
+        await tb.update(settings)
+        late = rng.random() < 0.06
+        back = late and rng.random() < 0.5
+        await tb.until(t + 20)
+        count = len(tb.comms)
+        await tb.crossing(t, late=late, back=back)
+        interval = settings.forced_interval if last is None else t - last
+        good = [*good, t] if not late or back else []
+        if late and not back:
+            good = []
+        use = settings.correction_a and len(good) >= 4
+        if use:
+            t0, t1, t2 = (good[-1 - k] - good[-2 - k] for k in range(3))
+            wanted = t + corrected_delay(settings, t0, t1, t2)
+        else:
+            wanted = t + settings.delay(interval)
+        await tb.until(max(round(wanted), tb.now()) + 12)
+        assert len(tb.comms) == count + 1
+        off = diff(tb.comms[-1].sched, round(wanted) & MASK32)
+        assert abs(off) <= (1 if use else 0), f"seed {seed}, crossing {i}: off by {off}, corrected {use}"
+        snap = await tb.snapshot()
+        assert int(dut.snap_corrected_o.value) == int(bool(use)), f"crossing {i}: {good}"
+        corrected += bool(use)
+        plain += not use
+        last = t
+        if rng.random() < 0.04:  # a miss: the timeout commutates and assumes a crossing an interval after the last
+            await tb.until(tb.comms[-1].gate + settings.timeout(interval) + 5)
+            assert len(tb.comms) == count + 2
+            assert snap["interval"] == (interval if i else SATURATED)
+            known = i > 0
+            last = t + interval if known else t
+            good = []
+            t = tb.now() + 300
+            if not known:
+                last = None
+            continue
+        t += max(1400 + rng.randrange(-250, 250), diff(tb.now(), t) + 30)
+    assert corrected > 20 and plain > 10
+
+
+@cocotb.test()
+async def correction_a_is_neutral(dut: Any) -> None:
+    """Equal intervals give half an interval to a clock, at any speed; a pattern of three gives even commutations.
+
+    Verifies: COMM-12
+    """
+    tb = TB(dut)
+    for scale in (200, 5000, 300_000):
+        await tb.start(Settings(mode=OFF)) if scale == 200 else await tb.update(Settings(mode=OFF))
+        await tb.update(Settings(correction_a=1, timeout_q12=0xFFFF, forced_interval=scale))
+        # Position errors that sum to zero over three crossings (Yang 2020): 2, -3, 1 % of an interval.
+        errors = [round(scale * e) for e in (0.02, -0.03, 0.01)]
+        base = tb.now() + 50
+        comms: list[int] = []
+        for i in range(14):
+            for pattern in [errors if i >= 6 else [0, 0, 0]]:
+                t = base + scale * i + pattern[i % 3]
+            await tb.until(t + 15)
+            await tb.crossing(t)
+            await tb.until(t + scale - scale // 8 - 15)
+            comms.append(tb.comms[-1].sched)
+            if 4 <= i < 6:
+                assert abs(diff(comms[-1], (t + scale // 2) & MASK32)) <= 1 + scale * 4e-6
+        steps = [diff(b, a) for a, b in pairwise(comms[10:])]
+        assert all(abs(s - scale) <= 2 for s in steps), f"commutations {steps} apart, wanted {scale}"
+
+
+@cocotb.test()
+async def correction_a_latency(dut: Any) -> None:
+    """With the correction an overdue commutation comes a constant number of clocks after its crossing.
+
+    Verifies: COMM-12, COMM-03
+    """
+    tb = TB(dut)
+    await tb.start(Settings(correction_a=1, timeout_q12=0xFFFF))
+    t = tb.now() + 50
+    for i in range(8):
+        now = tb.now()
+        late = i >= 4
+        await tb.until(t + (900 if late else 20))
+        now = await tb.crossing(t)
+        await tb.until(max(t + 560, now + 30))
+        if late:
+            assert tb.comms[-1].overdue and tb.comms[-1].gate == now + CORRECTION_LATENCY + GATE
+        t += 1000
+
+
+async def edge(tb: TB, time: int, position: int, backward: int = 0, single: int = 1) -> int:
+    """A Hall edge reported in this clock."""
+    dut = tb.dut
+    now = tb.now()
+    dut.hall_time_i.value = time & MASK32
+    dut.hall_position_i.value = position
+    dut.hall_backward_i.value = backward
+    dut.hall_single_i.value = single
+    dut.hall_ok_i.value = 1
+    dut.hall_valid_i.value = 1
+    await tb.clocks(1)
+    dut.hall_valid_i.value = 0
+    return now
+
+
+@cocotb.test()
+@cocotb.parametrize(reverse=[0, 1])
+async def hall_at_the_edge(dut: Any, reverse: int) -> None:
+    """Untimed: each edge, either way, single or not, sets the sensors' sector a constant time after it; none else.
+
+    Verifies: COMM-13
+    """
+    rng = random.Random(reverse)
+    tb = TB(dut)
+    await tb.start(Settings(mode=OFF, reverse=reverse))
+    dut.hall_ok_i.value = 1
+    dut.hall_position_i.value = 4
+    await tb.update(Settings(mode=HALL, reverse=reverse))
+    await tb.clocks(20)
+    position = 4
+    assert int(dut.sector_o.value) == (4 + 3 * reverse) % 6 and len(tb.comms) == 1, (
+        "sector at the entry, standing still"
+    )
+    for k in range(40):
+        step = rng.choice([1, -1, 1, -1, 2, 3])
+        position = (position + step) % 6
+        count = len(tb.comms)
+        now = await edge(tb, tb.now() - 60, position, int(step == -1), int(abs(step) == 1))
+        await tb.clocks(rng.choice([30, 200, 5000]))
+        assert len(tb.comms) == count + 1, f"edge {k}"
+        assert tb.comms[-1].gate == now + HALL_LATENCY + GATE and not tb.comms[-1].overdue
+        assert int(dut.sector_o.value) == (position + 3 * reverse) % 6
+    snap = await tb.snapshot()
+    assert snap["timeouts"] == 0 and snap["misses"] == 0 and tb.lost == []
+
+
+@cocotb.test()
+@cocotb.parametrize(reverse=[0, 1], seed=list(range(4)))
+async def hall_timed_corrects_misplacement(dut: Any, reverse: int, seed: int) -> None:
+    """Misplaced sensors, both ways, with advance: commutations at the true angles to a clock, sectors in order.
+
+    Verifies: COMM-13, COMM-14
+    """
+    rng = random.Random(seed)
+    tb = TB(dut)
+    scale = rng.choice([900, 5000, 20000])
+    late = [rng.uniform(-0.24, 0.24) for _ in range(6)]  # of an interval, edge into a sector
+    advance = rng.choice([0, 0x1000, 0x2000, -0x800])
+    offsets = [0] * 6
+    for sector in range(6):
+        offsets[sector] = round(-late[sector] * 65536)
+    latency = rng.choice([0, 40])
+    settings = Settings(
+        mode=HALL,
+        hall_timed=1,
+        hall_offset_q16=tuple(offsets),
+        advance_q16=advance,
+        latency=latency,
+        reverse=reverse,
+        timeout_q12=0x2000,
+    )
+    await tb.start(replace(settings, mode=OFF))
+    step = -1 if reverse else 1
+    start = tb.now() + 500
+    position = rng.randrange(6)
+    first = position
+    dut.hall_position_i.value = position
+    dut.hall_ok_i.value = 1
+    await tb.update(settings)
+    await tb.clocks(20)
+    sector_of = {p: (p + 3 * reverse) % 6 for p in range(6)}
+    assert int(dut.sector_o.value) == sector_of[first]
+    edges = 30
+    for k in range(1, edges):
+        position = (first + step * k) % 6
+        sector = sector_of[position]
+        at = start + scale * k + round(late[sector] * scale)
+        await tb.until(at + 25)
+        await edge(tb, at, position, reverse)
+    await tb.until(start + scale * edges)
+    # From the seventh interval on the mean is that of a whole turn.
+    true = {start + scale * k - round(scale * advance / 65536) - latency for k in range(10, edges + 2)}
+    tail = [c for c in tb.comms if c.sched > start + scale * 9.6]
+    assert len(tail) >= edges - 11
+    for c in tail:
+        error = min((c.sched - x for x in true), key=abs)
+        assert abs(error) <= 2 + scale * 3e-5, f"off by {error} of {scale}: {settings}"
+        assert c.gate == c.sched or c.overdue
+    gaps = [b.gate - a.gate for a, b in pairwise(tail)]
+    assert all(abs(g - scale) < scale * 0.1 + 60 for g in gaps), gaps
+    # Late by no more than report and computation where the edge is ahead of the wanted instant.
+    assert all(c.gate - c.sched <= 25 + HALL_LATENCY + GATE for c in tail)
+    snap = await tb.snapshot()
+    assert int(dut.snap_mean_o.value) in range(scale - 2, scale + 3)
+    assert snap["timeouts"] == 0 and snap["misses"] == 0
+
+
+@cocotb.test()
+async def hall_standstill(dut: Any) -> None:
+    """Timed and the edges stop: one sector ahead at most, then after the timeout back to the sensors' sector.
+
+    Verifies: COMM-14
+    """
+    tb = TB(dut)
+    settings = Settings(mode=HALL, hall_timed=1, timeout_q12=0x1800)
+    await tb.start(replace(settings, mode=OFF))
+    dut.hall_ok_i.value = 1
+    await tb.update(settings)
+    await tb.clocks(20)
+    t = tb.now() + 500
+    for k in range(1, 9):
+        await tb.until(t + 1000 * k + 20)
+        await edge(tb, t + 1000 * k, k % 6)
+    last = t + 8000
+    await tb.until(last + 1010)
+    assert int(dut.sector_o.value) == 3, "timed ahead"
+    await tb.until(last + 2510)
+    assert int(dut.sector_o.value) == 2 and tb.comms[-1].gate == last + 2500
+    count = len(tb.comms)
+    await tb.until(last + 20_000)
+    assert len(tb.comms) == count and tb.lost == []
+    snap = await tb.snapshot()
+    assert snap["timeouts"] == 1 and snap["misses"] == 0 and int(dut.snap_known_o.value) == 0
+    now = await edge(tb, tb.now() - 9, 3)  # moves on: at the edge
+    await tb.clocks(40)
+    assert tb.comms[-1].gate == now + HALL_LATENCY + GATE and int(dut.sector_o.value) == 3
+    # Turning back while the drive is set forward: at the edge, with the sensors.
+    now = await edge(tb, tb.now() - 9, 2, backward=1)
+    await tb.clocks(40)
+    assert int(dut.sector_o.value) == 2
+
+
+@cocotb.test()
+@cocotb.parametrize(late_permille=[-150, 0, 150], when=[0.1, 0.45, 0.62, 0.97], timed=[0, 1])
+async def zcd_to_hall_and_back(dut: Any, late_permille: int, when: float, timed: int) -> None:
+    """At any point of a sector, sensors early or late: every sector follows the one before, none is skipped.
+
+    Verifies: COMM-15
+    """
+    tb = TB(dut)
+    scale = 2000
+    await tb.start(Settings(mode=OFF))
+    zcd = Settings(mode=ZCD, timeout_q12=0x1C00)
+    late = late_permille * scale // 1000
+    offsets = (round(-late_permille * 65.536),) * 6
+    hall = Settings(mode=HALL, hall_timed=timed, hall_offset_q16=offsets, timeout_q12=0x1C00)
+    await tb.update(zcd)
+    start = tb.now() + 200
+    sectors: list[tuple[int, int]] = []
+
+    async def watch() -> None:
+        last = int(dut.sector_o.value)
+        while True:
+            await FallingEdge(dut.clk_i)
+            if int(dut.sector_o.value) != last:
+                last = int(dut.sector_o.value)
+                sectors.append((tb.now(), last))
+
+    cocotb.start_soon(watch())
+    # Commutation into k % 6 is due at start + scale * k; crossing half an interval before; edges `late`.
+    events: list[tuple[int, str, int]] = []
+    for k in range(1, 25):
+        events.append((start + scale * k - scale // 2 + 30, "zc", k))
+        events.append((start + scale * k + late + 40, "edge", k))
+    events.append((start + scale * 10 + int(when * scale), "hall", 0))
+    events.append((start + scale * 17 + int(when * scale), "zcd", 0))
+    dut.hall_ok_i.value = 1
+    dut.hall_single_i.value = 1
+    for at, kind, k in sorted(events):
+        await tb.until(at)
+        if kind == "zc":
+            await tb.crossing(start + scale * k - scale // 2)
+        elif kind == "edge":
+            await edge(tb, start + scale * k + late, k % 6)
+        else:
+            await tb.update(hall if kind == "hall" else zcd)
+    await tb.clocks(scale)
+    order = [s for _, s in sectors]
+    assert all(b == (a + 1) % 6 for a, b in pairwise(order)), order
+    assert len(order) >= 23
+    for at, sector in sectors[3:]:
+        k = round((at - start) / scale)
+        assert k % 6 == sector, f"sector {sector} at {(at - start) / scale:.2f} sectors"
+        hall_steps = start + scale * 10 < at < start + scale * 19.5
+        allowed = abs(late) + 60 if hall_steps and not timed else 130
+        assert abs(at - start - scale * k) <= allowed, f"sector {sector} off by {at - start - scale * k} clocks"
 
 
 def test_fl_commutation_timer() -> None:

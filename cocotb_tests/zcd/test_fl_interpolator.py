@@ -27,6 +27,7 @@ async def quotient_is_exact(dut: Any) -> None:
     time_bits, value_bits = len(dut.gap_i.value), len(dut.before_i.value)
     latency = time_bits + 3
     dut.start_i.value = 0
+    dut.abort_i.value = 0
     dut.rst_i.value = 1
     Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
     await FallingEdge(dut.clk_i)
@@ -54,6 +55,50 @@ async def quotient_is_exact(dut: Any) -> None:
         assert int(dut.offset_o.value) == expected, f"gap {gap}, before {before}, after {after}"
         await Timer(CLOCK_NS, "ns")
         assert int(dut.valid_o.value) == 0
+
+
+@cocotb.test()
+async def abort_replaces(dut: Any) -> None:
+    """A start with abort_i drops what runs, at every clock of it; abort_i alone ends it without a result.
+
+    Verifies: ZCD-01
+    """
+    time_bits = len(dut.gap_i.value)
+    latency = time_bits + 3
+    dut.start_i.value = 0
+    dut.abort_i.value = 0
+    dut.rst_i.value = 1
+    Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
+    await FallingEdge(dut.clk_i)
+    await Timer(3 * CLOCK_NS, "ns")
+    dut.rst_i.value = 0
+    await Timer(CLOCK_NS, "ns")
+    for after in range(1, latency + 2):
+        dut.gap_i.value, dut.before_i.value, dut.after_i.value = 3, 0, 1
+        dut.start_i.value = 1
+        await Timer(CLOCK_NS, "ns")
+        dut.start_i.value = 0
+        if after > 1:
+            await Timer((after - 1) * CLOCK_NS, "ns")
+        dut.gap_i.value, dut.before_i.value, dut.after_i.value = 2, 3, 0
+        dut.start_i.value = dut.abort_i.value = 1
+        await Timer(CLOCK_NS, "ns")
+        dut.start_i.value = dut.abort_i.value = 0
+        for _ in range(latency - 1):
+            assert int(dut.valid_o.value) == 0, f"replaced after {after} clocks"
+            await Timer(CLOCK_NS, "ns")
+        assert int(dut.valid_o.value) == 1 and int(dut.offset_o.value) == 2
+        dut.start_i.value = 1
+        await Timer(CLOCK_NS, "ns")
+        dut.start_i.value = 0
+        if after > 1:
+            await Timer((after - 1) * CLOCK_NS, "ns")
+        dut.abort_i.value = 1
+        await Timer(CLOCK_NS, "ns")
+        dut.abort_i.value = 0
+        for _ in range(latency):
+            assert int(dut.valid_o.value) == 0
+            await Timer(CLOCK_NS, "ns")
 
 
 @pytest.mark.parametrize(("time_bits", "value_bits"), [(16, 17), (2, 2), (7, 9), (8, 8), (9, 3)])

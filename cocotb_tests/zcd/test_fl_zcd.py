@@ -14,9 +14,12 @@ import cocotb
 from cocotb_tests.zcd.six_step_motor import LSB, Motor
 from cocotb_tests.zcd.zcd_bench import (
     DIRECT_LATENCY,
+    FIRST,
+    INTERPOLATED,
     INTERPOLATED_LATENCY,
     MASK32,
     TB,
+    ZCD_SOURCES,
     Crossing,
     Sample,
     Settings,
@@ -129,8 +132,8 @@ async def interpolation_removes_the_gap(dut: Any, direction: int) -> None:
     """
     tb = TB(dut, gap=26)
     results = {}
-    for interpolate in (1, 0):
-        settings = Settings(reverse=int(direction < 0), interpolate=interpolate)
+    for method in (INTERPOLATED, FIRST):
+        settings = Settings(reverse=int(direction < 0), method=method)
         motor = Motor(
             sector_clocks=50e6 / 6000 * 1.017,
             amplitude=1.5 * 6.28 / 30 * (1 << 17),
@@ -143,7 +146,7 @@ async def interpolation_removes_the_gap(dut: Any, direction: int) -> None:
             noise=1.7 * LSB,  # 1 LSB rms
             rng=random.Random(3),
         )
-        if interpolate:
+        if method == INTERPOLATED:
             await tb.start(settings)
             errors = await run_motor(tb, motor, settings, 40)
             assert len(errors) >= 35
@@ -158,8 +161,8 @@ async def interpolation_removes_the_gap(dut: Any, direction: int) -> None:
                     assert crossing.time == t & MASK32
                     errors.append((t - motor.crossing(motor.visit(t))) * 60.0 / motor.sector_clocks)
                 t += motor.sample_period
-        results[interpolate] = errors
-    rms = math.sqrt(sum(e * e for e in results[1]) / len(results[1]))
+        results[method] = errors
+    rms = math.sqrt(sum(e * e for e in results[INTERPOLATED]) / len(results[INTERPOLATED]))
     mean = {k: sum(v) / len(v) for k, v in results.items()}
     assert rms <= 0.15 and abs(mean[1]) <= 0.05, f"rms {rms:.3f}, mean {mean[1]:.3f} degrees"
     assert mean[0] > 1.0, f"first sample after the crossing is only {mean[0]:.2f} degrees late"
@@ -356,7 +359,7 @@ async def settings_are_shadowed(dut: Any) -> None:
     await tb.start(Settings(need_previous=0))
     hostile = Settings(
         enable=0,
-        interpolate=0,
+        method=FIRST,
         need_previous=3,
         settle=65535,
         blank=65535,
@@ -467,7 +470,7 @@ def reference(rows: list[tuple[Sample, int, int]], settings: Settings) -> list[C
         done.add(visit)
         time = s.time
         b = before.get(visit)
-        if b is not None and settings.interpolate and s.time - b.time < 65536:
+        if b is not None and settings.method == INTERPOLATED and s.time - b.time < 65536:
             part = Fraction(abs(rel(b)), abs(rel(b)) + abs(rel(s)))
             time = b.time + math.floor((s.time - b.time) * part + Fraction(1, 2))
         found[-1] = Crossing(time & MASK32, b is None, s.sector, rel(s), 0 if b is None else rel(b))
@@ -483,7 +486,7 @@ async def rules_on_random_streams(dut: Any, seed: int) -> None:
     """
     rng = random.Random(100 + seed)
     settings = Settings(
-        interpolate=int(seed % 4 != 3),
+        method=FIRST if seed % 4 == 3 else INTERPOLATED,
         need_previous=seed % 4,
         settle=rng.choice([0, 30, 100]),
         blank=rng.choice([0, 60, 200]),
@@ -511,4 +514,4 @@ async def rules_on_random_streams(dut: Any, seed: int) -> None:
 
 def test_fl_zcd() -> None:
     """Zero-crossing detection block test."""
-    run_block_test("fl_zcd", ["zcd/fl_interpolator.sv", "zcd/fl_zcd.sv"], __name__)
+    run_block_test("fl_zcd", ZCD_SOURCES, __name__)

@@ -11,8 +11,13 @@ from cocotb.triggers import FallingEdge, Timer
 
 CLOCK_NS = 20
 MASK32 = 0xFFFFFFFF
+ZCD_SOURCES = [
+    f"zcd/{name}.sv" for name in ("fl_asin_pkg", "fl_angle_time", "fl_interpolator", "fl_crossing_time", "fl_zcd")
+]
 FLOATING = (2, 1, 0, 2, 1, 0)  # phase by sector index: C, B, A, C, B, A
-DIRECT_LATENCY, INTERPOLATED_LATENCY = 5, 23  # clocks, published by the module
+DIRECT_LATENCY, INTERPOLATED_LATENCY, BACK_LATENCY = 5, 23, 30  # clocks, published by the module
+FIRST, INTERPOLATED, AVERAGED = range(3)
+TERMINAL, STAR_POINT, MEAN = range(3)
 
 
 def signed(value: int, bits: int) -> int:
@@ -25,13 +30,19 @@ class Settings:
     """Settings of the detection as its ports take them."""
 
     enable: int = 1
-    interpolate: int = 1
+    method: int = INTERPOLATED
     need_previous: int = 1
     settle: int = 30  # clocks
     blank: int = 0  # clocks
     margin: int = 4096  # 2^17 = full scale
     threshold: Sequence[int] = (0x10000,) * 6  # Q0.17 of vdc
     reverse: int = 0
+    compute_back: int = 0
+    linear: int = 0
+    use_mean: int = 0
+    source: int = TERMINAL
+    peak: int = 0  # 2^17 = full scale
+    wait_q8: int = 0x20  # of an interval
 
 
 @dataclass(frozen=True)
@@ -56,6 +67,8 @@ class Crossing:
     sector: int
     value: int
     before: int
+    back: bool = False
+    averaged: bool = False
 
 
 @dataclass
@@ -78,6 +91,10 @@ class TB:
             "sample_i",
             "sample_time_i",
             "sample_pwm_i",
+            "now_i",
+            "interval_i",
+            "mean_i",
+            "known_i",
         ):
             getattr(dut, name).value = 0
         self.stage(settings)
@@ -94,7 +111,13 @@ class TB:
     def stage(self, settings: Settings) -> None:
         dut = self.dut
         dut.cfg_enable_i.value = settings.enable
-        dut.cfg_interpolate_i.value = settings.interpolate
+        dut.cfg_method_i.value = settings.method
+        dut.cfg_compute_back_i.value = settings.compute_back
+        dut.cfg_linear_i.value = settings.linear
+        dut.cfg_use_mean_i.value = settings.use_mean
+        dut.cfg_source_i.value = settings.source
+        dut.cfg_peak_i.value = settings.peak
+        dut.cfg_wait_q8_i.value = settings.wait_q8
         dut.cfg_need_previous_i.value = settings.need_previous
         dut.cfg_settle_i.value = settings.settle
         dut.cfg_blank_i.value = settings.blank
@@ -146,9 +169,13 @@ class TB:
             int(dut.zc_sector_o.value),
             signed(int(dut.zc_value_o.value), 18),
             signed(int(dut.zc_value_before_o.value), 18),
+            bool(int(dut.zc_back_o.value)),
+            bool(int(dut.zc_averaged_o.value)),
         )
 
     def check_counters(self) -> None:
         """The module's own counters agree with what was seen at the expected clocks: none came at another."""
         assert int(self.dut.crossings_o.value) == len(self.found) & 0xFFFF
         assert int(self.dut.late_o.value) == sum(c.late for c in self.found) & 0xFFFF
+        assert int(self.dut.back_o.value) == sum(c.back for c in self.found) & 0xFFFF
+        assert int(self.dut.averaged_o.value) == sum(c.averaged for c in self.found) & 0xFFFF

@@ -21,6 +21,7 @@ module fl_board_ecp5
     output logic [Phases-1:0] gate_h_o,
     output logic [Phases-1:0] gate_l_o,
     input  logic              fault_pin_i,
+    input  logic [       2:0] hall_i,       // C, B, A
 
     input  logic uart_rx_i,
     output logic uart_tx_o
@@ -83,6 +84,7 @@ module fl_board_ecp5
       .gate_l_o,
       .gate_o          (),
       .fault_pin_i,
+      .hall_i,
       .uart_rx_i,
       .uart_tx_o,
       .trc_valid_o     (),

@@ -45,8 +45,21 @@ package fl_pkg;
   typedef enum logic [1:0] {
     TimerOff    = 2'd0,
     TimerForced = 2'd1,
-    TimerZcd    = 2'd2
+    TimerZcd    = 2'd2,
+    TimerHall   = 2'd3
   } comm_mode_e;
+
+  typedef enum logic [1:0] {
+    ZcFirst        = 2'd0,
+    ZcInterpolated = 2'd1,
+    ZcAveraged     = 2'd2
+  } zc_method_e;
+
+  typedef enum logic [1:0] {
+    ZcTerminal  = 2'd0,
+    ZcStarPoint = 2'd1,
+    ZcMean      = 2'd2
+  } zc_source_e;
 
   typedef enum logic [1:0] {
     SchedOff        = 2'd0,
@@ -57,9 +70,9 @@ package fl_pkg;
 
   // PWM state latched with a sample: what the gates did when the converter held its input.
   typedef struct packed {
-    logic        on;      // the pulse was on and both conducting switches' gates were on
-    sector_t     sector;  // sector applied to the gates
-    logic [15:0] age;     // clocks since the last change of any gate, saturating
+    logic        on;        // the pulse was on and both conducting switches' gates were on
+    sector_t     sector;    // sector applied to the gates
+    logic [15:0] age;       // clocks since the last change of any gate, saturating
     logic [15:0] comm_age;  // clocks since the last applied commutation, saturating
   } pwm_state_t;
 
@@ -80,6 +93,26 @@ package fl_pkg;
   localparam int unsigned CommToGateCycles = 2;
   // Clocks from the compare of now_i with the scheduled instant to the gate pins; the timer fires this much earlier.
   localparam int unsigned CommLatencyCycles = CommToGateCycles + 1;
+
+  // Phase that is open in a sector.
+  function automatic logic [1:0] floating_phase(sector_t sector);
+    unique case (sector)
+      3'd0, 3'd3: return 2'd2;
+      3'd1, 3'd4: return 2'd1;
+      default:    return 2'd0;
+    endcase
+  endfunction
+
+  // Sector that drives the other way at the same position.
+  function automatic sector_t opposite_sector(sector_t sector);
+    return (sector >= 3'd3) ? sector - 3'd3 : sector + 3'd3;
+  endfunction
+
+  // The sector after this one in the direction of rotation.
+  function automatic sector_t sector_after(sector_t sector, logic reverse);
+    if (reverse) return (sector == 3'd0) ? 3'd5 : sector - 3'd1;
+    else return (sector >= 3'd5) ? 3'd0 : sector + 3'd1;
+  endfunction
 
   // Address width that holds n values, at least 1.
   function automatic int unsigned idx_width(int unsigned n);

@@ -14,8 +14,9 @@
 //
 // Timing: apply_i or update_i at clock k, sector_o and leg_cmd_o at k + 1; the requests are combinational in leg_cmd_o
 // and pulse_i. sync_rect lets the other switch of a chopping leg conduct while the pulse is off (dead time: guard).
-// An update that enters SIX_STEP loads the sector from cfg_start_sector_i (above 5: 0). apply_i has no effect in that
-// clock, nor outside SIX_STEP.
+// An update that enters SIX_STEP loads the sector from cfg_start_sector_i (above 5: 0), with cfg_start_hall_i and a
+// valid Hall code from hall_position_i, the sector for positive speed (three further in reverse). apply_i has no effect
+// in that clock, nor outside SIX_STEP; with load_i it goes to load_sector_i (0..5) instead of the next sector.
 // Asserted: no leg is asked for both switches; sector_o is 0..5.
 `default_nettype none
 module fl_sequencer
@@ -31,8 +32,13 @@ module fl_sequencer
     input  logic                       cfg_sync_rect_i,
     input  logic                       cfg_reverse_i,
     input  sector_t                    cfg_start_sector_i,
+    input  logic                       cfg_start_hall_i,
+    input  sector_t                    hall_position_i,     // 0..5
+    input  logic                       hall_ok_i,
     input  leg_cmd_e      [Phases-1:0] cfg_manual_i,
-    input  logic                       apply_i,             // step to the next sector
+    input  logic                       apply_i,             // step to the next sector...
+    input  logic                       load_i,              // ...or, with this, to
+    input  sector_t                    load_sector_i,
     input  logic                       pulse_i,
     output sector_t                    sector_o,
     output logic                       active_o,            // mode is not OFF
@@ -69,11 +75,6 @@ module fl_sequencer
     endcase
   endfunction
 
-  function automatic sector_t next_sector(sector_t sector, logic reverse);
-    if (reverse) return (sector == 3'd0) ? 3'd5 : sector - 3'd1;
-    else return (sector >= 3'd5) ? 3'd0 : sector + 3'd1;
-  endfunction
-
   // later_half: the upper leg is in the last 60 degrees of its conduction (the lower leg then in its first).
   function automatic logic upper_chops(chop_pattern_e pattern, logic later_half);
     unique case (pattern)
@@ -93,8 +94,9 @@ module fl_sequencer
     sector_d = sector_q;
     if (update_i && mode_q != SeqSixStep && cfg_mode_i == SeqSixStep) begin
       sector_d = (cfg_start_sector_i > 3'd5) ? 3'd0 : cfg_start_sector_i;
+      if (cfg_start_hall_i && hall_ok_i) sector_d = reverse_d ? opposite_sector(hall_position_i) : hall_position_i;
     end else if (step) begin
-      sector_d = next_sector(sector_q, reverse_d);
+      sector_d = load_i ? load_sector_i : sector_after(sector_q, reverse_d);
     end
   end
 

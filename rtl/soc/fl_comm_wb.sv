@@ -18,21 +18,38 @@ module fl_comm_wb
     input logic    zc_valid_i,
     input stamp_t  zc_time_i,
     input logic    zc_late_i,
+    input logic    zc_back_i,
     input sector_t zc_sector_i,
     input sector_t sector_i,     // sequencer's sector
+    input logic    reverse_i,    // staged setting
 
-    output logic   comm_valid_o,
-    output stamp_t comm_sched_o,
-    output logic   sched_valid_o,
-    output logic   lost_o
+    input logic    hall_valid_i,
+    input stamp_t  hall_time_i,
+    input sector_t hall_position_i,
+    input logic    hall_backward_i,
+    input logic    hall_single_i,
+    input logic    hall_ok_i,
+
+    output logic    comm_valid_o,
+    output stamp_t  comm_sched_o,
+    output logic    comm_load_o,
+    output sector_t comm_sector_o,
+    output logic    sched_valid_o,
+    output logic    lost_o,
+
+    output logic [23:0] interval_o,
+    output logic [23:0] mean_o,
+    output logic        known_o
 );
 
   fl_comm_regs_pkg::fl_comm_regs__in_t hwif_in;
   fl_comm_regs_pkg::fl_comm_regs__out_t hwif_out;
 
   logic [5:0][23:0] sector_interval;
+  logic [5:0][15:0] hall_offset;
 
   for (genvar i = 0; i < 6; i++) begin : g_sector
+    assign hall_offset[i] = hwif_out.hall_offset[i].interval_q16.value;
     assign hwif_in.snap_sector_interval[i].cycles.next = sector_interval[i];
   end
 
@@ -50,16 +67,35 @@ module fl_comm_wb
       .cfg_latency_i         (hwif_out.latency.cycles.value),
       .cfg_forced_interval_i (hwif_out.forced_interval.cycles.value),
       .cfg_timeout_q12_i     (hwif_out.timeout.interval_q12.value),
+      .cfg_correction_a_i    (hwif_out.control.correction_a.value),
+      .cfg_hall_timed_i      (hwif_out.control.hall_timed.value),
+      .cfg_hall_offset_q16_i (hall_offset),
+      .cfg_reverse_i         (reverse_i),
       .zc_valid_i,
       .zc_time_i,
       .zc_late_i,
+      .zc_back_i,
       .zc_sector_i,
       .sector_i,
+      .hall_valid_i,
+      .hall_time_i,
+      .hall_position_i,
+      .hall_backward_i,
+      .hall_single_i,
+      .hall_ok_i,
       .comm_valid_o,
       .comm_sched_o,
+      .comm_load_o,
+      .comm_sector_o,
       .sched_valid_o,
       .overdue_o             (),
       .lost_o,
+      .interval_o,
+      .mean_o,
+      .known_o,
+      .snap_mean_o           (hwif_in.snap_delay.mean.next),
+      .snap_known_o          (hwif_in.snap_delay.known.next),
+      .snap_corrected_o      (hwif_in.snap_delay.corrected.next),
       .snap_interval_o       (hwif_in.snap_interval.cycles.next),
       .snap_period_o         (hwif_in.snap_period.cycles.next),
       .snap_zc_time_o        (hwif_in.snap_zc_time.stamp.next),

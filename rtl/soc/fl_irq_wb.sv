@@ -10,7 +10,7 @@ module fl_irq_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
-    input  logic [7:0] event_i,        // pulses
+    input  logic [8:0] event_i,        // pulses
     output logic       irq_control_o,
     output logic       irq_deferred_o
 );
@@ -18,10 +18,11 @@ module fl_irq_wb
   fl_irq_regs_pkg::fl_irq_regs__in_t hwif_in;
   fl_irq_regs_pkg::fl_irq_regs__out_t hwif_out;
 
-  logic [7:0] pending;
+  logic [8:0] pending;
 
   // Bit order: fl_irq_regs.
   assign {
+    hwif_in.pending.hall.next,
     hwif_in.pending.load.next,
     hwif_in.pending.crossing.next,
     hwif_in.pending.capture.next,
@@ -33,6 +34,7 @@ module fl_irq_wb
   } = event_i;
 
   assign pending = {
+    hwif_out.pending.hall.value,
     hwif_out.pending.load.value,
     hwif_out.pending.crossing.value,
     hwif_out.pending.capture.value,
@@ -43,7 +45,9 @@ module fl_irq_wb
     hwif_out.pending.tick.value
   };
 
-  fl_irq u_irq (
+  fl_irq #(
+      .Sources(9)
+  ) u_irq (
       .clk_i,
       .rst_i,
       .event_i,

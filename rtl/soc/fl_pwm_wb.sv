@@ -20,6 +20,11 @@ module fl_pwm_wb
     input logic   sched_valid_i,
     input stamp_t comm_sched_i,
 
+    input logic    comm_load_i,      // the commutation is into...
+    input sector_t comm_sector_i,
+    input sector_t hall_position_i,
+    input logic    hall_ok_i,
+
     output logic [Phases-1:0] req_h_o,  // to the guard
     output logic [Phases-1:0] req_l_o,
 
@@ -79,8 +84,13 @@ module fl_pwm_wb
       .cfg_sync_rect_i   (hwif_out.control.sync_rect.value),
       .cfg_reverse_i     (hwif_out.control.backward.value),
       .cfg_start_sector_i(hwif_out.control.start_sector.value),
+      .cfg_start_hall_i  (hwif_out.control.start_hall.value),
+      .hall_position_i,
+      .hall_ok_i,
       .cfg_manual_i      (manual),
       .apply_i           (apply),
+      .load_i            (comm_load_i),
+      .load_sector_i     (comm_sector_i),
       .pulse_i           (pulse),
       .sector_o,
       .active_o          (active),

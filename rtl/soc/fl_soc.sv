@@ -27,10 +27,11 @@ module fl_soc
     input  logic                     adc_valid_i,   // 1 clock: the codes of the last strobe
     input  adc_code_t [Channels-1:0] adc_code_i,
 
-    output logic [  Phases-1:0] gate_h_o,    // pins, with polarity
+    output logic [  Phases-1:0] gate_h_o,     // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o,      // before polarity: bit 2X upper, 2X+1 lower switch of leg X
-    input  logic                fault_pin_i, // asynchronous, active high
+    output logic [2*Phases-1:0] gate_o,       // before polarity: bit 2X upper, 2X+1 lower switch of leg X
+    input  logic                fault_pin_i,  // asynchronous, active high
+    input  logic [         2:0] hall_i,       // Hall sensors C, B, A; asynchronous, 0 where there are none
 
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
@@ -54,20 +55,24 @@ module fl_soc
   end
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 10;
+  localparam int unsigned Blocks = 12;
   typedef enum logic [3:0] {
-    Sys     = 4'd0,
-    Irq     = 4'd1,
-    Timer   = 4'd2,
-    Uart    = 4'd3,
-    Sense   = 4'd4,
-    Zcd     = 4'd5,
-    Comm    = 4'd6,
-    Pwm     = 4'd7,
-    Safety  = 4'd8,
-    Capture = 4'd9
+    Sys       = 4'd0,
+    Irq       = 4'd1,
+    Timer     = 4'd2,
+    Uart      = 4'd3,
+    Sense     = 4'd4,
+    Zcd       = 4'd5,
+    Comm      = 4'd6,
+    Pwm       = 4'd7,
+    Safety    = 4'd8,
+    Capture   = 4'd9,
+    Freewheel = 4'd10,
+    Hall      = 4'd11
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
+    4'(fl_freewheel_regs_pkg::FL_FREEWHEEL_REGS_MIN_ADDR_WIDTH),
     4'(fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH),
     4'(fl_safety_regs_pkg::FL_SAFETY_REGS_MIN_ADDR_WIDTH),
     4'(fl_pwm_regs_pkg::FL_PWM_REGS_MIN_ADDR_WIDTH),
@@ -99,10 +104,15 @@ module fl_soc
   sample_t [Channels-1:0] sample;
   stamp_t sample_time;
   pwm_state_t sample_pwm, pwm_state;
-  logic zc_valid, zc_late;
+  logic zc_valid, zc_late, zc_back;
   stamp_t  zc_time;
   sector_t zc_sector;
-  logic comm_valid, sched_valid, lost;
+  logic [23:0] interval, mean_interval;
+  logic interval_known;
+  logic hall_valid, hall_backward, hall_single, hall_ok, hall_event;
+  stamp_t hall_time;
+  sector_t hall_position, comm_sector;
+  logic comm_valid, comm_load, sched_valid, lost;
   stamp_t comm_sched, comm_sched_q;
   logic comm_applied, carrier_start, seq_reverse;
   sector_t seq_sector;
@@ -166,7 +176,9 @@ module fl_soc
       .req_i(req),
       .stb_i(stb[Irq]),
       .rdat_o(rdat[Irq]),
-      .event_i({load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick}),
+      .event_i({
+        hall_event, load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick
+      }),
       .irq_control_o(irq_control),
       .irq_deferred_o(irq_deferred)
   );
@@ -222,6 +234,7 @@ module fl_soc
   ) u_zcd (
       .clk_i,
       .rst_i,
+      .now_i         (now),
       .req_i         (req),
       .stb_i         (stb[Zcd]),
       .rdat_o        (rdat[Zcd]),
@@ -235,27 +248,84 @@ module fl_soc
       .zc_valid_o    (zc_valid),
       .zc_time_o     (zc_time),
       .zc_late_o     (zc_late),
-      .zc_sector_o   (zc_sector)
+      .zc_back_o     (zc_back),
+      .zc_sector_o   (zc_sector),
+      .interval_i    (interval),
+      .mean_i        (mean_interval),
+      .known_i       (interval_known)
   );
 
   fl_comm_wb u_comm (
       .clk_i,
       .rst_i,
-      .req_i        (req),
-      .stb_i        (stb[Comm]),
-      .rdat_o       (rdat[Comm]),
-      .now_i        (now),
-      .tick_i       (tick),
-      .update_i     (update),
-      .zc_valid_i   (zc_valid),
-      .zc_time_i    (zc_time),
-      .zc_late_i    (zc_late),
-      .zc_sector_i  (zc_sector),
-      .sector_i     (seq_sector),
-      .comm_valid_o (comm_valid),
-      .comm_sched_o (comm_sched),
-      .sched_valid_o(sched_valid),
-      .lost_o       (lost)
+      .req_i          (req),
+      .stb_i          (stb[Comm]),
+      .rdat_o         (rdat[Comm]),
+      .now_i          (now),
+      .tick_i         (tick),
+      .update_i       (update),
+      .zc_valid_i     (zc_valid),
+      .zc_time_i      (zc_time),
+      .zc_late_i      (zc_late),
+      .zc_back_i      (zc_back),
+      .zc_sector_i    (zc_sector),
+      .sector_i       (seq_sector),
+      .reverse_i      (seq_reverse),
+      .hall_valid_i   (hall_valid),
+      .hall_time_i    (hall_time),
+      .hall_position_i(hall_position),
+      .hall_backward_i(hall_backward),
+      .hall_single_i  (hall_single),
+      .hall_ok_i      (hall_ok),
+      .comm_valid_o   (comm_valid),
+      .comm_sched_o   (comm_sched),
+      .comm_load_o    (comm_load),
+      .comm_sector_o  (comm_sector),
+      .sched_valid_o  (sched_valid),
+      .lost_o         (lost),
+      .interval_o     (interval),
+      .mean_o         (mean_interval),
+      .known_o        (interval_known)
+  );
+
+  fl_hall_wb u_hall (
+      .clk_i,
+      .rst_i,
+      .req_i     (req),
+      .stb_i     (stb[Hall]),
+      .rdat_o    (rdat[Hall]),
+      .now_i     (now),
+      .hall_i,
+      .update_i  (update),
+      .reverse_i (seq_reverse),
+      .zc_valid_i(zc_valid),
+      .zc_time_i (zc_time),
+      .valid_o   (hall_valid),
+      .time_o    (hall_time),
+      .position_o(hall_position),
+      .backward_o(hall_backward),
+      .single_o  (hall_single),
+      .ok_o      (hall_ok),
+      .event_o   (hall_event)
+  );
+
+  fl_freewheel_wb #(
+      .Phases(Phases)
+  ) u_freewheel (
+      .clk_i,
+      .rst_i,
+      .req_i          (req),
+      .stb_i          (stb[Freewheel]),
+      .rdat_o         (rdat[Freewheel]),
+      .now_i          (now),
+      .tick_i         (tick),
+      .update_i       (update),
+      .comm_applied_i (comm_applied),
+      .sector_i       (seq_sector),
+      .sample_valid_i (sample_valid),
+      .sample_i       (sample),
+      .sample_time_i  (sample_time),
+      .sample_sector_i(sample_pwm.sector)
   );
 
   fl_pwm_wb #(
@@ -271,6 +341,10 @@ module fl_soc
       .comm_valid_i   (comm_valid),
       .sched_valid_i  (sched_valid),
       .comm_sched_i   (comm_sched),
+      .comm_load_i    (comm_load),
+      .comm_sector_i  (comm_sector),
+      .hall_position_i(hall_position),
+      .hall_ok_i      (hall_ok),
       .req_h_o        (req_h),
       .req_l_o        (req_l),
       .gate_i         (gate_o),

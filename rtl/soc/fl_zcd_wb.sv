@@ -10,6 +10,8 @@ module fl_zcd_wb
     input logic clk_i,
     input logic rst_i,
 
+    input stamp_t now_i,
+
     input  bus_req_t        req_i,
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
@@ -26,7 +28,12 @@ module fl_zcd_wb
     output logic    zc_valid_o,
     output stamp_t  zc_time_o,
     output logic    zc_late_o,
-    output sector_t zc_sector_o
+    output logic    zc_back_o,
+    output sector_t zc_sector_o,
+
+    input logic [23:0] interval_i,
+    input logic [23:0] mean_i,
+    input logic        known_i
 );
 
   fl_zcd_regs_pkg::fl_zcd_regs__in_t hwif_in;
@@ -40,21 +47,32 @@ module fl_zcd_wb
   assign hwif_in.zc_time.stamp.next  = zc_time_o;
   assign hwif_in.zc_info.sector.next = zc_sector_o;
   assign hwif_in.zc_info.late.next   = zc_late_o;
+  assign hwif_in.zc_info.back.next   = zc_back_o;
 
   fl_zcd #(
       .Phases(Phases)
   ) u_zcd (
       .clk_i,
       .rst_i,
+      .now_i,
       .update_i,
       .cfg_enable_i       (hwif_out.control.enable.value),
-      .cfg_interpolate_i  (hwif_out.control.interpolate.value),
+      .cfg_method_i       (zc_method_e'(hwif_out.control.method.value)),
+      .cfg_compute_back_i (hwif_out.control.compute_back.value),
+      .cfg_linear_i       (hwif_out.control.linear.value),
+      .cfg_use_mean_i     (hwif_out.control.use_mean.value),
+      .cfg_source_i       (zc_source_e'(hwif_out.control.source.value)),
+      .cfg_peak_i         (hwif_out.amplitude.peak.value),
+      .cfg_wait_q8_i      (hwif_out.wait_limit.interval_q8.value),
       .cfg_need_previous_i(hwif_out.control.need_previous.value),
       .cfg_settle_i       (hwif_out.blanking.settle_cycles.value),
       .cfg_blank_i        (hwif_out.blanking.blank_cycles.value),
       .cfg_margin_i       (hwif_out.clamp.margin.value),
       .cfg_threshold_i    (threshold),
       .cfg_reverse_i      (reverse_i),
+      .interval_i,
+      .mean_i,
+      .known_i,
       .comm_applied_i,
       .sample_valid_i,
       .sample_i,
@@ -63,11 +81,15 @@ module fl_zcd_wb
       .zc_valid_o,
       .zc_time_o,
       .zc_late_o,
+      .zc_back_o,
+      .zc_averaged_o      (hwif_in.zc_info.averaged.next),
       .zc_sector_o,
       .zc_value_o         (hwif_in.zc_info.value.next),
       .zc_value_before_o  (),
       .crossings_o        (hwif_in.counters.crossings.next),
-      .late_o             (hwif_in.counters.late.next)
+      .late_o             (hwif_in.counters.late.next),
+      .back_o             (hwif_in.method_counters.back.next),
+      .averaged_o         (hwif_in.method_counters.averaged.next)
   );
 
   fl_zcd_regs u_regs (

@@ -3,7 +3,8 @@
 // gap: time between the two samples (clocks); before, after: distances from the threshold on both sides, same unit,
 // not both 0. offset_o is 0..gap_i, rounded half up. Restoring division, one bit a clock, on a registered product.
 //
-// Latency: start_i to valid_o Latency clocks; start_i while busy is not allowed (asserted).
+// Latency: start_i to valid_o Latency clocks; start_i while busy is not allowed (asserted) unless abort_i, which drops
+// what runs, comes in the same clock or before.
 `default_nettype none
 module fl_interpolator #(
     parameter  int unsigned TimeBits  = 16,
@@ -15,6 +16,7 @@ module fl_interpolator #(
     input  logic                 clk_i,
     input  logic                 rst_i,
     input  logic                 start_i,
+    input  logic                 abort_i,
     input  logic [ TimeBits-1:0] gap_i,     // clocks
     input  logic [ValueBits-1:0] before_i,
     input  logic [ValueBits-1:0] after_i,
@@ -53,14 +55,7 @@ module fl_interpolator #(
   always_ff @(posedge clk_i) begin
     valid_q <= 1'b0;
     unique case (state_q)
-      Idle: begin
-        if (start_i) begin
-          gap_q    <= gap_i;
-          before_q <= before_i;
-          sum_q    <= SumBits'(before_i) + SumBits'(after_i);
-          state_q  <= Multiply;
-        end
-      end
+      Idle: ;
       Multiply: begin
         work_q  <= ProductBits'(gap_q) * ProductBits'(before_q);
         state_q <= Round;
@@ -81,11 +76,21 @@ module fl_interpolator #(
       end
       default: state_q <= Idle;
     endcase
+    if (abort_i) begin
+      valid_q <= 1'b0;
+      state_q <= Idle;
+    end
+    if (start_i) begin
+      gap_q    <= gap_i;
+      before_q <= before_i;
+      sum_q    <= SumBits'(before_i) + SumBits'(after_i);
+      state_q  <= Multiply;
+    end
     if (rst_i) begin
       state_q <= Idle;
       valid_q <= 1'b0;
     end else begin
-      assert (!(start_i && state_q != Idle))
+      assert (!(start_i && state_q != Idle && !abort_i))
       else $error("fl_interpolator: start while busy");
     end
   end

@@ -1,27 +1,34 @@
-// Zero-crossing detection: finds where the floating phase's terminal voltage passes the threshold of its sector.
+// Zero-crossing detection: finds where the floating phase's terminal voltage, or the third harmonic, passes the
+// threshold of its sector.
 //
-// rel = v_float - round(vdc * threshold_q17 / 2^17). The floating phase is C, B, A, C, B, A in sectors I..VI; it must
-// rise in II, IV, VI and fall in I, III, V (the other way round with cfg_reverse_i).
+// rel = v - round(vdc * threshold_q17 / 2^17). v, cfg_source_i:
+//   ZcTerminal   the floating phase's terminal: C, B, A, C, B, A in sectors I..VI    rel = 3/2 e at vdc/2
+//   ZcStarPoint  the star point of the sense resistors, channel vsm                 rel = v_SM = 1/2 e at vdc/2
+//   ZcMean       round((va + vb + vc) / 3), the same computed                       rel = v_SM
+// (v_SM = v - vdc/2, so that rel = v_SM - vdc * (threshold_q17 - 0x10000) / 2^17.) It must rise in II, IV, VI and fall
+// in I, III, V (the other way round with cfg_reverse_i).
 //
 // A sample counts when it was taken with the PWM on, cfg_settle_i after the last gate change, cfg_blank_i after the
-// last commutation, at margin <= v <= vdc - margin (not clamped by a diode), and right after cfg_need_previous_i
-// unclamped samples of the same on-state: same sector, no gate change in between. What was clamped or chopped off
-// therefore never takes part, on either side of the crossing.
+// last commutation, not clamped by a diode, and right after cfg_need_previous_i unclamped samples of the same on-state:
+// same sector, no gate change in between. What was clamped or chopped off therefore never takes part, on either side
+// of the crossing. Clamped: v < margin or v > vdc - margin; third harmonic, where a clamped phase gives |v_SM| = vdc/6:
+// |v_SM| > vdc/6 - margin, exactly 3 * (v - margin) < vdc or 3 * (v + margin) > 2 * vdc.
 //
-// Crossing of a sector visit, one a visit: the first sample that counts and is at or past the threshold. If a sample
-// before it counted, the time is interpolated between the last one before and this one, however long the chop-off gap
-// between them; if none did, the crossing was overridden: it is reported late, at the sample's time. The sample's own
-// time is also taken without cfg_interpolate_i and for gaps above 65535 clocks.
+// Crossing of a sector visit, one a visit: the first sample that counts and is at or past the threshold. If none before
+// it counted, the crossing was overridden: it is late. fl_crossing_time finds its time: sample's own, interpolated
+// across the chop-off gap, averaged, or computed back; peak and interval (mean_i with cfg_use_mean_i) serve the latter.
 //
 // Sector, time and ages are those of the sample, not of the clock in which it is looked at: a commutation that reaches
 // the gates while a sample is in the pipeline does not touch it. A new visit begins with a sample of another sector or
 // one whose comm_age is shorter than its distance from the sample before, and with enabling.
 //
-// Outputs: zc_valid_o is a pulse; time, sector, late flag and values stay until the next crossing. Values are rel of
-// the first sample after and of the last one before (0 when late), 2^17 = full scale, not inverted for falling sectors.
+// Outputs: zc_valid_o is a pulse; time, sector, flags and values stay until the next crossing. Values are rel of the
+// first sample after and of the last one before (0 when late), 2^17 = full scale, not inverted for falling sectors.
+// zc_late_o: overridden; zc_back_o: overridden, but the time is that of the crossing; zc_averaged_o: mean of samples.
 // Settings are taken over at update_i (reset: disabled).
-// Latency, sample_valid_i to zc_valid_o: DirectLatency for a sample's own time, InterpolatedLatency otherwise.
-// Asserted: samples are at least 4 clocks apart.
+// Latency, sample_valid_i to zc_valid_o: DirectLatency for a sample's own time, InterpolatedLatency and BackLatency;
+// averaged as in fl_crossing_time. ZcMean adds MeanLatency to each.
+// Asserted: samples are at least 4 clocks apart, 6 with ZcMean.
 `default_nettype none
 module fl_zcd
   import fl_pkg::*;
@@ -30,21 +37,34 @@ module fl_zcd
     localparam int unsigned Channels            = 2 * Phases + 3,
     // verilator lint_off UNUSEDPARAM
     localparam int unsigned DirectLatency       = 5,
-    localparam int unsigned InterpolatedLatency = 23
+    localparam int unsigned InterpolatedLatency = 23,
+    localparam int unsigned BackLatency         = 30,
+    localparam int unsigned MeanLatency         = 2
     // verilator lint_on UNUSEDPARAM
 ) (
-    input logic clk_i,
-    input logic rst_i,
+    input logic   clk_i,
+    input logic   rst_i,
+    input stamp_t now_i,
 
-    input logic              update_i,
-    input logic              cfg_enable_i,
-    input logic              cfg_interpolate_i,
-    input logic [ 1:0]       cfg_need_previous_i,  // samples
-    input logic [15:0]       cfg_settle_i,         // clocks
-    input logic [15:0]       cfg_blank_i,          // clocks
-    input logic [16:0]       cfg_margin_i,         // 2^17 = full scale
-    input logic [ 5:0][16:0] cfg_threshold_i,      // Q0.17 of vdc
-    input logic              cfg_reverse_i,
+    input logic                    update_i,
+    input logic                    cfg_enable_i,
+    input zc_method_e              cfg_method_i,         // 3 counts as interpolated
+    input logic                    cfg_compute_back_i,
+    input logic                    cfg_linear_i,         // flank: 0 sine, 1 straight line
+    input logic                    cfg_use_mean_i,       // 0: interval_i, 1: mean_i
+    input zc_source_e              cfg_source_i,         // 3 counts as terminal
+    input logic       [ 1:0]       cfg_need_previous_i,  // samples
+    input logic       [15:0]       cfg_settle_i,         // clocks
+    input logic       [15:0]       cfg_blank_i,          // clocks
+    input logic       [16:0]       cfg_margin_i,         // 2^17 = full scale
+    input logic       [16:0]       cfg_peak_i,           // 2^17 = full scale, 0: unknown
+    input logic       [ 7:0]       cfg_wait_q8_i,        // of an interval
+    input logic       [ 5:0][16:0] cfg_threshold_i,      // Q0.17 of vdc
+    input logic                    cfg_reverse_i,
+
+    input logic [23:0] interval_i,  // clocks, of the last crossing
+    input logic [23:0] mean_i,      // clocks, over the last six
+    input logic        known_i,
 
     input logic                      comm_applied_i,
     input logic                      sample_valid_i,
@@ -55,11 +75,15 @@ module fl_zcd
     output logic           zc_valid_o,
     output stamp_t         zc_time_o,
     output logic           zc_late_o,
+    output logic           zc_back_o,
+    output logic           zc_averaged_o,
     output sector_t        zc_sector_o,
     output sample_t        zc_value_o,
     output sample_t        zc_value_before_o,
-    output logic    [15:0] crossings_o,        // wraps
-    output logic    [15:0] late_o              // wraps
+    output logic    [15:0] crossings_o,        // these wrap
+    output logic    [15:0] late_o,
+    output logic    [15:0] back_o,
+    output logic    [15:0] averaged_o
 );
 
   if (Phases < 3) begin : gen_illegal
@@ -67,73 +91,87 @@ module fl_zcd
   end
 
   localparam int unsigned VdcChannel = 2 * Phases;
-
-  function automatic logic [1:0] floating_phase(sector_t sector);
-    unique case (sector)
-      3'd0, 3'd3: return 2'd2;
-      3'd1, 3'd4: return 2'd1;
-      default:    return 2'd0;
-    endcase
-  endfunction
-
-  // Magnitude of a value on the known side of the threshold.
-  function automatic logic [16:0] magnitude(sample_t value, logic negative);
-    return negative ? 17'(-value) : 17'(value);
-  endfunction
+  localparam int unsigned StarChannel = 2 * Phases + 2;
 
   // Active settings.
-  logic enable_q, interpolate_q, reverse_q;
+  logic enable_q, compute_back_q, linear_q, use_mean_q, reverse_q;
+  zc_method_e method_q;
+  zc_source_e source_q;
   logic [1:0] need_q;
   logic [15:0] settle_q, blank_q;
-  logic [16:0] margin_q;
+  logic [16:0] margin_q, peak_q;
+  logic [7:0] wait_q8_q;
   logic [5:0][16:0] threshold_q;
 
   always_ff @(posedge clk_i) begin
     if (update_i) begin
-      enable_q      <= cfg_enable_i;
-      interpolate_q <= cfg_interpolate_i;
-      need_q        <= cfg_need_previous_i;
-      settle_q      <= cfg_settle_i;
-      blank_q       <= cfg_blank_i;
-      margin_q      <= cfg_margin_i;
-      threshold_q   <= cfg_threshold_i;
-      reverse_q     <= cfg_reverse_i;
+      enable_q       <= cfg_enable_i;
+      method_q       <= cfg_method_i;
+      compute_back_q <= cfg_compute_back_i;
+      linear_q       <= cfg_linear_i;
+      use_mean_q     <= cfg_use_mean_i;
+      source_q       <= cfg_source_i;
+      need_q         <= cfg_need_previous_i;
+      settle_q       <= cfg_settle_i;
+      blank_q        <= cfg_blank_i;
+      margin_q       <= cfg_margin_i;
+      peak_q         <= cfg_peak_i;
+      wait_q8_q      <= cfg_wait_q8_i;
+      threshold_q    <= cfg_threshold_i;
+      reverse_q      <= cfg_reverse_i;
     end
     if (rst_i) enable_q <= 1'b0;
   end
 
-  // Stage 1: pick the sector's channel and threshold.
-  logic valid1_q, valid2_q, valid3_q;
+  // Stage 1: pick the sector's channel and threshold. The mean of the terminals takes two clocks more:
+  // sum / 3 = sum * 0x55555 / 2^20, which is the exactly rounded quotient for every sum of three samples.
+  logic mean_q, third_q, wait1_q, wait2_q, fresh_q, valid1_q, valid2_q, valid3_q;
   sample_t value_q, vdc_q;
+  logic signed [19:0] sum_q;
+  logic signed [26:0] sum_x85_q;
+  logic signed [39:0] third_product;
   logic [16:0] threshold1_q;
   stamp_t time_q;
   pwm_state_t pwm_q;
 
+  assign third_product = (40'(sum_x85_q) <<< 8) + 40'(sum_x85_q) + (40'(sum_q) * 40'sd5 <<< 16);
+  assign valid1_q      = mean_q ? wait2_q : fresh_q;
+
   always_ff @(posedge clk_i) begin
-    valid1_q <= sample_valid_i && enable_q;
-    valid2_q <= valid1_q;
-    valid3_q <= valid2_q;
+    fresh_q   <= sample_valid_i && enable_q;
+    wait1_q   <= fresh_q && mean_q;
+    wait2_q   <= wait1_q;
+    valid2_q  <= valid1_q;
+    valid3_q  <= valid2_q;
+    sum_x85_q <= 27'(sum_q) * 27'sd85;
+    if (wait1_q) value_q <= sample_t'((third_product + 40'sh80000) >>> 20);
     if (sample_valid_i && enable_q) begin
-      value_q      <= sample_i[floating_phase(sample_pwm_i.sector)];
+      value_q      <= (source_q == ZcStarPoint) ? sample_i[StarChannel] : sample_i[floating_phase(sample_pwm_i.sector)];
+      sum_q        <= 20'(sample_i[0]) + 20'(sample_i[1]) + 20'(sample_i[2]);
+      mean_q       <= source_q == ZcMean;
+      third_q      <= source_q == ZcMean || source_q == ZcStarPoint;
       vdc_q        <= sample_i[VdcChannel];
       threshold1_q <= (sample_pwm_i.sector < 3'd6) ? threshold_q[sample_pwm_i.sector] : '0;
       time_q       <= sample_time_i;
       pwm_q        <= sample_pwm_i;
     end
     if (rst_i) begin
-      valid1_q <= 1'b0;
+      fresh_q  <= 1'b0;
+      wait1_q  <= 1'b0;
+      wait2_q  <= 1'b0;
       valid2_q <= 1'b0;
       valid3_q <= 1'b0;
     end else begin
-      assert (!(sample_valid_i && (valid1_q || valid2_q || valid3_q)))
-      else $error("fl_zcd: samples closer than 4 clocks");
+      assert (!(sample_valid_i && (fresh_q || wait1_q || wait2_q || valid2_q || valid3_q)))
+      else $error("fl_zcd: samples too close");
     end
   end
 
   // Stage 2: threshold product, limits, ages, distances to the sample before and to the last one that counted.
   logic signed [35:0] product_q;
-  logic signed [18:0] high_q;
-  logic low_clamped_q, aged_q, long_q, gap_long_q;
+  logic signed [18:0] low_q, high_q;  // value - margin, value + margin
+  logic signed [20:0] low, high, low_limit, high_limit;
+  logic aged_q, long_q, gap_long_q;
   logic [15:0] since_q, gap_q;  // clocks
   stamp_t previous_time_q, before_time_q, since, gap;
 
@@ -142,14 +180,14 @@ module fl_zcd
 
   always_ff @(posedge clk_i) begin
     if (valid1_q) begin
-      product_q     <= 36'(vdc_q) * 36'($signed({1'b0, threshold1_q}));
-      high_q        <= 19'(vdc_q) - 19'($signed({1'b0, margin_q}));
-      low_clamped_q <= value_q < $signed({1'b0, margin_q});
-      aged_q        <= pwm_q.on && pwm_q.age >= settle_q && pwm_q.comm_age >= blank_q;
-      long_q        <= since[31:16] != '0;
-      since_q       <= since[15:0];
-      gap_long_q    <= gap[31:16] != '0;
-      gap_q         <= gap[15:0];
+      product_q  <= 36'(vdc_q) * 36'($signed({1'b0, threshold1_q}));
+      low_q      <= 19'(value_q) - 19'($signed({1'b0, margin_q}));
+      high_q     <= 19'(value_q) + 19'($signed({1'b0, margin_q}));
+      aged_q     <= pwm_q.on && pwm_q.age >= settle_q && pwm_q.comm_age >= blank_q;
+      long_q     <= since[31:16] != '0;
+      since_q    <= since[15:0];
+      gap_long_q <= gap[31:16] != '0;
+      gap_q      <= gap[15:0];
     end
   end
 
@@ -164,11 +202,17 @@ module fl_zcd
   // A pause of the sampler outlasts the 16-bit age: then only the commutation pulse tells.
   assign visit_break = long_q ? applied_q : pwm_q.comm_age < since_q;
 
+  // Third harmonic: both sides of the comparison three times as large.
+  assign low         = third_q ? 21'(low_q) * 21'sd3 : 21'(low_q);
+  assign high        = third_q ? 21'(high_q) * 21'sd3 : 21'(high_q);
+  assign low_limit   = third_q ? 21'(vdc_q) : 21'sd0;
+  assign high_limit  = third_q ? 21'(vdc_q) <<< 1 : 21'(vdc_q);
+
   always_ff @(posedge clk_i) begin
     if (comm_applied_i) applied_q <= 1'b1;
     if (valid2_q) begin
       rel_q <= 18'(19'(value_q) - 19'(product_q >>> 17) - 19'($signed({1'b0, product_q[16]})));
-      clamped_q <= low_clamped_q || 19'(value_q) > high_q;
+      clamped_q <= low < low_limit || high > high_limit;
       same_state_q <= same_sector && !long_q && pwm_q.age >= since_q;
       new_visit_q <= !same_sector || visit_break;
       known_q <= 1'b1;
@@ -181,9 +225,8 @@ module fl_zcd
 
   // Stage 4: decide.
   logic [1:0] run_before, run_q;  // unclamped samples in a row in this on-state, up to 3
-  logic rising, counts, past, open, have_before, crossing, late, interpolate;
+  logic rising, counts, past, open, have_before, count, crossing;
   logic done_q, have_before_q;  // of this visit
-  sample_t before_rel_q;
 
   always_comb begin
     rising      = pwm_q.sector[0] ^ reverse_q;
@@ -192,21 +235,11 @@ module fl_zcd
     past        = rising ? !rel_q[17] : (rel_q[17] || rel_q == '0);
     open        = new_visit_q || !done_q;
     have_before = !new_visit_q && have_before_q;
-    crossing    = valid3_q && counts && open && past;
-    late        = !have_before;
-    interpolate = interpolate_q && have_before && !gap_long_q;
+    count       = valid3_q && counts;
+    crossing    = count && open && past;
   end
 
-  // The crossing that is being timed.
-  logic direct_q, busy, interpolated;
-  logic late_q;
-  sector_t sector_q;
-  sample_t value_after_q, value_before_q;
-  stamp_t base_q;
-  logic [15:0] offset;
-
   always_ff @(posedge clk_i) begin
-    direct_q <= crossing && !interpolate;
     if (valid3_q) begin
       run_q <= (!pwm_q.on || clamped_q) ? '0 : (run_before == '1) ? '1 : run_before + 2'd1;
       done_q <= !open || crossing;
@@ -214,60 +247,47 @@ module fl_zcd
       if (counts && open && !past) begin
         have_before_q <= 1'b1;
         before_time_q <= time_q;
-        before_rel_q  <= rel_q;
       end
     end
-    if (crossing) begin
-      late_q         <= late;
-      sector_q       <= pwm_q.sector;
-      value_after_q  <= rel_q;
-      value_before_q <= late ? '0 : before_rel_q;
-      base_q         <= interpolate ? before_time_q : time_q;
-    end
-    if (rst_i) direct_q <= 1'b0;
-    else begin
-      assert (!(crossing && (busy || direct_q)))
-      else $error("fl_zcd: crossing while the one before is being timed");
-    end
   end
 
-  fl_interpolator #(
-      .TimeBits (16),
-      .ValueBits(17)
-  ) u_interpolator (
+  fl_crossing_time u_time (
       .clk_i,
       .rst_i,
-      .start_i (crossing && interpolate && !busy),
-      .gap_i   (gap_q),
-      .before_i(magnitude(before_rel_q, rising)),
-      .after_i (magnitude(rel_q, !rising)),
-      .busy_o  (busy),
-      .valid_o (interpolated),
-      .offset_o(offset)
+      .now_i,
+      .method_i      (method_q),
+      .compute_back_i(compute_back_q),
+      .linear_i      (linear_q),
+      .peak_i        (peak_q),
+      .wait_q8_i     (wait_q8_q),
+      .interval_i    (use_mean_q ? mean_i : interval_i),
+      .known_i,
+      .clear_i       (!enable_q),
+      .comm_applied_i,
+      .first_i       (!have_before),
+      .count_i       (count),
+      .crossing_i    (crossing),
+      .open_i        (open),
+      .rising_i      (rising),
+      .sector_i      (pwm_q.sector),
+      .time_i        (time_q),
+      .rel_i         (rel_q),
+      .before_time_i (before_time_q),
+      .gap_i         (gap_q),
+      .gap_long_i    (gap_long_q),
+      .zc_valid_o,
+      .zc_time_o,
+      .zc_late_o,
+      .zc_back_o,
+      .zc_averaged_o,
+      .zc_sector_o,
+      .zc_value_o,
+      .zc_value_before_o,
+      .crossings_o,
+      .late_o,
+      .back_o,
+      .averaged_o
   );
-
-  always_ff @(posedge clk_i) begin
-    zc_valid_o <= direct_q || interpolated;
-    if (direct_q || interpolated) begin
-      zc_time_o         <= direct_q ? base_q : base_q + stamp_t'(offset);
-      zc_late_o         <= late_q;
-      zc_sector_o       <= sector_q;
-      zc_value_o        <= value_after_q;
-      zc_value_before_o <= value_before_q;
-      crossings_o       <= crossings_o + 16'd1;
-      if (late_q) late_o <= late_o + 16'd1;
-    end
-    if (rst_i) begin
-      zc_valid_o        <= 1'b0;
-      zc_time_o         <= '0;
-      zc_late_o         <= 1'b0;
-      zc_sector_o       <= '0;
-      zc_value_o        <= '0;
-      zc_value_before_o <= '0;
-      crossings_o       <= '0;
-      late_o            <= '0;
-    end
-  end
 
 endmodule
 `default_nettype wire

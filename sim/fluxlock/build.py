@@ -60,7 +60,7 @@ def generate_registers(force: bool = False) -> Path:
     Returns the folder. The HTML reference is a step of its own (`html`).
     """
     sources = list((RTL / "regs").glob("*.rdl"))
-    key = content_hash([*sources, Path(regblock.__file__)], REGBLOCK_OPTIONS, IO_BASE)
+    key = content_hash([*sources, Path(regblock.__file__)], REGISTER_BLOCKS, REGBLOCK_OPTIONS, IO_BASE)
     stamp = GENERATED / ".regs.stamp"
     with file_lock(BUILD / ".regs.lock"):
         if not force and stamp.exists() and stamp.read_text() == key:

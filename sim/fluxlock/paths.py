@@ -15,7 +15,20 @@ BUILD = ROOT / "build"
 GENERATED = BUILD / "generated"
 
 # Blocks with registers, in the order of the address map.
-REGISTER_BLOCKS = ("sys", "irq", "timer", "uart", "sense", "zcd", "comm", "pwm", "safety", "capture")
+REGISTER_BLOCKS = (
+    "sys",
+    "irq",
+    "timer",
+    "uart",
+    "sense",
+    "zcd",
+    "comm",
+    "pwm",
+    "safety",
+    "capture",
+    "freewheel",
+    "hall",
+)
 
 
 def package_dir(name: str) -> Path:

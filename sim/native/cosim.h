@@ -4,7 +4,7 @@
 
 // Plant kernel: advance to t_cycle with the old gates, then take `gates`.
 // gates: bit 2X = upper, 2X+1 = lower switch of leg X, in force from now on. flags: bit 0 sample strobe, bit 1 gates changed.
-// state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault).
+// state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault, 1..3 Hall A, B, C).
 // Returns 0, else a fault code; the kernel is not called again after one.
 typedef int32_t (*plant_fn)(int64_t t_cycle, int32_t gates, int32_t flags, double* state, int32_t* io);
 
@@ -19,7 +19,7 @@ enum log_kind : int64_t {
     LOG_TRIP = 4,         // a: causes
     LOG_UPDATE = 5,       // committed settings took effect
     LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
-    LOG_PINS = 7,         // a: pins driven by the plant (bit 0 gate-driver fault), from after this edge on
+    LOG_PINS = 7,         // a: pins driven by the plant (bit 0 gate-driver fault, 1..3 Hall A, B, C), from after this edge on
 };
 
 struct cosim_status_t {

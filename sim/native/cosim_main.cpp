@@ -167,10 +167,15 @@ void console_step(Vtop* t) {
     }
 }
 
+void drive_pins(Vtop* t, int32_t pins) {
+    t->fault_pin_i = pins & 1;
+    t->hall_i = pins >> 1 & 7;
+}
+
 void set_pins(Vtop* t, int32_t pins) {
     if (pins == C.pins) return;
     C.pins = pins;
-    t->fault_pin_i = pins & 1;
+    drive_pins(t, pins);
     log_row(LOG_PINS, pins, 0);
     if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 1, pins});
 }
@@ -238,7 +243,7 @@ void slow_step(Vtop* t) {
             C.valid_at = NEVER;
             C.valid_low_at = C.st.cycle + 1;
         }
-        while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle) t->fault_pin_i = R.pins[R.pin++].value & 1;
+        while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle) drive_pins(t, R.pins[R.pin++].value);
         console_step(t);
         plan();
     }
@@ -257,7 +262,7 @@ void power_up(Vtop* t) {
     t->clk_i = 0;
     t->rst_i = 1;
     t->adc_valid_i = 0;
-    t->fault_pin_i = 0;
+    drive_pins(t, 0);
     t->uart_rx_i = 1;
     put_codes(t);
     t->eval();

@@ -129,7 +129,7 @@ HOT static void write_pwm(const chip_command_t *command) {
 
 HOT static void write_crossings(const chip_command_t *command, const parameters_t *p) {
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__INTERPOLATE, p->zcd_interpolate) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__METHOD, p->zcd_interpolate) |
                                   FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous));
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |

@@ -28,7 +28,7 @@ class LogKind(IntEnum):
     TRIP = 4  # a = causes, bits in the order of TRIP_CAUSES
     UPDATE = 5  # shadowed settings took effect
     STROBE = 6  # sample strobe; logged on request
-    PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault
+    PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
 
 
 class PlantEventKind(IntEnum):

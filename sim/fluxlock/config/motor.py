@@ -67,6 +67,19 @@ class Load(Model):
         )
 
 
+class Hall(Model):
+    """Hall sensors. Sensor A shows e_A > e_B, B e_B > e_C, C e_C > e_A: edges at the commutation angles."""
+
+    offset_deg: PhaseValues = quantity(
+        "Misplacement: how late the edges of a sensor come at positive speed, electrical. One number, or three "
+        "for sensors A, B, C.",
+        "deg",
+        -60,
+        60,
+        default=(0.0, 0.0, 0.0),
+    )
+
+
 class Motor(Model):
     """A star-connected three-phase permanent-magnet machine with isolated star point."""
 
@@ -100,6 +113,7 @@ class Motor(Model):
     inertia_kgm2: float = quantity("Inertia of rotor and load.", "kg*m^2", 1e-10, 10)
     rated_current_a: float = quantity("Rated DC current through two phases.", "A", 0.01, 2000)
     max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
+    hall: Hall | None = Field(default=None, description="Hall sensors, if there are any.")
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
 
     @model_validator(mode="after")

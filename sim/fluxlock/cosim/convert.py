@@ -115,6 +115,7 @@ def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ..
             psi_vs=m.psi_vs,
             emf=m.emf,
             flat_top_deg=m.flat_top_deg,
+            hall_offset_deg=m.hall.offset_deg if m.hall else None,
         ),
         inverter=InverterParams(
             supply_v=i.supply_v,

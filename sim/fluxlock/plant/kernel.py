@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from . import layout as L
 from .circuit import connect, link_now
 from .emf import corner_limit, shape_now, turn
@@ -106,6 +108,17 @@ def advance(s: Vector, gates: int, duration: float) -> int:
     return L.OK
 
 
+def hall_pins(s: Vector) -> int:
+    """Outputs of the Hall sensors A, B, C in bits 1, 2, 3: e_A > e_B and so on, each turned by its offset."""
+    pins = 0
+    if s[L.HALL] > 0.0:
+        for x in range(L.PHASES):
+            angle = s[L.THETA] + math.pi * (7.0 / 6.0 - 2.0 / 3.0 * x)
+            if math.sin(angle - s[L.HALL_OFFSET + x]) > 0.0:
+                pins += 2 << x
+    return pins
+
+
 def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -> int:
     """Advance to t_cycle, sample and record as flagged, then take the gates. Returns a fault code."""
     old = int(s[L.GATES])
@@ -141,6 +154,6 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
             code = record_zoom(s, gates)
             if code != L.OK:
                 return code
-    io[L.IO_PINS] = int(s[L.FAULT_PIN])
+    io[L.IO_PINS] = int(s[L.FAULT_PIN]) + hall_pins(s)
     io[L.IO_HEARTBEAT] += 1
     return L.OK

@@ -79,6 +79,8 @@ NOISE_LSB = _take()
 NOISE_KEY = _take(1 + CHANNELS)  # 32-bit keys from the seed: one for the sample number, one a channel
 STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
 FAULT_PIN = _take()
+HALL = _take()  # 1: there are Hall sensors
+HALL_OFFSET = _take(3)  # how late each one's edges come, electrical rad
 
 # --- recording
 WAVE_EVERY = _take()  # record each n-th strobe; 0 = none

@@ -32,6 +32,7 @@ class MachineParams:
 
     l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. psi_vs: peak phase EMF divided by
     electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
+    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none.
     """
 
     pole_pairs: int
@@ -41,6 +42,7 @@ class MachineParams:
     m_h: Triple = (0.0, 0.0, 0.0)
     emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
     flat_top_deg: float = 120.0
+    hall_offset_deg: Triple | None = None
     phases: int = 3
 
     def __post_init__(self) -> None:
@@ -50,6 +52,8 @@ class MachineParams:
         require(finite_at_least(0.0, *self.psi_vs), "psi_vs", self.psi_vs, "at least 0")
         require(self.emf in ("sinusoidal", "trapezoidal"), "emf", self.emf, "sinusoidal or trapezoidal")
         require(0.0 <= self.flat_top_deg <= 175.0, "flat_top_deg", self.flat_top_deg, "0 to 175")
+        offsets = self.hall_offset_deg or (0.0, 0.0, 0.0)
+        require(all(abs(d) <= 60.0 for d in offsets), "hall_offset_deg", self.hall_offset_deg, "-60 to 60")
         (la, lb, lc), (mab, mbc, mca) = self.l_h, self.m_h
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         definite = aa > 0.0 and aa * bb - ab * ab > 0.0

@@ -224,13 +224,13 @@ class Plant:
             s[L.STUCK + index] = stuck
         elif kind == "fault_pin":
             s[L.FAULT_PIN] = float(level)
-            self.io[L.IO_PINS] = int(level)
+            self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1 | int(level)
         elif kind == "clear":
             self._turns = [1.0] * L.PHASES
             self._rewind()
             s[L.STUCK : L.STUCK + L.CHANNELS] = -1.0
             s[L.FAULT_PIN] = 0.0
-            self.io[L.IO_PINS] = 0
+            self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1
         else:
             require(False, "kind", kind, "shorted_winding, supply, stuck_channel, fault_pin or clear")
 

@@ -21,6 +21,9 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1
     """Write machine parameters; `turns` are the fractions of each winding's turns that still act."""
     s[L.POLE_PAIRS] = machine.pole_pairs
     s[L.TRAPEZOID] = machine.emf == "trapezoidal"
+    s[L.HALL] = machine.hall_offset_deg is not None
+    for x, offset_deg in enumerate(machine.hall_offset_deg or ()):
+        s[L.HALL_OFFSET + x] = math.radians(offset_deg)
     s[L.RAMP] = math.radians((180.0 - machine.flat_top_deg) / 2.0)
     mutual = {(0, 1): machine.m_h[0], (1, 2): machine.m_h[1], (0, 2): machine.m_h[2]}
     for x in range(L.PHASES):

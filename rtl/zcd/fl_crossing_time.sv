@@ -1,0 +1,365 @@
+// Time of a crossing that fl_zcd has found: direct, interpolated, averaged, or computed back.
+//
+// Samples come with count_i when they count for the visit, in order of time: those before the crossing, the crossing
+// sample itself (with crossing_i), those after it. rel is the value against the threshold.
+//   direct        t = time of the crossing sample: late crossings, method FIRST, gaps above 65535 clocks
+//   interpolated  t = t_before + gap * |rel_before| / (|rel_before| + |rel|), the straight line across the gap
+//   averaged      t = mean of t_i -+ d(|rel_i|), 4 samples before and 4 after, else 2 and 2 (d: fl_angle_time);
+//                 interpolated where fewer count, the interval or the peak is unknown, or one of them saturates
+//   computed back t = t_i - d(|rel_i|) of a late crossing with compute_back_i, direct where that saturates (sine) or
+//                 interval or peak are unknown (six-step.md: better than the thesis)
+// An averaged crossing waits for samples until now_i is interval * wait / 2^8 after it or the visit ends (comm_applied_i)
+// and is then reported with those that are worked out. A new crossing drops one that still waits.
+//
+// Latency, crossing_i to zc_valid_o: direct 2, interpolated 20, computed back BackLatency, averaged 22 to AverageLatency
+// where the samples are there, and never later than the wait limit + 4 (20 if that is later).
+// Asserted: no crossing while one is being interpolated or handed over.
+`default_nettype none
+module fl_crossing_time
+  import fl_pkg::*;
+#(
+    // verilator lint_off UNUSEDPARAM
+    localparam int unsigned BackLatency    = 27,
+    localparam int unsigned AverageLatency = 20 + 8 * 27 + 2
+    // verilator lint_on UNUSEDPARAM
+) (
+    input logic   clk_i,
+    input logic   rst_i,
+    input stamp_t now_i,
+
+    input zc_method_e        method_i,
+    input logic              compute_back_i,
+    input logic              linear_i,
+    input logic       [16:0] peak_i,          // 2^17 = full scale, 0: unknown
+    input logic       [ 7:0] wait_q8_i,       // of an interval
+    input logic       [23:0] interval_i,      // clocks
+    input logic              known_i,         // interval_i is a measured one
+
+    input logic           clear_i,         // drop a crossing that waits
+    input logic           comm_applied_i,
+    input logic           first_i,         // with count_i: no sample of this visit counted before
+    input logic           count_i,
+    input logic           crossing_i,      // with count_i
+    input logic           open_i,          // with count_i: the visit's crossing is still to come
+    input logic           rising_i,
+    input sector_t        sector_i,
+    input stamp_t         time_i,
+    input sample_t        rel_i,
+    input stamp_t         before_time_i,   // of the last sample that counted before the crossing
+    input logic    [15:0] gap_i,           // clocks since then
+    input logic           gap_long_i,      // more than that
+
+    output logic           zc_valid_o,
+    output stamp_t         zc_time_o,
+    output logic           zc_late_o,
+    output logic           zc_back_o,
+    output logic           zc_averaged_o,
+    output sector_t        zc_sector_o,
+    output sample_t        zc_value_o,
+    output sample_t        zc_value_before_o,
+    output logic    [15:0] crossings_o,        // these wrap
+    output logic    [15:0] late_o,
+    output logic    [15:0] back_o,
+    output logic    [15:0] averaged_o
+);
+
+  // Distance from the threshold.
+  function automatic logic [16:0] magnitude(sample_t value);
+    if (value == 18'sh20000) return '1;
+    return value[17] ? 17'(-value) : 17'(value);
+  endfunction
+
+  typedef enum logic [2:0] {
+    Idle,
+    Interpolate,  // the divider runs
+    Back,         // the distance of a late crossing's sample is worked out
+    Choose,       // averaged: pick the next sample that is there
+    Angle,        // averaged: its distance is worked out
+    Report        // averaged: mean
+  } state_e;
+
+  state_e state_d, state_q;
+
+  // Samples around the crossing: 0..3 before it (a ring), 4..7 after it.
+  localparam int unsigned EntryBits = 32 + 18 + 1;
+  (* ram_style = "distributed" *) logic [EntryBits-1:0] store[8];
+  logic [EntryBits-1:0] entry_q;
+  logic [1:0] newest_q;  // place of the last one before
+  logic [2:0] before_q, after_q;  // samples stored, 0..4
+  logic [2:0] before_next;
+  logic store_we;
+  logic [2:0] store_address;
+  logic take_before, take_after, past;
+
+  logic late, can_interpolate, can_angle;
+  logic busy, interpolated;
+  logic [15:0] offset;
+
+  assign late            = first_i;
+  assign can_interpolate = method_i != ZcFirst && !late && !gap_long_i;
+  assign can_angle       = known_i && peak_i != '0;
+  assign past            = rising_i ? !rel_i[17] : (rel_i[17] || rel_i == '0);
+
+  assign take_before     = count_i && open_i && !crossing_i;
+  assign take_after      = count_i && !open_i && !crossing_i && after_q != 3'd4;
+  assign before_next     = first_i ? 3'd0 : before_q;
+
+  // The ring turns with every sample before the crossing.
+  assign store_we        = take_before || take_after || crossing_i;
+  assign store_address   = take_before ? {1'b0, newest_q + 2'd1} : {1'b1, crossing_i ? 2'd0 : after_q[1:0]};
+
+  always_ff @(posedge clk_i) begin
+    if (store_we) store[store_address] <= {past, rel_i, time_i};
+    if (take_before) begin
+      newest_q <= newest_q + 2'd1;
+      before_q <= (before_next == 3'd4) ? 3'd4 : before_next + 3'd1;
+      after_q  <= 3'd4;
+    end
+    if (crossing_i) after_q <= 3'd1;
+    else if (take_after) after_q <= after_q + 3'd1;
+    if (clear_i || rst_i) begin
+      newest_q <= '0;
+      before_q <= '0;
+      after_q  <= 3'd4;
+    end
+  end
+
+  // The crossing that is being timed.
+  logic late_q, direct_q, average_q;
+  sector_t sector_q;
+  sample_t before_rel_q, value_after_q, value_before_q;
+  stamp_t base_q;
+
+  always_ff @(posedge clk_i) begin
+    if (take_before) before_rel_q <= rel_i;
+    if (crossing_i) begin
+      late_q         <= late;
+      average_q      <= method_i == ZcAveraged && before_q >= 3'd2 && can_angle;
+      sector_q       <= sector_i;
+      value_after_q  <= rel_i;
+      value_before_q <= late ? '0 : before_rel_q;
+      base_q         <= can_interpolate ? before_time_i : time_i;
+    end else if (interpolated && state_q == Interpolate) begin
+      base_q <= base_q + stamp_t'(offset);
+    end
+  end
+
+  // Averaging. Order of work: after 0, before 0, 1 make up the first half with after 1; then the second one.
+  logic [7:0] done_q;  // worked out: before 0..3 (from the newest), after 0..3
+  logic [7:0] there, open_work;
+  logic [2:0] pick, pick_q;
+  logic first_half, all_four, first_failed_q, second_failed_q, wait_over_q, enough, last_four_q;
+  logic signed [31:0] sum_first_q, sum_second_q, estimate, mean;
+  logic angle_start, angle_started_q, angle_valid, angle_done, angle_saturated;
+  logic [16:0] angle_value;
+  logic [24:0] distance;
+  logic signed [31:0] signed_distance;
+  stamp_t elapsed;
+  logic [31:0] limit_q;
+  logic [7:0] wait_q;
+  logic [3:0] wait_count_q;
+
+  always_comb begin
+    for (int unsigned i = 0; i < 4; i++) begin
+      there[i]   = before_q > 3'(i);
+      there[4+i] = after_q > 3'(i);
+    end
+    open_work = there & ~done_q;
+    // The second half only counts when all eight are there to come.
+    if (!all_four) open_work &= 8'b0011_0011;
+    pick = 3'd0;
+    unique casez (open_work)
+      8'b???1_????: pick = 3'd4;
+      8'b???0_???1: pick = 3'd0;
+      8'b???0_??10: pick = 3'd1;
+      8'b??10_??00: pick = 3'd5;
+      8'b??00_?100: pick = 3'd2;
+      8'b??00_1000: pick = 3'd3;
+      8'b?100_0000: pick = 3'd6;
+      8'b1000_0000: pick = 3'd7;
+      default:      pick = 3'd0;
+    endcase
+  end
+
+  assign first_half = done_q[1:0] == '1 && done_q[5:4] == '1 && !first_failed_q;
+  assign all_four = before_q == 3'd4;
+  assign enough = first_failed_q || (first_half && (!all_four || done_q == '1 || second_failed_q));
+  assign elapsed = now_i - base_q;
+
+  // t_i - base_q -+ distance; sign by the side on which the sample lies.
+  assign signed_distance = $signed({7'd0, distance});
+  assign estimate = $signed(entry_q[31:0] - base_q) + (entry_q[EntryBits-1] ? -signed_distance : signed_distance);
+  assign mean = last_four_q ? (sum_first_q + sum_second_q + 32'sd4) >>> 3 : (sum_first_q + 32'sd2) >>> 2;
+
+  logic busy_average;
+  assign busy_average = state_q == Choose || state_q == Angle || state_q == Report;
+
+  always_comb begin
+    state_d     = state_q;
+    angle_start = 1'b0;
+    unique case (state_q)
+      Idle: ;
+      Interpolate: if (interpolated) state_d = average_q ? Choose : Idle;
+      Back: begin
+        angle_start = !angle_started_q;
+        if (angle_done) state_d = Idle;
+      end
+      Choose: begin
+        if (enough || wait_over_q) state_d = Report;
+        else if (open_work != '0) state_d = Angle;
+      end
+      Angle: begin
+        angle_start = !angle_started_q;
+        if (wait_over_q) state_d = Report;
+        else if (angle_done) state_d = Choose;
+      end
+      Report: state_d = Idle;
+      default: state_d = Idle;
+    endcase
+    if (busy_average && clear_i) state_d = Idle;
+    if (crossing_i) begin
+      state_d = Idle;
+      if (can_interpolate) state_d = Interpolate;
+      else if (late && compute_back_i && can_angle) state_d = Back;
+    end
+  end
+
+  assign angle_done  = angle_valid && angle_started_q;
+  assign angle_value = (state_q == Back) ? magnitude(value_after_q) : magnitude(sample_t'(entry_q[49:32]));
+
+  always_ff @(posedge clk_i) begin
+    state_q         <= state_d;
+    direct_q        <= crossing_i && state_d == Idle;
+    // What the unit still worked on for a crossing that is gone is not taken.
+    angle_started_q <= (state_q == Back || state_q == Angle) && state_d == state_q && !crossing_i;
+    if (state_q == Choose) begin
+      pick_q  <= pick;
+      entry_q <= store[pick[2]?pick : {1'b0, newest_q-pick[1:0]}];
+    end
+    if (state_q == Angle && angle_done) begin
+      done_q[pick_q] <= 1'b1;
+      if (pick_q[1]) begin
+        sum_second_q <= sum_second_q + estimate;
+        if (angle_saturated) second_failed_q <= 1'b1;
+      end else begin
+        sum_first_q <= sum_first_q + estimate;
+        if (angle_saturated) first_failed_q <= 1'b1;
+      end
+    end
+    last_four_q <= done_q == '1 && !second_failed_q;
+    // Wait limit: interval * wait_q8 by shifts while the divider runs; then the clock decides.
+    if (wait_count_q != 4'd0) begin
+      wait_count_q <= wait_count_q - 4'd1;
+      wait_q       <= {1'b0, wait_q[7:1]};
+      limit_q      <= (limit_q >> 1) + (wait_q[0] ? {1'b0, interval_i, 7'd0} : 32'd0);
+    end
+    if (busy_average && (elapsed >= 32'(limit_q[31:8]) && !elapsed[31] || comm_applied_i)) wait_over_q <= 1'b1;
+    if (crossing_i) begin
+      done_q          <= '0;
+      sum_first_q     <= '0;
+      sum_second_q    <= '0;
+      first_failed_q  <= 1'b0;
+      second_failed_q <= 1'b0;
+      wait_over_q     <= 1'b0;
+      limit_q         <= '0;
+      wait_q          <= wait_q8_i;
+      wait_count_q    <= 4'd8;
+    end else if (comm_applied_i) begin
+      wait_over_q <= 1'b1;
+    end
+    if (rst_i) begin
+      state_q  <= Idle;
+      direct_q <= 1'b0;
+    end else begin
+      assert (!(crossing_i && (busy && state_q == Interpolate || direct_q)))
+      else $error("fl_crossing_time: crossing while the one before is being timed");
+    end
+  end
+
+  // One divider for the interpolation and for the arc sine's argument.
+  logic div_start, start_interpolation;
+  logic [16:0] div_before, div_after;
+
+  assign start_interpolation = crossing_i && can_interpolate && !(busy && state_q == Interpolate);
+
+  fl_angle_time u_angle (
+      .clk_i,
+      .rst_i,
+      .start_i     (angle_start),
+      .value_i     (angle_value),
+      .peak_i,
+      .interval_i,
+      .linear_i,
+      .div_start_o (div_start),
+      .div_before_o(div_before),
+      .div_after_o (div_after),
+      .div_valid_i (interpolated),
+      .div_offset_i(offset),
+      .busy_o      (),
+      .valid_o     (angle_valid),
+      .distance_o  (distance),
+      .saturated_o (angle_saturated)
+  );
+
+  fl_interpolator #(
+      .TimeBits (16),
+      .ValueBits(17)
+  ) u_interpolator (
+      .clk_i,
+      .rst_i,
+      .start_i (start_interpolation || div_start),
+      .abort_i (start_interpolation || div_start),
+      .gap_i   (start_interpolation ? gap_i : '1),
+      .before_i(start_interpolation ? magnitude(before_rel_q) : div_before),
+      .after_i (start_interpolation ? magnitude(rel_i) : div_after),
+      .busy_o  (busy),
+      .valid_o (interpolated),
+      .offset_o(offset)
+  );
+
+  // Report.
+  logic report_interpolated, report_back, report_mean, back_taken, mean_taken, emit;
+
+  assign report_interpolated = state_q == Interpolate && interpolated && !average_q;
+  assign report_back         = state_q == Back && angle_done;
+  assign report_mean         = state_q == Report;
+  assign back_taken          = report_back && (linear_i || !angle_saturated);
+  assign mean_taken          = report_mean && first_half;
+  assign emit                = direct_q || report_interpolated || report_back || report_mean;
+
+  always_ff @(posedge clk_i) begin
+    zc_valid_o <= emit;
+    if (emit) begin
+      zc_time_o <= base_q;
+      if (report_interpolated) zc_time_o <= base_q + stamp_t'(offset);
+      if (back_taken) zc_time_o <= base_q - stamp_t'(distance);
+      if (mean_taken) zc_time_o <= base_q + stamp_t'(mean);
+      zc_late_o         <= late_q;
+      zc_back_o         <= back_taken;
+      zc_averaged_o     <= mean_taken;
+      zc_sector_o       <= sector_q;
+      zc_value_o        <= value_after_q;
+      zc_value_before_o <= value_before_q;
+      crossings_o       <= crossings_o + 16'd1;
+      if (late_q) late_o <= late_o + 16'd1;
+      if (back_taken) back_o <= back_o + 16'd1;
+      if (mean_taken) averaged_o <= averaged_o + 16'd1;
+    end
+    if (rst_i) begin
+      zc_valid_o        <= 1'b0;
+      zc_time_o         <= '0;
+      zc_late_o         <= 1'b0;
+      zc_back_o         <= 1'b0;
+      zc_averaged_o     <= 1'b0;
+      zc_sector_o       <= '0;
+      zc_value_o        <= '0;
+      zc_value_before_o <= '0;
+      crossings_o       <= '0;
+      late_o            <= '0;
+      back_o            <= '0;
+      averaged_o        <= '0;
+    end
+  end
+
+endmodule
+`default_nettype wire
