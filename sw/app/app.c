@@ -55,7 +55,13 @@ HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
   if (drive->p != 0) {
     chip_snapshot_t snapshot;
-    chip_read(&snapshot, drive->state == STATE_INIT);
+    chip_read(&snapshot);
+    if (drive->state == STATE_INIT) {
+      chip_read_offsets(&snapshot);
+    }
+    if (drive->command.read_sectors) {
+      chip_read_sectors(&snapshot);
+    }
     drive_step(drive, &snapshot);
     const bool enable = drive->command.gate_enable;
     if (enable != app->gate_enable_written || drive->command.clear_trips) {

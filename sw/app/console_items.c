@@ -19,26 +19,77 @@ typedef enum {
   ITEM_IDC_A,
   ITEM_MOTOR_A,
   ITEM_LOST_LOCKS,
+  ITEM_THRESHOLD_PU,
+  ITEM_CATCHES,
+  ITEM_LINE_A,
+  ITEM_REFERENCE_A,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
+  ITEM_ADVANCE_SPEED_Q16,
+  ITEM_ADVANCE_CURRENT_Q16,
   ITEM_COMMUTATION,
   ITEM_PATTERN,
   ITEM_CARRIER_HZ,
   ITEM_SYNC_RECT,
   ITEM_CURRENT_LIMIT_A,
   ITEM_DC_LIMIT_A,
+  ITEM_BRAKE_LIMIT_A,
   ITEM_FREEZE,
+  ITEM_CATCH,
+  ITEM_BALANCE,
+  ITEM_LINEARITY,
+  ITEM_CURRENT_LOOP,
+  ITEM_MODE,
+  ITEM_TORQUE_MNM,
+  ITEM_CURRENT_MA,
   ITEM_IRQ_LOAD,
   ITEM_COUNT,
 } item_t;
 
 static const char *const item_names[ITEM_COUNT] = {
-    "state",   "phase",      "fault",     "limit",       "measured_rpm", "reference_rpm", "duty",    "vdc_v",
-    "idc_a",   "motor_a",    "lost_locks", "speed_rpm",  "accel_rpm_s",  "advance_q16",   "commutation", "pattern",
-    "carrier_hz", "sync_rect", "current_limit_a", "dc_limit_a", "freeze", "irq_load"};
+    [ITEM_STATE] = "state",
+    [ITEM_PHASE] = "phase",
+    [ITEM_FAULT] = "fault",
+    [ITEM_LIMIT] = "limit",
+    [ITEM_MEASURED_RPM] = "measured_rpm",
+    [ITEM_REFERENCE_RPM] = "reference_rpm",
+    [ITEM_DUTY] = "duty",
+    [ITEM_VDC_V] = "vdc_v",
+    [ITEM_IDC_A] = "idc_a",
+    [ITEM_MOTOR_A] = "motor_a",
+    [ITEM_LOST_LOCKS] = "lost_locks",
+    [ITEM_THRESHOLD_PU] = "threshold_pu",
+    [ITEM_CATCHES] = "catches",
+    [ITEM_LINE_A] = "line_a",
+    [ITEM_REFERENCE_A] = "reference_a",
+    [ITEM_SPEED_RPM] = "speed_rpm",
+    [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
+    [ITEM_ADVANCE_Q16] = "advance_q16",
+    [ITEM_ADVANCE_SPEED_Q16] = "advance_speed_q16",
+    [ITEM_ADVANCE_CURRENT_Q16] = "advance_current_q16",
+    [ITEM_COMMUTATION] = "commutation",
+    [ITEM_PATTERN] = "pattern",
+    [ITEM_CARRIER_HZ] = "carrier_hz",
+    [ITEM_SYNC_RECT] = "sync_rect",
+    [ITEM_CURRENT_LIMIT_A] = "current_limit_a",
+    [ITEM_DC_LIMIT_A] = "dc_limit_a",
+    [ITEM_BRAKE_LIMIT_A] = "brake_limit_a",
+    [ITEM_FREEZE] = "freeze",
+    [ITEM_CATCH] = "catch",
+    [ITEM_BALANCE] = "balance",
+    [ITEM_LINEARITY] = "linearity",
+    [ITEM_CURRENT_LOOP] = "current_loop",
+    [ITEM_MODE] = "mode",
+    [ITEM_TORQUE_MNM] = "torque_mnm",
+    [ITEM_CURRENT_MA] = "current_ma",
+    [ITEM_IRQ_LOAD] = "irq_load",
+};
 static const char *const commutation_names[] = {"RSC", "NSC", "CSC"};
 static const char *const pattern_names[] = {"ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"};
+
+static const char *const balance_names[] = {"none", "vertical", "both"};
+static const char *const mode_names[] = {"speed", "torque"};
 
 static item_t find(const char *name) {
   uint32_t item = 0;
@@ -50,6 +101,19 @@ static item_t find(const char *name) {
 
 static void amperes(char *text, const parameters_t *p, int32_t current_q17) {
   format_milli(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
+}
+
+// Six fractions of vdc, separated by blanks.
+static void thresholds(char *text, const drive_t *d) {
+  for (uint32_t sector = 0; sector < SECTORS; sector++) {
+    format_fixed(text, d->command.threshold_q17[sector], 17, 4);
+    while (*text != '\0') {
+      text++;
+    }
+    *text = ' ';
+    text++;
+  }
+  text[-1] = '\0';
 }
 
 // Value as text; names are copied by the caller, so the buffer only holds numbers.
@@ -91,6 +155,40 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_LOST_LOCKS:
       format_u32(text, d->lost_locks);
       break;
+    case ITEM_BALANCE:
+      return balance_names[s->balance];
+    case ITEM_THRESHOLD_PU:
+      thresholds(text, d);
+      break;
+    case ITEM_CATCHES:
+      format_u32(text, d->catches);
+      break;
+    case ITEM_CATCH:
+      format_u32(text, s->catch_rotor ? 1u : 0u);
+      break;
+    case ITEM_BRAKE_LIMIT_A:
+      amperes(text, p, s->brake_limit_i_q25 / 256);
+      break;
+    case ITEM_LINE_A:
+      amperes(text, p, d->m.line_i_q25 / 256);
+      break;
+    case ITEM_REFERENCE_A:
+      amperes(text, p, d->reference_i_q25 / 256);
+      break;
+    case ITEM_LINEARITY:
+      format_u32(text, s->linearity ? 1u : 0u);
+      break;
+    case ITEM_CURRENT_LOOP:
+      format_u32(text, s->current_loop ? 1u : 0u);
+      break;
+    case ITEM_MODE:
+      return mode_names[s->torque_mode ? 1 : 0];
+    case ITEM_TORQUE_MNM:
+      format_milli(text, drive_torque_unm(p, s->target_i_q25));
+      break;
+    case ITEM_CURRENT_MA:
+      format_i32(text, sat_i32(round_shift((int64_t)s->target_i_q25 * p->current_full_scale_ma, 25)));
+      break;
     case ITEM_SPEED_RPM:
       format_i32(text, s->target_rpm);
       break;
@@ -99,6 +197,12 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       break;
     case ITEM_ADVANCE_Q16:
       format_i32(text, s->advance_q16);
+      break;
+    case ITEM_ADVANCE_SPEED_Q16:
+      format_i32(text, s->advance_speed_q16);
+      break;
+    case ITEM_ADVANCE_CURRENT_Q16:
+      format_i32(text, s->advance_current_q16);
       break;
     case ITEM_CARRIER_HZ:
       format_u32(text, (uint32_t)p->clock_hz / s->carrier_period_cycles);
@@ -126,7 +230,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
 }
 
 static void print(const app_t *app, item_t item) {
-  char text[FORMAT_LENGTH];
+  char text[SECTORS * FORMAT_LENGTH];
   console_put(item_names[item]);
   console_put(" ");
   console_put(value_text(app, item, text));
@@ -190,6 +294,47 @@ static bool set_load(app_t *app, int32_t cycles) {
   return true;
 }
 
+static bool set_switch(settings_t *s, item_t item, int32_t value) {
+  if (value != 0 && value != 1) {
+    return false;
+  }
+  const bool on = value != 0;
+  switch (item) {
+    case ITEM_FREEZE:
+      s->freeze = on;
+      return true;
+    case ITEM_SYNC_RECT:
+      s->sync_rect = on;
+      return true;
+    case ITEM_CATCH:
+      s->catch_rotor = on;
+      return true;
+    case ITEM_LINEARITY:
+      s->linearity = on;
+      return true;
+    case ITEM_CURRENT_LOOP:
+      // The torque mode needs it.
+      s->current_loop = on;
+      return on || !s->torque_mode;
+    default:
+      return false;
+  }
+}
+
+static bool set_advance(settings_t *s, item_t item, int32_t value) {
+  if (value < -32768 || value > 32767) {
+    return false;
+  }
+  if (item == ITEM_ADVANCE_Q16) {
+    s->advance_q16 = value;
+  } else if (item == ITEM_ADVANCE_SPEED_Q16) {
+    s->advance_speed_q16 = value;
+  } else {
+    s->advance_current_q16 = value;
+  }
+  return true;
+}
+
 static bool set_integer(const drive_t *d, settings_t *s, item_t item, int32_t value) {
   switch (item) {
     case ITEM_SPEED_RPM:
@@ -199,30 +344,34 @@ static bool set_integer(const drive_t *d, settings_t *s, item_t item, int32_t va
     case ITEM_CARRIER_HZ:
       return settings_carrier_hz(s, d->p, value);
     case ITEM_ADVANCE_Q16:
-      if (value < -32768 || value > 32767) {
-        return false;
-      }
-      s->advance_q16 = value;
-      return true;
-    case ITEM_FREEZE:
-    case ITEM_SYNC_RECT:
-      if (value != 0 && value != 1) {
-        return false;
-      }
-      if (item == ITEM_FREEZE) {
-        s->freeze = value != 0;
-      } else {
-        s->sync_rect = value != 0;
-      }
-      return true;
+    case ITEM_ADVANCE_SPEED_Q16:
+    case ITEM_ADVANCE_CURRENT_Q16:
+      return set_advance(s, item, value);
+    case ITEM_CURRENT_MA:
+      return settings_target_current(s, d->p, value);
     default:
-      return false;
+      return set_switch(s, item, value);
   }
 }
 
 static bool set_value(const drive_t *d, settings_t *s, item_t item, const char *text) {
   int32_t value;
+  uint32_t choice;
   switch (item) {
+    case ITEM_MODE:
+      if (!parse_choice(text, mode_names, 2, &choice) || (choice == 1u && !s->current_loop)) {
+        return false;
+      }
+      s->torque_mode = choice == 1u;
+      return true;
+    case ITEM_BALANCE:
+      if (!parse_choice(text, balance_names, 3, &choice)) {
+        return false;
+      }
+      s->balance = (balance_mode_t)choice;
+      return true;
+    case ITEM_TORQUE_MNM:
+      return parse_milli(text, &value) && settings_target_torque(s, d->p, value);
     case ITEM_COMMUTATION:
       return parse_choice(text, commutation_names, 3, &s->commutation);
     case ITEM_PATTERN:
@@ -231,6 +380,12 @@ static bool set_value(const drive_t *d, settings_t *s, item_t item, const char *
       return parse_current(d, text, &s->current_limit_q17);
     case ITEM_DC_LIMIT_A:
       return parse_current(d, text, &s->dc_limit_q17);
+    case ITEM_BRAKE_LIMIT_A:
+      if (!parse_current(d, text, &value)) {
+        return false;
+      }
+      s->brake_limit_i_q25 = value * 256;
+      return true;
     default:
       return parse_i32(text, &value) && set_integer(d, s, item, value);
   }

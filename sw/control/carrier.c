@@ -37,10 +37,12 @@ HOT uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uin
   if ((uint64_t)period_cycles * duty >= floor_q30) {
     return period_cycles;
   }
-  if ((uint64_t)longest_cycles * duty <= floor_q30) {
+  if ((uint64_t)longest_cycles * duty <= floor_q30 || duty >> 14 == 0u) {
     return longest_cycles;
   }
-  return clamp_u32(div_sat_u32(floor_q30, duty), period_cycles, longest_cycles);
+  // One hardware division: as many bits as 32 hold are enough for whole clocks.
+  const uint32_t bits = (on_time_floor_cycles < 16384u) ? 18u : 16u;
+  return clamp_u32((on_time_floor_cycles << bits) / (duty >> (30u - bits)), period_cycles, longest_cycles);
 }
 
 HOT uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles) {

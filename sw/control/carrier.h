@@ -17,7 +17,7 @@ int32_t duty_from_voltage_q30(int32_t u_v_q25, int32_t vdc_v_q25, int32_t diode_
 // The voltage that a duty gives: inverse of duty_from_voltage_q30.
 int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t diode_v_q25);
 
-// Carrier period for a duty; period_cycles <= longest_cycles. About 170 clocks where it has to divide.
+// Carrier period for a duty; period_cycles <= longest_cycles, floor below 2^16. About 70 clocks.
 uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
                                uint32_t on_time_floor_cycles);
 

@@ -7,6 +7,7 @@
 #include "drive/measure.h"
 #include "drive/run.h"
 #include "drive/start.h"
+#include "drive/thresholds.h"
 
 #define INIT_SETTLE_TICKS 5u
 #define AUTO_ZERO_MIN_TICKS 3u
@@ -35,6 +36,7 @@ const char *drive_limit_name(limit_t limit) {
 
 COLD void drive_enter(drive_t *drive, drive_state_t state) {
   drive->state = state;
+  drive->command.read_sectors = false;
   drive->state_ticks = 0;
   drive->limit = LIMIT_NONE;
 }
@@ -71,9 +73,19 @@ HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
   const uint32_t period_cycles =
       carrier_period_cycles(drive->duty_q30, drive->settings.carrier_period_cycles,
                             drive->m.longest_cycles, (uint32_t)p->on_time_floor_cycles);
+  int32_t duty_q30 = drive->duty_q30;
+  if (drive->settings.linearity && drive->settings.commutation == COMMUTATION_CSC &&
+      (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING)) {
+    duty_q30 = csc_linear_duty_q30(&drive->scheduled.linearity, duty_q30);
+  }
   drive->command.sync_rect = sync_rect;
   drive->command.period_cycles = period_cycles;
-  drive->command.pulse_cycles_q8 = pulse_cycles_q8(drive->duty_q30, period_cycles, dead_time);
+  drive->command.pulse_cycles_q8 = pulse_cycles_q8(duty_q30, period_cycles, dead_time);
+}
+
+bool drive_turns_wrong(const drive_t *drive) {
+  const int32_t target = drive->settings.target_rpm;
+  return target != 0 && (target < 0) != drive->reverse;
 }
 
 HOT int32_t drive_target_rpm_q8(const drive_t *drive) {
@@ -116,6 +128,41 @@ bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, i
   return true;
 }
 
+bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp) {
+  const uint32_t full_ma = (uint32_t)parameters->current_full_scale_ma;
+  const uint32_t size_ma = (uint32_t)abs_sat(milliamp);
+  if (size_ma > full_ma) {
+    return false;
+  }
+  const int32_t i_q25 = (int32_t)div_u64(((uint64_t)size_ma << 25) + full_ma / 2u, full_ma);
+  settings->target_i_q25 = (milliamp < 0) ? -i_q25 : i_q25;
+  return true;
+}
+
+bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm) {
+  const int32_t i_q25 = gain_apply(micro_nm, parameters->torque_to_current);
+  if (abs_sat(i_q25) > 1 << 25) {
+    return false;
+  }
+  settings->target_i_q25 = i_q25;
+  return true;
+}
+
+int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25) {
+  // Division by mant * 2^-shift, the mantissa normalised to 31 bits: shifted so far that nothing is lost or overflows.
+  const gain_t g = parameters->torque_to_current;
+  const uint32_t size = (uint32_t)abs_sat(i_q25);
+  if (g.mant <= 0) {
+    return 0;
+  }
+  if (g.shift > 37) {
+    return INT32_MAX;
+  }
+  const uint64_t scaled = ((uint64_t)size << g.shift) + (uint32_t)g.mant / 2u;
+  const int32_t unm = sat_i32((int64_t)(div_u64(scaled, (uint32_t)g.mant) & INT64_MAX));
+  return (i_q25 < 0) ? -unm : unm;
+}
+
 int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
   if (milliamp <= 0) {
     return 0;
@@ -138,10 +185,19 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   s->current_limit_q17 = drive_current_q17(p, p->current_limit_ma);
   s->dc_limit_q17 = drive_current_q17(p, p->dc_current_limit_ma);
   s->advance_q16 = p->advance_q16;
+  s->advance_speed_q16 = p->advance_speed_q16;
+  s->advance_current_q16 = p->advance_current_q16;
   s->commutation = (uint32_t)p->commutation;
   s->pattern = (uint32_t)p->pattern;
   s->sync_rect = p->sync_rect != 0;
   s->carrier_period_cycles = (uint32_t)p->carrier_period_cycles;
+  s->balance = (balance_mode_t)p->balance;
+  s->brake_limit_i_q25 = drive_current_q17(p, p->brake_limit_ma) * 256;
+  s->catch_rotor = p->catch_rotor != 0;
+  s->linearity = p->csc_linearity != 0;
+  s->current_loop = p->current_loop != 0;
+  s->torque_mode = p->torque_mode != 0 && s->current_loop;
+  s->target_i_q25 = p->target_i_q25;
   (void)settings_target(s, p, p->target_rpm);
   (void)settings_accel(s, p, p->accel_rpm_s);
   drive->command.commutation = s->commutation;
@@ -149,6 +205,7 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   drive->command.advance_q16 = s->advance_q16;
   drive->command.timeout_q12 = (uint32_t)p->timeout_q12;
   drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
+  thresholds_reset(drive);
 }
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
@@ -174,6 +231,7 @@ COLD static void init_step(drive_t *drive, const chip_snapshot_t *in) {
 // A lost lock restarts the drive as often as the parameters allow.
 COLD static void lost_lock(drive_t *drive) {
   drive->lost_locks++;
+  thresholds_reset(drive);
   if (drive->state == STATE_STARTING) {
     start_failed(drive);
   } else if (drive->state == STATE_STOPPING) {
@@ -188,14 +246,15 @@ COLD static void lost_lock(drive_t *drive) {
 }
 
 // A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
-// consequence, not a fault of its own; nor is one as the precharge of the restart shorts a rotor whose EMF was not
-// seen.
+// consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the restart shorts a
+// rotor whose EMF was not seen.
 static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
   const bool over_current = fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
   const bool missed = drive->command.timer == COMMUTATION_ZCD && in->misses >= MISSES_BEFORE_TRIP;
   const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
   const bool unseen = restarting && drive->phase == START_PRECHARGE;
-  return fault == FAULT_LOST_LOCK || (over_current && (missed || unseen));
+  const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;
+  return fault == FAULT_LOST_LOCK || (over_current && (missed || unseen || locking));
 }
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
@@ -253,11 +312,19 @@ COLD static void handle_request(drive_t *drive) {
   }
 }
 
+// Slow enough to open the gates of a drive that is to stop: about the stop speed, or where the least duty holds a
+// braked rotor above it.
+static bool nearly_stopped(const drive_t *drive) {
+  const int32_t stop_rpm = drive->p->stop_rpm;
+  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
+  const bool held = drive->settings.sync_rect && emf_v_q25 < drive->scheduled.low_v_q25 / 4 * 5;
+  return drive->m.speed_rpm_q8 < stop_rpm * 256 + stop_rpm * 16 || held;
+}
+
 static void stopping_step(drive_t *drive) {
   const parameters_t *p = drive->p;
   run_step(drive, p->stop_rpm * 256);
-  const int32_t open_below_rpm_q8 = p->stop_rpm * 256 + p->stop_rpm * 16;
-  if (drive->m.speed_rpm_q8 < open_below_rpm_q8 || drive->state_ticks > (uint32_t)p->stop_timeout_ticks) {
+  if (nearly_stopped(drive) || drive->state_ticks > (uint32_t)p->stop_timeout_ticks) {
     drive_gates_off(drive);
     drive_enter(drive, STATE_READY);
   }
@@ -289,7 +356,13 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
       start_step(drive, in);
       break;
     case STATE_RUNNING:
+      thresholds_step(drive, in);
       run_step(drive, drive_target_rpm_q8(drive));
+      if (drive_turns_wrong(drive) && nearly_stopped(drive)) {
+        // Reversal: through standstill by a new start.
+        start_begin(drive);
+        break;
+      }
       if (drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
         drive->restarts = 0;
         drive->failed_starts = 0;

@@ -9,6 +9,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "control/balance.h"
+#include "control/catch.h"
+#include "control/csc_linearity.h"
 #include "control/handover.h"
 #include "control/limiter.h"
 #include "control/pi.h"
@@ -35,11 +38,20 @@ typedef struct {
   int32_t current_limit_q17;
   int32_t dc_limit_q17;
   int32_t advance_q16;
+  int32_t advance_speed_q16;    // further advance at speed_max
+  int32_t advance_current_q16;  // further advance at rated current
   uint32_t commutation;
   uint32_t pattern;
   uint32_t carrier_period_cycles;
   bool sync_rect;
   bool freeze;  // while running: hold duty and every setting
+  balance_mode_t balance;
+  int32_t brake_limit_i_q25;
+  bool catch_rotor;
+  bool linearity;  // correct the duty for cut pulses under CSC
+  bool current_loop;
+  bool torque_mode;      // needs the current loop; target_rpm is the speed limit and the direction then
+  int32_t target_i_q25;  // torque mode; positive drives
 } settings_t;
 
 // Measured quantities of the last tick.
@@ -47,9 +59,12 @@ typedef struct {
   int32_t vdc_v_q25;      // mean over the tick
   int32_t idc_q17;        // DC-link current, mean over the tick, filtered
   int32_t motor_q17;      // sum of the positive phase currents, filtered
+  int32_t line_i_q25;     // current of the conducting pair from the DC-link current, filtered
   int32_t line_emf_q17;   // spread of the terminal voltages; the line EMF while the gates are off
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
+  bool speed_fresh;  // measured in this tick
+  uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
   uint32_t commutations;  // the same
@@ -58,6 +73,7 @@ typedef struct {
   uint32_t silent_ticks;  // consecutive ticks without a sample
   int32_t idc_filter_q25;
   int32_t motor_filter_q25;
+  int32_t loop_filter_q25;
 } measured_t;
 
 // Gains and limits of the speed control that vary with speed and DC-link voltage.
@@ -68,7 +84,32 @@ typedef struct {
   int32_t acceleration_v_q25;  // voltage that accelerates with the ramp
   int32_t low_v_q25;  // of the least and of the largest duty
   int32_t high_v_q25;
+  int32_t line_ratio_q16;  // current of the conducting pair over DC-link current
+  int32_t limit_i_q25;     // the lower one of current limit and DC limit
+  int32_t acceleration_i_q25;
+  gain_t resistance;     // R(n), i_q25 -> v_q25
+  pi_gains_t speed_i;    // speed regulator of the current loop
+  pi_gains_t current;    // current regulator
+  csc_linearity_t linearity;
+  int32_t advance_q16;  // what speed and current add
 } scheduled_t;
+
+// What gives the voltage while running.
+typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
+
+// Correction B.
+typedef struct {
+  balance_t balance;
+  balance_mode_t mode;  // that the integrators are in
+  uint32_t stage;
+  bool busy;  // a stage ran in this tick
+  uint32_t turn_from;      // crossings when the wait for a turn began
+  uint32_t period_cycles;  // of the turn before
+  uint8_t late;
+  uint8_t timeouts;
+  int32_t error_x6[SECTORS];
+  gain_t gain;
+} thresholds_t;
 
 typedef struct {
   const parameters_t *p;
@@ -91,8 +132,19 @@ typedef struct {
   measured_t m;
   scheduled_t scheduled;
   ramp_t ramp;
+  uint32_t schedule_group;  // due next
+  bool schedule_skipped;
+  regulator_t regulator;
+  bool linear;  // settings.linearity that the gains were set for
   pi_state_t speed_pi;
+  pi_state_t current_pi;
+  int32_t reference_i_q25;
+  int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
+  int32_t brake_i_q25;  // largest braking current now
+  catch_t rotor;
+  uint32_t catches;  // rotors caught since boot
+  thresholds_t thresholds;
   handover_t handover;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
@@ -122,6 +174,10 @@ const char *drive_limit_name(limit_t limit);
 bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm);
 bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s);
 bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz);
+// Target of the torque mode: current, or torque through the machine's constant; at most full scale.
+bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp);
+bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm);
+int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25);
 // Current in the format of the samples, 0 below zero, at most full scale.
 int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
 
@@ -130,6 +186,7 @@ void drive_enter(drive_t *drive, drive_state_t state);
 void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);
 void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect);
+bool drive_turns_wrong(const drive_t *drive);  // the target has the other sign
 int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds
 
 #endif

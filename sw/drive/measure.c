@@ -1,6 +1,7 @@
 #include "drive/measure.h"
 
 #include "control/fixed.h"
+#include "control/line_current.h"
 #include "control/placement.h"
 #include "control/speed.h"
 
@@ -21,7 +22,10 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
     const int32_t count = (int32_t)in->sum_count;
     const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, 131071);
     m->vdc_v_q25 = vdc_q17 * 256;
-    m->idc_q17 = filter(&m->idc_filter_q25, clamp_i32(in->idc_sum_q17 / count, -131072, 131071), shift);
+    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -131072, 131071);
+    m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, shift);
+    (void)filter(&m->loop_filter_q25, idc_q17, drive->p->loop_filter_shift);
+    m->line_i_q25 = line_current(m->loop_filter_q25, drive->scheduled.line_ratio_q16);
   }
   int32_t magnitude = 0;
   int32_t highest = in->v_q17[0];
@@ -63,8 +67,10 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   m->crossings += crossings;
   m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
-  if (crossings > 0u && m->speed_valid) {
+  m->speed_fresh = crossings > 0u && m->speed_valid;
+  if (m->speed_fresh) {
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
+    m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
   }
 }

@@ -6,6 +6,8 @@
 #include "drive/run.h"
 
 #define COAST_CALM_TICKS 8u
+// Currents and latched trips of before are gone.
+#define CLEAR_SETTLE_TICKS 4u
 #define ALIGN_LEG_FIRST 0u
 #define ALIGN_LEG_SECOND 1u
 #define HALVINGS_MAX 4u
@@ -29,6 +31,7 @@ void start_begin(drive_t *drive) {
   drive_enter(drive, STATE_STARTING);
   drive->reverse = drive->settings.target_rpm < 0;
   drive->calm_ticks = 0;
+  catch_reset(&drive->rotor);
   enter_phase(drive, START_COAST);
   drive->command.clear_trips = true;
 }
@@ -42,10 +45,73 @@ void start_failed(drive_t *drive) {
   start_begin(drive);
 }
 
-// Gates off until the EMF of the rotor is small enough to be shorted by the lower switches.
-static void coast(drive_t *drive) {
+// The forced field lags a lightly loaded rotor by up to 90 degrees, its crossings are late ones then and the next
+// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them.
+static void begin_lock(drive_t *drive) {
   const parameters_t *p = drive->p;
-  drive->calm_ticks = (drive->m.line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
+  drive->command.timer = COMMUTATION_ZCD;
+  drive->command.miss_limit = (uint32_t)p->miss_limit;
+  drive->command.force_on_miss = false;
+  drive->command.timeout_q12 = LOCK_TIMEOUT_Q12;
+  drive_apply_voltage(drive, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
+  drive->locked_from = drive->m.crossings;
+  enter_phase(drive, START_LOCK);
+}
+
+#define CATCH_FAILURES_MAX 2u
+
+// The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.
+static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_rpm_q8) {
+  const int32_t emf_q17 = gain_apply(speed_rpm_q8, drive->p->emf) / 256;
+  return abs_sat(line_emf_q17 - emf_q17) < emf_q17 / 4;
+}
+
+// A rotor that turns fast enough for its crossings is taken over at its speed, in whichever direction. True: done.
+static bool caught(drive_t *drive, const int32_t v_q17[PHASES], int32_t line_emf_q17) {
+  const parameters_t *p = drive->p;
+  int32_t mean_step = 0;
+  if (!drive->settings.catch_rotor || drive->failed_starts >= CATCH_FAILURES_MAX ||
+      line_emf_q17 < p->catch_v_q17) {
+    catch_reset(&drive->rotor);
+    return false;
+  }
+  if (!catch_step(&drive->rotor, v_q17, &mean_step)) {
+    return false;
+  }
+  const int32_t speed_rpm_q8 = gain_apply(abs_sat(mean_step) / 256, p->catch_speed);
+  if (!plausible(drive, line_emf_q17, speed_rpm_q8) || speed_rpm_q8 / 256 > p->overspeed_rpm || drive->m.vdc_v_q25 == 0) {
+    return false;
+  }
+  // What is written now takes effect at the next tick.
+  chip_command_t *command = &drive->command;
+  drive->reverse = mean_step < 0;
+  command->gate_enable = true;
+  command->sequencer = SEQUENCER_SIX_STEP;
+  command->start_sector = catch_sector(drive->rotor.angle + (uint32_t)mean_step, drive->reverse);
+  command->reverse = drive->reverse;
+  command->forced_interval_cycles = catch_sector_cycles(mean_step, (uint32_t)p->tick_cycles);
+  command->zcd_enable = true;
+  drive->catches++;
+  begin_lock(drive);
+  // The interval is known: a missed crossing is one.
+  command->force_on_miss = true;
+  command->timeout_q12 = (uint32_t)p->timeout_q12;
+  // No current: the voltage is the EMF. The carrier follows from the sector's length, which is not measured yet.
+  drive->m.longest_cycles = clamp_u32(command->forced_interval_cycles / 6u, drive->settings.carrier_period_cycles,
+                                      drive->m.longest_cycles);
+  drive_apply_voltage(drive, gain_apply(speed_rpm_q8, p->emf), drive->settings.sync_rect);
+  return true;
+}
+
+// Gates off until the EMF of the rotor is small enough to be shorted by the lower switches.
+static void coast(drive_t *drive, const chip_snapshot_t *in) {
+  const parameters_t *p = drive->p;
+  int32_t v_q17[PHASES];
+  const int32_t line_emf_q17 = catch_restore(in->v_q17, p->diode_v_q25 / 256, v_q17);
+  if (drive->state_ticks > CLEAR_SETTLE_TICKS && caught(drive, v_q17, line_emf_q17)) {
+    return;
+  }
+  drive->calm_ticks = (line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
   // The more often a start failed, the longer the calm: voltage channels may fail for a while and show no EMF.
   if (drive->calm_ticks < COAST_CALM_TICKS << clamp_u32(drive->failed_starts, 0, HALVINGS_MAX)) {
     if (drive->state_ticks > (uint32_t)p->coast_timeout_ticks) {
@@ -107,19 +173,6 @@ static void begin_ramp(drive_t *drive) {
   enter_phase(drive, START_RAMP);
 }
 
-// The forced field lags a lightly loaded rotor by up to 90 degrees, its crossings are late ones then and the next
-// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them.
-static void begin_lock(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  drive->command.timer = COMMUTATION_ZCD;
-  drive->command.miss_limit = (uint32_t)p->miss_limit;
-  drive->command.force_on_miss = false;
-  drive->command.timeout_q12 = LOCK_TIMEOUT_Q12;
-  drive_apply_voltage(drive, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
-  drive->locked_from = drive->m.crossings;
-  enter_phase(drive, START_LOCK);
-}
-
 static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
@@ -166,10 +219,14 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
 static void lock(drive_t *drive) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
-  const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings;
+  const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings &&
+                      drive->state_ticks > RUN_PREPARE_TICKS;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
     run_begin(drive);
-  } else if (drive->state_ticks > (uint32_t)p->lock_timeout_ticks) {
+    return;
+  }
+  run_prepare(drive);
+  if (drive->state_ticks > (uint32_t)p->lock_timeout_ticks) {
     start_failed(drive);
   }
 }
@@ -178,7 +235,7 @@ COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
   switch (drive->phase) {
     case START_COAST:
-      coast(drive);
+      coast(drive, in);
       break;
     case START_PRECHARGE:
       if (drive->state_ticks >= (uint32_t)p->precharge_ticks) {

@@ -69,7 +69,7 @@ void chip_configure(const parameters_t *parameters) {
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
-HOT void chip_read(chip_snapshot_t *snapshot, bool offsets) {
+HOT void chip_read(chip_snapshot_t *snapshot) {
   snapshot->sample_number = reg_read(REG(sense.snap_number));
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
@@ -91,12 +91,25 @@ HOT void chip_read(chip_snapshot_t *snapshot, bool offsets) {
   const uint32_t trip = reg_read(REG(safety.trip));
   snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
-  if (offsets) {
-    snapshot->auto_zero_busy = BITS(FL_SENSE_REGS__AUTO_ZERO__BUSY, reg_read(REG(sense.auto_zero))) != 0u;
-    for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-      snapshot->current_code_offset_q4[i] =
-          (uint16_t)(reg_read(REG(sense.offset[0]) + 4u * current_channel[i]) & 0xFFFFu);
-    }
+}
+
+COLD void chip_read_offsets(chip_snapshot_t *snapshot) {
+  snapshot->auto_zero_busy = BITS(FL_SENSE_REGS__AUTO_ZERO__BUSY, reg_read(REG(sense.auto_zero))) != 0u;
+  for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+    snapshot->current_code_offset_q4[i] =
+        (uint16_t)(reg_read(REG(sense.offset[0]) + 4u * current_channel[i]) & 0xFFFFu);
+  }
+}
+
+COLD void chip_read_sectors(chip_snapshot_t *snapshot) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    snapshot->sector_interval_cycles[sector] = reg_read(REG(comm.snap_sector_interval[0]) + 4u * sector);
+  }
+}
+
+COLD static void write_thresholds(const chip_command_t *command) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)command->threshold_q17[sector]);
   }
 }
 
@@ -130,6 +143,9 @@ HOT static void write_crossings(const chip_command_t *command, const parameters_
 HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
   write_pwm(command);
   write_crossings(command, parameters);
+  if (command->write_thresholds) {
+    write_thresholds(command);
+  }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {
     uint32_t mask = 0;

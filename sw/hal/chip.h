@@ -36,8 +36,11 @@ void chip_set_tick(uint32_t cycles);
 // Period of the load generator's interrupt; 0 stops it.
 void chip_set_load(uint32_t cycles);
 
-// Read the snapshot of the last tick. `offsets`: read the current offsets too.
-void chip_read(chip_snapshot_t *snapshot, bool offsets);
+// Read the snapshot of the last tick.
+void chip_read(chip_snapshot_t *snapshot);
+// The parts of it that are seldom needed: current offsets, intervals of the sectors.
+void chip_read_offsets(chip_snapshot_t *snapshot);
+void chip_read_sectors(chip_snapshot_t *snapshot);
 // Write every shadowed setting and commit the set for the next tick.
 void chip_write(const chip_command_t *command, const parameters_t *parameters);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.

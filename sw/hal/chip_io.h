@@ -12,6 +12,9 @@ typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
 typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2 } commutation_mode_t;
 
+// Commutation patterns: when a commutation reaches the gates.
+enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
+
 // Trip causes in the bit order of the safety registers.
 enum {
   TRIP_PHASE_CURRENT = 1u << 0,
@@ -41,6 +44,7 @@ typedef struct {
   uint8_t overdue;
   uint8_t trip_latched;  // TRIP_*
   uint8_t trip_first;
+  uint32_t sector_interval_cycles[6];  // crossing intervals by the sector they ended in; only where asked for
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
 } chip_snapshot_t;
@@ -67,6 +71,9 @@ typedef struct {
   bool force_on_miss;   // commutate after a timeout
   uint32_t timeout_q12;
   int32_t advance_q16;
+  int32_t threshold_q17[6];
+  bool write_thresholds;  // one-shot: they have changed
+  bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals
 } chip_command_t;
 
 #endif

@@ -26,19 +26,22 @@ STEP_S = 5e-6
 (T, THETA, OMEGA, I_ALPHA, I_BETA, I_LINE, SECTOR, T_COMM, T_SCHED, T_ZC, INTERVAL, RING, RING_AT) = range(13)
 RING_FIRST = 13  # six intervals
 (CROSSINGS, LATE, COMMUTATIONS, MISSES, TIMEOUTS, FOUND, TRIPS, IDC_SUM, SUM_TIME, SEED) = range(19, 29)
-(ARMED, I_PEAK) = range(29, 31)
-STATES = 31
+(ARMED, I_PEAK, IDC_MEAN, ZC_SECTOR) = range(29, 33)
+STATES = 33
 
 # Settings.
 (C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
 C_FORCE = 14
 C_LEG = 11
-SETTINGS = 15
+C_THRESHOLD = 15  # six, fractions of vdc
+SETTINGS = 21
 
 # Machine and surroundings.
 (M_R, M_L, M_PSI, M_TRAPEZOID, M_P, M_J, M_FAN, M_COULOMB, M_VDC, M_DIODE, M_TRIP, M_NOISE, M_LOCKED) = range(13)
 (M_BLIND, M_DC_TRIP) = 13, 14
-MACHINE = 15
+M_DIVIDER = 15  # three gains of the voltage dividers
+M_UNEQUAL = 18  # three phase inductances over their mean
+MACHINE = 21
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD = 0, 1, 2
@@ -86,6 +89,7 @@ def crossing(s: NDArray[np.float64], t: float, late: bool) -> None:
         s[RING_FIRST + int(s[RING_AT])] = s[INTERVAL]
         s[RING_AT] = (s[RING_AT] + 1.0) % 6.0
     s[T_ZC] = t
+    s[ZC_SECTOR] = s[SECTOR]
     s[CROSSINGS] += 1.0
     s[MISSES] = 0.0
     s[FOUND] = 1.0
@@ -106,13 +110,27 @@ def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
 
 
 @numba.njit(cache=True)
+def crossing_level(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64]) -> float:
+    """EMF of the floating phase at which its measured voltage meets the sector's threshold."""
+    sector = int(s[SECTOR])
+    high, low = m[M_UNEQUAL + HIGH[sector]], m[M_UNEQUAL + LOW[sector]]
+    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    drive = m[M_VDC] - pair * m[M_PSI] * s[OMEGA] * m[M_P]
+    shift = -0.5 * drive * (high - low) / (high + low)
+    slope = 1.0 if m[M_TRAPEZOID] > 0.0 else 1.5
+    wanted = c[C_THRESHOLD + sector] * m[M_VDC] / m[M_DIVIDER + OPEN[sector]]
+    return (wanted - 0.5 * m[M_VDC] - shift) / slope
+
+
+@numba.njit(cache=True)
 def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], before: float, h: float) -> None:
     """Crossing detection and commutation timer over the step that ended at s[T]."""
     sector = int(s[SECTOR])
     rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
     sign = 1.0 if rising else -1.0
     omega_e = s[OMEGA] * m[M_P]
-    now = sign * emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+    emf = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+    now = sign * (emf - crossing_level(s, c, m))
     freewheel = 3e-6 + m[M_L] * abs(s[I_LINE]) / (0.5 * m[M_VDC])
     visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
     if s[FOUND] == 0.0 and visible and s[T] - s[T_COMM] > freewheel and c[C_DUTY] > 0.01:
@@ -192,7 +210,10 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         s[TRIPS] = TRIP_PHASE
         c[C_GATES] = 0.0
     s[I_PEAK] = max(s[I_PEAK], s[I_LINE])
-    s[IDC_SUM] += c[C_DUTY] * s[I_LINE] * h
+    # The volt-seconds of a commutation are no loss: the outgoing phase's energy returns to the link.
+    returned = 3.0 / math.pi * abs(omega_e) * m[M_L] * s[I_LINE] / m[M_VDC]
+    s[IDC_MEAN] = (c[C_DUTY] - returned) * s[I_LINE]
+    s[IDC_SUM] += s[IDC_MEAN] * h
     if c[C_DUTY] * s[I_LINE] > m[M_DC_TRIP]:
         s[TRIPS] = TRIP_DC
         c[C_GATES] = 0.0
@@ -209,6 +230,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
         sector = int(s[SECTOR])
         rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
         before = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * s[OMEGA] * m[M_P]
+        before -= crossing_level(s, c, m)
         before = before if rising else -before
         currents(s, c, m, h)
         load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
@@ -271,6 +293,8 @@ class AveragedMotor:
             inverter.voltage_full_scale_v / 2**inverter.bits,
             0.0,
         )
+        self.c[C_THRESHOLD:] = 0.5
+        self.m[M_DIVIDER : M_DIVIDER + 6] = 1.0
         self.m[M_DC_TRIP] = inverter.dc_current_trip_a or trip
         self.set_load(self.load)
 

@@ -44,6 +44,7 @@ class Bench:
     theta_rad: float = 0.4
     speed_rpm: float = 0.0
     model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
+    cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
         self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
@@ -79,6 +80,14 @@ class Bench:
         """Set a register, signed values in two's complement."""
         self.fw.registers[self._reg[name] + element] = value & 0xFFFFFFFF
 
+    def _mean(self, duty: float, period: int) -> float:
+        """Mean over a sector: whole carriers and a cut one, if the bench looks so closely."""
+        carriers = self.model.s[am.INTERVAL] * self.clock / period
+        if not self.cut_pulses or carriers <= 0.0:
+            return duty
+        whole = math.floor(carriers)
+        return float((whole * duty + min(duty, carriers - whole)) / carriers)
+
     def _update(self) -> None:
         """The update event: committed settings become active."""
         if not self.get("timer.update") & 2:
@@ -91,7 +100,7 @@ class Bench:
         period = self.get("pwm.period")
         dead = self.get("safety.dead_time") if sync and seq != am.SEQ_OFF else 0
         pulse = self.get("pwm.duty") / 256.0
-        c[am.C_DUTY] = min(1.0, max(0.0, pulse - dead) / period)
+        c[am.C_DUTY] = self._mean(min(1.0, max(0.0, pulse - dead) / period), period)
         c[am.C_SYNC] = float(sync)
         c[am.C_REVERSE] = float(bool(control & 0x2000))
         c[am.C_FORCED] = self.get("comm.forced_interval") / self.clock
@@ -102,6 +111,8 @@ class Bench:
         c[am.C_FORCE] = float(bool(self.get("comm.control") & 16))
         c[am.C_MISS_LIMIT] = (self.get("comm.control") >> 8) & 0xFF
         c[am.C_ZCD] = float(self.get("zcd.control") & 1)
+        for sector in range(6):
+            c[am.C_THRESHOLD + sector] = self.get("zcd.threshold", sector) / 2**17
         manual = self.get("pwm.manual")
         for x in range(3):
             c[am.C_LEG + x] = (manual >> (4 * x)) & 7
@@ -112,7 +123,8 @@ class Bench:
         if timer != am.TIMER_OFF and self._was_timer == am.TIMER_OFF:
             s[[am.CROSSINGS, am.LATE, am.COMMUTATIONS, am.MISSES, am.TIMEOUTS, am.FOUND, am.ARMED]] = 0.0
             s[am.T_ZC] = 0.0
-            s[am.T_SCHED] = s[am.T] + c[am.C_FORCED]
+            s[am.INTERVAL] = c[am.C_FORCED]
+            s[am.T_SCHED] = s[am.T] + c[am.C_FORCED] if timer == am.TIMER_FORCED else 1e30
         c[am.C_SEQ], c[am.C_TIMER] = seq, timer
         self._was_seq, self._was_timer = seq, timer
 
@@ -132,6 +144,10 @@ class Bench:
         self.put("sense.snap_count", count if self.sampling else 0)
         omega_e = s[am.OMEGA] * m[am.M_P]
         emf = np.array([am.emf_shape(s[am.THETA], x, m[am.M_TRAPEZOID]) for x in range(3)]) * m[am.M_PSI] * omega_e
+        # Gates off: the terminals sum to zero, a diode holds the lowest one; the converter shows nothing negative.
+        terminal = emf - emf.min()
+        if c[am.C_SEQ] == am.SEQ_OFF or c[am.C_GATES] == 0.0:
+            terminal = np.maximum(emf - emf.mean() + max(0.0, emf.mean() - emf.min() - m[am.M_DIODE]), 0.0)
         current = np.zeros(3)
         if c[am.C_SEQ] == am.SEQ_SIX:
             sector = int(s[am.SECTOR])
@@ -140,11 +156,16 @@ class Bench:
             angles = 2.0 * np.pi / 3.0 * np.arange(3)
             current = s[am.I_ALPHA] * np.cos(angles) + s[am.I_BETA] * np.sin(angles)
         for x in range(3):
-            self.put("sense.snap_channel", round((emf[x] - emf.min()) * v_unit), x)
+            self.put("sense.snap_channel", round(float(terminal[x]) * v_unit), x)
             self.put("sense.snap_channel", round(float(current[x]) * i_unit), 3 + x)
         self.put("comm.snap_interval", min(0xFFFFFF, round(s[am.INTERVAL] * self.clock)))
         period = float(s[am.RING_FIRST : am.RING_FIRST + 6].sum())
         self.put("comm.snap_period", min(0x7FFFFFF, round(period * self.clock)))
+        # Ring entry k is the interval that ended k crossings after the ring began; its next entry is the oldest.
+        for back in range(6):
+            sector = int(s[am.ZC_SECTOR] - back * (-1 if c[am.C_REVERSE] > 0.0 else 1)) % 6
+            interval = s[am.RING_FIRST + int(s[am.RING_AT] - 1 - back) % 6]
+            self.put("comm.snap_sector_interval", min(0xFFFFFF, round(float(interval) * self.clock)), sector)
         counters = (int(s[am.CROSSINGS]) & 0xFFFF) | (min(255, int(s[am.MISSES])) << 16)
         self.put("comm.snap_counters", counters | ((int(s[am.LATE]) & 0xFF) << 24))
         events = (int(s[am.COMMUTATIONS]) & 0xFFFF) | ((int(s[am.TIMEOUTS]) & 0xFF) << 24)

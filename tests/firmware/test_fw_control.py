@@ -51,6 +51,30 @@ class Limiter(ctypes.Structure):
     _fields_ = [("trim_v_q25", ctypes.c_int32)]
 
 
+class Linearity(ctypes.Structure):
+    """csc_linearity_t."""
+
+    _fields_ = [("first_q16", ctypes.c_uint32), ("second_q16", ctypes.c_uint32), ("rest_q16", ctypes.c_uint32)]
+
+
+class Balance(ctypes.Structure):
+    """balance_t."""
+
+    _fields_ = [("vertical_q25", ctypes.c_int32 * 3), ("horizontal_q25", ctypes.c_int32 * 3)]
+
+
+class Catch(ctypes.Structure):
+    """catch_t."""
+
+    _fields_ = [
+        ("angle", ctypes.c_uint32),
+        ("step", ctypes.c_int32),
+        ("travel", ctypes.c_int32),
+        ("agreeing", ctypes.c_uint32),
+        ("seen", ctypes.c_uint32),
+    ]
+
+
 class Handover(ctypes.Structure):
     """handover_t."""
 
@@ -86,6 +110,23 @@ def lib() -> ctypes.CDLL:
         ("voltage_from_duty_v_q25", i32, [i32, i32, i32]),
         ("carrier_period_cycles", u32, [i32, u32, u32, u32]),
         ("pulse_cycles_q8", u32, [i32, u32, u32]),
+        ("line_current_ratio_q16", i32, [i32, i32, i32, i32, i32]),
+        ("line_current", i32, [i32, i32]),
+        ("line_current_limit_q25", i32, [i32, i32]),
+        ("torque_reference", i32, [i32, Gain, i32, i32, i32, i32, i32]),
+        ("csc_linearity", Linearity, [u32, u32, u32]),
+        ("csc_linear_duty_q30", i32, [ctypes.c_void_p, i32]),
+        ("balance_errors", None, [ctypes.c_void_p, ctypes.c_bool, ctypes.c_void_p]),
+        ("balance_step", None, [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p, Gain, i32]),
+        ("balance_threshold_q17", i32, [ctypes.c_void_p, u32, i32]),
+        ("advance_added_q16", i32, [i32, i32, i32, i32]),
+        ("advance_total_q16", i32, [i32, i32]),
+        ("vector_angle", u32, [i32, i32]),
+        ("catch_step", ctypes.c_bool, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
+        ("catch_restore", i32, [ctypes.c_void_p, i32, ctypes.c_void_p]),
+        ("catch_sector", u32, [u32, ctypes.c_bool]),
+        ("catch_sector_cycles", u32, [i32, u32]),
+        ("brake_current", i32, [i32, i32, i32, i32, Gain]),
         ("start_sector", u32, [u32, ctypes.c_bool]),
         ("forced_interval_cycles", u32, [u32, u32]),
         ("handover_reset", None, [ctypes.c_void_p, ctypes.c_uint16, ctypes.c_uint8]),
@@ -330,3 +371,297 @@ def test_handover_counts_plausible_crossings(lib: ctypes.CDLL) -> None:
     assert step(1, 0, 75_001) == (1, 5)
     assert step(1, 0, 74_000) == (0, 0)
     assert step(1, 0, 126_000) == (0, 0)
+
+
+def test_line_current_balances_the_power(lib: ctypes.CDLL) -> None:
+    """The current whose power behind the link is what the link gives, with R and diode; bounded near standstill.
+
+    Verifies: FW-25
+    """
+    rng = Random(6)
+    volt, ampere = 2**25 / 30.0, 2**25 / 50.0
+    for _ in range(2000):
+        vdc, emf, r = rng.uniform(10, 28), rng.uniform(1.0, 12.0), rng.uniform(0.01, 0.2)
+        current, duty = rng.uniform(-20, 20), rng.uniform(0.1, 0.95)
+        if emf + r * current < 1.0:
+            continue
+        diode = rng.choice([0.0, 0.7])
+        idc = current * (emf + r * current + (1 - duty) * diode) / vdc
+        ratio = lib.line_current_ratio_q16(
+            round(vdc * volt), round(emf * volt), round(r * current * volt), round(diode * volt), round(duty * 2**30)
+        )
+        assert lib.line_current(round(idc * ampere), ratio) / ampere == pytest.approx(current, rel=1e-3, abs=1e-3)
+        wanted = min(50.0, 7.0 * ratio / 65536)
+        assert lib.line_current_limit_q25(round(7.0 / 50 * 2**17), ratio) / ampere == pytest.approx(wanted, rel=1e-3)
+    assert lib.line_current_ratio_q16(round(25 * volt), 0, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(round(25 * volt), -1000, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(0, 1000, 0, 0, 2**20) == 0
+
+
+def test_torque_reference_between_its_limits(lib: ctypes.CDLL) -> None:
+    """Target inside; a falling line toward the upper speed, a rising one toward the lower; current limits last.
+
+    Verifies: FW-26
+    """
+    kp = 3.0
+    for target in (-50_000, 0, 4_000, 90_000):
+        for speed in (0, 900, 1_000, 5_000, 9_000, 10_000, 12_000, 40_000):
+            wanted = min(max(target, kp * (1_000 - speed)), kp * (10_000 - speed))
+            wanted = min(max(wanted, -20_000), 25_000)
+            got = lib.torque_reference(target, Gain(*gain(kp)), speed, 1_000, 10_000, -20_000, 25_000)
+            assert got == pytest.approx(wanted, abs=1), (target, speed)
+
+
+def linear_duty(lib: ctypes.CDLL, sector: int, period: int, mean: float, tolerance: int = 655) -> float:
+    """Duty that the firmware makes of a wanted mean."""
+    factors = lib.csc_linearity(sector, period, tolerance)
+    return float(lib.csc_linear_duty_q30(ctypes.byref(factors), round(mean * 2**30))) / 2**30
+
+
+def cut_mean(sector: int, period: int, duty: float) -> float:
+    """Mean of a train of pulses that starts with the sector and is cut at its end."""
+    return sum(min(duty * period, sector - start) for start in range(0, sector, period)) / sector
+
+
+def test_csc_linearity_gives_the_wanted_mean(lib: ctypes.CDLL) -> None:
+    """N 0.8 to 8, M 0.02 to 1: the mean of the cut train is the wanted one within 1e-3, also at and about integers.
+
+    Verifies: FW-27
+    """
+    period = 1250
+    sectors = [round(period * (0.8 + 0.01 * k)) for k in range(721)]
+    sectors += [n * period + d for n in range(1, 9) for d in (-2, -1, 0, 1, 2)]
+    for sector in sectors:
+        last = -1.0
+        for mean in [0.02 * k for k in range(1, 51)]:
+            duty = linear_duty(lib, sector, period, mean, 0)
+            assert 0.0 <= duty <= 1.0
+            assert duty >= last
+            last = duty
+            error = cut_mean(sector, period, duty) - mean
+            assert abs(error) < 1e-3, (sector / period, mean)
+    # Without the correction it is far off.
+    assert max(abs(cut_mean(s, period, m) - m) for s in sectors[:100] for m in (0.2, 0.5, 0.8)) > 0.15
+
+
+def test_csc_linearity_tolerates_jitter_about_integers(lib: ctypes.CDLL) -> None:
+    """Within the tolerance below an integer the duty is the mean; it is continuous there within 1 %.
+
+    Verifies: FW-27
+    """
+    for n in range(1, 9):
+        for mean in (0.02, 0.3, 0.7, 0.99):
+            at = linear_duty(lib, n * 1250, 1250, mean)
+            assert at == pytest.approx(mean, abs=1e-4)
+            assert linear_duty(lib, n * 1250 - 12, 1250, mean) == pytest.approx(mean, abs=1e-4)
+            assert linear_duty(lib, n * 1250 + 12, 1250, mean) == pytest.approx(mean, abs=0.011)
+            assert linear_duty(lib, n * 1250 - 14, 1250, mean) == pytest.approx(mean, abs=0.013)
+    # Very many carriers, and an interval that is not measured yet: nothing to correct.
+    assert linear_duty(lib, 0xFFFFFF, 1250, 0.37) == pytest.approx(0.37, abs=1e-6)
+
+
+def carried_mean(sector: int, period: int, duty: float, min_pulse: int, sectors: int = 400) -> float:
+    """Mean with whole clocks, the minimum-pulse rule and the carrier's account of volt-seconds, as fl_carrier states.
+
+    A carrier of n clocks owes min(duty, n); what a pulse gave more or less goes into the next one.
+    """
+    carry, on = 0.0, 0
+    for _ in range(sectors):
+        for start in range(0, sector, period):
+            n = min(period, sector - start)
+            want = duty * period + carry
+            width = 0 if want < min_pulse else min(int(want), n)
+            if n - width < min_pulse:
+                width = n
+            # The commutation would cut the pulse too short: it is not started.
+            width = 0 if n < min_pulse else width
+            carry += min(duty * period, n) - width
+            carry = max(-period, min(period, carry))
+            on += width
+    return on / (sectors * sector)
+
+
+def test_csc_linearity_with_minimum_pulses(lib: ctypes.CDLL) -> None:
+    """Vanishing pulses and gaps return through the carrier's account: the mean holds within 0.4 %.
+
+    Verifies: FW-27
+    """
+    rng = Random(7)
+    for _ in range(1500):
+        sector, mean = rng.randint(1000, 10_000), rng.uniform(0.02, 0.98)
+        duty = linear_duty(lib, sector, 1250, mean)
+        got = carried_mean(sector, 1250, duty, 20)
+        tolerance = 0.004 if (sector + 12) % 1250 > 12 else 0.015
+        assert got == pytest.approx(mean, abs=tolerance), (sector / 1250, mean, duty)
+
+
+def crossing_lag_rad(threshold: float, divider: float, asymmetry: float, emf: float, rises: bool) -> float:
+    """How late a crossing comes: v = K (1/2 + 3/2 psi w sin + dv) in fractions of vdc meets the threshold."""
+    level = (threshold / divider - 0.5 - asymmetry) / (1.5 * emf)
+    return math.asin(level) if rises else -math.asin(level)
+
+
+@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize("mode", [1, 2])
+def test_balance_evens_out_the_crossings(lib: ctypes.CDLL, mode: int, backward: bool) -> None:
+    """Divider gains 1.10, 1.00, 0.90 end at thresholds of 0.550, 0.500, 0.450; inductances are seen in `both` only.
+
+    Verifies: FW-28
+    """
+    turn, emf, bandwidth = 150_000, 0.1775, 280.0  # psi w over vdc: Motor-II at 20 000 r/min, 15 V
+    dividers, inductances = (1.10, 1.00, 0.90), (27.5, 27.2, 28.6)
+    high, low, opened = (0, 0, 1, 1, 2, 2), (1, 2, 2, 0, 0, 1), (2, 1, 0, 2, 1, 0)
+    dv = [-0.5 * (1 - math.sqrt(3) * emf) * (inductances[h] - inductances[k]) / (inductances[h] + inductances[k])
+          for h, k in zip(high, low, strict=True)]  # fmt: skip
+    if mode == 1:
+        dv = [0.0] * 6
+    step = Gain(*gain(bandwidth * 2 * math.pi / 50e6 * 1.5 * emf * 2**25 / 6))
+    balance = Balance()
+    intervals, errors = (ctypes.c_uint32 * 6)(), (ctypes.c_int32 * 6)()
+    history = []
+    for _ in range(100):
+        thresholds = [lib.balance_threshold_q17(ctypes.byref(balance), s, 65536) / 2**17 for s in range(6)]
+        lag = [
+            crossing_lag_rad(thresholds[s], dividers[opened[s]], dv[s], emf, (s % 2 == 1) != backward) for s in range(6)
+        ]
+        for s in range(6):
+            before = lag[(s + 1) % 6] if backward else lag[s - 1]
+            intervals[s] = round(turn / 6 + (lag[s] - before) / (2 * math.pi) * turn)
+        history.append(max(abs(6 * t / turn - 1) * 60 for t in intervals))
+        lib.balance_errors(intervals, backward, errors)
+        lib.balance_step(ctypes.byref(balance), mode, errors, step, round(0.15 * 2**25))
+    assert history[0] > 10.0
+    assert history[-1] < 0.05
+    # First order: w T_turn of the rest in a turn.
+    assert history[5] < history[0] * (1 - bandwidth * turn / 50e6) ** 5 * 2.0 + 0.1
+    for s in range(6):
+        assert thresholds[s] == pytest.approx(dividers[opened[s]] * (0.5 + dv[s]), abs=1.5e-3), s
+    # What is excluded returns to zero.
+    lib.balance_step(ctypes.byref(balance), 0, errors, step, round(0.15 * 2**25))
+    assert [lib.balance_threshold_q17(ctypes.byref(balance), s, 60000 + s) for s in range(6)] == [
+        60000 + s for s in range(6)
+    ]
+
+
+def test_balance_is_limited_and_blind_to_a_common_lag(lib: ctypes.CDLL) -> None:
+    """A lag in all sectors changes nothing; an absurd one is limited.
+
+    Verifies: FW-28
+    """
+    balance, errors = Balance(), (ctypes.c_int32 * 6)()
+    lib.balance_errors((ctypes.c_uint32 * 6)(*[20_000] * 6), False, errors)
+    assert list(errors) == [0] * 6
+    lib.balance_errors((ctypes.c_uint32 * 6)(30_000, 10_000, 30_000, 10_000, 30_000, 10_000), False, errors)
+    for _ in range(1000):
+        lib.balance_step(ctypes.byref(balance), 2, errors, Gain(*gain(5.0)), 1_000_000)
+    assert all(abs(abs(v) - 1_000_000) < 2 for v in balance.vertical_q25)
+
+
+def test_advance_is_linear_and_limited(lib: ctypes.CDLL) -> None:
+    """Two products, rounded; the sum within 30 degrees.
+
+    Verifies: FW-29
+    """
+    rng = Random(8)
+    for _ in range(300):
+        speed, current = rng.randint(-32768, 32767), rng.randint(-32768, 32767)
+        a, b = rng.randint(0, 65536), rng.randint(0, 131072)
+        added = lib.advance_added_q16(speed, a, current, b)
+        assert added == pytest.approx(speed * a / 65536 + current * b / 65536, abs=1.01)
+        base = rng.randint(-32768, 32767)
+        assert lib.advance_total_q16(base, added) == max(-32767, min(32767, base + added))
+
+
+def turn_difference_deg(a: int, b_deg: float) -> float:
+    """Angle a (2^32 = one turn) less b in degrees, -180..180."""
+    return (a / 2**32 * 360.0 - b_deg + 180.0) % 360.0 - 180.0
+
+
+def test_vector_angle(lib: ctypes.CDLL) -> None:
+    """All directions and lengths: within 0.1 degrees plus the resolution of the components.
+
+    Verifies: FW-30
+    """
+    rng = Random(9)
+    for _ in range(5000):
+        length, angle = 2 ** rng.uniform(8, 18), rng.uniform(0, 360)
+        x = round(length * math.cos(math.radians(angle)))
+        y = round(length * math.sin(math.radians(angle)))
+        exact = math.degrees(math.atan2(y, x))
+        assert abs(turn_difference_deg(lib.vector_angle(x, y), exact)) < 0.1 + 5e-3
+    for x, y, wanted in ((0, 0, 0), (5, 0, 0), (0, 5, 90), (-5, 0, 180), (0, -5, 270), (7, 7, 45)):
+        assert abs(turn_difference_deg(lib.vector_angle(x, y), wanted)) < 0.01
+
+
+def shown_voltages(theta: float, amplitude: float, diode: float, rng: Random) -> ctypes.Array[ctypes.c_int32]:
+    """Terminal voltages of a coasting rotor as a converter that knows no negative ones shows them."""
+    e = [-amplitude * math.sin(math.radians(theta - 120 * x)) for x in range(3)]
+    lift = max(0.0, -min(e) - diode)
+    return (ctypes.c_int32 * 3)(*(max(0, round(v + lift + rng.gauss(0, 20))) for v in e))
+
+
+@pytest.mark.parametrize("degrees_a_tick", [3.0, -3.0, 17.3, -36.0, 56.4, 60.0, -60.0, 100.0, -118.0])
+def test_catch_measures_and_chooses_the_sector(lib: ctypes.CDLL, degrees_a_tick: float) -> None:
+    """Noisy terminal voltages: step within 1.6 degrees; the entered sector's crossing is 5 to 85 degrees ahead.
+
+    Verifies: FW-30
+    """
+    rng = Random(10)
+    for _ in range(60):
+        rotor, mean = Catch(), ctypes.c_int32()
+        theta, done = rng.uniform(0, 360), False
+        amplitude, diode = rng.uniform(3_000, 40_000), rng.choice([0.0, 0.2, 0.38])
+        sign = 1 if degrees_a_tick > 0 else -1
+        for _ in range(40):
+            theta += degrees_a_tick
+            v, line = (ctypes.c_int32 * 3)(), amplitude * math.sqrt(3)
+            shown = shown_voltages(theta, sign * amplitude, diode * amplitude, rng)
+            spread = lib.catch_restore(shown, round(diode * amplitude), v)
+            assert 0.7 * line < spread < 1.1 * line
+            done = lib.catch_step(ctypes.byref(rotor), v, ctypes.byref(mean))
+            if done:
+                break
+        assert done
+        assert mean.value / 2**32 * 360 == pytest.approx(degrees_a_tick, abs=1.6)
+        update = theta + degrees_a_tick
+        sector = lib.catch_sector((rotor.angle + mean.value) % 2**32, degrees_a_tick < 0)
+        # theta' = theta + 180; the crossing of sector index s at 60 + 60 s forward, 240 + 60 s backward.
+        crossing = 60 + 60 * sector if sign > 0 else 240 + 60 * sector
+        ahead = sign * (crossing - (update + 180)) % 360
+        assert 5.0 < ahead < 85.0, (sector, update)
+        cycles = lib.catch_sector_cycles(mean.value, 5000)
+        assert cycles == pytest.approx(5000 * 60 / abs(degrees_a_tick), rel=0.6 if abs(degrees_a_tick) < 5 else 0.08)
+
+
+def test_catch_refuses_what_does_not_turn_evenly(lib: ctypes.CDLL) -> None:
+    """Noise, a stuck channel at speed, or more than a third of a turn a tick are not caught.
+
+    Verifies: FW-30
+    """
+    rng = Random(11)
+    for case in ("noise", "stuck", "fast"):
+        rotor, mean, caught = Catch(), ctypes.c_int32(), 0
+        for k in range(200):
+            angle = math.radians(k * (30.0 if case == "stuck" else 130.0))
+            v = [20_000 * math.sin(angle - 2 * math.pi / 3 * x) for x in range(3)]
+            if case == "noise":
+                v = [rng.gauss(0, 50) for _ in range(3)]
+            elif case == "stuck":
+                v[1] = 9_000.0
+            caught += lib.catch_step(ctypes.byref(rotor), (ctypes.c_int32 * 3)(*map(round, v)), ctypes.byref(mean))
+        assert caught == 0, case
+
+
+def test_braking_current_falls_at_once_and_rises_slowly(lib: ctypes.CDLL) -> None:
+    """Full far below the limit voltage, none at it, linear between; upward at most a 64th of the limit a step.
+
+    Verifies: FW-31
+    """
+    share = Gain(*gain(65536 / 1_000_000))
+    for vdc, wanted in ((10_000_000, 640_000), (19_500_000, 320_000), (20_000_000, 0), (25_000_000, 0)):
+        assert lib.brake_current(640_000, 640_000, vdc, 20_000_000, share) == pytest.approx(wanted, abs=20)
+    current, steps = 0, 0
+    while current < 640_000:
+        current = lib.brake_current(current, 640_000, 10_000_000, 20_000_000, share)
+        steps += 1
+    assert 62 <= steps <= 65

@@ -237,7 +237,7 @@ def test_dc_limit_binds() -> None:
     bench = Bench(drive=DriveSpec(dc_current_limit_a=4.0))
     bench.start(60_000)
     bench.run(1.2)
-    mean = [bench.model.c[am.C_DUTY] * bench.model.s[am.I_LINE] for _ in range(500) if bench.step() is None]
+    mean = [bench.model.s[am.IDC_MEAN] for _ in range(500) if bench.step() is None]
     assert np.mean(mean) == pytest.approx(4.0, rel=0.05)
     assert 40_000 < bench.model.rpm < 58_000
     assert bench.fw.command("get limit") == ["limit current", "ok"]
@@ -381,7 +381,7 @@ def test_unseen_rotor_shorted_by_the_precharge_of_a_restart() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(catch_rotor=False))
     bench.start(20_000)
     bench.run(0.3)
     bench.model.m[am.M_BLIND] = 1.0
@@ -433,7 +433,7 @@ def test_start_waits_for_a_spinning_rotor() -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3))
+    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3), drive=DriveSpec(catch_rotor=False))
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
     bench.fw.command("start")
@@ -553,3 +553,414 @@ def test_host_runs_faster_than_real_time() -> None:
     begin = time.process_time()
     bench.run(1.0)
     assert time.process_time() - begin < 1.0
+
+
+def line_current_a(bench: Bench) -> float:
+    """Current of the conducting pair as the drive sees it."""
+    return float(bench.fw.command("get line_a")[0].split()[1])
+
+
+def mean_torque_nm(bench: Bench, steps: int = 300) -> float:
+    """Mean of the machine's torque."""
+    total = 0.0
+    for _ in range(steps):
+        bench.step()
+        total += float(am.torque_of(bench.model.s, bench.model.c, bench.model.m))
+    return total / steps
+
+
+CURRENT_LOOP = DriveSpec(current_loop=True, accel_rpm_per_s=150_000.0)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_current_loop_holds_the_speed(direction: int) -> None:
+    """With the current loop: speed within 0.5 %, load step below 4 %, the measured current is the machine's.
+
+    Verifies: FW-25
+    """
+    bench = Bench(drive=CURRENT_LOOP)
+    bench.start(60_000 * direction)
+    bench.run(0.8)
+    assert bench.model.rpm == pytest.approx(direction * 60_000, rel=0.005)
+    assert line_current_a(bench) == pytest.approx(float(bench.model.s[am.I_LINE]), rel=0.05)
+    bench.model.set_load(Load(25e-3, 60_000))
+    dip = 60_000.0
+    for _ in range(800):
+        bench.step()
+        dip = min(dip, abs(bench.model.rpm))
+    assert dip > 57_600
+    assert bench.model.rpm == pytest.approx(direction * 60_000, rel=0.005)
+
+
+@pytest.mark.parametrize(("motor", "inverter", "load", "rpm"), OTHERS)
+def test_current_loop_follows_from_the_motor_file(
+    motor: MotorSpec, inverter: InverterSpec, load: Load, rpm: int
+) -> None:
+    """The machines of the files hold their speed with the current loop too.
+
+    Verifies: FW-25
+    """
+    bench = Bench(motor, inverter, DriveSpec(carrier_hz=30e3, current_loop=True), load)
+    bench.start(rpm, 2.0)
+    bench.run(2.0)
+    assert bench.model.rpm == pytest.approx(rpm, rel=0.005)
+
+
+@pytest.mark.parametrize("change", [{}, {"psi_vs": 0.9e-3}, {"resistance_ohm": 30e-3}, {"inductance_h": 30e-6}])
+def test_current_loop_bounds_the_current(change: dict[str, float]) -> None:
+    """Far too steep a ramp, also with wrong parameters: the current stays at its limit, no windup after it.
+
+    Verifies: FW-25, FW-17
+    """
+    drive = DriveSpec(current_loop=True, accel_rpm_per_s=2e6, current_limit_a=15.0)
+    bench = Bench(drive=drive, model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+    bench.start(60_000)
+    peak_rpm, currents = 0.0, []
+    for _ in range(6000):
+        bench.step()
+        peak_rpm = max(peak_rpm, bench.model.rpm)
+        if 15_000 < bench.model.rpm < 45_000:
+            currents.append(float(bench.model.s[am.I_LINE]))
+    assert np.mean(currents[len(currents) // 4 :]) == pytest.approx(15.0, rel=0.12)
+    assert max(currents) < 19.0
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+    assert peak_rpm < 61_200
+
+
+def test_current_loop_obeys_dc_and_duty_limits() -> None:
+    """The DC-link limit holds the mean DC current; at the duty limit nothing winds up.
+
+    Verifies: FW-25, FW-17
+    """
+    bench = Bench(drive=replace(CURRENT_LOOP, dc_current_limit_a=4.0))
+    bench.start(60_000)
+    bench.run(1.2)
+    mean = [bench.model.s[am.IDC_MEAN] for _ in range(500) if bench.step() is None]
+    assert np.mean(mean) == pytest.approx(4.0, rel=0.05)
+    assert bench.fw.command("get limit") == ["limit current", "ok"]
+    inverter = InverterSpec(supply_v=12.0, phase_current_trip_a=45.0)
+    bench = Bench(inverter=inverter, drive=replace(CURRENT_LOOP, duty_max=0.9))
+    bench.start(60_000)
+    bench.run(1.0)
+    assert bench.fw.command("get duty") == ["duty 0.9000", "ok"]
+    assert bench.fw.command("get limit") == ["limit duty_max", "ok"]
+    bench.fw.command("set speed_rpm 30000")
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+def test_current_loop_ramps_down_without_braking() -> None:
+    """Only the fan slows the rotor, the current stops conducting: at most 3 % undershoot, then held.
+
+    Verifies: FW-25
+    """
+    bench = Bench(drive=CURRENT_LOOP)
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.fw.command("set speed_rpm 20000")
+    assert bench.run(1.5, lambda: bench.model.rpm < 20_400)
+    speeds = []
+    for _ in range(2000):
+        bench.step()
+        speeds.append(bench.model.rpm)
+    assert min(speeds) > 19_400
+    assert speeds[-1] == pytest.approx(20_000, rel=0.005)
+
+
+def test_torque_mode_gives_the_torque() -> None:
+    """Set torque is made within 5 % at any speed between the limits, with a flux 10 % off within 12 %.
+
+    Verifies: FW-26
+    """
+    for flux, tolerance in ((1.0e-3, 0.05), (0.9e-3, 0.12)):
+        bench = Bench(drive=CURRENT_LOOP, model_motor=replace(MOTOR_1, psi_vs=flux))
+        bench.start(80_000)
+        assert bench.fw.command("set torque_mnm 12.5") == ["ok"]
+        assert bench.fw.command("get torque_mnm") == ["torque_mnm 12.500", "ok"]
+        assert bench.fw.command("set mode torque") == ["ok"]
+        bench.run(1.0)
+        assert mean_torque_nm(bench) == pytest.approx(12.5e-3, rel=tolerance)
+        # The fan takes 20 mN*m at 60 000 r/min.
+        assert bench.model.rpm == pytest.approx(60_000 * (12.5 / 20.0) ** 0.5, rel=0.07)
+        assert bench.fw.command("set torque_mnm 6") == ["ok"]
+        bench.run(0.05)
+        assert mean_torque_nm(bench, 50) == pytest.approx(6e-3, rel=1.5 * tolerance)
+
+
+def test_torque_mode_keeps_the_speed_limits() -> None:
+    """More torque than the load takes ends at the target speed, less at the stop speed; back to speed without a jump.
+
+    Verifies: FW-26
+    """
+    bench = Bench(drive=CURRENT_LOOP)
+    bench.start(30_000)
+    assert bench.fw.command("set current_ma 15000") == ["ok"]
+    assert bench.fw.command("get current_ma") == ["current_ma 15000", "ok"]
+    assert bench.fw.command("set mode torque") == ["ok"]
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.06)
+    assert bench.fw.command("set current_ma 0") == ["ok"]
+    bench.run(3.0)
+    assert bench.fw.state == "running"
+    assert bench.model.rpm == pytest.approx(bench.block.number("stop_rpm"), rel=0.25)
+    bench.fw.command("set current_ma 8000")
+    bench.run(0.05)
+    before = bench.model.rpm
+    bench.fw.command("set mode speed")
+    bench.run(0.002)
+    assert bench.model.rpm == pytest.approx(before, rel=0.05)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+    assert bench.fw.command("set current_ma 60000") == ["error: value out of range"]
+
+
+def test_torque_mode_needs_the_current_loop() -> None:
+    """Neither can be had without the other.
+
+    Verifies: FW-26
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    assert bench.fw.command("set mode torque") == ["error: value out of range"]
+    assert bench.fw.command("set current_loop 1") == ["ok"]
+    assert bench.fw.command("set mode torque") == ["ok"]
+    assert bench.fw.command("set current_loop 0") == ["error: value out of range"]
+
+
+def test_current_loop_switches_while_running() -> None:
+    """From one regulator to the other and back: the speed moves by less than 1 %.
+
+    Verifies: FW-25
+    """
+    bench = Bench()
+    bench.start(50_000)
+    bench.run(1.0)
+    for value in (1, 0, 1):
+        assert bench.fw.command(f"set current_loop {value}") == ["ok"]
+        for _ in range(1000):
+            bench.step()
+            assert bench.model.rpm == pytest.approx(50_000, rel=0.01)
+
+
+@pytest.mark.parametrize("linearity", [True, False])
+def test_linearity_makes_the_voltage_the_wanted_one(linearity: bool) -> None:
+    """At 3.4 carriers a sector the machine gets the voltage that the drive asks for; without, 5 % more at least.
+
+    Verifies: FW-27
+    """
+    bench = Bench(drive=DriveSpec(carrier_hz=20e3, linearity=linearity), cut_pulses=True)
+    bench.start(59_000)
+    bench.run(1.0)
+    asked, got = [], []
+    for _ in range(200):
+        bench.step()
+        asked.append(bench.fw.telemetry()["u_v_q25"] / 2**25 * 30.0)
+        duty = float(bench.model.c[am.C_DUTY])
+        got.append(duty * 25.0 - (1.0 - duty) * 0.7)
+    ratio = float(np.mean(got) / np.mean(asked))
+    assert (ratio == pytest.approx(1.0, abs=0.01)) if linearity else (ratio > 1.05)
+    assert bench.model.rpm == pytest.approx(59_000, rel=0.005)
+
+
+MOTOR_2 = MotorSpec(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0)
+INVERTER_2 = InverterSpec(15.0, 2e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 18.0, 20.0)
+FAN_2 = Load(8e-3, 54_000)
+
+
+def thresholds_of(bench: Bench) -> list[float]:
+    """Thresholds as the console shows them."""
+    return [float(word) for word in bench.fw.command("get threshold_pu")[0].split()[1:]]
+
+
+def interval_spread_deg(bench: Bench) -> float:
+    """Largest deviation of a sector's interval from 60 degrees."""
+    ring = bench.model.s[am.RING_FIRST : am.RING_FIRST + 6]
+    return float(np.max(np.abs(ring / ring.mean() - 1.0)) * 60.0)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_balance_learns_dividers_and_inductances(direction: int) -> None:
+    """Motor-II with divider gains 1.10, 1.00, 0.90 at 20 000 r/min: vertical takes most, both nearly all of it.
+
+    Verifies: FW-28
+    """
+    bench = Bench(MOTOR_2, INVERTER_2, DriveSpec(accel_rpm_per_s=20_000.0), FAN_2)
+    bench.start(direction * 20_000, 3.0)
+    bench.run(0.8)
+    mean = (27.5 + 27.2 + 28.6) / 3
+    bench.model.m[am.M_UNEQUAL : am.M_UNEQUAL + 3] = (27.5 / mean, 27.2 / mean, 28.6 / mean)
+    bench.model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = (1.10, 1.00, 0.90)
+    bench.run(0.3)
+    spread = interval_spread_deg(bench)
+    assert spread > 10.0
+    assert bench.fw.command("set balance vertical") == ["ok"]
+    bench.run(0.3)
+    vertical = interval_spread_deg(bench)
+    assert vertical < 0.5 * spread
+    assert bench.fw.command("set balance both") == ["ok"]
+    bench.run(0.3)
+    assert interval_spread_deg(bench) < 0.5
+    got = thresholds_of(bench)
+    # Sectors I..VI float C, B, A, C, B, A.
+    assert (got[2] + got[5]) / 2 == pytest.approx(0.55, abs=0.004)
+    assert (got[1] + got[4]) / 2 == pytest.approx(0.50, abs=0.004)
+    assert (got[0] + got[3]) / 2 == pytest.approx(0.45, abs=0.004)
+    assert bench.model.rpm == pytest.approx(direction * 20_000, rel=0.005)
+    # Through a ramp to 54 000 r/min in 3 s the intervals stay within 59 to 61 degrees.
+    bench.fw.command("set accel_rpm_s 12000")
+    bench.fw.command(f"set speed_rpm {direction * 54_000}")
+    worst = 0.0
+    for _ in range(30_000):
+        bench.step()
+        worst = max(worst, interval_spread_deg(bench))
+    assert abs(bench.model.rpm) > 52_000
+    assert worst < 1.0
+    assert bench.fw.command("set balance none") == ["ok"]
+    bench.run(0.01)
+    assert thresholds_of(bench) == [0.5] * 6
+
+
+def test_balance_rests_in_transients() -> None:
+    """On a healthy machine a steep ramp moves no threshold by more than 0.2 %.
+
+    Verifies: FW-28
+    """
+    bench = Bench(drive=DriveSpec(accel_rpm_per_s=400_000.0, balance="both"))
+    bench.start(80_000)
+    worst = 0.0
+    for _ in range(6000):
+        bench.step()
+        if bench.ticks % 10 == 0:
+            worst = max(worst, max(abs(t - 0.5) for t in thresholds_of(bench)))
+    assert worst < 0.002
+
+
+def test_advance_follows_speed_and_current() -> None:
+    """Base, speed and current add up in the register, limited to 30 degrees; the model's timer obeys.
+
+    Verifies: FW-29
+    """
+    drive = DriveSpec(advance_deg=1.0, advance_deg_at_max_speed=6.0, advance_deg_at_rated_current=4.0)
+    bench = Bench(drive=drive)
+    bench.start(50_000)
+    bench.run(1.0)
+    current = float(bench.model.s[am.I_LINE])
+
+    def advance_deg() -> float:
+        raw = bench.get("comm.delay") >> 16
+        return ((raw ^ 0x8000) - 0x8000) / 65536 * 60.0
+
+    wanted = 1.0 + 6.0 * 50_000 / MOTOR_1.max_speed_rpm + 4.0 * current / MOTOR_1.rated_current_a
+    assert advance_deg() == pytest.approx(wanted, abs=0.1)
+    bench.fw.command("set advance_speed_q16 32767")
+    bench.fw.command("set advance_q16 30000")
+    bench.run(0.002)
+    assert advance_deg() == pytest.approx(30.0, abs=0.01)
+    bench.fw.command("set advance_q16 -32768")
+    bench.fw.command("set advance_speed_q16 -32768")
+    bench.run(0.002)
+    assert advance_deg() == pytest.approx(-30.0, abs=0.01)
+
+
+@pytest.mark.parametrize("rpm", [18_000, 20_000, 40_000, 60_000, 77_777, 94_000, 100_000])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_spinning_rotor_is_caught(rpm: int, direction: int) -> None:
+    """At any speed, both directions: locked within 40 ms without a trip, speed dips by less than a fifth, then held.
+
+    Verifies: FW-30
+    """
+    bench = Bench(speed_rpm=direction * rpm, theta_rad=0.3 * direction + rpm, load=Load(20e-3, 100_000))
+    bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {direction * rpm}")
+    before = abs(bench.model.rpm)
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.04)
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    assert bench.fw.command("get lost_locks") == ["lost_locks 0", "ok"]
+    assert bench.model.rpm * direction > 0.8 * before
+    assert bench.model.s[am.I_PEAK] < 15.0
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_lost_lock_is_caught_again() -> None:
+    """Crossings vanish for 3 ms at 60 000 r/min: back at speed within 50 ms, without standstill.
+
+    Verifies: FW-30, FW-20
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.until_state("running", 0.05)
+    assert bench.model.rpm > 30_000
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+
+
+@pytest.mark.parametrize("sync_rect", [True, False])
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_rotor_that_spins_backward_is_turned(sync_rect: bool, current_loop: bool) -> None:
+    """Caught backward, slowed down (with braking current or by its load), started forward; no trip.
+
+    Verifies: FW-30, FW-31
+    """
+    drive = DriveSpec(sync_rect=sync_rect, current_loop=current_loop, accel_rpm_per_s=200_000.0)
+    bench = Bench(speed_rpm=-50_000.0, load=replace(FAN_1, coulomb_nm=2e-3), drive=drive)
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 40000")
+    bench.fw.command("start")
+    assert bench.run(3.0, lambda: bench.model.rpm > 39_000)
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0
+    assert fault_of(bench) == "none"
+
+
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_reversal_brakes_within_its_limit(current_loop: bool) -> None:
+    """60 000 r/min to -60 000 and back with 8 A of braking current: kept within 20 %, faster than coasting, no trip.
+
+    Verifies: FW-31
+    """
+    drive = DriveSpec(sync_rect=True, current_loop=current_loop, accel_rpm_per_s=1e6, brake_current_limit_a=8.0)
+    bench = Bench(drive=drive)
+    bench.start(60_000)
+    bench.run(0.6)
+    for sign in (-1, 1):
+        lowest, begin = 0.0, bench.now
+        bench.fw.command(f"set speed_rpm {sign * 60_000}")
+        while abs(bench.model.rpm) > 10_000 and bench.now - begin < 1.0:
+            bench.step()
+            lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+        # Fan and 8 A: 13 mN*m and at least as much of the fan at first.
+        assert bench.now - begin < 0.2
+        assert -9.6 < lowest < -6.0
+        assert bench.run(2.0, lambda s=sign: s * bench.model.rpm > 59_000)
+        bench.run(0.3)
+        assert bench.model.rpm == pytest.approx(sign * 60_000, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_braking_spares_the_dc_link() -> None:
+    """A DC link at its limit takes no braking current: the rotor slows by its load alone.
+
+    Verifies: FW-31
+    """
+    bench = Bench(drive=DriveSpec(sync_rect=True, accel_rpm_per_s=1e6, brake_current_limit_a=10.0))
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_VDC] = 29.8
+    bench.run(0.1)
+    bench.fw.command("set speed_rpm 30000")
+    lowest = 0.0
+    for _ in range(500):
+        bench.step()
+        lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+    assert lowest > -1.5
+    bench.model.m[am.M_VDC] = 25.0
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)

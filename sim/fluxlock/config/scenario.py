@@ -59,6 +59,14 @@ class Zcd(Model):
         0.95,
         default=(0.5,) * 6,
     )
+    balance: Literal["none", "vertical", "both"] = Field(
+        default="none",
+        description="Thresholds that adapt until the crossings are even (correction B): `vertical` for divider gains, "
+        "`both` for unequal inductances too.",
+    )
+    balance_bandwidth_hz: float | None = quantity(
+        "Bandwidth of that loop.", "Hz", 0.1, 500, default=None, absent="1.5 times that of the speed loop"
+    )
     miss_limit: int = quantity("Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6)
 
 
@@ -75,6 +83,9 @@ class Start(Model):
         200e3,
         default=None,
         absent="8 kHz",
+    )
+    catch: bool = Field(
+        default=True, description="A rotor that spins is caught at its speed instead of waited for until it is slow."
     )
     retries: int = quantity("Attempts after a failed start-up.", "", 0, 20, default=3)
     restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
@@ -97,6 +108,14 @@ class Drive(Model):
     current_limit_a: float | None = quantity(
         "Limit of the DC current through two phases.", "A", 0.05, 2000, default=None, absent="rated current"
     )
+    brake_current_limit_a: float | None = quantity(
+        "Limit of the current that brakes, with `sync_rect`; it falls to 0 as the DC link nears its over-voltage trip.",
+        "A",
+        0.0,
+        2000,
+        default=None,
+        absent="half of rated current",
+    )
     accel_rpm_per_s: float | None = quantity(
         "Slope of the speed target.",
         "r/min/s",
@@ -108,9 +127,42 @@ class Drive(Model):
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
     )
+    linearity: bool = Field(default=False, description="CSC: duty corrected for the pulse that a commutation cuts.")
+    current_loop: bool = Field(
+        default=False,
+        description="DC-current loop inside of the speed loop; `false`: the speed regulator sets the voltage.",
+    )
+    current_bandwidth_hz: float | None = quantity(
+        "Bandwidth of the current loop.", "Hz", 1, 2000, default=None, absent="100 Hz, or what the control tick allows"
+    )
+    mode: Literal["speed", "torque"] = Field(
+        default="speed", description="What the target is. `torque`: a current, with `current_loop` only."
+    )
+    torque_mnm: float | None = quantity(
+        "Target torque in torque mode; negative brakes (`sync_rect`).", "mN*m", -1e7, 1e7, default=None, absent="0"
+    )
     advance_deg: float = quantity("Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0)
+    advance_deg_at_max_speed: float = quantity(
+        "Further advance at the motor's `max_speed_rpm`, proportional to speed; the sum stays within 30 deg. Metrics "
+        "of the commutation error know `advance_deg` only.",
+        "deg",
+        -30,
+        30,
+        default=0.0,
+    )
+    advance_deg_at_rated_current: float = quantity(
+        "Further advance at rated current, proportional to current.", "deg", -30, 30, default=0.0
+    )
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+
+    @model_validator(mode="after")
+    def _mode(self) -> Self:
+        if self.mode == "torque" and not self.current_loop:
+            raise conflict("mode", 'mode = "torque" needs current_loop = true')
+        if self.torque_mnm is not None and self.mode != "torque":
+            raise conflict("torque_mnm", 'belongs to mode = "torque"')
+        return self
 
 
 class Initial(Model):

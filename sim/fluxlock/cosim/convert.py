@@ -80,6 +80,8 @@ def drive_spec(s: Scenario) -> DriveSpec:
         accel_rpm_per_s=s.accel_rpm_per_s,
         speed_bandwidth_hz=d.speed_bandwidth_hz,
         advance_deg=d.advance_deg,
+        advance_deg_at_max_speed=d.advance_deg_at_max_speed,
+        advance_deg_at_rated_current=d.advance_deg_at_rated_current,
         duty_max=d.duty_max,
         interpolate=d.zcd.interpolate,
         thresholds=d.zcd.threshold,
@@ -88,6 +90,15 @@ def drive_spec(s: Scenario) -> DriveSpec:
         start_carrier_hz=d.start.carrier_hz,
         start_retries=d.start.retries,
         restart_retries=d.start.restart_retries,
+        balance=d.zcd.balance,
+        balance_bandwidth_hz=d.zcd.balance_bandwidth_hz,
+        catch_rotor=d.start.catch,
+        brake_current_limit_a=d.brake_current_limit_a,
+        linearity=d.linearity,
+        current_loop=d.current_loop,
+        mode=d.mode,
+        target_torque_nm=1e-3 * (d.torque_mnm or 0.0),
+        current_bandwidth_hz=d.current_bandwidth_hz,
     )
 
 

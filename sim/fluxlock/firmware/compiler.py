@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
-from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import BALANCES, COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
@@ -28,6 +28,23 @@ LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
+CURRENT_BANDWIDTH_HZ = 100.0
+CSC_TOLERANCE = 0.01
+# Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
+BALANCE_BANDWIDTH_RATIO = 1.5
+BALANCE_SHARE_A_TURN = 0.4
+BALANCE_LIMIT = 0.15
+# Catching: speed over that of the hand-over; the angle between two control ticks must stay below a third of a turn.
+CATCH_SPEED_RATIO = 1.25
+CATCH_TURNS_A_TICK = 0.28
+# Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
+CATCH_DIODES = 3.6
+# Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
+BRAKE_MARGIN = (0.3, 0.75)
+# Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
+# loop may cost at its bandwidth.
+CURRENT_LOOP_LAG_RAD = 0.7
+LOOP_FILTER_SHIFT = 2
 
 
 @dataclass(frozen=True)
@@ -152,6 +169,23 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     limiter_kp = max(LIMITER_BANDWIDTH_RAD * m.l_line - m.r_line, 0.5 * m.r_line) * volt / amp_q17
     limiter_ki = 200.0 * tick * m.r_line * volt / amp_q17
 
+    # Current loop: PI that cancels the pole R(n)/L; the speed regulator gives its reference.
+    amp_q25 = Q25 / inverter.current_full_scale_a
+    if drive.current_bandwidth_hz is not None:
+        current_bandwidth = 2.0 * math.pi * drive.current_bandwidth_hz
+    else:
+        current_bandwidth = 2.0 * math.pi * CURRENT_BANDWIDTH_HZ
+    current_bandwidth = min(current_bandwidth, CURRENT_LOOP_LAG_RAD / ((2.0 + 2**LOOP_FILTER_SHIFT) * tick))
+    outer_bandwidth = min(bandwidth, current_bandwidth / 3.0)
+    outer_kp = motor.inertia_kgm2 * outer_bandwidth / m.k_e * amp_q25 / rpm_q8
+
+    # Correction B: slope of the floating voltage at its crossing over the line EMF, per radian.
+    if drive.balance_bandwidth_hz is not None:
+        balance_bandwidth = 2.0 * math.pi * drive.balance_bandwidth_hz
+    else:
+        balance_bandwidth = BALANCE_BANDWIDTH_RATIO * bandwidth
+    slope = (1.5 if motor.emf == "sinusoidal" else 6.0 / math.pi) * p * motor.psi_vs / m.k_e
+
     def code(volts: float) -> int:
         return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
@@ -160,6 +194,15 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     over_v = min(1.25 * supply, 0.98 * inverter.voltage_full_scale_v)
     over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else over_v
     under_v = inverter.under_voltage_v if inverter.under_voltage_v is not None else 0.6 * supply
+
+    def turn60(degrees: float) -> int:
+        return max(-0x8000, min(0x7FFF, round(degrees / 60.0 * Q16)))
+
+    brake_a = drive.brake_current_limit_a
+    if brake_a is None:
+        brake_a = min(0.5 * motor.rated_current_a, limit_a)
+    brake_from_v, brake_to_v = (supply + share * (over_v - supply) for share in BRAKE_MARGIN)
+    can_catch = p * 1.25 * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
 
     def q17_volts(volts: float) -> int:
         return max(1, min(Q17, round(volts * volt_q17)))
@@ -198,6 +241,8 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "pattern": PATTERNS.index(drive.pattern),
         "sync_rect": int(drive.sync_rect),
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
+        "csc_linearity": int(drive.linearity),
+        "csc_tolerance_q16": round(CSC_TOLERANCE * Q16),
         "carrier_longest_cycles": cycles(longest_s),
         "on_time_floor_cycles": cycles(on_time_s),
         "least_on_cycles": cycles(least_on_s),
@@ -210,13 +255,27 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_blank_cycles": cycles(settle_s),
         "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
+        "balance": BALANCES.index(drive.balance),
+        "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
+        "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
+        "balance_limit_q25": round(BALANCE_LIMIT * Q25),
         "delay_q16": 0x8000,
-        "advance_q16": round(drive.advance_deg / 60.0 * Q16),
+        "advance_q16": turn60(drive.advance_deg),
+        "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),
+        "advance_current_q16": turn60(drive.advance_deg_at_rated_current),
+        "rated_current_ratio": gain(Q16 / (motor.rated_current_a * amp_q25)),
         "latency_cycles": cycles(inverter.driver_delay_s),
         "timeout_q12": 0x1800,
         "miss_limit": drive.miss_limit,
         "coast_v_q17": q17_volts(max(m.line_emf_peak * p * w_coast, 20.0 * v_lsb)),
         "coast_timeout_ticks": ticks(30.0),
+        "catch_rotor": int(drive.catch_rotor and can_catch),
+        "catch_v_q17": q17_volts(
+            max(
+                CATCH_SPEED_RATIO * m.line_emf_peak * p * w_handover, CATCH_DIODES * inverter.diode_drop_v, 40.0 * v_lsb
+            )
+        ),
+        "catch_speed": gain(60.0 / (2.0**24 * p * tick) * Q8),
         "precharge_ticks": ticks(inverter.precharge_s),
         "align_ticks": ticks(align_s),
         "align_ramp_ticks": ticks(0.2 * align_s),
@@ -251,9 +310,21 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
         "current_limit_ma": round(1e3 * limit_a),
         "dc_current_limit_ma": round(1e3 * dc_limit_a),
+        "brake_limit_ma": round(1e3 * brake_a),
+        "brake_vdc_v_q25": round(brake_to_v * volt),
+        "brake_range": gain(Q16 / ((brake_to_v - brake_from_v) * volt)),
         "limiter_kp": gain(limiter_kp),
         "limiter_ki": gain(limiter_ki),
         "current_filter_shift": 3,
+        "current_loop": int(drive.current_loop),
+        "torque_mode": int(drive.mode == "torque"),
+        "target_i_q25": max(-Q25, min(Q25, round(drive.target_torque_nm / m.k_e * amp_q25))),
+        "torque_to_current": gain(1e-6 / m.k_e * amp_q25),
+        "speed_to_current_kp": gain(outer_kp),
+        "speed_to_current_ki": gain(outer_kp * outer_bandwidth / KI_DIVISOR * tick * Q5),
+        "current_kp": gain(m.l_line * current_bandwidth * volt / amp_q25),
+        "current_wt_q16": max(1, round(current_bandwidth * tick * Q16)),
+        "loop_filter_shift": LOOP_FILTER_SHIFT,
         "stop_rpm": max(1, round(1.1 * w_handover * RPM)),
         "stop_timeout_ticks": ticks(20.0),
     }

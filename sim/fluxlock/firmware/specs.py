@@ -11,9 +11,11 @@ from typing import Literal
 Emf = Literal["sinusoidal", "trapezoidal"]
 Commutation = Literal["RSC", "NSC", "CSC"]
 Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
+Balance = Literal["none", "vertical", "both"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
+BALANCES: tuple[Balance, ...] = ("none", "vertical", "both")
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,20 @@ class DriveSpec:
     accel_rpm_per_s: float | None = None
     speed_bandwidth_hz: float | None = None
     advance_deg: float = 0.0
+    advance_deg_at_max_speed: float = 0.0
+    advance_deg_at_rated_current: float = 0.0
     duty_max: float = 1.0
     interpolate: bool = True
     thresholds: tuple[float, float, float, float, float, float] = (0.5, 0.5, 0.5, 0.5, 0.5, 0.5)
     miss_limit: int = 6
     start_retries: int = 3
     restart_retries: int = 3
+    catch_rotor: bool = True
+    brake_current_limit_a: float | None = None
+    balance: Balance = "none"
+    balance_bandwidth_hz: float | None = None
+    linearity: bool = False
+    current_loop: bool = False
+    mode: Literal["speed", "torque"] = "speed"
+    target_torque_nm: float = 0.0
+    current_bandwidth_hz: float | None = None

@@ -1,0 +1,106 @@
+#include "drive/thresholds.h"
+
+#include "control/placement.h"
+
+// An interval spans two crossings: after a change of the thresholds the first one is a mixed one.
+#define CROSSINGS_A_TURN 7u
+// Largest change of the electrical period from turn to turn, as a power of two of it.
+#define STEADY_SHIFT 7
+
+typedef enum { STAGE_WAIT, STAGE_ERRORS, STAGE_GAIN, STAGE_STEP, STAGE_WRITE } stage_t;
+
+static void set_thresholds(drive_t *drive) {
+  for (uint32_t sector = 0; sector < SECTORS; sector++) {
+    drive->command.threshold_q17[sector] =
+        balance_threshold_q17(&drive->thresholds.balance, sector, drive->p->zcd_threshold_q17[sector]);
+  }
+  drive->command.write_thresholds = true;
+}
+
+static void wait_for_turn(drive_t *drive) {
+  drive->thresholds.stage = STAGE_WAIT;
+  drive->thresholds.turn_from = drive->m.crossings;
+}
+
+COLD void thresholds_reset(drive_t *drive) {
+  drive->thresholds = (thresholds_t){.stage = STAGE_WAIT};
+  set_thresholds(drive);
+}
+
+// True: this turn's intervals mean something.
+static bool steady(drive_t *drive, const chip_snapshot_t *in) {
+  thresholds_t *t = &drive->thresholds;
+  const uint32_t period = in->zc_period_cycles;
+  const uint32_t change = (period > t->period_cycles) ? period - t->period_cycles : t->period_cycles - period;
+  const bool calm = change <= period >> STEADY_SHIFT && in->late == t->late && in->timeouts == t->timeouts;
+  t->period_cycles = period;
+  t->late = in->late;
+  t->timeouts = in->timeouts;
+  return calm;
+}
+
+// Gain for this speed: proportional to the EMF, less on turns that are long against the bandwidth.
+static gain_t step_gain(const drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const uint32_t emf = (uint32_t)clamp_i32(gain_apply(drive->m.speed_rpm_q8, p->emf), 0, drive->m.vdc_v_q25);
+  const uint32_t vdc = (uint32_t)drive->m.vdc_v_q25 >> 9;
+  uint32_t share_q16 = (vdc > 0u) ? clamp_u32(((emf >> 9) << 15) / vdc, 0, 32768u) << 1 : 0u;
+  const uint32_t most = (uint32_t)p->balance_turn_cycles >> 8;
+  const uint32_t turn = drive->thresholds.period_cycles >> 8;
+  if (turn > most) {
+    share_q16 = (share_q16 >> 1) * clamp_u32(most, 0, 65535u) / turn << 1;
+  }
+  return (gain_t){mul_q16(p->balance_step.mant, (int32_t)share_q16), p->balance_step.shift};
+}
+
+COLD static void thresholds_stage(drive_t *drive, const chip_snapshot_t *in) {
+  thresholds_t *t = &drive->thresholds;
+  switch (t->stage) {
+    case STAGE_ERRORS:
+      balance_errors(in->sector_interval_cycles, drive->reverse, t->error_x6);
+      t->stage = STAGE_GAIN;
+      if (!steady(drive, in)) {
+        wait_for_turn(drive);
+      }
+      break;
+    case STAGE_GAIN:
+      t->gain = step_gain(drive);
+      t->stage = STAGE_STEP;
+      break;
+    case STAGE_STEP:
+      balance_step(&t->balance, drive->settings.balance, t->error_x6, t->gain, drive->p->balance_limit_q25);
+      t->stage = STAGE_WRITE;
+      break;
+    case STAGE_WRITE:
+      set_thresholds(drive);
+      // In force from the next tick on.
+      wait_for_turn(drive);
+      break;
+    default:
+      wait_for_turn(drive);
+      break;
+  }
+}
+
+HOT void thresholds_step(drive_t *drive, const chip_snapshot_t *in) {
+  thresholds_t *t = &drive->thresholds;
+  drive->command.read_sectors = false;
+  drive->command.write_thresholds = false;
+  t->busy = t->stage != STAGE_WAIT;
+  if (drive->settings.balance != t->mode) {
+    t->mode = drive->settings.balance;
+    if (t->mode == BALANCE_NONE) {
+      thresholds_reset(drive);
+      return;
+    }
+  }
+  if (t->mode == BALANCE_NONE || drive->settings.freeze) {
+    return;
+  }
+  if (t->stage != STAGE_WAIT) {
+    thresholds_stage(drive, in);
+  } else if (drive->m.crossings - t->turn_from > CROSSINGS_A_TURN) {
+    drive->command.read_sectors = true;
+    t->stage = STAGE_ERRORS;
+  }
+}
