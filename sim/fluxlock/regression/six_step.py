@@ -71,7 +71,7 @@ def ramp_1300hz(runner: Runner) -> Iterator[Row]:
                 f"{commutation}-{load_mnm}",
                 f"drive.commutation={commutation}",
                 f"load.fan_torque_nm={load_mnm / 1000}",
-                *(() if commutation == "CSC" else ("duration_s=0.9", "window=[]")),
+                *(() if commutation == "CSC" else ("window=[]",)),
             )
             frequency_hz = highest_hz(run)
             values: dict[str, float | int | None] = {"highest_hz": frequency_hz, "trips": len(run.result["trips"])}
@@ -110,8 +110,9 @@ def spectrum(runner: Runner) -> Iterator[Row]:
     current_a: dict[str, float] = {}
     ripple_nm: dict[str, float] = {}
     for commutation in SPECTRUM_COMMUTATIONS:
-        run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}")
-        begin, end = (1.25, 1.27) if runner.quick else (1.25, 1.34)
+        short = ("duration_s=0.225", "window=[]") if runner.quick else ()
+        run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
+        begin, end = (0.2, 0.22) if runner.quick else (0.2, 0.31)
         window = whole_turns(run.data, begin, end, SPECTRUM_Q)
         orders = sideband_orders(6)
         current_a[commutation] = float(np.max(np.abs(current_lines(run.data, window, orders).amplitude)))
