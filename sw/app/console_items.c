@@ -39,6 +39,10 @@ typedef enum {
   ITEM_CATCH,
   ITEM_BALANCE,
   ITEM_LINEARITY,
+  ITEM_ZCD_METHOD,
+  ITEM_ZCD_SOURCE,
+  ITEM_COMPUTE_BACK,
+  ITEM_CORRECTION_A,
   ITEM_CURRENT_LOOP,
   ITEM_MODE,
   ITEM_TORQUE_MNM,
@@ -79,6 +83,10 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_CATCH] = "catch",
     [ITEM_BALANCE] = "balance",
     [ITEM_LINEARITY] = "linearity",
+    [ITEM_ZCD_METHOD] = "zcd_method",
+    [ITEM_ZCD_SOURCE] = "zcd_source",
+    [ITEM_COMPUTE_BACK] = "compute_back",
+    [ITEM_CORRECTION_A] = "correction_a",
     [ITEM_CURRENT_LOOP] = "current_loop",
     [ITEM_MODE] = "mode",
     [ITEM_TORQUE_MNM] = "torque_mnm",
@@ -90,6 +98,8 @@ static const char *const pattern_names[] = {"ON-PWM", "H_PWM-L_ON", "PWM-ON", "H
 
 static const char *const balance_names[] = {"none", "vertical", "both"};
 static const char *const mode_names[] = {"speed", "torque"};
+static const char *const method_names[] = {"first", "interpolated", "averaged"};
+static const char *const source_names[] = {"terminal", "star_point", "mean"};
 
 static item_t find(const char *name) {
   uint32_t item = 0;
@@ -177,6 +187,16 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       break;
     case ITEM_LINEARITY:
       format_u32(text, s->linearity ? 1u : 0u);
+      break;
+    case ITEM_ZCD_METHOD:
+      return method_names[s->crossing.method];
+    case ITEM_ZCD_SOURCE:
+      return source_names[s->crossing.source];
+    case ITEM_COMPUTE_BACK:
+      format_u32(text, s->crossing.compute_back ? 1u : 0u);
+      break;
+    case ITEM_CORRECTION_A:
+      format_u32(text, s->crossing.correction_a ? 1u : 0u);
       break;
     case ITEM_CURRENT_LOOP:
       format_u32(text, s->current_loop ? 1u : 0u);
@@ -312,6 +332,12 @@ static bool set_switch(settings_t *s, item_t item, int32_t value) {
     case ITEM_LINEARITY:
       s->linearity = on;
       return true;
+    case ITEM_COMPUTE_BACK:
+      s->crossing.compute_back = on;
+      return true;
+    case ITEM_CORRECTION_A:
+      s->crossing.correction_a = on;
+      return true;
     case ITEM_CURRENT_LOOP:
       // The torque mode needs it.
       s->current_loop = on;
@@ -370,6 +396,18 @@ static bool set_value(const drive_t *d, settings_t *s, item_t item, const char *
       }
       s->balance = (balance_mode_t)choice;
       return true;
+    case ITEM_ZCD_METHOD:
+      if (!parse_choice(text, method_names, 3, &choice)) {
+        return false;
+      }
+      s->crossing.method = (uint8_t)choice;
+      return true;
+    case ITEM_ZCD_SOURCE:
+      if (!parse_choice(text, source_names, 3, &choice)) {
+        return false;
+      }
+      s->crossing.source = (uint8_t)choice;
+      return true;
     case ITEM_TORQUE_MNM:
       return parse_milli(text, &value) && settings_target_torque(s, d->p, value);
     case ITEM_COMMUTATION:
@@ -410,6 +448,7 @@ const char *items_set(app_t *app, const char *name, const char *value) {
   }
   const uint32_t state = critical_enter();
   app->drive.settings = next;
+  app->drive.settings_fresh = true;
   critical_leave(state);
   return 0;
 }

@@ -30,6 +30,7 @@ void start_begin(drive_t *drive) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_STARTING);
   drive->reverse = drive->settings.target_rpm < 0;
+  drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
   enter_phase(drive, START_COAST);

@@ -93,6 +93,12 @@ def test_bad_input_changes_nothing(ready: Bench, line: str, reply: str) -> None:
         ("current_loop", "1", "1"),
         ("torque_mnm", "-3.25", "-3.250"),
         ("current_ma", "-1500", "-1500"),
+        ("zcd_method", "averaged", "averaged"),
+        ("zcd_method", "0", "first"),
+        ("zcd_source", "star_point", "star_point"),
+        ("zcd_source", "2", "mean"),
+        ("compute_back", "1", "1"),
+        ("correction_a", "1", "1"),
         ("irq_load", "3000", "3000"),
     ],
 )

@@ -10,7 +10,16 @@ import math
 from dataclasses import dataclass
 
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
-from fluxlock.firmware.specs import BALANCES, COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import (
+    BALANCES,
+    COMMUTATIONS,
+    PATTERNS,
+    ZCD_METHODS,
+    ZCD_SOURCES,
+    DriveSpec,
+    InverterSpec,
+    MotorSpec,
+)
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
@@ -249,7 +258,11 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "duty_max_q30": round(drive.duty_max * Q30),
         "diode_v_q25": round(inverter.diode_drop_v * volt),
         "slew_v_q25": max(1, round(supply * tick / 5e-3 * volt)),
-        "zcd_interpolate": int(drive.interpolate),
+        "zcd_method": ZCD_METHODS.index(drive.zcd_method),
+        "zcd_source": ZCD_SOURCES.index(drive.zcd_source),
+        "zcd_compute_back": int(drive.compute_back),
+        "zcd_linear": int(motor.emf == "trapezoidal"),
+        "zcd_peak": gain((1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8),
         "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(settle_s),
         "zcd_blank_cycles": cycles(settle_s),
@@ -259,6 +272,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
+        "correction_a": int(drive.correction_a),
         "delay_q16": 0x8000,
         "advance_q16": turn60(drive.advance_deg),
         "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),

@@ -17,7 +17,7 @@ from fluxlock.firmware.block import BLOCK_MAX_BYTES, ParameterBlock
 from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x2800
+REGISTER_WORDS = 0x3000
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load")
 _TELEMETRY_WORDS = (
