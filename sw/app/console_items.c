@@ -23,6 +23,7 @@ typedef enum {
   ITEM_CATCHES,
   ITEM_LINE_A,
   ITEM_REFERENCE_A,
+  ITEM_FREEWHEEL_DEG,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -67,6 +68,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_CATCHES] = "catches",
     [ITEM_LINE_A] = "line_a",
     [ITEM_REFERENCE_A] = "reference_a",
+    [ITEM_FREEWHEEL_DEG] = "freewheel_deg",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -124,6 +126,34 @@ static void thresholds(char *text, const drive_t *d) {
     text++;
   }
   text[-1] = '\0';
+}
+
+static char *put_degrees(char *text, uint64_t cycles, uint32_t sector_cycles) {
+  const uint32_t degrees_q8 = clamp_u32(div_sat_u32(cycles * (60u << 8), sector_cycles), 0, 60u << 8);
+  format_fixed(text, degrees_q8, 8, 1);
+  while (*text != '\0') {
+    text++;
+  }
+  *text = ' ';
+  return text + 1;
+}
+
+// Mean and largest freewheel angle of the last tick that had one, and the largest one's sector; open ones count as 60.
+static const char *freewheel(char *text, const app_t *app) {
+  const uint32_t state = critical_enter();
+  const chip_freewheel_t f = app->telemetry->freewheel;
+  const uint32_t sector_cycles = app->drive.m.sector_cycles;
+  critical_leave(state);
+  const uint32_t ended = f.count & 0xFFFFu;
+  const uint32_t open = f.count >> 16;
+  if (f.count == 0u || sector_cycles == 0u) {
+    return "none";
+  }
+  const uint64_t sum_cycles = f.sum_cycles + (uint64_t)open * sector_cycles;
+  char *at = put_degrees(text, div_u64(sum_cycles, ended + open), sector_cycles);
+  at = put_degrees(at, f.max & 0xFFFFFFu, sector_cycles);
+  format_u32(at, ((f.max >> 24) & 7u) + 1u);
+  return text;
 }
 
 // Value as text; names are copied by the caller, so the buffer only holds numbers.
@@ -185,6 +215,8 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_REFERENCE_A:
       amperes(text, p, d->reference_i_q25 / 256);
       break;
+    case ITEM_FREEWHEEL_DEG:
+      return freewheel(text, app);
     case ITEM_LINEARITY:
       format_u32(text, s->linearity ? 1u : 0u);
       break;

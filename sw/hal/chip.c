@@ -66,6 +66,7 @@ void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
+  reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
@@ -92,6 +93,15 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   const uint32_t trip = reg_read(REG(safety.trip));
   snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
+}
+
+HOT void chip_read_freewheel(chip_freewheel_t *freewheel) {
+  const uint32_t count = reg_read(REG(freewheel.snap_count));
+  if (count != 0u) {
+    freewheel->count = count;
+    freewheel->sum_cycles = reg_read(REG(freewheel.snap_sum));
+    freewheel->max = reg_read(REG(freewheel.snap_max));
+  }
 }
 
 COLD void chip_read_offsets(chip_snapshot_t *snapshot) {

@@ -62,6 +62,13 @@ typedef struct {
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
 } chip_snapshot_t;
 
+// Freewheel measurements of a tick, in the chip's own words.
+typedef struct {
+  uint32_t sum_cycles;  // of those that ended
+  uint32_t max;         // longest in bits 23..0, all ones: open; the sector it entered, 0..5, from bit 24
+  uint32_t count;       // ended ones in bits 15..0; from bit 16 open ones: the next commutation came first
+} chip_freewheel_t;
+
 // Everything the chip does until the next tick. Takes effect together at that tick, except for the gate enable and
 // the one-shot requests, which act at once.
 typedef struct {

@@ -33,7 +33,7 @@ _TELEMETRY_WORDS = (
         "reference_rpm_q8",
     ),
     *("target_rpm", "u_v_q25", "duty_q30", "period_cycles", "vdc_v_q25", "idc_q17", "motor_q17", "crossings"),
-    *("commutations", "lost_locks", "fault_count"),
+    *("commutations", "lost_locks", "fault_count", "freewheel_sum_cycles", "freewheel_max", "freewheel_count"),
 )
 
 
