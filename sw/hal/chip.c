@@ -42,7 +42,6 @@ static void configure_sensing(const parameters_t *p) {
 static void configure_crossings(const parameters_t *p) {
   reg_write(REG(zcd.blanking), FIELD(FL_ZCD_REGS__BLANKING__SETTLE_CYCLES, p->zcd_settle_cycles) |
                                    FIELD(FL_ZCD_REGS__BLANKING__BLANK_CYCLES, p->zcd_blank_cycles));
-  reg_write(REG(zcd.clamp), (uint32_t)p->zcd_margin_q17);
   for (uint32_t sector = 0; sector < 6u; sector++) {
     reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)p->zcd_threshold_q17[sector]);
   }
@@ -144,6 +143,8 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
                                   FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
                                   FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
                                   FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.source));
+  reg_write(REG(zcd.clamp),
+            (uint32_t)((crossing.source == ZCD_TERMINAL) ? p->zcd_margin_q17 : p->zcd_margin_third_q17));
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |

@@ -38,6 +38,7 @@ LIMITER_BANDWIDTH_RAD = 600.0
 START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
 CURRENT_BANDWIDTH_HZ = 100.0
+DIVIDER_TOLERANCE = 0.1
 CSC_TOLERANCE = 0.01
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
 BALANCE_BANDWIDTH_RATIO = 1.5
@@ -266,7 +267,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(settle_s),
         "zcd_blank_cycles": cycles(settle_s),
-        "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
+        # A divider whose gain is too small shows a clamped terminal below the rail.
+        "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb) + DIVIDER_TOLERANCE * supply),
+        "zcd_margin_third_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
         "balance": BALANCES.index(drive.balance),
         "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
