@@ -69,6 +69,7 @@ HOT static void control_step(app_t *app) {
       app->gate_enable_written = enable;
     }
     chip_write(&drive->command, drive->p);
+    chip_read_freewheel(&app->telemetry->freewheel);
   } else {
     drive->tick++;
   }

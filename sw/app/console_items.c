@@ -23,6 +23,7 @@ typedef enum {
   ITEM_CATCHES,
   ITEM_LINE_A,
   ITEM_REFERENCE_A,
+  ITEM_FREEWHEEL_DEG,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -39,6 +40,10 @@ typedef enum {
   ITEM_CATCH,
   ITEM_BALANCE,
   ITEM_LINEARITY,
+  ITEM_ZCD_METHOD,
+  ITEM_ZCD_SOURCE,
+  ITEM_COMPUTE_BACK,
+  ITEM_CORRECTION_A,
   ITEM_CURRENT_LOOP,
   ITEM_MODE,
   ITEM_TORQUE_MNM,
@@ -63,6 +68,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_CATCHES] = "catches",
     [ITEM_LINE_A] = "line_a",
     [ITEM_REFERENCE_A] = "reference_a",
+    [ITEM_FREEWHEEL_DEG] = "freewheel_deg",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -79,6 +85,10 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_CATCH] = "catch",
     [ITEM_BALANCE] = "balance",
     [ITEM_LINEARITY] = "linearity",
+    [ITEM_ZCD_METHOD] = "zcd_method",
+    [ITEM_ZCD_SOURCE] = "zcd_source",
+    [ITEM_COMPUTE_BACK] = "compute_back",
+    [ITEM_CORRECTION_A] = "correction_a",
     [ITEM_CURRENT_LOOP] = "current_loop",
     [ITEM_MODE] = "mode",
     [ITEM_TORQUE_MNM] = "torque_mnm",
@@ -90,6 +100,8 @@ static const char *const pattern_names[] = {"ON-PWM", "H_PWM-L_ON", "PWM-ON", "H
 
 static const char *const balance_names[] = {"none", "vertical", "both"};
 static const char *const mode_names[] = {"speed", "torque"};
+static const char *const method_names[] = {"first", "interpolated", "averaged"};
+static const char *const source_names[] = {"terminal", "star_point", "mean"};
 
 static item_t find(const char *name) {
   uint32_t item = 0;
@@ -114,6 +126,34 @@ static void thresholds(char *text, const drive_t *d) {
     text++;
   }
   text[-1] = '\0';
+}
+
+static char *put_degrees(char *text, uint64_t cycles, uint32_t sector_cycles) {
+  const uint32_t degrees_q8 = clamp_u32(div_sat_u32(cycles * (60u << 8), sector_cycles), 0, 60u << 8);
+  format_fixed(text, degrees_q8, 8, 1);
+  while (*text != '\0') {
+    text++;
+  }
+  *text = ' ';
+  return text + 1;
+}
+
+// Mean and largest freewheel angle of the last tick that had one, and the largest one's sector; open ones count as 60.
+static const char *freewheel(char *text, const app_t *app) {
+  const uint32_t state = critical_enter();
+  const chip_freewheel_t f = app->telemetry->freewheel;
+  const uint32_t sector_cycles = app->drive.m.sector_cycles;
+  critical_leave(state);
+  const uint32_t ended = f.count & 0xFFFFu;
+  const uint32_t open = f.count >> 16;
+  if (f.count == 0u || sector_cycles == 0u) {
+    return "none";
+  }
+  const uint64_t sum_cycles = f.sum_cycles + (uint64_t)open * sector_cycles;
+  char *at = put_degrees(text, div_u64(sum_cycles, ended + open), sector_cycles);
+  at = put_degrees(at, f.max & 0xFFFFFFu, sector_cycles);
+  format_u32(at, ((f.max >> 24) & 7u) + 1u);
+  return text;
 }
 
 // Value as text; names are copied by the caller, so the buffer only holds numbers.
@@ -175,8 +215,20 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_REFERENCE_A:
       amperes(text, p, d->reference_i_q25 / 256);
       break;
+    case ITEM_FREEWHEEL_DEG:
+      return freewheel(text, app);
     case ITEM_LINEARITY:
       format_u32(text, s->linearity ? 1u : 0u);
+      break;
+    case ITEM_ZCD_METHOD:
+      return method_names[s->crossing.method];
+    case ITEM_ZCD_SOURCE:
+      return source_names[s->crossing.source];
+    case ITEM_COMPUTE_BACK:
+      format_u32(text, s->crossing.compute_back ? 1u : 0u);
+      break;
+    case ITEM_CORRECTION_A:
+      format_u32(text, s->crossing.correction_a ? 1u : 0u);
       break;
     case ITEM_CURRENT_LOOP:
       format_u32(text, s->current_loop ? 1u : 0u);
@@ -312,6 +364,12 @@ static bool set_switch(settings_t *s, item_t item, int32_t value) {
     case ITEM_LINEARITY:
       s->linearity = on;
       return true;
+    case ITEM_COMPUTE_BACK:
+      s->crossing.compute_back = on;
+      return true;
+    case ITEM_CORRECTION_A:
+      s->crossing.correction_a = on;
+      return true;
     case ITEM_CURRENT_LOOP:
       // The torque mode needs it.
       s->current_loop = on;
@@ -370,6 +428,18 @@ static bool set_value(const drive_t *d, settings_t *s, item_t item, const char *
       }
       s->balance = (balance_mode_t)choice;
       return true;
+    case ITEM_ZCD_METHOD:
+      if (!parse_choice(text, method_names, 3, &choice)) {
+        return false;
+      }
+      s->crossing.method = (uint8_t)choice;
+      return true;
+    case ITEM_ZCD_SOURCE:
+      if (!parse_choice(text, source_names, 3, &choice)) {
+        return false;
+      }
+      s->crossing.source = (uint8_t)choice;
+      return true;
     case ITEM_TORQUE_MNM:
       return parse_milli(text, &value) && settings_target_torque(s, d->p, value);
     case ITEM_COMMUTATION:
@@ -410,6 +480,7 @@ const char *items_set(app_t *app, const char *name, const char *value) {
   }
   const uint32_t state = critical_enter();
   app->drive.settings = next;
+  app->drive.settings_fresh = true;
   critical_leave(state);
   return 0;
 }

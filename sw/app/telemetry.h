@@ -42,6 +42,7 @@ typedef struct {
   uint32_t commutations;
   uint32_t lost_locks;
   uint32_t fault_count;
+  chip_freewheel_t freewheel;  // of the last tick that had a measurement
   uint32_t missed_commits;  // ticks at whose start the last set had not been taken yet
   cycles_t handler[HANDLER_COUNT];
 } telemetry_t;

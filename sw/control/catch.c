@@ -4,6 +4,7 @@
 
 #define SQRT3_Q16 113512
 #define QUARTER 0x40000000u
+#define SIXTH_Q32 715827883u
 #define STEP_MAX (INT32_MAX / 3 * 2)  // a third of a turn
 #define STEP_TOLERANCE 357913942      // 30 degrees
 #define CLIPPED_Q17 160               // five steps of a 12-bit converter
@@ -105,6 +106,6 @@ uint32_t catch_sector(uint32_t arg, bool backward) {
 uint32_t catch_sector_cycles(int32_t mean_step, uint32_t tick_cycles) {
   // tick * 2^32 / (6 |step|), with a divisor of 30 bits.
   const uint32_t step = (uint32_t)abs_sat(mean_step) >> 2;
-  const uint64_t sixth = div_u64((uint64_t)tick_cycles << 30, 6u);
+  const uint64_t sixth = ((uint64_t)tick_cycles * SIXTH_Q32) >> 2;
   return clamp_u32(div_sat_u32(sixth, step), 1u, 0xFFFFFFu);
 }

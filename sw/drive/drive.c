@@ -36,6 +36,7 @@ const char *drive_limit_name(limit_t limit) {
 
 COLD void drive_enter(drive_t *drive, drive_state_t state) {
   drive->state = state;
+  drive->command.write_modes = true;
   drive->command.read_sectors = false;
   drive->state_ticks = 0;
   drive->limit = LIMIT_NONE;
@@ -62,6 +63,14 @@ COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
   drive_enter(drive, STATE_FAULT);
   drive->fault = fault;
   fault_log_add(&drive->log, fault, drive->tick);
+}
+
+COLD void drive_take_crossing(drive_t *drive) {
+  const bool other_signal = drive->command.crossing.source != drive->settings.crossing.source;
+  drive->command.crossing = drive->settings.crossing;
+  if (other_signal) {
+    thresholds_reset(drive);
+  }
 }
 
 HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
@@ -200,6 +209,13 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   s->target_i_q25 = p->target_i_q25;
   (void)settings_target(s, p, p->target_rpm);
   (void)settings_accel(s, p, p->accel_rpm_s);
+  s->crossing = (crossing_settings_t){
+      .method = (uint8_t)p->zcd_method,
+      .source = (uint8_t)p->zcd_source,
+      .compute_back = p->zcd_compute_back != 0,
+      .correction_a = p->correction_a != 0,
+  };
+  drive->command.crossing = s->crossing;
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;
   drive->command.advance_q16 = s->advance_q16;
@@ -334,6 +350,7 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
   drive->tick++;
   drive->command.clear_trips = false;
   drive->command.start_auto_zero = false;
+  drive->command.write_modes = drive->state != STATE_RUNNING;
   if (drive->p == 0) {
     drive->request = REQUEST_NONE;
     return;

@@ -44,6 +44,7 @@ typedef struct {
   uint32_t pattern;
   uint32_t carrier_period_cycles;
   bool sync_rect;
+  crossing_settings_t crossing;
   bool freeze;  // while running: hold duty and every setting
   balance_mode_t balance;
   int32_t brake_limit_i_q25;
@@ -115,6 +116,7 @@ typedef struct {
   const parameters_t *p;
   uint64_t speed_numerator_q8;
   settings_t settings;
+  bool settings_fresh;  // changed since the control step took them
   request_t request;
 
   drive_state_t state;
@@ -186,6 +188,7 @@ void drive_enter(drive_t *drive, drive_state_t state);
 void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);
 void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect);
+void drive_take_crossing(drive_t *drive);  // what finds the crossings, from the settings
 bool drive_turns_wrong(const drive_t *drive);  // the target has the other sign
 int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds
 

@@ -9,6 +9,7 @@
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 #define CARRIERS_A_SECTOR 6u
+#define PEAK_MAX_Q17 131071
 
 HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
   *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
@@ -56,6 +57,7 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->commutations = 0;
     m->speed_valid = false;
     m->speed_rpm_q8 = 0;
+    drive->command.peak_q17 = 0;
     m->longest_cycles = (uint32_t)drive->p->carrier_longest_cycles;
     return;
   }
@@ -72,6 +74,7 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
+    drive->command.peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, drive->p->zcd_peak), 0, PEAK_MAX_Q17);
   }
 }
 

@@ -142,11 +142,17 @@ HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t emf_v_q25, in
 }
 
 // Settings that the console may change while running.
-HOT static void apply_settings(drive_t *drive) {
+COLD static void apply_settings(drive_t *drive) {
   const settings_t *s = &drive->settings;
+  drive->settings_fresh = false;
+  drive->command.write_modes = true;
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;
-  drive->command.advance_q16 = advance_total_q16(s->advance_q16, drive->scheduled.advance_q16);
+  drive_take_crossing(drive);
+}
+
+HOT static void apply_advance(drive_t *drive) {
+  drive->command.advance_q16 = advance_total_q16(drive->settings.advance_q16, drive->scheduled.advance_q16);
 }
 
 HOT static regulator_t wanted_regulator(const drive_t *drive) {
@@ -200,6 +206,7 @@ COLD void run_begin(drive_t *drive) {
   drive->command.timeout_q12 = (uint32_t)drive->p->timeout_q12;
   preset(drive);
   apply_settings(drive);
+  apply_advance(drive);
   drive_apply_voltage(drive, drive->u_v_q25, drive->settings.sync_rect);
 }
 
@@ -309,7 +316,10 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
     preset(drive);
   }
   drive->was_frozen = false;
-  apply_settings(drive);
+  if (drive->settings_fresh) {
+    apply_settings(drive);
+  }
+  apply_advance(drive);
   // A tick that moves thresholds leaves the schedule to another one; so does one that divides for a new speed, once.
   drive->schedule_skipped = drive->thresholds.busy || (drive->m.speed_fresh && !drive->schedule_skipped);
   if (!drive->schedule_skipped) {

@@ -30,6 +30,7 @@ void start_begin(drive_t *drive) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_STARTING);
   drive->reverse = drive->settings.target_rpm < 0;
+  drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
   enter_phase(drive, START_COAST);
@@ -165,6 +166,9 @@ static void begin_ramp(drive_t *drive) {
   command->forced_interval_cycles = drive->first_cycles;
   command->miss_limit = 0;
   command->zcd_enable = true;
+  // A rotor that leads the forced field by more than the flank's 30 degrees would be computed back to a wrong angle;
+  // the crossings have to catch up with it first.
+  command->crossing.compute_back = false;
   drive->held_from = UINT32_MAX;
   drive->interval_for = UINT32_MAX;
   handover_reset(&drive->handover, 0, 0);

@@ -42,7 +42,6 @@ static void configure_sensing(const parameters_t *p) {
 static void configure_crossings(const parameters_t *p) {
   reg_write(REG(zcd.blanking), FIELD(FL_ZCD_REGS__BLANKING__SETTLE_CYCLES, p->zcd_settle_cycles) |
                                    FIELD(FL_ZCD_REGS__BLANKING__BLANK_CYCLES, p->zcd_blank_cycles));
-  reg_write(REG(zcd.clamp), (uint32_t)p->zcd_margin_q17);
   for (uint32_t sector = 0; sector < 6u; sector++) {
     reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)p->zcd_threshold_q17[sector]);
   }
@@ -66,6 +65,7 @@ void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
+  reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
@@ -83,7 +83,8 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   const uint32_t counters = reg_read(REG(comm.snap_counters));
   snapshot->crossings = (uint16_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__CROSSINGS, counters);
   snapshot->misses = (uint8_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__MISSES, counters);
-  snapshot->late = (uint8_t)BITS(FL_COMM_REGS__SNAP_COUNTERS__LATE, counters);
+  const uint32_t late = BITS(FL_ZCD_REGS__COUNTERS__LATE, reg_read(REG(zcd.counters)));
+  snapshot->late = (uint8_t)(late - BITS(FL_ZCD_REGS__METHOD_COUNTERS__BACK, reg_read(REG(zcd.method_counters))));
   const uint32_t events = reg_read(REG(comm.snap_events));
   snapshot->commutations = (uint16_t)BITS(FL_COMM_REGS__SNAP_EVENTS__COMMUTATIONS, events);
   snapshot->overdue = (uint8_t)BITS(FL_COMM_REGS__SNAP_EVENTS__OVERDUE, events);
@@ -91,6 +92,15 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   const uint32_t trip = reg_read(REG(safety.trip));
   snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
+}
+
+HOT void chip_read_freewheel(chip_freewheel_t *freewheel) {
+  const uint32_t count = reg_read(REG(freewheel.snap_count));
+  if (count != 0u) {
+    freewheel->count = count;
+    freewheel->sum_cycles = reg_read(REG(freewheel.snap_sum));
+    freewheel->max = reg_read(REG(freewheel.snap_max));
+  }
 }
 
 COLD void chip_read_offsets(chip_snapshot_t *snapshot) {
@@ -113,36 +123,53 @@ COLD static void write_thresholds(const chip_command_t *command) {
   }
 }
 
-HOT static void write_pwm(const chip_command_t *command) {
+// What stays as it is while the drive runs. Averaging and computing back use the mean interval: the last one alternates
+// with every asymmetry and closes a loop through crossings that are computed back.
+COLD static void write_modes(const chip_command_t *command, const parameters_t *p) {
+  const crossing_settings_t crossing = command->crossing;
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
                                   FIELD(FL_PWM_REGS__CONTROL__SYNC_RECT, command->sync_rect ? 1 : 0) |
                                   FIELD(FL_PWM_REGS__CONTROL__BACKWARD, command->reverse ? 1 : 0) |
                                   FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector));
-  reg_write(REG(pwm.period), command->period_cycles);
-  reg_write(REG(pwm.duty), command->pulse_cycles_q8);
   reg_write(REG(pwm.manual), FIELD(FL_PWM_REGS__MANUAL__LEG_A, command->leg[0]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_B, command->leg[1]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
-}
-
-HOT static void write_crossings(const chip_command_t *command, const parameters_t *p) {
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__METHOD, p->zcd_interpolate) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous));
+                                  FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.method) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__COMPUTE_BACK, crossing.compute_back ? 1 : 0) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.source));
+  reg_write(REG(zcd.clamp),
+            (uint32_t)((crossing.source == ZCD_TERMINAL) ? p->zcd_margin_q17 : p->zcd_margin_third_q17));
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
+                                   FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
-  reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
-                                 FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
   reg_write(REG(comm.timeout), command->timeout_q12);
   reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
 }
 
+// What the control loop moves. The wait of an averaged crossing ends half-way to the commutation.
+HOT static void write_loop(const chip_command_t *command, const parameters_t *p) {
+  const int32_t delay_q16 = p->delay_q16 - command->advance_q16;
+  const uint32_t peak_q17 = command->peak_q17;
+  reg_write(REG(pwm.period), command->period_cycles);
+  reg_write(REG(pwm.duty), command->pulse_cycles_q8);
+  reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
+                                 FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
+  reg_write(REG(zcd.wait_limit), (delay_q16 > 0) ? (uint32_t)delay_q16 >> 9 : 0u);
+  reg_write(REG(zcd.amplitude), (command->crossing.source == ZCD_TERMINAL) ? peak_q17 : peak_q17 / 3u);
+}
+
 HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
-  write_pwm(command);
-  write_crossings(command, parameters);
+  if (command->write_modes) {
+    write_modes(command, parameters);
+  }
+  write_loop(command, parameters);
   if (command->write_thresholds) {
     write_thresholds(command);
   }

@@ -41,6 +41,8 @@ void chip_read(chip_snapshot_t *snapshot);
 // The parts of it that are seldom needed: current offsets, intervals of the sectors.
 void chip_read_offsets(chip_snapshot_t *snapshot);
 void chip_read_sectors(chip_snapshot_t *snapshot);
+// Freewheel measurements since the tick before; left alone if there are none.
+void chip_read_freewheel(chip_freewheel_t *freewheel);
 // Write every shadowed setting and commit the set for the next tick.
 void chip_write(const chip_command_t *command, const parameters_t *parameters);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.

@@ -15,6 +15,19 @@ typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2 
 // Commutation patterns: when a commutation reaches the gates.
 enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
 
+// How the time of a crossing is found.
+enum { ZCD_FIRST = 0, ZCD_INTERPOLATED = 1, ZCD_AVERAGED = 2 };
+// Signal that is searched for crossings.
+enum { ZCD_TERMINAL = 0, ZCD_STAR_POINT = 1, ZCD_MEAN = 2 };
+
+// Detection of crossings, as the console may change it while running.
+typedef struct {
+  uint8_t method;     // ZCD_FIRST..
+  uint8_t source;     // ZCD_TERMINAL..
+  bool compute_back;  // overridden crossings
+  bool correction_a;  // delay to the commutation from the last three intervals
+} crossing_settings_t;
+
 // Trip causes in the bit order of the safety registers.
 enum {
   TRIP_PHASE_CURRENT = 1u << 0,
@@ -38,7 +51,7 @@ typedef struct {
   uint32_t zc_period_cycles;    // last electrical period
   uint16_t crossings;           // counters since the commutation timer was switched on, they wrap
   uint16_t commutations;
-  uint8_t late;
+  uint8_t late;    // overridden crossings that were not computed back
   uint8_t misses;  // consecutive
   uint8_t timeouts;
   uint8_t overdue;
@@ -48,6 +61,13 @@ typedef struct {
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
 } chip_snapshot_t;
+
+// Freewheel measurements of a tick, in the chip's own words.
+typedef struct {
+  uint32_t sum_cycles;  // of those that ended
+  uint32_t max;         // longest in bits 23..0, all ones: open; the sector it entered, 0..5, from bit 24
+  uint32_t count;       // ended ones in bits 15..0; from bit 16 open ones: the next commutation came first
+} chip_freewheel_t;
 
 // Everything the chip does until the next tick. Takes effect together at that tick, except for the gate enable and
 // the one-shot requests, which act at once.
@@ -64,6 +84,8 @@ typedef struct {
   bool sync_rect;
   bool reverse;
   bool zcd_enable;
+  crossing_settings_t crossing;
+  uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
   uint32_t period_cycles;
   uint32_t pulse_cycles_q8;
   uint32_t forced_interval_cycles;
@@ -72,6 +94,7 @@ typedef struct {
   uint32_t timeout_q12;
   int32_t advance_q16;
   int32_t threshold_q17[6];
+  bool write_modes;       // one-shot: anything but period, pulse, advance and amplitude may have changed
   bool write_thresholds;  // one-shot: they have changed
   bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals
 } chip_command_t;

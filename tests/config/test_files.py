@@ -417,7 +417,7 @@ def test_overrides_reach_everything(monkeypatch: pytest.MonkeyPatch) -> None:
         DEMO,
         [
             "drive.commutation=RSC",
-            "drive.zcd.interpolate=false",
+            "drive.zcd.method=first",
             "motor=motors/motor-2.toml",
             "motor.psi_vs=1e-3",
             "inverter.sensing.divider_gain=[1.1, 1.0, 0.9]",
@@ -428,7 +428,7 @@ def test_overrides_reach_everything(monkeypatch: pytest.MonkeyPatch) -> None:
             "record.period_s=20e-6",
         ],
     )
-    assert s.drive.commutation == "RSC" and s.drive.zcd.interpolate is False
+    assert s.drive.commutation == "RSC" and s.drive.zcd.method == "first"
     assert s.motor.name == "Motor-II" and s.motor.psi_vs == (1e-3,) * 3
     assert s.inverter.sensing.divider_gain == (1.1, 1.0, 0.9)
     assert s.window[1].to_s == 1.13 and s.event[2].load_factor == 1.1

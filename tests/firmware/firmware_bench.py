@@ -64,6 +64,8 @@ class Bench:
         self.trips = 0
         self.sampling = True
         self.idc_offset_a = 0.0
+        self.overridden = 0  # late crossings besides those of the model
+        self.computed_back = 0
         self.trace: list[tuple[float, float, float, int, float]] = []
         self.clock = self.drive.clock_hz
         self.tick_s = 1.0 / self.drive.tick_hz
@@ -168,6 +170,8 @@ class Bench:
             self.put("comm.snap_sector_interval", min(0xFFFFFF, round(float(interval) * self.clock)), sector)
         counters = (int(s[am.CROSSINGS]) & 0xFFFF) | (min(255, int(s[am.MISSES])) << 16)
         self.put("comm.snap_counters", counters | ((int(s[am.LATE]) & 0xFF) << 24))
+        self.put("zcd.counters", ((int(s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
+        self.put("zcd.method_counters", self.computed_back & 0xFFFF)
         events = (int(s[am.COMMUTATIONS]) & 0xFFFF) | ((int(s[am.TIMEOUTS]) & 0xFF) << 24)
         self.put("comm.snap_events", events)
         if s[am.TRIPS] > 0.0:

@@ -93,6 +93,12 @@ def test_bad_input_changes_nothing(ready: Bench, line: str, reply: str) -> None:
         ("current_loop", "1", "1"),
         ("torque_mnm", "-3.25", "-3.250"),
         ("current_ma", "-1500", "-1500"),
+        ("zcd_method", "averaged", "averaged"),
+        ("zcd_method", "0", "first"),
+        ("zcd_source", "star_point", "star_point"),
+        ("zcd_source", "2", "mean"),
+        ("compute_back", "1", "1"),
+        ("correction_a", "1", "1"),
         ("irq_load", "3000", "3000"),
     ],
 )
@@ -174,3 +180,27 @@ def test_statistics_and_load(ready: Bench) -> None:
     assert ready.get("timer.load_period") == 2500
     assert ready.get("irq.enable") & 0x80
     assert ready.get("irq.route") == 0x03
+
+
+def test_freewheel_angle(ready: Bench) -> None:
+    """Times over the measured sector give degrees; open ones count as 60, a tick without one changes nothing.
+
+    Verifies: FW-33
+    """
+    assert ready.fw.command("get freewheel_deg") == ["freewheel_deg none", "ok"]
+    ready.start(30_000)
+    ready.run(0.5)
+    assert ready.get("freewheel.control") == 1
+    sector = ready.get("comm.snap_period") / 6
+
+    def tick(total: float, longest: int, entered: int, count: int, open_ones: int) -> list[float]:
+        ready.put("freewheel.snap_sum", round(total))
+        ready.put("freewheel.snap_max", longest | entered << 24)
+        ready.put("freewheel.snap_count", count | open_ones << 16)
+        ready.step()
+        return [float(word) for word in ready.fw.command("get freewheel_deg")[0].split()[1:]]
+
+    assert tick(sector * 0.5, round(sector * 0.3), 4, 2, 0) == pytest.approx([15.0, 18.0, 5.0], abs=0.2)
+    assert ready.fw.telemetry()["freewheel_count"] == 2
+    assert tick(0, 0, 0, 0, 0) == pytest.approx([15.0, 18.0, 5.0], abs=0.2)
+    assert tick(sector * 0.5, 0xFFFFFF, 0, 1, 1) == pytest.approx([45.0, 60.0, 1.0], abs=0.2)

@@ -964,3 +964,70 @@ def test_braking_spares_the_dc_link() -> None:
     bench.model.m[am.M_VDC] = 25.0
     bench.run(1.0)
     assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+@pytest.mark.parametrize(("emf", "factor"), [("sinusoidal", 1.5), ("trapezoidal", 1.0)])
+def test_crossing_settings_reach_the_registers(emf: str, factor: float) -> None:
+    """Options come from parameters and console, the amplitude follows speed and signal, the wait half of the delay.
+
+    Verifies: FW-32
+    """
+    drive = DriveSpec(zcd_method="averaged", zcd_source="star_point", compute_back=True, correction_a=True)
+    bench = Bench(motor=replace(MOTOR_1, emf=emf), drive=drive)
+    assert bench.until_state("ready", 0.1)
+    bench.step()
+    assert bench.get("zcd.amplitude") == 0
+
+    def options() -> tuple[int, int, int, int, int]:
+        zcd = bench.get("zcd.control")
+        return (zcd >> 1) & 3, (zcd >> 3) & 1, (zcd >> 6) & 1, (zcd >> 8) & 3, (bench.get("comm.control") >> 5) & 1
+
+    def peak() -> float:
+        return factor * 1e-3 * bench.model.rpm * np.pi / 30.0 / 30.0 * 2**17
+
+    linear = int(emf == "trapezoidal")
+    assert bench.fw.command("set speed_rpm 50000") == ["ok"]
+    assert bench.fw.command("start") == ["ok"]
+    # The rotor may lead the forced field by more than can be computed back.
+    assert bench.run(2.0, lambda: bench.fw.telemetry()["phase"] == 4)
+    assert options() == (2, 0, linear, 1, 1)
+    assert bench.until_state("running", 2.0)
+    assert options() == (2, 1, linear, 1, 1)
+    bench.run(0.5)
+    assert bench.get("zcd.amplitude") == pytest.approx(peak() / 3.0, rel=0.005)
+    assert bench.get("zcd.wait_limit") == 0x40
+    for line in ("zcd_method first", "zcd_source terminal", "compute_back 0", "correction_a 0", "advance_q16 16384"):
+        assert bench.fw.command(f"set {line}") == ["ok"]
+    bench.step()
+    assert options() == (0, 0, linear, 0, 0)
+    assert bench.get("zcd.amplitude") == pytest.approx(peak(), rel=0.005)
+    assert bench.get("zcd.wait_limit") == 0x20
+    assert bench.fw.command("set zcd_source mean") == ["ok"]
+    assert bench.fw.command("stop now") == ["ok"]
+    bench.run(0.001)
+    assert bench.get("zcd.amplitude") == 0
+
+
+@pytest.mark.parametrize("source", ["terminal", "mean"])
+def test_balance_learns_from_computed_back_crossings(source: str) -> None:
+    """Overridden crossings stop the learning unless they are computed back; another signal starts anew.
+
+    Verifies: FW-32, FW-28
+    """
+    bench = Bench(drive=DriveSpec(zcd_source=source, compute_back=True, balance="both"))  # type: ignore[arg-type]
+    bench.start(40_000)
+    bench.run(0.5)
+    bench.model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = (1.03, 1.0, 0.98)
+
+    def run(back: bool) -> float:
+        for _ in range(2000):
+            bench.overridden += 1
+            bench.computed_back += int(back)
+            bench.step()
+        return max(abs(t - 0.5) for t in thresholds_of(bench))
+
+    assert run(back=False) < 0.002
+    assert run(back=True) > 0.01
+    assert bench.fw.command(f"set zcd_source {'mean' if source == 'terminal' else 'terminal'}") == ["ok"]
+    bench.step()
+    assert thresholds_of(bench) == [0.5] * 6

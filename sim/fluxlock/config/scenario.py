@@ -48,9 +48,24 @@ ZOOM_MAX_S = 0.02
 class Zcd(Model):
     """Zero-crossing detection."""
 
-    interpolate: bool = Field(
-        default=True,
-        description="Crossing time interpolated across the chop-off gap; `false`: first sample after it.",
+    method: Literal["first", "interpolated", "averaged"] = Field(
+        default="interpolated",
+        description="Time of a crossing: `first` sample after it, `interpolated` across the chop-off gap, `averaged` "
+        "over four samples on either side, else two, else interpolated.",
+    )
+    source: Literal["terminal", "star_point", "mean"] = Field(
+        default="terminal",
+        description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
+        "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
+    )
+    compute_back: bool = Field(
+        default=False,
+        description="A crossing that the freewheeling diode overrides is computed back from the first valid sample.",
+    )
+    correction_a: bool = Field(
+        default=False,
+        description="Delay to the commutation from the last three crossing intervals (correction A): evens out "
+        "unequal inductances, amplifies errors of the divider gains.",
     )
     threshold: SectorValues = quantity(
         "Crossing threshold as a fraction of the DC-link voltage: one number, or six for sectors I to VI.",

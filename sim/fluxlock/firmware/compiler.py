@@ -10,7 +10,16 @@ import math
 from dataclasses import dataclass
 
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
-from fluxlock.firmware.specs import BALANCES, COMMUTATIONS, PATTERNS, DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import (
+    BALANCES,
+    COMMUTATIONS,
+    PATTERNS,
+    ZCD_METHODS,
+    ZCD_SOURCES,
+    DriveSpec,
+    InverterSpec,
+    MotorSpec,
+)
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
@@ -29,6 +38,7 @@ LIMITER_BANDWIDTH_RAD = 600.0
 START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
 CURRENT_BANDWIDTH_HZ = 100.0
+DIVIDER_TOLERANCE = 0.1
 CSC_TOLERANCE = 0.01
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
 BALANCE_BANDWIDTH_RATIO = 1.5
@@ -249,16 +259,23 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "duty_max_q30": round(drive.duty_max * Q30),
         "diode_v_q25": round(inverter.diode_drop_v * volt),
         "slew_v_q25": max(1, round(supply * tick / 5e-3 * volt)),
-        "zcd_interpolate": int(drive.interpolate),
+        "zcd_method": ZCD_METHODS.index(drive.zcd_method),
+        "zcd_source": ZCD_SOURCES.index(drive.zcd_source),
+        "zcd_compute_back": int(drive.compute_back),
+        "zcd_linear": int(motor.emf == "trapezoidal"),
+        "zcd_peak": gain((1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8),
         "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(settle_s),
         "zcd_blank_cycles": cycles(settle_s),
-        "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
+        # A divider whose gain is too small shows a clamped terminal below the rail.
+        "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb) + DIVIDER_TOLERANCE * supply),
+        "zcd_margin_third_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
         "balance": BALANCES.index(drive.balance),
         "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
+        "correction_a": int(drive.correction_a),
         "delay_q16": 0x8000,
         "advance_q16": turn60(drive.advance_deg),
         "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),

@@ -17,7 +17,7 @@ from fluxlock.firmware.block import BLOCK_MAX_BYTES, ParameterBlock
 from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x2800
+REGISTER_WORDS = 0x3000
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load")
 _TELEMETRY_WORDS = (
@@ -33,7 +33,7 @@ _TELEMETRY_WORDS = (
         "reference_rpm_q8",
     ),
     *("target_rpm", "u_v_q25", "duty_q30", "period_cycles", "vdc_v_q25", "idc_q17", "motor_q17", "crossings"),
-    *("commutations", "lost_locks", "fault_count"),
+    *("commutations", "lost_locks", "fault_count", "freewheel_sum_cycles", "freewheel_max", "freewheel_count"),
 )
 
 

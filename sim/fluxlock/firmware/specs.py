@@ -12,10 +12,14 @@ Emf = Literal["sinusoidal", "trapezoidal"]
 Commutation = Literal["RSC", "NSC", "CSC"]
 Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
 Balance = Literal["none", "vertical", "both"]
+ZcdMethod = Literal["first", "interpolated", "averaged"]
+ZcdSource = Literal["terminal", "star_point", "mean"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
 BALANCES: tuple[Balance, ...] = ("none", "vertical", "both")
+ZCD_METHODS: tuple[ZcdMethod, ...] = ("first", "interpolated", "averaged")
+ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,10 @@ class DriveSpec:
     advance_deg_at_max_speed: float = 0.0
     advance_deg_at_rated_current: float = 0.0
     duty_max: float = 1.0
-    interpolate: bool = True
+    zcd_method: ZcdMethod = "interpolated"
+    zcd_source: ZcdSource = "terminal"
+    compute_back: bool = False
+    correction_a: bool = False
     thresholds: tuple[float, float, float, float, float, float] = (0.5, 0.5, 0.5, 0.5, 0.5, 0.5)
     miss_limit: int = 6
     start_retries: int = 3
