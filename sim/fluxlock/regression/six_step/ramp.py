@@ -4,37 +4,67 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fluxlock.regression.case import Condition, Row, case
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.measures import Limits, timeline
 from fluxlock.regression.six_step.support import highest_hz
+
+CARRIER_HZ = 20_000
+TOP_RPM = 78_000
+# Commutation, crossings computed back.
+VARIANTS = (("CSC", False), ("RSC", False), ("RSC", True))
+# 30 mN*m at 60 000 r/min are 50.7 mN*m and 30.7 A at the top, more than the motor's rated current.
+CURRENT_LIMIT_A = {20: 30, 30: 40}
+# The short version begins below N = 4; RSC without computed-back crossings fails soon.
+QUICK_FROM_RPM = 45_000
+QUICK_ACCEL_RPM_PER_S = 150_000
+
+
+def _short(fails: bool) -> list[str]:
+    events: list[tuple[float, str, object]] = [(0.003, "speed_rpm", TOP_RPM), (0.004, "command", "start")]
+    times = timeline(0.15, events, []) if fails else timeline(0.33, events, [("top", 0.30, 0.33)])
+    return [f"initial.speed_rpm={QUICK_FROM_RPM}", f"drive.accel_rpm_per_s={QUICK_ACCEL_RPM_PER_S}", *times]
+
+
+def _run(runner: Runner, load_mnm: int, commutation: str, compute_back: bool) -> Outcome:
+    fails = commutation == "RSC" and not compute_back
+    return runner.drive(
+        "six-step/ramp-1300hz.toml",
+        f"{commutation}{'-back' if compute_back else ''}-{load_mnm}",
+        f"drive.commutation={commutation}",
+        f"drive.zcd.compute_back={str(compute_back).lower()}",
+        f"drive.current_limit_a={CURRENT_LIMIT_A[load_mnm]}",
+        f"load.fan_torque_nm={load_mnm / 1000}",
+        *(_short(fails) if runner.quick else ["window=[]"] if fails else []),
+    )
 
 
 @case("six-step/ramp-1300hz")
 def ramp_1300hz(runner: Runner) -> Iterator[Row]:
-    """CSC passes every integer N on the way to 1300 Hz with a 20 kHz carrier; RSC fails just below one."""
-    loads = (20,) if runner.quick else (20, 30)
-    for load_mnm in loads:
-        for commutation in ("CSC", "RSC"):
-            run = runner.drive(
-                "six-step/ramp-1300hz.toml",
-                f"{commutation}-{load_mnm}",
-                f"drive.commutation={commutation}",
-                f"load.fan_torque_nm={load_mnm / 1000}",
-                *(() if commutation == "CSC" else ("window=[]",)),
-            )
+    """CSC passes every integer N on the way to 1300 Hz with a 20 kHz carrier; RSC only with crossings computed back."""
+    for load_mnm in (20,) if runner.quick else (20, 30):
+        for commutation, compute_back in VARIANTS:
+            run = _run(runner, load_mnm, commutation, compute_back)
             frequency_hz = highest_hz(run)
-            values: dict[str, float | int | None] = {"highest_hz": frequency_hz, "trips": len(run.result["trips"])}
+            values: dict[str, Number] = {"highest_hz": frequency_hz, "trips": len(run.result["trips"])}
             conditions: dict[str, Condition] = {
                 "motor": "Motor-I",
-                "carrier_hz": 20_000,
+                "carrier_hz": CARRIER_HZ,
                 "commutation": commutation,
+                "compute_back": compute_back,
                 "pattern": "ON-PWM",
                 "fan_mnm_at_60000": load_mnm,
             }
-            row_id = f"six-step/ramp-1300hz/{commutation}-{load_mnm}mNm"
-            if commutation == "CSC":
-                values["speed_rpm.mean"] = run.metrics["top"]["speed_rpm"]["mean"]
-                yield Row(row_id, conditions, values, {"trips": (0, 0), "speed_rpm.mean": (77_600, 78_400)})
-            else:
-                values["carriers_per_sector"] = 20_000 / (6 * frequency_hz)
+            row_id = f"six-step/ramp-1300hz/{commutation}{'-back' if compute_back else ''}-{load_mnm}mNm"
+            if "top" not in run.metrics:
+                values["carriers_per_sector"] = CARRIER_HZ / (6 * frequency_hz)
                 yield Row(row_id, conditions, values, {"trips": (1, None), "highest_hz": (None, 1300)})
+                continue
+            top = run.metrics["top"]
+            values["speed_rpm.mean"] = top["speed_rpm"]["mean"]
+            values["freewheel_deg.max"] = top["freewheel_deg"]["max"]
+            values["late_crossings"] = top["late_crossings"]
+            values["commutation_error_deg.rms"] = top["commutation_error_deg"]["rms"]
+            limits: Limits = {"trips": (0, 0), "speed_rpm.mean": (0.995 * TOP_RPM, 1.005 * TOP_RPM)}
+            yield Row(row_id, conditions, values, limits)

@@ -1,0 +1,82 @@
+"""Machines whose phases differ in EMF or mutual inductance (left open by the thesis, ch. 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fluxlock.analysis.six_step.recording import torque_lines, whole_turns
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.paths import ROOT
+from fluxlock.regression.case import Condition, Number, Row, case
+from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.measures import (
+    Limits,
+    commutation_intervals,
+    in_window,
+    interval_values,
+    printed_thresholds,
+    timeline,
+)
+
+MACHINES = {"emf": "motor-1-weak-phase.toml", "mutual": "motor-1-mutual.toml"}
+SPEED_RPM = 40_130
+# Corrections in force in the windows of the scenario.
+WINDOWS = {"none": (False, "none"), "a": (True, "none"), "b": (False, "both"), "both": (True, "both")}
+# What correction A must reach at this speed with 5 uH in a phase (six-step/correction-a).
+INTERVAL_DEG = 0.4
+INTERVAL_RMS_DEG = 0.2
+
+
+def _torque_second_harmonic_nm(run: Outcome, window: str) -> float:
+    """Amplitude of the torque at twice the electrical frequency: what unequal EMFs leave with even commutations."""
+    span = next(w for w in run.scenario.window if w.name == window)
+    turns = whole_turns(run.data, span.from_s, span.to_s)
+    return float(2 * np.abs(torque_lines(run.data, turns, np.array([2.0])).amplitude[0]))
+
+
+@case("six-step/asymmetry")
+def asymmetry(runner: Runner) -> Iterator[Row]:
+    """One EMF 5 % low, or unequal mutual inductances: what corrections A and B leave of the error."""
+    for kind, motor in MACHINES.items():
+        windows = ("none", "a") if runner.quick else tuple(WINDOWS)
+        times = [
+            (0.003, "speed_rpm", SPEED_RPM),
+            (0.004, "command", "start"),
+            (0.11, "command", "set correction_a 1"),
+        ]
+        short = timeline(0.17, times, [("none", 0.08, 0.11), ("a", 0.14, 0.17)]) if runner.quick else []
+        run = runner.drive("six-step/asymmetry.toml", kind, f"motor={ROOT / 'motors' / motor}", *short)
+        for window in windows:
+            a, b = WINDOWS[window]
+            error = run.metrics[window]["commutation_error_deg"]
+            values: dict[str, Number] = {
+                "commutation_error_deg.mean": error["mean"],
+                "commutation_error_deg.rms": error["rms"],
+                "commutation_error_deg.max": error["max"],
+                **interval_values(commutation_intervals(run, window), "commutation_interval_deg"),
+                "phase_current_pp_a": run.metrics[window]["phase_current_pp_a"],
+                "torque_2fe_mnm": 1000 * _torque_second_harmonic_nm(run, window),
+                "trips": len(run.result["trips"]),
+            }
+            crossings = in_window(run, run.analysis.crossings, window)
+            for sector in range(3):
+                errors = crossings.error_deg[crossings.sector % 3 == sector]
+                values[f"crossing_error_deg.{'CBA'[sector]}"] = float(errors.mean()) if errors.size else None
+            if window == "both":
+                values |= {f"threshold_pu.{n}": pu for n, pu in enumerate(printed_thresholds(run), 1)}
+            limits: Limits = {"trips": (0, 0)}
+            if window != "none":
+                limits["commutation_interval_deg.min"] = (60 - INTERVAL_DEG, None)
+                limits["commutation_interval_deg.max"] = (None, 60 + INTERVAL_DEG)
+                limits["commutation_interval_deg.rms"] = (None, INTERVAL_RMS_DEG)
+            conditions: dict[str, Condition] = {
+                "motor": run.scenario.motor.name,
+                "supply_v": 15,
+                "carrier_hz": 40_000,
+                "speed_rpm": SPEED_RPM,
+                "correction_a": a,
+                "balance": b,
+            }
+            yield Row(f"six-step/asymmetry/{kind}-{window}", conditions, values, limits)

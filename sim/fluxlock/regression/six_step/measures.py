@@ -1,0 +1,65 @@
+"""Timelines of runs, and intervals and thresholds in their windows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from fluxlock.analysis.metrics import Series
+from fluxlock.analysis.rundata import FloatArray
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Number
+
+Limits = dict[str, tuple[float | None, float | None]]
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML writes it in one line; a mapping as an inline table."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {toml_value(inner)}" for key, inner in value.items()) + "}"
+    return json.dumps(value)
+
+
+def timeline(
+    duration_s: float, events: Iterable[tuple[float, str, object]], windows: Iterable[tuple[str, float, float]]
+) -> list[str]:
+    """Overrides that give a scenario other events (time, key, value) and windows (name, from, to)."""
+    event = ", ".join(toml_value({"at_s": round(at_s, 9), key: value}) for at_s, key, value in events)
+    window = ", ".join(toml_value({"name": n, "from_s": round(a, 9), "to_s": round(b, 9)}) for n, a, b in windows)
+    return [f"duration_s={duration_s:.9f}", f"event=[{event}]", f"window=[{window}]"]
+
+
+def in_window(run: Outcome, series: Series, name: str) -> Series:
+    """Entries within a measuring window."""
+    window = next(w for w in run.scenario.window if w.name == name)
+    return series.between(window.from_s * run.data.clock_hz, window.to_s * run.data.clock_hz)
+
+
+def interval_values(intervals_deg: FloatArray, name: str) -> dict[str, Number]:
+    """Extremes of intervals, and their rms deviation from 60 degrees."""
+    if not intervals_deg.size:
+        return {f"{name}.{kind}": None for kind in ("min", "max", "rms")}
+    return {
+        f"{name}.min": float(intervals_deg.min()),
+        f"{name}.max": float(intervals_deg.max()),
+        f"{name}.rms": float(np.sqrt(np.mean((intervals_deg - 60.0) ** 2))),
+    }
+
+
+def commutation_intervals(run: Outcome, window: str) -> FloatArray:
+    """True angles between successive commutations of a window, deg."""
+    return in_window(run, run.analysis.commutations, window).intervals_deg()
+
+
+def crossing_intervals(run: Outcome, window: str) -> FloatArray:
+    """True angles between successive crossings of a window, deg."""
+    return in_window(run, run.analysis.crossings, window).intervals_deg()
+
+
+def printed_thresholds(run: Outcome) -> tuple[float, ...]:
+    """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
+    found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
+    return tuple(float(word) for word in found[-1].split()) if found else ()
