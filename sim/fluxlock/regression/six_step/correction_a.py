@@ -64,8 +64,7 @@ def _rows(run: Outcome, speed_rpm: int, methods: tuple[str, ...]) -> Iterator[Ro
         current_a = run.metrics[window]["phase_current_pp_a"]
         values: dict[str, Number] = {
             **interval_values(intervals, "commutation_interval_deg"),
-            "crossing_interval_deg.min": float(crossings.min()),
-            "crossing_interval_deg.max": float(crossings.max()),
+            **interval_values(crossings, "crossing_interval_deg"),
             "intervals": int(intervals.size),
             "phase_current_pp_a": current_a,
             "trips": len(run.result["trips"]),

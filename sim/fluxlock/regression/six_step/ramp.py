@@ -16,15 +16,14 @@ TOP_RPM = 78_000
 VARIANTS = (("CSC", False), ("RSC", False), ("RSC", True))
 # 30 mN*m at 60 000 r/min are 50.7 mN*m and 30.7 A at the top, more than the motor's rated current.
 CURRENT_LIMIT_A = {20: 30, 30: 40}
-# The short version begins below N = 4; RSC without computed-back crossings fails soon.
-QUICK_FROM_RPM = 45_000
-QUICK_ACCEL_RPM_PER_S = 150_000
 
 
 def _short(fails: bool) -> list[str]:
+    """The short version begins shortly before the whole number of carriers that matters: 4, or 3."""
+    from_rpm, accel_rpm_per_s = (45_000, 120_000) if fails else (63_000, 80_000)
     events: list[tuple[float, str, object]] = [(0.003, "speed_rpm", TOP_RPM), (0.004, "command", "start")]
-    times = timeline(0.15, events, []) if fails else timeline(0.33, events, [("top", 0.30, 0.33)])
-    return [f"initial.speed_rpm={QUICK_FROM_RPM}", f"drive.accel_rpm_per_s={QUICK_ACCEL_RPM_PER_S}", *times]
+    times = timeline(0.15, events, []) if fails else timeline(0.30, events, [("top", 0.27, 0.30)])
+    return [f"initial.speed_rpm={from_rpm}", f"drive.accel_rpm_per_s={accel_rpm_per_s}", *times]
 
 
 def _run(runner: Runner, load_mnm: int, commutation: str, compute_back: bool) -> Outcome:
