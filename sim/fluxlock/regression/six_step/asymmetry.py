@@ -14,6 +14,7 @@ from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import (
     Limits,
     commutation_intervals,
+    event,
     in_window,
     interval_values,
     printed_thresholds,
@@ -42,9 +43,9 @@ def asymmetry(runner: Runner) -> Iterator[Row]:
     for kind, motor in MACHINES.items():
         windows = ("none", "a") if runner.quick else tuple(WINDOWS)
         times = [
-            (0.003, "speed_rpm", SPEED_RPM),
-            (0.004, "command", "start"),
-            (0.11, "command", "set correction_a 1"),
+            event(0.003, "speed_rpm", SPEED_RPM),
+            event(0.004, "command", "start"),
+            event(0.11, "command", "set correction_a 1"),
         ]
         short = timeline(0.17, times, [("none", 0.08, 0.11), ("a", 0.14, 0.17)]) if runner.quick else []
         run = runner.drive("six-step/asymmetry.toml", kind, f"motor={ROOT / 'motors' / motor}", *short)

@@ -10,6 +10,7 @@ from fluxlock.regression.six_step.measures import (
     Limits,
     commutation_intervals,
     crossing_intervals,
+    event,
     interval_values,
     printed_thresholds,
     timeline,
@@ -42,7 +43,11 @@ def balance(runner: Runner) -> Iterator[Row]:
         "drive.zcd.balance=both",
         *timeline(
             0.30,
-            [(0.003, "speed_rpm", 20_000), (0.004, "command", "start"), (0.29, "command", "get threshold_pu")],
+            [
+                event(0.003, "speed_rpm", 20_000),
+                event(0.004, "command", "start"),
+                event(0.29, "command", "get threshold_pu"),
+            ],
             [("both", 0.22, 0.29)],
         ),
     ]
@@ -72,10 +77,10 @@ def balance_ramp(runner: Runner) -> Iterator[Row]:
         timeline(
             0.46,
             [
-                (0.003, "speed_rpm", low_rpm),
-                (0.004, "command", "start"),
-                (0.20, "speed_rpm", top_rpm),
-                (0.33, "speed_rpm", low_rpm),
+                event(0.003, "speed_rpm", low_rpm),
+                event(0.004, "command", "start"),
+                event(0.20, "speed_rpm", top_rpm),
+                event(0.33, "speed_rpm", low_rpm),
             ],
             [("up", 0.20, 0.33), ("down", 0.33, 0.45)],
         )

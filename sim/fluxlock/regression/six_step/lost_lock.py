@@ -10,7 +10,7 @@ from fluxlock.analysis.gates import gate_safety
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
-from fluxlock.regression.six_step.measures import Limits, timeline
+from fluxlock.regression.six_step.measures import Limits, event, timeline
 
 SPEED_RPM = 60_000
 DISTURBED_S = 0.08
@@ -19,14 +19,15 @@ OFF_CYCLES = 3
 TICK_S = 100e-6
 LOCKED_RMS_DEG = 1.0
 
-Change = tuple[float, str, object]
+Change = dict[str, object]
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What happens at times after DISTURBED_S, and the faults by whose names the drive may stop; none: it must relock.
+    """What happens, and the faults by whose names the drive may stop; none: it must run.
 
-    must_stop: a stop by one of them is the only right end. overrides: of the scenario. end_s: length of the run.
+    changes: events, `at_s` after DISTURBED_S. must_stop: a stop by one of the faults is the only right end.
+    overrides: of the scenario. end_s: length of the run.
     """
 
     description: str
@@ -34,64 +35,84 @@ class Disturbance:
     faults: frozenset[str] = frozenset()
     must_stop: bool = False
     overrides: tuple[str, ...] = ()
-    end_s: float = 0.40
+    end_s: float = 0.30
 
 
-def stuck(channel: str, code: int | None = None) -> dict[str, object]:
-    """Fault event: a converter channel keeps a code, its present one by default."""
-    return {"kind": "stuck_channel", "channel": channel} | ({} if code is None else {"code": code})
+def stuck(at_s: float, channel: str, code: int | None = None) -> Change:
+    """A converter channel keeps a code, its present one by default."""
+    fault = {"kind": "stuck_channel", "channel": channel} | ({} if code is None else {"code": code})
+    return {"at_s": at_s, "fault": fault}
 
 
-# The supply fails and returns; a diode keeps the link from feeding it.
-DIP = ((0.0, "supply_v", 0.0), (0.020, "supply_v", 25.0))
+def dip(at_s: float, return_s: float) -> tuple[Change, Change]:
+    """No supply for 20 ms; it returns within return_s."""
+    return {"at_s": at_s, "supply_v": 0.0}, {"at_s": at_s + 0.020, "supply_v": 25.0, "ramp_s": return_s}
+
+
+def load(at_s: float, factor: float) -> Change:
+    """A load step."""
+    return {"at_s": at_s, "load_factor": factor}
+
+
+def clear(at_s: float) -> Change:
+    """All channels work again."""
+    return {"at_s": at_s, "fault": {"kind": "clear"}}
+
+
+# A diode keeps the link from feeding the failed supply.
 DIODE = "inverter.supply_diode=true"
 UNPROTECTED = (DIODE, "inverter.protection.under_voltage_v=0")
-CLEAR = {"kind": "clear"}
 # Three times the load needs 36.3 A, beyond the rated current.
 STRONG = "drive.current_limit_a=40"
+# Legs change over within a carrier: the dead time shows.
+SYNC = "drive.sync_rect=true"
+OVER_CURRENT = frozenset({"phase_over_current", "dc_over_current"})
+CHANNEL_FAULTS = frozenset({"voltage_channel", "lost_lock"})
+# Without vdc, or with wrong currents, the drive may hold its speed or be stopped by what the channel seems to show.
+STUCK = {
+    "va": (None, CHANNEL_FAULTS),
+    "va-high": (4095, CHANNEL_FAULTS),
+    "vb-low": (0, CHANNEL_FAULTS | {"start_failed"}),
+    "vdc": (None, frozenset()),
+    "ia": (None, frozenset()),
+    "idc": (None, frozenset()),
+}
 
 FULL: dict[str, Disturbance] = {
-    "dip": Disturbance("supply 0 V for 20 ms, no under-voltage trip", DIP, overrides=UNPROTECTED),
+    "dip": Disturbance(
+        "supply 0 V for 20 ms, back within 5 ms, no under-voltage trip", dip(0, 5e-3), overrides=UNPROTECTED
+    ),
+    "dip-step": Disturbance(
+        "supply 0 V for 20 ms, back at once, no under-voltage trip", dip(0, 0), OVER_CURRENT, overrides=UNPROTECTED
+    ),
     "dip-trip": Disturbance(
-        "supply 0 V for 20 ms, trip at 15 V", DIP, frozenset({"under_voltage"}), True, (DIODE,), end_s=0.2
+        "supply 0 V for 20 ms, trip at 15 V", dip(0, 0), frozenset({"under_voltage"}), True, (DIODE,), end_s=0.15
     ),
     "dip-trip-start": Disturbance(
         "supply 0 V for 20 ms, trip at 15 V, then clear and start",
-        (*DIP, (0.040, "command", "clear"), (0.060, "command", "start")),
+        (*dip(0, 0), {"at_s": 0.04, "command": "clear"}, {"at_s": 0.06, "command": "start"}),
         overrides=(DIODE,),
     ),
-    "load-step": Disturbance("3 x load from one instant on", ((0.0, "load_factor", 3.0),), overrides=(STRONG,)),
-    "stuck-va-5ms": Disturbance("va keeps its code for 5 ms", ((0.0, "fault", stuck("va")), (0.005, "fault", CLEAR))),
+    "load-step": Disturbance("3 x load from one instant on", (load(0, 3.0),), overrides=(STRONG,)),
+    "stuck-va-5ms": Disturbance("va keeps its code for 5 ms", (stuck(0, "va"), clear(0.005))),
+    "stuck-va-5ms-sync": Disturbance(
+        "va keeps its code for 5 ms, synchronous rectification", (stuck(0, "va"), clear(0.005)), overrides=(SYNC,)
+    ),
     **{
         f"stuck-{name}": Disturbance(
-            f"{name} keeps {'its code' if code is None else f'code {code}'} from one instant on",
-            ((0.0, "fault", stuck(name.partition("-")[0], code)),),
-            frozenset({"lost_lock"}),
+            f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
+            (stuck(0, name.partition("-")[0], code),),
+            faults,
         )
-        for name, code in (
-            ("va", None),
-            ("va-high", 4095),
-            ("vb-low", 0),
-            ("vc", None),
-            ("vdc", None),
-            ("ia", None),
-            ("idc", None),
-        )
+        for name, (code, faults) in STUCK.items()
     },
 }
 QUICK: dict[str, Disturbance] = {
     "sequence": Disturbance(
-        "3 x load for 20 ms, va stuck for 5 ms, supply 0 V for 20 ms without under-voltage trip",
-        (
-            (0.0, "load_factor", 3.0),
-            (0.020, "load_factor", 1.0),
-            (0.050, "fault", stuck("va", 4095)),
-            (0.055, "fault", CLEAR),
-            (0.085, "supply_v", 0.0),
-            (0.105, "supply_v", 25.0),
-        ),
-        overrides=(*UNPROTECTED, STRONG),
-        end_s=0.32,
+        "3 x load for 20 ms; va at code 4095 for 5 ms; supply 0 V for 20 ms, no under-voltage trip",
+        (load(0, 3.0), load(0.020, 1.0), stuck(0.040, "va", 4095), clear(0.045), *dip(0.070, 5e-3)),
+        overrides=(*UNPROTECTED, STRONG, SYNC),
+        end_s=0.24,
     )
 }
 
@@ -142,9 +163,9 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
 def lost_lock(runner: Runner) -> Iterator[Row]:
     """Supply dip, stuck converter channel, load step: locked again or stopped by name, every gate under control."""
     for name, disturbance in (QUICK if runner.quick else FULL).items():
-        events: list[Change] = [(0.003, "speed_rpm", SPEED_RPM), (0.004, "command", "start")]
-        events += [(DISTURBED_S + after_s, key, value) for after_s, key, value in disturbance.changes]
-        events.append((disturbance.end_s - 0.001, "command", "get lost_locks"))
+        events = [event(0.003, "speed_rpm", SPEED_RPM), event(0.004, "command", "start")]
+        events += [change | {"at_s": DISTURBED_S + float(str(change["at_s"]))} for change in disturbance.changes]
+        events.append(event(disturbance.end_s - 0.001, "command", "get lost_locks"))
         times = timeline(disturbance.end_s, events, [("end", disturbance.end_s - 0.03, disturbance.end_s)])
         run = runner.drive("six-step/lost-lock.toml", name, "expect_trip=[]", *disturbance.overrides, *times)
         yield _row(run, name, disturbance)

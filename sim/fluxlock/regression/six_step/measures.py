@@ -20,16 +20,21 @@ def toml_value(value: object) -> str:
     """A value as TOML writes it in one line; a mapping as an inline table."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {toml_value(inner)}" for key, inner in value.items()) + "}"
-    return json.dumps(value)
+    return repr(round(value, 9)) if isinstance(value, float) else json.dumps(value)
+
+
+def event(at_s: float, key: str, value: object) -> dict[str, object]:
+    """An event with one action."""
+    return {"at_s": at_s, key: value}
 
 
 def timeline(
-    duration_s: float, events: Iterable[tuple[float, str, object]], windows: Iterable[tuple[str, float, float]]
+    duration_s: float, events: Iterable[Mapping[str, object]], windows: Iterable[tuple[str, float, float]]
 ) -> list[str]:
-    """Overrides that give a scenario other events (time, key, value) and windows (name, from, to)."""
-    event = ", ".join(toml_value({"at_s": round(at_s, 9), key: value}) for at_s, key, value in events)
-    window = ", ".join(toml_value({"name": n, "from_s": round(a, 9), "to_s": round(b, 9)}) for n, a, b in windows)
-    return [f"duration_s={duration_s:.9f}", f"event=[{event}]", f"window=[{window}]"]
+    """Overrides that give a scenario other events and windows (name, from, to)."""
+    listed = ", ".join(toml_value(entry) for entry in events)
+    window = ", ".join(toml_value({"name": n, "from_s": a, "to_s": b}) for n, a, b in windows)
+    return [f"duration_s={duration_s!r}", f"event=[{listed}]", f"window=[{window}]"]
 
 
 def in_window(run: Outcome, series: Series, name: str) -> Series:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
-from fluxlock.regression.six_step.measures import Limits, timeline
+from fluxlock.regression.six_step.measures import Limits, event, timeline
 from fluxlock.regression.six_step.support import highest_hz
 
 CARRIER_HZ = 20_000
@@ -21,7 +21,7 @@ CURRENT_LIMIT_A = {20: 30, 30: 40}
 def _short(fails: bool) -> list[str]:
     """The short version begins shortly before the whole number of carriers that matters: 4, or 3."""
     from_rpm, accel_rpm_per_s = (45_000, 120_000) if fails else (63_000, 80_000)
-    events: list[tuple[float, str, object]] = [(0.003, "speed_rpm", TOP_RPM), (0.004, "command", "start")]
+    events = [event(0.003, "speed_rpm", TOP_RPM), event(0.004, "command", "start")]
     times = timeline(0.15, events, []) if fails else timeline(0.30, events, [("top", 0.27, 0.30)])
     return [f"initial.speed_rpm={from_rpm}", f"drive.accel_rpm_per_s={accel_rpm_per_s}", *times]
 
