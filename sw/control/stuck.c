@@ -2,7 +2,12 @@
 
 void stuck_reset(stuck_t *stuck) { *stuck = (stuck_t){0}; }
 
-bool stuck_step(stuck_t *stuck, const int32_t v_q17[3], uint32_t limit) {
+bool stuck_step(stuck_t *stuck, const int32_t v_q17[3], bool emf, uint32_t limit) {
+  stuck->quiet_ticks = emf ? 0u : stuck->quiet_ticks + 1u;
+  if (stuck->quiet_ticks > limit / 5u) {
+    stuck_reset(stuck);
+    return false;
+  }
   uint32_t count = 0;
   for (uint32_t x = 0; x < 3u; x++) {
     const bool same = v_q17[x] == stuck->last_q17[x];

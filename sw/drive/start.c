@@ -115,9 +115,7 @@ static void coast(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state_ticks > CLEAR_SETTLE_TICKS && caught(drive, v_q17, line_emf_q17)) {
     return;
   }
-  if (line_emf_q17 < p->catch_v_q17) {
-    stuck_reset(&drive->stuck);
-  } else if (stuck_step(&drive->stuck, in->v_q17, STUCK_TICKS)) {
+  if (stuck_step(&drive->stuck, in->v_q17, line_emf_q17 >= p->catch_v_q17, STUCK_TICKS)) {
     drive_enter_fault(drive, FAULT_VOLTAGE_CHANNEL);
     return;
   }

@@ -922,7 +922,7 @@ def test_over_current_after_scattered_misses_is_a_lost_lock() -> None:
     assert (bench.fw.state, fault_of(bench)) == ("fault", "phase_over_current")
 
 
-@pytest.mark.parametrize("value_q17", [131071, 30_000])
+@pytest.mark.parametrize("value_q17", [131071, 30_000, 0])
 def test_stuck_voltage_channel_is_named(value_q17: int) -> None:
     """A channel that keeps its value while the rotor turns is named after 50 ms; gone, the drive starts.
 

@@ -15,9 +15,10 @@ from fluxlock.regression.six_step.measures import (
     Limits,
     commutation_intervals,
     event,
-    in_window,
     interval_values,
+    phase_crossing_errors,
     printed_thresholds,
+    theory_errors,
     timeline,
 )
 
@@ -61,10 +62,9 @@ def asymmetry(runner: Runner) -> Iterator[Row]:
                 "torque_2fe_mnm": 1000 * _torque_second_harmonic_nm(run, window),
                 "trips": len(run.result["trips"]),
             }
-            crossings = in_window(run, run.analysis.crossings, window)
-            for sector in range(3):
-                errors = crossings.error_deg[crossings.sector % 3 == sector]
-                values[f"crossing_error_deg.{'CBA'[sector]}"] = float(errors.mean()) if errors.size else None
+            values |= phase_crossing_errors(run, window)
+            if b == "none":
+                values |= theory_errors(run, SPEED_RPM)
             if window == "both":
                 values |= {f"threshold_pu.{n}": pu for n, pu in enumerate(printed_thresholds(run), 1)}
             limits: Limits = {"trips": (0, 0)}

@@ -72,7 +72,7 @@ CHANNEL_FAULTS = frozenset({"voltage_channel", "lost_lock"})
 STUCK = {
     "va": (None, CHANNEL_FAULTS),
     "va-high": (4095, CHANNEL_FAULTS),
-    "vb-low": (0, CHANNEL_FAULTS | {"start_failed"}),
+    "vb-low": (0, CHANNEL_FAULTS),
     "vdc": (None, frozenset()),
     "ia": (None, frozenset()),
     "idc": (None, frozenset()),

@@ -8,8 +8,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from fluxlock.analysis.angles import FLOATING_PHASE
 from fluxlock.analysis.metrics import Series
 from fluxlock.analysis.rundata import FloatArray
+from fluxlock.analysis.six_step.unequal import crossing_errors_deg
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Number
 
@@ -68,3 +70,19 @@ def printed_thresholds(run: Outcome) -> tuple[float, ...]:
     """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
     found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
     return tuple(float(word) for word in found[-1].split()) if found else ()
+
+
+def theory_errors(run: Outcome, speed_rpm: float) -> dict[str, Number]:
+    """How late the crossings of phases A, B, C come by theory, resistances left out, deg."""
+    errors = crossing_errors_deg(run.scenario.motor, run.scenario.inverter.supply_v, speed_rpm)
+    return {f"crossing_error_theory_deg.{x}": error for x, error in zip("ABC", errors, strict=True)}
+
+
+def phase_crossing_errors(run: Outcome, window: str) -> dict[str, Number]:
+    """Mean lateness of the crossings of phases A, B, C in a window, deg."""
+    crossings = in_window(run, run.analysis.crossings, window)
+    values: dict[str, Number] = {}
+    for phase, name in enumerate("ABC"):
+        errors = crossings.error_deg[FLOATING_PHASE[crossings.sector] == phase]
+        values[f"crossing_error_deg.{name}"] = float(errors.mean()) if errors.size else None
+    return values
