@@ -67,7 +67,7 @@ FULL = (
         True,
         30,
         "top",
-        "RSC is stable up to a freewheel angle of 60 floor(N)/N, the wait for a pulse in it: 46.8 deg at 1300 Hz. "
+        "RSC is stable up to a freewheel angle of 60 floor(N)/N, the wait for a pulse in it: 40 deg just below N = 3. "
         "Its late commutations raise the current, and with it the angle.",
     ),
 )
