@@ -263,10 +263,13 @@ COLD static void lost_lock(drive_t *drive) {
 
 // A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
 // consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the restart shorts a
-// rotor whose EMF was not seen.
+// rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two in a row: all
+// of the last 64 to 128 ticks count.
 static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
   const bool over_current = fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
-  const bool missed = drive->command.timer == COMMUTATION_ZCD && in->misses >= MISSES_BEFORE_TRIP;
+  const uint8_t lately = (uint8_t)(in->timeouts - drive->m.timeouts_before);
+  const bool missed = drive->command.timer == COMMUTATION_ZCD &&
+                      (in->misses >= MISSES_BEFORE_TRIP || lately >= MISSES_BEFORE_TRIP);
   const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
   const bool unseen = restarting && drive->phase == START_PRECHARGE;
   const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;

@@ -16,6 +16,7 @@
 #include "control/limiter.h"
 #include "control/pi.h"
 #include "control/ramp.h"
+#include "control/stuck.h"
 #include "drive/faults.h"
 #include "drive/parameters.h"
 #include "hal/chip_io.h"
@@ -72,6 +73,8 @@ typedef struct {
   uint32_t timer_on_ticks;
   uint32_t last_sample;
   uint32_t silent_ticks;  // consecutive ticks without a sample
+  uint8_t timeouts;          // counter of the timer at the last boundary of 64 ticks
+  uint8_t timeouts_before;   // and at the one before
   int32_t idc_filter_q25;
   int32_t motor_filter_q25;
   int32_t loop_filter_q25;
@@ -145,6 +148,7 @@ typedef struct {
   limiter_t limiter;
   int32_t brake_i_q25;  // largest braking current now
   catch_t rotor;
+  stuck_t stuck;
   uint32_t catches;  // rotors caught since boot
   thresholds_t thresholds;
   handover_t handover;

@@ -33,6 +33,7 @@ void start_begin(drive_t *drive) {
   drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
+  stuck_reset(&drive->stuck);
   enter_phase(drive, START_COAST);
   drive->command.clear_trips = true;
 }
@@ -60,6 +61,8 @@ static void begin_lock(drive_t *drive) {
 }
 
 #define CATCH_FAILURES_MAX 2u
+// 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
+#define STUCK_TICKS 500u
 
 // The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.
 static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_rpm_q8) {
@@ -110,6 +113,10 @@ static void coast(drive_t *drive, const chip_snapshot_t *in) {
   int32_t v_q17[PHASES];
   const int32_t line_emf_q17 = catch_restore(in->v_q17, p->diode_v_q25 / 256, v_q17);
   if (drive->state_ticks > CLEAR_SETTLE_TICKS && caught(drive, v_q17, line_emf_q17)) {
+    return;
+  }
+  if (stuck_step(&drive->stuck, in->v_q17, line_emf_q17 >= p->catch_v_q17, STUCK_TICKS)) {
+    drive_enter_fault(drive, FAULT_VOLTAGE_CHANNEL);
     return;
   }
   drive->calm_ticks = (line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;

@@ -158,8 +158,7 @@ class Drive(Model):
     )
     advance_deg: float = quantity("Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0)
     advance_deg_at_max_speed: float = quantity(
-        "Further advance at the motor's `max_speed_rpm`, proportional to speed; the sum stays within 30 deg. Metrics "
-        "of the commutation error know `advance_deg` only.",
+        "Further advance at the motor's `max_speed_rpm`, proportional to speed; the sum stays within 30 deg.",
         "deg",
         -30,
         30,
