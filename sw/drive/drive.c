@@ -48,6 +48,7 @@ COLD void drive_gates_off(drive_t *drive) {
   command->sequencer = SEQUENCER_OFF;
   command->timer = COMMUTATION_OFF;
   command->zcd_enable = false;
+  command->sampling = SAMPLING_CONTINUOUS;
   command->miss_limit = 0;
   command->force_on_miss = false;
   command->pulse_cycles_q8 = 0;
@@ -183,6 +184,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
 void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
+  drive->command.sampling = SAMPLING_CONTINUOUS;
   drive->command.forced_interval_cycles = 0xFFFFFF;
   if (fault != FAULT_NONE) {
     fault_log_add(&drive->log, fault, 0);

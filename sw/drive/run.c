@@ -204,6 +204,7 @@ COLD void run_begin(drive_t *drive) {
   drive->was_frozen = false;
   drive->command.force_on_miss = true;
   drive->command.timeout_q12 = (uint32_t)drive->p->timeout_q12;
+  drive->command.sampling = (uint32_t)drive->p->sample_mode;
   preset(drive);
   apply_settings(drive);
   apply_advance(drive);

@@ -19,6 +19,7 @@ from fluxlock.firmware.specs import (
     DriveSpec,
     InverterSpec,
     MotorSpec,
+    ZcdSampling,
 )
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
@@ -31,6 +32,7 @@ RAMP_SECTORS_MIN = 10
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
+SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 BANDWIDTH_HZ = 30.0
 KI_DIVISOR = 5.0
 LIMITER_BANDWIDTH_RAD = 600.0
@@ -220,9 +222,10 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     values: dict[str, Value] = {
         "clock_hz": round(clock),
         "tick_cycles": cycles(tick),
-        "sample_mode": 1,
+        "sample_mode": SAMPLE_MODES[drive.zcd_sampling],
         "sample_period_cycles": cycles(inverter.sample_period_s),
-        "sample_offset_cycles": 0,
+        # Once a carrier: settled, and inside of the shortest pulse.
+        "sample_offset_cycles": cycles(least_on_s - inverter.sample_period_s),
         "sense_delay_cycles": cycles(inverter.divider_pole_s),
         "gain_q15": (0x8000,) * 9,
         "auto_zero_log2": 6,
