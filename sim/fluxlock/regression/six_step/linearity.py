@@ -19,6 +19,7 @@ CLOCK_HZ = 50e6
 PERIOD_CYCLES, TICK_CYCLES = 1250, 5000  # carrier of 40 kHz
 MIN_PULSE_CYCLES = 20
 SETTLED_SECTORS, SECTORS = 2, 6
+BOOT_CYCLES, ROW_CYCLES = 20_000, 100  # before the first row, of the loop from row to row
 CARRIERS = (0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 1.75, 1.95, 2.0, 2.2, 2.5, 2.95, 3.125, 3.5, 4.0, 4.6, 5.4, 6.5, 7.3, 8.0)
 MEANS = (*np.arange(0.02, 0.1, 0.01).tolist(), *np.arange(0.1, 0.96, 0.05).tolist(), 0.97, 0.98, 0.99, 1.0)
 QUICK_CARRIERS, QUICK_MEANS = (0.8, 1.25, 2.5, 3.125, 8.0), (0.02, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 0.98, 1.0)
@@ -56,18 +57,18 @@ class Point:
 
 def table_of(points: list[Point]) -> tuple[bytes, int]:
     """The program's table and the clock cycles that it takes."""
-    words, total, before = [len(points)], 0, 0
+    words, total, before = [len(points)], BOOT_CYCLES, 0
     for p in points:
         hold = 2 * TICK_CYCLES + before + (SETTLED_SECTORS + SECTORS + 1) * p.interval_cycles
         words += [p.interval_cycles, PERIOD_CYCLES, round(p.mean * 2**30), int(p.compensate), hold]
-        total, before = total + hold, p.interval_cycles
+        total, before = total + hold + ROW_CYCLES, p.interval_cycles
     return struct.pack(f"<{len(words)}I", *words), total
 
 
 def sector_means(run: RunData, count: int) -> FloatArray:
     """Share of each sector in which a pair of phases is excited [count, SECTORS], from the recorded gates.
 
-    Every row of the table takes effect at an update event of its own; its last whole sectors are taken.
+    Every row of the table takes effect at an update event of its own; the first sectors after it are left out.
     """
     updates = run.rows(LogKind.UPDATE)[:, 0]
     if len(updates) != count:
@@ -84,7 +85,7 @@ def sector_means(run: RunData, count: int) -> FloatArray:
     means = np.empty((count, SECTORS))
     for k, (begin, end) in enumerate(zip(updates, [*updates[1:], run.cycles], strict=True)):
         own = comms[(comms > begin) & (comms <= end)][SETTLED_SECTORS:]
-        edges = own[-SECTORS - 1 :].astype(np.float64)
+        edges = own[: SECTORS + 1].astype(np.float64)
         means[k] = np.diff(on_until(edges)) / np.diff(edges)
     return means
 
@@ -102,7 +103,7 @@ def linearity(runner: Runner) -> Iterator[Row]:
             table,
             "six-step/linearity.toml",
             name,
-            f"duration_s={(cycles + TICK_CYCLES) / CLOCK_HZ}",
+            f"duration_s={cycles / CLOCK_HZ}",
             "motor.resistance_ohm=10",
         )
         means = sector_means(run, len(points))
