@@ -117,13 +117,13 @@ bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_
   if (rpm_s < 1 || rpm_s > 100000000) {
     return false;
   }
-  // Change a tick, 2^-24 r/min: rpm_s * 2^24 * tick_cycles / clock_hz.
+  // Change a tick, 2^-20 r/min: rpm_s * 2^20 * tick_cycles / clock_hz.
   const uint64_t numerator = (uint64_t)(uint32_t)rpm_s * (uint32_t)p->tick_cycles;
   const uint64_t whole = div_u64(numerator, (uint32_t)p->clock_hz);
   const uint64_t rest = numerator - whole * (uint32_t)p->clock_hz;
-  const uint64_t step = (whole << 24) + div_u64(rest << 24, (uint32_t)p->clock_hz);
+  const uint64_t step = (whole << 20) + div_u64(rest << 20, (uint32_t)p->clock_hz);
   settings->accel_rpm_s = rpm_s;
-  settings->accel_rpm_q24 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
+  settings->accel_rpm_q20 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
   settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
   return true;
 }

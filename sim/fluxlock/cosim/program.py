@@ -7,10 +7,9 @@ from pathlib import Path
 
 from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.config import Scenario
-from fluxlock.cosim.convert import drive_spec, inverter_spec, motor_spec
 from fluxlock.cosim.launch import SimulatorError, run_plan
-from fluxlock.cosim.run import IMAGE_FILE, collect, prepare, ready_chip
-from fluxlock.firmware import build_program, compile_parameters, write_image
+from fluxlock.cosim.run import IMAGE_FILE, collect, parameter_block, prepare, ready_chip
+from fluxlock.firmware import build_program, write_image
 
 
 def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed: int) -> RunData:
@@ -21,8 +20,7 @@ def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed
     try:
         chip = ready_chip()
         plan = prepare(scenario, out_dir / "simulator", seed)
-        block = compile_parameters(motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario))
-        write_image(plan.folder / IMAGE_FILE, build_program(name), block, table)
+        write_image(plan.folder / IMAGE_FILE, build_program(name), parameter_block(scenario), table)
         # There is no console to ask.
         plan = replace(plan, final_commands=())
         meta = run_plan(plan, chip)

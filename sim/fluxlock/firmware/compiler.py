@@ -23,11 +23,12 @@ from fluxlock.firmware.specs import (
 )
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
-Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
+Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
 RAMP_SECTORS_MIN = 10
+RAMP_STEP_MAX_RPM = 2**31 / Q20 - 1  # what a control tick can add
 # Amplitude of the floating EMF at the end of a sector, in converter steps, from which crossings are trusted.
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
@@ -159,6 +160,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     accel = RAMP_TORQUE_SHARE * m.k_e * start_a / motor.inertia_kgm2
     accel = min(accel, p * w_handover**2 / (2.0 * RAMP_SECTORS_MIN * math.pi / 3.0))
     accel = max(accel, math.pi / 3.0 / p * (clock / 0xFFFFFF) ** 2)
+    accel = min(accel, RAMP_STEP_MAX_RPM / RPM / tick)
     handover_interval_s = math.pi / (3.0 * p * w_handover)
     align_s = _align_time_s(motor, m.r_phase, start_a)
     w_coast = min(w_handover, _braking_speed(motor, m.r_phase, 0.6 * trip_a) / p)
@@ -304,7 +306,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8),
         "lock_v_q25": max(1, round(0.5 * start_v * volt)),
         "start_first_cycles": cycles(math.sqrt(math.pi / 3.0 / (p * accel))),
-        "start_accel_rpm_q24": max(1, round(accel * RPM * tick * Q24)),
+        "start_accel_rpm_q20": max(1, round(accel * RPM * tick * Q20)),
         "handover_rpm": max(1, round(w_handover * RPM)),
         "handover_interval_cycles": cycles(handover_interval_s),
         "handover_crossings": 6,

@@ -3,6 +3,7 @@
 from fluxlock.regression.six_step import (
     commutation_error,
     freewheel,
+    highest_speed,
     linearity,
     patterns,
     ramp,
@@ -14,6 +15,7 @@ from fluxlock.regression.six_step import (
 __all__ = [
     "commutation_error",
     "freewheel",
+    "highest_speed",
     "linearity",
     "patterns",
     "ramp",
