@@ -65,6 +65,7 @@ typedef struct {
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
+  bool speed_due;    // a crossing has come since
   uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days

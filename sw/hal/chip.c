@@ -68,6 +68,7 @@ void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
+  reg_write(REG(freewheel.threshold), (uint32_t)parameters->freewheel_limit_q17);
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }

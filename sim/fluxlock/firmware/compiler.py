@@ -42,6 +42,8 @@ START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
 CURRENT_BANDWIDTH_HZ = 100.0
 DIVIDER_TOLERANCE = 0.1
+# Above noise and offset; where a decaying current is slow each step of it counts.
+FREEWHEEL_LSB = 4.0
 CSC_TOLERANCE = 0.01
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
 BALANCE_BANDWIDTH_RATIO = 1.5
@@ -276,6 +278,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb) + DIVIDER_TOLERANCE * supply),
         "zcd_margin_third_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
+        "freewheel_limit_q17": round(FREEWHEEL_LSB * Q17 / half_codes),
         "balance": BALANCES.index(drive.balance),
         "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fluxlock.analysis.angles import FLOATING_PHASE
 from fluxlock.analysis.six_step.patterns import Chopping
 from fluxlock.analysis.six_step.switched import duty_for_torque, real_inverter
 from fluxlock.cosim.outcome import Outcome
+from fluxlock.firmware.compiler import FREEWHEEL_LSB
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -44,6 +46,30 @@ def chip_angles_deg(run: Outcome) -> list[float]:
     return [float(x) for x in re.findall(r"^freewheel_deg ([\d.]+)", run.console(), re.MULTILINE)]
 
 
+def decayed_deg(run: Outcome, low: float, high: float) -> float:
+    """Mean angle at which the plant's outgoing current falls below the chip's limit, of the commutations in a span.
+
+    The chip cannot see less: FREEWHEEL_LSB steps of its converter. From the records, which come with every sample.
+    """
+    limit_a = FREEWHEEL_LSB * run.scenario.inverter.sensing.current_full_scale_a / 2**11
+    records, commutations = run.data.records, run.analysis.commutations
+    time = records["t_cycle"]
+    currents = np.abs(np.stack([records[name] for name in ("ia", "ib", "ic")]))
+    angles = []
+    for k in np.flatnonzero((commutations.cycle[:-1] >= low) & (commutations.cycle[1:] < high)):
+        a, b = np.searchsorted(time, (commutations.cycle[k], commutations.cycle[k + 1]))
+        current = currents[FLOATING_PHASE[commutations.sector[k]], a:b]
+        below = np.flatnonzero(current < limit_a)
+        if below.size == 0 or below[0] == 0:
+            continue
+        i = int(below[0])
+        part = (current[i - 1] - limit_a) / (current[i - 1] - current[i])
+        at = time[a + i - 1] + part * (time[a + i] - time[a + i - 1])
+        turned = run.analysis.track.theta_rad(np.array([at])) - commutations.theta_rad[k]
+        angles.append(abs(float(np.degrees(turned)[0])))
+    return float(np.mean(angles))
+
+
 @case("six-step/freewheel")
 def freewheel(runner: Runner) -> Iterator[Row]:
     """Freewheel angle, both modes, 30 to 90 000 r/min, 10 to 30 A: chip, plant and switched circuit agree."""
@@ -67,8 +93,9 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
     sample_deg = 360.0 * motor.electrical_hz(speed_rpm) * inverter.sensing.sample_period_s
     readings = chip_angles_deg(run)
     for k, current_a in enumerate(currents_a):
-        window = run.metrics[f"i{current_a}"]
+        window, span = run.metrics[f"i{current_a}"], run.scenario.window[k]
         plant_deg, torque_nm = window["freewheel_deg"]["mean"], window["torque_nm"]["mean"]
+        limit_deg = decayed_deg(run, span.from_s * run.data.clock_hz, span.to_s * run.data.clock_hz)
         own = readings[READINGS * k : READINGS * (k + 1)]
         chip_deg = float(np.mean(own)) if len(own) == READINGS else None
         state = duty_for_torque(
@@ -98,7 +125,9 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
                 "chip_deg": chip_deg,
                 "plant_deg": plant_deg,
                 "circuit_deg": circuit_deg,
+                "plant_at_limit_deg": limit_deg,
                 "chip_less_plant_deg": None if chip_deg is None or plant_deg is None else chip_deg - plant_deg,
+                "chip_less_plant_at_limit_deg": None if chip_deg is None else chip_deg - limit_deg,
                 "circuit_less_plant_deg": None if circuit_deg is None or plant_deg is None else circuit_deg - plant_deg,
                 "torque_mnm": 1000 * torque_nm,
                 "commutation_error_deg.rms": window["commutation_error_deg"]["rms"],
