@@ -34,7 +34,7 @@ typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_
 typedef struct {
   int32_t target_rpm;      // negative: backward
   int32_t accel_rpm_s;
-  int32_t accel_rpm_q24;  // the same a tick
+  int32_t accel_rpm_q20;  // the same a tick
   int32_t accel_rpm_q8;    // what accel_feed_forward_s makes of it
   int32_t current_limit_q17;
   int32_t dc_limit_q17;
@@ -66,6 +66,7 @@ typedef struct {
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
+  bool speed_due;    // a crossing has come since
   uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
@@ -155,7 +156,7 @@ typedef struct {
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;         // of this attempt's ramp
-  int32_t start_accel_rpm_q24;
+  int32_t start_accel_rpm_q20;
   uint32_t locked_from;  // crossing count at hand-over
   bool was_frozen;
 

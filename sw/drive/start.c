@@ -159,7 +159,7 @@ static void choose_acceleration(drive_t *drive) {
     first = (first * SQRT2_Q16) >> 16;
   }
   drive->first_cycles = (first > INTERVAL_MAX) ? INTERVAL_MAX : (uint32_t)first;
-  drive->start_accel_rpm_q24 = (drive->p->start_accel_rpm_q24 >> halvings) | 1;
+  drive->start_accel_rpm_q20 = (drive->p->start_accel_rpm_q20 >> halvings) | 1;
 }
 
 // First forced sector: the update that switches the sequencer also starts the forced timer.
@@ -205,7 +205,7 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.forced_interval_cycles = interval;
 
-  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
+  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q20, end_rpm_q8, end_rpm_q8);
   const int32_t speed_rpm_q8 = drive->ramp.value_rpm_q8;
   const int32_t u = p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf);
   drive_apply_voltage(drive, u, true);

@@ -58,6 +58,11 @@ class Zcd(Model):
         description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
         "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
     )
+    sampling: Literal["continuous", "carrier"] = Field(
+        default="continuous",
+        description="Samples while running: `continuous` at the converter's period (oversampling), or one every "
+        "`carrier`, at a fixed time into its pulse (conventional). Trips see no more samples than that.",
+    )
     compute_back: bool = Field(
         default=False,
         description="A crossing that the freewheeling diode overrides is computed back from the first valid sample.",
@@ -104,6 +109,14 @@ class Start(Model):
     )
     retries: int = quantity("Attempts after a failed start-up.", "", 0, 20, default=3)
     restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
+
+
+class MotorError(Model):
+    """What the firmware is told of the machine, over what the machine is. The plant is not touched."""
+
+    resistance: float = quantity("Factor of the resistance.", "", 0.5, 2.0, default=1.0)
+    inductance: float = quantity("Factor of the inductance.", "", 0.5, 2.0, default=1.0)
+    flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
 
 
 class Drive(Model):
@@ -169,6 +182,7 @@ class Drive(Model):
     )
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+    motor_error: MotorError = Field(default_factory=MotorError, description="Wrong motor values in the firmware.")
 
     @model_validator(mode="after")
     def _mode(self) -> Self:
