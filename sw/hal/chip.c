@@ -70,6 +70,7 @@ void chip_configure(const parameters_t *parameters) {
   configure_crossings(parameters);
   reg_write(REG(freewheel.threshold), (uint32_t)parameters->freewheel_limit_q17);
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
+  reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
@@ -98,6 +99,19 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
 }
 
+HOT void chip_read_hall(chip_snapshot_t *snapshot) {
+  const uint32_t state = reg_read(REG(hall.state));
+  const uint32_t counters = reg_read(REG(hall.counters));
+  const uint32_t sector = BITS(FL_HALL_REGS__STATE__SECTOR, state);
+  snapshot->hall.valid = BITS(FL_HALL_REGS__STATE__VALID, state) != 0u;
+  snapshot->hall.backward = BITS(FL_HALL_REGS__STATE__BACKWARD, state) != 0u;
+  snapshot->hall.sector = (uint8_t)((sector < 6u) ? sector : 0u);
+  snapshot->hall.edges = (uint16_t)BITS(FL_HALL_REGS__COUNTERS__EDGES, counters);
+  snapshot->hall.invalid = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__INVALID, counters);
+  snapshot->hall.skipped = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__SKIPPED, counters);
+  snapshot->hall.phase_cycles = reg_read(REG(hall.phase[0]) + 4u * snapshot->hall.sector);
+}
+
 HOT void chip_read_freewheel(chip_freewheel_t *freewheel) {
   const uint32_t count = reg_read(REG(freewheel.snap_count));
   if (count != 0u) {
@@ -121,6 +135,18 @@ COLD void chip_read_sectors(chip_snapshot_t *snapshot) {
   }
 }
 
+COLD void chip_read_phases(chip_snapshot_t *snapshot) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    snapshot->hall_phase_cycles[sector] = reg_read(REG(hall.phase[0]) + 4u * sector);
+  }
+}
+
+COLD static void write_offsets(const chip_command_t *command) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    reg_write(REG(comm.hall_offset[0]) + 4u * sector, (uint32_t)command->hall_offset_q16[sector] & 0xFFFFu);
+  }
+}
+
 COLD static void write_thresholds(const chip_command_t *command) {
   for (uint32_t sector = 0; sector < 6u; sector++) {
     reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)command->threshold_q17[sector]);
@@ -139,7 +165,8 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
                                   FIELD(FL_PWM_REGS__CONTROL__SYNC_RECT, command->sync_rect ? 1 : 0) |
                                   FIELD(FL_PWM_REGS__CONTROL__BACKWARD, command->reverse ? 1 : 0) |
-                                  FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector));
+                                  FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector) |
+                                  FIELD(FL_PWM_REGS__CONTROL__START_HALL, command->timer == COMMUTATION_HALL ? 1 : 0));
   reg_write(REG(pwm.manual), FIELD(FL_PWM_REGS__MANUAL__LEG_A, command->leg[0]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_B, command->leg[1]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
@@ -155,6 +182,7 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |
+                                   FIELD(FL_COMM_REGS__CONTROL__HALL_TIMED, 1) |
                                    FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
   reg_write(REG(comm.timeout), command->timeout_q12);
   reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
@@ -179,6 +207,9 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
   write_loop(command, parameters);
   if (command->write_thresholds) {
     write_thresholds(command);
+  }
+  if (command->write_offsets) {
+    write_offsets(command);
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {

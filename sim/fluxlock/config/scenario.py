@@ -9,7 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from fluxlock.config.fields import Model, ProfilePoint, SectorValues, conflict, quantity, with_unit
+from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 
@@ -88,6 +88,29 @@ class Zcd(Model):
         "Bandwidth of that loop.", "Hz", 0.1, 500, default=None, absent="1.5 times that of the speed loop"
     )
     miss_limit: int = quantity("Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6)
+
+
+class Hall(Model):
+    """Hall sensors, as the drive uses them."""
+
+    mode: Literal["off", "sensored", "fallback"] = Field(
+        default="off",
+        description="`sensored`: the edges commutate from standstill on; `fallback`: they take over when the crossings "
+        "are lost, until these agree again. Both need `[hall]` of the motor file.",
+    )
+    learn: bool = Field(
+        default=True,
+        description="Learn where the edges sit, from their intervals and from the crossings.",
+    )
+    offset_deg: PhaseValues = quantity(
+        "Misplacement that the drive begins with: how late the edges of a sensor come at positive speed, electrical. "
+        "One number, or three for sensors A, B, C.",
+        "deg",
+        -29,
+        29,
+        default=(0.0, 0.0, 0.0),
+    )
+    filter_s: float = quantity("Time for which a code must be stable to count.", "s", 0, 1e-3, default=1e-6)
 
 
 class Start(Model):
@@ -181,6 +204,7 @@ class Drive(Model):
         "Further advance at rated current, proportional to current.", "deg", -30, 30, default=0.0
     )
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
+    hall: Hall = Field(default_factory=Hall, description="Hall sensors.")
     start: Start = Field(default_factory=Start, description="Start-up.")
     motor_error: MotorError = Field(default_factory=MotorError, description="Wrong motor values in the firmware.")
 

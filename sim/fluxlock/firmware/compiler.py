@@ -13,6 +13,7 @@ from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.specs import (
     BALANCES,
     COMMUTATIONS,
+    HALL_MODES,
     PATTERNS,
     ZCD_METHODS,
     ZCD_SOURCES,
@@ -54,6 +55,10 @@ CATCH_SPEED_RATIO = 1.25
 CATCH_TURNS_A_TICK = 0.28
 # Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
 CATCH_DIODES = 3.6
+# Sensor whose edge leads into a sector at positive speed.
+HALL_SENSOR = (2, 1, 0, 2, 1, 0)
+# Hall edges that stay away for so many intervals at the hand-over speed: the rotor is blocked.
+HALL_STALL_INTERVALS = 6.0
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
 # Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
@@ -220,6 +225,10 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     brake_from_v, brake_to_v = (supply + share * (over_v - supply) for share in BRAKE_MARGIN)
     can_catch = p * 1.25 * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
 
+    # By Hall: from standstill to the hand-over speed at a third of the start current's torque.
+    hall_start_s = 0.05 + 3.0 * w_handover * motor.inertia_kgm2 / (m.k_e * start_a)
+    hall_calm_s = 1.2 * math.pi / (3.0 * p * w_coast)
+
     def q17_volts(volts: float) -> int:
         return max(1, min(Q17, round(volts * volt_q17)))
 
@@ -284,6 +293,13 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
         "correction_a": int(drive.correction_a),
+        "hall_mode": HALL_MODES.index(drive.hall_mode),
+        "hall_filter_cycles": cycles(drive.hall_filter_s),
+        "hall_late_q16": tuple(turn60(drive.hall_offset_deg[x]) for x in HALL_SENSOR),
+        "hall_learn": int(drive.hall_learn),
+        "hall_calm_ticks": ticks(hall_calm_s),
+        "hall_stall_ticks": ticks(max(HALL_STALL_INTERVALS * handover_interval_s, 2.0 * hall_calm_s)),
+        "hall_start_ticks": ticks(hall_start_s),
         "delay_q16": 0x8000,
         "advance_q16": turn60(drive.advance_deg),
         "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),
