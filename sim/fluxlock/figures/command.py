@@ -63,7 +63,7 @@ def draw(family: str, out: Path, number: str, quick: bool, seed: int) -> dict[st
     image = f"{entry.stem}.png"
     failure = {"figure": number, "title": entry.title, "condition": "", "image": "", "table": []}
     try:
-        drawing = entry.body(Runner(f"figures/{family}/{number}", quick, seed))
+        drawing = entry.body(Runner(f"figures/{family}/{number}", quick, seed, plots=False))
     except RunFailed as error:
         return {**failure, "failure": str(error)}
     except Exception:

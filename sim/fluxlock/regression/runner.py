@@ -43,12 +43,13 @@ class RunFailed(Exception):
 class Runner:
     """What a case gets: its folder, whether to be short, and the way to run scenarios.
 
-    quick: cases run a short version of themselves, with the same limits. seed: of the noise.
+    quick: cases run a short version of themselves, with the same limits. seed: of the noise. plots: of each run.
     """
 
     case_id: str
     quick: bool = False
     seed: int = 1
+    plots: bool = True
 
     def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
         """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
@@ -70,7 +71,7 @@ class Runner:
                 data = run_scenario(loaded, folder, used_seed)
             except SimulationFault as error:
                 raise RunFailed(f"{name}, seed {used_seed}: {error}") from error
-            outcome = write_outcome(data, loaded, folder)
+            outcome = write_outcome(data, loaded, folder, self.plots)
             shutil.rmtree(folder / "simulator", ignore_errors=True)
             (folder / KEY).write_text(key, encoding="utf-8")
             (KEYS / key).write_text(str(folder), encoding="utf-8")

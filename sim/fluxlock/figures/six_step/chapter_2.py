@@ -17,7 +17,7 @@ from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, mean_by_sector, motor_1, schedule
 from fluxlock.regression.runner import Runner
 
-SCENARIO = "six-step/asymmetric.toml"
+SCENARIO = "six-step/figures/third-harmonic.toml"
 SUPPLY_V = 15.0
 EXTRA_H = 5e-6
 UNEQUAL = "motor.inductance_h=[27e-6,22e-6,22e-6]"
@@ -64,7 +64,6 @@ def steady(runner: Runner, speed_rpm: int) -> Steady:
             (on_s, "command", "set correction_a 1"),
             (interpolated_s, "command", "set zcd_method interpolated"),
         ),
-        "drive.zcd.source=star_point",
         "drive.zcd.method=first",
         "record.period_s=2e-6",
         "window=[]",
@@ -135,6 +134,8 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
     most = max(abs(value) for line in grid[2] for value in line.get_ylim())
     for axes in grid[2]:
         axes.set_ylim(-most, most)
+    clock = run.data.clock_hz
+    uncorrected = run.analysis.crossings.between(part.off[0] * clock, part.off[1] * clock).intervals_deg()
     rms = [float(np.sqrt(np.mean((s - 60.0) ** 2))) for s in spreads]
     printed = PRINTED_PP_A[speed_rpm]
     return Drawing(
@@ -142,11 +143,11 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
         drawn,
         (
             Entry(
-                "commutation interval without correction (deg)",
+                "interval without correction (deg): crossings; commutations",
                 PRINTED_SPAN[speed_rpm],
-                panels.span_text(spreads[0]),
-                "The deviation is that of ΔL and V/(ψω), amplified by delays taken from uneven intervals; the table "
-                "of Motor-I's inductance is not legible in our copy: 22 µH follows from 10.2 %",
+                f"{panels.span_text(uncorrected)}; {panels.span_text(spreads[0])}",
+                "A commutation comes half an uneven interval after a misplaced crossing: its spread is larger than the "
+                "crossings'. The printed figure is taken by a timer that runs from crossing to crossing",
             ),
             Entry(
                 "commutation interval with correction A (deg)",
@@ -192,7 +193,6 @@ def sampling(runner: Runner) -> Drawing:
             SCENARIO,
             f"sampling-{speed_rpm}",
             *at_speed(speed_rpm),
-            "drive.zcd.source=star_point",
             f"inverter.sensing.sample_period_s={period_s}",
             f"record.period_s={period_s}",
             "record.zoom_from_s=0.13",
@@ -203,15 +203,16 @@ def sampling(runner: Runner) -> Drawing:
         if speed_rpm == SPEEDS_RPM[0]:
             for axes, (from_s, to_s) in zip(grid[0], ((0.131, 0.1345), (0.1314, 0.1316)), strict=True):
                 _signal_and_samples(axes, run, from_s, to_s)
-        counts, duty = samples_a_pulse(run, 0.1, 0.138)
-        wanted = int(duty / 40e3 / period_s)
+        counts, on_s, carrier_s = samples_a_pulse(run, 0.1, 0.138)
         rows.append(
             Entry(
                 f"samples a pulse at {speed_rpm} r/min",
                 "floor(T_on/T_s) (2.17)",
-                f"{counts.min()} … {counts.max()}, mean {counts.mean():.2f}; duty {duty:.3f}, floor {wanted}",
-                "The first sample of a carrier comes after the settling time: where T_on/T_s is close to a whole "
-                "number there is one more or less",
+                f"{counts.min()} … {counts.max()}, mean {counts.mean():.2f}; T_on/T_s = {on_s / period_s:.2f}, carrier "
+                f"{carrier_s * 1e6:.1f} µs",
+                "At small duties our carrier is stretched until a pulse holds settled samples; the thesis keeps 25 µs"
+                if carrier_s > 26e-6
+                else "The grid of samples restarts with each carrier; one more where T_on just reaches it",
             )
         )
     return Drawing(
@@ -235,8 +236,8 @@ def _signal_and_samples(axes: Axes, run: Outcome, from_s: float, to_s: float) ->
     finish(axes, "time / ms", "$v_{SM}$ / V")
 
 
-def samples_a_pulse(run: Outcome, from_s: float, to_s: float) -> tuple[IntArray, float]:
-    """Samples in each whole pulse of a span, and the mean duty of its carriers."""
+def samples_a_pulse(run: Outcome, from_s: float, to_s: float) -> tuple[IntArray, float, float]:
+    """Samples in each usual pulse of a span; usual length of a pulse and of a carrier in s."""
     rows = panels.gate_rows(run.data, from_s, to_s)
     on = panels.pulse_on(rows[:, 1])
     start, end = rows[:-1, 0][on[:-1] & ~on[1:]], rows[1:, 0][on[:-1] & ~on[1:]]
@@ -246,7 +247,7 @@ def samples_a_pulse(run: Outcome, from_s: float, to_s: float) -> tuple[IntArray,
     length = (end - start) / run.data.clock_hz
     usual = float(np.median(length))
     whole = np.abs(length - usual) < 0.2 * usual
-    return counts[whole], usual * 40e3
+    return counts[whole], usual, float(np.median(np.diff(start))) / run.data.clock_hz
 
 
 @figure(FAMILY, "2.11")
@@ -284,7 +285,6 @@ def transient(runner: Runner) -> Drawing:
             UNEQUAL,
             "initial.speed_rpm=20000",
             schedule(20_000, (up_s, "speed_rpm", top_rpm), (down_s, "speed_rpm", 20_000)),
-            "drive.zcd.source=star_point",
             f"drive.zcd.correction_a={str(on).lower()}",
             f"drive.accel_rpm_per_s={slope}",
             "window=[]",

@@ -43,9 +43,10 @@ def divider_errors(runner: Runner) -> Drawing:
     rows = []
     for k, speed_rpm in enumerate((20_000,) if runner.quick else (20_000, 40_000, 60_000)):
         run = runner.drive(
-            "six-step/asymmetric.toml",
+            "six-step/figures/third-harmonic.toml",
             f"dividers-{speed_rpm}",
             *at_speed(speed_rpm),
+            "drive.zcd.source=terminal",
             f"inverter.sensing.divider_gain=[1.0,{gain:.6f},1.0]",
             "window=[]",
             "duration_s=0.16",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,8 +19,10 @@ from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, numbers
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.support import highest_hz
 
 CARRIER_HZ = 20e3
+RAMP_LIMIT_A = {20: 30, 30: 40}  # 30 mN*m need more than the rated current at the top
 BENCH = "Motor-I, 25 V, 20 kHz, ON-PWM"
 
 
@@ -122,7 +125,7 @@ def csc_spectrum(runner: Runner) -> Drawing:
     three, between, four = (csc_distortion(value) for value in (3.0, 3.3, 4.0))
     fine = np.linspace(2.0, 6.0, 401)
     step = (
-        max(abs(csc_distortion(b) - csc_distortion(a)) for a, b in zip(fine, fine[1:], strict=False))
+        max(abs(csc_distortion(b) - csc_distortion(a)) for a, b in pairwise(fine))
         if not runner.quick
         else float(np.abs(np.diff(distortion)).max())
     )
@@ -155,17 +158,12 @@ def ramp(runner: Runner, commutation: Commutation, load_mnm: int, *more: str) ->
         "six-step/ramp-1300hz.toml",
         f"{commutation}-{load_mnm}",
         f"drive.commutation={commutation}",
+        "drive.zcd.compute_back=false",
+        f"drive.current_limit_a={RAMP_LIMIT_A[load_mnm]}",
         f"load.fan_torque_nm={load_mnm / 1000}",
         *(() if commutation == "CSC" else ("window=[]",)),
         *more,
     )
-
-
-def highest_hz(run: Outcome) -> float:
-    """Highest electrical frequency before the first trip."""
-    records, trips = run.data.records, run.result["trips"]
-    end = trips[0]["time_s"] * run.data.clock_hz if trips else np.inf
-    return float(np.max(records["omega_e"][records["t_cycle"] < end])) / (2 * np.pi)
 
 
 def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
@@ -206,8 +204,7 @@ def failures(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        f"{BENCH}, seen crossings, interpolated; slope 120 000 r/min/s. Load torque is that of a fan; the thesis states "
-        "a torque.",
+        f"{BENCH}, seen crossings, interpolated; slope 120 000 r/min/s. The load is a fan; the thesis states a torque.",
         drawn,
         tuple(rows),
     )
