@@ -14,7 +14,7 @@ from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, mean_by_sector, motor_1, schedule
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, mean_by_sector, motor_1, schedule, whole
 from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/figures/third-harmonic.toml"
@@ -23,7 +23,7 @@ EXTRA_H = 5e-6
 UNEQUAL = "motor.inductance_h=[27e-6,22e-6,22e-6]"
 # No whole number of carriers a sector at 40 kHz.
 SPEEDS_RPM = (20_060, 40_130, 60_170)
-BENCH = "Motor-I, 5 µH more in phase A, 15 V, fan 20 mN·m at 60 000 r/min, 40 kHz, ON-PWM, CSC, third harmonic"
+BENCH = "Motor-I, 5 µH more in phase A, 15 V, fan 15 mN·m at 60 000 r/min, 40 kHz, ON-PWM, CSC, third harmonic"
 PRINTED_PP_A = {20_060: (6.05, 4.37), 40_130: (13.85, 12.95), 60_170: (24.40, 23.46)}
 PRINTED_SPAN = {20_060: "45 … 80", 40_130: "drawn, no number", 60_170: "drawn, no number"}
 
@@ -41,35 +41,35 @@ def position_error_deg(relative_difference: float, speed_rpm: FloatArray) -> Flo
 
 @dataclass(frozen=True)
 class Steady:
-    """A run in three parts: correction A off and on with the first sample, on with interpolation; spans in s."""
+    """A run in three parts: on with interpolation, on with the first sample, correction A off; spans in s."""
 
     run: Outcome
-    off: tuple[float, float]
-    on: tuple[float, float]
     interpolated: tuple[float, float]
+    on: tuple[float, float]
+    off: tuple[float, float]
 
 
 def steady(runner: Runner, speed_rpm: int) -> Steady:
     """The run of figures 2.11 to 2.13, also behind 2.5."""
-    length_s = 0.04 if runner.quick else 0.1
-    on_s = SETTLED_S + length_s
-    interpolated_s = on_s + 0.06 + length_s
-    end_s = interpolated_s + 0.04 + length_s
+    length_s = 0.04 if runner.quick else 0.08
+    first_s = SETTLED_S + length_s
+    off_s = first_s + 0.03 + length_s
+    end_s = off_s + 0.06 + length_s
     run = runner.drive(
         SCENARIO,
         f"steady-{speed_rpm}",
         UNEQUAL,
         *at_speed(
             speed_rpm,
-            (on_s, "command", "set correction_a 1"),
-            (interpolated_s, "command", "set zcd_method interpolated"),
+            (first_s, "command", "set zcd_method first"),
+            (off_s, "command", "set correction_a 0"),
         ),
-        "drive.zcd.method=first",
+        "drive.zcd.correction_a=true",
         "record.period_s=2e-6",
         "window=[]",
         f"duration_s={end_s + 0.002:g}",
     )
-    return Steady(run, (SETTLED_S, on_s), (interpolated_s - length_s, interpolated_s), (end_s - length_s, end_s))
+    return Steady(whole(run), (SETTLED_S, first_s), (off_s - length_s, off_s), (end_s - length_s, end_s))
 
 
 @figure(FAMILY, "2.5")
@@ -161,7 +161,7 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
                 "phase current, peak to peak, without → with (A)",
                 f"{printed[0]:.2f} → {printed[1]:.2f}",
                 f"{ripple[0]:.2f} → {ripple[1]:.2f}; interpolated {ripple[2]:.2f}",
-                "Load torque is not printed: taken so that 60 000 r/min needs 20 mN·m",
+                "The load is not printed: one fan, 15 mN·m at 60 000 r/min, gives all three speeds' currents",
             ),
         ),
     )
@@ -203,7 +203,7 @@ def sampling(runner: Runner) -> Drawing:
         if speed_rpm == SPEEDS_RPM[0]:
             for axes, (from_s, to_s) in zip(grid[0], ((0.131, 0.1345), (0.1314, 0.1316)), strict=True):
                 _signal_and_samples(axes, run, from_s, to_s)
-        counts, on_s, carrier_s = samples_a_pulse(run, 0.1, 0.138)
+        counts, on_s, carrier_s = samples_a_pulse(whole(run), 0.1, 0.138)
         rows.append(
             Entry(
                 f"samples a pulse at {speed_rpm} r/min",
@@ -272,10 +272,10 @@ def steady_60(runner: Runner) -> Drawing:
 def transient(runner: Runner) -> Drawing:
     """Acceleration and deceleration with unequal inductances, without and with correction A."""
     top_rpm = 30_000 if runner.quick else 60_000
-    slope = 150_000
+    slope = 150_000 if runner.quick else 80_000
     up_s = 0.10
     down_s = up_s + (top_rpm - 20_000) / slope + 0.05
-    end_s = down_s + (top_rpm - 20_000) / slope + (0.02 if runner.quick else 0.15)
+    end_s = down_s + (top_rpm - 20_000) / slope + (0.02 if runner.quick else 0.1)
     drawn, grid = panels.page("2.14: 20 000 → 60 000 → 20 000 r/min, 5 µH more in A", 2, 2, (11.0, 5.6))
     rows = []
     for column, (name, on) in enumerate((("off", False), ("on", True))):

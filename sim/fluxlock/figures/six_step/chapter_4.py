@@ -19,7 +19,7 @@ from fluxlock.analysis.six_step.switched import ideal_inverter, worst_commutatio
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, motor_1, schedule
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, motor_1, schedule, whole
 from fluxlock.regression.runner import Runner
 
 SUPPLY_V, CARRIER_HZ = 25.0, 40e3
@@ -300,7 +300,7 @@ def duties(runner: Runner) -> Drawing:
 
 def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[Chopping, tuple[float, float]]]:
     """One run at 60 000 r/min through all four patterns; spans in which each has settled."""
-    each_s = 0.03 if runner.quick else 0.06
+    each_s = 0.02 if runner.quick else 0.04
     starts = {pattern: SETTLED_S + k * each_s for k, pattern in enumerate(PATTERNS)}
     end_s = SETTLED_S + len(PATTERNS) * each_s
     run = runner.drive(
@@ -310,7 +310,7 @@ def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[
         f"load.fan_torque_nm={load_nm:g}",
         f"duration_s={end_s + 0.001:g}",
     )
-    return run, {pattern: (at_s + each_s / 2, at_s + each_s) for pattern, at_s in starts.items()}
+    return whole(run), {pattern: (at_s + each_s / 2, at_s + each_s) for pattern, at_s in starts.items()}
 
 
 def freewheeling(run: Outcome, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -364,7 +364,6 @@ def pattern_currents(runner: Runner) -> Drawing:
         )
     for axes in grid[0] + grid[1]:
         axes.set_ylim(-45, 45)
-    rows.append(Entry("trips", "none", panels.trip_text(run)))
     return Drawing(
         "Motor-I, 25 V, 40 kHz, CSC, fan 30 mN·m at 60 000 r/min, crossings computed back. One run; the pattern is "
         "changed at the console. The thesis simulates, here the chip drives. Lower row: one turn enlarged.",
@@ -451,7 +450,6 @@ def pattern_voltages(runner: Runner) -> Drawing:
                 else "",
             )
         )
-    rows.append(Entry("trips", "none", panels.trip_text(run)))
     return Drawing(
         "Motor-I, 25 V, 40 kHz, CSC, fan 20 mN·m at 60 000 r/min; dots: crossings that the chip reports. One run; the "
         "pattern is changed at the console.",
@@ -463,7 +461,7 @@ def pattern_voltages(runner: Runner) -> Drawing:
 @figure(FAMILY, "4.13")
 def load_line(runner: Runner) -> Drawing:
     """Freewheel angles along the fan's load from 30 000 to 90 000 r/min."""
-    top_rpm, slope = (45_000, 100_000) if runner.quick else (90_000, 50_000)
+    top_rpm, slope = (45_000, 150_000) if runner.quick else (90_000, 75_000)
     start_s = 0.06
     end_s = start_s + (top_rpm - 30_000) / slope + 0.03
     machine = Machine.from_motor(motor_1())

@@ -17,7 +17,7 @@ from fluxlock.analysis.six_step.stability import commutation_errors_deg, freewhe
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, numbers
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, numbers, whole
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.support import highest_hz
 
@@ -213,7 +213,7 @@ def failures(runner: Runner) -> Drawing:
 def at_1_khz(runner: Runner, commutation: Commutation) -> Outcome:
     """60 000 r/min at 20 kHz, for figures 5.14 and 5.15."""
     end_s = SETTLED_S + (0.02 if runner.quick else 0.06)
-    return runner.drive(
+    run = runner.drive(
         "six-step/spectrum.toml",
         f"1khz-{commutation}",
         *at_speed(60_000),
@@ -224,6 +224,7 @@ def at_1_khz(runner: Runner, commutation: Commutation) -> Outcome:
         f"duration_s={end_s:g}",
         "window=[]",
     )
+    return whole(run)
 
 
 PAIR: tuple[Commutation, ...] = ("RSC", "CSC")

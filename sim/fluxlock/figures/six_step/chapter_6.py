@@ -26,6 +26,7 @@ from fluxlock.analysis.six_step.switched import duty_for_torque, ideal_inverter,
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.six_step.chapter_5 import ramp
 from fluxlock.figures.six_step.support import FAMILY, motor_1, schedule
 from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.six_step.support import highest_hz
@@ -227,7 +228,7 @@ SWEEP_HZ = (477.0, 1100.0)
 
 def _sweep(runner: Runner, commutation: Commutation) -> tuple[Outcome, float]:
     """Ramp from N = 7 to N = 3; the run and when the ramp begins."""
-    slope = 300_000 if runner.quick else 60_000
+    slope = 300_000 if runner.quick else 90_000
     low_rpm, high_rpm = (60 * hertz for hertz in SWEEP_HZ)
     begin_s = 0.08
     run = runner.drive(
@@ -372,15 +373,20 @@ def dynamic(runner: Runner) -> Drawing:
     printed = {"RSC": "trips at 1110 Hz", "NSC": "trips soon after 1300 Hz", "CSC": "completes"}
     rows = []
     for column, commutation in enumerate(COMMUTATIONS):
-        run = runner.drive(
-            "six-step/ramp-1300hz.toml",
-            f"both-ways-{commutation}",
-            "initial.speed_rpm=30000",
-            schedule(30_000, (begin_s, "speed_rpm", 78_000), (down_s, "speed_rpm", 30_000)),
-            f"drive.commutation={commutation}",
-            f"drive.accel_rpm_per_s={slope}",
-            "window=[]",
-            f"duration_s={0.35 if commutation == 'RSC' else end_s:g}",
+        # RSC does not come back: the run of figure 5.12 shows it all.
+        run = (
+            ramp(runner, commutation, 20)
+            if commutation == "RSC"
+            else runner.drive(
+                "six-step/ramp-1300hz.toml",
+                f"both-ways-{commutation}",
+                "initial.speed_rpm=30000",
+                schedule(30_000, (begin_s, "speed_rpm", 78_000), (down_s, "speed_rpm", 30_000)),
+                f"drive.commutation={commutation}",
+                f"drive.accel_rpm_per_s={slope}",
+                "window=[]",
+                f"duration_s={end_s:g}",
+            )
         )
         panels.speed(grid[0][column], run.data)
         grid[0][column].set_ylim(0, 90)

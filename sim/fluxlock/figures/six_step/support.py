@@ -10,7 +10,9 @@ import numpy as np
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Motor, load_motor
 from fluxlock.cosim.outcome import Outcome
+from fluxlock.figures.panels import trip_text
 from fluxlock.paths import ROOT
+from fluxlock.regression.runner import RunFailed
 
 FAMILY = "six-step"
 MOTOR_1, MOTOR_2 = ROOT / "motors" / "motor-1.toml", ROOT / "motors" / "motor-2.toml"
@@ -36,6 +38,13 @@ def schedule(speed_rpm: float, *later: tuple[float, str, float | str]) -> str:
 def at_speed(speed_rpm: float, *later: tuple[float, str, float | str]) -> tuple[str, str]:
     """Overrides for a run that begins at a speed, and its schedule."""
     return f"initial.speed_rpm={speed_rpm:g}", schedule(speed_rpm, *later)
+
+
+def whole(run: Outcome) -> Outcome:
+    """The run itself; RunFailed if it tripped: then its spans hold nothing to measure."""
+    if run.result["trips"]:
+        raise RunFailed(f"{run.folder.name}: {trip_text(run)}")
+    return run
 
 
 def mean_by_sector(run: Outcome, from_s: float, to_s: float) -> FloatArray:
