@@ -173,8 +173,8 @@ def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
         (records["t_cycle"] >= 0.05 * run.data.clock_hz) & (records["t_cycle"] <= until_s * run.data.clock_hz)
     ]
     axes.plot(records["omega_e"] / (2 * np.pi), records["ia"], color=PHASE_COLOURS[0], linewidth=0.4)
-    for whole in (7, 6, 5, 4, 3):
-        axes.axvline(CARRIER_HZ / 6 / whole, color="#888888", linewidth=0.8, linestyle=":")
+    for carriers in (7, 6, 5, 4, 3):
+        axes.axvline(CARRIER_HZ / 6 / carriers, color="#888888", linewidth=0.8, linestyle=":")
     finish(axes, "fundamental / Hz; dotted: N = 7, 6, 5, 4, 3", "current A / A")
 
 
