@@ -100,13 +100,6 @@ def position_errors(runner: Runner) -> Drawing:
     finish(axes, "speed / (1000 r/min)", "error of a crossing / deg")
     axes.set_ylim(0, 25)
     panels.legend(axes, 1)
-    rows.append(
-        Entry(
-            "shape",
-            "grows with ΔL, falls with the speed, not linear",
-            "the same: proportional to ΔL and to V/(ψω) − √3",
-        )
-    )
     return Drawing(
         "Formula (2.22) with the shift (1/6) ΔL/(L+L) (V − √3 ψω); points: mean crossing error of the chip with "
         f"correction A on, interpolated. {BENCH}.",

@@ -18,7 +18,10 @@ from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/figures/dividers.toml"
 GAINS = "inverter.sensing.divider_gain=[1.1,1.0,0.9]"
-BENCH = "Motor-II (unequal phases of its table), divider gains 1.10/1.00/0.90, 15 V, 40 kHz, ON-PWM, CSC"
+BENCH = (
+    "Motor-II (unequal phases of its table), divider gains 1.10/1.00/0.90, 15 V, load 1.5 mN·m and fan 16 mN·m at "
+    "54 000 r/min, 40 kHz, ON-PWM, CSC"
+)
 SUPPLY_V, CONVERTER_V = 15.0, 3.0
 RAMP_RPM_PER_S, FAST_RPM_PER_S = 40_000, 90_000
 STEPS = ("none", "vertical", "both")
@@ -126,7 +129,7 @@ def _comparison(runner: Runner, number: str, speed_rpm: int, printed: dict[str, 
                     "none": "Mutual inductances of Motor-II are not legible, taken as 0: with them the relative "
                     "difference of the phases is larger",
                     "vertical": "What is left is the inductances'; see the line above",
-                    "both": "Load torque is not printed: currents compare as ratios only",
+                    "both": "The load is not printed: taken so that the currents are near at both speeds",
                 }[step],
             )
         )
