@@ -23,7 +23,7 @@ from fluxlock.cosim.outcome import Outcome
 DPI = 90
 COLOURS = 48  # of the palette: keeps a page of waveforms below 60 KB
 SMALL = 8
-Corner = Literal["upper right", "upper left", "lower right", "lower left"]
+Corner = Literal["upper right", "upper left", "lower right", "lower left", "center right"]
 TITLE = 9
 PHASES = ("ia", "ib", "ic")
 
