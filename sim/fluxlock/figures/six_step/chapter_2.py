@@ -14,7 +14,16 @@ from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, mean_by_sector, motor_1, schedule, whole
+from fluxlock.figures.six_step.support import (
+    FAMILY,
+    SETTLED_S,
+    at_speed,
+    drive,
+    mean_by_sector,
+    motor_1,
+    schedule,
+    whole,
+)
 from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/figures/third-harmonic.toml"
@@ -55,7 +64,8 @@ def steady(runner: Runner, speed_rpm: int) -> Steady:
     first_s = SETTLED_S + length_s
     off_s = first_s + 0.03 + length_s
     end_s = off_s + 0.06 + length_s
-    run = runner.drive(
+    run = drive(
+        runner,
         SCENARIO,
         f"steady-{speed_rpm}",
         UNEQUAL,
@@ -182,7 +192,8 @@ def sampling(runner: Runner) -> Drawing:
     drawn, grid = panels.page("2.10: $v_{SM}$ and its samples, 40 kHz, samples 5 µs apart", 1, 2, (11.0, 4.0))
     rows = []
     for speed_rpm in speeds:
-        run = runner.drive(
+        run = drive(
+            runner,
             SCENARIO,
             f"sampling-{speed_rpm}",
             *at_speed(speed_rpm),
@@ -272,7 +283,8 @@ def transient(runner: Runner) -> Drawing:
     drawn, grid = panels.page("2.14: 20 000 → 60 000 → 20 000 r/min, 5 µH more in A", 2, 2, (11.0, 5.6))
     rows = []
     for column, (name, on) in enumerate((("off", False), ("on", True))):
-        run = runner.drive(
+        run = drive(
+            runner,
             SCENARIO,
             f"transient-{name}",
             UNEQUAL,

@@ -15,7 +15,7 @@ from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, MOTOR_2, at_speed, numbers, schedule, whole
+from fluxlock.figures.six_step.support import FAMILY, MOTOR_2, at_speed, drive, numbers, schedule, whole
 from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/figures/dividers.toml"
@@ -48,7 +48,8 @@ def divider_errors(runner: Runner) -> Drawing:
     gain = 1.0 + float(np.radians(divider_error_deg(tolerance, np.array([1.0]))[0]) * np.sqrt(3.0))
     rows = []
     for k, speed_rpm in enumerate((20_000,) if runner.quick else (20_000, 40_000, 60_000)):
-        run = runner.drive(
+        run = drive(
+            runner,
             "six-step/figures/third-harmonic.toml",
             f"dividers-{speed_rpm}",
             *at_speed(speed_rpm),
@@ -97,7 +98,8 @@ def _comparison(runner: Runner, number: str, speed_rpm: int, printed: dict[str, 
     ends = {"none": 0.10 + length_s}
     ends["vertical"] = ends["none"] + learn_s
     ends["both"] = ends["vertical"] + learn_s
-    run = runner.drive(
+    run = drive(
+        runner,
         SCENARIO,
         f"steady-{speed_rpm}",
         GAINS,
@@ -189,7 +191,8 @@ def convergence(runner: Runner) -> Drawing:
     first_s, learn_s = 0.10, (0.12 if runner.quick else 0.28)
     second_s, end_s = first_s + learn_s, first_s + 2 * learn_s
     asked = np.arange(0.06, end_s - 0.001, 0.01)
-    run = runner.drive(
+    run = drive(
+        runner,
         SCENARIO,
         "convergence",
         GAINS,
@@ -295,8 +298,9 @@ def ramp(runner: Runner) -> Drawing:
         down_s = up_s + (top_rpm - 18_000) / slope + 0.05
         returns = step == "both"
         end_s = down_s + ((top_rpm - 18_000) / FAST_RPM_PER_S + 0.03 if returns else 0.002)
-        back = ((down_s, "accel_rpm_per_s", FAST_RPM_PER_S), (down_s, "speed_rpm", 18_000)) if returns else ()
-        run = runner.drive(
+        back = ((down_s - 0.002, "accel_rpm_per_s", FAST_RPM_PER_S), (down_s, "speed_rpm", 18_000)) if returns else ()
+        run = drive(
+            runner,
             SCENARIO,
             f"ramp-{step}",
             GAINS,
@@ -321,7 +325,7 @@ def ramp(runner: Runner) -> Drawing:
                 f"18 000: {panels.span_text(slow)}; {top_rpm}: {panels.span_text(fast)}; whole: "
                 f"{panels.span_text(found)}; {panels.trip_text(run)}",
                 {
-                    "none": "Uneven, but stable here; the trip stands at 18 A. The thesis's limit and load are not printed",
+                    "none": "Uneven, but stable here; the trip stands at 18 A. The thesis's limit is not printed",
                     "vertical": "",
                     "both": "Steeper here than the thesis's 12 000 r/min/s; while a turn changes by more than "
                     "1/128 the thresholds rest",

@@ -20,7 +20,7 @@ from fluxlock.analysis.six_step.switched import ideal_inverter, worst_commutatio
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, motor_1, schedule, whole
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, drive, motor_1, schedule, whole
 from fluxlock.regression.runner import Runner
 
 SUPPLY_V, CARRIER_HZ = 25.0, 40e3
@@ -315,7 +315,8 @@ def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[
     each_s = 0.02 if runner.quick else 0.04
     starts = {pattern: SETTLED_S + k * each_s for k, pattern in enumerate(PATTERNS)}
     end_s = SETTLED_S + len(PATTERNS) * each_s
-    run = runner.drive(
+    run = drive(
+        runner,
         SCENARIO,
         name,
         schedule(60_000, *((at_s, "command", f"set pattern {pattern}") for pattern, at_s in starts.items())),
@@ -482,7 +483,8 @@ def load_line(runner: Runner) -> Drawing:
     right = axes.twinx()
     bins = np.arange(30_000, 90_001, 2_500)
     for chopping in ("ON-PWM", "PWM-ON"):
-        run = runner.drive(
+        run = drive(
+            runner,
             SCENARIO,
             f"ramp-{chopping}",
             "initial.speed_rpm=30000",

@@ -18,7 +18,7 @@ from fluxlock.analysis.six_step.stability import commutation_errors_deg, freewhe
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, numbers, whole
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, drive, numbers, whole
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.support import highest_hz
 
@@ -169,7 +169,8 @@ def csc_spectrum(runner: Runner) -> Drawing:
 
 def ramp(runner: Runner, commutation: Commutation, load_mnm: int, *more: str) -> Outcome:
     """The ramp to 1300 Hz of the regression: the same run where it is made there."""
-    return runner.drive(
+    return drive(
+        runner,
         "six-step/ramp-1300hz.toml",
         f"{commutation}-{load_mnm}",
         f"drive.commutation={commutation}",
@@ -228,7 +229,8 @@ def failures(runner: Runner) -> Drawing:
 def at_1_khz(runner: Runner, commutation: Commutation) -> Outcome:
     """60 000 r/min at 20 kHz, for figures 5.14 and 5.15."""
     end_s = SETTLED_S + (0.02 if runner.quick else 0.06)
-    run = runner.drive(
+    run = drive(
+        runner,
         "six-step/spectrum.toml",
         f"1khz-{commutation}",
         *at_speed(60_000),

@@ -27,7 +27,7 @@ from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.figures.six_step.chapter_5 import ramp
-from fluxlock.figures.six_step.support import FAMILY, motor_1, schedule
+from fluxlock.figures.six_step.support import FAMILY, drive, motor_1, schedule
 from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.six_step.support import highest_hz
 
@@ -148,7 +148,7 @@ def simulated_waveforms(runner: Runner) -> Drawing:
 def chip_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tuple[float, float]]:
     """The spectrum run of the regression, and its span."""
     short = ("duration_s=0.225", "window=[]") if runner.quick else ()
-    run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
+    run = drive(runner, "six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
     return run, (0.2, 0.22) if runner.quick else (0.2, 0.31)
 
 
@@ -231,7 +231,8 @@ def _sweep(runner: Runner, commutation: Commutation) -> tuple[Outcome, float]:
     slope = 300_000 if runner.quick else 90_000
     low_rpm, high_rpm = (60 * hertz for hertz in SWEEP_HZ)
     begin_s = 0.08
-    run = runner.drive(
+    run = drive(
+        runner,
         "six-step/spectrum.toml",
         f"sweep-{commutation}",
         f"initial.speed_rpm={low_rpm:g}",
@@ -377,7 +378,8 @@ def dynamic(runner: Runner) -> Drawing:
         run = (
             ramp(runner, commutation, 20)
             if commutation == "RSC"
-            else runner.drive(
+            else drive(
+                runner,
                 "six-step/ramp-1300hz.toml",
                 f"both-ways-{commutation}",
                 "initial.speed_rpm=30000",

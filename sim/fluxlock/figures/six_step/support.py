@@ -12,7 +12,7 @@ from fluxlock.config import Motor, load_motor
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures.panels import trip_text
 from fluxlock.paths import ROOT
-from fluxlock.regression.runner import RunFailed
+from fluxlock.regression.runner import RunFailed, Runner
 
 FAMILY = "six-step"
 MOTOR_1, MOTOR_2 = ROOT / "motors" / "motor-1.toml", ROOT / "motors" / "motor-2.toml"
@@ -38,6 +38,14 @@ def schedule(speed_rpm: float, *later: tuple[float, str, float | str]) -> str:
 def at_speed(speed_rpm: float, *later: tuple[float, str, float | str]) -> tuple[str, str]:
     """Overrides for a run that begins at a speed, and its schedule."""
     return f"initial.speed_rpm={speed_rpm:g}", schedule(speed_rpm, *later)
+
+
+def drive(runner: Runner, scenario: str, name: str, *overrides: str) -> Outcome:
+    """Run a scenario, or read it from before; RunFailed if a console line of the schedule was not carried out."""
+    run = runner.drive(scenario, name, *overrides)
+    for line in run.result["rejected"]:
+        raise RunFailed(f'{name}: "{line["line"]}" at {line["time_s"]:g} s: {line["reason"]}')
+    return run
 
 
 def whole(run: Outcome) -> Outcome:
