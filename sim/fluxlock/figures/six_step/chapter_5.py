@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from fluxlock.analysis.plots import PHASE_COLOURS
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.six_step.fourier import sequence_lines
+from fluxlock.analysis.six_step.linearity import compensated_duty
 from fluxlock.analysis.six_step.patterns import LOWER_LEG, UPPER_LEG, Commutation, gate_sequence
 from fluxlock.analysis.six_step.plots import finish
 from fluxlock.analysis.six_step.spectrum import analytic_lines, line_numbers, weighted_distortion
@@ -139,7 +140,7 @@ def csc_spectrum(runner: Runner) -> Drawing:
         if not runner.quick
         else float(np.abs(np.diff(distortion)).max())
     )
-    highest = float(np.interp(3.5, n, distortion))
+    same_mean = csc_distortion(3.3, float(compensated_duty(0.5, 3.3)))
     return Drawing(
         "(5.13), (5.15): only the orders 6k ± 1 exist. Weighted distortion over the orders to 300.",
         drawn,
@@ -153,9 +154,9 @@ def csc_spectrum(runner: Runner) -> Drawing:
             Entry(
                 "weighted distortion at N = 3, 3.3, 4",
                 "3.3 between its neighbours",
-                f"{three:.4f}, {between:.4f}, {four:.4f}",
-                f"Not everywhere: at N = 3.5 it is {highest:.4f}. At fixed M = 0.5 the mean of CSC differs from M "
-                "between the integers",
+                f"{three:.4f}, {between:.4f}, {four:.4f}; 3.3 with the duty for a mean of 0.5: {same_mean:.4f}",
+                "Not so here, with lines over their order and over the fundamental: the cut last pulse makes 3.3 better "
+                "than both neighbours. The thesis does not print its weighting",
             ),
             Entry(
                 "weighted distortion over N",
