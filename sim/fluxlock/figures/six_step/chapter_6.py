@@ -173,8 +173,8 @@ def gate_spectra(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        f"{POINT}, speed imposed, torque 10 mN·m, duty held. The thesis compares series and ideal numeric gates, here series and "
-        f"gates of the chip; series against ideal gates agree within 3·10⁻¹⁴. {window.turns} turns.",
+        f"{POINT}, speed imposed, torque 10 mN·m, duty held. The thesis compares series and ideal numeric gates, here "
+        f"series and gates of the chip; series against ideal gates agree within 3·10⁻¹⁴. {window.turns} turns.",
         drawn,
         tuple(rows),
     )
