@@ -155,8 +155,8 @@ def csc_spectrum(runner: Runner) -> Drawing:
                 "weighted distortion at N = 3, 3.3, 4",
                 "3.3 between its neighbours",
                 f"{three:.4f}, {between:.4f}, {four:.4f}; 3.3 with the duty for a mean of 0.5: {same_mean:.4f}",
-                "Not so here, with lines over their order and over the fundamental: the cut last pulse makes 3.3 better "
-                "than both neighbours. The thesis does not print its weighting",
+                "Not so here, with lines over their order and over the fundamental: the cut last pulse makes 3.3 "
+                "better than both neighbours. The thesis does not print its weighting",
             ),
             Entry(
                 "weighted distortion over N",
