@@ -362,7 +362,9 @@ def acceleration(runner: Runner) -> Drawing:
                 f"{commutation}: highest frequency",
                 "fails at 1111 Hz (N = 3)" if commutation == "RSC" else "1300 Hz",
                 f"{reached:.0f} Hz (N = {CARRIER_HZ / 6 / reached:.2f}), {panels.trip_text(run)}",
-                "Fails at the integer before: see figure 5.12" if commutation == "RSC" else "",
+                "Fails at the integer before: see figure 5.12"
+                if commutation == "RSC"
+                else "The speed waves where the mean of CSC changes with N: `drive.linearity` is off",
             )
         )
         at = 800.0
