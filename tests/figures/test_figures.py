@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from fluxlock import cli
+from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.six_step.patterns import gate_sequence
 from fluxlock.analysis.six_step.switched import ideal_inverter, steady_operation, waveforms
 from fluxlock.config import ConfigError
@@ -21,11 +23,12 @@ from fluxlock.docs import figures as docs_page
 from fluxlock.figures import FIGURES, Drawing, Entry, command, figure
 from fluxlock.figures.command import draw, of_family, run_figures, select
 from fluxlock.figures.panels import page, save_small
-from fluxlock.figures.six_step import chapter_2, chapter_3, chapter_5, chapter_6
+from fluxlock.figures.six_step import chapter_2, chapter_3, chapter_5, chapter_6, support
 from fluxlock.figures.six_step.support import motor_1
 from fluxlock.paths import ROOT
 from fluxlock.regression import runner as regression_runner
 from fluxlock.regression.runner import RunFailed, Runner
+from tests.analysis.synthetic import Drive, make_run
 
 # Issue: 2.5, 2.10-2.14, 3.3, 3.10-3.13, 4.8-4.17, 5.4, 5.7, 5.10, 5.12, 5.14-5.16, 6.9-6.14.
 ASKED = [
@@ -300,3 +303,81 @@ def test_distortion_of_csc() -> None:
     at = {n: chapter_5.csc_distortion(n) for n in (2.99, 3.0, 3.01, 3.3, 4.0)}
     assert at[3.0] == pytest.approx(at[2.99], rel=0.02) and at[3.0] == pytest.approx(at[3.01], rel=0.02)
     assert at[3.3] < min(at[3.0], at[4.0])
+
+
+def _outcome(drive: Drive) -> Any:
+    """A synthetic run as the figures take it."""
+    data = make_run(drive)
+    return SimpleNamespace(data=data, analysis=Analysis(data), result={"trips": [], "rejected": []})
+
+
+def test_pulses_are_counted() -> None:
+    """CSC at N = 10/3: four pulses a sector, the last one cut; samples in a pulse of 20 us.
+
+    Verifies: FIG-05
+    """
+    run = _outcome(Drive(duration_s=0.012, carrier_hz=20e3, duty=0.4))
+    counts = chapter_5.pulses_a_sector(run, 0.002, 0.010)
+    assert counts.size > 40 and set(counts.tolist()) == {4}
+    samples, on_s, carrier_s = chapter_2.samples_a_pulse(run, 0.002, 0.010)
+    assert on_s == pytest.approx(20e-6, abs=1e-7) and carrier_s == pytest.approx(50e-6, abs=1e-6)
+    period_s = float(np.median(np.diff(run.data.records["t_cycle"]))) / run.data.clock_hz
+    assert abs(samples.mean() - on_s / period_s) < 0.5
+
+
+def test_spectrogram() -> None:
+    """A current vector at 1 kHz with a line at 3.5 times of a tenth: seen there, and beside the trajectories.
+
+    Verifies: FIG-05
+    """
+    run = _outcome(Drive(duration_s=0.04))
+    records = run.data.records
+    angle = records["theta_e"]
+    vector = 10.0 * np.exp(1j * angle) + 1.0 * np.exp(3.5j * angle) + 2.0 * np.exp(-5j * angle)
+    for k, name in enumerate(("ia", "ib", "ic")):
+        records[name] = np.real(vector * np.exp(-2j * np.pi / 3 * k))
+    hertz, fundamental, size = chapter_6.spectrogram(run, 0.0)
+    assert fundamental == pytest.approx(1000.0, rel=1e-3)
+    row = size[0]
+    for at, expected in ((1000.0, 10.0), (3500.0, 1.0), (-5000.0, 2.0)):
+        assert row[np.argmin(np.abs(hertz - at))] == pytest.approx(expected, rel=0.05)
+    assert chapter_6.trajectory_share(hertz, fundamental, size) == pytest.approx(0.1, rel=0.05)
+
+
+def test_learning() -> None:
+    """Time until thresholds settle; shifts of (3.12) sum to about zero and follow the inductances' differences.
+
+    Verifies: FIG-05
+    """
+    time_s = np.arange(0.0, 1.0, 0.01)
+    values = np.stack([0.5 + 0.05 * (1 - np.exp(-time_s / 0.05)), np.full(time_s.size, 0.5)], axis=1)
+    # 0.05 exp(-t / 0.05) = 0.002 at 0.161 s.
+    assert chapter_3.settling_s(time_s, values, 0.0, 1.0) == pytest.approx(0.17, abs=0.011)
+    a, b, c = chapter_3.shift_pu(18_000.0)
+    assert abs(a + b + c) < 0.02 * max(abs(a), abs(b), abs(c)) and a > 0 > b
+    # At the speed where the line EMF is the supply nothing is left to share.
+    assert max(map(abs, chapter_3.shift_pu(15.0 / np.sqrt(3) / 1.27e-3 * 30 / np.pi))) < 1e-9
+
+
+def test_runs_that_cannot_be_used() -> None:
+    """A console line that was not carried out, or a trip where none is expected, fails the figure.
+
+    Verifies: FIG-02
+    """
+    good = _outcome(Drive())
+    line = {"time_s": 0.1, "line": "set balance both", "reason": "no reply"}
+    trips = [{"cause": "dc_current", "time_s": 0.2}]
+
+    class Fake:
+        def __init__(self, **result: Any) -> None:
+            self.found = SimpleNamespace(result={"trips": [], "rejected": []} | result, folder=Path("x"))
+
+        def drive(self, *_: str) -> Any:
+            return self.found
+
+    assert support.drive(Fake(), "a.toml", "x").result["trips"] == []
+    with pytest.raises(RunFailed, match=r"set balance both.*no reply"):
+        support.drive(Fake(rejected=[line]), "a.toml", "x")
+    with pytest.raises(RunFailed, match=r"dc_current.*0\.200 s"):
+        support.whole(Fake(trips=trips).found)
+    assert support.whole(good) is good

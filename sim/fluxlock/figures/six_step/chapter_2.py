@@ -121,8 +121,8 @@ def position_errors(runner: Runner) -> Drawing:
     axes.set_ylim(0, 25)
     panels.legend(axes, 1)
     return Drawing(
-        "Formula (2.22) with the shift (2.17), (1/6) ΔL/(L+L) (V − √3 ψω); points: mean crossing error of the chip with "
-        f"correction A on, interpolated. {BENCH}.",
+        "Formula (2.22) with the shift (2.17), (1/6) ΔL/(L+L) (V − √3 ψω); points: mean crossing error of the chip "
+        f"with correction A on, interpolated. {BENCH}.",
         drawn,
         tuple(rows),
     )

@@ -155,8 +155,8 @@ def csc_spectrum(runner: Runner) -> Drawing:
                 "weighted distortion at N = 3, 3.3, 4",
                 "3.3 between its neighbours",
                 f"{three:.4f}, {between:.4f}, {four:.4f}; 3.3 with the duty for a mean of 0.5: {same_mean:.4f}",
-                "Not so here, with lines over their order and over the fundamental: the cut last pulse makes 3.3 better "
-                "than both neighbours. The thesis does not print its weighting",
+                "Not so here, with lines over their order and over the fundamental: the cut last pulse makes 3.3 "
+                "better than both neighbours. The thesis does not print its weighting",
             ),
             Entry(
                 "weighted distortion over N",
@@ -216,8 +216,9 @@ def failures(runner: Runner) -> Drawing:
                 f"fan {load_mnm} mN·m: fails at",
                 printed,
                 f"{reached:.0f} Hz (N = {CARRIER_HZ / 6 / reached:.2f}), {panels.trip_text(run)}",
-                "Below an integer N as in figure 5.7; which integer is decided by the freewheel angle, with the load "
-                "of the ramp, the drops, and when a sample counts after the freewheeling",
+                "Below an integer N as in figure 5.7; the trip follows when the lateness has grown. Just below N = 4 "
+                "15° are left for the freewheeling and the first sample that counts after it; the thesis does not say "
+                "when a sample counts in its model",
             )
         )
     return Drawing(
@@ -316,8 +317,7 @@ def currents_1_khz(runner: Runner) -> Drawing:
                 "phase current, peak to peak: RSC, CSC (A)",
                 "CSC much smaller",
                 f"{ripple['RSC']:.1f}, {ripple['CSC']:.1f}",
-                "At exactly N = 10/3 the pattern of RSC repeats every turn and a half; the printed fluctuation is a "
-                "slow beat of a speed beside it",
+                "At N = 10/3 the pattern of RSC repeats every half turn; a speed beside it beats slowly, as printed",
             ),
             Entry(
                 "spread of the positive peak from turn to turn: RSC, CSC (A)",
@@ -362,7 +362,9 @@ def acceleration(runner: Runner) -> Drawing:
                 f"{commutation}: highest frequency",
                 "fails at 1111 Hz (N = 3)" if commutation == "RSC" else "1300 Hz",
                 f"{reached:.0f} Hz (N = {CARRIER_HZ / 6 / reached:.2f}), {panels.trip_text(run)}",
-                "Fails at the integer before: see figure 5.12" if commutation == "RSC" else "",
+                "Fails at the integer before: see figure 5.12"
+                if commutation == "RSC"
+                else "The speed waves where the mean of CSC changes with N: `drive.linearity` is off",
             )
         )
         at = 800.0
