@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.config import load_scenario
+from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.convert import drive_spec, motor_spec, plant_params
 from fluxlock.cosim.run import parameter_block
 from fluxlock.paths import ROOT
@@ -40,3 +40,16 @@ def test_sampling_once_a_carrier() -> None:
     offset, settle, least = (values[name] for name in ("sample_offset_cycles", "zcd_settle_cycles", "least_on_cycles"))
     assert isinstance(offset, int) and isinstance(settle, int) and isinstance(least, int)
     assert settle < offset < least
+
+
+def test_values_that_no_parameter_holds_are_named() -> None:
+    """Machine values beyond the firmware's formats: one message with file and parameter.
+
+    Verifies: FRONT-02
+    """
+    scenario = load_scenario(DEMO, ["mechanics.mode=locked", "motor.resistance_ohm=100"])
+    with pytest.raises(
+        ConfigError, match=r"demo\.toml: drive: firmware: parameter align_v_q25: .* is outside"
+    ) as caught:
+        parameter_block(scenario)
+    assert len(caught.value.problems) == 1
