@@ -369,7 +369,7 @@ def predicted_spectrograms(runner: Runner) -> Drawing:
                 f"{commutation}: rms beside the 1 + 6 k lines, over the fundamental",
                 "abundant, as measured" if commutation != "CSC" else "none",
                 f"{100 * np.sqrt(rest / own):.2f} %",
-                "Of the voltage: the machine's inductance makes the currents' share smaller"
+                "Of the voltage; of its fundamental the EMF leaves little: the currents' share (6.12) is larger"
                 if commutation == "RSC"
                 else "",
             )
@@ -432,7 +432,11 @@ def dynamic(runner: Runner) -> Drawing:
                 }[commutation],
             )
         )
-    return Drawing("Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated.", drawn, tuple(rows))
+    return Drawing(
+        "Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated. RSC: the run of 5.12, from 27 000 r/min.",
+        drawn,
+        tuple(rows),
+    )
 
 
 def peak_a(run: Outcome, from_s: float, to_s: float) -> float:
