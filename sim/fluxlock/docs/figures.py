@@ -49,8 +49,11 @@ def page(document: dict[str, Any]) -> str:
             continue
         lines += [f"{part['condition']}\n", f"![Figure {part['figure']}](../images/{family}/{part['image']})\n"]
         lines += ["| | thesis | here | why |", "|---|---|---|---|"]
+        reason = ""
         for row in part["table"]:
-            cells = (row["quantity"], row["printed"], row["here"], row["why"])
+            again = "as above" if row["why"] and row["why"] == reason else row["why"]
+            reason = row["why"]
+            cells = (row["quantity"], row["printed"], row["here"], again)
             lines.append("| " + " | ".join(_cell(text) for text in cells) + " |")
         lines.append("")
     return "\n".join(lines).rstrip() + "\n"

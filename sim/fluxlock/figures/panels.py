@@ -21,7 +21,8 @@ from fluxlock.analysis.six_step.plots import GREY, draw_gates, finish
 from fluxlock.cosim.outcome import Outcome
 
 DPI = 90
-COLOURS = 48  # of the palette: keeps a page of waveforms below 60 KB
+COLOURS = (48, 24, 12)  # of the palette: the most that keep the file small
+LARGEST = 58_000  # bytes
 SMALL = 8
 Corner = Literal["upper right", "upper left", "lower right", "lower left", "center right"]
 TITLE = 9
@@ -42,8 +43,10 @@ def save_small(drawn: Figure, path: Path) -> None:
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     with Image.open(buffer) as image:
-        reduced = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
-        reduced.save(path, optimize=True)
+        for colours in COLOURS:
+            image.convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+            if path.stat().st_size <= LARGEST:
+                break
 
 
 def records_between(data: RunData, from_s: float, to_s: float) -> RecordArray:

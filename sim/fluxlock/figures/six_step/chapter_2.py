@@ -162,7 +162,7 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
                 PRINTED_SPAN[speed_rpm],
                 f"{panels.span_text(uncorrected)}; {panels.span_text(spreads[0])}",
                 "A commutation comes half an uneven interval after a misplaced crossing: its spread is larger than the "
-                "crossings'. The printed figure is taken by a timer that runs from crossing to crossing",
+                "crossings'. The printed range is that of our crossings: the thesis's timer runs from one to the next",
             ),
             Entry(
                 "commutation interval with correction A (deg)",

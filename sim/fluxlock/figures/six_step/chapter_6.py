@@ -172,12 +172,30 @@ def gate_spectra(runner: Runner) -> Drawing:
                 "The chip has dead time, noise in its crossings and a speed that wanders; the series has none",
             )
         )
+        if commutation == "RSC":
+            low, high = delays_at_the_jump(run, *span)
+            rows.append(
+                Entry(
+                    "RSC: commutations that wait less than 0.06, more than 0.94 of a carrier",
+                    "-",
+                    f"{low}, {high}",
+                    "Delays are eighths of a carrier apart. Where one of eight commutations is due at a carrier start, "
+                    "noise decides between none and a whole carrier, and the lines are a mixture of two patterns",
+                )
+            )
     return Drawing(
         f"{POINT}, speed imposed, torque 10 mN·m, duty held. The thesis compares series and ideal numeric gates, here "
         f"series and gates of the chip; series against ideal gates agree within 3·10⁻¹⁴. {window.turns} turns.",
         drawn,
         tuple(rows),
     )
+
+
+def delays_at_the_jump(run: Outcome, from_s: float, to_s: float) -> tuple[int, int]:
+    """Commutations of a span that wait hardly, and those that wait nearly a whole carrier."""
+    part = run.analysis.commutations.between(from_s * run.data.clock_hz, to_s * run.data.clock_hz)
+    carriers = part.error_deg / 60.0 * float(RATIO)
+    return int(np.count_nonzero(carriers < 0.06)), int(np.count_nonzero(carriers > 0.94))
 
 
 @figure(FAMILY, "6.11")
@@ -345,7 +363,7 @@ def predicted_spectrograms(runner: Runner) -> Drawing:
                 f"{commutation}: rms beside the 1 + 6 k lines, over the fundamental",
                 "abundant, as measured" if commutation != "CSC" else "none",
                 f"{100 * np.sqrt(rest / own):.2f} %",
-                "Of the voltage: the machine's inductance makes the currents' share smaller"
+                "Of the voltage; of its fundamental the EMF leaves little: the currents' share (6.12) is larger"
                 if commutation == "RSC"
                 else "",
             )
@@ -408,7 +426,11 @@ def dynamic(runner: Runner) -> Drawing:
                 }[commutation],
             )
         )
-    return Drawing("Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated.", drawn, tuple(rows))
+    return Drawing(
+        "Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated. RSC: the run of 5.12, from 27 000 r/min.",
+        drawn,
+        tuple(rows),
+    )
 
 
 def peak_a(run: Outcome, from_s: float, to_s: float) -> float:
