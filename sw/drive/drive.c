@@ -50,6 +50,7 @@ COLD void drive_gates_off(drive_t *drive) {
   command->sequencer = SEQUENCER_OFF;
   command->timer = COMMUTATION_OFF;
   command->zcd_enable = false;
+  command->sampling = SAMPLING_CONTINUOUS;
   command->miss_limit = 0;
   command->force_on_miss = false;
   command->pulse_cycles_q8 = 0;
@@ -118,13 +119,13 @@ bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_
   if (rpm_s < 1 || rpm_s > 100000000) {
     return false;
   }
-  // Change a tick, 2^-24 r/min: rpm_s * 2^24 * tick_cycles / clock_hz.
+  // Change a tick, 2^-20 r/min: rpm_s * 2^20 * tick_cycles / clock_hz.
   const uint64_t numerator = (uint64_t)(uint32_t)rpm_s * (uint32_t)p->tick_cycles;
   const uint64_t whole = div_u64(numerator, (uint32_t)p->clock_hz);
   const uint64_t rest = numerator - whole * (uint32_t)p->clock_hz;
-  const uint64_t step = (whole << 24) + div_u64(rest << 24, (uint32_t)p->clock_hz);
+  const uint64_t step = (whole << 20) + div_u64(rest << 20, (uint32_t)p->clock_hz);
   settings->accel_rpm_s = rpm_s;
-  settings->accel_rpm_q24 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
+  settings->accel_rpm_q20 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
   settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
   return true;
 }
@@ -185,6 +186,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
 void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
+  drive->command.sampling = SAMPLING_CONTINUOUS;
   drive->command.forced_interval_cycles = 0xFFFFFF;
   if (fault != FAULT_NONE) {
     fault_log_add(&drive->log, fault, 0);
@@ -272,9 +274,12 @@ static bool is_over_current(fault_t fault) {
 
 // A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
 // consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the restart shorts a
-// rotor whose EMF was not seen.
+// rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two in a row: all
+// of the last 64 to 128 ticks count.
 static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
-  const bool missed = drive->command.timer == COMMUTATION_ZCD && in->misses >= MISSES_BEFORE_TRIP;
+  const uint8_t lately = (uint8_t)(in->timeouts - drive->m.timeouts_before);
+  const bool missed = drive->command.timer == COMMUTATION_ZCD &&
+                      (in->misses >= MISSES_BEFORE_TRIP || lately >= MISSES_BEFORE_TRIP);
   const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
   const bool unseen = restarting && drive->phase == START_PRECHARGE;
   const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;

@@ -16,6 +16,7 @@
 #include "control/limiter.h"
 #include "control/pi.h"
 #include "control/ramp.h"
+#include "control/stuck.h"
 #include "drive/faults.h"
 #include "drive/parameters.h"
 #include "hal/chip_io.h"
@@ -41,7 +42,7 @@ typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_
 typedef struct {
   int32_t target_rpm;      // negative: backward
   int32_t accel_rpm_s;
-  int32_t accel_rpm_q24;  // the same a tick
+  int32_t accel_rpm_q20;  // the same a tick
   int32_t accel_rpm_q8;    // what accel_feed_forward_s makes of it
   int32_t current_limit_q17;
   int32_t dc_limit_q17;
@@ -74,6 +75,7 @@ typedef struct {
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
+  bool speed_due;    // a crossing has come since
   uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
@@ -81,6 +83,8 @@ typedef struct {
   uint32_t timer_on_ticks;
   uint32_t last_sample;
   uint32_t silent_ticks;  // consecutive ticks without a sample
+  uint8_t timeouts;          // counter of the timer at the last boundary of 64 ticks
+  uint8_t timeouts_before;   // and at the one before
   int32_t idc_filter_q25;
   int32_t motor_filter_q25;
   int32_t loop_filter_q25;
@@ -183,6 +187,7 @@ typedef struct {
   limiter_t limiter;
   int32_t brake_i_q25;  // largest braking current now
   catch_t rotor;
+  stuck_t stuck;
   uint32_t catches;  // rotors caught since boot
   thresholds_t thresholds;
   hall_t hall;
@@ -190,7 +195,7 @@ typedef struct {
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;         // of this attempt's ramp
-  int32_t start_accel_rpm_q24;
+  int32_t start_accel_rpm_q20;
   uint32_t locked_from;  // crossing count at hand-over; edge count at the beginning of a start by Hall
   bool was_frozen;
 

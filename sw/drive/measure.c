@@ -10,6 +10,8 @@
 #define TIMER_SETTLED_TICKS 2u
 #define CARRIERS_A_SECTOR 6u
 #define PEAK_MAX_Q17 131071
+// 6.4 ms at 10 kHz.
+#define MISS_WINDOW_TICKS 64u
 
 HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) {
   *state_q25 += (value_q17 * 256 - *state_q25) >> shift;
@@ -55,7 +57,11 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->timer_on_ticks = 0;
     m->crossings = 0;
     m->commutations = 0;
+    m->timeouts = 0;
+    m->timeouts_before = 0;
     m->speed_valid = false;
+    m->speed_fresh = false;
+    m->speed_due = false;
     m->speed_rpm_q8 = 0;
     drive->command.peak_q17 = 0;
     m->longest_cycles = (uint32_t)drive->p->carrier_longest_cycles;
@@ -65,12 +71,19 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   if (m->timer_on_ticks < TIMER_SETTLED_TICKS) {
     return;
   }
+  if (drive->tick % MISS_WINDOW_TICKS == 0u) {
+    m->timeouts_before = m->timeouts;
+    m->timeouts = in->timeouts;
+  }
   const uint16_t crossings = (uint16_t)(in->crossings - (uint16_t)m->crossings);
   m->crossings += crossings;
   m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
-  m->speed_fresh = crossings > 0u && m->speed_valid;
+  m->speed_due = m->speed_due || crossings > 0u;
+  // At most every second tick: at high speed crossings come in every one, and the other one is for the schedule.
+  m->speed_fresh = m->speed_due && m->speed_valid && !m->speed_fresh;
   if (m->speed_fresh) {
+    m->speed_due = false;
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);

@@ -41,6 +41,7 @@ void start_begin(drive_t *drive) {
   drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
+  stuck_reset(&drive->stuck);
   enter_phase(drive, START_COAST);
   // The edges are measured while the rotor coasts.
   drive->command.timer = drive->hall.driving ? COMMUTATION_HALL : COMMUTATION_OFF;
@@ -72,6 +73,8 @@ static void begin_lock(drive_t *drive) {
 
 #define CATCH_FAILURES_MAX 2u
 #define CAUGHT_TICKS 2u
+// 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
+#define STUCK_TICKS 500u
 
 // The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.
 static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_rpm_q8) {
@@ -167,6 +170,10 @@ static void coast(drive_t *drive, const chip_snapshot_t *in) {
   if (settled && (drive->hall.driving ? caught_by_edges(drive) : caught(drive, v_q17, line_emf_q17))) {
     return;
   }
+  if (!drive->hall.driving && stuck_step(&drive->stuck, in->v_q17, line_emf_q17 >= p->catch_v_q17, STUCK_TICKS)) {
+    drive_enter_fault(drive, FAULT_VOLTAGE_CHANNEL);
+    return;
+  }
   if (!calm(drive, line_emf_q17)) {
     if (drive->state_ticks > (uint32_t)p->coast_timeout_ticks) {
       drive_enter_fault(drive, FAULT_ROTOR_SPINNING);
@@ -205,7 +212,7 @@ static void choose_acceleration(drive_t *drive) {
     first = (first * SQRT2_Q16) >> 16;
   }
   drive->first_cycles = (first > INTERVAL_MAX) ? INTERVAL_MAX : (uint32_t)first;
-  drive->start_accel_rpm_q24 = (drive->p->start_accel_rpm_q24 >> halvings) | 1;
+  drive->start_accel_rpm_q20 = (drive->p->start_accel_rpm_q20 >> halvings) | 1;
 }
 
 // First forced sector: the update that switches the sequencer also starts the forced timer.
@@ -251,7 +258,7 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.forced_interval_cycles = interval;
 
-  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
+  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q20, end_rpm_q8, end_rpm_q8);
   const int32_t speed_rpm_q8 = drive->ramp.value_rpm_q8;
   const int32_t u = p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf);
   drive_apply_voltage(drive, u, true);

@@ -24,6 +24,11 @@ void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles);
 void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
 
+static void write_scheduler(uint32_t sampling, const parameters_t *p) {
+  reg_write(REG(sense.scheduler), FIELD(FL_SENSE_REGS__SCHEDULER__MODE, sampling) |
+                                      FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+}
+
 static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
@@ -34,9 +39,7 @@ static void configure_sensing(const parameters_t *p) {
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     reg_write(REG(sense.offset[0]) + 4u * current_channel[i], CURRENT_OFFSET_Q4);
   }
-  reg_write(REG(sense.scheduler),
-            FIELD(FL_SENSE_REGS__SCHEDULER__MODE, p->sample_mode) |
-                FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+  write_scheduler(SAMPLING_CONTINUOUS, p);
 }
 
 static void configure_crossings(const parameters_t *p) {
@@ -65,6 +68,7 @@ void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
+  reg_write(REG(freewheel.threshold), (uint32_t)parameters->freewheel_limit_q17);
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
@@ -153,6 +157,9 @@ COLD static void write_thresholds(const chip_command_t *command) {
 // with every asymmetry and closes a loop through crossings that are computed back.
 COLD static void write_modes(const chip_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
+  // One sample a pulse has none before it.
+  const int32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0 : p->zcd_need_previous;
+  write_scheduler(command->sampling, p);
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
@@ -166,7 +173,7 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
                                   FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.method) |
                                   FIELD(FL_ZCD_REGS__CONTROL__COMPUTE_BACK, crossing.compute_back ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, need_previous) |
                                   FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
                                   FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
                                   FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.source));

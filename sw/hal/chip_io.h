@@ -20,6 +20,9 @@ enum { ZCD_FIRST = 0, ZCD_INTERPOLATED = 1, ZCD_AVERAGED = 2 };
 // Signal that is searched for crossings.
 enum { ZCD_TERMINAL = 0, ZCD_STAR_POINT = 1, ZCD_MEAN = 2 };
 
+// Sample scheduler.
+enum { SAMPLING_CONTINUOUS = 1, SAMPLING_RESTARTED = 2, SAMPLING_ONCE = 3 };
+
 // Detection of crossings, as the console may change it while running.
 typedef struct {
   uint8_t method;     // ZCD_FIRST..
@@ -95,6 +98,7 @@ typedef struct {
   bool reverse;
   bool zcd_enable;
   crossing_settings_t crossing;
+  uint32_t sampling;  // SAMPLING_*, at once
   uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
   uint32_t period_cycles;
   uint32_t pulse_cycles_q8;

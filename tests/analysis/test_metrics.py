@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fluxlock.analysis.angles import AngleTrack
-from fluxlock.analysis.metrics import Analysis, gate_change_cycles, judge, lookup, trips
+from fluxlock.analysis.metrics import Advance, Analysis, gate_change_cycles, judge, lookup, trips
 from fluxlock.analysis.rundata import RECORD_DTYPE, TRIP_CAUSES, LogKind, load_trace, save_trace
 from fluxlock.config.scenario import METRICS, Expect
 from fluxlock.paths import RTL
@@ -79,11 +79,25 @@ def test_advance_is_not_an_error(speed: float) -> None:
 
     Verifies: FRONT-11
     """
-    data = make_run(Drive(speed_rpm=speed, commutation_error=lambda k: -7.0))
-    assert Analysis(data, 7.0).window(0.002, 0.018)["commutation_error_deg"]["max"] < ANGLE_TOL_DEG
-    assert Analysis(data, 0.0).window(0.002, 0.018)["commutation_error_deg"]["mean"] == pytest.approx(
+    data = make_run(Drive(speed_rpm=speed, commutation_error=lambda k: -7.0, current_a=8.0))
+    omega = abs(speed) * np.pi / 30
+    # The synthetic torque keeps its sign in reverse: there it brakes, and a braking current adds nothing.
+    by_current_deg = 2.0 if speed > 0 else 0.0
+    both = Advance(3.0, (4.0 - by_current_deg) / omega, 2.0 / 8.0)
+    for advance in (Advance(7.0), Advance(1.0, 6.0 / omega), both):
+        assert Analysis(data, advance).window(0.004, 0.018)["commutation_error_deg"]["max"] < ANGLE_TOL_DEG, advance
+    assert Analysis(data).window(0.002, 0.018)["commutation_error_deg"]["mean"] == pytest.approx(
         -7.0, abs=ANGLE_TOL_DEG
     )
+
+
+def test_advance_is_limited() -> None:
+    """As the drive does, the metrics hold the whole advance within 30 deg.
+
+    Verifies: FRONT-11
+    """
+    limited = Advance(20.0, 0.01, 1.0).at(np.array([1000.0, -2000.0, 100.0]), np.array([5.0, 0.0, -50.0]))
+    assert limited == pytest.approx([30.0, 30.0, 21.0])
 
 
 def test_missed_crossing_shows_as_double_interval() -> None:

@@ -24,7 +24,7 @@ DEMO = ROOT / "scenarios" / "demo.toml"
 
 
 def names(folder: str) -> list[str]:
-    return sorted(p.name for p in (ROOT / folder).glob("*.toml"))
+    return sorted(str(p.relative_to(ROOT / folder)) for p in (ROOT / folder).rglob("*.toml"))
 
 
 def errors(*overrides: str, path: Path = DEMO) -> list[str]:

@@ -66,6 +66,7 @@ class Bench:
         self.trips = 0
         self.sampling = True
         self.idc_offset_a = 0.0
+        self.stuck: dict[int, int] = {}  # voltage channels that keep a value, q17
         self.overridden = 0  # late crossings besides those of the model
         self.computed_back = 0
         self.trace: list[tuple[float, float, float, int, float]] = []
@@ -172,7 +173,7 @@ class Bench:
             angles = 2.0 * np.pi / 3.0 * np.arange(3)
             current = s[am.I_ALPHA] * np.cos(angles) + s[am.I_BETA] * np.sin(angles)
         for x in range(3):
-            self.put("sense.snap_channel", round(float(terminal[x]) * v_unit), x)
+            self.put("sense.snap_channel", self.stuck.get(x, round(float(terminal[x]) * v_unit)), x)
             self.put("sense.snap_channel", round(float(current[x]) * i_unit), 3 + x)
         self.put("comm.snap_interval", min(0xFFFFFF, round(s[am.INTERVAL] * self.clock)))
         period = float(s[am.RING_FIRST : am.RING_FIRST + 6].sum())

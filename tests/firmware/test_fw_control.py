@@ -42,7 +42,7 @@ class PiResult(ctypes.Structure):
 class Ramp(ctypes.Structure):
     """ramp_t."""
 
-    _fields_ = [("value_rpm_q8", ctypes.c_int32), ("carry_q16", ctypes.c_uint32)]
+    _fields_ = [("value_rpm_q8", ctypes.c_int32), ("carry_q12", ctypes.c_uint32)]
 
 
 class Limiter(ctypes.Structure):
@@ -125,6 +125,8 @@ def lib() -> ctypes.CDLL:
         ("catch_step", ctypes.c_bool, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
         ("catch_restore", i32, [ctypes.c_void_p, i32, ctypes.c_void_p]),
         ("catch_sector", u32, [u32, ctypes.c_bool]),
+        ("stuck_reset", None, [ctypes.c_void_p]),
+        ("stuck_step", ctypes.c_bool, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_bool, u32]),
         ("catch_sector_cycles", u32, [i32, u32]),
         ("brake_current", i32, [i32, i32, i32, i32, Gain]),
         ("start_sector", u32, [u32, ctypes.c_bool]),
@@ -239,20 +241,20 @@ def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
     for sign in (1, -1):
         ramp = Ramp()
         lib.ramp_preset(ctypes.byref(ramp), sign * 256_000)
-        target, step = sign * 2_560_000, 20_001
+        target, step = sign * 2_560_000, 1_301
         for k in range(1, 50_000):
             assert lib.ramp_step(ctypes.byref(ramp), target, step, target, 10**6) == sign
-            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 65536)) <= 1
+            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 4096)) <= 1
         lib.ramp_preset(ctypes.byref(ramp), 0)
         for _ in range(1000):
             lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_000
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 65536, sign * -9_000, 5_000) == sign
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 4096, sign * -9_000, 5_000) == sign
         assert ramp.value_rpm_q8 == sign * 5_000
         for _ in range(1000):
-            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, sign * 5_000, 5_000)
+            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, sign * 5_000, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_100
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, 0, 5_000) == 0
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, 0, 5_000) == 0
 
 
 def test_speed_from_period(lib: ctypes.CDLL) -> None:
@@ -591,6 +593,33 @@ def test_vector_angle(lib: ctypes.CDLL) -> None:
         assert abs(turn_difference_deg(lib.vector_angle(x, y), exact)) < 0.1 + 5e-3
     for x, y, wanted in ((0, 0, 0), (5, 0, 0), (0, 5, 90), (-5, 0, 180), (0, -5, 270), (7, 7, 45)):
         assert abs(turn_difference_deg(lib.vector_angle(x, y), wanted)) < 0.01
+
+
+class Stuck(ctypes.Structure):
+    _fields_ = (("last_q17", ctypes.c_int32 * 3), ("same_ticks", ctypes.c_uint32 * 3), ("quiet_ticks", ctypes.c_uint32))
+
+
+@pytest.mark.parametrize("channels", [(), (0,), (2,), (0, 1), (0, 1, 2)])
+def test_stuck_channels(lib: ctypes.CDLL, channels: tuple[int, ...]) -> None:
+    """One or two channels that never change are found after exactly the limit; none, or all of a dead rotor, are not.
+
+    Verifies: FW-34
+    """
+    stuck, limit = Stuck(), 100
+    lib.stuck_reset(ctypes.byref(stuck))
+    found = []
+    for tick in range(2 * limit):
+        v = [5000 if x in channels else round(8000 * math.sin(0.3 * tick + 2.1 * x)) for x in range(3)]
+        if tick < 5:
+            v = [tick + x for x in range(3)]
+        # The EMF may vanish for some ticks of a turn.
+        found.append(lib.stuck_step(ctypes.byref(stuck), (ctypes.c_int32 * 3)(*v), tick % 21 != 0, limit))
+    assert any(found) == (len(channels) in (1, 2))
+    if any(found):
+        assert found.index(True) == 5 + limit, "the first of equal values begins the count"
+    rest = (ctypes.c_int32 * 3)(5000, 0, 0)
+    lib.stuck_reset(ctypes.byref(stuck))
+    assert not any(lib.stuck_step(ctypes.byref(stuck), rest, False, limit) for _ in range(4 * limit)), "no EMF"
 
 
 def shown_voltages(theta: float, amplitude: float, diode: float, rng: Random) -> ctypes.Array[ctypes.c_int32]:

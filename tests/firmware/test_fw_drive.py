@@ -901,6 +901,48 @@ def test_lost_lock_is_caught_again() -> None:
     assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
 
 
+def test_over_current_after_scattered_misses_is_a_lost_lock() -> None:
+    """Crossings missed now and then, never two in a row: an over-current then restarts; one without misses is a fault.
+
+    Verifies: FW-20
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    for _ in range(2):
+        bench.model.s[am.TIMEOUTS] += 1
+        bench.run(0.002)
+    bench.trip(1)
+    bench.run(0.0003)
+    assert bench.fw.state == "starting"
+    assert bench.until_state("running", 0.05)
+    bench.run(0.1)
+    bench.trip(1)
+    bench.run(0.0003)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "phase_over_current")
+
+
+@pytest.mark.parametrize("value_q17", [131071, 30_000, 0])
+def test_stuck_voltage_channel_is_named(value_q17: int) -> None:
+    """A channel that keeps its value while the rotor turns is named after 50 ms; gone, the drive starts.
+
+    Verifies: FW-34
+    """
+    bench = Bench(speed_rpm=50_000.0)
+    bench.stuck = {0: value_q17}
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 50000")
+    bench.fw.command("start")
+    assert bench.until_state("fault", 0.06)
+    assert fault_of(bench) == "voltage_channel"
+    assert bench.get("safety.guard") & 1 == 0
+    bench.stuck = {}
+    bench.fw.command("clear")
+    bench.until_state("ready", 0.1)
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.05)
+
+
 @pytest.mark.parametrize("sync_rect", [True, False])
 @pytest.mark.parametrize("current_loop", [True, False])
 def test_rotor_that_spins_backward_is_turned(sync_rect: bool, current_loop: bool) -> None:

@@ -210,7 +210,7 @@ def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> Non
     )
     assert b.number("handover_rpm") < b.number("stop_rpm") < b.number("speed_max_rpm")
     # Same acceleration in both of its units.
-    accel = b.number("start_accel_rpm_q24") / 2**24 * drive.tick_hz * math.pi / 30
+    accel = b.number("start_accel_rpm_q20") / 2**20 * drive.tick_hz * math.pi / 30
     first_s = b.number("start_first_cycles") / drive.clock_hz
     assert 0.5 * accel * motor.pole_pairs * first_s**2 == pytest.approx(math.pi / 6, rel=1e-3)
     assert 0.02 <= b.number("align_ticks") / drive.tick_hz <= 0.6

@@ -84,7 +84,7 @@ def crossing_error_deg(theta_rad: FloatArray, sector: IntArray, direction: Float
 
 
 def commutation_error_deg(
-    theta_rad: FloatArray, sector: IntArray, direction: FloatArray, advance_deg: float
+    theta_rad: FloatArray, sector: IntArray, direction: FloatArray, advance_deg: FloatArray
 ) -> FloatArray:
     """Lateness of a commutation into `sector` at theta against the wanted advance; positive = late."""
     ideal = np.where(direction < 0, 270.0, 30.0) + 60.0 * sector - direction * advance_deg

@@ -31,6 +31,10 @@ EDGE_SEARCH_CYCLES = 8
 GUARD_CYCLES = 1
 # A phase current below this fraction of the window's largest counts as no current: nothing to freewheel.
 NO_CURRENT_FRACTION = 0.02
+# Limit of the whole advance (sw/control/advance.h).
+ADVANCE_MAX_DEG = 30.0
+# Below it a turn has no meaningful mean.
+MIN_SPEED_RAD_S = 1.0
 
 Number = float | int | None
 
@@ -90,13 +94,59 @@ def gate_change_cycles(data: RunData) -> IntArray:
     return result
 
 
+@dataclass(frozen=True)
+class Advance:
+    """Commutation advance that the drive is set to: constant, by speed and by current, in all within 30 deg.
+
+    deg; deg_per_rad_s: over electrical speed; deg_per_a: over the current of the conducting pair.
+    """
+
+    deg: float = 0.0
+    deg_per_rad_s: float = 0.0
+    deg_per_a: float = 0.0
+
+    @staticmethod
+    def of(scenario: Scenario) -> Advance:
+        """The settings of a scenario; console lines that change them later are not followed."""
+        drive, motor = scenario.drive, scenario.motor
+        return Advance(
+            drive.advance_deg,
+            drive.advance_deg_at_max_speed / motor.omega_e(motor.max_speed_rpm),
+            drive.advance_deg_at_rated_current / motor.rated_current_a,
+        )
+
+    def at(self, omega_rad_s: FloatArray, current_a: FloatArray) -> FloatArray:
+        """Degrees at the magnitude of a speed and a current; a braking current counts as none."""
+        total = self.deg + self.deg_per_rad_s * np.abs(omega_rad_s) + self.deg_per_a * np.maximum(current_a, 0.0)
+        return np.clip(total, -ADVANCE_MAX_DEG, ADVANCE_MAX_DEG)
+
+
 class Analysis:
     """Derived series of one run, computed once and shared by metrics and plots."""
 
-    def __init__(self, data: RunData, advance_deg: float = 0.0) -> None:
+    def __init__(self, data: RunData, advance: Advance | None = None) -> None:
         self.data = data
-        self.advance_deg = advance_deg
+        self.advance = advance or Advance()
         self.track = AngleTrack(data.records, data.clock_hz)
+
+    def line_current_a(self, cycle: FloatArray) -> FloatArray:
+        """Current of the conducting pair: half the sum of the phases' magnitudes, mean over the turn before.
+
+        Negative where the torque of that turn brakes.
+        """
+        records = self.data.records
+        time = records["t_cycle"].astype(np.float64)
+        magnitude = 0.5 * sum(np.abs(records[name]) for name in ("ia", "ib", "ic"))
+        torque = records["torque_nm"] * self.track.direction(time)
+        omega = np.maximum(np.abs(self.track.omega_rad_s(cycle)), MIN_SPEED_RAD_S)
+        begin = cycle - 2 * math.pi / omega * self.data.clock_hz
+        turn_of = [
+            np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
+            for values in (magnitude, torque)
+        ]
+        current, sign = (np.interp(cycle, time, area) - np.interp(begin, time, area) for area in turn_of)
+        mean: FloatArray = np.where(sign < 0, -1.0, 1.0) * current / (cycle - np.maximum(begin, time[0]))
+        return mean
 
     @cached_property
     def crossings(self) -> Series:
@@ -113,7 +163,9 @@ class Analysis:
         cycle = gate_change_cycles(self.data).astype(np.float64)
         sector = self.data.rows(LogKind.COMMUTATION)[:, 2] & 7
         theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
-        error = commutation_error_deg(theta, sector, direction, self.advance_deg)
+        current = self.line_current_a(cycle) if self.advance.deg_per_a else np.zeros(cycle.size)
+        advance_deg = self.advance.at(self.track.omega_rad_s(cycle), current)
+        error = commutation_error_deg(theta, sector, direction, advance_deg)
         return Series(cycle, sector, theta, direction, error, np.zeros(cycle.size, dtype=np.bool_))
 
     def freewheel_deg(self, low: float, high: float) -> FloatArray:
@@ -252,5 +304,5 @@ def judge(expect: Expect, metrics: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def run_metrics(data: RunData, scenario: Scenario) -> tuple[Analysis, dict[str, dict[str, Any]]]:
     """Metrics of all windows of a scenario."""
-    analysis = Analysis(data, scenario.drive.advance_deg)
+    analysis = Analysis(data, Advance.of(scenario))
     return analysis, {w.name: analysis.window(w.from_s, w.to_s) for w in scenario.window}

@@ -58,6 +58,11 @@ class Zcd(Model):
         description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
         "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
     )
+    sampling: Literal["continuous", "carrier"] = Field(
+        default="continuous",
+        description="Samples while running: `continuous` at the converter's period (oversampling), or one every "
+        "`carrier`, at a fixed time into its pulse (conventional). Trips see no more samples than that.",
+    )
     compute_back: bool = Field(
         default=False,
         description="A crossing that the freewheeling diode overrides is computed back from the first valid sample.",
@@ -129,6 +134,14 @@ class Start(Model):
     restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
 
 
+class MotorError(Model):
+    """What the firmware is told of the machine, over what the machine is. The plant is not touched."""
+
+    resistance: float = quantity("Factor of the resistance.", "", 0.5, 2.0, default=1.0)
+    inductance: float = quantity("Factor of the inductance.", "", 0.5, 2.0, default=1.0)
+    flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
+
+
 class Drive(Model):
     """Settings of the drive."""
 
@@ -181,8 +194,7 @@ class Drive(Model):
     )
     advance_deg: float = quantity("Commutation advance, electrical; positive = earlier.", "deg", -30, 30, default=0.0)
     advance_deg_at_max_speed: float = quantity(
-        "Further advance at the motor's `max_speed_rpm`, proportional to speed; the sum stays within 30 deg. Metrics "
-        "of the commutation error know `advance_deg` only.",
+        "Further advance at the motor's `max_speed_rpm`, proportional to speed; the sum stays within 30 deg.",
         "deg",
         -30,
         30,
@@ -194,6 +206,7 @@ class Drive(Model):
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     hall: Hall = Field(default_factory=Hall, description="Hall sensors.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+    motor_error: MotorError = Field(default_factory=MotorError, description="Wrong motor values in the firmware.")
 
     @model_validator(mode="after")
     def _mode(self) -> Self:

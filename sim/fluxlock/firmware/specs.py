@@ -15,6 +15,7 @@ Balance = Literal["none", "vertical", "both"]
 ZcdMethod = Literal["first", "interpolated", "averaged"]
 ZcdSource = Literal["terminal", "star_point", "mean"]
 HallMode = Literal["off", "sensored", "fallback"]
+ZcdSampling = Literal["continuous", "carrier"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
@@ -85,6 +86,7 @@ class DriveSpec:
     duty_max: float = 1.0
     zcd_method: ZcdMethod = "interpolated"
     zcd_source: ZcdSource = "terminal"
+    zcd_sampling: ZcdSampling = "continuous"
     compute_back: bool = False
     correction_a: bool = False
     thresholds: tuple[float, float, float, float, float, float] = (0.5, 0.5, 0.5, 0.5, 0.5, 0.5)

@@ -6,18 +6,20 @@ import json
 import multiprocessing
 import shutil
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fluxlock.analysis.result import git_revision, tool_versions
-from fluxlock.analysis.rundata import SimulationFault
+from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.cosim.outcome import Outcome, read_outcome, write_outcome
+from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
+from fluxlock.cosim.program import run_program
 from fluxlock.cosim.run import ready_chip, run_scenario
-from fluxlock.firmware import build_firmware
+from fluxlock.firmware import build_firmware, build_program
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.regression.case import CASES, Row
 
@@ -51,27 +53,49 @@ class Runner:
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         used_seed = self.seed if seed is None else seed
-        folder = FOLDER / ("quick" if self.quick else "full") / self.case_id / name
-        key = _key(loaded, used_seed)
-        if (folder / KEY).exists() and (folder / KEY).read_text(encoding="utf-8") == key:
+        folder = self._folder(name)
+        key = _key(loaded, used_seed, build_firmware(BUILD / "firmware"))
+        if _is_done(folder, key):
             return read_outcome(loaded, folder)
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        try:
-            data = run_scenario(loaded, folder, used_seed)
-        except SimulationFault as error:
-            raise RunFailed(f"{name}, seed {used_seed}: {error}") from error
-        outcome = write_outcome(data, loaded, folder)
-        shutil.rmtree(folder / "simulator", ignore_errors=True)
-        (folder / KEY).write_text(key, encoding="utf-8")
-        return outcome
+        with _fresh(folder, key, f"{name}, seed {used_seed}"):
+            return write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder)
+
+    def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
+        """Run a program of `sw/bench` with its table on a scenario's chip and plant, or read what it gave before."""
+        loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
+        folder = self._folder(name)
+        key = _key(loaded, self.seed, build_program(program), table)
+        if not _is_done(folder, key):
+            with _fresh(folder, key, name):
+                save_trace(folder / TRACE, run_program(program, table, loaded, folder, self.seed))
+        return load_trace(folder / TRACE)
+
+    def _folder(self, name: str) -> Path:
+        return FOLDER / ("quick" if self.quick else "full") / self.case_id / name
 
 
-def _key(scenario: Scenario, seed: int) -> str:
+def _is_done(folder: Path, key: str) -> bool:
+    return (folder / KEY).exists() and (folder / KEY).read_text(encoding="utf-8") == key
+
+
+@contextmanager
+def _fresh(folder: Path, key: str, what: str) -> Iterator[None]:
+    """An empty folder for a run; it gets its key when the run is through."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    try:
+        yield
+    except SimulationFault as error:
+        raise RunFailed(f"{what}: {error}") from error
+    shutil.rmtree(folder / "simulator", ignore_errors=True)
+    (folder / KEY).write_text(key, encoding="utf-8")
+
+
+def _key(scenario: Scenario, seed: int, image: Path, table: bytes = b"") -> str:
     package = Path(__file__).parent.parent
     sources = [path for name in RUN_SOURCES for path in (package / name).rglob("*.py")]
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return content_hash([*sources, build_firmware(BUILD / "firmware")], ready_chip().key, settings, seed)
+    return content_hash([*sources, image], ready_chip().key, settings, seed, table)
 
 
 def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:

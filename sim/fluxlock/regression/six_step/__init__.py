@@ -1,0 +1,33 @@
+"""Six-step cases (Yang 2020, chapters 2 to 6). Scenarios: scenarios/six-step."""
+
+from fluxlock.regression.six_step import (
+    asymmetry,
+    balance,
+    commutation_error,
+    correction_a,
+    freewheel,
+    highest_speed,
+    linearity,
+    lost_lock,
+    patterns,
+    ramp,
+    spectrum,
+    starts,
+    torque_limit,
+)
+
+__all__ = [
+    "asymmetry",
+    "balance",
+    "commutation_error",
+    "correction_a",
+    "freewheel",
+    "highest_speed",
+    "linearity",
+    "lost_lock",
+    "patterns",
+    "ramp",
+    "spectrum",
+    "starts",
+    "torque_limit",
+]

@@ -1,0 +1,171 @@
+"""Locks lost on purpose: the drive finds the rotor again or stops with a named fault; the gates stay under control."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fluxlock.analysis.gates import gate_safety
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Condition, Number, Row, case
+from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.measures import Limits, event, timeline
+
+SPEED_RPM = 60_000
+DISTURBED_S = 0.08
+# The hardware is faster than this by far; the firmware cannot turn a gate on before its next tick.
+OFF_CYCLES = 3
+TICK_S = 100e-6
+LOCKED_RMS_DEG = 1.0
+
+Change = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What happens, and the faults by whose names the drive may stop; none: it must run.
+
+    changes: events, `at_s` after DISTURBED_S. must_stop: a stop by one of the faults is the only right end.
+    overrides: of the scenario. end_s: length of the run.
+    """
+
+    description: str
+    changes: tuple[Change, ...]
+    faults: frozenset[str] = frozenset()
+    must_stop: bool = False
+    overrides: tuple[str, ...] = ()
+    end_s: float = 0.30
+
+
+def stuck(at_s: float, channel: str, code: int | None = None) -> Change:
+    """A converter channel keeps a code, its present one by default."""
+    fault = {"kind": "stuck_channel", "channel": channel} | ({} if code is None else {"code": code})
+    return {"at_s": at_s, "fault": fault}
+
+
+def dip(at_s: float, return_s: float) -> tuple[Change, Change]:
+    """No supply for 20 ms; it returns within return_s."""
+    return {"at_s": at_s, "supply_v": 0.0}, {"at_s": at_s + 0.020, "supply_v": 25.0, "ramp_s": return_s}
+
+
+def load(at_s: float, factor: float) -> Change:
+    """A load step."""
+    return {"at_s": at_s, "load_factor": factor}
+
+
+def clear(at_s: float) -> Change:
+    """All channels work again."""
+    return {"at_s": at_s, "fault": {"kind": "clear"}}
+
+
+# A diode keeps the link from feeding the failed supply.
+DIODE = "inverter.supply_diode=true"
+UNPROTECTED = (DIODE, "inverter.protection.under_voltage_v=0")
+# Three times the load needs 36.3 A, beyond the rated current.
+STRONG = "drive.current_limit_a=40"
+# Legs change over within a carrier: the dead time shows.
+SYNC = "drive.sync_rect=true"
+OVER_CURRENT = frozenset({"phase_over_current", "dc_over_current"})
+CHANNEL_FAULTS = frozenset({"voltage_channel", "lost_lock"})
+# Without vdc, or with wrong currents, the drive may hold its speed or be stopped by what the channel seems to show.
+STUCK = {
+    "va": (None, CHANNEL_FAULTS),
+    "va-high": (4095, CHANNEL_FAULTS),
+    "vb-low": (0, CHANNEL_FAULTS),
+    "vdc": (None, frozenset()),
+    "ia": (None, frozenset()),
+    "idc": (None, frozenset()),
+}
+
+FULL: dict[str, Disturbance] = {
+    "dip": Disturbance(
+        "supply 0 V for 20 ms, back within 5 ms, no under-voltage trip", dip(0, 5e-3), overrides=UNPROTECTED
+    ),
+    "dip-step": Disturbance(
+        "supply 0 V for 20 ms, back at once, no under-voltage trip", dip(0, 0), OVER_CURRENT, overrides=UNPROTECTED
+    ),
+    "dip-trip": Disturbance(
+        "supply 0 V for 20 ms, trip at 15 V", dip(0, 0), frozenset({"under_voltage"}), True, (DIODE,), end_s=0.15
+    ),
+    "dip-trip-start": Disturbance(
+        "supply 0 V for 20 ms, trip at 15 V, then clear and start",
+        (*dip(0, 0), {"at_s": 0.04, "command": "clear"}, {"at_s": 0.06, "command": "start"}),
+        overrides=(DIODE,),
+    ),
+    "load-step": Disturbance("3 x load from one instant on", (load(0, 3.0),), overrides=(STRONG,)),
+    "stuck-va-5ms": Disturbance("va keeps its code for 5 ms", (stuck(0, "va"), clear(0.005))),
+    "stuck-va-5ms-sync": Disturbance(
+        "va keeps its code for 5 ms, synchronous rectification", (stuck(0, "va"), clear(0.005)), overrides=(SYNC,)
+    ),
+    **{
+        f"stuck-{name}": Disturbance(
+            f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
+            (stuck(0, name.partition("-")[0], code),),
+            faults,
+        )
+        for name, (code, faults) in STUCK.items()
+    },
+}
+QUICK: dict[str, Disturbance] = {
+    "sequence": Disturbance(
+        "3 x load for 20 ms; va at code 4095 for 5 ms; supply 0 V for 20 ms, no under-voltage trip",
+        (load(0, 3.0), load(0.020, 1.0), stuck(0.040, "va", 4095), clear(0.045), *dip(0.070, 5e-3)),
+        overrides=(*UNPROTECTED, STRONG, SYNC),
+        end_s=0.24,
+    )
+}
+
+
+def _console_word(run: Outcome, name: str) -> str:
+    """Last value of that name that the console has printed."""
+    found = re.findall(rf"^{name} (\S+)", run.console(), re.MULTILINE)
+    return found[-1] if found else ""
+
+
+def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
+    window = run.metrics["end"]
+    rms_deg = window["commutation_error_deg"]["rms"]
+    state, fault = _console_word(run, "state"), _console_word(run, "now")
+    locked = state == "running" and rms_deg is not None and rms_deg < LOCKED_RMS_DEG
+    safety = gate_safety(run.data)
+    stopped = state == "fault" and fault in disturbance.faults and not safety.on_at_end
+    values: dict[str, Number] = {
+        "relocked": int(locked),
+        "stopped_by_name": int(stopped),
+        "right_end": int(stopped if disturbance.must_stop else locked or stopped),
+        "commutation_error_deg.rms": rms_deg,
+        "speed_rpm.mean": window["speed_rpm"]["mean"],
+        "lost_locks": int(_console_word(run, "lost_locks") or 0),
+        "trips": len(run.result["trips"]),
+        "shoot_throughs": safety.shoot_throughs,
+        "least_dead_time_ns": None if safety.least_dead_time_s is None else 1e9 * safety.least_dead_time_s,
+    }
+    dead_time_ns = 1e9 * run.scenario.inverter.dead_time_s
+    limits: Limits = {"right_end": (1, 1), "shoot_throughs": (0, 0)}
+    if values["least_dead_time_ns"] is not None:
+        limits["least_dead_time_ns"] = (dead_time_ns - 1e-6, None)
+    if safety.latest_off_cycles is not None and safety.shortest_off_s is not None:
+        values |= {"trip_to_off_clocks": safety.latest_off_cycles, "off_after_trip_ms": 1e3 * safety.shortest_off_s}
+        limits |= {"trip_to_off_clocks": (None, OFF_CYCLES), "off_after_trip_ms": (1e3 * TICK_S, None)}
+    conditions: dict[str, Condition] = {
+        "motor": "Motor-I",
+        "speed_rpm": SPEED_RPM,
+        "fan_mnm_at_60000": 20,
+        "disturbance": disturbance.description,
+        "state_at_end": state,
+        "fault_at_end": fault,
+    }
+    return Row(f"six-step/lost-lock/{name}", conditions, values, limits)
+
+
+@case("six-step/lost-lock")
+def lost_lock(runner: Runner) -> Iterator[Row]:
+    """Supply dip, stuck converter channel, load step: locked again or stopped by name, every gate under control."""
+    for name, disturbance in (QUICK if runner.quick else FULL).items():
+        events = [event(0.003, "speed_rpm", SPEED_RPM), event(0.004, "command", "start")]
+        events += [change | {"at_s": DISTURBED_S + float(str(change["at_s"]))} for change in disturbance.changes]
+        events.append(event(disturbance.end_s - 0.001, "command", "get lost_locks"))
+        times = timeline(disturbance.end_s, events, [("end", disturbance.end_s - 0.03, disturbance.end_s)])
+        run = runner.drive("six-step/lost-lock.toml", name, "expect_trip=[]", *disturbance.overrides, *times)
+        yield _row(run, name, disturbance)

@@ -1,0 +1,88 @@
+"""Timelines of runs, and intervals and thresholds in their windows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from fluxlock.analysis.angles import FLOATING_PHASE
+from fluxlock.analysis.metrics import Series
+from fluxlock.analysis.rundata import FloatArray
+from fluxlock.analysis.six_step.unequal import crossing_errors_deg
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Number
+
+Limits = dict[str, tuple[float | None, float | None]]
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML writes it in one line; a mapping as an inline table."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {toml_value(inner)}" for key, inner in value.items()) + "}"
+    return repr(round(value, 9)) if isinstance(value, float) else json.dumps(value)
+
+
+def event(at_s: float, key: str, value: object) -> dict[str, object]:
+    """An event with one action."""
+    return {"at_s": at_s, key: value}
+
+
+def timeline(
+    duration_s: float, events: Iterable[Mapping[str, object]], windows: Iterable[tuple[str, float, float]]
+) -> list[str]:
+    """Overrides that give a scenario other events and windows (name, from, to)."""
+    listed = ", ".join(toml_value(entry) for entry in events)
+    window = ", ".join(toml_value({"name": n, "from_s": a, "to_s": b}) for n, a, b in windows)
+    return [f"duration_s={duration_s!r}", f"event=[{listed}]", f"window=[{window}]"]
+
+
+def in_window(run: Outcome, series: Series, name: str) -> Series:
+    """Entries within a measuring window."""
+    window = next(w for w in run.scenario.window if w.name == name)
+    return series.between(window.from_s * run.data.clock_hz, window.to_s * run.data.clock_hz)
+
+
+def interval_values(intervals_deg: FloatArray, name: str) -> dict[str, Number]:
+    """Extremes of intervals, and their rms deviation from 60 degrees."""
+    if not intervals_deg.size:
+        return {f"{name}.{kind}": None for kind in ("min", "max", "rms")}
+    return {
+        f"{name}.min": float(intervals_deg.min()),
+        f"{name}.max": float(intervals_deg.max()),
+        f"{name}.rms": float(np.sqrt(np.mean((intervals_deg - 60.0) ** 2))),
+    }
+
+
+def commutation_intervals(run: Outcome, window: str) -> FloatArray:
+    """True angles between successive commutations of a window, deg."""
+    return in_window(run, run.analysis.commutations, window).intervals_deg()
+
+
+def crossing_intervals(run: Outcome, window: str) -> FloatArray:
+    """True angles between successive crossings of a window, deg."""
+    return in_window(run, run.analysis.crossings, window).intervals_deg()
+
+
+def printed_thresholds(run: Outcome) -> tuple[float, ...]:
+    """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
+    found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
+    return tuple(float(word) for word in found[-1].split()) if found else ()
+
+
+def theory_errors(run: Outcome, speed_rpm: float) -> dict[str, Number]:
+    """How late the crossings of phases A, B, C come by theory, resistances left out, deg."""
+    errors = crossing_errors_deg(run.scenario.motor, run.scenario.inverter.supply_v, speed_rpm)
+    return {f"crossing_error_theory_deg.{x}": error for x, error in zip("ABC", errors, strict=True)}
+
+
+def phase_crossing_errors(run: Outcome, window: str) -> dict[str, Number]:
+    """Mean lateness of the crossings of phases A, B, C in a window, deg."""
+    crossings = in_window(run, run.analysis.crossings, window)
+    values: dict[str, Number] = {}
+    for phase, name in enumerate("ABC"):
+        errors = crossings.error_deg[FLOATING_PHASE[crossings.sector] == phase]
+        values[f"crossing_error_deg.{name}"] = float(errors.mean()) if errors.size else None
+    return values
