@@ -65,7 +65,7 @@ class SoftCoreError(RuntimeError):
 def derive(verilog: str) -> str:
     """The core without its instruction cache."""
     for pattern, replacement in CHANGES:
-        verilog, count = re.subn(pattern, replacement.replace("\\", r"\\"), verilog)
+        verilog, count = re.subn(pattern, replacement, verilog)
         if count != 1:
             raise SoftCoreError(f"VexRiscv.v of the package: {count} matches of {pattern!r} instead of one")
     return verilog

@@ -146,13 +146,19 @@ COLD static void give_back(drive_t *drive) {
   drive->command.write_modes = true;
 }
 
-// The last edge against the crossing before it: agreeing ones are counted, those apart strike.
+// The last edge against the crossing before it: agreeing ones are counted, those apart strike. Where the codes raise
+// suspicion it is the edge that is wrong.
 HOT static void compare(drive_t *drive, const chip_snapshot_t *in) {
   hall_t *h = &drive->hall;
   if (h->edge_count == h->judged_edges || drive->m.sector_cycles == 0u) {
     return;
   }
   h->judged_edges = h->edge_count;
+  if (h->suspicion > 0u) {
+    h->agreeing = 0;
+    h->strikes = 0;
+    return;
+  }
   const int32_t late = hall_late_from_phase_q16(in->hall.phase_cycles, 6u * drive->m.sector_cycles);
   const int32_t apart = abs_sat(late - late_q16(drive, in->hall.sector));
   h->agreeing = (apart < AGREEING_Q16) ? h->agreeing + 1u : 0u;

@@ -72,9 +72,9 @@ static void begin_lock(drive_t *drive) {
 }
 
 #define CATCH_FAILURES_MAX 2u
+#define CAUGHT_TICKS 2u
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
 #define STUCK_TICKS 500u
-#define CAUGHT_TICKS 2u
 
 // The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.
 static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_rpm_q8) {

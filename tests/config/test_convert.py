@@ -32,7 +32,7 @@ def test_wrong_motor_values_reach_the_firmware_only() -> None:
 def test_sampling_once_a_carrier() -> None:
     """Continuous sampling is the default; once a carrier falls into the shortest pulse, settled.
 
-    Verifies: FW-40
+    Verifies: FW-35
     """
     assert drive_spec(load_scenario(DEMO)).zcd_sampling == "continuous"
     values = parameter_block(load_scenario(DEMO, ["drive.zcd.sampling=carrier"])).values

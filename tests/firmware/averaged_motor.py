@@ -321,7 +321,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
     """Advance chip and machine to t_end."""
     while s[T] < t_end - 1e-12:
         h = min(STEP_S, t_end - s[T])
-        due = c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and s[T_SCHED] < s[T] + h
+        due = c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and c[C_SEQ] == SEQ_SIX and s[T_SCHED] < s[T] + h
         if due:
             h = max(s[T_SCHED] - s[T], 0.0)
         sector = int(s[SECTOR])

@@ -1078,7 +1078,7 @@ def test_balance_learns_from_computed_back_crossings(source: str) -> None:
 def test_sampling_once_a_carrier_while_running_only() -> None:
     """Start, standstill and coasting need continuous samples; a lone sample of a pulse has none before it.
 
-    Verifies: FW-40
+    Verifies: FW-35
     """
     bench = Bench(drive=DriveSpec(zcd_sampling="carrier"))
 

@@ -14,8 +14,8 @@ Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
 Balance = Literal["none", "vertical", "both"]
 ZcdMethod = Literal["first", "interpolated", "averaged"]
 ZcdSource = Literal["terminal", "star_point", "mean"]
-ZcdSampling = Literal["continuous", "carrier"]
 HallMode = Literal["off", "sensored", "fallback"]
+ZcdSampling = Literal["continuous", "carrier"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
