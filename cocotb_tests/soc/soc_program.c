@@ -104,6 +104,19 @@ static void try_ram(void) {
   put(17, wrong);
 }
 
+uint32_t return_cause(void);
+
+// A fetch from where no RAM is: mcause 1.
+static void try_fetch(void) {
+  static const uint32_t addresses[] = {0x00010000u, 0x0001E000u, 0x40000080u, 0x80000000u};
+  uint32_t faults = 0;
+  __asm__ volatile("csrw mtvec, %0" ::"r"(&return_cause));
+  for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {
+    faults += ((uint32_t (*)(void))(uintptr_t)addresses[i])() == 1u;
+  }
+  put(28, faults);
+}
+
 static void try_interrupts(void) {
   __asm__ volatile("csrw mtvec, %0" ::"r"(&trap));
   __asm__ volatile("csrw " CSR_EXTERNAL_MASK ", %0" ::"r"(1));
@@ -142,6 +155,7 @@ int main(void) {
   read_every_block();
   try_unmapped();
   try_ram();
+  try_fetch();
   try_interrupts();
   run_six_step();
   put(31, 0x600D600Du);

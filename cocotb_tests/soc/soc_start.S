@@ -12,3 +12,11 @@ _start:
   call main
 1:
   j 1b
+
+# Trap of a call that leads to nowhere: the call returns the cause.
+  .align 2
+  .globl return_cause
+return_cause:
+  csrr a0, mcause
+  csrw mepc, ra
+  mret

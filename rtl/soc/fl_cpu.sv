@@ -1,7 +1,8 @@
-// VexRiscv (4 KiB instruction and data caches) with its RAM, and the bus to the registers.
+// VexRiscv with its RAM, and the bus to the registers.
 //
 // Memory map (byte addresses): 0 .. 4*Words-1 RAM, 0x8000_0000 and above registers (uncached in the core), anything
-// else reads as zero and takes writes without effect. Bursts of the caches are served at one beat a clock.
+// else reads as zero and takes writes without effect. Instructions come straight from the RAM, one a clock; a fetch
+// from anywhere else is an access fault. Data pass a cache of 4 KiB, whose bursts are served at one beat a clock.
 // irq_control_i is the machine timer interrupt (cause 7), irq_deferred_i the external interrupt (cause 11, first bit of
 // the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
 `default_nettype none
@@ -28,9 +29,8 @@ module fl_cpu #(
   localparam logic [31:0] ResetVector = 32'h0000_0080;
   localparam logic [2:0] CtiIncrementing = 3'd2;
 
-  logic i_cyc, i_stb, i_ack_q, i_ram, i_ram_q;
+  logic i_en, i_outside_q;
   logic [29:0] i_adr;
-  logic [ 2:0] i_cti;
   logic [31:0] i_rdat;
 
   logic d_cyc, d_stb, d_we, d_ack, d_read_ack_q, d_io, d_memory, d_ram, d_ram_q;
@@ -38,7 +38,7 @@ module fl_cpu #(
   logic [ 2:0] d_cti;
   logic [31:0] d_wdat, d_rdat, d_ram_rdat;
   logic [3:0] d_sel;
-  logic [AddressWidth-1:0] i_ram_adr, d_ram_adr;
+  logic [AddressWidth-1:0] d_ram_adr;
 
   VexRiscv u_core (
       .clk                   (clk_i),
@@ -47,16 +47,20 @@ module fl_cpu #(
       .timerInterrupt        (irq_control_i),
       .softwareInterrupt     (1'b0),
       .externalInterruptArray({31'b0, irq_deferred_i}),
-      .iBusWishbone_CYC      (i_cyc),
-      .iBusWishbone_STB      (i_stb),
-      .iBusWishbone_ACK      (i_ack_q),
+      .instructionMemory_EN  (i_en),
+      .instructionMemory_ADR (i_adr),
+      .instructionMemory_DAT (i_rdat),
+      .instructionMemory_ERR (i_outside_q),
+      .iBusWishbone_CYC      (),
+      .iBusWishbone_STB      (),
+      .iBusWishbone_ACK      (1'b0),
       .iBusWishbone_WE       (),
-      .iBusWishbone_ADR      (i_adr),
-      .iBusWishbone_DAT_MISO (i_ram_q ? i_rdat : '0),
+      .iBusWishbone_ADR      (),
+      .iBusWishbone_DAT_MISO ('0),
       .iBusWishbone_DAT_MOSI (),
       .iBusWishbone_SEL      (),
       .iBusWishbone_ERR      (1'b0),
-      .iBusWishbone_CTI      (i_cti),
+      .iBusWishbone_CTI      (),
       .iBusWishbone_BTE      (),
       .dBusWishbone_CYC      (d_cyc),
       .dBusWishbone_STB      (d_stb),
@@ -71,14 +75,8 @@ module fl_cpu #(
       .dBusWishbone_BTE      ()
   );
 
-  // Instruction port: while a beat is acknowledged the address of the next one is already read.
-  assign i_ram     = i_adr[29:AddressWidth] == '0;
-  assign i_ram_adr = i_adr[AddressWidth-1:0] + AddressWidth'(i_ack_q);
-
   always_ff @(posedge clk_i) begin
-    i_ack_q <= i_cyc && i_stb && (!i_ack_q || i_cti == CtiIncrementing);
-    i_ram_q <= i_ram;
-    if (rst_i) i_ack_q <= 1'b0;
+    if (i_en) i_outside_q <= i_adr[29:AddressWidth] != '0;
   end
 
   // Data port: a write is acknowledged at once, a read in the next clock.
@@ -111,8 +109,8 @@ module fl_cpu #(
       .Init (Init)
   ) u_ram (
       .clk_i,
-      .a_en_i  (i_cyc),
-      .a_adr_i (i_ram_adr),
+      .a_en_i  (i_en),
+      .a_adr_i (i_adr[AddressWidth-1:0]),
       .a_rdat_o(i_rdat),
       .b_en_i  (d_memory && d_ram),
       .b_we_i  ({4{d_we}} & d_sel),

@@ -62,6 +62,13 @@ HOT static void control_step(app_t *app) {
     if (drive->command.read_sectors) {
       chip_read_sectors(&snapshot);
     }
+    if (drive->p->hall_mode != HALL_OFF) {
+      chip_read_hall(&snapshot);
+      if (drive->command.read_phases) {
+        chip_read_sectors(&snapshot);
+        chip_read_phases(&snapshot);
+      }
+    }
     drive_step(drive, &snapshot);
     const bool enable = drive->command.gate_enable;
     if (enable != app->gate_enable_written || drive->command.clear_trips) {

@@ -2,6 +2,7 @@
 
 #include "app/format.h"
 #include "control/fixed.h"
+#include "drive/hall.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 
@@ -24,6 +25,10 @@ typedef enum {
   ITEM_LINE_A,
   ITEM_REFERENCE_A,
   ITEM_FREEWHEEL_DEG,
+  ITEM_HALL_STATE,
+  ITEM_HALL_OFFSET_DEG,
+  ITEM_HALL_HANDOVERS,
+  ITEM_COMMUTATED_BY,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -48,6 +53,7 @@ typedef enum {
   ITEM_MODE,
   ITEM_TORQUE_MNM,
   ITEM_CURRENT_MA,
+  ITEM_HALL_LEARN,
   ITEM_IRQ_LOAD,
   ITEM_COUNT,
 } item_t;
@@ -69,6 +75,10 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_LINE_A] = "line_a",
     [ITEM_REFERENCE_A] = "reference_a",
     [ITEM_FREEWHEEL_DEG] = "freewheel_deg",
+    [ITEM_HALL_STATE] = "hall_state",
+    [ITEM_HALL_OFFSET_DEG] = "hall_offset_deg",
+    [ITEM_HALL_HANDOVERS] = "hall_handovers",
+    [ITEM_COMMUTATED_BY] = "commutated_by",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -93,6 +103,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_MODE] = "mode",
     [ITEM_TORQUE_MNM] = "torque_mnm",
     [ITEM_CURRENT_MA] = "current_ma",
+    [ITEM_HALL_LEARN] = "hall_learn",
     [ITEM_IRQ_LOAD] = "irq_load",
 };
 static const char *const commutation_names[] = {"RSC", "NSC", "CSC"};
@@ -101,6 +112,7 @@ static const char *const pattern_names[] = {"ON-PWM", "H_PWM-L_ON", "PWM-ON", "H
 static const char *const balance_names[] = {"none", "vertical", "both"};
 static const char *const mode_names[] = {"speed", "torque"};
 static const char *const method_names[] = {"first", "interpolated", "averaged"};
+static const char *const timer_names[] = {"none", "clock", "crossings", "hall"};
 static const char *const source_names[] = {"terminal", "star_point", "mean"};
 
 static item_t find(const char *name) {
@@ -115,10 +127,11 @@ static void amperes(char *text, const parameters_t *p, int32_t current_q17) {
   format_milli(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
 }
 
-// Six fractions of vdc, separated by blanks.
-static void thresholds(char *text, const drive_t *d) {
+// Six numbers, separated by blanks: value * scale / 2^fraction_bits.
+static void six_numbers(char *text, const int32_t values[SECTORS], int32_t scale, uint32_t fraction_bits,
+                        uint32_t decimals) {
   for (uint32_t sector = 0; sector < SECTORS; sector++) {
-    format_fixed(text, d->command.threshold_q17[sector], 17, 4);
+    format_fixed(text, (int64_t)values[sector] * scale, fraction_bits, decimals);
     while (*text != '\0') {
       text++;
     }
@@ -198,7 +211,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_BALANCE:
       return balance_names[s->balance];
     case ITEM_THRESHOLD_PU:
-      thresholds(text, d);
+      six_numbers(text, d->command.threshold_q17, 1, 17, 4);
       break;
     case ITEM_CATCHES:
       format_u32(text, d->catches);
@@ -217,6 +230,19 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       break;
     case ITEM_FREEWHEEL_DEG:
       return freewheel(text, app);
+    case ITEM_HALL_STATE:
+      return hall_state_name(d);
+    case ITEM_HALL_OFFSET_DEG:
+      six_numbers(text, d->hall.late_q20[d->reverse ? 1 : 0], 60, 20, 2);
+      break;
+    case ITEM_HALL_HANDOVERS:
+      format_u32(text, d->hall.handovers);
+      break;
+    case ITEM_COMMUTATED_BY:
+      return timer_names[d->command.timer];
+    case ITEM_HALL_LEARN:
+      format_u32(text, s->hall_learn ? 1u : 0u);
+      break;
     case ITEM_LINEARITY:
       format_u32(text, s->linearity ? 1u : 0u);
       break;
@@ -369,6 +395,9 @@ static bool set_switch(settings_t *s, item_t item, int32_t value) {
       return true;
     case ITEM_CORRECTION_A:
       s->crossing.correction_a = on;
+      return true;
+    case ITEM_HALL_LEARN:
+      s->hall_learn = on;
       return true;
     case ITEM_CURRENT_LOOP:
       // The torque mode needs it.

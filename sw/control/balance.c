@@ -3,23 +3,30 @@
 // Floating phase of a sector: C, B, A, C, B, A.
 static uint32_t open_phase(uint32_t sector) { return 2u - sector % 3u; }
 
-void balance_errors(const uint32_t interval_cycles[SECTORS], bool backward, int32_t error_x6[SECTORS]) {
+void interval_lateness(const uint32_t interval_cycles[SECTORS], bool backward, int32_t late_x6[SECTORS]) {
   int32_t turn = 0;
   for (uint32_t s = 0; s < SECTORS; s++) {
     turn += (int32_t)interval_cycles[s];
   }
   int32_t sum = 0;
-  int32_t error = 0;
+  int32_t late = 0;
   for (uint32_t k = 0; k < SECTORS; k++) {
     const uint32_t s = backward ? SECTORS - 1u - k : k;
-    error += 6 * (int32_t)interval_cycles[s] - turn;
-    error_x6[s] = error;
-    sum += error / 6;
+    late += 6 * (int32_t)interval_cycles[s] - turn;
+    late_x6[s] = late;
+    sum += late / 6;
   }
+  for (uint32_t s = 0; s < SECTORS; s++) {
+    late_x6[s] -= sum;
+  }
+}
+
+void balance_errors(const uint32_t interval_cycles[SECTORS], bool backward, int32_t error_x6[SECTORS]) {
+  interval_lateness(interval_cycles, backward, error_x6);
   for (uint32_t s = 0; s < SECTORS; s++) {
     // Forward the floating EMF rises in the sectors of odd index.
     const bool rises = (s % 2u != 0u) != backward;
-    error_x6[s] = rises ? error_x6[s] - sum : sum - error_x6[s];
+    error_x6[s] = rises ? error_x6[s] : -error_x6[s];
   }
 }
 

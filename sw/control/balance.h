@@ -29,8 +29,12 @@ typedef struct {
   int32_t horizontal_q25[3];
 } balance_t;
 
-// By how much the thresholds stand too high, from the intervals that ended in sector index 0..5; in clocks, six times too
-// large (no division). backward: the sectors follow each other downward. Intervals below 2^24. About 150 clocks.
+// How late the events that ended the intervals of sector index 0..5 came, mean 0; in clocks, six times too large (no
+// division). backward: the sectors follow each other downward. Intervals below 2^24. About 150 clocks.
+void interval_lateness(const uint32_t interval_cycles[SECTORS], bool backward, int32_t late_x6[SECTORS]);
+
+// By how much the thresholds stand too high, from the intervals that ended in sector index 0..5; as
+// interval_lateness.
 void balance_errors(const uint32_t interval_cycles[SECTORS], bool backward, int32_t error_x6[SECTORS]);
 
 // Move the integrators by one turn's errors; step: clocks times 6 -> Q0.25 of vdc, bandwidth and slope in it.

@@ -46,8 +46,6 @@ static inline int64_t round_shift(int64_t x, int32_t shift) {
   return (shift > 0) ? ((x + ((int64_t)1 << (shift - 1))) >> shift) : x;
 }
 
-// The products are functions and not inlined: a control step must stay within the 4 KiB instruction cache.
-
 // Products saturate at +-PRODUCT_MAX, so that three of them, and what is below 2^29, add up without overflow.
 #define PRODUCT_MAX ((1 << 29) - 1)
 

@@ -1,6 +1,5 @@
-// Where a function lies in the image. The path of the control step while running (HOT) is laid out in one piece, so
-// that most of it stays in the 4 KiB direct-mapped instruction cache; what it calls only on rare events stays out of
-// it (COLD). SHARED functions exist once instead of being inlined.
+// What the compiler is to know of a function: on the path of the control step while running (HOT), the same but once in
+// the image instead of inlined (SHARED), called by it on rare events only and kept out of line (COLD).
 #ifndef FL_PLACEMENT_H
 #define FL_PLACEMENT_H
 

@@ -4,10 +4,10 @@
 
 void ramp_preset(ramp_t *ramp, int32_t value_rpm_q8) {
   ramp->value_rpm_q8 = value_rpm_q8;
-  ramp->carry_q16 = 0;
+  ramp->carry_q12 = 0;
 }
 
-HOT int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24, int32_t measured_rpm_q8,
+HOT int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q20, int32_t measured_rpm_q8,
                       int32_t window_rpm_q8) {
   const int32_t old = ramp->value_rpm_q8;
   if (target_rpm_q8 == old) {
@@ -18,12 +18,12 @@ HOT int32_t ramp_step(ramp_t *ramp, int32_t target_rpm_q8, int32_t step_rpm_q24,
   const int32_t farthest = direction * measured_rpm_q8 + window_rpm_q8;
   const int32_t start = direction * old;
   const int32_t end = direction * target_rpm_q8;
-  const uint32_t step_q24 = (uint32_t)step_rpm_q24 + ramp->carry_q16;
-  int32_t next = start + (int32_t)(step_q24 >> 16);
-  ramp->carry_q16 = step_q24 & 0xFFFFu;
+  const uint32_t step_q20 = (uint32_t)step_rpm_q20 + ramp->carry_q12;
+  int32_t next = start + (int32_t)(step_q20 >> 12);
+  ramp->carry_q12 = step_q20 & 0xFFFu;
   next = (next > end) ? end : next;
   if (next > farthest) {
-    ramp->carry_q16 = 0;
+    ramp->carry_q12 = 0;
     next = (start > farthest) ? start : farthest;
   }
   ramp->value_rpm_q8 = direction * next;

@@ -4,6 +4,7 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/speed.h"
+#include "drive/hall.h"
 #include "drive/measure.h"
 #include "drive/run.h"
 #include "drive/start.h"
@@ -25,7 +26,7 @@ const char *drive_state_name(drive_state_t state) {
 }
 
 const char *drive_phase_name(phase_t phase) {
-  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp", "lock"};
+  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp", "lock", "hall"};
   return names[phase];
 }
 
@@ -38,6 +39,7 @@ COLD void drive_enter(drive_t *drive, drive_state_t state) {
   drive->state = state;
   drive->command.write_modes = true;
   drive->command.read_sectors = false;
+  drive->command.read_phases = false;
   drive->state_ticks = 0;
   drive->limit = LIMIT_NONE;
 }
@@ -48,6 +50,7 @@ COLD void drive_gates_off(drive_t *drive) {
   command->sequencer = SEQUENCER_OFF;
   command->timer = COMMUTATION_OFF;
   command->zcd_enable = false;
+  command->sampling = SAMPLING_CONTINUOUS;
   command->miss_limit = 0;
   command->force_on_miss = false;
   command->pulse_cycles_q8 = 0;
@@ -116,13 +119,13 @@ bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_
   if (rpm_s < 1 || rpm_s > 100000000) {
     return false;
   }
-  // Change a tick, 2^-24 r/min: rpm_s * 2^24 * tick_cycles / clock_hz.
+  // Change a tick, 2^-20 r/min: rpm_s * 2^20 * tick_cycles / clock_hz.
   const uint64_t numerator = (uint64_t)(uint32_t)rpm_s * (uint32_t)p->tick_cycles;
   const uint64_t whole = div_u64(numerator, (uint32_t)p->clock_hz);
   const uint64_t rest = numerator - whole * (uint32_t)p->clock_hz;
-  const uint64_t step = (whole << 24) + div_u64(rest << 24, (uint32_t)p->clock_hz);
+  const uint64_t step = (whole << 20) + div_u64(rest << 20, (uint32_t)p->clock_hz);
   settings->accel_rpm_s = rpm_s;
-  settings->accel_rpm_q24 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
+  settings->accel_rpm_q20 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
   settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
   return true;
 }
@@ -183,6 +186,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
 void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
+  drive->command.sampling = SAMPLING_CONTINUOUS;
   drive->command.forced_interval_cycles = 0xFFFFFF;
   if (fault != FAULT_NONE) {
     fault_log_add(&drive->log, fault, 0);
@@ -204,6 +208,7 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   s->brake_limit_i_q25 = drive_current_q17(p, p->brake_limit_ma) * 256;
   s->catch_rotor = p->catch_rotor != 0;
   s->linearity = p->csc_linearity != 0;
+  s->hall_learn = p->hall_learn != 0;
   s->current_loop = p->current_loop != 0;
   s->torque_mode = p->torque_mode != 0 && s->current_loop;
   s->target_i_q25 = p->target_i_q25;
@@ -222,6 +227,7 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   drive->command.timeout_q12 = (uint32_t)p->timeout_q12;
   drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
   thresholds_reset(drive);
+  hall_init(drive);
 }
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
@@ -257,8 +263,13 @@ COLD static void lost_lock(drive_t *drive) {
     drive_enter_fault(drive, FAULT_LOST_LOCK);
   } else {
     drive->restarts++;
+    hall_resort(drive);
     start_begin(drive);
   }
+}
+
+static bool is_over_current(fault_t fault) {
+  return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
 }
 
 // A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
@@ -266,14 +277,15 @@ COLD static void lost_lock(drive_t *drive) {
 // rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two in a row: all
 // of the last 64 to 128 ticks count.
 static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
-  const bool over_current = fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
   const uint8_t lately = (uint8_t)(in->timeouts - drive->m.timeouts_before);
   const bool missed = drive->command.timer == COMMUTATION_ZCD &&
                       (in->misses >= MISSES_BEFORE_TRIP || lately >= MISSES_BEFORE_TRIP);
   const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
   const bool unseen = restarting && drive->phase == START_PRECHARGE;
   const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;
-  return fault == FAULT_LOST_LOCK || (over_current && (missed || unseen || locking));
+  // Crossings apart from the edges of sensors that may take over.
+  const bool apart = hall_backs_up(drive) && drive->hall.strikes > 0u;
+  return fault == FAULT_LOST_LOCK || (is_over_current(fault) && (missed || unseen || locking || apart));
 }
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
@@ -290,9 +302,27 @@ COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   const fault_t fault = fault_of_trip(causes);
   if (means_lost_lock(drive, in, fault)) {
     lost_lock(drive);
+  } else if (is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u) {
+    drive_enter_fault(drive, FAULT_HALL_SENSOR);
   } else {
     drive_enter_fault(drive, fault);
   }
+  return true;
+}
+
+// The edges that commutate have become useless, or stay away: a rotor that is blocked. True: the state has been left.
+COLD static bool sensors_lost(drive_t *drive) {
+  if (drive->state == STATE_READY) {
+    return false;
+  }
+  if (drive->hall.faulty) {
+    drive_enter_fault(drive, FAULT_HALL_SENSOR);
+    return true;
+  }
+  if (drive->state == STATE_STARTING) {
+    return false;  // it has its own patience
+  }
+  lost_lock(drive);
   return true;
 }
 
@@ -309,7 +339,10 @@ HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_OVERSPEED);
     return true;
   }
-  return in->trip_latched != 0u && handle_trips(drive, in);
+  if (in->trip_latched != 0u && handle_trips(drive, in)) {
+    return true;
+  }
+  return drive->hall.driving && (drive->hall.faulty || hall_rotor_stalled(drive)) && sensors_lost(drive);
 }
 
 COLD static void handle_request(drive_t *drive) {
@@ -319,6 +352,7 @@ COLD static void handle_request(drive_t *drive) {
   if (request == REQUEST_START && drive->state == STATE_READY) {
     drive->failed_starts = 0;
     drive->restarts = 0;
+    drive->hall.driving = false;
     start_begin(drive);
   } else if (request == REQUEST_STOP && drive->state == STATE_RUNNING) {
     drive_enter(drive, STATE_STOPPING);
@@ -340,8 +374,11 @@ static bool nearly_stopped(const drive_t *drive) {
   return drive->m.speed_rpm_q8 < stop_rpm * 256 + stop_rpm * 16 || held;
 }
 
-static void stopping_step(drive_t *drive) {
+static void stopping_step(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
+  if (p->hall_mode != HALL_OFF) {
+    hall_step(drive, in);
+  }
   run_step(drive, p->stop_rpm * 256);
   if (nearly_stopped(drive) || drive->state_ticks > (uint32_t)p->stop_timeout_ticks) {
     drive_gates_off(drive);
@@ -362,6 +399,12 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
     drive->state_ticks++;
   }
   measure_update(drive, in);
+  drive->command.write_offsets = false;
+  drive->command.write_thresholds = false;
+  drive->command.read_phases = false;
+  if (drive->p->hall_mode != HALL_OFF) {
+    hall_judge(drive, in);
+  }
   if (drive->request != REQUEST_NONE) {
     handle_request(drive);
   }
@@ -376,7 +419,12 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
       start_step(drive, in);
       break;
     case STATE_RUNNING:
-      thresholds_step(drive, in);
+      if (drive->command.timer == COMMUTATION_ZCD) {
+        thresholds_step(drive, in);
+      }
+      if (drive->p->hall_mode != HALL_OFF) {
+        hall_step(drive, in);
+      }
       run_step(drive, drive_target_rpm_q8(drive));
       if (drive_turns_wrong(drive) && nearly_stopped(drive)) {
         // Reversal: through standstill by a new start.
@@ -389,7 +437,7 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
       }
       break;
     case STATE_STOPPING:
-      stopping_step(drive);
+      stopping_step(drive, in);
       break;
     case STATE_READY:
     case STATE_FAULT:

@@ -23,7 +23,15 @@
 
 typedef enum { STATE_INIT, STATE_READY, STATE_STARTING, STATE_RUNNING, STATE_STOPPING, STATE_FAULT } drive_state_t;
 
-typedef enum { START_COAST, START_PRECHARGE, START_ALIGN_FIRST, START_ALIGN_SECOND, START_RAMP, START_LOCK } phase_t;
+typedef enum {
+  START_COAST,
+  START_PRECHARGE,
+  START_ALIGN_FIRST,
+  START_ALIGN_SECOND,
+  START_RAMP,
+  START_LOCK,
+  START_HALL,
+} phase_t;
 
 typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQUEST_CLEAR } request_t;
 
@@ -34,7 +42,7 @@ typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_
 typedef struct {
   int32_t target_rpm;      // negative: backward
   int32_t accel_rpm_s;
-  int32_t accel_rpm_q24;  // the same a tick
+  int32_t accel_rpm_q20;  // the same a tick
   int32_t accel_rpm_q8;    // what accel_feed_forward_s makes of it
   int32_t current_limit_q17;
   int32_t dc_limit_q17;
@@ -51,6 +59,7 @@ typedef struct {
   int32_t brake_limit_i_q25;
   bool catch_rotor;
   bool linearity;  // correct the duty for cut pulses under CSC
+  bool hall_learn;
   bool current_loop;
   bool torque_mode;      // needs the current loop; target_rpm is the speed limit and the direction then
   int32_t target_i_q25;  // torque mode; positive drives
@@ -66,6 +75,7 @@ typedef struct {
   int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
+  bool speed_due;    // a crossing has come since
   uint32_t sector_cycles;   // mean crossing interval over the last electrical turn
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t crossings;     // since the commutation timer was switched on, wraps after days
@@ -97,6 +107,35 @@ typedef struct {
   csc_linearity_t linearity;
   int32_t advance_q16;  // what speed and current add
 } scheduled_t;
+
+typedef enum { HALL_OFF, HALL_SENSORED, HALL_FALLBACK } hall_mode_t;
+
+// Hall sensors. late: how late the edge into each sector comes, for positive [0] and negative [1] speed.
+typedef struct {
+  bool driving;  // the edges commutate, or will from the start on
+  bool faulty;
+  bool backward;
+  bool learnt[2];
+  bool seen;  // the counters below are of the last tick
+  uint16_t edges;
+  uint8_t invalid;
+  uint8_t skipped;
+  uint32_t edge_count;     // since boot
+  uint32_t still_ticks;    // without an edge
+  uint32_t invalid_ticks;  // consecutive, with an invalid code
+  uint32_t suspicion;      // rises with invalid codes and skipped sectors, falls with good edges
+  uint32_t strikes;        // rises with crossings apart from the edges, falls with agreeing ones
+  uint32_t agreeing;       // edges in a row that crossings agree with
+  uint32_t driving_ticks;  // since the edges took over
+  uint32_t handovers;      // from crossings to edges, since boot
+  uint32_t judged_edges;   // edge_count that was compared with a crossing
+  uint32_t stage;
+  uint32_t turn_from;      // edge_count when the wait for a turn began
+  uint32_t period_cycles;  // of the turn before
+  int32_t late_x6[SECTORS];
+  int32_t target_q16[SECTORS];
+  int32_t late_q20[2][SECTORS];
+} hall_t;
 
 // What gives the voltage while running.
 typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
@@ -151,12 +190,13 @@ typedef struct {
   stuck_t stuck;
   uint32_t catches;  // rotors caught since boot
   thresholds_t thresholds;
+  hall_t hall;
   handover_t handover;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;         // of this attempt's ramp
-  int32_t start_accel_rpm_q24;
-  uint32_t locked_from;  // crossing count at hand-over
+  int32_t start_accel_rpm_q20;
+  uint32_t locked_from;  // crossing count at hand-over; edge count at the beginning of a start by Hall
   bool was_frozen;
 
   int32_t u_v_q25;  // mean voltage applied to the conducting pair

@@ -22,6 +22,7 @@ const char *fault_name(fault_t fault) {
       [FAULT_START_FAILED] = "start_failed",
       [FAULT_ROTOR_SPINNING] = "rotor_spinning",
       [FAULT_OVERSPEED] = "overspeed",
+      [FAULT_HALL_SENSOR] = "hall_sensor",
       [FAULT_VOLTAGE_CHANNEL] = "voltage_channel",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";

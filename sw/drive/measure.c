@@ -60,6 +60,8 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->timeouts = 0;
     m->timeouts_before = 0;
     m->speed_valid = false;
+    m->speed_fresh = false;
+    m->speed_due = false;
     m->speed_rpm_q8 = 0;
     drive->command.peak_q17 = 0;
     m->longest_cycles = (uint32_t)drive->p->carrier_longest_cycles;
@@ -77,8 +79,11 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   m->crossings += crossings;
   m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
-  m->speed_fresh = crossings > 0u && m->speed_valid;
+  m->speed_due = m->speed_due || crossings > 0u;
+  // At most every second tick: at high speed crossings come in every one, and the other one is for the schedule.
+  m->speed_fresh = m->speed_due && m->speed_valid && !m->speed_fresh;
   if (m->speed_fresh) {
+    m->speed_due = false;
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);

@@ -204,6 +204,7 @@ COLD void run_begin(drive_t *drive) {
   drive->was_frozen = false;
   drive->command.force_on_miss = true;
   drive->command.timeout_q12 = (uint32_t)drive->p->timeout_q12;
+  drive->command.sampling = (uint32_t)drive->p->sample_mode;
   preset(drive);
   apply_settings(drive);
   apply_advance(drive);
@@ -331,7 +332,7 @@ HOT void run_step(drive_t *drive, int32_t target_rpm_q8) {
                                        drive->p->brake_vdc_v_q25, drive->p->brake_range);
   }
   int32_t output;
-  const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, drive->settings.accel_rpm_q24,
+  const int32_t direction = ramp_step(&drive->ramp, target_rpm_q8, drive->settings.accel_rpm_q20,
                                       drive->m.speed_rpm_q8, drive->p->ramp_window_rpm * 256);
   if (drive->regulator == REGULATOR_VOLTAGE) {
     output = voltage_step(drive, direction);

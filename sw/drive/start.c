@@ -2,7 +2,9 @@
 
 #include "control/fixed.h"
 #include "control/placement.h"
+#include "control/speed.h"
 #include "control/startup.h"
+#include "drive/hall.h"
 #include "drive/run.h"
 
 #define COAST_CALM_TICKS 8u
@@ -26,15 +28,23 @@ static void legs(drive_t *drive, leg_command_t others, uint32_t special, leg_com
   }
 }
 
+static void direct(drive_t *drive, bool reverse) {
+  drive->reverse = reverse;
+  drive->command.reverse = reverse;
+  hall_begin(drive);
+}
+
 void start_begin(drive_t *drive) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_STARTING);
-  drive->reverse = drive->settings.target_rpm < 0;
+  direct(drive, drive->settings.target_rpm < 0);
   drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
   stuck_reset(&drive->stuck);
   enter_phase(drive, START_COAST);
+  // The edges are measured while the rotor coasts.
+  drive->command.timer = drive->hall.driving ? COMMUTATION_HALL : COMMUTATION_OFF;
   drive->command.clear_trips = true;
 }
 
@@ -44,6 +54,7 @@ void start_failed(drive_t *drive) {
     drive_enter_fault(drive, FAULT_START_FAILED);
     return;
   }
+  hall_resort(drive);
   start_begin(drive);
 }
 
@@ -61,6 +72,7 @@ static void begin_lock(drive_t *drive) {
 }
 
 #define CATCH_FAILURES_MAX 2u
+#define CAUGHT_TICKS 2u
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
 #define STUCK_TICKS 500u
 
@@ -107,21 +119,62 @@ static bool caught(drive_t *drive, const int32_t v_q17[PHASES], int32_t line_emf
   return true;
 }
 
+// The same by the edges, which are being measured.
+static bool caught_by_edges(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const measured_t *m = &drive->m;
+  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
+  const bool turning = m->speed_valid && !hall_rotor_slow(drive) && emf_v_q25 / 256 >= p->catch_v_q17;
+  if (!drive->settings.catch_rotor || drive->failed_starts >= CATCH_FAILURES_MAX || !turning ||
+      m->speed_rpm_q8 / 256 > p->overspeed_rpm || m->vdc_v_q25 == 0) {
+    drive->calm_ticks = 0;
+    return false;
+  }
+  if (drive->hall.backward != drive->reverse) {
+    direct(drive, drive->hall.backward);
+    drive->calm_ticks = 0;
+    return false;
+  }
+  // A direction that was set takes effect at the next tick.
+  drive->calm_ticks++;
+  if (drive->calm_ticks <= CAUGHT_TICKS) {
+    return false;
+  }
+  drive->command.gate_enable = true;
+  drive->command.sequencer = SEQUENCER_SIX_STEP;
+  drive->command.zcd_enable = true;
+  drive->catches++;
+  drive->locked_from = m->crossings;
+  drive_apply_voltage(drive, emf_v_q25, drive->settings.sync_rect);
+  enter_phase(drive, START_LOCK);
+  return true;
+}
+
+// Whether the rotor is slow enough to be shorted by the lower switches. The more often a start failed, the longer the
+// calm: voltage channels may fail for a while and show no EMF.
+static bool calm(drive_t *drive, int32_t line_emf_q17) {
+  const uint32_t wanted = COAST_CALM_TICKS << clamp_u32(drive->failed_starts, 0, HALVINGS_MAX);
+  if (drive->hall.driving) {
+    return drive->state_ticks > wanted && hall_rotor_slow(drive);
+  }
+  drive->calm_ticks = (line_emf_q17 < drive->p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
+  return drive->calm_ticks >= wanted;
+}
+
 // Gates off until the EMF of the rotor is small enough to be shorted by the lower switches.
 static void coast(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
   int32_t v_q17[PHASES];
   const int32_t line_emf_q17 = catch_restore(in->v_q17, p->diode_v_q25 / 256, v_q17);
-  if (drive->state_ticks > CLEAR_SETTLE_TICKS && caught(drive, v_q17, line_emf_q17)) {
+  const bool settled = drive->state_ticks > CLEAR_SETTLE_TICKS;
+  if (settled && (drive->hall.driving ? caught_by_edges(drive) : caught(drive, v_q17, line_emf_q17))) {
     return;
   }
-  if (stuck_step(&drive->stuck, in->v_q17, line_emf_q17 >= p->catch_v_q17, STUCK_TICKS)) {
+  if (!drive->hall.driving && stuck_step(&drive->stuck, in->v_q17, line_emf_q17 >= p->catch_v_q17, STUCK_TICKS)) {
     drive_enter_fault(drive, FAULT_VOLTAGE_CHANNEL);
     return;
   }
-  drive->calm_ticks = (line_emf_q17 < p->coast_v_q17) ? drive->calm_ticks + 1u : 0u;
-  // The more often a start failed, the longer the calm: voltage channels may fail for a while and show no EMF.
-  if (drive->calm_ticks < COAST_CALM_TICKS << clamp_u32(drive->failed_starts, 0, HALVINGS_MAX)) {
+  if (!calm(drive, line_emf_q17)) {
     if (drive->state_ticks > (uint32_t)p->coast_timeout_ticks) {
       drive_enter_fault(drive, FAULT_ROTOR_SPINNING);
     }
@@ -159,7 +212,7 @@ static void choose_acceleration(drive_t *drive) {
     first = (first * SQRT2_Q16) >> 16;
   }
   drive->first_cycles = (first > INTERVAL_MAX) ? INTERVAL_MAX : (uint32_t)first;
-  drive->start_accel_rpm_q24 = (drive->p->start_accel_rpm_q24 >> halvings) | 1;
+  drive->start_accel_rpm_q20 = (drive->p->start_accel_rpm_q20 >> halvings) | 1;
 }
 
 // First forced sector: the update that switches the sequencer also starts the forced timer.
@@ -205,7 +258,7 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.forced_interval_cycles = interval;
 
-  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q24, end_rpm_q8, end_rpm_q8);
+  (void)ramp_step(&drive->ramp, end_rpm_q8, drive->start_accel_rpm_q20, end_rpm_q8, end_rpm_q8);
   const int32_t speed_rpm_q8 = drive->ramp.value_rpm_q8;
   const int32_t u = p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf);
   drive_apply_voltage(drive, u, true);
@@ -242,6 +295,35 @@ static void lock(drive_t *drive) {
   }
 }
 
+// From standstill by the edges: the sensors' sector pulls at once, its edges commutate.
+static void begin_hall(drive_t *drive) {
+  direct(drive, drive->settings.target_rpm < 0);
+  drive->command.sequencer = SEQUENCER_SIX_STEP;
+  drive->command.zcd_enable = true;
+  drive->locked_from = drive->hall.edge_count;
+  drive_apply_voltage(drive, drive->p->start_v_q25, true);
+  enter_phase(drive, START_HALL);
+}
+
+static void hall(drive_t *drive, const chip_snapshot_t *in) {
+  const parameters_t *p = drive->p;
+  const measured_t *m = &drive->m;
+  const uint32_t interval = hall_interval_cycles(drive, in, drive->locked_from);
+  const int32_t speed_rpm_q8 =
+      (interval > 0u) ? speed_from_period_rpm_q8(drive->speed_numerator_q8, 6u * interval) : 0;
+  drive_apply_voltage(drive, p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf), true);
+  const bool enough = drive->hall.edge_count - drive->locked_from > (uint32_t)p->lock_crossings &&
+                      drive->state_ticks > RUN_PREPARE_TICKS && interval > 0u && m->speed_valid;
+  if (enough && m->speed_rpm_q8 > p->handover_rpm * 256) {
+    run_begin(drive);
+    return;
+  }
+  run_prepare(drive);
+  if (drive->state_ticks > (uint32_t)p->hall_start_ticks) {
+    start_failed(drive);
+  }
+}
+
 COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
   const parameters_t *p = drive->p;
   switch (drive->phase) {
@@ -249,7 +331,12 @@ COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
       coast(drive, in);
       break;
     case START_PRECHARGE:
-      if (drive->state_ticks >= (uint32_t)p->precharge_ticks) {
+      if (drive->state_ticks < (uint32_t)p->precharge_ticks) {
+        break;
+      }
+      if (drive->hall.driving) {
+        begin_hall(drive);
+      } else {
         enter_phase(drive, START_ALIGN_FIRST);
         align(drive, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
       }
@@ -271,6 +358,9 @@ COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
       break;
     case START_LOCK:
       lock(drive);
+      break;
+    case START_HALL:
+      hall(drive, in);
       break;
     default:
       drive_enter_fault(drive, FAULT_START_FAILED);

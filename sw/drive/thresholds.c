@@ -88,7 +88,6 @@ COLD static void thresholds_stage(drive_t *drive, const chip_snapshot_t *in) {
 HOT void thresholds_step(drive_t *drive, const chip_snapshot_t *in) {
   thresholds_t *t = &drive->thresholds;
   drive->command.read_sectors = false;
-  drive->command.write_thresholds = false;
   t->busy = t->stage != STAGE_WAIT;
   if (drive->settings.balance != t->mode) {
     t->mode = drive->settings.balance;

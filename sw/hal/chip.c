@@ -24,6 +24,11 @@ void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles);
 void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
 
+static void write_scheduler(uint32_t sampling, const parameters_t *p) {
+  reg_write(REG(sense.scheduler), FIELD(FL_SENSE_REGS__SCHEDULER__MODE, sampling) |
+                                      FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+}
+
 static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
@@ -34,9 +39,7 @@ static void configure_sensing(const parameters_t *p) {
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     reg_write(REG(sense.offset[0]) + 4u * current_channel[i], CURRENT_OFFSET_Q4);
   }
-  reg_write(REG(sense.scheduler),
-            FIELD(FL_SENSE_REGS__SCHEDULER__MODE, p->sample_mode) |
-                FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+  write_scheduler(SAMPLING_CONTINUOUS, p);
 }
 
 static void configure_crossings(const parameters_t *p) {
@@ -65,7 +68,9 @@ void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
+  reg_write(REG(freewheel.threshold), (uint32_t)parameters->freewheel_limit_q17);
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
+  reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
 }
 
@@ -94,6 +99,19 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
 }
 
+HOT void chip_read_hall(chip_snapshot_t *snapshot) {
+  const uint32_t state = reg_read(REG(hall.state));
+  const uint32_t counters = reg_read(REG(hall.counters));
+  const uint32_t sector = BITS(FL_HALL_REGS__STATE__SECTOR, state);
+  snapshot->hall.valid = BITS(FL_HALL_REGS__STATE__VALID, state) != 0u;
+  snapshot->hall.backward = BITS(FL_HALL_REGS__STATE__BACKWARD, state) != 0u;
+  snapshot->hall.sector = (uint8_t)((sector < 6u) ? sector : 0u);
+  snapshot->hall.edges = (uint16_t)BITS(FL_HALL_REGS__COUNTERS__EDGES, counters);
+  snapshot->hall.invalid = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__INVALID, counters);
+  snapshot->hall.skipped = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__SKIPPED, counters);
+  snapshot->hall.phase_cycles = reg_read(REG(hall.phase[0]) + 4u * snapshot->hall.sector);
+}
+
 HOT void chip_read_freewheel(chip_freewheel_t *freewheel) {
   const uint32_t count = reg_read(REG(freewheel.snap_count));
   if (count != 0u) {
@@ -117,6 +135,18 @@ COLD void chip_read_sectors(chip_snapshot_t *snapshot) {
   }
 }
 
+COLD void chip_read_phases(chip_snapshot_t *snapshot) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    snapshot->hall_phase_cycles[sector] = reg_read(REG(hall.phase[0]) + 4u * sector);
+  }
+}
+
+COLD static void write_offsets(const chip_command_t *command) {
+  for (uint32_t sector = 0; sector < 6u; sector++) {
+    reg_write(REG(comm.hall_offset[0]) + 4u * sector, (uint32_t)command->hall_offset_q16[sector] & 0xFFFFu);
+  }
+}
+
 COLD static void write_thresholds(const chip_command_t *command) {
   for (uint32_t sector = 0; sector < 6u; sector++) {
     reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)command->threshold_q17[sector]);
@@ -127,19 +157,23 @@ COLD static void write_thresholds(const chip_command_t *command) {
 // with every asymmetry and closes a loop through crossings that are computed back.
 COLD static void write_modes(const chip_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
+  // One sample a pulse has none before it.
+  const int32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0 : p->zcd_need_previous;
+  write_scheduler(command->sampling, p);
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |
                                   FIELD(FL_PWM_REGS__CONTROL__SYNC_RECT, command->sync_rect ? 1 : 0) |
                                   FIELD(FL_PWM_REGS__CONTROL__BACKWARD, command->reverse ? 1 : 0) |
-                                  FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector));
+                                  FIELD(FL_PWM_REGS__CONTROL__START_SECTOR, command->start_sector) |
+                                  FIELD(FL_PWM_REGS__CONTROL__START_HALL, command->timer == COMMUTATION_HALL ? 1 : 0));
   reg_write(REG(pwm.manual), FIELD(FL_PWM_REGS__MANUAL__LEG_A, command->leg[0]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_B, command->leg[1]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
                                   FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.method) |
                                   FIELD(FL_ZCD_REGS__CONTROL__COMPUTE_BACK, crossing.compute_back ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, p->zcd_need_previous) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, need_previous) |
                                   FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
                                   FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
                                   FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.source));
@@ -148,6 +182,7 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |
+                                   FIELD(FL_COMM_REGS__CONTROL__HALL_TIMED, 1) |
                                    FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
   reg_write(REG(comm.timeout), command->timeout_q12);
   reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
@@ -172,6 +207,9 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
   write_loop(command, parameters);
   if (command->write_thresholds) {
     write_thresholds(command);
+  }
+  if (command->write_offsets) {
+    write_offsets(command);
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {

@@ -38,9 +38,13 @@ void chip_set_load(uint32_t cycles);
 
 // Read the snapshot of the last tick.
 void chip_read(chip_snapshot_t *snapshot);
-// The parts of it that are seldom needed: current offsets, intervals of the sectors.
+// The parts of it that are seldom needed: current offsets, intervals of the sectors, phases of the
+// Hall edges.
 void chip_read_offsets(chip_snapshot_t *snapshot);
 void chip_read_sectors(chip_snapshot_t *snapshot);
+void chip_read_phases(chip_snapshot_t *snapshot);
+// Hall sensors, as they are now.
+void chip_read_hall(chip_snapshot_t *snapshot);
 // Freewheel measurements since the tick before; left alone if there are none.
 void chip_read_freewheel(chip_freewheel_t *freewheel);
 // Write every shadowed setting and commit the set for the next tick.

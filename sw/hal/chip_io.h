@@ -10,7 +10,7 @@
 
 typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
-typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2 } commutation_mode_t;
+typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2, COMMUTATION_HALL = 3 } commutation_mode_t;
 
 // Commutation patterns: when a commutation reaches the gates.
 enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
@@ -19,6 +19,9 @@ enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
 enum { ZCD_FIRST = 0, ZCD_INTERPOLATED = 1, ZCD_AVERAGED = 2 };
 // Signal that is searched for crossings.
 enum { ZCD_TERMINAL = 0, ZCD_STAR_POINT = 1, ZCD_MEAN = 2 };
+
+// Sample scheduler.
+enum { SAMPLING_CONTINUOUS = 1, SAMPLING_RESTARTED = 2, SAMPLING_ONCE = 3 };
 
 // Detection of crossings, as the console may change it while running.
 typedef struct {
@@ -58,6 +61,16 @@ typedef struct {
   uint8_t trip_latched;  // TRIP_*
   uint8_t trip_first;
   uint32_t sector_interval_cycles[6];  // crossing intervals by the sector they ended in; only where asked for
+  uint32_t hall_phase_cycles[6];       // from the last crossing to the edge into a sector; only where asked for
+  struct {
+    bool valid;     // the present code
+    bool backward;  // the last edge was one of negative speed
+    uint8_t sector;
+    uint16_t edges;  // since reset, they wrap
+    uint8_t invalid;
+    uint8_t skipped;
+    uint32_t phase_cycles;  // from the last crossing to the edge into sector
+  } hall;
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
 } chip_snapshot_t;
@@ -85,6 +98,7 @@ typedef struct {
   bool reverse;
   bool zcd_enable;
   crossing_settings_t crossing;
+  uint32_t sampling;  // SAMPLING_*, at once
   uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
   uint32_t period_cycles;
   uint32_t pulse_cycles_q8;
@@ -94,9 +108,12 @@ typedef struct {
   uint32_t timeout_q12;
   int32_t advance_q16;
   int32_t threshold_q17[6];
+  int32_t hall_offset_q16[6];  // from the edge into a sector to the commutation
   bool write_modes;       // one-shot: anything but period, pulse, advance and amplitude may have changed
   bool write_thresholds;  // one-shot: they have changed
-  bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals
+  bool write_offsets;     // one-shot: they have changed
+  bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals...
+  bool read_phases;       // ...and phases
 } chip_command_t;
 
 #endif

@@ -44,6 +44,7 @@ class Bench:
     theta_rad: float = 0.4
     speed_rpm: float = 0.0
     model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
+    hall_offset_deg: tuple[float, float, float] | None = None  # sensors A, B, C; None: there are none
     cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
@@ -55,6 +56,7 @@ class Bench:
             self.load,
             self.theta_rad,
             self.speed_rpm,
+            self.hall_offset_deg,
         )
         self.fw = HostFirmware()
         self.fw.load(self.block)
@@ -119,8 +121,13 @@ class Bench:
         manual = self.get("pwm.manual")
         for x in range(3):
             c[am.C_LEG + x] = (manual >> (4 * x)) & 7
+        for sector in range(6):
+            offset = self.get("comm.hall_offset", sector)
+            c[am.C_HALL_OFFSET + sector] = ((offset ^ 0x8000) - 0x8000) / 65536.0
         if seq == am.SEQ_SIX and self._was_seq != am.SEQ_SIX:
             s[am.SECTOR] = (control >> 16) & 7
+            if control & 1 << 19 and s[am.H_POSITION] >= 0.0:
+                s[am.SECTOR] = (s[am.H_POSITION] + 3 * c[am.C_REVERSE]) % 6
             s[am.T_COMM] = s[am.T]
             s[am.I_LINE] = math.hypot(s[am.I_ALPHA], s[am.I_BETA]) * 0.75
         if timer != am.TIMER_OFF and self._was_timer == am.TIMER_OFF:
@@ -128,6 +135,13 @@ class Bench:
             s[am.T_ZC] = 0.0
             s[am.INTERVAL] = c[am.C_FORCED]
             s[am.T_SCHED] = s[am.T] + c[am.C_FORCED] if timer == am.TIMER_FORCED else 1e30
+            s[[am.H_TIME, am.H_KNOWN]] = 0.0
+        elif timer == am.TIMER_HALL and self._was_timer == am.TIMER_ZCD:
+            # The intervals go on, the sensors' sector is driven.
+            s[am.H_TIME], s[am.H_KNOWN], s[am.H_LOAD] = 0.0, 6.0, (s[am.H_POSITION] + 3 * c[am.C_REVERSE]) % 6
+            s[am.T_SCHED] = s[am.T]
+        elif timer == am.TIMER_ZCD and self._was_timer == am.TIMER_HALL:
+            s[am.T_ZC] = s[am.T_FOUND]
         c[am.C_SEQ], c[am.C_TIMER] = seq, timer
         self._was_seq, self._was_timer = seq, timer
 
@@ -173,11 +187,24 @@ class Bench:
         self.put("comm.snap_counters", counters | ((int(s[am.LATE]) & 0xFF) << 24))
         self.put("zcd.counters", ((int(s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
         self.put("zcd.method_counters", self.computed_back & 0xFFFF)
+        if self.hall_offset_deg is not None:
+            self._hall_registers()
         events = (int(s[am.COMMUTATIONS]) & 0xFFFF) | ((int(s[am.TIMEOUTS]) & 0xFF) << 24)
         self.put("comm.snap_events", events)
         if s[am.TRIPS] > 0.0:
             self.trip(int(s[am.TRIPS]))
             s[am.TRIPS] = 0.0
+
+    def _hall_registers(self) -> None:
+        s, reverse = self.model.s, self.model.c[am.C_REVERSE] > 0.0
+        valid = am.HALL_MAP[int(s[am.H_CODE])] < 6
+        sector = int(s[am.H_POSITION] + 3 * reverse) % 6
+        state = sector << 8 | int(valid) << 12 | int(s[am.H_BACKWARD]) << 13
+        self.put("hall.state", state)
+        counters = int(s[am.H_EDGES]) & 0xFFFF | (int(s[am.H_INVALID]) & 0xFF) << 16
+        self.put("hall.counters", counters | (int(s[am.H_SKIPPED]) & 0xFF) << 24)
+        for k in range(6):
+            self.put("hall.phase", min(0xFFFFFF, round(float(s[am.H_PHASE + k]) * self.clock)), k)
 
     def trip(self, causes: int, now: int = 0) -> None:
         """Latch trip causes and open the gates, as the hardware does."""

@@ -42,7 +42,7 @@ class PiResult(ctypes.Structure):
 class Ramp(ctypes.Structure):
     """ramp_t."""
 
-    _fields_ = [("value_rpm_q8", ctypes.c_int32), ("carry_q16", ctypes.c_uint32)]
+    _fields_ = [("value_rpm_q8", ctypes.c_int32), ("carry_q12", ctypes.c_uint32)]
 
 
 class Limiter(ctypes.Structure):
@@ -241,20 +241,20 @@ def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
     for sign in (1, -1):
         ramp = Ramp()
         lib.ramp_preset(ctypes.byref(ramp), sign * 256_000)
-        target, step = sign * 2_560_000, 20_001
+        target, step = sign * 2_560_000, 1_301
         for k in range(1, 50_000):
             assert lib.ramp_step(ctypes.byref(ramp), target, step, target, 10**6) == sign
-            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 65536)) <= 1
+            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 4096)) <= 1
         lib.ramp_preset(ctypes.byref(ramp), 0)
         for _ in range(1000):
             lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_000
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 65536, sign * -9_000, 5_000) == sign
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 4096, sign * -9_000, 5_000) == sign
         assert ramp.value_rpm_q8 == sign * 5_000
         for _ in range(1000):
-            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, sign * 5_000, 5_000)
+            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, sign * 5_000, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_100
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 65536, 0, 5_000) == 0
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, 0, 5_000) == 0
 
 
 def test_speed_from_period(lib: ctypes.CDLL) -> None:

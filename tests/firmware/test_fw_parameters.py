@@ -25,7 +25,7 @@ from fluxlock.firmware import (
     load_schema,
     write_image,
 )
-from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS
+from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS, TABLE_ADDRESS
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
@@ -210,7 +210,7 @@ def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> Non
     )
     assert b.number("handover_rpm") < b.number("stop_rpm") < b.number("speed_max_rpm")
     # Same acceleration in both of its units.
-    accel = b.number("start_accel_rpm_q24") / 2**24 * drive.tick_hz * math.pi / 30
+    accel = b.number("start_accel_rpm_q20") / 2**20 * drive.tick_hz * math.pi / 30
     first_s = b.number("start_first_cycles") / drive.clock_hz
     assert 0.5 * accel * motor.pole_pairs * first_s**2 == pytest.approx(math.pi / 6, rel=1e-3)
     assert 0.02 <= b.number("align_ticks") / drive.tick_hz <= 0.6
@@ -224,7 +224,7 @@ def test_image_carries_the_block(tmp_path: Path) -> None:
     image = build_firmware()
     assert image == build_firmware()
     code = image.read_bytes()
-    assert len(code) < 32 * 1024
+    assert len(code) <= TABLE_ADDRESS
     assert code[:0x80] == bytes(0x80)
     path = write_image(tmp_path / "ram.hex", image, block())
     words = [int(line, 16) for line in path.read_text().split()]

@@ -159,6 +159,9 @@ def _power_stage(s: Scenario) -> list[Problem]:
         limit = with_unit(s.current_limit_a, "A")
         text = f"{with_unit(start_a, 'A')} is above drive.current_limit_a ({limit})"
         problems.append(Problem(file, "drive.start.current_a", text))
+    if s.drive.hall.mode != "off" and s.motor.hall is None:
+        text = f'"{s.drive.hall.mode}" needs Hall sensors: [hall] in the motor file ({s.sources.motor})'
+        problems.append(Problem(file, "drive.hall.mode", text))
     return problems
 
 

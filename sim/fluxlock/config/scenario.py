@@ -9,7 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from fluxlock.config.fields import Model, ProfilePoint, SectorValues, conflict, quantity, with_unit
+from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 
@@ -58,6 +58,11 @@ class Zcd(Model):
         description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
         "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
     )
+    sampling: Literal["continuous", "carrier"] = Field(
+        default="continuous",
+        description="Samples while running: `continuous` at the converter's period (oversampling), or one every "
+        "`carrier`, at a fixed time into its pulse (conventional). Trips see no more samples than that.",
+    )
     compute_back: bool = Field(
         default=False,
         description="A crossing that the freewheeling diode overrides is computed back from the first valid sample.",
@@ -85,6 +90,29 @@ class Zcd(Model):
     miss_limit: int = quantity("Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6)
 
 
+class Hall(Model):
+    """Hall sensors, as the drive uses them."""
+
+    mode: Literal["off", "sensored", "fallback"] = Field(
+        default="off",
+        description="`sensored`: the edges commutate from standstill on; `fallback`: they take over when the crossings "
+        "are lost, until these agree again. Both need `[hall]` of the motor file.",
+    )
+    learn: bool = Field(
+        default=True,
+        description="Learn where the edges sit, from their intervals and from the crossings.",
+    )
+    offset_deg: PhaseValues = quantity(
+        "Misplacement that the drive begins with: how late the edges of a sensor come at positive speed, electrical. "
+        "One number, or three for sensors A, B, C.",
+        "deg",
+        -29,
+        29,
+        default=(0.0, 0.0, 0.0),
+    )
+    filter_s: float = quantity("Time for which a code must be stable to count.", "s", 0, 1e-3, default=1e-6)
+
+
 class Start(Model):
     """Start-up and restart. What is left out follows from the motor file."""
 
@@ -104,6 +132,14 @@ class Start(Model):
     )
     retries: int = quantity("Attempts after a failed start-up.", "", 0, 20, default=3)
     restart_retries: int = quantity("Restarts after a lost lock.", "", 0, 20, default=3)
+
+
+class MotorError(Model):
+    """What the firmware is told of the machine, over what the machine is. The plant is not touched."""
+
+    resistance: float = quantity("Factor of the resistance.", "", 0.5, 2.0, default=1.0)
+    inductance: float = quantity("Factor of the inductance.", "", 0.5, 2.0, default=1.0)
+    flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
 
 
 class Drive(Model):
@@ -168,7 +204,9 @@ class Drive(Model):
         "Further advance at rated current, proportional to current.", "deg", -30, 30, default=0.0
     )
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
+    hall: Hall = Field(default_factory=Hall, description="Hall sensors.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+    motor_error: MotorError = Field(default_factory=MotorError, description="Wrong motor values in the firmware.")
 
     @model_validator(mode="after")
     def _mode(self) -> Self:

@@ -15,7 +15,8 @@ import cocotb_tools.config
 
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
-from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, package_dir, tool_environment
+from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
+from fluxlock.soft_core import soft_core
 
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
@@ -38,8 +39,7 @@ def rtl_sources() -> list[Path]:
     folders = ("sense", "zcd", "pwm", "safety", "soc")
     blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
     blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
-    core = package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v"
-    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, core]
+    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, soft_core()]
 
 
 def _run(command: list[str], log: Path, env: dict[str, str]) -> None:

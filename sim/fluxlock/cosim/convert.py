@@ -29,12 +29,12 @@ def _mean(values: tuple[float, float, float]) -> float:
 
 def motor_spec(s: Scenario) -> MotorSpec:
     """What the firmware is told of the machine."""
-    m = s.motor
+    m, error = s.motor, s.drive.motor_error
     return MotorSpec(
         pole_pairs=m.pole_pairs,
-        resistance_ohm=_mean(m.resistance_ohm),
-        inductance_h=_mean(m.inductance_h),
-        psi_vs=_mean(m.psi_vs),
+        resistance_ohm=_mean(m.resistance_ohm) * error.resistance,
+        inductance_h=_mean(m.inductance_h) * error.inductance,
+        psi_vs=_mean(m.psi_vs) * error.flux,
         inertia_kgm2=m.inertia_kgm2,
         rated_current_a=m.rated_current_a,
         max_speed_rpm=m.max_speed_rpm,
@@ -85,10 +85,15 @@ def drive_spec(s: Scenario) -> DriveSpec:
         duty_max=d.duty_max,
         zcd_method=d.zcd.method,
         zcd_source=d.zcd.source,
+        zcd_sampling=d.zcd.sampling,
         compute_back=d.zcd.compute_back,
         correction_a=d.zcd.correction_a,
         thresholds=d.zcd.threshold,
         miss_limit=d.zcd.miss_limit,
+        hall_mode=d.hall.mode,
+        hall_filter_s=d.hall.filter_s,
+        hall_offset_deg=d.hall.offset_deg,
+        hall_learn=d.hall.learn,
         start_current_a=d.start.current_a,
         start_carrier_hz=d.start.carrier_hz,
         start_retries=d.start.retries,

@@ -4,7 +4,7 @@ from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_
 from fluxlock.firmware.compiler import compile_parameters
 from fluxlock.firmware.schema import load_schema
 from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library
+from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library, build_program
 
 __all__ = [
     "DriveSpec",
@@ -15,6 +15,7 @@ __all__ = [
     "ParameterError",
     "build_firmware",
     "build_host_library",
+    "build_program",
     "compile_parameters",
     "gain",
     "load_schema",

@@ -12,6 +12,7 @@ from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, 
 
 RAM_WORDS = 16384
 BLOCK_ADDRESS = 0xF000
+TABLE_ADDRESS, TABLE_END = 0xA000, 0xE000  # the stack is above
 BLOCK_MAX_BYTES = 2048
 
 Value = int | tuple[int, ...]
@@ -109,16 +110,20 @@ class ParameterBlock:
         return block
 
 
-def write_image(path_hex: Path, image: Path, params: ParameterBlock) -> Path:
+def write_image(path_hex: Path, image: Path, params: ParameterBlock, table: bytes = b"") -> Path:
     """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
 
-    `image` is the flat binary of the firmware; it must end below the parameter block.
+    `image` is the flat binary of the firmware; it must end below the parameter block. table: what a program of
+    `sw/bench` reads from TABLE_ADDRESS on.
     """
     code = image.read_bytes()
-    if len(code) > BLOCK_ADDRESS:
+    if len(code) > (TABLE_ADDRESS if table else BLOCK_ADDRESS):
         raise ParameterError(f"{image}: {len(code)} bytes reach into the parameter block at {BLOCK_ADDRESS:#x}")
+    if TABLE_ADDRESS + len(table) > TABLE_END:
+        raise ParameterError(f"a table of {len(table)} bytes is longer than {TABLE_END - TABLE_ADDRESS}")
     memory = bytearray(4 * RAM_WORDS)
     memory[: len(code)] = code
+    memory[TABLE_ADDRESS : TABLE_ADDRESS + len(table)] = table
     block = params.pack()
     memory[BLOCK_ADDRESS : BLOCK_ADDRESS + len(block)] = block
     path_hex.parent.mkdir(parents=True, exist_ok=True)

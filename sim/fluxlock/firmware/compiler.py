@@ -13,24 +13,28 @@ from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.specs import (
     BALANCES,
     COMMUTATIONS,
+    HALL_MODES,
     PATTERNS,
     ZCD_METHODS,
     ZCD_SOURCES,
     DriveSpec,
     InverterSpec,
     MotorSpec,
+    ZcdSampling,
 )
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
-Q5, Q8, Q16, Q17, Q24, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**24, 2**25, 2**30
+Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
 RAMP_SECTORS_MIN = 10
+RAMP_STEP_MAX_RPM = 2**31 / Q20 - 1  # what a control tick can add
 # Amplitude of the floating EMF at the end of a sector, in converter steps, from which crossings are trusted.
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
+SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 BANDWIDTH_HZ = 30.0
 KI_DIVISOR = 5.0
 LIMITER_BANDWIDTH_RAD = 600.0
@@ -39,6 +43,8 @@ START_EMF_SHARE = 0.85
 HANDOVER_FALLBACK = 8
 CURRENT_BANDWIDTH_HZ = 100.0
 DIVIDER_TOLERANCE = 0.1
+# Above noise and offset; where a decaying current is slow each step of it counts.
+FREEWHEEL_LSB = 4.0
 CSC_TOLERANCE = 0.01
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
 BALANCE_BANDWIDTH_RATIO = 1.5
@@ -49,6 +55,10 @@ CATCH_SPEED_RATIO = 1.25
 CATCH_TURNS_A_TICK = 0.28
 # Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
 CATCH_DIODES = 3.6
+# Sensor whose edge leads into a sector at positive speed.
+HALL_SENSOR = (2, 1, 0, 2, 1, 0)
+# Hall edges that stay away for so many intervals at the hand-over speed: the rotor is blocked.
+HALL_STALL_INTERVALS = 6.0
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
 # Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
@@ -157,6 +167,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     accel = RAMP_TORQUE_SHARE * m.k_e * start_a / motor.inertia_kgm2
     accel = min(accel, p * w_handover**2 / (2.0 * RAMP_SECTORS_MIN * math.pi / 3.0))
     accel = max(accel, math.pi / 3.0 / p * (clock / 0xFFFFFF) ** 2)
+    accel = min(accel, RAMP_STEP_MAX_RPM / RPM / tick)
     handover_interval_s = math.pi / (3.0 * p * w_handover)
     align_s = _align_time_s(motor, m.r_phase, start_a)
     w_coast = min(w_handover, _braking_speed(motor, m.r_phase, 0.6 * trip_a) / p)
@@ -214,15 +225,20 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     brake_from_v, brake_to_v = (supply + share * (over_v - supply) for share in BRAKE_MARGIN)
     can_catch = p * 1.25 * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
 
+    # By Hall: from standstill to the hand-over speed at a third of the start current's torque.
+    hall_start_s = 0.05 + 3.0 * w_handover * motor.inertia_kgm2 / (m.k_e * start_a)
+    hall_calm_s = 1.2 * math.pi / (3.0 * p * w_coast)
+
     def q17_volts(volts: float) -> int:
         return max(1, min(Q17, round(volts * volt_q17)))
 
     values: dict[str, Value] = {
         "clock_hz": round(clock),
         "tick_cycles": cycles(tick),
-        "sample_mode": 1,
+        "sample_mode": SAMPLE_MODES[drive.zcd_sampling],
         "sample_period_cycles": cycles(inverter.sample_period_s),
-        "sample_offset_cycles": 0,
+        # Once a carrier: settled, and inside of the shortest pulse.
+        "sample_offset_cycles": cycles(least_on_s - inverter.sample_period_s),
         "sense_delay_cycles": cycles(inverter.divider_pole_s),
         "gain_q15": (0x8000,) * 9,
         "auto_zero_log2": 6,
@@ -271,11 +287,19 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb) + DIVIDER_TOLERANCE * supply),
         "zcd_margin_third_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
+        "freewheel_limit_q17": round(FREEWHEEL_LSB * Q17 / half_codes),
         "balance": BALANCES.index(drive.balance),
         "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
         "correction_a": int(drive.correction_a),
+        "hall_mode": HALL_MODES.index(drive.hall_mode),
+        "hall_filter_cycles": cycles(drive.hall_filter_s),
+        "hall_late_q16": tuple(turn60(drive.hall_offset_deg[x]) for x in HALL_SENSOR),
+        "hall_learn": int(drive.hall_learn),
+        "hall_calm_ticks": ticks(hall_calm_s),
+        "hall_stall_ticks": ticks(max(HALL_STALL_INTERVALS * handover_interval_s, 2.0 * hall_calm_s)),
+        "hall_start_ticks": ticks(hall_start_s),
         "delay_q16": 0x8000,
         "advance_q16": turn60(drive.advance_deg),
         "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),
@@ -301,7 +325,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8),
         "lock_v_q25": max(1, round(0.5 * start_v * volt)),
         "start_first_cycles": cycles(math.sqrt(math.pi / 3.0 / (p * accel))),
-        "start_accel_rpm_q24": max(1, round(accel * RPM * tick * Q24)),
+        "start_accel_rpm_q20": max(1, round(accel * RPM * tick * Q20)),
         "handover_rpm": max(1, round(w_handover * RPM)),
         "handover_interval_cycles": cycles(handover_interval_s),
         "handover_crossings": 6,

@@ -14,12 +14,15 @@ Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
 Balance = Literal["none", "vertical", "both"]
 ZcdMethod = Literal["first", "interpolated", "averaged"]
 ZcdSource = Literal["terminal", "star_point", "mean"]
+HallMode = Literal["off", "sensored", "fallback"]
+ZcdSampling = Literal["continuous", "carrier"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
 BALANCES: tuple[Balance, ...] = ("none", "vertical", "both")
 ZCD_METHODS: tuple[ZcdMethod, ...] = ("first", "interpolated", "averaged")
 ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
+HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
 
 
 @dataclass(frozen=True)
@@ -83,10 +86,15 @@ class DriveSpec:
     duty_max: float = 1.0
     zcd_method: ZcdMethod = "interpolated"
     zcd_source: ZcdSource = "terminal"
+    zcd_sampling: ZcdSampling = "continuous"
     compute_back: bool = False
     correction_a: bool = False
     thresholds: tuple[float, float, float, float, float, float] = (0.5, 0.5, 0.5, 0.5, 0.5, 0.5)
     miss_limit: int = 6
+    hall_mode: HallMode = "off"
+    hall_filter_s: float = 1e-6
+    hall_offset_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)  # sensors A, B, C: how late at positive speed
+    hall_learn: bool = True
     start_retries: int = 3
     restart_retries: int = 3
     catch_rotor: bool = True

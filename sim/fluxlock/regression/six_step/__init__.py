@@ -3,19 +3,31 @@
 from fluxlock.regression.six_step import (
     asymmetry,
     balance,
+    commutation_error,
     correction_a,
+    freewheel,
+    highest_speed,
+    linearity,
     lost_lock,
+    patterns,
     ramp,
     spectrum,
     starts,
+    torque_limit,
 )
 
 __all__ = [
     "asymmetry",
     "balance",
+    "commutation_error",
     "correction_a",
+    "freewheel",
+    "highest_speed",
+    "linearity",
     "lost_lock",
+    "patterns",
     "ramp",
     "spectrum",
     "starts",
+    "torque_limit",
 ]

@@ -1,4 +1,4 @@
-"""Line spectra of gates, currents and torque."""
+"""Spectra of gates, current and torque (chapter 6)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from fluxlock.analysis.six_step.recording import (
     torque_lines,
     whole_turns,
 )
+from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -32,16 +33,21 @@ def sideband_orders(most: float) -> FloatArray:
     return orders
 
 
+def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tuple[float, float]]:
+    """Run at N = 25/8, and its span of held duty (s)."""
+    short = ("duration_s=0.095", "window=[]") if runner.quick else ()
+    run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
+    return run, (0.07, 0.09) if runner.quick else (0.07, 0.18)
+
+
 @case("six-step/spectrum")
 def spectrum(runner: Runner) -> Iterator[Row]:
     """64 000 r/min, N = 25/8: gate lines follow the theory; CSC's sidebands and torque ripple lie far below RSC's."""
     current_a: dict[str, float] = {}
     ripple_nm: dict[str, float] = {}
     for commutation in SPECTRUM_COMMUTATIONS:
-        short = ("duration_s=0.225", "window=[]") if runner.quick else ()
-        run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
-        begin, end = (0.2, 0.22) if runner.quick else (0.2, 0.31)
-        window = whole_turns(run.data, begin, end, SPECTRUM_Q)
+        run, span = spectrum_run(runner, commutation)
+        window = whole_turns(run.data, *span, SPECTRUM_Q)
         orders = sideband_orders(6)
         current_a[commutation] = float(np.max(np.abs(current_lines(run.data, window, orders).amplitude)))
         below = np.arange(1, 6 * SPECTRUM_Q // 6) * 6 / SPECTRUM_Q
@@ -62,6 +68,8 @@ def spectrum(runner: Runner) -> Iterator[Row]:
             },
             {"line_deviation_percent": (None, 1.0), "trips": (0, 0)},
         )
+    if not runner.quick:
+        yield _mixed_pattern(runner)
     yield Row(
         "six-step/spectrum/CSC-against-RSC",
         {"motor": "Motor-I", "speed_rpm": 64_000, "carrier_hz": 20_000, "pattern": "ON-PWM"},
@@ -70,4 +78,30 @@ def spectrum(runner: Runner) -> Iterator[Row]:
             "torque_ripple_ratio": ripple_nm["RSC"] / ripple_nm["CSC"],
         },
         {"current_sideband_db": (40, None), "torque_ripple_ratio": (20, None)},
+    )
+
+
+# Of the current under CSC with commutations of two kinds: lines 1 + 3 k that are none of 1 + 6 k.
+MIXED_ORDERS = np.array([-14.0, -8.0, -2.0, 4.0, 10.0, 16.0])
+
+
+def _mixed_pattern(runner: Runner) -> Row:
+    """H_PWM-L_ON under CSC: upper and lower commutations differ, so the current keeps its lines 1 + 3 k."""
+    percent: dict[str, float] = {}
+    trips = 0
+    for name, pattern in (("CSC", "ON-PWM"), ("CSC-H_PWM-L_ON", "H_PWM-L_ON")):
+        run = runner.drive("six-step/spectrum.toml", name, "drive.commutation=CSC", f"drive.pattern={pattern}")
+        window = whole_turns(run.data, 0.07, 0.18, SPECTRUM_Q)
+        lines = np.abs(current_lines(run.data, window, np.append(MIXED_ORDERS, 1.0)).amplitude)
+        percent[pattern] = float(100 * lines[:-1].max() / lines[-1])
+        trips += len(run.result["trips"])
+    return Row(
+        "six-step/spectrum/CSC-H_PWM-L_ON",
+        {"motor": "Motor-I", "speed_rpm": 64_000, "carrier_hz": 20_000, "pattern": "H_PWM-L_ON"},
+        {
+            "current_1_3k_percent": percent["H_PWM-L_ON"],
+            "current_1_3k_percent_on_pwm": percent["ON-PWM"],
+            "trips": trips,
+        },
+        {"current_1_3k_percent": (1.0, None), "current_1_3k_percent_on_pwm": (None, 0.2), "trips": (0, 0)},
     )

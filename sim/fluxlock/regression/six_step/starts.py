@@ -6,20 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.support import locked
 
 START_SEEDS = (1, 2, 3)
-LOCKED_RMS_DEG = 1.0
-
-
-def locked(run: Outcome) -> bool:
-    """Whether the crossings carry the machine at the end: forward, commutations within 1 degree rms, no trip."""
-    window = run.metrics["locked"]
-    rms_deg = window["commutation_error_deg"]["rms"]
-    forward = window["speed_rpm"]["min"] > 0
-    return not run.result["trips"] and forward and rms_deg is not None and rms_deg < LOCKED_RMS_DEG
 
 
 @case("six-step/starts")

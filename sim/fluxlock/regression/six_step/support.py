@@ -1,4 +1,4 @@
-"""What several six-step cases measure."""
+"""What the six-step cases share."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 
 from fluxlock.cosim.outcome import Outcome
 
+LOCKED_RMS_DEG = 1.0
+
 
 def highest_hz(run: Outcome) -> float:
     """Highest electrical frequency that the rotor reached under control, before the first trip."""
@@ -15,3 +17,11 @@ def highest_hz(run: Outcome) -> float:
     trips = run.result["trips"]
     end = trips[0]["time_s"] * run.data.clock_hz if trips else math.inf
     return float(np.max(records["omega_e"][records["t_cycle"] < end])) / (2 * math.pi)
+
+
+def locked(run: Outcome) -> bool:
+    """Whether the crossings carry the machine at the end: forward, commutations within 1 degree rms, no trip."""
+    window = run.metrics["locked"]
+    rms_deg = window["commutation_error_deg"]["rms"]
+    forward = window["speed_rpm"]["min"] > 0
+    return not run.result["trips"] and forward and rms_deg is not None and rms_deg < LOCKED_RMS_DEG

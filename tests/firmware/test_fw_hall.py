@@ -1,0 +1,333 @@
+"""Hall sensors: the learning against exact numbers, and the whole drive on the host over the averaged model."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from random import Random
+
+import numpy as np
+import pytest
+
+from fluxlock.firmware import DriveSpec
+from fluxlock.firmware.toolchain import build_host_library
+from tests.firmware import averaged_motor as am
+from tests.firmware.firmware_bench import Bench
+
+MISPLACED_DEG = (6.0, -4.0, 3.0)
+# Sensor whose edge leads into a sector, for positive and for negative speed.
+SENSOR = {1: (2, 1, 0, 2, 1, 0), -1: (1, 0, 2, 1, 0, 2)}
+
+
+def expected_deg(direction: int) -> list[float]:
+    """How late the edge into each sector comes."""
+    return [direction * MISPLACED_DEG[x] for x in SENSOR[direction]]
+
+
+def value(bench: Bench, name: str) -> str:
+    """Value of the console."""
+    return bench.fw.command(f"get {name}")[0].split(" ", 1)[1]
+
+
+def learnt_deg(bench: Bench) -> list[float]:
+    """What the drive takes the edges' lateness for."""
+    return [float(word) for word in value(bench, "hall_offset_deg").split()]
+
+
+def commutation_errors_deg(bench: Bench, ticks: int = 300) -> np.ndarray:
+    """How late the commutations of a span come, from the model's true angle."""
+    errors = []
+    s, p = bench.model.s, bench.motor.pole_pairs
+    direction = 1 if s[am.OMEGA] > 0 else -1
+    before = s[am.T_COMM]
+    for _ in range(ticks):
+        bench.step()
+        if s[am.T_COMM] != before:
+            before = s[am.T_COMM]
+            theta_deg = math.degrees(s[am.THETA] - (s[am.T] - before) * s[am.OMEGA] * p)
+            ideal_deg = (30.0 if direction > 0 else 270.0) + 60.0 * s[am.SECTOR]
+            errors.append(direction * ((theta_deg + 180.0 - ideal_deg + 180.0) % 360.0 - 180.0))
+    return np.array(errors)
+
+
+def sensored(**drive: object) -> Bench:
+    """A drive with misplaced sensors."""
+    return Bench(drive=DriveSpec(hall_mode="sensored", **drive), hall_offset_deg=MISPLACED_DEG)  # type: ignore[arg-type]
+
+
+def fallback(**drive: object) -> Bench:
+    """The same, commutated by its crossings at 60 000 r/min."""
+    bench = Bench(
+        drive=DriveSpec(hall_mode="fallback", **drive),  # type: ignore[arg-type]
+        hall_offset_deg=MISPLACED_DEG,
+        speed_rpm=60_000,
+    )
+    bench.start(60_000, 1.0)
+    bench.run(0.2)
+    assert value(bench, "commutated_by") == "crossings"
+    return bench
+
+
+@pytest.fixture(scope="module")
+def lib() -> ctypes.CDLL:
+    """The firmware's functions."""
+    return ctypes.CDLL(str(build_host_library()))
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_lateness_from_intervals_and_phases(lib: ctypes.CDLL, backward: bool) -> None:
+    """Edges at random places: both rules give them back, the intervals without the part common to all.
+
+    Verifies: FW-40
+    """
+    rng = Random(40)
+    print("seed 40")
+    lib.hall_late_from_phase_q16.argtypes = [ctypes.c_uint32, ctypes.c_uint32]
+    for _ in range(200):
+        turn = rng.randint(3000, 60_000_000)
+        late = [rng.uniform(-14.0, 14.0) for _ in range(6)]
+        order = [5 - k for k in range(6)] if backward else list(range(6))
+        interval = (ctypes.c_uint32 * 6)()
+        for k, s in enumerate(order):
+            interval[s] = round(turn * (60.0 + late[s] - late[order[k - 1]]) / 360.0)
+        period = sum(interval)
+        x6 = (ctypes.c_int32 * 6)()
+        lib.interval_lateness(interval, backward, x6)
+        mean = sum(late) / 6
+        grain_deg = 4 * 360.0 / turn + 60.0 / 65536
+        for s in range(6):
+            got = 60.0 * lib.hall_late_from_intervals_q16(x6[s], period) / 65536
+            assert got == pytest.approx(late[s] - mean, abs=max(grain_deg, 0.002)), (turn, late)
+            phase = round(turn * (30.0 + late[s]) / 360.0)
+            got = 60.0 * lib.hall_late_from_phase_q16(phase, period) / 65536
+            assert got == pytest.approx(late[s], abs=max(grain_deg, 0.002) + 0.02 * grain_deg * 30)
+    # What cannot be an edge's own crossing is none.
+    for phase in (0, 10_000, 0xFFFFFF):
+        assert lib.hall_late_from_phase_q16(phase, 60_000) == 32768
+
+
+def test_mirrored_places(lib: ctypes.CDLL) -> None:
+    """The sensors seen in the other direction: late becomes early at the same place; twice is the same again.
+
+    Verifies: FW-40
+    """
+    forward = (ctypes.c_int32 * 6)(*(round(100 * x) for x in expected_deg(1)))
+    backward, again = (ctypes.c_int32 * 6)(), (ctypes.c_int32 * 6)()
+    lib.hall_mirror(forward, True, backward)
+    lib.hall_mirror(backward, False, again)
+    assert list(backward) == [round(100 * x) for x in expected_deg(-1)]
+    assert list(again) == list(forward)
+
+
+@pytest.mark.parametrize("theta_rad", [0.2, 2.5, 4.9])
+def test_sensored_start_needs_no_alignment(theta_rad: float) -> None:
+    """From standstill the sensors' sector pulls at once; neither alignment nor forced commutation.
+
+    Verifies: FW-41
+    """
+    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, theta_rad=theta_rad)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 60000")
+    bench.fw.command("start")
+    timers, phases = set(), set()
+    while bench.now < 0.45:
+        bench.step()
+        timers.add(bench.get("comm.control") & 3)
+        phases.add(value(bench, "phase"))
+        assert bench.model.rpm > -200.0
+    assert bench.fw.state == "running" and bench.trips == 0
+    assert timers <= {0, 3} and phases == {"none", "coast", "precharge", "hall"}
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.01)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_sensored_learns_where_the_sensors_sit(direction: int) -> None:
+    """Sensors 6, -4, 3 degrees late: commutations off by degrees before, within 0.5 degrees after learning.
+
+    Verifies: FW-40, FW-41
+    """
+    bench = sensored(hall_learn=False)
+    bench.start(direction * 60_000, 1.0)
+    bench.run(0.4)
+    assert learnt_deg(bench) == [0.0] * 6
+    before = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(before**2)) > 3.0
+    assert bench.fw.command("set hall_learn 1") == ["ok"]
+    bench.run(0.15)
+    assert learnt_deg(bench) == pytest.approx(expected_deg(direction), abs=0.1)
+    after = commutation_errors_deg(bench)
+    assert abs(np.mean(after)) < 0.2 and np.sqrt(np.mean(after**2)) < 0.3, (np.mean(after), np.std(after))
+    assert bench.trips == 0
+
+
+def test_known_places_are_used_from_the_start() -> None:
+    """Offsets of the file that are right need no learning; the other direction is their mirror image.
+
+    Verifies: FW-40
+    """
+    bench = sensored(hall_learn=False, hall_offset_deg=MISPLACED_DEG)
+    bench.start(40_000, 1.0)
+    bench.run(0.3)
+    errors = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(errors**2)) < 0.3
+    assert bench.fw.command("stop now") == ["ok"]
+    bench.run(0.01)
+    bench.model.s[am.OMEGA] = 0.0
+    bench.start(-40_000, 1.0)
+    bench.run(0.3)
+    assert learnt_deg(bench) == pytest.approx(expected_deg(-1), abs=0.01)
+    errors = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(errors**2)) < 0.3
+
+
+def test_sensored_reversal() -> None:
+    """Through standstill by the edges alone, without a trip.
+
+    Verifies: FW-41
+    """
+    bench = sensored(sync_rect=True)
+    bench.start(20_000, 1.0)
+    bench.run(0.2)
+    bench.fw.command("set speed_rpm -20000")
+    assert bench.run(1.0, lambda: bench.model.rpm < -19_800)
+    assert bench.fw.state == "running" and bench.trips == 0
+
+
+def test_sensored_catches_a_spinning_rotor() -> None:
+    """A rotor that spins backward is taken over by its edges and turned.
+
+    Verifies: FW-41
+    """
+    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, speed_rpm=-30_000)
+    bench.start(20_000, 0.1)
+    assert value(bench, "catches") == "1"
+    assert bench.run(3.0, lambda: bench.model.rpm > 19_000)
+    assert bench.trips == 0
+
+
+@pytest.mark.parametrize("stuck", [0.0, 1.0])
+@pytest.mark.parametrize("sensor", [0, 1, 2])
+def test_stuck_sensor_is_a_named_fault(sensor: int, stuck: float) -> None:
+    """A sensor that stops switching while it drives: gates off within three turns, by name.
+
+    Verifies: FW-42
+    """
+    bench = sensored()
+    bench.start(40_000, 1.0)
+    bench.run(0.1)
+    bench.model.m[am.M_HALL + 4 + sensor] = stuck
+    assert bench.run(3 * 60 / 40_000 + 1e-3, lambda: bench.fw.state == "fault")
+    assert value(bench, "fault") == "hall_sensor"
+    assert bench.get("safety.guard") & 1 == 0
+
+
+def test_invalid_code_refuses_to_start() -> None:
+    """All sensors high, as with an open plug: no gate is enabled.
+
+    Verifies: FW-42
+    """
+    bench = sensored()
+    bench.model.m[am.M_HALL + 4 : am.M_HALL + 7] = 1.0
+    assert bench.until_state("ready", 0.1)
+    assert value(bench, "hall_state") == "faulty"
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    for _ in range(100):
+        bench.step()
+        assert bench.get("safety.guard") & 1 == 0
+    assert (bench.fw.state, value(bench, "fault")) == ("fault", "hall_sensor")
+
+
+def test_blocked_rotor_fails_to_start_by_name() -> None:
+    """No edges: the attempts end as those of a sensorless start.
+
+    Verifies: FW-41
+    """
+    bench = sensored(start_retries=1)
+    bench.model.m[am.M_LOCKED] = 1.0
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    assert bench.until_state("fault", 3.0)
+    assert value(bench, "fault") == "start_failed"
+
+
+@pytest.mark.parametrize("dead", [0, 1, 2])
+def test_fallback_hands_over_and_back(dead: int) -> None:
+    """One phase's crossings vanish: the edges take over without a trip; the crossings get the drive back.
+
+    Verifies: FW-43
+    """
+    bench = fallback()
+    assert learnt_deg(bench) == pytest.approx(expected_deg(1), abs=0.1)
+    bench.model.m[am.M_ONE_BLIND] = dead
+    bench.run(0.01)
+    assert value(bench, "commutated_by") == "hall"
+    errors = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(errors**2)) < 0.5
+    bench.run(0.1)
+    assert value(bench, "commutated_by") == "hall" and bench.fw.state == "running"
+    bench.model.m[am.M_ONE_BLIND] = -1
+    bench.run(0.1)
+    assert value(bench, "commutated_by") == "crossings"
+    assert value(bench, "hall_handovers") == "1" and bench.trips == 0
+    errors = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(errors**2)) < 0.3
+
+
+def test_all_crossings_lost() -> None:
+    """No crossings at all: the edges take over; without them the drive loses its lock by name.
+
+    Verifies: FW-43
+    """
+    bench = fallback()
+    bench.model.m[am.M_BLIND] = 1.0
+    bench.run(0.1)
+    assert (bench.fw.state, value(bench, "commutated_by"), bench.trips) == ("running", "hall", 0)
+    bench.model.m[am.M_HALL + 4] = 0.0
+    bench.run(0.01)
+    assert (bench.fw.state, value(bench, "fault")) == ("fault", "hall_sensor")
+
+
+def test_faulty_sensors_are_no_fallback() -> None:
+    """Sensors that fail while crossings commutate change nothing, but they take nothing over.
+
+    Verifies: FW-42, FW-43
+    """
+    bench = fallback(restart_retries=0)
+    assert bench.get("comm.control") >> 8 & 0xFF == 0
+    bench.model.m[am.M_HALL + 5] = 1.0
+    bench.run(0.05)
+    assert (bench.fw.state, value(bench, "hall_state")) == ("running", "faulty")
+    assert bench.get("comm.control") >> 8 & 0xFF == 6
+    errors = commutation_errors_deg(bench)
+    assert np.sqrt(np.mean(errors**2)) < 0.3
+    bench.model.m[am.M_BLIND] = 1.0
+    bench.run(0.05)
+    assert (bench.fw.state, value(bench, "fault")) == ("fault", "lost_lock")
+
+
+def test_restart_by_edges() -> None:
+    """An over-current while crossings are lost is a lost lock: the restart is by the edges, at speed.
+
+    Verifies: FW-43
+    """
+    bench = fallback()
+    bench.model.m[am.M_BLIND] = 1.0
+    bench.run(0.0004)
+    bench.trip(am.TRIP_PHASE)
+    bench.run(0.001)
+    bench.put("safety.trip", 0)
+    assert bench.run(0.1, lambda: bench.fw.state == "running")
+    assert value(bench, "commutated_by") == "hall"
+    assert bench.model.rpm > 50_000
+
+
+def test_drive_without_sensors_reads_none() -> None:
+    """Off: the sensors are off in every respect.
+
+    Verifies: FW-41
+    """
+    bench = Bench(hall_offset_deg=MISPLACED_DEG)
+    bench.start(20_000, 1.0)
+    assert value(bench, "hall_state") == "off" and value(bench, "hall_handovers") == "0"
