@@ -135,7 +135,7 @@ def durations(runner: Runner) -> Drawing:
                 "model less switched circuit at 20 A (deg)",
                 "-",
                 f"mode 1 {model_gap['mode 1']:+.2f}, mode 2 {model_gap['mode 2']:+.2f}",
-                "At 14 A and 60 000 r/min mode 2 of the circuit is up to 3° shorter: the incoming phase's current ends in "
+                "At 14 A and 60 000 r/min mode 2 of the circuit is up to 3° shorter: its incoming current ends in "
                 "the off time",
             ),
         ),
