@@ -204,6 +204,33 @@ def regression(
         raise typer.Exit(EXIT_FAILED)
 
 
+@app.command()
+def figures(
+    family: Annotated[str, typer.Argument(help="Whose figures: six-step (Yang 2020, chapters 2 to 6).")],
+    numbers: Annotated[
+        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Numbers (2.11) or chapters (2); all without.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
+        "build/figures"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="Short runs, fewer points.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+) -> None:
+    """Draw the figures of a thesis from our own runs, each with a table of what was printed and what is measured.
+
+    Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
+    `python -m fluxlock.docs.figures FAMILY` makes the page of the documentation from the result.
+    """
+    from fluxlock.figures.command import list_figures, run_figures
+
+    if list_:
+        list_figures(family, numbers or [])
+    elif not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
 @motor_app.command("check")
 def motor_check(file: Annotated[Path, typer.Argument(help="Motor file (TOML).")]) -> None:
     """Check a motor file."""

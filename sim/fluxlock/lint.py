@@ -84,12 +84,14 @@ def yosys() -> str:
 
 def c_code() -> str:
     """The firmware compiles for the core and for the host, warnings are errors."""
-    from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library
+    from fluxlock.firmware.toolchain import BENCH, SW, FirmwareError, build_firmware, build_host_library, build_program
 
     folder = BUILD / "firmware"
     try:
         build_firmware(folder)
         build_host_library(folder)
+        for source in sorted((SW / BENCH).glob("*.c")):
+            build_program(source.stem)
     except FirmwareError as error:
         return str(error)
     return ""

@@ -69,7 +69,7 @@ def test_shipped_inverters(name: str) -> None:
     assert load_inverter(ROOT / "inverters" / name).supply_v > 0
 
 
-@pytest.mark.parametrize("name", names("scenarios"))
+@pytest.mark.parametrize("name", [*names("scenarios"), *(f"six-step/{name}" for name in names("scenarios/six-step"))])
 def test_shipped_scenarios(name: str) -> None:
     """Each shipped scenario is valid and ends after its windows.
 
@@ -214,6 +214,9 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("drive.current_limit_a=46", "is not below protection.phase_current_a"),
         ("drive.current_limit_a=14", "permitted by drive.current_limit_a 14.0 A"),
         ("drive.start.current_a=31", "is above drive.current_limit_a (30 A)"),
+        ("drive.motor_error.flux=3", "drive.motor_error.flux: 3 is out of range, permitted 0.5 to 2"),
+        ("drive.motor_error.psi=1.2", "drive.motor_error.psi: unknown key"),
+        ("drive.zcd.sampling=once", "drive.zcd.sampling: 'once' is not permitted, permitted: continuous, carrier"),
         (
             "event[0].speed_rpm=-5000",
             "--set: event[0].speed_rpm: -5000 r/min is out of range, permitted 1 to",

@@ -1073,3 +1073,27 @@ def test_balance_learns_from_computed_back_crossings(source: str) -> None:
     assert bench.fw.command(f"set zcd_source {'mean' if source == 'terminal' else 'terminal'}") == ["ok"]
     bench.step()
     assert thresholds_of(bench) == [0.5] * 6
+
+
+def test_sampling_once_a_carrier_while_running_only() -> None:
+    """Start, standstill and coasting need continuous samples; a lone sample of a pulse has none before it.
+
+    Verifies: FW-35
+    """
+    bench = Bench(drive=DriveSpec(zcd_sampling="carrier"))
+
+    def sampling() -> tuple[int, int]:
+        return bench.get("sense.scheduler") & 3, (bench.get("zcd.control") >> 4) & 3
+
+    assert bench.until_state("ready", 0.1)
+    assert sampling() == (1, 1)
+    assert bench.fw.command("set speed_rpm 40000") == ["ok"]
+    assert bench.fw.command("start") == ["ok"]
+    while bench.fw.state != "running":
+        assert sampling() == (1, 1)
+        bench.step()
+    bench.step()
+    assert sampling() == (3, 0)
+    assert bench.fw.command("stop now") == ["ok"]
+    bench.run(0.001)
+    assert sampling() == (1, 1)

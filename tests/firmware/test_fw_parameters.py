@@ -25,7 +25,7 @@ from fluxlock.firmware import (
     load_schema,
     write_image,
 )
-from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS
+from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS, TABLE_ADDRESS
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1

@@ -39,13 +39,14 @@ class Outcome:
         return "\n".join(self.data.uart)
 
 
-def write_outcome(data: RunData, scenario: Scenario, folder: Path) -> Outcome:
-    """Evaluate a run and write trace, result and plots."""
+def write_outcome(data: RunData, scenario: Scenario, folder: Path, plots: bool = True) -> Outcome:
+    """Evaluate a run and write trace, result and, unless told otherwise, plots."""
     save_trace(folder / TRACE, data)
     analysis, metrics = run_metrics(data, scenario)
     result = build_result(data, scenario, metrics)
     write_result(folder / RESULT, result)
-    write_plots(folder, analysis, scenario)
+    if plots:
+        write_plots(folder, analysis, scenario)
     return Outcome(scenario, data, analysis, metrics, result, folder)
 
 

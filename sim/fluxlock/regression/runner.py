@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import multiprocessing
 import shutil
@@ -11,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from fluxlock.analysis.result import git_revision, tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
@@ -27,8 +28,12 @@ SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
 RESULT = BUILD / "regression.json"
 KEY = "key.txt"
+KEYS = FOLDER / "keys"  # a file a finished run, named by its key: the folder that holds it
 # Python that a run's data depend on; the metrics are computed anew from the data.
 RUN_SOURCES = ("plant", "cosim", "config", "firmware")
+
+
+Item = TypeVar("Item")
 
 
 class RunFailed(Exception):
@@ -39,56 +44,80 @@ class RunFailed(Exception):
 class Runner:
     """What a case gets: its folder, whether to be short, and the way to run scenarios.
 
-    quick: cases run a short version of themselves, with the same limits. seed: of the noise.
+    quick: cases run a short version of themselves, with the same limits. seed: of the noise. plots: of each run.
     """
 
     case_id: str
     quick: bool = False
     seed: int = 1
+    plots: bool = True
 
     def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
         """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
 
-        name: of the run within the case. Raises RunFailed if the simulation breaks off.
+        name: of the run within the case; a run that another case or a figure has finished is read from there. Raises
+        RunFailed if the simulation breaks off.
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         used_seed = self.seed if seed is None else seed
+        image = build_firmware(BUILD / "firmware")
+
+        def run(folder: Path) -> None:
+            write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)
+
         folder = self._folder(name)
-        key = _key(loaded, used_seed, build_firmware(BUILD / "firmware"))
-        if _is_done(folder, key):
-            return read_outcome(loaded, folder)
-        with _fresh(folder, key, f"{name}, seed {used_seed}"):
-            return write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder)
+        return read_outcome(loaded, _made(folder, _key(loaded, used_seed, image), f"{name}, seed {used_seed}", run))
 
     def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
         """Run a program of `sw/bench` with its table on a scenario's chip and plant, or read what it gave before."""
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
-        folder = self._folder(name)
+
+        def run(folder: Path) -> None:
+            save_trace(folder / TRACE, run_program(program, table, loaded, folder, self.seed))
+
         key = _key(loaded, self.seed, build_program(program), table)
-        if not _is_done(folder, key):
-            with _fresh(folder, key, name):
-                save_trace(folder / TRACE, run_program(program, table, loaded, folder, self.seed))
-        return load_trace(folder / TRACE)
+        return load_trace(_made(self._folder(name), key, name, run) / TRACE)
 
     def _folder(self, name: str) -> Path:
         return FOLDER / ("quick" if self.quick else "full") / self.case_id / name
 
 
-def _is_done(folder: Path, key: str) -> bool:
-    return (folder / KEY).exists() and (folder / KEY).read_text(encoding="utf-8") == key
+def _made(folder: Path, key: str, what: str, run: Callable[[Path], None]) -> Path:
+    """Folder of the run with this key: one that is finished, else `folder`, filled by `run`."""
+    with _claimed(key):
+        finished = _finished(key, folder)
+        if finished is not None:
+            return finished
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        try:
+            run(folder)
+        except SimulationFault as error:
+            raise RunFailed(f"{what}: {error}") from error
+        shutil.rmtree(folder / "simulator", ignore_errors=True)
+        (folder / KEY).write_text(key, encoding="utf-8")
+        (KEYS / key).write_text(str(folder), encoding="utf-8")
+    return folder
 
 
 @contextmanager
-def _fresh(folder: Path, key: str, what: str) -> Iterator[None]:
-    """An empty folder for a run; it gets its key when the run is through."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    try:
+def _claimed(key: str) -> Iterator[None]:
+    """Let one process at a time make the run of a key; the others wait and find it finished."""
+    KEYS.mkdir(parents=True, exist_ok=True)
+    with (KEYS / f"{key}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         yield
-    except SimulationFault as error:
-        raise RunFailed(f"{what}: {error}") from error
-    shutil.rmtree(folder / "simulator", ignore_errors=True)
-    (folder / KEY).write_text(key, encoding="utf-8")
+
+
+def _finished(key: str, folder: Path) -> Path | None:
+    """Folder of a finished run: the case's own, else the last one that was made with this key."""
+    note = KEYS / key
+    candidates = [folder, *([Path(note.read_text(encoding="utf-8"))] if note.exists() else [])]
+    for candidate in candidates:
+        path = candidate / KEY
+        if path.exists() and path.read_text(encoding="utf-8") == key:
+            return candidate
+    return None
 
 
 def _key(scenario: Scenario, seed: int, image: Path, table: bytes = b"") -> str:
@@ -128,20 +157,14 @@ def run_cases(
 ) -> dict[str, Any]:
     """Run cases in `jobs` processes and return the document; done: called with every finished case's rows."""
     order = list(names)
-    ready_chip()  # once, before the workers ask for it
-    build_firmware(BUILD / "firmware")
     rows: dict[str, list[dict[str, Any]]] = {}
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        pending = {pool.submit(_rows, name, quick, seed): name for name in order}
-        try:
-            for future in as_completed(pending):
-                name = pending[future]
-                rows[name] = future.result()
-                if done is not None:
-                    done(name, rows[name])
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+
+    def store(name: str, found: list[dict[str, Any]]) -> None:
+        rows[name] = found
+        if done is not None:
+            done(name, found)
+
+    side_by_side(_rows, order, quick, seed, jobs, store)
     return {
         "schema": SCHEMA_VERSION,
         "quick": quick,
@@ -150,6 +173,27 @@ def run_cases(
         "tool_versions": tool_versions(),
         "rows": [row for name in order for row in rows[name]],
     }
+
+
+def side_by_side(
+    work: Callable[[str, bool, int], Item],
+    names: Sequence[str],
+    quick: bool,
+    seed: int,
+    jobs: int,
+    done: Callable[[str, Item], None],
+) -> None:
+    """Call work(name, quick, seed) for all names in `jobs` processes; done: called with every result as it comes."""
+    ready_chip()  # once, before the workers ask for it
+    build_firmware(BUILD / "firmware")
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        pending = {pool.submit(work, name, quick, seed): name for name in names}
+        try:
+            for future in as_completed(pending):
+                done(pending[future], future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -> dict[str, Any]:

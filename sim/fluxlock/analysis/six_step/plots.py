@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from fluxlock.analysis.plots import COMMUTATION_COLOUR, CROSSING_COLOUR, DPI, LATE_COLOUR, PHASE_COLOURS
-from fluxlock.analysis.rundata import FloatArray
+from fluxlock.analysis.rundata import FloatArray, IntArray
 from fluxlock.analysis.six_step.patterns import SECTORS, Chopping, GateSequence
 from fluxlock.analysis.six_step.soa import SAMPLED_DEG, VISIBLE_DEG, SafeMap
 from fluxlock.analysis.six_step.soa_study import Study
@@ -36,7 +36,8 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=DPI, metadata={"Software": None})
 
 
-def _finish(axes: Axes, x: str, y: str) -> None:
+def finish(axes: Axes, x: str, y: str) -> None:
+    """Labels and grid."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     axes.grid(True, alpha=0.3)
@@ -84,7 +85,7 @@ def _map(
     axes.plot(speed, supply_a, ":", color=COMMUTATION_COLOUR, linewidth=2, label="supply (duty 1)")
     axes.set_ylim(0.0, current[-1])
     axes.set_xlim(speed[0], speed[-1])
-    _finish(axes, "speed / (1000 r/min)", "current at the commutation / A")
+    finish(axes, "speed / (1000 r/min)", "current at the commutation / A")
     axes.set_title("safe operating area", fontsize=10, loc="left")
     legend = axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=SMALL)
     legend.get_frame().set_facecolor("#bbbbbb")
@@ -109,7 +110,7 @@ def _load_line(axes: Axes, study: Study) -> None:
     currents.plot(speed, [state.current_a.mean() for state in states], color=GREY, linewidth=1)
     currents.set_ylabel("current at the commutation / A", color=GREY)
     currents.set_ylim(bottom=0.0)
-    _finish(axes, "speed / (1000 r/min)", "freewheel angle / deg el.")
+    finish(axes, "speed / (1000 r/min)", "freewheel angle / deg el.")
     axes.plot([], [], color=GREY, linewidth=1, label="current (right)")
     axes.set_title("at the load of the motor file; bars: range over the carrier phase", fontsize=10, loc="left")
     _legend_below(axes, 3)
@@ -128,7 +129,7 @@ def _torque(axes: Axes, study: Study) -> None:
         axes.plot(study.coarse_rpm / 1e3, study.load_nm * 1e3, color=GREY, label="load of the motor file")
     # The limits fall with the speed by more than a decade.
     axes.set_yscale("log")
-    _finish(axes, "speed / (1000 r/min)", "mean torque / (mN m)")
+    finish(axes, "speed / (1000 r/min)", "mean torque / (mN m)")
     axes.set_title("largest torque, periodic state of the switched circuit", fontsize=10, loc="left")
     _legend_below(axes, 3)
 
@@ -148,19 +149,20 @@ def stability_figure(
         left.plot(n, boundary, ".", markersize=3, color=colours[name], label=f"{name}, map")
         left.plot(n, closed[name], "-", linewidth=0.8, color=COMMUTATION_COLOUR)
     left.plot([], [], "-", color=COMMUTATION_COLOUR, linewidth=0.8, label="closed form")
-    _finish(left, "carriers a sector N", "freewheel angle / deg el.")
+    finish(left, "carriers a sector N", "freewheel angle / deg el.")
     left.set_ylim(0.0, 65.0)
     left.legend(loc="lower right", fontsize=SMALL)
     for (name, error), colour in zip(examples.items(), (ORANGE, LATE_COLOUR, BLUE, GREEN), strict=False):
         right.plot(np.arange(1, error.size + 1), error, ".-", color=colour, linewidth=0.8, label=name)
-    _finish(right, "commutation", "lateness / deg el.")
+    finish(right, "commutation", "lateness / deg el.")
     # A loop that runs away leaves the page; the bounded ones stay readable.
     right.set_ylim(-2.0, 90.0)
     right.legend(loc="upper left", fontsize=SMALL)
     return figure
 
 
-def _stems(axes: Axes, lines: Lines, max_order: float) -> None:
+def stems(axes: Axes, lines: Lines, max_order: float) -> None:
+    """Lines as bars on a logarithmic scale, orders 1 + 6 k and others in two colours."""
     size = np.abs(lines.amplitude)
     own = np.abs((lines.order - 1.0) / SECTORS - np.round((lines.order - 1.0) / SECTORS)) < 1e-9
     for some, colour, label in ((own, BLUE, "orders 1 + 6 k"), (~own, ORANGE, "other orders")):
@@ -169,7 +171,7 @@ def _stems(axes: Axes, lines: Lines, max_order: float) -> None:
     axes.set_yscale("log")
     axes.set_ylim(LINE_FLOOR, 5.0)  # room for the legend
     axes.set_xlim(-max_order, max_order)
-    _finish(axes, "order (frequency / fundamental)", "line / Vdc")
+    finish(axes, "order (frequency / fundamental)", "line / Vdc")
     axes.legend(loc="upper right", fontsize=SMALL)
 
 
@@ -179,7 +181,7 @@ def spectrum_figure(title: str, spectra: Sequence[PatternSpectrum], max_order: f
     figure.suptitle(title)
     grid = figure.subplots(len(spectra), 2, squeeze=False, width_ratios=(1.7, 1.0))
     for (left, right), one in zip(grid, spectra, strict=True):
-        _stems(left, one.lines, max_order)
+        stems(left, one.lines, max_order)
         size = np.abs(one.gates.amplitude)
         drawn = (size > LINE_FLOOR) & (np.abs(one.gates.order) < max_order)
         left.plot(one.gates.order[drawn], size[drawn], "x", color=COMMUTATION_COLOUR, markersize=4, label="gates")
@@ -189,19 +191,23 @@ def spectrum_figure(title: str, spectra: Sequence[PatternSpectrum], max_order: f
     return figure
 
 
-def _pulses(axes: Axes, sequence: GateSequence, start_deg: float) -> None:
-    """Gates of the first two turns as lanes; vertical lines: ideal commutations."""
-    shown = min(2.0, sequence.length)
-    at = 360.0 * np.append(sequence.at, sequence.length)
+def draw_gates(axes: Axes, at: FloatArray, gates: IntArray) -> None:
+    """Six lanes, filled while on: gates[k] holds from at[k] to at[k + 1]."""
     for switch in range(SECTORS):
-        state = (sequence.gates >> switch & 1).astype(np.float64)
+        state = (gates >> switch & 1).astype(np.float64)
         lane = SECTORS - 1 - switch
         level = lane + 0.8 * np.append(state, state[-1:])
         axes.fill_between(at, lane, level, step="post", color=PHASE_COLOURS[switch // 2], alpha=0.75, linewidth=0)
-    for angle in np.arange(60.0 - start_deg % 60.0, 360.0 * shown, 60.0):
-        axes.axvline(angle, color=GREY, linewidth=0.6, linestyle=":")
     labels = [f"{leg} {side}" for leg in "ABC" for side in ("upper", "lower")]
     axes.set_yticks([SECTORS - 1 - s + 0.4 for s in range(SECTORS)], labels, fontsize=8)
+
+
+def _pulses(axes: Axes, sequence: GateSequence, start_deg: float) -> None:
+    """Gates of the first two turns as lanes; vertical lines: ideal commutations."""
+    shown = min(2.0, sequence.length)
+    draw_gates(axes, 360.0 * np.append(sequence.at, sequence.length), sequence.gates)
+    for angle in np.arange(60.0 - start_deg % 60.0, 360.0 * shown, 60.0):
+        axes.axvline(angle, color=GREY, linewidth=0.6, linestyle=":")
     axes.set_xlim(0.0, 360.0 * shown)
     axes.set_xlabel("angle / deg el.; dotted: ideal commutations")
 
@@ -211,7 +217,7 @@ def recorded_figure(title: str, lines: Lines, max_order: float) -> Figure:
     figure = Figure(figsize=(13, 5), layout="constrained")
     figure.suptitle(title)
     axes = figure.subplots()
-    _stems(axes, lines, max_order)
+    stems(axes, lines, max_order)
     return figure
 
 
@@ -226,10 +232,10 @@ def linearity_figure(
     colours = (BLUE, ORANGE, GREEN, LATE_COLOUR, CROSSING_COLOUR)
     for (name, output), colour in zip(outputs.items(), colours, strict=False):
         left.plot(mean, output, color=colour, label=name)
-    _finish(left, "wanted mean", "mean of the output, no compensation")
+    finish(left, "wanted mean", "mean of the output, no compensation")
     _legend_below(left, 3)
     for (name, (low, high)), colour in zip(errors.items(), colours, strict=False):
         right.fill_between(mean, low, high, color=colour, alpha=0.35, label=name)
-    _finish(right, "wanted mean", "error of the mean, range over N")
+    finish(right, "wanted mean", "error of the mean, range over N")
     _legend_below(right, 2)
     return figure

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from fluxlock.analysis.angles import FLOATING_PHASE
-from fluxlock.analysis.rundata import FloatArray, IntArray
+from fluxlock.analysis.rundata import FloatArray, IntArray, RecordArray
 from fluxlock.analysis.six_step.fourier import space_vector
 from fluxlock.analysis.six_step.machine import Machine
 from fluxlock.analysis.six_step.patterns import (
@@ -374,3 +374,33 @@ def duty_for_torque(
         else:
             high, high_error = state, error
             low_error *= 0.5
+
+
+def waveforms(
+    motor: Motor, inverter: InverterParams, speed_rpm: float, sequence: GateSequence, *, settle_turns: int, samples: int
+) -> RecordArray:
+    """Drive the circuit with a gate sequence; records at `samples` instants a turn, the settling turns left out.
+
+    sequence: of `gate_sequence`, from start_deg 0. t_cycle in nanoseconds, the first record at 0.
+    """
+    turn_cycles = 2.0 * np.pi / (float(Machine.from_motor(motor).omega_e(speed_rpm)) * CLOCK_S)
+    # y = 0 is the entry into sector II.
+    plant = plant_at_speed(motor, inverter, speed_rpm, 90.0, NO_SENSING, 0)
+    plant.configure_recording(1)
+    first = round(settle_turns * turn_cycles)
+    turns = settle_turns + np.arange(round((sequence.length - settle_turns) * samples)) / samples
+    wanted = np.round(turns * turn_cycles)
+    edges = np.round(sequence.at * turn_cycles)
+    following = np.searchsorted(edges, wanted, side="right")
+    done = 0
+    for cycle, until in zip(wanted.astype(np.int64).tolist(), following.tolist(), strict=True):
+        for edge in range(done, until):
+            plant.step(int(edges[edge]), int(sequence.gates[edge]))
+            if edge % DRAIN_EVERY == 0:
+                plant.drain()
+        done = until
+        plant.sample(cycle)
+        plant.drain()
+    found = plant.records()
+    found["t_cycle"] -= first
+    return found

@@ -12,7 +12,7 @@ SCENARIO = "six-step/commutation-error.toml"
 TOP_RPM = 125_000
 LIMIT_DEG = 0.3
 SPEEDS_RPM = (20_000, 40_000, 60_000, 80_000, 100_000, 120_000)
-ERROR_SPEEDS_RPM = (20_000, 60_000, 120_000)
+ERROR_SPEEDS_RPM, SINGLE_RPM = (20_000, 60_000, 120_000), 60_000  # all wrong at each, single ones at one
 # Name of a row -> keys of drive.zcd. Once a carrier there is nothing but the first sample after the crossing.
 METHODS = {
     "interpolated": {"method": "interpolated"},
@@ -78,12 +78,13 @@ def commutation_error(runner: Runner) -> Iterator[Row]:
     if runner.quick:
         yield _row(runner, 20_000, "interpolated", {})
         yield _row(runner, 120_000, "interpolated", dict.fromkeys(QUANTITIES, 1.2))
+        yield _row(runner, 60_000, "once-a-carrier", {})
         return
     for speed_rpm in SPEEDS_RPM:
         for method in METHODS:
             yield _row(runner, speed_rpm, method, {})
     for speed_rpm in ERROR_SPEEDS_RPM:
         for factor in (0.8, 1.2):
-            for quantity in QUANTITIES:
+            for quantity in QUANTITIES if speed_rpm == SINGLE_RPM else ():
                 yield _row(runner, speed_rpm, "interpolated", {quantity: factor})
             yield _row(runner, speed_rpm, "interpolated", dict.fromkeys(QUANTITIES, factor))

@@ -21,6 +21,7 @@ CURRENTS_A = (10, 20, 30)
 CHOPPINGS: tuple[Chopping, ...] = ("ON-PWM", "PWM-ON")
 # A step of the current, the window at its end, instants in it at which the console is asked.
 FIRST_S, STEP_S, WINDOW_S, READINGS = 0.05, 0.04, 0.01, 8
+FROZEN_S = 0.003  # before the window
 # The console prints hundredths of a degree, cut off.
 PRINTED_DEG = 0.01
 
@@ -31,10 +32,15 @@ def _events(currents_a: tuple[int, ...]) -> tuple[str, ...]:
     windows = []
     for k, current_a in enumerate(currents_a):
         begin, end = FIRST_S + (k - 1) * STEP_S, FIRST_S + k * STEP_S
-        events.append(f'{{at_s={max(begin, 0.0035):.4f}, command="set current_ma {1000 * current_a}"}}')
-        windows.append(f'{{name="i{current_a}", from_s={end - WINDOW_S:.4f}, to_s={end:.4f}}}')
         events += [
-            f'{{at_s={end - WINDOW_S + (i + 0.5) * WINDOW_S / READINGS:.5f}, command="get freewheel_deg"}}'
+            f'{{at_s={max(begin + 0.0005, 0.0035):.4f}, command="set current_ma {1000 * current_a}"}}',
+            # A reading is of one control tick: without the regulators all commutations are alike.
+            f'{{at_s={end - WINDOW_S - FROZEN_S:.4f}, command="set freeze 1"}}',
+            f'{{at_s={end - 0.0005:.4f}, command="set freeze 0"}}',
+        ]
+        windows.append(f'{{name="i{current_a}", from_s={end - WINDOW_S:.4f}, to_s={end - 0.001:.4f}}}')
+        events += [
+            f'{{at_s={end - WINDOW_S + (i + 0.5) * (WINDOW_S - 0.001) / READINGS:.5f}, command="get freewheel_deg"}}'
             for i in range(READINGS)
         ]
     end_s = FIRST_S + (len(currents_a) - 1) * STEP_S + 0.001
@@ -54,11 +60,12 @@ def decayed_deg(run: Outcome, low: float, high: float) -> float:
     limit_a = FREEWHEEL_LSB * run.scenario.inverter.sensing.current_full_scale_a / 2**11
     records, commutations = run.data.records, run.analysis.commutations
     time = records["t_cycle"]
-    currents = np.abs(np.stack([records[name] for name in ("ia", "ib", "ic")]))
+    currents = np.stack([records[name] for name in ("ia", "ib", "ic")])
     angles = []
     for k in np.flatnonzero((commutations.cycle[:-1] >= low) & (commutations.cycle[1:] < high)):
         a, b = np.searchsorted(time, (commutations.cycle[k], commutations.cycle[k + 1]))
         current = currents[FLOATING_PHASE[commutations.sector[k]], a:b]
+        current = current * np.sign(current[0])
         below = np.flatnonzero(current < limit_a)
         if below.size == 0 or below[0] == 0:
             continue
@@ -134,5 +141,9 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
                 "late_crossings": window["late_crossings"],
                 "trips": len(run.result["trips"]),
             },
-            {"chip_less_plant_deg": (-limit, limit), "circuit_less_plant_deg": (-limit, limit), "trips": (0, 0)},
+            {
+                "chip_less_plant_at_limit_deg": (-limit, limit),
+                "circuit_less_plant_deg": (-limit, limit),
+                "trips": (0, 0),
+            },
         )

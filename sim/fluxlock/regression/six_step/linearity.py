@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from fluxlock.analysis.metrics import GUARD_CYCLES
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
 from fluxlock.analysis.six_step.fourier import space_vector
 from fluxlock.analysis.six_step.linearity import compensated_duty, mean_output, whole_and_rest
+from fluxlock.analysis.six_step.recording import mean_excitation, whole_turns
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -132,3 +134,37 @@ def linearity(runner: Runner) -> Iterator[Row]:
             },
             {"mean_error_percent_vdc": (None, 0.2), "single_sector_error_percent_vdc": (None, 0.2)},
         )
+    for linear in (True,) if runner.quick else (True, False):
+        yield _drive_row(runner, linear)
+
+
+# The regulated drive at 64 000 r/min, N = 25/8; frozen, so that one duty holds for the span that is measured.
+DRIVE_EVENTS = (
+    'event=[{at_s=0.003, speed_rpm=64000}, {at_s=0.004, command="start"}, {at_s=0.080, command="set freeze 1"}, '
+    '{at_s=0.082, command="get duty"}]'
+)
+DRIVE_SPAN_S = (0.083, 0.094)
+
+
+def _drive_row(runner: Runner, linear: bool) -> Row:
+    """The drive's own duty, before the correction, against the mean of its gates."""
+    name = "drive" if linear else "drive-plain"
+    overrides = (DRIVE_EVENTS, "window=[]", "duration_s=0.095", f"drive.linearity={str(linear).lower()}")
+    run = runner.drive("six-step/spectrum.toml", name, *overrides)
+    wanted = float(re.findall(r"^duty ([\d.]+)", run.console(), re.MULTILINE)[0])
+    window = whole_turns(run.data, *DRIVE_SPAN_S)
+    real = mean_excitation(run.data, window)
+    carriers = 20_000 / (6 * window.fundamental_hz(run.data.clock_hz))
+    theory = wanted if linear else float(mean_output(wanted, carriers))
+    return Row(
+        f"six-step/linearity/{name}",
+        {"motor": "Motor-I", "speed_rpm": 64_000, "carrier_hz": 20_000, "linearity": linear, "turns": window.turns},
+        {
+            "carriers_per_sector": carriers,
+            "wanted_mean": wanted,
+            "real_mean": real,
+            "mean_error_percent_vdc": 100 * abs(real - theory),
+            "trips": len(run.result["trips"]),
+        },
+        {"mean_error_percent_vdc": (None, 0.2), "trips": (0, 0)},
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 
@@ -92,3 +93,22 @@ def phase_crossing_errors(run: Outcome, window: str) -> dict[str, Number]:
         errors = crossings.error_deg[FLOATING_PHASE[crossings.sector] == phase]
         values[f"crossing_error_deg.{name}"] = float(errors.mean()) if errors.size else None
     return values
+
+
+def turn_peak_to_peak_a(run: Outcome, window: str) -> float:
+    """Largest less smallest current of a phase in a turn, mean over the turns and phases of a window.
+
+    Over a whole window the extremes are those of one turn: where the ripple's beat with the rotor peaks.
+    """
+    span = next(w for w in run.scenario.window if w.name == window)
+    records = run.data.records
+    time = records["t_cycle"] / run.data.clock_hz
+    inside = records[(time >= span.from_s) & (time < span.to_s)]
+    turn = np.floor(inside["theta_e"] / (2 * math.pi))
+    # The first and the last turn are not whole.
+    starts = np.flatnonzero(np.diff(turn)) + 1
+    spreads = [
+        np.maximum.reduceat(inside[name], starts)[:-1] - np.minimum.reduceat(inside[name], starts)[:-1]
+        for name in ("ia", "ib", "ic")
+    ]
+    return float(np.mean(spreads))

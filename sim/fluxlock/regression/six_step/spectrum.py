@@ -16,6 +16,7 @@ from fluxlock.analysis.six_step.recording import (
     torque_lines,
     whole_turns,
 )
+from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -32,16 +33,21 @@ def sideband_orders(most: float) -> FloatArray:
     return orders
 
 
+def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tuple[float, float]]:
+    """Run at N = 25/8, and its span of held duty (s)."""
+    short = ("duration_s=0.095", "window=[]") if runner.quick else ()
+    run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
+    return run, (0.07, 0.09) if runner.quick else (0.07, 0.18)
+
+
 @case("six-step/spectrum")
 def spectrum(runner: Runner) -> Iterator[Row]:
     """64 000 r/min, N = 25/8: gate lines follow the theory; CSC's sidebands and torque ripple lie far below RSC's."""
     current_a: dict[str, float] = {}
     ripple_nm: dict[str, float] = {}
     for commutation in SPECTRUM_COMMUTATIONS:
-        short = ("duration_s=0.095", "window=[]") if runner.quick else ()
-        run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
-        begin, end = (0.07, 0.09) if runner.quick else (0.07, 0.18)
-        window = whole_turns(run.data, begin, end, SPECTRUM_Q)
+        run, span = spectrum_run(runner, commutation)
+        window = whole_turns(run.data, *span, SPECTRUM_Q)
         orders = sideband_orders(6)
         current_a[commutation] = float(np.max(np.abs(current_lines(run.data, window, orders).amplitude)))
         below = np.arange(1, 6 * SPECTRUM_Q // 6) * 6 / SPECTRUM_Q

@@ -6,8 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fluxlock.analysis.six_step.override import SampleTiming
+from fluxlock.analysis.six_step.patterns import Chopping
+from fluxlock.analysis.six_step.soa import torque_limits
+from fluxlock.analysis.six_step.switched import real_inverter
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.regression.case import Row, case
+from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.runner import Runner
 
 BASE_MNM = 20.0
@@ -32,11 +36,30 @@ def _load_mnm(time_s: float, end_mnm: float, ramp_s: float) -> float:
     return BASE_MNM + (end_mnm - BASE_MNM) * min(1.0, (time_s - RAMP_FROM_S) / ramp_s)
 
 
+def _theory(run: Outcome, pattern: Chopping) -> dict[str, Number]:
+    """Limits of the switched circuit at ideal commutations (`fluxlock soa`), mN*m."""
+    limits = torque_limits(
+        run.scenario.motor,
+        real_inverter(run.scenario.inverter),
+        np.array([60e3]),
+        chopping=pattern,
+        carrier_hz=run.scenario.drive.carrier_hz,
+        timing=SampleTiming(),
+        commutation="CSC",
+        steps=17,
+    )
+    return {
+        "circuit_seen_mnm": float(1000 * limits.visible_nm[0]),
+        "circuit_computed_back_mnm": float(1000 * limits.recovered_nm[0]),
+    }
+
+
 @case("six-step/torque-limit")
 def torque_limit(runner: Runner) -> Iterator[Row]:
     """60 000 r/min, 40 kHz, CSC: crossings computed back raise the torque limit of ON-PWM by at least 40 %."""
-    limit_mnm: dict[tuple[str, bool], float | None] = {}
-    for pattern in ("ON-PWM",) if runner.quick else ("ON-PWM", "PWM-ON"):
+    limit_mnm: dict[tuple[Chopping, bool], float | None] = {}
+    patterns: tuple[Chopping, ...] = ("ON-PWM",) if runner.quick else ("ON-PWM", "PWM-ON")
+    for pattern in patterns:
         for back in (False, True):
             end_mnm, ramp_s = 120.0, 0.1 if runner.quick else 0.5
             run = runner.drive(
@@ -50,7 +73,8 @@ def torque_limit(runner: Runner) -> Iterator[Row]:
             )
             lost_s = lost_at_s(run)
             limit_mnm[pattern, back] = None if lost_s is None else _load_mnm(lost_s, end_mnm, ramp_s)
-    for pattern in dict.fromkeys(pattern for pattern, _ in limit_mnm):
+    for pattern in patterns:
+        theory = {} if runner.quick else _theory(run, pattern)
         seen, computed = limit_mnm[pattern, False], limit_mnm[pattern, True]
         yield Row(
             f"six-step/torque-limit/{pattern}",
@@ -66,6 +90,7 @@ def torque_limit(runner: Runner) -> Iterator[Row]:
             {
                 "seen_mnm": seen,
                 "computed_back_mnm": computed,
+                **theory,
                 "ratio": None if seen is None or computed is None else computed / seen,
             },
             {"ratio": (1.4, None)} if pattern == "ON-PWM" else {"ratio": (1.0, None)},

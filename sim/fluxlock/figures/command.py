@@ -1,0 +1,133 @@
+"""`fluxlock figures`: choose, draw side by side, write PNG and `figures.json`."""
+
+from __future__ import annotations
+
+import json
+import traceback
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from fluxlock.analysis.result import git_revision
+from fluxlock.analysis.six_step.output import prepare_folder
+from fluxlock.config import ConfigError, Problem
+from fluxlock.config.errors import did_you_mean
+from fluxlock.figures.figure import FAMILIES, FIGURES, FigureEntry
+from fluxlock.figures.panels import save_small
+from fluxlock.regression.runner import RunFailed, Runner, side_by_side
+
+SCHEMA_VERSION = 1
+DOCUMENT = "figures.json"
+COMMAND = "figures"
+
+
+def of_family(family: str) -> list[FigureEntry]:
+    """All figures of a family in the order of the thesis."""
+    import fluxlock.figures.sets  # noqa: F401  (registers the figures, also in a worker process)
+
+    if family not in FAMILIES:
+        known = f"{family!r} is no family{did_you_mean(family, FAMILIES)}; families: {', '.join(FAMILIES)}"
+        raise ConfigError([Problem(COMMAND, "", known)])
+    return sorted((f for f in FIGURES.values() if f.family == family), key=lambda f: f.order)
+
+
+def select(family: str, wanted: Sequence[str]) -> list[FigureEntry]:
+    """Figures by number, or all of a chapter by its number; all without one."""
+    found = of_family(family)
+    unknown = [w for w in wanted if not any(_matches(f, w) for f in found)]
+    if unknown:
+        known = ", ".join(f.number for f in found)
+        text = f"no such figure of {family}; a chapter or one of: {known}"
+        raise ConfigError([Problem(COMMAND, w, text) for w in unknown])
+    return [f for f in found if not wanted or any(_matches(f, w) for w in wanted)]
+
+
+def _matches(entry: FigureEntry, wanted: str) -> bool:
+    return entry.number == wanted or entry.number.startswith(f"{wanted}.")
+
+
+def list_figures(family: str, wanted: Sequence[str]) -> None:
+    """Print numbers and titles."""
+    for entry in select(family, wanted):
+        print(f"{entry.number}: {entry.title}")
+
+
+def draw(family: str, out: Path, number: str, quick: bool, seed: int) -> dict[str, Any]:
+    """Draw one figure, write its PNG, and return its part of the document; a failure is a text in it."""
+    (entry,) = (f for f in of_family(family) if f.number == number)
+    image = f"{entry.stem}.png"
+    failure = {"figure": number, "title": entry.title, "condition": "", "image": "", "table": []}
+    try:
+        drawing = entry.body(Runner(f"figures/{family}/{number}", quick, seed, plots=False))
+    except RunFailed as error:
+        return {**failure, "failure": str(error)}
+    except Exception:
+        return {**failure, "failure": traceback.format_exc()}
+    save_small(drawing.page, out / image)
+    return entry.as_json(drawing, image)
+
+
+def draw_all(
+    entries: Sequence[FigureEntry], family: str, out: Path, quick: bool, seed: int, jobs: int
+) -> dict[str, dict[str, Any]]:
+    """Draw figures in `jobs` processes with a progress bar; results by number."""
+    found: dict[str, dict[str, Any]] = {}
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(COMMAND, total=len(entries))
+
+        def done(number: str, part: dict[str, Any]) -> None:
+            found[number] = part
+            progress.update(task, advance=1, description=f"drawn {number}")
+
+        side_by_side(partial(draw, family, out), [f.number for f in entries], quick, seed, jobs, done)
+    return found
+
+
+def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed: int, jobs: int) -> bool:
+    """Draw, print a table, write the document; False if a figure failed. Figures drawn before stay in the document."""
+    entries = select(family, wanted)
+    folder = out / family
+    prepare_folder(folder)
+    found = draw_all(entries, family, folder, quick, seed, jobs)
+    console = Console()
+    table = Table(title=f"figures {family}" + (", quick" if quick else ""), title_justify="left")
+    for header in ("figure", "quantity", "thesis", "here"):
+        table.add_column(header)
+    for entry in entries:
+        part = found[entry.number]
+        for k, line in enumerate(part["table"]):
+            table.add_row(entry.number if k == 0 else "", line["quantity"], line["printed"], line["here"])
+        if part["failure"]:
+            table.add_row(entry.number, f"[bold red]{part['failure'].strip().splitlines()[-1]}[/]", "", "")
+    console.print(table)
+    document = _document(family, found, folder / DOCUMENT, quick, seed)
+    (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    console.print(f"written: {folder}/{DOCUMENT} and PNG", highlight=False, soft_wrap=True)
+    failed = [number for number, part in found.items() if part["failure"]]
+    for number in failed:
+        console.print(f"failed: {number}: {found[number]['failure'].strip()}", highlight=False, soft_wrap=True)
+    return not failed
+
+
+def _document(family: str, found: dict[str, dict[str, Any]], path: Path, quick: bool, seed: int) -> dict[str, Any]:
+    """The document with what stands in the file already and was not drawn anew (same length of run)."""
+    kept: dict[str, dict[str, Any]] = {}
+    if path.exists():
+        before = json.loads(path.read_text(encoding="utf-8"))
+        if before.get("schema") == SCHEMA_VERSION and before.get("quick") == quick:
+            kept = {part["figure"]: part for part in before["figures"]}
+    kept.update(found)
+    return {
+        "schema": SCHEMA_VERSION,
+        "family": family,
+        "quick": quick,
+        "seed": seed,
+        "git_revision": git_revision(),
+        "figures": [kept[f.number] for f in of_family(family) if f.number in kept],
+    }

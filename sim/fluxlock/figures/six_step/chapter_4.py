@@ -1,0 +1,550 @@
+"""Chapter 4: freewheeling, chopping patterns, safe operating area."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fluxlock.analysis.angles import FLOATING_PHASE
+from fluxlock.analysis.plots import PHASE_COLOURS
+from fluxlock.analysis.rundata import FloatArray
+from fluxlock.analysis.six_step.freewheel import Decay, freewheel_angle_deg, worst_over_carrier
+from fluxlock.analysis.six_step.machine import Machine
+from fluxlock.analysis.six_step.output import number
+from fluxlock.analysis.six_step.patterns import Chopping, freewheel_mode
+from fluxlock.analysis.six_step.plots import CHOPPING_COLOURS, finish
+from fluxlock.analysis.six_step.switched import ideal_inverter, worst_commutation_deg
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.figures import panels
+from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, drive, motor_1, schedule, whole
+from fluxlock.regression.runner import Runner
+
+SUPPLY_V, CARRIER_HZ = 25.0, 40e3
+SPEEDS_RPM = np.linspace(10e3, 120e3, 111)
+MODES: tuple[Decay, ...] = ("mode 1", "mode 2")
+MODE_COLOURS = {"mode 1": PHASE_COLOURS[0], "mode 2": PHASE_COLOURS[1]}
+PATTERNS: tuple[Chopping, ...] = ("H_PWM-L_ON", "H_ON-L_PWM", "PWM-ON", "ON-PWM")
+SCENARIO = "six-step/figures/patterns.toml"
+STATED = "R = 20 mΩ, L = 20 µH, ψ = 1 mWb, 30 A, 25 V, D = 1"
+CHAPTER_4_L_H = 20e-6
+DUTIES = (0.4, 0.6, 0.8, 1.0)
+
+
+def duty_at(machine: Machine, speed_rpm: FloatArray, current_a: FloatArray | float) -> FloatArray:
+    """Duty of the periodic state; NaN where the supply does not suffice."""
+    duty = machine.steady_duty(SUPPLY_V, machine.omega_e(speed_rpm), current_a)
+    return np.where(duty <= 1.0, duty, np.nan)
+
+
+def carrier_range_deg(
+    machine: Machine, speed_rpm: FloatArray, current_a: FloatArray | float, mode: Decay
+) -> tuple[FloatArray, FloatArray]:
+    """Least and largest freewheel angle over the carrier's phase; NaN beyond the supply."""
+    duty = duty_at(machine, speed_rpm, current_a)
+    n = machine.carriers_per_sector(speed_rpm, CARRIER_HZ)
+    least, most = worst_over_carrier(
+        machine, SUPPLY_V, machine.omega_e(speed_rpm), current_a, mode, duty=np.nan_to_num(duty, nan=1.0), n=n
+    )
+    return np.where(np.isnan(duty), np.nan, least), np.where(np.isnan(duty), np.nan, most)
+
+
+def microseconds(angle_deg: FloatArray, speed_rpm: FloatArray, machine: Machine) -> FloatArray:
+    """Duration of an angle."""
+    return np.asarray(np.radians(angle_deg) / machine.omega_e(speed_rpm) * 1e6)
+
+
+@figure(FAMILY, "4.9")
+def durations(runner: Runner) -> Drawing:
+    """Freewheel duration and angle of both modes over speed and current."""
+    machine = Machine.from_motor(motor_1())
+    speeds = SPEEDS_RPM[::10] if runner.quick else SPEEDS_RPM
+    drawn, grid = panels.page("4.9: freewheeling, Motor-I, 25 V, 40 kHz; bands: phase of the carrier", 1, 2, (11, 4.8))
+    largest: dict[tuple[str, float], FloatArray] = {}
+    least_us: dict[tuple[str, float], FloatArray] = {}
+    for mode in MODES:
+        for current_a, alpha in ((10.0, 0.85), (20.0, 0.55), (30.0, 0.3)):
+            least, most = carrier_range_deg(machine, speeds, current_a, mode)
+            largest[mode, current_a] = most
+            least_us[mode, current_a] = microseconds(most, speeds, machine)
+            label = f"{mode}, {current_a:g} A"
+            colour, x = MODE_COLOURS[mode], speeds / 1e3
+            bands = ((microseconds(least, speeds, machine), least_us[mode, current_a]), (least, most))
+            for axes, (low, high) in zip(grid[0], bands, strict=True):
+                axes.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0.5, label=label)
+    # The switched circuit, without the model's neglect of the incoming phase.
+    points = np.array([40e3]) if runner.quick else np.array([20e3, 40e3, 60e3, 80e3])
+    model_gap: dict[str, float] = {}
+    for mode, chopping in (("mode 1", "ON-PWM"), ("mode 2", "PWM-ON")):
+        gaps = []
+        for speed in points:
+            duty = float(duty_at(machine, np.array([speed]), 20.0)[0])
+            circuit = worst_commutation_deg(
+                motor_1(),
+                ideal_inverter(SUPPLY_V),
+                float(speed),
+                20.0,
+                duty=duty,
+                carrier_hz=CARRIER_HZ,
+                chopping="ON-PWM" if chopping == "ON-PWM" else "PWM-ON",
+                phases=4 if runner.quick else 16,
+            )
+            grid[0][1].plot(speed / 1e3, circuit, "o", color=MODE_COLOURS[mode], markeredgecolor="black", markersize=5)
+            gaps.append(float(np.interp(speed, speeds, largest[mode, 20.0])) - circuit)
+        model_gap[mode] = max(gaps, key=abs)
+    grid[0][1].plot([], [], "o", color="white", markeredgecolor="black", label="switched circuit, 20 A")
+    finish(grid[0][0], "speed / (1000 r/min)", "duration / µs")
+    grid[0][0].set_ylim(0, 160)
+    grid[0][1].set_ylim(0, 60)
+    finish(grid[0][1], "speed / (1000 r/min)", "freewheel angle / deg el.")
+    grid[0][1].axhline(30.0, color="red", linewidth=0.8)
+    panels.legend(grid[0][1], 2, "upper left")
+    always = all(
+        bool(np.all((largest["mode 1", i] <= largest["mode 2", i] + 1e-9)[~np.isnan(largest["mode 1", i])]))
+        for i in (10.0, 20.0, 30.0)
+    )
+    one, two = least_us["mode 1", 20.0], least_us["mode 2", 20.0]
+    end = np.flatnonzero(~np.isnan(one))[-1]
+    return Drawing(
+        "Model of section 4.3 at the duty of the periodic state, to where the supply ends; points: switched circuit, "
+        "worst carrier phase, ideal switches.",
+        drawn,
+        (
+            Entry("mode 1 shorter than mode 2 everywhere", "yes", "yes" if always else "no"),
+            Entry(
+                "20 A: longest duration of mode 1, 20 000 r/min → end of the supply (µs)",
+                "nearly constant",
+                f"{np.interp(20e3, speeds, one):.1f} → {one[end]:.1f}",
+                "The EMF helps less as it is passed through a larger angle: it turns against the decay",
+            ),
+            Entry(
+                "20 A: longest duration of mode 2 (µs)",
+                "falls with the speed, in steps of a carrier",
+                f"{np.interp(20e3, speeds, two):.1f} → {two[end]:.1f}",
+                "The off time, in which only the EMF acts, shrinks with the duty",
+            ),
+            Entry(
+                "angles of both modes at duty 1",
+                "equal",
+                f"{largest['mode 1', 20.0][end]:.2f}, {largest['mode 2', 20.0][end]:.2f} at {speeds[end]:.0f} r/min",
+            ),
+            Entry(
+                "model less switched circuit at 20 A (deg)",
+                "-",
+                f"mode 1 {model_gap['mode 1']:+.2f}, mode 2 {model_gap['mode 2']:+.2f}",
+                "Mode 2: the current of the incoming phase can end in the off time, then the decay is faster",
+            ),
+        ),
+    )
+
+
+@figure(FAMILY, "4.10")
+def contours(runner: Runner) -> Drawing:
+    """Freewheel angle of both modes over current and speed."""
+    machine = Machine.from_motor(motor_1())
+    speeds = np.linspace(10e3, 120e3, 23 if runner.quick else 111)
+    amperes = np.linspace(1.0, 40.0, 20 if runner.quick else 79)
+    drawn, grid = panels.page(
+        "4.10: largest freewheel angle over the carrier's phase, Motor-I, 25 V, 40 kHz", 1, 2, (11, 4.8)
+    )
+    rows, area = [], {}
+    for axes, mode in zip(grid[0], MODES, strict=True):
+        _, most = carrier_range_deg(machine, speeds[None, :], amperes[:, None], mode)
+        filled = axes.contourf(speeds / 1e3, amperes, np.clip(most, 0, 60), levels=np.arange(0, 61, 5), cmap="viridis")
+        lines = axes.contour(speeds / 1e3, amperes, np.clip(most, 0, 60), levels=[25, 30], colors="white")
+        axes.clabel(lines, fmt="%g°", fontsize=panels.SMALL)
+        finish(axes, "speed / (1000 r/min)", "current at the commutation / A")
+        panels.title(axes, mode)
+        limits = {}
+        for at in (40e3, 60e3, 80e3):
+            column = most[:, np.argmin(np.abs(speeds - at))]
+            within = np.flatnonzero(column <= 30.0)
+            limits[at] = float(amperes[within[-1]]) if within.size else 0.0
+        area[mode] = float(np.sum(most <= 30.0) / np.sum(~np.isnan(most)))
+        rows.append(
+            Entry(
+                f"{mode}: largest current with 30° at 40 / 60 / 80 000 r/min (A)",
+                "contours, no numbers legible",
+                " / ".join(f"{value:.1f}" for value in limits.values()),
+                "Where the supply ends first, its limit",
+            )
+        )
+    drawn.colorbar(filled, ax=grid[0], label="deg el.")
+    rows.append(
+        Entry(
+            "share of the reachable plane within 30°, mode 1, mode 2",
+            "mode 1 broader",
+            f"{area['mode 1']:.2f}, {area['mode 2']:.2f}",
+        )
+    )
+    return Drawing(
+        "Model of section 4.3 at the duty of the periodic state; blank: beyond the supply.", drawn, tuple(rows)
+    )
+
+
+def _influence(
+    number: str, name: str, cases: Mapping[str, tuple[Machine, float, float, Decay]], quick: bool
+) -> tuple[Figure, dict[str, FloatArray], FloatArray]:
+    """Durations and angles over the speed for machines, supplies, duties at 30 A."""
+    speeds = SPEEDS_RPM[::10] if quick else SPEEDS_RPM
+    drawn, grid = panels.page(f"{number}: freewheeling for various {name}, 30 A", 1, 2, (11, 4.4))
+    angles = {}
+    for k, (label, (machine, supply_v, duty, decay)) in enumerate(cases.items()):
+        omega = machine.omega_e(speeds)
+        if duty >= 1.0:
+            most = freewheel_angle_deg(machine, supply_v, omega, 30.0, "bound")
+        else:
+            n = machine.carriers_per_sector(speeds, CARRIER_HZ)
+            _, most = worst_over_carrier(machine, supply_v, omega, 30.0, decay, duty=duty, n=n)
+        angles[label] = most
+        style = "--" if decay == "mode 2" else "-"
+        grid[0][0].plot(speeds / 1e3, microseconds(most, speeds, machine), style, color=f"C{k % 10}", label=label)
+        grid[0][1].plot(speeds / 1e3, most, style, color=f"C{k % 10}", label=label)
+    finish(grid[0][0], "speed / (1000 r/min)", "duration / µs")
+    finish(grid[0][1], "speed / (1000 r/min)", "freewheel angle / deg el.")
+    grid[0][0].set_ylim(bottom=0)
+    grid[0][1].set_ylim(0, 90)
+    panels.legend(grid[0][1], 2, "upper left")
+    return drawn, angles, speeds
+
+
+def _at_60(angles: Mapping[str, FloatArray], speeds: FloatArray) -> str:
+    return ", ".join(f"{label}: {np.interp(60e3, speeds, values):.1f}" for label, values in angles.items())
+
+
+def _change(angles: Mapping[str, FloatArray], speeds: FloatArray) -> str:
+    """First to last case at 60 000 r/min."""
+    values = [float(np.interp(60e3, speeds, curve)) for curve in angles.values()]
+    return f"{values[0]:.1f} → {values[-1]:.1f}"
+
+
+def _stated_machine() -> Machine:
+    return replace(Machine.from_motor(motor_1()), l_h=CHAPTER_4_L_H)
+
+
+@figure(FAMILY, "4.14")
+def resistances(runner: Runner) -> Drawing:
+    """Freewheeling for various resistances."""
+    cases = {f"{r} mΩ": (replace(_stated_machine(), r_ohm=r * 1e-3), SUPPLY_V, 1.0, MODES[0]) for r in (10, 20, 30, 40)}
+    drawn, angles, speeds = _influence("4.14", "resistances", cases, runner.quick)
+    return Drawing(
+        f"(4.24), {STATED}.",
+        drawn,
+        (
+            Entry("angle at 60 000 r/min (deg)", "curves, no numbers", _at_60(angles, speeds)),
+            Entry(
+                "10 → 40 mΩ at 60 000 r/min (deg)",
+                "very small influence",
+                _change(angles, speeds),
+                "L/R is far longer than the freewheeling",
+            ),
+        ),
+    )
+
+
+@figure(FAMILY, "4.15")
+def inductances(runner: Runner) -> Drawing:
+    """Freewheeling for various inductances."""
+    cases = {
+        f"{henry} µH": (replace(_stated_machine(), l_h=henry * 1e-6), SUPPLY_V, 1.0, MODES[0])
+        for henry in (10, 20, 30, 40)
+    }
+    drawn, angles, speeds = _influence("4.15", "inductances", cases, runner.quick)
+    return Drawing(
+        f"(4.24), {STATED}.",
+        drawn,
+        (
+            Entry("angle at 60 000 r/min (deg)", "curves, no numbers", _at_60(angles, speeds)),
+            Entry("10 → 40 µH at 60 000 r/min (deg)", "large influence, rising", _change(angles, speeds)),
+        ),
+    )
+
+
+@figure(FAMILY, "4.16")
+def supplies(runner: Runner) -> Drawing:
+    """Freewheeling for various DC-link voltages."""
+    cases = {f"{volt} V": (_stated_machine(), float(volt), 1.0, MODES[0]) for volt in (15, 20, 25, 30)}
+    drawn, angles, speeds = _influence("4.16", "DC-link voltages", cases, runner.quick)
+    return Drawing(
+        f"(4.24), {STATED} but the voltage.",
+        drawn,
+        (
+            Entry("angle at 60 000 r/min (deg)", "curves, no numbers", _at_60(angles, speeds)),
+            Entry("15 → 30 V at 60 000 r/min (deg)", "falls", _change(angles, speeds)),
+        ),
+    )
+
+
+@figure(FAMILY, "4.17")
+def duties(runner: Runner) -> Drawing:
+    """Freewheeling for various duties, both modes."""
+    cases = {
+        f"{mode}, {duty:g}": (_stated_machine(), SUPPLY_V, duty, mode)
+        for mode in MODES
+        for duty in (0.4, 0.6, 0.8, 1.0)
+    }
+    drawn, angles, speeds = _influence("4.17", "duties", cases, runner.quick)
+    ones = [float(np.interp(60e3, speeds, angles[f"mode 1, {d:g}"])) for d in DUTIES]
+    twos = [float(np.interp(60e3, speeds, angles[f"mode 2, {d:g}"])) for d in DUTIES]
+    return Drawing(
+        f"Model of section 4.3 at the worst carrier phase, {STATED} but the duty; solid mode 1, dashed mode 2.",
+        drawn,
+        (
+            Entry(
+                "mode 1 at 60 000 r/min, duty 0.4 / 0.6 / 0.8 / 1 (deg)",
+                "rises with the duty",
+                " / ".join(number(value) for value in ones),
+            ),
+            Entry(
+                "mode 2 (deg)",
+                "falls with the duty",
+                " / ".join(number(value, 1, "above 90") for value in twos),
+                "A commutation at the start of an off time is the worst; with the printed curves the phase is not "
+                "stated",
+            ),
+            Entry("both at duty 1", "equal", f"{ones[-1]:.2f}, {twos[-1]:.2f}"),
+        ),
+    )
+
+
+def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[Chopping, tuple[float, float]]]:
+    """One run at 60 000 r/min through all four patterns; spans in which each has settled."""
+    each_s = 0.02 if runner.quick else 0.04
+    starts = {pattern: SETTLED_S + k * each_s for k, pattern in enumerate(PATTERNS)}
+    end_s = SETTLED_S + len(PATTERNS) * each_s
+    run = drive(
+        runner,
+        SCENARIO,
+        name,
+        schedule(60_000, *((at_s, "command", f"set pattern {pattern}") for pattern, at_s in starts.items())),
+        f"load.fan_torque_nm={load_nm:g}",
+        f"duration_s={end_s + 0.001:g}",
+    )
+    return whole(run), {pattern: (at_s + each_s / 2, at_s + each_s) for pattern, at_s in starts.items()}
+
+
+def freewheeling(run: Outcome, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Per commutation of a span: cycle, sector entered, freewheel angle (deg), outgoing current (A)."""
+    low, high = from_s * run.data.clock_hz, to_s * run.data.clock_hz
+    series = run.analysis.commutations
+    inside = np.flatnonzero((series.cycle[:-1] >= low) & (series.cycle[1:] < high))
+    angle = run.analysis.freewheel_deg(low, high)
+    records = run.data.records
+    current = np.stack([np.interp(series.cycle[inside], records["t_cycle"], records[name]) for name in panels.PHASES])
+    sector = series.sector[inside]
+    outgoing = np.abs(current[FLOATING_PHASE[sector], np.arange(inside.size)])
+    return series.cycle[inside], sector.astype(np.float64), angle, outgoing
+
+
+def _mode_angles(run: Outcome, pattern: Chopping, span: tuple[float, float]) -> dict[int, FloatArray]:
+    """Freewheel angles by mode."""
+    _, sector, angle, _ = freewheeling(run, *span)
+    mode = freewheel_mode(pattern, sector.astype(np.int64))
+    return {m: angle[mode == m] for m in (1, 2) if (mode == m).any()}
+
+
+@figure(FAMILY, "4.8")
+def pattern_currents(runner: Runner) -> Drawing:
+    """Phase currents of the four chopping patterns at 60 000 r/min, about 20 A."""
+    run, spans = _patterns(runner, "patterns-20a", 0.030)
+    drawn, grid = panels.page("4.8: 60 000 r/min, about 20 A at the commutation", 2, 4, (12.0, 5.4))
+    rows = []
+    for column, pattern in enumerate(PATTERNS):
+        end_s = spans[pattern][1]
+        panels.currents(grid[0][column], run.data, end_s - 0.003, end_s)
+        panels.title(grid[0][column], pattern)
+        panels.currents(grid[1][column], run.data, end_s - 0.0006, end_s)
+        panels.mark_commutations(grid[1][column], run.analysis, end_s - 0.0006, end_s)
+        amperes = freewheeling(run, *spans[pattern])[3]
+        found = _mode_angles(run, pattern, spans[pattern])
+        rows.append(
+            Entry(
+                f"{pattern}: freewheel angle by mode (deg), current at the commutation (A)",
+                {
+                    "PWM-ON": "mode 2 almost 30",
+                    "ON-PWM": "mode 1 much smaller",
+                }.get(pattern, "one diode mode 1, the other mode 2 almost 30"),
+                "; ".join(f"mode {m} {panels.span_text(values)}" for m, values in found.items())
+                + f"; {amperes.mean():.1f} A",
+                "Mode 2 depends on the carrier's phase at the commutation; CSC always begins with a pulse, the "
+                "thesis's carrier runs on"
+                if pattern == "PWM-ON"
+                else "",
+            )
+        )
+    for axes in grid[0] + grid[1]:
+        axes.set_ylim(-45, 45)
+    return Drawing(
+        "Motor-I, 25 V, 40 kHz, CSC, fan 30 mN·m at 60 000 r/min, crossings computed back. One run; the pattern is "
+        "changed at the console. The thesis simulates, here the chip drives. Lower row: one turn enlarged.",
+        drawn,
+        tuple(rows),
+    )
+
+
+@figure(FAMILY, "4.11")
+def torques(runner: Runner) -> Drawing:
+    """Torque of the four chopping patterns at 60 000 r/min, 20 mN·m."""
+    run, spans = _patterns(runner, "patterns-14a", 0.020)
+    drawn, grid = panels.page("4.11: torque at 60 000 r/min, load 20 mN·m", 2, 2, (10.0, 5.4))
+    rows, ripples = [], {}
+    for axes, pattern in zip(grid[0] + grid[1], PATTERNS, strict=True):
+        from_s, to_s = spans[pattern]
+        records = panels.records_between(run.data, to_s - 0.002, to_s)
+        axes.plot(
+            panels.ms(records["t_cycle"], run.data, to_s - 0.002),
+            records["torque_nm"] * 1e3,
+            color="black",
+            linewidth=0.7,
+        )
+        axes.set_ylim(0, 40)
+        finish(axes, "time / ms", "torque / (mN m)")
+        panels.title(axes, pattern)
+        torque = run.analysis.window(from_s, to_s)["torque_nm"]
+        ripples[pattern] = torque["ripple_pp"] * 1e3
+        rows.append(
+            Entry(
+                f"{pattern}: mean, ripple peak to peak (mN·m)",
+                "drawn; smallest" if pattern == "PWM-ON" else "drawn",
+                f"{torque['mean'] * 1e3:.2f}, {ripples[pattern]:.2f}",
+            )
+        )
+    least = min(ripples, key=lambda p: ripples[p])
+    rows.append(
+        Entry(
+            "pattern with the least ripple",
+            "PWM-ON",
+            least,
+            "In mode 2 the outgoing current falls more slowly and fills the notch of the commutation",
+        )
+    )
+    return Drawing("Motor-I, 25 V, 40 kHz, CSC, fan 20 mN·m at 60 000 r/min. The chip drives.", drawn, tuple(rows))
+
+
+@figure(FAMILY, "4.12")
+def pattern_voltages(runner: Runner) -> Drawing:
+    """Terminal voltage of the four chopping patterns at 60 000 r/min, about 14 A."""
+    run, spans = _patterns(runner, "patterns-14a", 0.020)
+    drawn, grid = panels.page("4.12: 60 000 r/min, fan 20 mN·m: terminal voltage and current of A", 2, 4, (12.0, 5.4))
+    rows = []
+    for column, pattern in enumerate(PATTERNS):
+        from_s, to_s = spans[pattern]
+        begin_s = to_s - 0.0012
+        records = panels.records_between(run.data, begin_s, to_s)
+        time = panels.ms(records["t_cycle"], run.data, begin_s)
+        grid[0][column].plot(time, records["va"], color=PHASE_COLOURS[0], linewidth=0.6)
+        crossings = run.analysis.crossings.between(begin_s * run.data.clock_hz, to_s * run.data.clock_hz)
+        own = FLOATING_PHASE[crossings.sector] == 0
+        at = panels.ms(crossings.cycle[own], run.data, begin_s)
+        grid[0][column].plot(at, np.full(at.size, SUPPLY_V / 2), "o", color="black", markersize=4)
+        panels.title(grid[0][column], pattern)
+        finish(grid[0][column], "time / ms", "v_A / V")
+        panels.currents(grid[1][column], run.data, begin_s, to_s, ("ia",))
+        grid[1][column].set_ylim(-30, 30)
+        found = _mode_angles(run, pattern, (from_s, to_s))
+        amperes = freewheeling(run, from_s, to_s)[3]
+        text = "; ".join(
+            f"mode {m}: {panels.span_text(values / 0.36, 0)} µs ({panels.span_text(values)}°)"
+            for m, values in found.items()
+        )
+        rows.append(
+            Entry(
+                f"{pattern}: freewheeling; current at the commutation",
+                {"ON-PWM": "mode 1 < 25 µs (9°); 14 A", "PWM-ON": "mode 2 > 50 µs (about 20°); 14 A"}.get(
+                    pattern, "mode 1 < 25 µs, mode 2 > 50 µs; 14 A"
+                ),
+                f"{text}; {amperes.mean():.1f} A",
+                "Diode and switch drops shorten mode 2; CSC starts each sector with a pulse, so that mode 2 does not "
+                "begin in an off time"
+                if pattern == "PWM-ON"
+                else "",
+            )
+        )
+    return Drawing(
+        "Motor-I, 25 V, 40 kHz, CSC, fan 20 mN·m at 60 000 r/min; dots: crossings that the chip reports. One run; the "
+        "pattern is changed at the console.",
+        drawn,
+        tuple(rows),
+    )
+
+
+@figure(FAMILY, "4.13")
+def load_line(runner: Runner) -> Drawing:
+    """Freewheel angles along the fan's load from 30 000 to 90 000 r/min."""
+    top_rpm, slope = (45_000, 150_000) if runner.quick else (90_000, 75_000)
+    start_s = 0.06
+    end_s = start_s + (top_rpm - 30_000) / slope + 0.03
+    machine = Machine.from_motor(motor_1())
+    drawn, ((axes,),) = panels.page("4.13: freewheel angle along the fan's load, chip", 1, 1, (9.0, 5.2))
+    reached, rows = {}, []
+    right = axes.twinx()
+    bins = np.arange(30_000, 90_001, 2_500)
+    for chopping in ("ON-PWM", "PWM-ON"):
+        run = drive(
+            runner,
+            SCENARIO,
+            f"ramp-{chopping}",
+            "initial.speed_rpm=30000",
+            schedule(30_000, (start_s, "speed_rpm", top_rpm)),
+            "drive.zcd.compute_back=false",
+            f"drive.pattern={chopping}",
+            "drive.commutation=NSC",
+            f"drive.accel_rpm_per_s={slope}",
+            "record.period_s=4e-6",
+            f"duration_s={end_s:g}",
+        )
+        trips = run.result["trips"]
+        last_s = trips[0]["time_s"] if trips else end_s
+        cycle, _, angle, current = freewheeling(run, start_s - 0.01, last_s)
+        rpm = run.analysis.track.omega_rad_s(cycle) * 30 / np.pi
+        reached[chopping] = float(rpm.max())
+        colour = CHOPPING_COLOURS["ON-PWM" if chopping == "ON-PWM" else "PWM-ON"]
+        axes.plot(rpm / 1e3, angle, ".", color=colour, markersize=2, label=f"{chopping}, every commutation")
+        if chopping == "ON-PWM":
+            vdc = np.interp(cycle, run.data.records["t_cycle"], run.data.records["vdc"])
+            bound = freewheel_angle_deg(machine, float(vdc.mean()), machine.omega_e(rpm), current)
+            axes.plot(rpm / 1e3, bound, ".", color="black", markersize=1, label="upper bound (4.24) at its current")
+            above = float(np.mean(angle > bound + 0.05))
+            right.plot(rpm / 1e3, current, ".", color="#bbbbbb", markersize=1)
+            mean_a = [float(current[np.abs(rpm - b) < 1250].mean()) for b in bins if (np.abs(rpm - b) < 1250).any()]
+        at = 60_000 if not runner.quick else 40_000
+        near = angle[np.abs(rpm - at) < 1_500]
+        rows.append(
+            Entry(
+                f"{chopping}: angle near {at} r/min; highest speed (deg, r/min)",
+                "reaches 90 000 r/min" if chopping == "ON-PWM" else "fails at 72 000 r/min, where 30° is reached",
+                f"{panels.span_text(near)}; {reached[chopping]:.0f}, {panels.trip_text(run)}",
+                "The ramp's torque comes on top of the fan's; fan torque and inductance of the motor are known "
+                "at one point only",
+            )
+        )
+    finish(axes, "speed / (1000 r/min)", "freewheel angle / deg el.")
+    right.set_ylabel("current at the commutation (ON-PWM, grey) / A")
+    axes.axhline(30.0, color="red", linewidth=0.8)
+    axes.set_ylim(0, 62)
+    right.set_ylim(0, 62)
+    axes.legend(loc="upper left", fontsize=panels.SMALL, markerscale=5)
+    rows.append(
+        Entry(
+            "ON-PWM: share of commutations above the bound",
+            "none",
+            f"{100 * above:.1f} %",
+            "The bound holds for commutations that are on time; diode drops make the true angle smaller",
+        )
+    )
+    rows.append(
+        Entry(
+            "current at the commutation over the range (A)",
+            "grey curve, about 14 at 60 000 r/min",
+            f"{mean_a[0]:.1f} … {mean_a[-1]:.1f}",
+        )
+    )
+    return Drawing(
+        f"Motor-I, 25 V, 40 kHz, NSC (as the thesis's, the carrier runs on), seen crossings only, fan 20 mN·m at "
+        f"60 000 r/min, slope {slope} r/min/s.",
+        drawn,
+        tuple(rows),
+    )

@@ -1,0 +1,55 @@
+"""From the checked files to the records of plant and firmware."""
+
+from __future__ import annotations
+
+import pytest
+
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.cosim.convert import drive_spec, motor_spec, plant_params
+from fluxlock.cosim.run import parameter_block
+from fluxlock.paths import ROOT
+
+DEMO = ROOT / "scenarios" / "demo.toml"
+
+
+def test_wrong_motor_values_reach_the_firmware_only() -> None:
+    """The factors of drive.motor_error scale what the parameter block is made from; the plant stays.
+
+    Verifies: FRONT-30
+    """
+    right = load_scenario(DEMO)
+    factors = {"resistance": 1.2, "inductance": 0.8, "flux": 1.1}
+    wrong = load_scenario(DEMO, [f"drive.motor_error.{name}={factor}" for name, factor in factors.items()])
+    before, after = motor_spec(right), motor_spec(wrong)
+    assert after.resistance_ohm == pytest.approx(1.2 * before.resistance_ohm)
+    assert after.inductance_h == pytest.approx(0.8 * before.inductance_h)
+    assert after.psi_vs == pytest.approx(1.1 * before.psi_vs)
+    assert plant_params(wrong, 1, ()) == plant_params(right, 1, ())
+    blocks = [parameter_block(s).values for s in (right, wrong)]
+    assert {name for name in blocks[0] if blocks[0][name] != blocks[1][name]} >= {"emf", "zcd_peak", "resistance_high"}
+
+
+def test_sampling_once_a_carrier() -> None:
+    """Continuous sampling is the default; once a carrier falls into the shortest pulse, settled.
+
+    Verifies: FW-35
+    """
+    assert drive_spec(load_scenario(DEMO)).zcd_sampling == "continuous"
+    values = parameter_block(load_scenario(DEMO, ["drive.zcd.sampling=carrier"])).values
+    assert values["sample_mode"] == 3 and parameter_block(load_scenario(DEMO)).values["sample_mode"] == 1
+    offset, settle, least = (values[name] for name in ("sample_offset_cycles", "zcd_settle_cycles", "least_on_cycles"))
+    assert isinstance(offset, int) and isinstance(settle, int) and isinstance(least, int)
+    assert settle < offset < least
+
+
+def test_values_that_no_parameter_holds_are_named() -> None:
+    """Machine values beyond the firmware's formats: one message with file and parameter.
+
+    Verifies: FRONT-02
+    """
+    scenario = load_scenario(DEMO, ["mechanics.mode=locked", "motor.resistance_ohm=100"])
+    with pytest.raises(
+        ConfigError, match=r"demo\.toml: drive: firmware: parameter align_v_q25: .* is outside"
+    ) as caught:
+        parameter_block(scenario)
+    assert len(caught.value.problems) == 1
