@@ -1095,6 +1095,44 @@ async def zcd_to_hall_and_back(dut: Any, late_permille: int, when: float, timed:
         assert abs(at - start - scale * k) <= allowed, f"sector {sector} off by {at - start - scale * k} clocks"
 
 
+@cocotb.test()
+async def hall_stops_crossings_that_have_run_ahead(dut: Any) -> None:
+    """ZCD one sector ahead of the sensors with its next commutation pending: HALL waits for the edge instead.
+
+    Verifies: COMM-15
+    """
+    tb = TB(dut)
+    scale = 2000
+    await tb.start(Settings(mode=OFF))
+    hall = Settings(mode=HALL, hall_timed=1, timeout_q12=0x1C00)
+    await tb.update(hall)
+    dut.hall_ok_i.value = 1
+    dut.hall_single_i.value = 1
+    start = tb.now() + 200
+    for k in range(1, 9):
+        await tb.until(start + scale * k + 40)
+        await edge(tb, start + scale * k, k % 6)
+    await tb.until(start + scale * 8 + 100)
+    await tb.update(Settings(mode=ZCD, timeout_q12=0x1C00))
+    # Crossings much too early: into 3 a quarter of a sector after 2, into 4 soon after.
+    assert int(dut.sector_o.value) == 2
+    await tb.crossing(start + scale * 8 - scale // 3)
+    await tb.until(start + scale * 8 + 900)
+    assert int(dut.sector_o.value) == 3
+    await tb.crossing(start + scale * 8 + 700)
+    await tb.update(hall)
+    count = len(tb.comms)
+    await tb.until(start + scale * 9)
+    assert int(dut.sector_o.value) == 3 and len(tb.comms) == count, "a commutation of before came through"
+    await tb.until(start + scale * 9 + 40)
+    await edge(tb, start + scale * 9, 3)
+    # The mean still holds an interval of the wrong crossings.
+    await tb.until(start + scale * 10 - 200)
+    assert int(dut.sector_o.value) == 3
+    await tb.until(start + scale * 10 + 40)
+    assert int(dut.sector_o.value) == 4
+
+
 def test_fl_commutation_timer() -> None:
     """Commutation timer block test."""
     run_block_test(

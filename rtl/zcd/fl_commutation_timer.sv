@@ -21,7 +21,8 @@
 //   t_c + mean                                                                              into the sector after s
 // whichever is still to come; the edge into that sector corrects it. So a sensor that comes late is timed from the
 // edge before. No edge for interval * timeout_q12: the interval is forgotten and the sector of the sensors is driven.
-// On entry the last edge counts as if it came now; a sector that is one ahead of it is left if the motor turns. hall_*
+// On entry the last edge counts as if it came now; a sector that is one ahead of it is left if the motor turns, until
+// the edge into it comes. hall_*
 // stay until the next edge; hall_ok_i: the code is valid, hall_single_i: it is the neighbour of the one before.
 //
 // comm_valid_o comes CommToGateCycles before t_c, so that CSC and NSC change the gate pins exactly in the clock with
@@ -402,6 +403,7 @@ module fl_commutation_timer
     if (chain_q && forced_load_q) target_sector_q <= sector_after(target_sector_q, reverse_q);
     if (state_q == HallLoad) begin
       entry_q <= 1'b0;
+      if (hall_ok_i && one_ahead) armed_q <= 1'b0;
       if (hall_ok_i && !one_ahead) begin
         sched_q         <= hall_timing ? target : ahead_q + 32'd1;
         armed_q         <= hall_timing || !in_sector;

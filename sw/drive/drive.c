@@ -283,9 +283,8 @@ static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fau
   const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
   const bool unseen = restarting && drive->phase == START_PRECHARGE;
   const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;
-  // Crossings apart from the edges of sensors that may take over.
-  const bool apart = hall_backs_up(drive) && drive->hall.strikes > 0u;
-  return fault == FAULT_LOST_LOCK || (is_over_current(fault) && (missed || unseen || locking || apart));
+  const bool blamed = hall_blames_crossings(drive);
+  return fault == FAULT_LOST_LOCK || (is_over_current(fault) && (missed || unseen || locking || blamed));
 }
 
 // Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.

@@ -116,7 +116,8 @@ typedef struct {
   bool faulty;
   bool backward;
   bool learnt[2];
-  bool seen;  // the counters below are of the last tick
+  bool seen;   // the counters below are of the last tick
+  bool apart;  // the last edge lay far from where the crossing before it puts it
   uint16_t edges;
   uint8_t invalid;
   uint8_t skipped;
@@ -124,7 +125,6 @@ typedef struct {
   uint32_t still_ticks;    // without an edge
   uint32_t invalid_ticks;  // consecutive, with an invalid code
   uint32_t suspicion;      // rises with invalid codes and skipped sectors, falls with good edges
-  uint32_t strikes;        // rises with crossings apart from the edges, falls with agreeing ones
   uint32_t agreeing;       // edges in a row that crossings agree with
   uint32_t driving_ticks;  // since the edges took over
   uint32_t handovers;      // from crossings to edges, since boot

@@ -11,10 +11,10 @@
 // gives three such events in four edges.
 #define SUSPICION_STEP 8u
 #define SUSPICION_LIMIT 32u
-// The same for crossings that lie apart from the edges by 20 degrees or more: two in a turn are too many.
-#define STRIKE_STEP 4u
-#define STRIKE_LIMIT 6u
+// One crossing that lies 20 degrees or more apart from its edge is enough: the next ones drive current against the EMF.
 #define APART_Q16 21845
+// An over-current that soon after the edges took over is the crossings' doing.
+#define AFTERMATH_TICKS 50u
 #define MISSES_LOST 2u
 // The crossings are back when they agree within 5 degrees for ten turns.
 #define AGREEING_Q16 5461
@@ -87,7 +87,7 @@ COLD void hall_begin(drive_t *drive) {
     return;
   }
   h->driving = drive->p->hall_mode == HALL_SENSORED || (h->driving && !h->faulty);
-  h->strikes = 0;
+  h->apart = false;
   h->agreeing = 0;
   h->driving_ticks = 0;
   wait_for_turn(drive);
@@ -104,6 +104,12 @@ COLD void hall_resort(drive_t *drive) {
 
 bool hall_backs_up(const drive_t *drive) {
   return drive->hall.driving || (drive->p->hall_mode == HALL_FALLBACK && !drive->hall.faulty);
+}
+
+bool hall_blames_crossings(const drive_t *drive) {
+  const hall_t *h = &drive->hall;
+  return drive->p->hall_mode == HALL_FALLBACK && !h->faulty &&
+         (h->driving ? h->driving_ticks < AFTERMATH_TICKS : h->apart);
 }
 
 bool hall_rotor_slow(const drive_t *drive) { return drive->hall.still_ticks > (uint32_t)drive->p->hall_calm_ticks; }
@@ -141,13 +147,12 @@ COLD static void take_over(drive_t *drive) {
 
 COLD static void give_back(drive_t *drive) {
   drive->hall.driving = false;
-  drive->hall.strikes = 0;
+  drive->hall.apart = false;
   drive->command.timer = COMMUTATION_ZCD;
   drive->command.write_modes = true;
 }
 
-// The last edge against the crossing before it: agreeing ones are counted, those apart strike. Where the codes raise
-// suspicion it is the edge that is wrong.
+// The last edge against the crossing before it. Where the codes raise suspicion it is the edge that is wrong.
 HOT static void compare(drive_t *drive, const chip_snapshot_t *in) {
   hall_t *h = &drive->hall;
   if (h->edge_count == h->judged_edges || drive->m.sector_cycles == 0u) {
@@ -156,17 +161,13 @@ HOT static void compare(drive_t *drive, const chip_snapshot_t *in) {
   h->judged_edges = h->edge_count;
   if (h->suspicion > 0u) {
     h->agreeing = 0;
-    h->strikes = 0;
+    h->apart = false;
     return;
   }
   const int32_t late = hall_late_from_phase_q16(in->hall.phase_cycles, 6u * drive->m.sector_cycles);
-  const int32_t apart = abs_sat(late - late_q16(drive, in->hall.sector));
-  h->agreeing = (apart < AGREEING_Q16) ? h->agreeing + 1u : 0u;
-  if (apart >= APART_Q16) {
-    h->strikes += STRIKE_STEP;
-  } else if (h->strikes > 0u) {
-    h->strikes--;
-  }
+  const int32_t distance = abs_sat(late - late_q16(drive, in->hall.sector));
+  h->agreeing = (distance < AGREEING_Q16) ? h->agreeing + 1u : 0u;
+  h->apart = distance >= APART_Q16;
 }
 
 // Fallback: who commutates.
@@ -179,8 +180,7 @@ HOT static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
       give_back(drive);
     }
   } else if (!h->faulty) {
-    const bool apart = h->strikes >= STRIKE_LIMIT && h->learnt[drive->reverse ? 1 : 0];
-    if (in->misses >= MISSES_LOST || apart) {
+    if (in->misses >= MISSES_LOST || (h->apart && h->learnt[drive->reverse ? 1 : 0])) {
       take_over(drive);
     }
   }

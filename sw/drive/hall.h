@@ -27,6 +27,9 @@ void hall_step(drive_t *drive, const chip_snapshot_t *in);
 // The sensors drive or may take over: lost crossings end nothing.
 bool hall_backs_up(const drive_t *drive);
 
+// The edges say that the crossings were wrong just now: what follows from it is a lost lock.
+bool hall_blames_crossings(const drive_t *drive);
+
 // Edges have been away for so long that the rotor stands: for the precharge, or for a drive that runs.
 bool hall_rotor_slow(const drive_t *drive);
 bool hall_rotor_stalled(const drive_t *drive);

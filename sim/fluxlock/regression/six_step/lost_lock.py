@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,7 +9,7 @@ from fluxlock.analysis.gates import gate_safety
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
-from fluxlock.regression.six_step.measures import Limits, event, timeline
+from fluxlock.regression.six_step.measures import Limits, console_word, event, timeline
 from fluxlock.regression.six_step.support import LOCKED_RMS_DEG
 
 SPEED_RPM = 60_000
@@ -117,16 +116,10 @@ QUICK: dict[str, Disturbance] = {
 }
 
 
-def _console_word(run: Outcome, name: str) -> str:
-    """Last value of that name that the console has printed."""
-    found = re.findall(rf"^{name} (\S+)", run.console(), re.MULTILINE)
-    return found[-1] if found else ""
-
-
 def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     window = run.metrics["end"]
     rms_deg = window["commutation_error_deg"]["rms"]
-    state, fault = _console_word(run, "state"), _console_word(run, "now")
+    state, fault = console_word(run, "state"), console_word(run, "now")
     locked = state == "running" and rms_deg is not None and rms_deg < LOCKED_RMS_DEG
     safety = gate_safety(run.data)
     stopped = state == "fault" and fault in disturbance.faults and not safety.on_at_end
@@ -136,7 +129,7 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
         "right_end": int(stopped if disturbance.must_stop else locked or stopped),
         "commutation_error_deg.rms": rms_deg,
         "speed_rpm.mean": window["speed_rpm"]["mean"],
-        "lost_locks": int(_console_word(run, "lost_locks") or 0),
+        "lost_locks": int(console_word(run, "lost_locks") or 0),
         "trips": len(run.result["trips"]),
         "shoot_throughs": safety.shoot_throughs,
         "least_dead_time_ns": None if safety.least_dead_time_s is None else 1e9 * safety.least_dead_time_s,

@@ -67,6 +67,12 @@ def crossing_intervals(run: Outcome, window: str) -> FloatArray:
     return in_window(run, run.analysis.crossings, window).intervals_deg()
 
 
+def console_word(run: Outcome, name: str) -> str:
+    """Last value of that name that the console has printed; the first word of several."""
+    found = re.findall(rf"^{name} (\S+)", run.console(), re.MULTILINE)
+    return found[-1] if found else ""
+
+
 def printed_thresholds(run: Outcome) -> tuple[float, ...]:
     """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
     found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
