@@ -129,7 +129,8 @@ HOT static void schedule(drive_t *drive, uint32_t group) {
 
 // Without synchronous rectification nothing brakes: below half of the EMF the pulses carry next to no current, less
 // voltage slows the rotor no faster. All of the voltage below the EMF has to be regained when the target is reached,
-// and the rotor falls on meanwhile: so the nearer the target, the nearer to the EMF.
+// and the rotor falls on meanwhile: so the nearer the target, the nearer to the EMF. A fifth is left for a flux that is
+// 20 % wrong: the bound must not hold the speed above the target.
 //
 // With it the braking current bounds the voltage.
 HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t emf_v_q25, int32_t reference_v_q25) {
@@ -137,7 +138,7 @@ HOT static int32_t lower_limit_v_q25(const drive_t *drive, int32_t emf_v_q25, in
     const int32_t brake_v_q25 = gain_apply(drive->brake_i_q25, drive->scheduled.resistance);
     return greater(drive->scheduled.low_v_q25, emf_v_q25 - brake_v_q25);
   }
-  const int32_t depth_v_q25 = clamp_i32(4 * (emf_v_q25 - reference_v_q25), emf_v_q25 / 8, emf_v_q25 / 2);
+  const int32_t depth_v_q25 = clamp_i32(4 * (emf_v_q25 - reference_v_q25), emf_v_q25 / 5, emf_v_q25 / 2);
   return greater(drive->scheduled.low_v_q25, emf_v_q25 - depth_v_q25);
 }
 

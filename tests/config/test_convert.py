@@ -40,6 +40,8 @@ def test_sampling_once_a_carrier() -> None:
     offset, settle, least = (values[name] for name in ("sample_offset_cycles", "zcd_settle_cycles", "least_on_cycles"))
     assert isinstance(offset, int) and isinstance(settle, int) and isinstance(least, int)
     assert settle < offset < least
+    blank = values["zcd_blank_cycles"]
+    assert isinstance(blank, int) and blank > offset
 
 
 def test_values_that_no_parameter_holds_are_named() -> None:

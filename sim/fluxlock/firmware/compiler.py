@@ -153,6 +153,10 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     settle_s = max(0.4e-6, 6.0 * inverter.divider_pole_s) + inverter.sample_period_s
     on_time_s = settle_s + 4.0 * inverter.sample_period_s
     least_on_s = settle_s + 3.0 * inverter.sample_period_s
+    # Once a carrier: settled, and inside of the shortest pulse. Nothing tells that such a sample falls into the end of
+    # freewheeling, so that the first one after a commutation does not count.
+    offset_s = least_on_s - inverter.sample_period_s
+    blank_s = settle_s if drive.zcd_sampling == "continuous" else offset_s + inverter.sample_period_s
 
     # Open-loop start.
     start_v = m.r_line * start_a
@@ -237,8 +241,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "tick_cycles": cycles(tick),
         "sample_mode": SAMPLE_MODES[drive.zcd_sampling],
         "sample_period_cycles": cycles(inverter.sample_period_s),
-        # Once a carrier: settled, and inside of the shortest pulse.
-        "sample_offset_cycles": cycles(least_on_s - inverter.sample_period_s),
+        "sample_offset_cycles": cycles(offset_s),
         "sense_delay_cycles": cycles(inverter.divider_pole_s),
         "gain_q15": (0x8000,) * 9,
         "auto_zero_log2": 6,
@@ -282,7 +285,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_peak": gain((1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8),
         "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(settle_s),
-        "zcd_blank_cycles": cycles(settle_s),
+        "zcd_blank_cycles": cycles(blank_s),
         # A divider whose gain is too small shows a clamped terminal below the rail.
         "zcd_margin_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb) + DIVIDER_TOLERANCE * supply),
         "zcd_margin_third_q17": q17_volts(max(0.03 * supply, 12.0 * v_lsb)),

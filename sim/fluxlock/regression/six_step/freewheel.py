@@ -53,7 +53,7 @@ def chip_angles_deg(run: Outcome) -> list[float]:
 
 
 def decayed_deg(run: Outcome, low: float, high: float) -> float:
-    """Mean angle at which the plant's outgoing current falls below the chip's limit, of the commutations in a span.
+    """Median angle at which the plant's outgoing current falls below the chip's limit, of the commutations in a span.
 
     The chip cannot see less: FREEWHEEL_LSB steps of its converter. From the records, which come with every sample.
     """
@@ -74,7 +74,7 @@ def decayed_deg(run: Outcome, low: float, high: float) -> float:
         at = time[a + i - 1] + part * (time[a + i] - time[a + i - 1])
         turned = run.analysis.track.theta_rad(np.array([at])) - commutations.theta_rad[k]
         angles.append(abs(float(np.degrees(turned)[0])))
-    return float(np.mean(angles))
+    return float(np.median(angles))
 
 
 @case("six-step/freewheel")
@@ -101,10 +101,13 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
     readings = chip_angles_deg(run)
     for k, current_a in enumerate(currents_a):
         window, span = run.metrics[f"i{current_a}"], run.scenario.window[k]
-        plant_deg, torque_nm = window["freewheel_deg"]["mean"], window["torque_nm"]["mean"]
-        limit_deg = decayed_deg(run, span.from_s * run.data.clock_hz, span.to_s * run.data.clock_hz)
+        torque_nm = window["torque_nm"]["mean"]
+        low, high = span.from_s * run.data.clock_hz, span.to_s * run.data.clock_hz
+        angles_deg = run.analysis.freewheel_deg(low, high)
+        # Medians: where the end lies at an edge of the pulse, single angles jump by degrees.
+        plant_deg, limit_deg = float(np.median(angles_deg)), decayed_deg(run, low, high)
         own = readings[READINGS * k : READINGS * (k + 1)]
-        chip_deg = float(np.mean(own)) if len(own) == READINGS else None
+        chip_deg = float(np.median(own)) if len(own) == READINGS else None
         state = duty_for_torque(
             motor,
             real_inverter(inverter),
@@ -114,7 +117,7 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
             commutation="CSC",
             chopping=chopping,
         )
-        circuit_deg = float(np.minimum(state.freewheel_deg, 60.0).mean()) if state else None
+        circuit_deg = float(np.median(np.minimum(state.freewheel_deg, 60.0))) if state else None
         limit = math.ceil(100 * (sample_deg + PRINTED_DEG)) / 100
         yield Row(
             f"six-step/freewheel/{chopping}-{speed_rpm}-{current_a}A",
@@ -133,9 +136,10 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
                 "plant_deg": plant_deg,
                 "circuit_deg": circuit_deg,
                 "plant_at_limit_deg": limit_deg,
-                "chip_less_plant_deg": None if chip_deg is None or plant_deg is None else chip_deg - plant_deg,
+                "plant_spread_deg": float(np.ptp(angles_deg)),
+                "chip_less_plant_deg": None if chip_deg is None else chip_deg - plant_deg,
                 "chip_less_plant_at_limit_deg": None if chip_deg is None else chip_deg - limit_deg,
-                "circuit_less_plant_deg": None if circuit_deg is None or plant_deg is None else circuit_deg - plant_deg,
+                "circuit_less_plant_deg": None if circuit_deg is None else circuit_deg - plant_deg,
                 "torque_mnm": 1000 * torque_nm,
                 "commutation_error_deg.rms": window["commutation_error_deg"]["rms"],
                 "late_crossings": window["late_crossings"],

@@ -10,13 +10,13 @@ from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, console_word, event, timeline
+from fluxlock.regression.six_step.support import LOCKED_RMS_DEG
 
 SPEED_RPM = 60_000
 DISTURBED_S = 0.08
 # The hardware is faster than this by far; the firmware cannot turn a gate on before its next tick.
 OFF_CYCLES = 3
 TICK_S = 100e-6
-LOCKED_RMS_DEG = 1.0
 
 Change = dict[str, object]
 
