@@ -124,7 +124,10 @@ static bool caught_by_edges(drive_t *drive) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
   const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
-  const bool turning = m->speed_valid && !hall_rotor_slow(drive) && emf_v_q25 / 256 >= p->catch_v_q17;
+  // The edges need no EMF to be seen. A rotor that turns the wrong way was let go at the stop speed to slow down.
+  const bool wrong = drive->hall.backward != (drive->settings.target_rpm < 0);
+  const bool fast = wrong ? emf_v_q25 / 256 >= p->catch_v_q17 : m->speed_rpm_q8 >= p->handover_rpm * 256;
+  const bool turning = m->speed_valid && !hall_rotor_slow(drive) && fast;
   if (!drive->settings.catch_rotor || drive->failed_starts >= CATCH_FAILURES_MAX || !turning ||
       m->speed_rpm_q8 / 256 > p->overspeed_rpm || m->vdc_v_q25 == 0) {
     drive->calm_ticks = 0;

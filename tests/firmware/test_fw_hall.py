@@ -193,12 +193,13 @@ def test_sensored_reversal() -> None:
     assert bench.fw.state == "running" and bench.trips == 0
 
 
-def test_sensored_catches_a_spinning_rotor() -> None:
-    """A rotor that spins backward is taken over by its edges and turned.
+@pytest.mark.parametrize("rpm", [-30_000, 7000])
+def test_sensored_catches_a_spinning_rotor(rpm: int) -> None:
+    """A rotor that spins is taken over by its edges, also one too slow for its EMF to be seen; backward it is turned.
 
     Verifies: FW-41
     """
-    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, speed_rpm=-30_000)
+    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, speed_rpm=rpm)
     bench.start(20_000, 0.1)
     assert value(bench, "catches") == "1"
     assert bench.run(3.0, lambda: bench.model.rpm > 19_000)
