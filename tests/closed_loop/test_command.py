@@ -42,6 +42,18 @@ def test_refused_lines_are_failures() -> None:
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
 
 
+def test_lines_of_one_instant_are_all_carried_out() -> None:
+    """Longer together than the receive FIFO: each is sent when the one before is answered.
+
+    Verifies: FRONT-17
+    """
+    lines = ("set speed_rpm 12000", "set accel_rpm_s 123456", "set commutation NSC", "get", "set accel_rpm_s 234567")
+    events = ",".join(f'{{at_s=0.002,command="{line}"}}' for line in lines)
+    run = drive(SPIN, "one-instant", "duration_s=0.004", f"event=[{events}]", "window=[]", "expect=[]")
+    assert run.data.rejected == []
+    assert "accel_rpm_s 123456" in run.console()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_build_broken_off_leaves_no_compiler(tmp_path: Path) -> None:
     """A build takes everything it has started with it.

@@ -55,8 +55,9 @@ class Session:
         self.plant = Plant(plan.plant, seed=plan.seed, mode=plan.plant_mode)
         self.logs: list[Any] = []
         self.text = ""
-        # Console lines of the plan: cycle and text.
+        # Console lines of the plan, cycle and text, and how many of them the drive has got.
         self.sent: list[tuple[int, str]] = []
+        self.delivered = 0
         self.answers: list[str] | None = None
         # Wall time, time in Python and plant events at the marks of the plan.
         self.marks: dict[int, tuple[float, float, int]] = {}
@@ -76,6 +77,7 @@ class Session:
         self.logs.append(self.native.take_log())
         self.plant.drain()
         self.text += self.native.receive()
+        self.deliver()
         status = self.native.status
         if status.fault:
             raise PlantFault(self.plant.fault_text(status.fault, status.t_fault))
@@ -92,11 +94,17 @@ class Session:
             path.with_suffix(".tmp").write_text(json.dumps(line))
             path.with_suffix(".tmp").replace(path)
 
+    def deliver(self) -> None:
+        """Send the next console line once the one before is answered: the receive FIFO is shorter than a line."""
+        if self.delivered < len(self.sent) and len(self.replies()) >= self.delivered:
+            self.native.send(self.sent[self.delivered][1])
+            self.delivered += 1
+
     def act(self, action: Action) -> None:
         """Carry out one action of the plan."""
         if action.kind == "console":
             self.sent.append((self.native.status.cycle, action.arguments["line"]))
-            self.native.send(action.arguments["line"])
+            self.deliver()
         elif action.kind == "load":
             self.plant.set_load(**action.arguments)
         elif action.kind == "supply":
@@ -135,7 +143,8 @@ class Session:
 
     async def ask_statistics(self) -> None:
         """Wait for the replies to the plan's lines, then send the final commands one by one and wait for each."""
-        await self.answered(len(self.sent))
+        while await self.answered(self.delivered) and len(self.replies()) < len(self.sent):
+            self.deliver()
         self.answers = self.replies()
         count = len(self.answers)
         for command in self.plan.final_commands:
