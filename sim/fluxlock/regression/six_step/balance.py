@@ -21,7 +21,9 @@ CONDITIONS: dict[str, Condition] = {
     "supply_v": 15,
     "carrier_hz": 40_000,
     "divider_gain": "1.10/1.00/0.90",
+    "fan_mnm_at_54000": 16,
 }
+SPEED_RPM = 20_000
 THRESHOLD_PU = {"A": 0.550, "C": 0.450}
 # Sectors in which a phase floats.
 SECTORS = {"A": (2, 5), "B": (1, 4), "C": (0, 3)}
@@ -44,7 +46,7 @@ def balance(runner: Runner) -> Iterator[Row]:
         *timeline(
             0.30,
             [
-                event(0.003, "speed_rpm", 20_000),
+                event(0.003, "speed_rpm", SPEED_RPM),
                 event(0.004, "command", "start"),
                 event(0.29, "command", "get threshold_pu"),
             ],
@@ -57,15 +59,16 @@ def balance(runner: Runner) -> Iterator[Row]:
             **interval_values(crossing_intervals(run, mode), "crossing_interval_deg"),
             **interval_values(commutation_intervals(run, mode), "commutation_interval_deg"),
             "phase_current_pp_a": run.metrics[mode]["phase_current_pp_a"],
+            "speed_rpm.mean": run.metrics[mode]["speed_rpm"]["mean"],
             "trips": len(run.result["trips"]),
         }
-        limits: Limits = {"trips": (0, 0)}
+        limits: Limits = {"trips": (0, 0), "speed_rpm.mean": (0.99 * SPEED_RPM, 1.01 * SPEED_RPM)}
         if mode == "both":
             values |= _phase_thresholds(printed_thresholds(run))
             limits |= {"crossing_interval_deg.min": (59.3, None), "crossing_interval_deg.max": (None, 60.7)}
             limits["crossing_interval_deg.rms"] = (None, 0.25)
             limits |= {f"threshold_pu.{x}": (pu - 0.005, pu + 0.005) for x, pu in THRESHOLD_PU.items()}
-        conditions = CONDITIONS | {"speed_rpm": 20_000, "balance": mode}
+        conditions = CONDITIONS | {"speed_rpm": SPEED_RPM, "balance": mode}
         yield Row(f"six-step/balance/{mode}", conditions, values, limits)
 
 
@@ -109,6 +112,7 @@ def balance_ramp(runner: Runner) -> Iterator[Row]:
             {
                 "crossing_interval_deg.min": (59.0, None),
                 "crossing_interval_deg.max": (None, 61.0),
+                "speed_rpm.min": (None, 1.02 * low_rpm),
                 "speed_rpm.max": (0.99 * top_rpm, None),
                 "trips": (0, 0),
             },
