@@ -23,7 +23,7 @@ LEARNT_DEG = 0.5
 EDGES_DEG = (3.0, -4.0, 6.0, 3.0, -4.0, 6.0)
 # Of what the edges' stamps, up to a sample period late, allow.
 PLACE_DEG = 0.6
-SPEEDS_RPM = (10_000, 20_000, 40_000, 80_000)
+SPEEDS_RPM = (20_000, 40_000, 80_000)
 FAILED_S, CLEARED_S = 0.10, 0.15
 CODES = (0, 1000, 2400, 4095)
 
