@@ -208,7 +208,7 @@ def regression(
 def figures(
     family: Annotated[str, typer.Argument(help="Whose figures: six-step (Yang 2020, chapters 2 to 6).")],
     numbers: Annotated[
-        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Numbers (2.11) or chapters (2); all without.")
+        list[str] | None, typer.Argument(metavar="FIGURE", help="Numbers (2.11) or chapters (2); all without.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
         "build/figures"
@@ -221,7 +221,7 @@ def figures(
     """Draw the figures of a thesis from our own runs, each with a table of what was printed and what is measured.
 
     Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
-    `python -m fluxlock.docs.figures FAMILY` makes the page of the documentation from the result.
+    `python -m fluxlock.docs.figures` makes the page of the documentation from what stands in build/figures.
     """
     from fluxlock.figures.command import list_figures, run_figures
 

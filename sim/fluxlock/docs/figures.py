@@ -1,4 +1,4 @@
-"""Page of a family's figures for the documentation: `python -m fluxlock.docs.figures` after `fluxlock figures`."""
+"""Pages of the figures for the documentation: `python -m fluxlock.docs.figures` after `fluxlock figures FAMILY`."""
 
 from __future__ import annotations
 

@@ -130,8 +130,8 @@ def _comparison(runner: Runner, number: str, speed_rpm: int, printed: dict[str, 
                 f"{span}; {current}",
                 f"{panels.span_text(found)}; {ripple:.2f}",
                 {
-                    "none": "Mutual inductances of Motor-II are not legible, taken as 0: with them the relative "
-                    "difference of the phases is larger",
+                    "none": "Mutual inductances of Motor-II are not legible, taken as 0: they change the relative "
+                    "difference of the phases",
                     "vertical": "What is left is the inductances'; see the line above",
                     "both": "The load is not printed: taken so that the currents are near at both speeds",
                 }[step],

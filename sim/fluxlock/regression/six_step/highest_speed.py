@@ -39,7 +39,9 @@ def highest_speed(runner: Runner) -> Iterator[Row]:
 
 def _row(name: str, run: Outcome, least_hz: float) -> Row:
     clock_hz, window = run.data.clock_hz, run.scenario.window[0]
-    commutations = run.analysis.commutations.between(window.from_s * clock_hz, window.to_s * clock_hz)
+    # Behind the last record there is no angle.
+    end = min(window.to_s * clock_hz, run.analysis.track.last_cycle)
+    commutations = run.analysis.commutations.between(window.from_s * clock_hz, end)
     metrics = run.metrics[window.name]
     hz_per_rpm = run.scenario.motor.pole_pairs / 60
     steps = commutations.intervals_deg()
