@@ -18,9 +18,9 @@ import pywellen
 from fluxlock.analysis.rundata import LogKind, RunData, load_trace
 from fluxlock.cosim.chip import FST
 from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SURFER_FILE, WAVE_FILE
-from fluxlock.paths import BUILD
+from fluxlock.paths import BUILD, ROOT
 
-SCENARIO = Path(__file__).parent / "scenarios" / "spin.toml"
+SCENARIO = ROOT / "scenarios" / "six-step" / "start.toml"
 # The first carriers after the start command.
 FROM_S, TO_S = 0.020, 0.021
 CLOCK_NS = 20

@@ -225,18 +225,19 @@ def test_runs_are_shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(regression_runner, "FOLDER", tmp_path)
     monkeypatch.setattr(regression_runner, "KEYS", tmp_path / "keys")
     monkeypatch.setattr(regression_runner, "run_scenario", run_scenario)
-    monkeypatch.setattr(regression_runner, "_key", lambda loaded, seed: f"{loaded.drive.commutation}-{seed}")
-    monkeypatch.setattr(regression_runner, "write_outcome", lambda data, loaded, folder, plots: ("made", folder))
-    monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: ("read", folder))
+    monkeypatch.setattr(regression_runner, "build_firmware", lambda folder: folder)
+    monkeypatch.setattr(regression_runner, "_key", lambda loaded, seed, image: f"{loaded.drive.commutation}-{seed}")
+    monkeypatch.setattr(regression_runner, "write_outcome", lambda data, loaded, folder, plots: None)
+    monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: folder)
     scenario, other = "six-step/spectrum.toml", "drive.commutation=RSC"
     first, second = Runner("six-step/a"), Runner("figures/six-step/6.9", quick=True)
-    assert first.drive(scenario, "x")[0] == "made"
-    assert first.drive(scenario, "x")[0] == "read"
-    assert second.drive(scenario, "y") == ("read", made[0])
-    assert second.drive(scenario, "z", other)[0] == "made"
-    assert first.drive(scenario, "x", seed=2)[0] == "made"
+    assert first.drive(scenario, "x") == made[0]
+    assert first.drive(scenario, "x") == second.drive(scenario, "y") == made[0]
+    assert len(made) == 1
+    assert second.drive(scenario, "z", other) == made[1]
+    assert first.drive(scenario, "x", seed=2) == made[2] == made[0]
     # Its folder holds the run with another seed now: the first one is made again.
-    assert second.drive(scenario, "y")[0] == "made"
+    assert second.drive(scenario, "y") == made[3]
     assert len(made) == 4
 
 
