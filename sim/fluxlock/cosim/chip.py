@@ -70,7 +70,7 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
     waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment; with
-    GCC the simulator is then compiled a second time with what was learnt of its branches (1.4 times faster).
+    GCC the simulator is then compiled a second time with what was learnt of its branches (1.1 to 1.3 times faster).
     """
     generate_registers()
     sources = rtl_sources()
