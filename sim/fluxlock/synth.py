@@ -262,7 +262,7 @@ def main() -> int:
     results: dict[str, dict[str, Any]] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     failures = []
     for name in options.configuration or configurations:
-        print(f"{name}: yosys and nextpnr, about two minutes", flush=True)
+        print(f"{name}: yosys and nextpnr, two to six minutes", flush=True)
         try:
             result = build(configurations[name], options.seed)
         except SynthesisError as error:
