@@ -129,6 +129,7 @@ def test_linearity(tmp_path: Path) -> None:
         (["spectrum", "--mean", "0"], "--mean"),
         (["spectrum", "--speed", "10"], "carriers a sector"),
         (["recorded", "missing.npz", "--from", "0", "--to", "1"], "missing.npz"),
+        (["recorded", "missing.npz", "--from", "1", "--to", "0.5"], "--to: must be above --from"),
         (["linearity", "--out", "FILE"], "--out"),
     ],
 )

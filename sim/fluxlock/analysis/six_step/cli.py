@@ -270,6 +270,8 @@ def recorded(
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import recording as theory
 
+    if not from_s < to_s:
+        raise ConfigError([Problem("--to", "", f"must be above --from ({from_s:g})")])
     try:
         run = load_trace(trace)
     except (OSError, ValueError, KeyError) as error:
