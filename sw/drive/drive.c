@@ -16,6 +16,8 @@
 // Ticks after a clear in which the latched trips may still be the old ones.
 #define CLEAR_TICKS 2u
 #define MISSES_BEFORE_TRIP 2u
+// 5 ms at 10 kHz.
+#define OUTRUN_TICKS 50u
 #define MID_CODE_Q4 (2048 * 16)
 // Trips that mean nothing while the gates are off anyway.
 #define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
@@ -325,6 +327,32 @@ COLD static bool sensors_lost(drive_t *drive) {
   return true;
 }
 
+bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25) {
+  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
+  return drive->command.timer == COMMUTATION_ZCD && emf_v_q25 / 4 > drive->u_v_q25 - drop_v_q25;
+}
+
+// A rotor that jams loses its lock without a missed crossing; soon after a start there has been no lock. True: the state
+// has been left.
+HOT static bool speed_impossible(drive_t *drive) {
+  const bool outruns = drive_outruns_voltage(drive, gain_apply(drive->m.line_i_q25, drive->scheduled.resistance));
+  const bool over = drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm;
+  drive->outrun_ticks = outruns ? drive->outrun_ticks + 1u : 0u;
+  if (drive->outrun_ticks >= OUTRUN_TICKS || (over && outruns)) {
+    drive->outrun_ticks = 0;
+    if (drive->state == STATE_RUNNING && drive->state_ticks < (uint32_t)drive->p->restart_clear_ticks) {
+      start_failed(drive);
+    } else {
+      lost_lock(drive);
+    }
+    return true;
+  }
+  if (over) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  }
+  return over;
+}
+
 HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state == STATE_INIT || drive->state == STATE_FAULT) {
     return false;
@@ -333,9 +361,8 @@ HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_NO_SAMPLES);
     return true;
   }
-  if (drive->m.speed_valid && drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm &&
-      (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING)) {
-    drive_enter_fault(drive, FAULT_OVERSPEED);
+  if (drive->m.speed_valid && (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING) &&
+      speed_impossible(drive)) {
     return true;
   }
   if (in->trip_latched != 0u && handle_trips(drive, in)) {

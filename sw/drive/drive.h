@@ -196,6 +196,7 @@ typedef struct {
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;         // of this attempt's ramp
   int32_t start_accel_rpm_q20;
+  uint32_t outrun_ticks;   // consecutive, while running
   uint32_t locked_from;  // crossing count at hand-over; edge count at the beginning of a start by Hall
   bool was_frozen;
 
@@ -233,6 +234,10 @@ void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);
 void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect);
 void drive_take_crossing(drive_t *drive);  // what finds the crossings, from the settings
+// Crossings claim a speed whose EMF is over four times what the applied voltage leaves after the resistive drop: no rotor
+// turns like this. On one that stands, what follows the blanking is taken for a crossing, and it and the commutation
+// that it causes chase each other. A drive that brakes applies at least half of the EMF, or drives a negative drop.
+bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25);
 bool drive_turns_wrong(const drive_t *drive);  // the target has the other sign
 int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds
 

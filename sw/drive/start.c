@@ -286,6 +286,10 @@ static void ramp(drive_t *drive, const chip_snapshot_t *in) {
 static void lock(drive_t *drive) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
+  if (m->speed_valid && drive_outruns_voltage(drive, 0)) {
+    start_failed(drive);
+    return;
+  }
   const bool enough = m->crossings - drive->locked_from >= (uint32_t)p->lock_crossings &&
                       drive->state_ticks > RUN_PREPARE_TICKS;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {

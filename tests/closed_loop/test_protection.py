@@ -58,3 +58,30 @@ def test_lost_lock() -> None:
     assert not run.result["failures"]
     assert "lost_lock" in run.console()
     assert run.metrics["again"]["speed_rpm"]["mean"] == pytest.approx(24_000, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("pump", ()),
+        (
+            "motor-1",
+            (
+                "motor=motors/motor-1.toml",
+                "inverter=inverters/bench-25v.toml",
+                "drive.carrier_hz=40000",
+                "drive.start.retries=1",
+                "initial.theta_deg=70",
+            ),
+        ),
+    ],
+)
+def test_blocked_rotor(name: str, overrides: tuple[str, ...]) -> None:
+    """A rotor that cannot turn: what looks like crossings is no lock; start_failed by name, gates off.
+
+    Verifies: FW-20
+    """
+    run = drive(SCENARIOS / "blocked.toml", f"blocked-{name}", *overrides)
+    assert not run.result["failures"]
+    assert "fault start_failed" in run.console()
+    assert run.gates()[-1, 1] == 0

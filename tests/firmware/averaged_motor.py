@@ -48,7 +48,8 @@ M_DIVIDER = 15  # three gains of the voltage dividers
 M_UNEQUAL = 18  # three phase inductances over their mean
 M_HALL = 21  # 1: there are Hall sensors; three offsets in rad; three stuck outputs, -1: free
 M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
-MACHINE = 29
+M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
+MACHINE = 30
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
@@ -230,6 +231,7 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
     visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
     visible = visible and m[M_ONE_BLIND] != OPEN[sector]
     hall = c[C_TIMER] == TIMER_HALL
+    before_found = s[FOUND]
     if s[FOUND] == 0.0 and visible and s[T] - s[T_COMM] > freewheel and c[C_DUTY] > 0.01:
         jitter = noise(s) * m[M_NOISE] / (1.5 * m[M_PSI] * omega_e * omega_e + 1e-9)
         if s[ARMED] == 0.0 and now >= 0.0:
@@ -237,8 +239,10 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
         elif now >= 0.0:
             crossing(s, s[T] - h * now / max(now - before, 1e-12) + jitter, False, hall)
         s[ARMED] = 1.0
-        if s[FOUND] > 0.0 and c[C_TIMER] == TIMER_ZCD:
-            s[T_SCHED] = s[T_ZC] + s[INTERVAL] * c[C_DELAY]
+    if s[FOUND] == 0.0 and m[M_GHOST] > 0.0 and s[T] - s[T_COMM] > m[M_GHOST] and c[C_ZCD] > 0.0:
+        crossing(s, s[T], False, hall)
+    if before_found == 0.0 and s[FOUND] > 0.0 and c[C_TIMER] == TIMER_ZCD:
+        s[T_SCHED] = s[T_ZC] + s[INTERVAL] * c[C_DELAY]
     if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > c[C_TIMEOUT] * s[INTERVAL]:
         s[MISSES] += 1.0
         s[TIMEOUTS] += 1.0
