@@ -31,6 +31,33 @@ INVERTER_1 = InverterSpec(
     dc_current_trip_a=45.0,
 )
 FAN_1 = Load(fan_torque_nm=20e-3, fan_speed_rpm=60_000.0)
+# Machines of other pole pairs, voltages and EMF, with a speed (r/min) to hold.
+OTHERS = [
+    (
+        MotorSpec(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
+        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 25.0, 200e-9),
+        Load(0.02, 15_000, 2e-3),
+        15_000,
+    ),
+    (
+        MotorSpec(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0, "trapezoidal"),
+        InverterSpec(24.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 30.0, 30.0, 200e-9),
+        Load(0.12, 8_000, 3e-3),
+        6_000,
+    ),
+    (
+        MotorSpec(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
+        InverterSpec(14.8, 3e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 20.0, 60.0, 200e-9),
+        Load(0.10, 9_000),
+        8_000,
+    ),
+    (
+        MotorSpec(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
+        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 15.0, 200e-9),
+        Load(0.2, 3_000, 0.02),
+        3_000,
+    ),
+]
 
 
 @dataclass
@@ -254,3 +281,8 @@ class Bench:
         assert self.fw.command(f"set speed_rpm {rpm}") == ["ok"]
         assert self.fw.command("start") == ["ok"]
         assert self.until_state("running", seconds), f"not running: {self.fw.command('status')}"
+
+
+def fault_of(bench: Bench) -> str:
+    """Name of the present fault."""
+    return bench.fw.command("get fault")[0].split()[1]

@@ -1,0 +1,143 @@
+"""Command lines of README and docs against the commands, targets, cases, files and keys that there are."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from fluxlock.cli import app
+from fluxlock.config import ConfigError, Scenario, load_scenario
+from fluxlock.config.loader import keys_of
+from fluxlock.paths import ROOT
+from fluxlock.regression.runner import select
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+LINE = re.compile(r"(?:[A-Z]+=\w+ +)*(?:\.venv/bin/)?(fluxlock|make|python -m|pytest) +(.*)")
+BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.DOTALL | re.MULTILINE)
+REMARKS = "fluxlock.docs.figures writes remarks behind its command lines without #"
+# Made or filled in by the reader.
+OWN = re.compile(r"my-motor|[A-Z]{4}|…")
+
+
+def command_lines(text: str) -> list[tuple[str, list[str]]]:
+    """Program and words of the command lines in a page's code: blocks without a language, and code within a line."""
+    lines = [line for _, kind, block in BLOCK.findall(text) if not kind for line in block.splitlines()]
+    lines += re.findall(r"`([^`\n]+)`", BLOCK.sub("", text))
+    found = (LINE.fullmatch(line.strip()) for line in lines)
+    return [(match[1], shlex.split(match[2], comments=True)) for match in found if match]
+
+
+def check_fluxlock(words: list[str]) -> None:
+    """Command, options and arguments are accepted; the files that it reads are there and their keys too."""
+    command: Any = typer.main.get_command(app)
+    while hasattr(command, "commands"):
+        name, *words = words
+        if OWN.fullmatch(name):
+            return
+        assert name in command.commands, f"no command {name}"
+        command = command.commands[name]
+    if not words:  # the name alone, in a sentence
+        return
+    given = command.make_context(command.name, list(words)).params
+    files = [ROOT / word for word in words if word.endswith(".toml") and not OWN.search(word)]
+    missing = [str(path) for path in files if not path.exists()]
+    assert not missing, f"no file {', '.join(missing)}"
+    if command.name == "run" and files:
+        load_scenario(files[0], given["set_"] or ())
+
+
+def check_make(words: list[str]) -> None:
+    """Targets are there, and the cases that CASES names."""
+    for word in words:
+        if word.startswith("CASES="):
+            assert select([word.removeprefix("CASES=")]), f"no case {word}"
+        elif "=" not in word:
+            assert word in TARGETS, f"no target {word}"
+
+
+def check_module(words: list[str]) -> None:
+    """The module is there."""
+    assert importlib.util.find_spec(words[0]), f"no module {words[0]}"
+
+
+def check_pytest(words: list[str]) -> None:
+    """Files and folders are there."""
+    for word in words:
+        assert word.startswith("-") or (ROOT / word).exists(), f"no file {word}"
+
+
+CHECKS: dict[str, Callable[[list[str]], None]] = {
+    "fluxlock": check_fluxlock,
+    "make": check_make,
+    "python -m": check_module,
+    "pytest": check_pytest,
+}
+
+
+def check_page(text: str) -> None:
+    """Every command line can be typed as it stands."""
+    for program, words in command_lines(text):
+        try:
+            CHECKS[program](words)
+        except (AssertionError, ConfigError, typer.TyperException) as error:
+            raise AssertionError(f"{program} {' '.join(words)}: {error}") from None
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(p, marks=pytest.mark.xfail(strict=True, reason=REMARKS) if p.name == "figures-six-step.md" else ())
+        for p in PAGES
+    ],
+    ids=lambda p: p.relative_to(ROOT).as_posix(),
+)
+def test_command_lines(page: Path) -> None:
+    """The command lines of the pages name what there is.
+
+    Verifies: DOC-04
+    """
+    check_page(page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fluxlock runs scenarios/demo.toml",
+        "fluxlock run scenarios/none.toml",
+        "fluxlock run scenarios/demo.toml --sett drive.pattern=ON-PWM",
+        "fluxlock run scenarios/demo.toml --set drive.patern=ON-PWM",
+        "fluxlock motor chek motors/motor-1.toml",
+        "fluxlock soa Motor-I, 25 V",
+        "make regression CASES=six-step/none",
+        "make tests",
+        "python -m fluxlock.docs.none",
+        "pytest tests/none.py -q",
+    ],
+)
+def test_wrong_command_lines_are_found(line: str) -> None:
+    """A line that names something else is found, in a block and in a sentence.
+
+    Verifies: DOC-04
+    """
+    for text in (f"```\n{line}\n```\n", f"   ```\n   SEED=1 {line}   # a remark\n   ```\n", f"A sentence, `{line}`.\n"):
+        with pytest.raises(AssertionError, match=re.escape(line.split()[0])):
+            check_page(text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_keys(page: Path) -> None:
+    """The keys of a scenario's drive that a page names are there.
+
+    Verifies: DOC-04
+    """
+    keys = set(keys_of(Scenario))
+    wrong = [k for k in re.findall(r"`(drive(?:\.[a-z_]+)+)\b", page.read_text(encoding="utf-8")) if k not in keys]
+    assert not wrong, f"no key {', '.join(wrong)}"

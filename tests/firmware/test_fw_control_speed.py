@@ -1,0 +1,197 @@
+"""Regulators, ramp, limits and currents of the firmware against models in floating point."""
+
+from __future__ import annotations
+
+import ctypes
+from random import Random
+
+import pytest
+
+from fluxlock.firmware import gain
+from tests.firmware.control_library import Gain, Limiter, PiGains, PiState, Ramp
+
+
+def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:
+    """Random errors and moving limits: output within 4 units of a float PI with the same back-calculation.
+
+    Verifies: FW-04
+    """
+    rng = Random(4)
+    kp, ki = 37.2, 5.3 * 32
+    gains = PiGains(Gain(*gain(kp)), Gain(*gain(ki)))
+    state, integral, error = PiState(0), 0.0, 0
+    for k in range(4000):
+        error = rng.randint(-20000, 20000) if k % 50 == 0 else error + rng.randint(-200, 200)
+        feed_forward = 2_000_000 + 1000 * (k % 300)
+        high = 2_500_000 if (k // 500) % 2 else 30_000_000
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), error, feed_forward, 100_000, high)
+        u = feed_forward + kp * error + integral
+        out = min(max(u, 100_000), high)
+        integral += ki / 32 * error + (out - u) / 8
+        assert abs(result.output - out) < 4 + 1e-5 * abs(out), k
+        assert (result.output < result.unlimited) == (out < u) or abs(out - u) < 4
+
+
+def test_pi_leaves_a_limit_without_windup(lib: ctypes.CDLL) -> None:
+    """After a second at the limit the output leaves it within 40 steps of the sign change of the error.
+
+    Verifies: FW-04
+    """
+    gains = PiGains(Gain(*gain(10.0)), Gain(*gain(2.0 * 32)))
+    state = PiState(0)
+    for _ in range(10_000):
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 50_000, 0, 0, 1_000_000)
+    assert result.output == 1_000_000
+    steps = 0
+    while result.output == 1_000_000:
+        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), -2_000, 0, 0, 1_000_000)
+        steps += 1
+        assert steps < 40
+    lib.pi_preset(ctypes.byref(state), gains.kp, 1234, 5678, 400_000)
+    assert lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 1234, 5678, 0, 10**8).output == pytest.approx(
+        400_000, abs=1
+    )
+
+
+def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
+    """Slopes far below 1/256 r/min a step are kept exactly; the window holds the reference; both directions alike.
+
+    Verifies: FW-05
+    """
+    for sign in (1, -1):
+        ramp = Ramp()
+        lib.ramp_preset(ctypes.byref(ramp), sign * 256_000)
+        target, step = sign * 2_560_000, 1_301
+        for k in range(1, 50_000):
+            assert lib.ramp_step(ctypes.byref(ramp), target, step, target, 10**6) == sign
+            assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 4096)) <= 1
+        lib.ramp_preset(ctypes.byref(ramp), 0)
+        for _ in range(1000):
+            lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
+        assert ramp.value_rpm_q8 == sign * 5_000
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 4096, sign * -9_000, 5_000) == sign
+        assert ramp.value_rpm_q8 == sign * 5_000
+        for _ in range(1000):
+            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, sign * 5_000, 5_000)
+        assert ramp.value_rpm_q8 == sign * 5_100
+        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, 0, 5_000) == 0
+
+
+def test_speed_from_period(lib: ctypes.CDLL) -> None:
+    """r/min of a period to 1/256 r/min, for pole pairs and clocks.
+
+    Verifies: FW-06
+    """
+    for clock, pole_pairs in ((50_000_000, 1), (50_000_000, 7), (100_000_000, 4)):
+        numerator = lib.speed_numerator_q8(clock, pole_pairs)
+        for period in (1, 600, 50_000, 51_237, 7_000_001, 2**27 - 1):
+            wanted = 60 * clock / (pole_pairs * period) * 256
+            got = lib.speed_from_period_rpm_q8(numerator, period)
+            assert got == (2**31 - 1 if wanted > 2**31 - 1 else pytest.approx(wanted, abs=1.01)), (
+                clock,
+                period,
+            )
+    assert lib.speed_from_period_rpm_q8(numerator, 0) == 2**31 - 1
+
+
+def test_duty_and_voltage_are_inverse(lib: ctypes.CDLL) -> None:
+    """Duty of a voltage with and without a diode drop; voltage_from_duty inverts it; limits at 0 and 1.
+
+    Verifies: FW-07
+    """
+    rng = Random(5)
+    for _ in range(2000):
+        vdc = rng.randint(2**20, 2**25)
+        diode = rng.choice([0, rng.randint(0, 2**20)])
+        u = rng.randint(-(2**21), vdc + 2**20)
+        duty = lib.duty_from_voltage_q30(u, vdc, diode) / 2**30
+        wanted = min(1.0, max(0.0, (u + diode) / (vdc + diode)))
+        assert duty == pytest.approx(wanted, abs=2**-21 + 256 / vdc), (u, vdc, diode)
+        if 0.0 < wanted < 1.0:
+            back = lib.voltage_from_duty_v_q25(round(wanted * 2**30), vdc, diode)
+            assert back == pytest.approx(u, abs=2)
+    assert lib.duty_from_voltage_q30(1000, 0, 0) == 0
+
+
+def test_carrier_period_and_pulse(lib: ctypes.CDLL) -> None:
+    """The carrier is stretched just so far that the pulse keeps its floor, within its limits; the dead time is added.
+
+    Verifies: FW-08
+    """
+    for duty in (0.0, 0.01, 0.03, 0.05, 0.1, 0.2239, 0.2241, 0.5, 1.0):
+        period = lib.carrier_period_cycles(round(duty * 2**30), 1250, 6250, 280)
+        wanted = 6250 if duty == 0 else min(6250, max(1250, 280 / duty))
+        assert period == pytest.approx(wanted, abs=1.01), duty
+        pulse = lib.pulse_cycles_q8(round(duty * 2**30), period, 10) / 256
+        assert pulse == pytest.approx(0 if duty == 0 else duty * period + 10, abs=0.005)
+
+
+def test_limiter_bounds_by_model_and_trim(lib: ctypes.CDLL) -> None:
+    """Bound = EMF + R*I + kp*margin; the trim moves only while it binds, within half of R*I, and decays after.
+
+    Verifies: FW-10
+    """
+    gains = PiGains(Gain(*gain(20.0)), Gain(*gain(2.0)))
+    limiter = Limiter(0)
+    bound = lib.limiter_bound(ctypes.byref(limiter), ctypes.byref(gains), 10_000_000, 400_000, -500)
+    assert bound == pytest.approx(10_000_000 + 400_000 - 20 * 500, abs=2)
+    for _ in range(1000):
+        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, True)
+    assert limiter.trim_v_q25 == -200_000
+    for _ in range(1000):
+        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, False)
+    assert abs(limiter.trim_v_q25) < 64
+
+
+def test_line_current_balances_the_power(lib: ctypes.CDLL) -> None:
+    """The current whose power behind the link is what the link gives, with R and diode; bounded near standstill.
+
+    Verifies: FW-25
+    """
+    rng = Random(6)
+    volt, ampere = 2**25 / 30.0, 2**25 / 50.0
+    for _ in range(2000):
+        vdc, emf, r = rng.uniform(10, 28), rng.uniform(1.0, 12.0), rng.uniform(0.01, 0.2)
+        current, duty = rng.uniform(-20, 20), rng.uniform(0.1, 0.95)
+        if emf + r * current < 1.0:
+            continue
+        diode = rng.choice([0.0, 0.7])
+        idc = current * (emf + r * current + (1 - duty) * diode) / vdc
+        ratio = lib.line_current_ratio_q16(
+            round(vdc * volt), round(emf * volt), round(r * current * volt), round(diode * volt), round(duty * 2**30)
+        )
+        assert lib.line_current(round(idc * ampere), ratio) / ampere == pytest.approx(current, rel=1e-3, abs=1e-3)
+        wanted = min(50.0, 7.0 * ratio / 65536)
+        assert lib.line_current_limit_q25(round(7.0 / 50 * 2**17), ratio) / ampere == pytest.approx(wanted, rel=1e-3)
+    assert lib.line_current_ratio_q16(round(25 * volt), 0, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(round(25 * volt), -1000, 0, 0, 2**20) == 32 << 16
+    assert lib.line_current_ratio_q16(0, 1000, 0, 0, 2**20) == 0
+
+
+def test_torque_reference_between_its_limits(lib: ctypes.CDLL) -> None:
+    """Target inside; a falling line toward the upper speed, a rising one toward the lower; current limits last.
+
+    Verifies: FW-26
+    """
+    kp = 3.0
+    for target in (-50_000, 0, 4_000, 90_000):
+        for speed in (0, 900, 1_000, 5_000, 9_000, 10_000, 12_000, 40_000):
+            wanted = min(max(target, kp * (1_000 - speed)), kp * (10_000 - speed))
+            wanted = min(max(wanted, -20_000), 25_000)
+            got = lib.torque_reference(target, Gain(*gain(kp)), speed, 1_000, 10_000, -20_000, 25_000)
+            assert got == pytest.approx(wanted, abs=1), (target, speed)
+
+
+def test_braking_current_falls_at_once_and_rises_slowly(lib: ctypes.CDLL) -> None:
+    """Full far below the limit voltage, none at it, linear between; upward at most a 64th of the limit a step.
+
+    Verifies: FW-31
+    """
+    share = Gain(*gain(65536 / 1_000_000))
+    for vdc, wanted in ((10_000_000, 640_000), (19_500_000, 320_000), (20_000_000, 0), (25_000_000, 0)):
+        assert lib.brake_current(640_000, 640_000, vdc, 20_000_000, share) == pytest.approx(wanted, abs=20)
+    current, steps = 0, 0
+    while current < 640_000:
+        current = lib.brake_current(current, 640_000, 10_000_000, 20_000_000, share)
+        steps += 1
+    assert 62 <= steps <= 65

@@ -1,0 +1,116 @@
+"""The drive on the host over the averaged model: spinning rotors, braking and reversal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from fluxlock.firmware import DriveSpec
+from tests.firmware import averaged_motor as am
+from tests.firmware.averaged_motor import Load
+from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
+
+
+@pytest.mark.parametrize("rpm", [18_000, 20_000, 40_000, 60_000, 77_777, 94_000, 100_000])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_spinning_rotor_is_caught(rpm: int, direction: int) -> None:
+    """At any speed, both directions: locked within 40 ms without a trip, speed dips by less than a fifth, then held.
+
+    Verifies: FW-30
+    """
+    bench = Bench(speed_rpm=direction * rpm, theta_rad=0.3 * direction + rpm, load=Load(20e-3, 100_000))
+    bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {direction * rpm}")
+    before = abs(bench.model.rpm)
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.04)
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    assert bench.fw.command("get lost_locks") == ["lost_locks 0", "ok"]
+    assert bench.model.rpm * direction > 0.8 * before
+    assert bench.model.s[am.I_PEAK] < 15.0
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_lost_lock_is_caught_again() -> None:
+    """Crossings vanish for 3 ms at 60 000 r/min: back at speed within 50 ms, without standstill.
+
+    Verifies: FW-30, FW-20
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.until_state("running", 0.05)
+    assert bench.model.rpm > 30_000
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+
+
+@pytest.mark.parametrize("sync_rect", [True, False])
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_rotor_that_spins_backward_is_turned(sync_rect: bool, current_loop: bool) -> None:
+    """Caught backward, slowed down (with braking current or by its load), started forward; no trip.
+
+    Verifies: FW-30, FW-31
+    """
+    drive = DriveSpec(sync_rect=sync_rect, current_loop=current_loop, accel_rpm_per_s=200_000.0)
+    bench = Bench(speed_rpm=-50_000.0, load=replace(FAN_1, coulomb_nm=2e-3), drive=drive)
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 40000")
+    bench.fw.command("start")
+    assert bench.run(3.0, lambda: bench.model.rpm > 39_000)
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0
+    assert fault_of(bench) == "none"
+
+
+@pytest.mark.parametrize("current_loop", [True, False])
+def test_reversal_brakes_within_its_limit(current_loop: bool) -> None:
+    """60 000 r/min to -60 000 and back with 8 A of braking current: kept within 20 %, faster than coasting, no trip.
+
+    Verifies: FW-31
+    """
+    drive = DriveSpec(sync_rect=True, current_loop=current_loop, accel_rpm_per_s=1e6, brake_current_limit_a=8.0)
+    bench = Bench(drive=drive)
+    bench.start(60_000)
+    bench.run(0.6)
+    for sign in (-1, 1):
+        lowest, begin = 0.0, bench.now
+        bench.fw.command(f"set speed_rpm {sign * 60_000}")
+        while abs(bench.model.rpm) > 10_000 and bench.now - begin < 1.0:
+            bench.step()
+            lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+        # Fan and 8 A: 13 mN*m and at least as much of the fan at first.
+        assert bench.now - begin < 0.2
+        assert -9.6 < lowest < -6.0
+        assert bench.run(2.0, lambda s=sign: s * bench.model.rpm > 59_000)
+        bench.run(0.3)
+        assert bench.model.rpm == pytest.approx(sign * 60_000, rel=0.005)
+    assert bench.trips == 0
+
+
+def test_braking_spares_the_dc_link() -> None:
+    """A DC link at its limit takes no braking current: the rotor slows by its load alone.
+
+    Verifies: FW-31
+    """
+    bench = Bench(drive=DriveSpec(sync_rect=True, accel_rpm_per_s=1e6, brake_current_limit_a=10.0))
+    bench.start(60_000)
+    bench.run(0.6)
+    bench.model.m[am.M_VDC] = 29.8
+    bench.run(0.1)
+    bench.fw.command("set speed_rpm 30000")
+    lowest = 0.0
+    for _ in range(500):
+        bench.step()
+        lowest = min(lowest, float(bench.model.s[am.I_LINE]))
+    assert lowest > -1.5
+    bench.model.m[am.M_VDC] = 25.0
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)

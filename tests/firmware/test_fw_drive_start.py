@@ -1,0 +1,147 @@
+"""The drive on the host over the averaged model: boot, start, hand-over, other machines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
+from tests.firmware.averaged_motor import Load
+from tests.firmware.firmware_bench import FAN_1, MOTOR_1, OTHERS, Bench
+
+
+def test_boot_measures_offsets_with_gates_off() -> None:
+    """From reset to ready in less than 2 ms, offsets measured, gates disabled all the time.
+
+    Verifies: FW-14
+    """
+    bench = Bench()
+    bench.fw.auto_zero_offsets[3:6] = (2048 * 16 + 40, 2048 * 16 - 64, 2048 * 16 + 7)
+    assert bench.fw.state == "init"
+    for _ in range(20):
+        bench.step()
+        assert bench.get("safety.guard") & 1 == 0
+    assert bench.fw.state == "ready"
+    assert [bench.get("sense.offset", 3 + x) for x in range(3)] == [
+        2048 * 16 + 40,
+        2048 * 16 - 64,
+        2048 * 16 + 7,
+    ]
+
+
+@pytest.mark.parametrize("theta_rad", [0.0, 1.1, 2.2, 3.141592653589793, 4.4, 5.5])
+def test_starts_from_any_angle_and_holds_60000(theta_rad: float) -> None:
+    """Standstill to 60 000 r/min within 0.3 s + ramp; held within 0.5 %; the measured speed is the true one.
+
+    Verifies: FW-15, FW-16
+    """
+    bench = Bench(theta_rad=theta_rad)
+    bench.start(60_000, 0.3)
+    bench.run(0.8)
+    speeds = []
+    for _ in range(1000):
+        bench.step()
+        speeds.append(bench.model.rpm)
+        assert bench.fw.telemetry()["speed_rpm_q8"] / 256 == pytest.approx(bench.model.rpm, rel=2e-3)
+    assert np.max(np.abs(np.array(speeds) / 60_000 - 1)) < 0.005
+    assert bench.trips == 0
+
+
+def test_start_sequence_uses_the_right_vectors() -> None:
+    """All low, leg A high, leg B high, then six-step forced from sector index 4, then crossings.
+
+    Verifies: FW-15
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    seen: list[tuple[int, tuple[int, ...], int]] = []
+    while bench.fw.state != "running" and bench.now < 1.0:
+        bench.step()
+        manual, control = bench.get("pwm.manual"), bench.get("pwm.control")
+        legs = tuple(manual >> (4 * x) & 7 for x in range(3)) if control & 3 == 1 else ()
+        entry = (control & 3, legs, bench.get("comm.control") & 3)
+        if not seen or seen[-1] != entry:
+            seen.append(entry)
+            if entry == (2, (), 1):
+                assert control >> 16 & 7 == 4
+    assert seen == [
+        (0, (), 0),
+        (1, (2, 2, 2), 0),
+        (1, (3, 2, 2), 0),
+        (1, (2, 3, 2), 0),
+        (2, (), 1),
+        (2, (), 2),
+    ]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"inertia_kgm2": 1e-6},
+        {"inertia_kgm2": 2.5e-7},
+        {"psi_vs": 0.85e-3},
+        {"psi_vs": 1.15e-3},
+        {"resistance_ohm": 14e-3},
+        {"resistance_ohm": 28e-3},
+        {"inductance_h": 15e-6},
+        {"inductance_h": 31e-6},
+    ],
+)
+def test_start_tolerates_wrong_parameters(change: dict[str, float]) -> None:
+    """The machine differs from its file by half in inertia, 15 % in flux, 40 % in R or L: it starts at once.
+
+    Verifies: FW-15
+    """
+    bench = Bench(model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+    bench.start(40_000, 0.35)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0
+
+
+@pytest.mark.parametrize("coulomb_nm", [1e-3, 3e-3])
+def test_start_against_friction(coulomb_nm: float) -> None:
+    """Coulomb friction up to 30 % of the start torque.
+
+    Verifies: FW-15
+    """
+    bench = Bench(load=replace(FAN_1, coulomb_nm=coulomb_nm))
+    bench.start(30_000, 1.0)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+@pytest.mark.parametrize(("motor", "inverter", "load", "rpm"), OTHERS)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_other_machines_run_from_their_files(
+    motor: MotorSpec, inverter: InverterSpec, load: Load, rpm: int, direction: int
+) -> None:
+    """2, 4 and 7 pole pairs, 15 to 48 V, to mH, trapezoidal, both directions: start, hold within 0.5 %.
+
+    Verifies: FW-13, FW-15, FW-16
+    """
+    bench = Bench(motor, inverter, DriveSpec(carrier_hz=30e3), load)
+    bench.start(direction * rpm, 2.0)
+    bench.run(2.0)
+    assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
+
+
+def test_start_waits_for_a_spinning_rotor() -> None:
+    """A rotor at 40 000 r/min coasts with open gates until its EMF is small; then it is aligned and started.
+
+    Verifies: FW-15
+    """
+    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3), drive=DriveSpec(catch_rotor=False))
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    while bench.fw.telemetry()["phase"] == 0 and bench.now < 5.0:
+        assert bench.get("safety.guard") & 1 == 0
+        bench.step()
+    assert bench.model.rpm < 6_500
+    assert bench.until_state("running", 1.0)
+    assert bench.trips == 0
