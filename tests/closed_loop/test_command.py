@@ -42,6 +42,17 @@ def test_refused_lines_are_failures() -> None:
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
 
 
+def test_fault_without_trip_is_a_failure() -> None:
+    """A rotor held fast: no trip, but the run fails with the fault in which the drive ended.
+
+    Verifies: FRONT-31
+    """
+    run = drive(SPIN, "held-fast", "mechanics.mode=locked", "initial.speed_rpm=0", "window=[]", "expect=[]")
+    assert run.result["trips"] == []
+    assert run.data.fault == "overspeed" and "state fault" in run.data.uart
+    assert run.result["failures"] == ["the drive ended in fault overspeed"]
+
+
 def test_lines_of_one_instant_are_all_carried_out() -> None:
     """Longer together than the receive FIFO: each is sent when the one before is answered.
 

@@ -10,11 +10,11 @@ from typing import get_args
 
 import pytest
 
-from fluxlock.analysis.rundata import TRIP_CAUSES
+from fluxlock.analysis.rundata import TRIP_CAUSES, trip_fault
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
 from fluxlock.config.info import derived_values, warnings
-from fluxlock.config.scenario import COMMAND_LENGTH, COMMANDS, Channel, Drive, TripCause
+from fluxlock.config.scenario import COMMAND_LENGTH, COMMANDS, Channel, Drive, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
 from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS
 from fluxlock.paths import ROOT
@@ -192,6 +192,8 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ('name=abc"', '--set: name: abc" is not valid TOML'),
         ("window=[3", "--set: window: [3 is not valid TOML"),
         ("name=1\nseed=2", "--set: name: holds several lines"),
+        ("expect_fault=start_faild", "'start_faild' is not permitted, permitted: parameter_magic, parameter_version,"),
+        ("expect_fault=start_faild", ', did you mean "start_failed"?'),
         ("event[1].command=strat", '"strat" is no command of the drive, permitted: help, status, get, set, start,'),
         ("event[1].command=stärt", "--set: event[1].command: must be one line of at most 79 printable ASCII"),
         ('event[1].command=" "', '"" is no command of the drive'),
@@ -460,6 +462,10 @@ def test_words_are_those_of_the_other_parts() -> None:
     assert get_args(Channel) == CHANNEL_NAMES
     assert get_args(Drive.model_fields["commutation"].annotation) == COMMUTATIONS
     assert get_args(Drive.model_fields["pattern"].annotation) == PATTERNS
+    faults = (ROOT / "sw" / "drive" / "faults.c").read_text(encoding="utf-8")
+    assert ("none", *get_args(DriveFault)) == tuple(re.findall(r'= "(\w+)",', faults))
+    meant = re.findall(r"\{TRIP_(\w+), FAULT_(\w+)\}", faults)
+    assert {trip.lower(): fault.lower() for trip, fault in meant} == {x: trip_fault(x) for x in TRIP_CAUSES}
     console = (ROOT / "sw" / "app" / "console.c").read_text(encoding="utf-8")
     assert set(re.findall(r'text_equal\(name, "(\w+)"\)', console)) == set(COMMANDS)
     assert f"#define LINE_LENGTH {COMMAND_LENGTH + 1}u" in console

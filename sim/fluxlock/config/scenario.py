@@ -16,6 +16,27 @@ from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 TripCause = Literal[
     "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
 ]
+DriveFault = Literal[
+    "parameter_magic",
+    "parameter_version",
+    "parameter_crc",
+    "parameter_range",
+    "chip",
+    "no_samples",
+    "current_offset",
+    "phase_over_current",
+    "dc_over_current",
+    "fault_pin",
+    "over_voltage",
+    "under_voltage",
+    "software_trip",
+    "lost_lock",
+    "start_failed",
+    "rotor_spinning",
+    "overspeed",
+    "hall_sensor",
+    "voltage_channel",
+]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
 # Metrics of a measuring window, dotted. The analysis computes exactly these.
@@ -410,6 +431,10 @@ class Scenario(Model):
     seed: int = quantity("Seed of the noise; `--seed` overrides it.", "", 0, 2**31 - 1, default=1)
     expect_trip: list[TripCause] = Field(
         default_factory=list, description="Trips that must happen, all others fail the run."
+    )
+    expect_fault: DriveFault | None = Field(
+        default=None,
+        description="Fault in which the drive must end; any other fails the run, unless an expected trip means it.",
     )
     drive: Drive = Field(description="Settings of the drive.")
     load: Load | None = Field(default=None, description="Load; left out: the load of the motor file.")
