@@ -216,6 +216,12 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("drive.current_limit_a=46", "is not below protection.phase_current_a"),
         ("drive.current_limit_a=14", "permitted by drive.current_limit_a 14.0 A"),
         ("drive.start.current_a=31", "is above drive.current_limit_a (30 A)"),
+        (
+            "drive.start.carrier_hz=40001",
+            "--set: drive.start.carrier_hz: 40001 Hz is above drive.carrier_hz (40000 Hz)",
+        ),
+        ("drive.start.carrier_hz=40000", "OK"),
+        ("drive.hall.filter_s=1e-3", "OK"),
         ("drive.motor_error.flux=3", "drive.motor_error.flux: 3 is out of range, permitted 0.5 to 2"),
         ("drive.motor_error.psi=1.2", "drive.motor_error.psi: unknown key"),
         ("drive.zcd.sampling=once", "drive.zcd.sampling: 'once' is not permitted, permitted: continuous, carrier"),
@@ -262,6 +268,19 @@ def test_unreachable_speed_states_both_voltages() -> None:
     # The load step alone may ask too much.
     found = errors("inverter.supply_v=11.1")
     assert len(found) == 1 and "event[2].load_factor: 60000 r/min with 0.025 N*m needs at least 11.2 V" in found[0]
+
+
+def test_hall_filter_is_shorter_than_a_sector() -> None:
+    """A filter that swallows whole sectors at the over-speed limit, 1.25 x 94 000 r/min: 1/6 of 60 s / 117 500.
+
+    Verifies: FRONT-04
+    """
+    hall = ROOT / "scenarios" / "six-step" / "hall.toml"
+    load_scenario(hall, ["drive.hall.filter_s=84e-6"])
+    assert errors("drive.hall.filter_s=86e-6", path=hall) == [
+        "--set: drive.hall.filter_s: 8.6e-05 s is not below a sector at the over-speed limit of 117500 r/min "
+        "(8.51064e-05 s)"
+    ]
 
 
 def test_one_line_for_one_unreachable_speed() -> None:

@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
+from fluxlock.firmware.specs import OVERSPEED_RATIO
 
 TripCause = Literal[
     "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
@@ -131,7 +132,13 @@ class Hall(Model):
         29,
         default=(0.0, 0.0, 0.0),
     )
-    filter_s: float = quantity("Time for which a code must be stable to count.", "s", 0, 1e-3, default=1e-6)
+    filter_s: float = quantity(
+        f"Time for which a code must be stable to count; below a sector at {OVERSPEED_RATIO:g} `max_speed_rpm`.",
+        "s",
+        0,
+        1e-3,
+        default=1e-6,
+    )
 
 
 class Start(Model):
