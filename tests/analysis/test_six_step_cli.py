@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -120,6 +121,31 @@ def test_linearity(tmp_path: Path) -> None:
     assert max(np.abs([*low, *high])) < 1e-9
 
 
+def npy() -> bytes:
+    """One array, as `numpy.save` writes it."""
+    file = io.BytesIO()
+    np.save(file, np.zeros(3))
+    return file.getvalue()
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    """Arrays that are not those of a trace."""
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+NO_TRACE = "is no trace of a run; name the trace.npz that fluxlock run has written$"
+NOT_TRACES = {
+    "text.md": b"# Title\n",
+    "empty.npz": b"",
+    "cut.npz": npz(log=np.zeros(100))[:200],
+    "array.npy": npy(),
+    "other.npz": npz(x=np.zeros(3)),
+    "shape.npz": npz(**dict.fromkeys(("log", "records", "plant_events", "zoom", "clock_hz"), np.zeros(3))),
+}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -128,7 +154,9 @@ def test_linearity(tmp_path: Path) -> None:
         (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["spectrum", "--mean", "0"], "--mean"),
         (["spectrum", "--speed", "10"], "carriers a sector"),
-        (["recorded", "missing.npz", "--from", "0", "--to", "1"], "missing.npz"),
+        (["recorded", "missing.npz", "--from", "0", "--to", "1"], "^missing.npz: file not found$"),
+        (["recorded", "DIR", "--from", "0", "--to", "1"], "is a folder, not a file"),
+        *((["recorded", name, "--from", "0", "--to", "1"], NO_TRACE) for name in NOT_TRACES),
         (["recorded", "missing.npz", "--from", "1", "--to", "0.5"], "--to: must be above --from"),
         (["linearity", "--out", "FILE"], "--out"),
     ],
@@ -138,8 +166,10 @@ def test_bad_input(tmp_path: Path, arguments: list[str], message: str) -> None:
 
     Verifies: THEORY-11
     """
-    (tmp_path / "file").write_text("")
-    replaced = [str(tmp_path / "file") if a == "FILE" else a for a in arguments]
+    for name, content in NOT_TRACES.items():
+        (tmp_path / name).write_bytes(content)
+    names = {"FILE": "text.md", "DIR": ""} | {name: name for name in NOT_TRACES}
+    replaced = [str(tmp_path / names[a]) if a in names else a for a in arguments]
     with pytest.raises(ConfigError, match=message):
         RUNNER.invoke(app, replaced, catch_exceptions=False)
 

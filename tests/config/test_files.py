@@ -13,8 +13,9 @@ import pytest
 from fluxlock.analysis.rundata import TRIP_CAUSES, trip_fault
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
+from fluxlock.config.console import COMMAND_LENGTH, COMMANDS, SETTINGS, VALUES
 from fluxlock.config.info import derived_values, warnings
-from fluxlock.config.scenario import COMMAND_LENGTH, COMMANDS, Channel, Drive, DriveFault, TripCause
+from fluxlock.config.scenario import Channel, Drive, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
 from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS
 from fluxlock.paths import ROOT
@@ -195,6 +196,22 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("expect_fault=start_faild", "'start_faild' is not permitted, permitted: parameter_magic, parameter_version,"),
         ("expect_fault=start_faild", ', did you mean "start_failed"?'),
         ("event[1].command=strat", '"strat" is no command of the drive, permitted: help, status, get, set, start,'),
+        ("event[1].command=statu", ', did you mean "status"?'),
+        (
+            "event[1].command=set sped_rpm 1",
+            'command: "sped_rpm" is no setting of the drive, did you mean "speed_rpm"?',
+        ),
+        ("event[1].command=set accel_rpm_per_s 1", 'did you mean "accel_rpm_s"?'),
+        ("event[1].command=set xyz 1", '"xyz" is no setting of the drive, permitted: speed_rpm, accel_rpm_s, '),
+        ("event[1].command=set duty 1", '"duty" is a value of the drive that cannot be set'),
+        ("event[1].command=set speed_rpm", 'must have the form "set NAME VALUE"'),
+        ("event[1].command=set speed_rpm 1 2", 'must have the form "set NAME VALUE"'),
+        ("event[1].command=set speed_rpm -20000", "OK"),
+        ("event[1].command=get mesured_rpm", '"mesured_rpm" is no value of the drive, did you mean "measured_rpm"?'),
+        ("event[1].command=get measured_rpm", "OK"),
+        ("event[1].command=get", "OK"),
+        ("event[1].command=stop later", 'must have the form "stop" or "stop now"'),
+        ("event[1].command=stop now", "OK"),
         ("event[1].command=stärt", "--set: event[1].command: must be one line of at most 79 printable ASCII"),
         ('event[1].command=" "', '"" is no command of the drive'),
         ("event[0].at_s=0.0", "event[0].at_s: 0 s is too early for speed_rpm: the drive boots until 0.001 s"),
@@ -227,8 +244,18 @@ def test_mutual_inductance_gives_self_inductance() -> None:
         ("drive.zcd.sampling=once", "drive.zcd.sampling: 'once' is not permitted, permitted: continuous, carrier"),
         (
             "event[0].speed_rpm=-5000",
-            "--set: event[0].speed_rpm: -5000 r/min is out of range, permitted 1 to",
+            "--set: event[0].speed_rpm: -5000 r/min is out of range, permitted 1 to 2000000 r/min; "
+            'backward: command = "set speed_rpm -20000", to stop: command = "stop"',
         ),
+        (
+            "event[0].speed_rpm=3e6",
+            "--set: event[0].speed_rpm: 3000000 r/min is out of range, permitted 1 to 2000000 r/min$",
+        ),
+        (
+            "window={foo={to_s=1}}",
+            "--set: window: must be an array of tables, [[window]] in a file, not {'foo': {'to_s'",
+        ),
+        ("mechanics.profile={a=1}", "--set: mechanics.profile: must be an array, not {'a': 1}"),
         ("nonsense", "--set: nonsense: must have the form key=value"),
         ("seed.x=1", "--set: seed.x: seed is not a table"),
         ("mechanics.mode=imposed", "mechanics.profile"),
@@ -253,7 +280,8 @@ def test_bad_values(override: str, expected: str, monkeypatch: pytest.MonkeyPatc
         load_scenario(DEMO, [override])
         return
     found = errors(override)
-    assert any(expected in line for line in found), found
+    ends = expected.endswith("$")
+    assert any(line.endswith(expected[:-1]) if ends else expected in line for line in found), found
 
 
 def test_unreachable_speed_states_both_voltages() -> None:
@@ -470,6 +498,32 @@ def test_defaults_that_follow_from_other_files() -> None:
     assert s.current_limit_a == s.motor.rated_current_a
     expected = 0.25 * s.motor.rated_torque_nm / s.motor.inertia_kgm2 * 30 / math.pi
     assert s.accel_rpm_per_s == pytest.approx(expected)
+
+
+def test_override_of_an_entry_that_no_file_has(copy: Path) -> None:
+    """`--set window.foo.to_s` where the scenario has no windows: it says so, and how to give one.
+
+    Verifies: FRONT-03, FRONT-05
+    """
+    scenario = copy / "scenarios" / "demo.toml"
+    text = scenario.read_text(encoding="utf-8")
+    scenario.write_text(text.partition("[[window]]")[0], encoding="utf-8")
+    assert errors("window.foo.to_s=1", path=scenario) == [
+        '--set: window: has no entry "foo", the scenario has no [[window]]; give whole entries with '
+        "--set 'window=[{...}]'"
+    ]
+
+
+def test_console_names_are_those_of_the_firmware() -> None:
+    """Values and settings that console lines are checked by: those of the firmware's table.
+
+    Verifies: FRONT-03
+    """
+    items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
+    names = tuple(re.findall(r'^    \[ITEM_\w+\] = "(\w+)",', items, re.MULTILINE))
+    settable = names.index("speed_rpm")
+    assert "ITEM_SPEED_RPM,  // from here on settable" in items
+    assert names == (*VALUES, *SETTINGS) and settable == len(VALUES)
 
 
 def test_words_are_those_of_the_other_parts() -> None:

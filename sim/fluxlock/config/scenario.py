@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from fluxlock.config.console import line_problem
 from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
@@ -309,9 +310,7 @@ class Fault(Model):
         return self
 
 
-# First words of the firmware's console (sw/app/console.c), the longest line it takes, and its first moment.
-COMMANDS = ("help", "status", "get", "set", "start", "stop", "faults", "clear", "stats")
-COMMAND_LENGTH = 79
+# First moment at which the console takes a line.
 BOOT_S = 1e-3
 
 ACTIONS = ("command", "speed_rpm", "accel_rpm_per_s", "load_factor", "supply_v", "fault")
@@ -322,7 +321,14 @@ class Event(Model):
 
     at_s: float = quantity("Time of the event.", "s", 0.0, 3600)
     command: str | None = Field(default=None, min_length=1, description="Line sent to the drive's console as it is.")
-    speed_rpm: float | None = quantity("New speed target.", "r/min", 1, 2e6, default=None)
+    speed_rpm: float | None = quantity(
+        'New speed target; backward by `command = "set speed_rpm -20000"`.',
+        "r/min",
+        1,
+        2e6,
+        default=None,
+        below='backward: command = "set speed_rpm -20000", to stop: command = "stop"',
+    )
     accel_rpm_per_s: float | None = quantity("New slope of the speed target.", "r/min/s", 1, 1e8, default=None)
     load_factor: float | None = quantity("New factor of the load torque.", "", 0.0, 100, default=None)
     supply_v: float | None = quantity("New supply voltage.", "V", 0.0, 1500, default=None)
@@ -339,16 +345,10 @@ class Event(Model):
         if given[0] in ("command", "speed_rpm", "accel_rpm_per_s") and self.at_s < BOOT_S:
             text = f"{with_unit(self.at_s, 's')} is too early for {given[0]}: the drive boots until {BOOT_S:g} s"
             raise conflict("at_s", text)
-        if self.command is not None:
-            self._check_command(self.command)
+        problem = None if self.command is None else line_problem(self.command)
+        if problem is not None:
+            raise conflict("command", problem)
         return self
-
-    def _check_command(self, line: str) -> None:
-        if not (line.isascii() and line.isprintable() and len(line) <= COMMAND_LENGTH):
-            raise conflict("command", f"must be one line of at most {COMMAND_LENGTH} printable ASCII characters")
-        word = line.split()[0] if line.split() else ""
-        if word not in COMMANDS:
-            raise conflict("command", f'"{word}" is no command of the drive, permitted: {", ".join(COMMANDS)}')
 
     @property
     def action(self) -> str:

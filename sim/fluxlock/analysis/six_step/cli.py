@@ -5,9 +5,11 @@ Defaults are the thesis's operating points with Motor-I. What is slow to import 
 
 from __future__ import annotations
 
+import zlib
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
+from zipfile import BadZipFile
 
 import numpy as np
 import typer
@@ -23,6 +25,7 @@ from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.paths import ROOT
 
 if TYPE_CHECKING:
+    from fluxlock.analysis.rundata import RunData
     from fluxlock.analysis.six_step.soa_study import Study
 
 app = typer.Typer(
@@ -253,6 +256,24 @@ def spectrum(
     write_figure(out, "spectrum", plots.spectrum_figure(title, spectra, max_order, start), data)
 
 
+def _load_trace(path: Path) -> RunData:
+    """Read a trace; ConfigError says what is wrong with the file."""
+    from fluxlock.analysis.rundata import load_trace
+
+    try:
+        return load_trace(path)
+    except (FileNotFoundError, NotADirectoryError):
+        text = "file not found"
+    except IsADirectoryError:
+        text = "is a folder, not a file"
+    except OSError as error:
+        text = f"cannot be read ({error.strerror or error})"
+    # Whatever NumPy makes of other files: text, one array, archives that are cut or hold something else.
+    except (ValueError, KeyError, TypeError, EOFError, BadZipFile, zlib.error):
+        text = "is no trace of a run; name the trace.npz that fluxlock run has written"
+    raise ConfigError([Problem(str(path), "", text)])
+
+
 @app.command()
 def recorded(
     trace: Annotated[Path, typer.Argument(help="trace.npz of a run.")],
@@ -266,16 +287,12 @@ def recorded(
     max_order: OrderOption = 17.0,
 ) -> None:
     """Line spectrum of the gates that a run recorded, over a whole number of turns."""
-    from fluxlock.analysis.rundata import load_trace
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import recording as theory
 
     if not from_s < to_s:
         raise ConfigError([Problem("--to", "", f"must be above --from ({from_s:g})")])
-    try:
-        run = load_trace(trace)
-    except (OSError, ValueError, KeyError) as error:
-        raise ConfigError([Problem(str(trace), "", f"is no trace of a run ({error})")]) from None
+    run = _load_trace(trace)
     try:
         window = theory.whole_turns(run, from_s, to_s)
     except ValueError as error:
