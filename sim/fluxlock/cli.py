@@ -264,8 +264,12 @@ def motor_info(
         table.add_column(header, justify="right" if side == "right" else "left")
     for name, info in type(motor).model_fields.items():
         extra = info.json_schema_extra
-        if isinstance(extra, dict):
-            value = getattr(motor, name)
+        value = getattr(motor, name)
+        if name == "emf":
+            table.add_row(name, value, "")
+        elif name == "flat_top_deg" and motor.emf != "trapezoidal":
+            continue
+        elif isinstance(extra, dict):
             same = isinstance(value, tuple) and len(set(value)) == 1
             shown = value[:1] if same else value if isinstance(value, tuple) else (value,)
             table.add_row(name, " / ".join(f"{v:.6g}" for v in shown), str(extra["unit"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,16 @@ def test_soa(tmp_path: Path, small: None) -> None:
         assert all(a <= b + 1e-9 for a, b in zip(limit["freewheel_30_deg"], limit["computed_back"], strict=True))
     assert set(data["simulated"]) == {"ON-PWM", "PWM-ON"}
     assert data["load"]["ON-PWM"][0]["speed_rpm"] == pytest.approx(22_500)
+
+
+def test_soa_of_a_slow_motor(tmp_path: Path) -> None:
+    """Speeds below 12 r/min stay apart in the tables.
+
+    Verifies: THEORY-11
+    """
+    output, _ = run(tmp_path, "soa", "--speed-max", "5", "--no-simulate")
+    speeds = re.findall(r"^│ +([\d.]+) │", output, re.MULTILINE)
+    assert len(set(speeds)) == len(speeds) == 12 and float(speeds[-1]) == 5
 
 
 def test_soa_of_another_motor(tmp_path: Path, small: None) -> None:

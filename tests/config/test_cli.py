@@ -394,6 +394,10 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     assert "4 pole pairs" in invoke("motor", "check", str(ROOT / "motors" / "pump-4pp.toml"))[1]
     code, out, _ = invoke("motor", "info", str(motor))
     assert code == 0 and "torque constant" in out and "inductance_h" in out
+    assert re.search(r"emf +│ +sinusoidal", out) and "flat_top_deg" not in out
+    code, out, _ = invoke("motor", "info", str(ROOT / "motors" / "pump-4pp.toml"))
+    assert re.search(r"emf +│ +trapezoidal", out) and re.search(r"flat_top_deg +│ +120", out)
+    assert re.search(r"phase EMF, harmonic 5 over fundamental +│ +4 +│ %", out), out
     code, out, _ = invoke("motor", "info", str(motor), "--json")
     derived = json.loads(out)["derived"]
     assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])

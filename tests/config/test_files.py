@@ -100,6 +100,28 @@ def test_motor_1_agrees_with_the_thesis() -> None:
     assert values["torque_constant_nm_per_a"] == pytest.approx(1.654e-3, rel=1e-3)
 
 
+def trapezoid(angle_deg: float, flat_top_deg: float) -> float:
+    """Trapezoid of height 1 with the sine's sign and zero crossings."""
+    ramp, half = (180 - flat_top_deg) / 2, angle_deg % 180
+    return (1.0 if angle_deg % 360 < 180 else -1.0) * min(1.0, half / ramp, (180 - half) / ramp)
+
+
+@pytest.mark.parametrize("flat_top_deg", [170.0, 120.0, 90.0, 60.0])
+def test_harmonics_of_the_emf(flat_top_deg: float) -> None:
+    """Harmonics over the fundamental equal the numeric Fourier sums of the trapezoid; a sine has none.
+
+    Verifies: FRONT-01
+    """
+    pump = load_motor(ROOT / "motors" / "pump-4pp.toml").model_copy(update={"flat_top_deg": flat_top_deg})
+    angles = [360 * (k + 0.5) / 7200 for k in range(7200)]
+    sums = {n: sum(trapezoid(a, flat_top_deg) * math.sin(math.radians(n * a)) for a in angles) for n in (1, 3, 5, 7)}
+    values = {v.key: v.value for v in derived_values(pump)}
+    sine = {v.key: v.value for v in derived_values(pump.model_copy(update={"emf": "sinusoidal"}))}
+    for n in (3, 5, 7):
+        assert values[f"emf_harmonic_{n}_percent"] == pytest.approx(100 * sums[n] / sums[1], abs=1e-3)
+        assert sine[f"emf_harmonic_{n}_percent"] == 0.0
+
+
 @pytest.mark.parametrize("flat_top_deg", [170.0, 120.0, 90.0, 60.0])
 def test_mean_line_flux_of_a_trapezoid(flat_top_deg: float) -> None:
     """The mean line EMF over a sector equals the numeric mean of the trapezoids of two phases.
@@ -107,16 +129,9 @@ def test_mean_line_flux_of_a_trapezoid(flat_top_deg: float) -> None:
     Verifies: FRONT-01
     """
     motor = load_motor(ROOT / "motors" / "pump-4pp.toml").model_copy(update={"flat_top_deg": flat_top_deg})
-    ramp = (180 - flat_top_deg) / 2
-
-    def shape(angle: float) -> float:
-        a = angle % 360
-        sign = 1.0 if a < 180 else -1.0
-        return sign * min(1.0, (a % 180) / ramp, (180 - a % 180) / ramp)
-
     n = 6000
     angles = [30 + 60 * (k + 0.5) / n for k in range(n)]
-    mean = sum(shape(a) - shape(a - 120) for a in angles) / n
+    mean = sum(trapezoid(a, flat_top_deg) - trapezoid(a - 120, flat_top_deg) for a in angles) / n
     assert motor.line_flux_vs == pytest.approx(motor.psi_vs[0] * mean, rel=1e-6)
 
 

@@ -5,6 +5,7 @@ Defaults are the thesis's operating points with Motor-I. What is slow to import 
 
 from __future__ import annotations
 
+import math
 import zlib
 from fractions import Fraction
 from pathlib import Path
@@ -97,24 +98,26 @@ def soa(
 
 
 def _print_study(result: Study) -> None:
+    # The speeds of a table are a twelfth of the highest apart, of the load line a twentieth.
+    decimals = max(0, math.ceil(-math.log10(result.settings.speed_max_rpm / 20)))
     most, speeds, limits_a = result.settings.current_max_a, result.bound.speed_rpm, result.current_limits_a
     rows = []
     for k in range(0, speeds.size, 10):
         beyond = "supply" if result.supply_a[k] <= most else f"> {most:g}"
-        rows.append([f"{speeds[k]:.0f}", *(number(values[k], missing=beyond) for values in limits_a.values())])
+        rows.append([f"{speeds[k]:.{decimals}f}", *(number(values[k], missing=beyond) for values in limits_a.values())])
     print_table("Largest current at the commutation, A", ("speed r/min", "25°", "30°", "computed back", "supply"), rows)
     if result.limits:
         rows = []
         for s, speed in enumerate(result.coarse_rpm):
             values = [v[s] for x in result.limits.values() for v in (x.visible_nm, x.recovered_nm, x.supply_nm)]
-            rows.append([f"{speed:.0f}", *(number(1e3 * value) for value in values)])
+            rows.append([f"{speed:.{decimals}f}", *(number(1e3 * value) for value in values)])
         headers = [f"{c} {what}" for c in result.limits for what in ("30°", "computed back", "largest")]
         print_table("Largest mean torque of the switched circuit, mN m", ("speed r/min", *headers), rows)
     if result.lines:
         rows = []
         for states in zip(*result.lines.values(), strict=False):
             first = states[0]
-            cells = [f"{first.speed_rpm:.0f}", f"{first.torque_nm * 1e3:.1f}", f"{first.current_a.mean():.1f}"]
+            cells = [f"{first.speed_rpm:.{decimals}f}", f"{first.torque_nm * 1e3:.1f}", f"{first.current_a.mean():.1f}"]
             cells += [f"{number(s.freewheel_deg.min())} … {number(s.freewheel_deg.max())}" for s in states]
             rows.append(cells)
         headers = [f"{chopping} deg" for chopping in result.lines]
