@@ -1,7 +1,7 @@
 """The `fluxlock` command.
 
-Exit codes: 0 = done and passed, 1 = the run failed (trip, missed expectation, rejected command, simulation fault), 2 =
-bad input, 130 = interrupted, 143 = terminated.
+Exit codes: 0 = done and passed, 1 = the run failed (trip, fault of the drive, missed expectation, rejected command,
+simulation fault), 2 = bad input, 130 = interrupted, 143 = terminated.
 """
 
 from __future__ import annotations
@@ -133,6 +133,8 @@ def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
         console.print(handlers_table(result))
     for trip in result["trips"]:
         console.print(f"trip at {trip['time_s']:.6f} s: {trip['cause']}", highlight=False)
+    if result["fault"]:
+        console.print(f"fault at the end: {result['fault']}", highlight=False)
     console.print(run_line(result), highlight=False)
     written = ", ".join(name for name in (*OUTPUTS, WAVES) if (out_dir / name).exists())
     console.print(f"written: {out_dir}/{written}", highlight=False, soft_wrap=True)
@@ -262,8 +264,12 @@ def motor_info(
         table.add_column(header, justify="right" if side == "right" else "left")
     for name, info in type(motor).model_fields.items():
         extra = info.json_schema_extra
-        if isinstance(extra, dict):
-            value = getattr(motor, name)
+        value = getattr(motor, name)
+        if name == "emf":
+            table.add_row(name, value, "")
+        elif name == "flat_top_deg" and motor.emf != "trapezoidal":
+            continue
+        elif isinstance(extra, dict):
             same = isinstance(value, tuple) and len(set(value)) == 1
             shown = value[:1] if same else value if isinstance(value, tuple) else (value,)
             table.add_row(name, " / ".join(f"{v:.6g}" for v in shown), str(extra["unit"]))

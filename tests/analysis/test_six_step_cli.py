@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +51,16 @@ def test_soa(tmp_path: Path, small: None) -> None:
         assert all(a <= b + 1e-9 for a, b in zip(limit["freewheel_30_deg"], limit["computed_back"], strict=True))
     assert set(data["simulated"]) == {"ON-PWM", "PWM-ON"}
     assert data["load"]["ON-PWM"][0]["speed_rpm"] == pytest.approx(22_500)
+
+
+def test_soa_of_a_slow_motor(tmp_path: Path) -> None:
+    """Speeds below 12 r/min stay apart in the tables.
+
+    Verifies: THEORY-11
+    """
+    output, _ = run(tmp_path, "soa", "--speed-max", "5", "--no-simulate")
+    speeds = re.findall(r"^│ +([\d.]+) │", output, re.MULTILINE)
+    assert len(set(speeds)) == len(speeds) == 12 and float(speeds[-1]) == 5
 
 
 def test_soa_of_another_motor(tmp_path: Path, small: None) -> None:
@@ -120,6 +132,31 @@ def test_linearity(tmp_path: Path) -> None:
     assert max(np.abs([*low, *high])) < 1e-9
 
 
+def npy() -> bytes:
+    """One array, as `numpy.save` writes it."""
+    file = io.BytesIO()
+    np.save(file, np.zeros(3))
+    return file.getvalue()
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    """Arrays that are not those of a trace."""
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+NO_TRACE = "is no trace of a run; name the trace.npz that fluxlock run has written$"
+NOT_TRACES = {
+    "text.md": b"# Title\n",
+    "empty.npz": b"",
+    "cut.npz": npz(log=np.zeros(100))[:200],
+    "array.npy": npy(),
+    "other.npz": npz(x=np.zeros(3)),
+    "shape.npz": npz(**dict.fromkeys(("log", "records", "plant_events", "zoom", "clock_hz"), np.zeros(3))),
+}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -128,7 +165,9 @@ def test_linearity(tmp_path: Path) -> None:
         (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["spectrum", "--mean", "0"], "--mean"),
         (["spectrum", "--speed", "10"], "carriers a sector"),
-        (["recorded", "missing.npz", "--from", "0", "--to", "1"], "missing.npz"),
+        (["recorded", "missing.npz", "--from", "0", "--to", "1"], "^missing.npz: file not found$"),
+        (["recorded", "DIR", "--from", "0", "--to", "1"], "is a folder, not a file"),
+        *((["recorded", name, "--from", "0", "--to", "1"], NO_TRACE) for name in NOT_TRACES),
         (["recorded", "missing.npz", "--from", "1", "--to", "0.5"], "--to: must be above --from"),
         (["linearity", "--out", "FILE"], "--out"),
     ],
@@ -138,8 +177,10 @@ def test_bad_input(tmp_path: Path, arguments: list[str], message: str) -> None:
 
     Verifies: THEORY-11
     """
-    (tmp_path / "file").write_text("")
-    replaced = [str(tmp_path / "file") if a == "FILE" else a for a in arguments]
+    for name, content in NOT_TRACES.items():
+        (tmp_path / name).write_bytes(content)
+    names = {"FILE": "text.md", "DIR": ""} | {name: name for name in NOT_TRACES}
+    replaced = [str(tmp_path / names[a]) if a in names else a for a in arguments]
     with pytest.raises(ConfigError, match=message):
         RUNNER.invoke(app, replaced, catch_exceptions=False)
 

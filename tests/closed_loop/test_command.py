@@ -25,7 +25,7 @@ def test_refused_lines_are_failures() -> None:
     """
     lines = (
         (0.001, "get"),
-        (0.0011, "set sped 1"),
+        (0.0011, "set speed_rpm 94001"),
         (0.0012, "status"),
         (0.006, "clear"),
         (0.01, "set commutation XSC"),
@@ -33,13 +33,24 @@ def test_refused_lines_are_failures() -> None:
     events = ",".join(f'{{at_s={at},command="{line}"}}' for at, line in lines)
     run = drive(SPIN, "refused", "duration_s=0.01", f"event=[{events}]", "window=[]", "expect=[]")
     assert [(round(r.time_s, 6), r.line) for r in run.data.rejected] == [
-        (0.0011, "set sped 1"),
+        (0.0011, "set speed_rpm 94001"),
         (0.006, "clear"),
         (0.01, "set commutation XSC"),
     ]
-    assert 'console at 0.001100 s: "set sped 1" was rejected: unknown name' in run.result["failures"]
+    assert 'console at 0.001100 s: "set speed_rpm 94001" was rejected: value out of range' in run.result["failures"]
     assert len(run.result["failures"]) == 3
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
+
+
+def test_fault_without_trip_is_a_failure() -> None:
+    """A rotor held fast: no trip, but the run fails with the fault in which the drive ended.
+
+    Verifies: FRONT-31
+    """
+    run = drive(SPIN, "held-fast", "mechanics.mode=locked", "initial.speed_rpm=0", "window=[]", "expect=[]")
+    assert run.result["trips"] == []
+    assert run.data.fault == "overspeed" and "state fault" in run.data.uart
+    assert run.result["failures"] == ["the drive ended in fault overspeed"]
 
 
 def test_lines_of_one_instant_are_all_carried_out() -> None:

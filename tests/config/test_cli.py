@@ -67,6 +67,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Replace the co-simulation; `calls` collects what it was asked for, `drive` is what it returns."""
     module = ModuleType("fluxlock.cosim.run")
     state: dict[str, Any] = {"calls": [], "drive": Drive(), "fault": None, "rejected": [], "interrupt": False}
+    state["uart"] = ["state ready", "fault none", "ok", "now none", "ok"]
 
     def run_scenario(
         scenario: Scenario, out_dir: Path, seed: int, waves: bool, progress: Callable[[ProgressInfo], None]
@@ -78,6 +79,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         data = make_run(state["drive"])
         data.seed = seed
         data.rejected = state["rejected"]
+        data.uart = state["uart"]
         if state["fault"]:
             raise SimulationFault(state["fault"], data)
         return data
@@ -146,6 +148,53 @@ def test_trip_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], t
     simulator["drive"] = Drive()
     code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *expects)
     assert code == 1 and "expected trip did not happen: phase_current" in err
+
+
+STATUS = ["state running", "fault none", "duty 0.5", "ok"]
+FAILED_START = [*STATUS, "state fault", "fault start_failed", "ok", "now start_failed", "fault lost_lock tick 77", "ok"]
+OVER_CURRENT = ["state fault", "fault phase_over_current", "ok", "now phase_over_current", "ok", "overruns 0 0", "ok"]
+
+
+def test_fault_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """A fault in which the drive ends, without a trip, fails the run by name; an expected one must come.
+
+    Verifies: FRONT-06, FRONT-31
+    """
+    simulator["uart"] = FAILED_START
+    code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert code == 1 and err.splitlines()[-1] == "failed: the drive ended in fault start_failed"
+    assert "fault at the end: start_failed" in out
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["fault"] == "start_failed"
+    assert load_trace(tmp_path / "trace.npz").fault == "start_failed"
+    assert invoke("run", DEMO, "--out", str(tmp_path), *SHORT, "--set", "expect_fault=start_failed")[0] == 0
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT, "--set", "expect_fault=overspeed")
+    assert code == 1 and "failed: expected fault is not there at the end: overspeed\n" in err
+    assert "failed: the drive ended in fault start_failed\n" in err
+    simulator["uart"] = [*FAILED_START, *STATUS]
+    code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT, "--set", "expect_fault=start_failed")
+    assert code == 1 and "failed: expected fault is not there at the end: start_failed" in err
+    assert "fault at the end" not in out
+    assert json.loads((tmp_path / "result.json").read_text())["fault"] is None
+
+
+def test_fault_of_a_trip_has_one_cause(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
+    """The fault that a trip means is judged with the trip; lost locks, which the drive ends itself, are not.
+
+    Verifies: FRONT-31
+    """
+    simulator |= {"drive": Drive(trip_at_s=0.019, trip_mask=1), "uart": OVER_CURRENT}
+    _, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
+    assert [x for x in err.splitlines() if x.startswith("failed")] == ["failed: trip at 0.019000 s: phase_current"]
+    expects = [*SHORT, "--set", 'expect_trip=["phase_current"]']
+    assert invoke("run", DEMO, "--out", str(tmp_path), *expects)[0] == 0
+    simulator["uart"] = ["state fault", "fault hall_sensor", "ok"]
+    assert invoke("run", DEMO, "--out", str(tmp_path), *expects)[0] == 1
+    simulator |= {"drive": Drive(trip_at_s=0.019, trip_mask=8), "uart": ["state fault", "fault lost_lock", "ok"]}
+    expects = [*SHORT, "--set", 'expect_trip=["lost_lock"]']
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *expects)
+    assert code == 1 and "failed: the drive ended in fault lost_lock" in err
+    assert invoke("run", DEMO, "--out", str(tmp_path), *expects, "--set", "expect_fault=lost_lock")[0] == 0
 
 
 def test_rejected_command_fails(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
@@ -345,6 +394,10 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     assert "4 pole pairs" in invoke("motor", "check", str(ROOT / "motors" / "pump-4pp.toml"))[1]
     code, out, _ = invoke("motor", "info", str(motor))
     assert code == 0 and "torque constant" in out and "inductance_h" in out
+    assert re.search(r"emf +│ +sinusoidal", out) and "flat_top_deg" not in out
+    code, out, _ = invoke("motor", "info", str(ROOT / "motors" / "pump-4pp.toml"))
+    assert re.search(r"emf +│ +trapezoidal", out) and re.search(r"flat_top_deg +│ +120", out)
+    assert re.search(r"phase EMF, harmonic 5 over fundamental +│ +4 +│ %", out), out
     code, out, _ = invoke("motor", "info", str(motor), "--json")
     derived = json.loads(out)["derived"]
     assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.analysis.metrics import judge, trips
-from fluxlock.analysis.rundata import Rejection, RunData
+from fluxlock.analysis.rundata import Rejection, RunData, trip_fault
 from fluxlock.config.scenario import Scenario
 from fluxlock.paths import ROOT, tool_environment
 
@@ -84,9 +84,14 @@ def build_result(data: RunData, scenario: Scenario, metrics: dict[str, dict[str,
         },
         "metrics": metrics,
         "trips": trip_list,
+        "fault": data.fault,
         "expectations": expectations,
         "rejected": [vars(r) for r in data.rejected],
-        "failures": failures(trip_list, data.rejected, expectations, scenario.expect_trip),
+        "failures": [
+            *trip_failures(trip_list, scenario.expect_trip),
+            *fault_failures(data.fault, trip_list, scenario.expect_fault),
+            *failures(data.rejected, expectations),
+        ],
         "run": {
             "cycles": data.cycles,
             "simulated_s": data.duration_s,
@@ -102,13 +107,8 @@ def build_result(data: RunData, scenario: Scenario, metrics: dict[str, dict[str,
     }
 
 
-def failures(
-    trip_list: list[dict[str, Any]],
-    rejected: list[Rejection],
-    expectations: list[dict[str, Any]],
-    expected_trips: list[Any],
-) -> list[str]:
-    """Why a run failed, a line each; empty when it passed."""
+def trip_failures(trip_list: list[dict[str, Any]], expected_trips: list[Any]) -> list[str]:
+    """Trips that were not expected, and expected ones that did not happen, a line each."""
     lines = []
     seen: set[str] = set()
     for trip in trip_list:
@@ -116,8 +116,25 @@ def failures(
         seen |= causes
         if not causes & set(expected_trips):
             lines.append(f"trip at {trip['time_s']:.6f} s: {trip['cause']}")
-    lines += [f"expected trip did not happen: {cause}" for cause in expected_trips if cause not in seen]
-    lines += [f'console at {r.time_s:.6f} s: "{r.line}" was rejected: {r.reason}' for r in rejected]
+    return lines + [f"expected trip did not happen: {cause}" for cause in expected_trips if cause not in seen]
+
+
+def fault_failures(fault: str | None, trip_list: list[dict[str, Any]], expected: str | None) -> list[str]:
+    """A fault in which the drive ended and that was not expected, and an expected one that is not there.
+
+    A fault that a trip of the run means is judged with the trip. A lost lock alone is no end: the drive starts again.
+    """
+    causes = {cause for trip in trip_list for cause in str(trip["cause"]).split("+")} - {"lost_lock"}
+    missing = expected is not None and fault != expected
+    lines = [f"expected fault is not there at the end: {expected}"] if missing else []
+    if fault is not None and fault != expected and fault not in map(trip_fault, causes):
+        lines.append(f"the drive ended in fault {fault}")
+    return lines
+
+
+def failures(rejected: list[Rejection], expectations: list[dict[str, Any]]) -> list[str]:
+    """Console lines that were refused and expectations that were missed, a line each."""
+    lines = [f'console at {r.time_s:.6f} s: "{r.line}" was rejected: {r.reason}' for r in rejected]
     for e in expectations:
         if not e["pass"]:
             value = "no value" if e["value"] is None else f"{e['value']:.4g}"

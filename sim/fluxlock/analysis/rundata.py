@@ -6,6 +6,7 @@ in the convention of the plant: theta = d axis against phase A.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
@@ -48,6 +49,12 @@ TRIP_CAUSES = (
     "under_voltage",
     "software",
 )
+# Faults whose names are not those of their trips.
+TRIP_FAULTS = {
+    "phase_current": "phase_over_current",
+    "dc_current": "dc_over_current",
+    "software": "software_trip",
+}
 
 RECORD_DTYPE = np.dtype(
     [
@@ -118,6 +125,13 @@ class RunData:
         """Simulated time."""
         return self.cycles / self.clock_hz
 
+    @property
+    def fault(self) -> str | None:
+        """Fault in which the drive ended, by its last reply to `status`; None: without one, or it was not asked."""
+        # The log of `faults` adds a tick to the name.
+        named = [line.removeprefix("fault ").strip() for line in self.uart if re.fullmatch(r"fault \w+\s*", line)]
+        return named[-1] if named and named[-1] != "none" else None
+
     def rows(self, kind: LogKind) -> IntArray:
         """Log rows of one kind."""
         found: IntArray = self.log[self.log[:, 1] == int(kind)]
@@ -138,6 +152,11 @@ class SimulationFault(Exception):
 def trip_cause_names(mask: int) -> list[str]:
     """Names of the causes in a trip mask."""
     return [name for bit, name in enumerate(TRIP_CAUSES) if mask >> bit & 1]
+
+
+def trip_fault(cause: str) -> str:
+    """Fault of the firmware that a trip cause means."""
+    return TRIP_FAULTS.get(cause, cause)
 
 
 def save_trace(path: Path, data: RunData) -> None:

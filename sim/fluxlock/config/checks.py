@@ -7,6 +7,7 @@ from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import METRICS, Scenario
+from fluxlock.firmware.specs import OVERSPEED_RATIO
 
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
@@ -159,13 +160,33 @@ def _power_stage(s: Scenario) -> list[Problem]:
         limit = with_unit(s.current_limit_a, "A")
         text = f"{with_unit(start_a, 'A')} is above drive.current_limit_a ({limit})"
         problems.append(Problem(file, "drive.start.current_a", text))
-    if s.drive.hall.mode != "off" and s.motor.hall is None:
+    start_hz = s.drive.start.carrier_hz
+    if start_hz is not None and start_hz > s.drive.carrier_hz:
+        limit = with_unit(s.drive.carrier_hz, "Hz")
+        text = f"{with_unit(start_hz, 'Hz')} is above drive.carrier_hz ({limit})"
+        problems.append(Problem(file, "drive.start.carrier_hz", text))
+    return problems
+
+
+def _hall(s: Scenario) -> list[Problem]:
+    if s.drive.hall.mode == "off":
+        return []
+    file, problems = s.sources.scenario, []
+    if s.motor.hall is None:
         text = f'"{s.drive.hall.mode}" needs Hall sensors: [hall] in the motor file ({s.sources.motor})'
         problems.append(Problem(file, "drive.hall.mode", text))
+    highest_rpm = OVERSPEED_RATIO * s.motor.max_speed_rpm
+    sector_s = 1.0 / (6 * s.motor.electrical_hz(highest_rpm))
+    if s.drive.hall.filter_s >= sector_s:
+        text = (
+            f"{with_unit(s.drive.hall.filter_s, 's')} is not below a sector at the over-speed limit of "
+            f"{with_unit(highest_rpm, 'r/min')} ({with_unit(sector_s, 's')})"
+        )
+        problems.append(Problem(file, "drive.hall.filter_s", text))
     return problems
 
 
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
-    problems = _times(scenario) + _power_stage(scenario) + _reach(scenario)
+    problems = _times(scenario) + _power_stage(scenario) + _hall(scenario) + _reach(scenario)
     return list(dict.fromkeys(problems))

@@ -30,12 +30,14 @@ class Model(BaseModel):
         for index, element in enumerate(elements):
             # Written so that a NaN is refused too.
             if not low <= element <= high:
+                hint = f"; {extra['below']}" if element < low and extra["below"] else ""
                 raise PydanticCustomError(
                     "range",
-                    "{value} is out of range, permitted {range}",
+                    "{value} is out of range, permitted {range}{hint}",
                     {
                         "value": with_unit(element, unit),
                         "range": range_text(low, high, unit),
+                        "hint": hint,
                         # Which element, if not all of them are the one number that the file states.
                         "index": index if len(set(elements)) > 1 else -1,
                     },
@@ -71,12 +73,14 @@ def quantity(
     *,
     default: Any = ...,  # noqa: ANN401
     absent: str = "",
+    below: str = "",
 ) -> Any:  # noqa: ANN401
     """Field for a number (or numbers per phase) with its unit and inclusive range.
 
-    absent: what happens when an optional key without a plain default is left out, for the schema page.
+    absent: what happens when an optional key without a plain default is left out, for the schema page. below: what to
+    do instead, for the message of a value below the range.
     """
-    extra: dict[str, JsonValue] = {"unit": unit, "min": minimum, "max": maximum, "absent": absent}
+    extra: dict[str, JsonValue] = {"unit": unit, "min": minimum, "max": maximum, "absent": absent, "below": below}
     return Field(default, description=description, json_schema_extra=extra)
 
 

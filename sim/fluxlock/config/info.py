@@ -34,6 +34,15 @@ def derived_values(motor: Motor) -> list[Derived]:
             motor.line_flux_vs * motor.omega_e(1000.0),
             "V/(1000 r/min)",
         ),
+        *(
+            Derived(
+                f"emf_harmonic_{n}_percent",
+                f"phase EMF, harmonic {n} over fundamental",
+                100 * motor.emf_harmonic(n),
+                "%",
+            )
+            for n in (3, 5, 7)
+        ),
         Derived("rated_torque_nm", "torque at rated current", motor.rated_torque_nm, "N*m"),
         Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
         Derived("electrical_time_constant_s", "electrical time constant L/R", inductance / resistance, "s"),

@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -208,6 +208,14 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def _is_array_of_tables(model: type[Model], path: Sequence[str | int]) -> bool:
+    """Whether a path is one of the model's own arrays of tables."""
+    info = model.model_fields.get(str(path[0]))
+    if len(path) > 1 or info is None:
+        return False
+    return get_origin(info.annotation) is list and model_in(info.annotation) is not None
+
+
 def _describe(model: type[Model], error: ErrorDetails) -> tuple[str, str]:
     """Key and message of one pydantic error in our words."""
     loc, kind = list(error["loc"]), error["type"]
@@ -225,6 +233,8 @@ def _describe(model: type[Model], error: ErrorDetails) -> tuple[str, str]:
         permitted = re.findall(r"'([^']*)'", str(context["expected"]))
         hint = did_you_mean(str(error["input"]), permitted)
         message = f"{_shown(error['input'])} is not permitted, permitted: {', '.join(permitted)}{hint}"
+    elif kind == "list_type" and isinstance(error["input"], dict) and _is_array_of_tables(model, loc):
+        message = f"must be an array of tables, [[{loc[-1]}]] in a file, not {_shown(error['input'])}"
     elif kind in _TYPE_WORDS:
         message = f"must be {_TYPE_WORDS[kind]}, not {_shown(error['input'])}"
     elif kind in _MESSAGES:
@@ -246,6 +256,11 @@ class _Source:
 
     def override(self, overrides: Iterable[Override]) -> None:
         for override in overrides:
+            first, *rest = override.key
+            if rest and first not in self.table and _is_array_of_tables(self.model, [first]):
+                give = f"give whole entries with {SET_OPTION} '{first}=[{{...}}]'"
+                text = f'has no entry "{rest[0]}", the scenario has no [[{first}]]; {give}'
+                raise ConfigError([Problem(SET_OPTION, self.prefix + first, text)])
             self.touched.append(_apply(self.table, override))
 
     def problem(self, key: str, message: str) -> Problem:

@@ -147,6 +147,13 @@ class Motor(Model):
         ramp_deg = (180.0 - self.flat_top_deg) / 2
         return 2 * psi * (1 - short_deg * short_deg / (2 * ramp_deg * 60.0))
 
+    def emf_harmonic(self, order: int) -> float:
+        """Harmonic of odd order > 1 of the phase EMF over its fundamental, with the sign of sin(order * angle)."""
+        if self.emf == "sinusoidal":
+            return 0.0
+        ramp = math.radians(180.0 - self.flat_top_deg) / 2
+        return math.sin(order * ramp) / (order**2 * math.sin(ramp))
+
     @property
     def torque_per_amp_nm(self) -> float:
         """Mean torque per ampere of DC current in six-step operation."""

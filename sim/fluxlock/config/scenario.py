@@ -9,12 +9,35 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from fluxlock.config.console import line_problem
 from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
+from fluxlock.firmware.specs import OVERSPEED_RATIO
 
 TripCause = Literal[
     "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
+]
+DriveFault = Literal[
+    "parameter_magic",
+    "parameter_version",
+    "parameter_crc",
+    "parameter_range",
+    "chip",
+    "no_samples",
+    "current_offset",
+    "phase_over_current",
+    "dc_over_current",
+    "fault_pin",
+    "over_voltage",
+    "under_voltage",
+    "software_trip",
+    "lost_lock",
+    "start_failed",
+    "rotor_spinning",
+    "overspeed",
+    "hall_sensor",
+    "voltage_channel",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
@@ -110,7 +133,13 @@ class Hall(Model):
         29,
         default=(0.0, 0.0, 0.0),
     )
-    filter_s: float = quantity("Time for which a code must be stable to count.", "s", 0, 1e-3, default=1e-6)
+    filter_s: float = quantity(
+        f"Time for which a code must be stable to count; below a sector at {OVERSPEED_RATIO:g} `max_speed_rpm`.",
+        "s",
+        0,
+        1e-3,
+        default=1e-6,
+    )
 
 
 class Start(Model):
@@ -281,9 +310,7 @@ class Fault(Model):
         return self
 
 
-# First words of the firmware's console (sw/app/console.c), the longest line it takes, and its first moment.
-COMMANDS = ("help", "status", "get", "set", "start", "stop", "faults", "clear", "stats")
-COMMAND_LENGTH = 79
+# First moment at which the console takes a line.
 BOOT_S = 1e-3
 
 ACTIONS = ("command", "speed_rpm", "accel_rpm_per_s", "load_factor", "supply_v", "fault")
@@ -294,7 +321,14 @@ class Event(Model):
 
     at_s: float = quantity("Time of the event.", "s", 0.0, 3600)
     command: str | None = Field(default=None, min_length=1, description="Line sent to the drive's console as it is.")
-    speed_rpm: float | None = quantity("New speed target.", "r/min", 1, 2e6, default=None)
+    speed_rpm: float | None = quantity(
+        'New speed target; backward by `command = "set speed_rpm -20000"`.',
+        "r/min",
+        1,
+        2e6,
+        default=None,
+        below='backward: command = "set speed_rpm -20000", to stop: command = "stop"',
+    )
     accel_rpm_per_s: float | None = quantity("New slope of the speed target.", "r/min/s", 1, 1e8, default=None)
     load_factor: float | None = quantity("New factor of the load torque.", "", 0.0, 100, default=None)
     supply_v: float | None = quantity("New supply voltage.", "V", 0.0, 1500, default=None)
@@ -311,16 +345,10 @@ class Event(Model):
         if given[0] in ("command", "speed_rpm", "accel_rpm_per_s") and self.at_s < BOOT_S:
             text = f"{with_unit(self.at_s, 's')} is too early for {given[0]}: the drive boots until {BOOT_S:g} s"
             raise conflict("at_s", text)
-        if self.command is not None:
-            self._check_command(self.command)
+        problem = None if self.command is None else line_problem(self.command)
+        if problem is not None:
+            raise conflict("command", problem)
         return self
-
-    def _check_command(self, line: str) -> None:
-        if not (line.isascii() and line.isprintable() and len(line) <= COMMAND_LENGTH):
-            raise conflict("command", f"must be one line of at most {COMMAND_LENGTH} printable ASCII characters")
-        word = line.split()[0] if line.split() else ""
-        if word not in COMMANDS:
-            raise conflict("command", f'"{word}" is no command of the drive, permitted: {", ".join(COMMANDS)}')
 
     @property
     def action(self) -> str:
@@ -410,6 +438,10 @@ class Scenario(Model):
     seed: int = quantity("Seed of the noise; `--seed` overrides it.", "", 0, 2**31 - 1, default=1)
     expect_trip: list[TripCause] = Field(
         default_factory=list, description="Trips that must happen, all others fail the run."
+    )
+    expect_fault: DriveFault | None = Field(
+        default=None,
+        description="Fault in which the drive must end; any other fails the run, unless an expected trip means it.",
     )
     drive: Drive = Field(description="Settings of the drive.")
     load: Load | None = Field(default=None, description="Load; left out: the load of the motor file.")

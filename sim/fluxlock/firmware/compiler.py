@@ -14,6 +14,7 @@ from fluxlock.firmware.specs import (
     BALANCES,
     COMMUTATIONS,
     HALL_MODES,
+    OVERSPEED_RATIO,
     PATTERNS,
     ZCD_METHODS,
     ZCD_SOURCES,
@@ -227,7 +228,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     if brake_a is None:
         brake_a = min(0.5 * motor.rated_current_a, limit_a)
     brake_from_v, brake_to_v = (supply + share * (over_v - supply) for share in BRAKE_MARGIN)
-    can_catch = p * 1.25 * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
+    can_catch = p * OVERSPEED_RATIO * motor.max_speed_rpm / 60.0 * tick < CATCH_TURNS_A_TICK
 
     # By Hall: from standstill to the hand-over speed at a third of the start current's torque.
     hall_start_s = 0.05 + 3.0 * w_handover * motor.inertia_kgm2 / (m.k_e * start_a)
@@ -258,7 +259,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "trip_under_voltage_lsb": code(under_v),
         "vdc_min_q17": q17_volts(under_v + 0.1 * supply),
         "vdc_max_q17": q17_volts(min(over_v, 0.99 * inverter.voltage_full_scale_v)),
-        "overspeed_rpm": round(1.25 * motor.max_speed_rpm),
+        "overspeed_rpm": round(OVERSPEED_RATIO * motor.max_speed_rpm),
         "pole_pairs": p,
         "speed_max_rpm": round(motor.max_speed_rpm),
         "emf": gain(m.k_e * volt / rpm_q8),

@@ -24,6 +24,9 @@ ZCD_METHODS: tuple[ZcdMethod, ...] = ("first", "interpolated", "averaged")
 ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
 HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
 
+# Over-speed limit over the motor's highest speed.
+OVERSPEED_RATIO = 1.25
+
 
 @dataclass(frozen=True)
 class MotorSpec:

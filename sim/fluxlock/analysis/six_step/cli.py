@@ -5,9 +5,12 @@ Defaults are the thesis's operating points with Motor-I. What is slow to import 
 
 from __future__ import annotations
 
+import math
+import zlib
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
+from zipfile import BadZipFile
 
 import numpy as np
 import typer
@@ -23,6 +26,7 @@ from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.paths import ROOT
 
 if TYPE_CHECKING:
+    from fluxlock.analysis.rundata import RunData
     from fluxlock.analysis.six_step.soa_study import Study
 
 app = typer.Typer(
@@ -94,24 +98,26 @@ def soa(
 
 
 def _print_study(result: Study) -> None:
+    # The speeds of a table are a twelfth of the highest apart, of the load line a twentieth.
+    decimals = max(0, math.ceil(-math.log10(result.settings.speed_max_rpm / 20)))
     most, speeds, limits_a = result.settings.current_max_a, result.bound.speed_rpm, result.current_limits_a
     rows = []
     for k in range(0, speeds.size, 10):
         beyond = "supply" if result.supply_a[k] <= most else f"> {most:g}"
-        rows.append([f"{speeds[k]:.0f}", *(number(values[k], missing=beyond) for values in limits_a.values())])
+        rows.append([f"{speeds[k]:.{decimals}f}", *(number(values[k], missing=beyond) for values in limits_a.values())])
     print_table("Largest current at the commutation, A", ("speed r/min", "25°", "30°", "computed back", "supply"), rows)
     if result.limits:
         rows = []
         for s, speed in enumerate(result.coarse_rpm):
             values = [v[s] for x in result.limits.values() for v in (x.visible_nm, x.recovered_nm, x.supply_nm)]
-            rows.append([f"{speed:.0f}", *(number(1e3 * value) for value in values)])
+            rows.append([f"{speed:.{decimals}f}", *(number(1e3 * value) for value in values)])
         headers = [f"{c} {what}" for c in result.limits for what in ("30°", "computed back", "largest")]
         print_table("Largest mean torque of the switched circuit, mN m", ("speed r/min", *headers), rows)
     if result.lines:
         rows = []
         for states in zip(*result.lines.values(), strict=False):
             first = states[0]
-            cells = [f"{first.speed_rpm:.0f}", f"{first.torque_nm * 1e3:.1f}", f"{first.current_a.mean():.1f}"]
+            cells = [f"{first.speed_rpm:.{decimals}f}", f"{first.torque_nm * 1e3:.1f}", f"{first.current_a.mean():.1f}"]
             cells += [f"{number(s.freewheel_deg.min())} … {number(s.freewheel_deg.max())}" for s in states]
             rows.append(cells)
         headers = [f"{chopping} deg" for chopping in result.lines]
@@ -253,6 +259,24 @@ def spectrum(
     write_figure(out, "spectrum", plots.spectrum_figure(title, spectra, max_order, start), data)
 
 
+def _load_trace(path: Path) -> RunData:
+    """Read a trace; ConfigError says what is wrong with the file."""
+    from fluxlock.analysis.rundata import load_trace
+
+    try:
+        return load_trace(path)
+    except (FileNotFoundError, NotADirectoryError):
+        text = "file not found"
+    except IsADirectoryError:
+        text = "is a folder, not a file"
+    except OSError as error:
+        text = f"cannot be read ({error.strerror or error})"
+    # Whatever NumPy makes of other files: text, one array, archives that are cut or hold something else.
+    except (ValueError, KeyError, TypeError, EOFError, BadZipFile, zlib.error):
+        text = "is no trace of a run; name the trace.npz that fluxlock run has written"
+    raise ConfigError([Problem(str(path), "", text)])
+
+
 @app.command()
 def recorded(
     trace: Annotated[Path, typer.Argument(help="trace.npz of a run.")],
@@ -266,16 +290,12 @@ def recorded(
     max_order: OrderOption = 17.0,
 ) -> None:
     """Line spectrum of the gates that a run recorded, over a whole number of turns."""
-    from fluxlock.analysis.rundata import load_trace
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import recording as theory
 
     if not from_s < to_s:
         raise ConfigError([Problem("--to", "", f"must be above --from ({from_s:g})")])
-    try:
-        run = load_trace(trace)
-    except (OSError, ValueError, KeyError) as error:
-        raise ConfigError([Problem(str(trace), "", f"is no trace of a run ({error})")]) from None
+    run = _load_trace(trace)
     try:
         window = theory.whole_turns(run, from_s, to_s)
     except ValueError as error:
