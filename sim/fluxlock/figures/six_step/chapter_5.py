@@ -21,11 +21,11 @@ from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, drive, numbers, whole
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.ramp import Variant, drive_ramp
 from fluxlock.regression.six_step.support import highest_hz
 
 CARRIER_HZ = 20e3
 LINE = 3.0  # radius of the boundaries in figure 5.4
-RAMP_LIMIT_A = {20: 30, 30: 40}  # 30 mN*m need more than the rated current at the top
 BENCH = "Motor-I, 25 V, 20 kHz, ON-PWM"
 
 
@@ -168,21 +168,6 @@ def csc_spectrum(runner: Runner) -> Drawing:
     )
 
 
-def ramp(runner: Runner, commutation: Commutation, load_mnm: int, *more: str) -> Outcome:
-    """The ramp to 1300 Hz of the regression: the same run where it is made there."""
-    return drive(
-        runner,
-        "six-step/ramp-1300hz.toml",
-        f"{commutation}-{load_mnm}",
-        f"drive.commutation={commutation}",
-        "drive.zcd.compute_back=false",
-        f"drive.current_limit_a={RAMP_LIMIT_A[load_mnm]}",
-        f"load.fan_torque_nm={load_mnm / 1000}",
-        *(() if commutation == "CSC" else ("window=[]",)),
-        *more,
-    )
-
-
 def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
     """Phase current A over the frequency of a ramp."""
     records = run.data.records
@@ -201,11 +186,11 @@ def failures(runner: Runner) -> Drawing:
     drawn, grid = panels.page("5.12: RSC, 20 kHz, ramp at 20 and 30 mN·m", 2, 2, (11.0, 6.0))
     rows = []
     for line, load_mnm, printed in zip(grid, (20, 30), ("1111 Hz (N = 3)", "833 Hz (N = 4)"), strict=True):
-        run = ramp(runner, "RSC", load_mnm)
+        run = drive_ramp(runner, Variant("RSC", False, load_mnm, fails=True))
         trips = run.result["trips"]
         end_s = trips[0]["time_s"] if trips else run.data.duration_s
         _over_speed(line[0], run, end_s + 0.002)
-        panels.title(line[0], f"fan {load_mnm} mN·m at 60 000 r/min")
+        panels.title(line[0], f"{load_mnm} mN·m")
         part = run.analysis.commutations.between((end_s - 0.006) * run.data.clock_hz, end_s * run.data.clock_hz)
         line[1].plot((part.cycle / run.data.clock_hz - end_s) * 1e3, part.error_deg, ".-", linewidth=0.6, color="black")
         finish(line[1], "time before the end / ms", "commutation late / deg el.")
@@ -213,7 +198,7 @@ def failures(runner: Runner) -> Drawing:
         reached = highest_hz(run)
         rows.append(
             Entry(
-                f"fan {load_mnm} mN·m: fails at",
+                f"{load_mnm} mN·m: fails at",
                 printed,
                 f"{reached:.0f} Hz (N = {CARRIER_HZ / 6 / reached:.2f}), {panels.trip_text(run)}",
                 "Below an integer N as in figure 5.7; the trip follows when the lateness has grown. Just below N = 4 "
@@ -222,7 +207,7 @@ def failures(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        f"{BENCH}, seen crossings, interpolated; slope 120 000 r/min/s. The load is a fan; the thesis states a torque.",
+        f"{BENCH}, constant torque, seen crossings, first sample after; slope 12 000 r/min/s: the runs of the regression.",
         drawn,
         tuple(rows),
     )
@@ -342,10 +327,10 @@ def turn_peaks_a(run: Outcome, from_s: float, to_s: float) -> FloatArray:
 @figure(FAMILY, "5.16")
 def acceleration(runner: Runner) -> Drawing:
     """Acceleration to 1300 Hz under RSC and CSC."""
-    drawn, grid = panels.page("5.16: 450 Hz to 1300 Hz, 20 kHz, fan 20 mN·m", 2, 2, (11.0, 6.0))
+    drawn, grid = panels.page("5.16: 667 Hz to 1300 Hz, 20 kHz, 20 mN·m", 2, 2, (11.0, 6.0))
     rows = []
     for column, commutation in enumerate(PAIR):
-        run = ramp(runner, commutation, 20)
+        run = drive_ramp(runner, Variant(commutation, False, 20, fails=commutation == "RSC"))
         trips = run.result["trips"]
         end_s = trips[0]["time_s"] if trips else run.data.duration_s
         panels.speed(grid[0][column], run.data)
@@ -377,4 +362,8 @@ def acceleration(runner: Runner) -> Drawing:
                 f"{np.abs(records['ia'][near]).max():.1f}",
             )
         )
-    return Drawing(f"{BENCH}, seen crossings, interpolated, slope 120 000 r/min/s.", drawn, tuple(rows))
+    return Drawing(
+        f"{BENCH}, 20 mN·m, slope 12 000 r/min/s, seen crossings: first sample after (RSC), interpolated (CSC).",
+        drawn,
+        tuple(rows),
+    )

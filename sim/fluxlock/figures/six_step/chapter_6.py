@@ -26,10 +26,10 @@ from fluxlock.analysis.six_step.switched import duty_for_torque, ideal_inverter,
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
-from fluxlock.figures.six_step.chapter_5 import ramp
 from fluxlock.figures.six_step.support import FAMILY, drive, motor_1, schedule
 from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.six_step.spectrum import spectrum_run
+from fluxlock.regression.six_step.ramp import Variant, drive_ramp
 from fluxlock.regression.six_step.support import highest_hz
 
 SPEED_RPM, CARRIER_HZ, SUPPLY_V = 64_000, 20e3, 25.0
@@ -382,13 +382,13 @@ def dynamic(runner: Runner) -> Drawing:
     begin_s = 0.06
     down_s = begin_s + 48_000 / slope + 0.05
     end_s = down_s + 0.04 if runner.quick else down_s + 48_000 / slope + 0.1
-    drawn, grid = panels.page(f"6.14: 30 000 → 78 000 → 30 000 r/min, {slope} r/min/s, fan 20 mN·m", 2, 3, (12.0, 5.6))
+    drawn, grid = panels.page(f"6.14: 30 000 → 78 000 → 30 000 r/min, {slope} r/min/s, 20 mN·m", 2, 3, (12.0, 5.6))
     printed = {"RSC": "trips at 1110 Hz", "NSC": "trips soon after 1300 Hz", "CSC": "completes"}
     rows = []
     for column, commutation in enumerate(COMMUTATIONS):
         # RSC does not come back: the run of figure 5.12 shows it all.
         run = (
-            ramp(runner, commutation, 20)
+            drive_ramp(runner, Variant("RSC", False, 20, fails=True))
             if commutation == "RSC"
             else drive(
                 runner,
@@ -427,7 +427,7 @@ def dynamic(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        "Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated. RSC: the run of 5.12, from 27 000 r/min.",
+        "Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated. RSC: the run of 5.12, from 40 000 r/min with 12 000 r/min/s, first sample after.",
         drawn,
         tuple(rows),
     )
