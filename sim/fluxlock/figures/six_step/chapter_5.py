@@ -207,7 +207,8 @@ def failures(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        f"{BENCH}, constant torque, seen crossings, first sample after; slope 12 000 r/min/s: the runs of the regression.",
+        f"{BENCH}, constant torque, seen crossings, first sample after; slope 12 000 r/min/s: "
+        "the runs of the regression.",
         drawn,
         tuple(rows),
     )
