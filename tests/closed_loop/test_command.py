@@ -47,10 +47,11 @@ def test_fault_without_trip_is_a_failure() -> None:
 
     Verifies: FRONT-31
     """
-    run = drive(SPIN, "held-fast", "mechanics.mode=locked", "initial.speed_rpm=0", "window=[]", "expect=[]")
+    held = ("mechanics.mode=locked", "initial.speed_rpm=0", "drive.start.retries=0")
+    run = drive(SPIN, "held-fast", *held, "window=[]", "expect=[]")
     assert run.result["trips"] == []
-    assert run.data.fault == "overspeed" and "state fault" in run.data.uart
-    assert run.result["failures"] == ["the drive ended in fault overspeed"]
+    assert run.data.fault == "start_failed" and "state fault" in run.data.uart
+    assert run.result["failures"] == ["the drive ended in fault start_failed"]
 
 
 def test_lines_of_one_instant_are_all_carried_out() -> None:
