@@ -29,7 +29,8 @@ OWN = re.compile(r"my-motor|[A-Z]{4}|…")
 
 def command_lines(text: str) -> list[tuple[str, list[str]]]:
     """Program and words of the command lines in a page's code: blocks without a language, and code within a line."""
-    lines = [line for _, kind, block in BLOCK.findall(text) if not kind for line in block.splitlines()]
+    blocks = [re.sub(r"\\\n\s*", "", block) for _, kind, block in BLOCK.findall(text) if not kind]
+    lines = [line for block in blocks for line in block.splitlines()]
     lines += re.findall(r"`([^`\n]+)`", BLOCK.sub("", text))
     found = (LINE.fullmatch(line.strip()) for line in lines)
     return [(match[1], shlex.split(match[2], comments=True)) for match in found if match]
