@@ -1,0 +1,40 @@
+// Complex fixed point: d + jq and factors of such. The format stands in the name of the variable; both parts share it.
+// Parts lie within +-(2^31 - 1); conjugates, sums and differences are exact and must fit 32 bits.
+#ifndef FL_COMPLEX_FIXED_H
+#define FL_COMPLEX_FIXED_H
+
+#include <stdint.h>
+
+#include "control/fixed.h"
+
+typedef struct {
+  int32_t re;
+  int32_t im;
+} complex_t;
+
+// A complex factor (re + j im) * 2^-shift. Normalised: 2^28 < max(|re|, |im|) < 2^31.
+typedef struct {
+  int32_t re;
+  int32_t im;
+  int32_t shift;
+} complex_gain_t;
+
+#define ONE_Q30 ((int32_t)1 << 30)
+
+static inline complex_t complex_conj(complex_t z) { return (complex_t){z.re, -z.im}; }
+
+static inline complex_t complex_add(complex_t a, complex_t b) { return (complex_t){a.re + b.re, a.im + b.im}; }
+
+static inline complex_t complex_sub(complex_t a, complex_t b) { return (complex_t){a.re - b.re, a.im - b.im}; }
+
+// a * b in the format of a, rounded half up and saturated. About 45 clocks.
+complex_t complex_mul_q30(complex_t a, complex_t b_q30);
+
+// a * factor, -2 <= factor < 2. About 25 clocks.
+complex_t complex_scale_q30(complex_t a, int32_t factor_q30);
+
+// 1 / z to 2^-27 of its length, for z as integers, |re|, |im| <= 2^31 - 1: the format of z counts in the shift. z = 0
+// counts as 1. About 200 clocks.
+complex_gain_t complex_inverse(complex_t z);
+
+#endif
