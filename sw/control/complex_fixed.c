@@ -16,6 +16,12 @@ SHARED complex_t complex_scale_q30(complex_t a, int32_t factor_q30) {
   return (complex_t){to_q30((int64_t)a.re * factor_q30), to_q30((int64_t)a.im * factor_q30)};
 }
 
+SHARED complex_t complex_gain_apply(complex_t z, complex_gain_t g) {
+  const int64_t re = (int64_t)z.re * g.re - (int64_t)z.im * g.im;
+  const int64_t im = (int64_t)z.re * g.im + (int64_t)z.im * g.re;
+  return (complex_t){sat_i32(round_shift(re, g.shift)), sat_i32(round_shift(im, g.shift))};
+}
+
 SHARED complex_gain_t complex_inverse(complex_t z) {
   const uint32_t size = (uint32_t)abs_sat(z.re) | (uint32_t)abs_sat(z.im);
   if (size == 0u) {

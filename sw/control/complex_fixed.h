@@ -33,6 +33,9 @@ complex_t complex_mul_q30(complex_t a, complex_t b_q30);
 // a * factor, -2 <= factor < 2. About 25 clocks.
 complex_t complex_scale_q30(complex_t a, int32_t factor_q30);
 
+// z * g, rounded half up and saturated; |z| |g mantissa| < 2^62, 0 <= shift <= 62. About 60 clocks.
+complex_t complex_gain_apply(complex_t z, complex_gain_t g);
+
 // 1 / z to 2^-27 of its length, for z as integers, |re|, |im| <= 2^31 - 1: the format of z counts in the shift. z = 0
 // counts as 1. About 200 clocks.
 complex_gain_t complex_inverse(complex_t z);

@@ -29,6 +29,51 @@ class Decay(ctypes.Structure):
     _fields_ = [("factor_q30", I32), ("slope_q30", I32)]
 
 
+class Machine(ctypes.Structure):
+    """vector_machine_t."""
+
+    _fields_ = [
+        ("resistance_q30", U32),
+        ("delay_q30", U32),
+        ("admittance", Gain),
+        ("impedance", Gain),
+        ("period_cycles", U32),
+        ("harmonic", U32),
+        ("park", ctypes.c_int),
+    ]
+
+
+class Model(ctypes.Structure):
+    """vector_model_t."""
+
+    _fields_ = [
+        ("phi_q30", Complex),
+        ("gamma1_q30", Complex),
+        ("gamma1_share_q30", Complex),
+        ("gamma2_q30", Complex),
+        ("gamma_e_q30", Complex),
+        ("turn_rad_q29", I32),
+    ]
+
+
+class RegulatorGains(ctypes.Structure):
+    """regulator_gains_t."""
+
+    _fields_ = [("g", Complex), ("h", Complex), ("shift", I32)]
+
+
+class RegulatorDesign(ctypes.Structure):
+    """regulator_design_t."""
+
+    _fields_ = [("order", ctypes.c_int), ("bandwidth_q30", I32), ("gamma_q30", I32)]
+
+
+class ComplexRegulator(ctypes.Structure):
+    """complex_regulator_t."""
+
+    _fields_ = [("voltage_v_q25", Complex), ("error_i_q17", Complex)]
+
+
 def to_complex(z: Complex, unit: float = 1.0) -> complex:
     """Value of a pair of integers in multiples of `unit`."""
     return complex(z.re, z.im) / unit
@@ -56,6 +101,14 @@ def vector_library() -> ctypes.CDLL:
         ("complex_inverse", ComplexGain, [Complex]),
         ("sqrt_u64", U32, [U64]),
         ("decay_q30", Decay, [U32]),
+        ("complex_gain_apply", Complex, [Complex, ComplexGain]),
+        ("vector_turn_q32", I32, [POINTER, I32]),
+        ("vector_lead_turn_q32", I32, [POINTER, I32]),
+        ("vector_model", None, [POINTER, POINTER, I32]),
+        ("regulator_design", ctypes.c_bool, [POINTER, POINTER, POINTER, POINTER]),
+        ("circle_limit_v_q25", Complex, [Complex, I32, POINTER]),
+        ("complex_regulator_preset", None, [POINTER, Complex, Complex]),
+        ("complex_regulator_step", ctypes.c_bool, [POINTER, POINTER, Complex, Complex, I32]),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments

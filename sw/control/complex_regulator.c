@@ -1,0 +1,54 @@
+#include "control/complex_regulator.h"
+
+#include "control/placement.h"
+#include "control/trig.h"
+
+#define ERROR_MAX_Q17 ((1 << 17) - 1)
+#define VOLTAGE_MAX_Q25 ((1 << 27) - 1)
+
+// state + sum * 2^-shift, 28 bits.
+static int32_t accumulate(int32_t state, int64_t sum, int32_t shift) {
+  const int64_t next = state + round_shift(sum, shift);
+  if (next > VOLTAGE_MAX_Q25) {
+    return VOLTAGE_MAX_Q25;
+  }
+  return (next < -VOLTAGE_MAX_Q25) ? -VOLTAGE_MAX_Q25 : (int32_t)next;
+}
+
+static int32_t shrink(int32_t x, uint32_t factor_q17) {
+  return (int32_t)(((int64_t)x * (int32_t)factor_q17 + (1 << 16)) >> 17);
+}
+
+HOT complex_t circle_limit_v_q25(complex_t voltage_v_q25, int32_t limit_v_q17, bool *limited) {
+  const uint32_t limit = (uint32_t)limit_v_q17;
+  const uint32_t length = complex_abs(voltage_v_q17(voltage_v_q25));
+  *limited = length > limit;
+  if (!*limited) {
+    return voltage_v_q25;
+  }
+  const uint32_t factor_q17 = div_sat_u32((uint64_t)limit << 17, length);
+  return (complex_t){shrink(voltage_v_q25.re, factor_q17), shrink(voltage_v_q25.im, factor_q17)};
+}
+
+void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_v_q25, complex_t error_i_q17) {
+  regulator->voltage_v_q25 = voltage_v_q25;
+  regulator->error_i_q17 = error_i_q17;
+}
+
+HOT bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains,
+                                complex_t reference_i_q17, complex_t current_i_q17, int32_t limit_v_q17) {
+  const complex_t difference = complex_sub(reference_i_q17, current_i_q17);
+  const complex_t now = {clamp_i32(difference.re, -ERROR_MAX_Q17, ERROR_MAX_Q17),
+                         clamp_i32(difference.im, -ERROR_MAX_Q17, ERROR_MAX_Q17)};
+  const complex_t last = regulator->error_i_q17;
+  const complex_t g = gains->g;
+  const complex_t h = gains->h;
+  const int64_t d = (int64_t)g.re * now.re - (int64_t)g.im * now.im - (int64_t)h.re * last.re + (int64_t)h.im * last.im;
+  const int64_t q = (int64_t)g.re * now.im + (int64_t)g.im * now.re - (int64_t)h.re * last.im - (int64_t)h.im * last.re;
+  const complex_t sum = {accumulate(regulator->voltage_v_q25.re, d, gains->shift),
+                         accumulate(regulator->voltage_v_q25.im, q, gains->shift)};
+  bool limited;
+  regulator->voltage_v_q25 = circle_limit_v_q25(sum, limit_v_q17, &limited);
+  regulator->error_i_q17 = now;
+  return limited;
+}

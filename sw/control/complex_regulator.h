@@ -1,0 +1,47 @@
+// Complex current regulator: incremental recurrence with a voltage circle, the reference of the hardware's regulator.
+//
+//   u[k] = limit(u[k-1] + g e[k] - h e[k-1]),   e = i* - i,   h = g Phi           (Yang 2020, ch. 7)
+//
+// e saturates at +-(2^17 - 1) an axis. The four products an axis (18 x 18 bit) are summed exactly, multiplied by 2^-shift
+// and rounded half up once. The sum with u[k-1] saturates at +-(2^27 - 1) an axis (28 bits, four full scales). The
+// limited u is the state: what the circle takes away is not integrated.
+//
+// Circle, limit >= 0 in v_q17: with d, q = u >> 8, rounded half up, m = floor(sqrt(d^2 + q^2)); if m > limit,
+//   factor = floor(limit 2^17 / m),   u = u factor 2^-17, rounded half up an axis
+// |u| stays below limit + 2 units of v_q17.
+#ifndef FL_COMPLEX_REGULATOR_H
+#define FL_COMPLEX_REGULATOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "control/complex_fixed.h"
+
+// Mantissas signed 18 bit, one shift 0..31: current i_q17 -> voltage v_q25.
+typedef struct {
+  complex_t g;
+  complex_t h;
+  int32_t shift;
+} regulator_gains_t;
+
+typedef struct {
+  complex_t voltage_v_q25;
+  complex_t error_i_q17;
+} complex_regulator_t;
+
+// u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 <= 2^18 - 1. About 300 clocks, 450 limited.
+complex_t circle_limit_v_q25(complex_t voltage_v_q25, int32_t limit_v_q17, bool *limited);
+
+// v_q25 -> v_q17, rounded half up.
+static inline complex_t voltage_v_q17(complex_t voltage_v_q25) {
+  return (complex_t){(voltage_v_q25.re + 128) >> 8, (voltage_v_q25.im + 128) >> 8};
+}
+
+// Continue from a voltage and an error: bumpless entry. |parts| < 2^27.
+void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_v_q25, complex_t error_i_q17);
+
+// One step with 18-bit currents; the new voltage is in the state. Returns whether the circle bound. About 450 clocks.
+bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains, complex_t reference_i_q17,
+                            complex_t current_i_q17, int32_t limit_v_q17);
+
+#endif
