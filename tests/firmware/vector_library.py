@@ -7,7 +7,7 @@ import ctypes
 from fluxlock.firmware import build_host_library, gain
 from tests.firmware.control_library import Gain
 
-I32, U32, U64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint64
+I32, U32, I64, U64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_int64, ctypes.c_uint64
 POINTER = ctypes.c_void_p
 
 
@@ -74,6 +74,30 @@ class ComplexRegulator(ctypes.Structure):
     _fields_ = [("voltage_v_q25", Complex), ("error_i_q17", Complex)]
 
 
+class Observer(ctypes.Structure):
+    """emf_observer_t."""
+
+    _fields_ = [("current_i_q25", Complex), ("emf_v_q25", Complex), ("voltage_v_q25", Complex)]
+
+
+class ObserverGains(ctypes.Structure):
+    """emf_observer_gains_t."""
+
+    _fields_ = [("model", Model), ("admittance", Gain), ("innovation_q30", I32), ("emf_gain", ComplexGain)]
+
+
+class Pll(ctypes.Structure):
+    """pll_t."""
+
+    _fields_ = [("angle_turn_q36", U64), ("speed_turn_q60", I64), ("acceleration_turn_q60", I64)]
+
+
+class PllGains(ctypes.Structure):
+    """pll_gains_t."""
+
+    _fields_ = [("angle", Gain), ("speed", Gain), ("acceleration", Gain), ("speed_max_turn_q36", I32)]
+
+
 def to_complex(z: Complex, unit: float = 1.0) -> complex:
     """Value of a pair of integers in multiples of `unit`."""
     return complex(z.re, z.im) / unit
@@ -106,6 +130,14 @@ def vector_library() -> ctypes.CDLL:
         ("vector_lead_turn_q32", I32, [POINTER, I32]),
         ("vector_model", None, [POINTER, POINTER, I32]),
         ("regulator_design", ctypes.c_bool, [POINTER, POINTER, POINTER, POINTER]),
+        ("emf_observer_design", None, [POINTER, POINTER, POINTER, I32, I32]),
+        ("emf_observer_preset", None, [POINTER, Complex, Complex, Complex]),
+        ("emf_observer_step", None, [POINTER, POINTER, Complex, Complex]),
+        ("pll_error_q30", I32, [Complex, I32, U32]),
+        ("pll_preset", None, [POINTER, U32, I32]),
+        ("pll_angle_turn_q32", U32, [POINTER]),
+        ("pll_speed_turn_q36", I32, [POINTER]),
+        ("pll_step", I32, [POINTER, POINTER, U32, I32]),
         ("circle_limit_v_q25", Complex, [Complex, I32, POINTER]),
         ("complex_regulator_preset", None, [POINTER, Complex, Complex]),
         ("complex_regulator_step", ctypes.c_bool, [POINTER, POINTER, Complex, Complex, I32]),

@@ -1,0 +1,43 @@
+// EMF observer in the estimated frame (gamma, delta), for any delay from sample to voltage (Yang 2020, ch. 7):
+//
+//   i^[k+1] = Phi i^[k] + Gamma1 u[k] + Gamma2 u[k-1] + Gamma_e e^[k] + G1 (i[k] - i^[k])
+//   e^[k+1] = e^[k] + G2 (i[k] - i^[k])
+//   G1 = 1 + Phi - p1 - p2,   G2 = (1 - p1) (1 - p2) / Gamma_e        poles p1, p2 of the error at any signed speed
+//
+// Computed as i^[k+1] = Phi i[k] + (1 - p1 - p2) (i[k] - i^[k]) + ...: the same, with a real factor. The angle of e^
+// against +j sgn(omega) is the error of the estimated angle (pll.h). A speed error of the model shows in i^ only.
+#ifndef FL_EMF_OBSERVER_H
+#define FL_EMF_OBSERVER_H
+
+#include <stdint.h>
+
+#include "control/complex_fixed.h"
+#include "control/vector_model.h"
+
+typedef struct {
+  complex_t current_i_q25;
+  complex_t emf_v_q25;
+  complex_t voltage_v_q25;  // u[k-1]
+} emf_observer_t;
+
+typedef struct {
+  vector_model_t model;
+  gain_t admittance;
+  int32_t innovation_q30;   // 1 - p1 - p2
+  complex_gain_t emf_gain;  // G2: current q25 -> voltage q25
+} emf_observer_gains_t;
+
+// Gains at the speed of the model; poles 0..1. About 350 clocks.
+void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
+                         int32_t pole1_q30, int32_t pole2_q30);
+
+// Start with the measured current, the EMF that is known and the last voltage.
+void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, complex_t emf_v_q25,
+                         complex_t voltage_v_q25);
+
+// One sample: current i[k], and the voltage u[k] set in answer to it, both in the estimated frame of this instant; at
+// most eight full scales. States saturate at 16 full scales. About 450 clocks.
+void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                       complex_t voltage_v_q25);
+
+#endif

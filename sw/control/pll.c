@@ -1,0 +1,53 @@
+#include "control/pll.h"
+
+#include <stdbool.h>
+
+#include "control/placement.h"
+#include "control/trig.h"
+
+#define SPEED_BITS 24
+#define TURN_MASK_Q36 (((uint64_t)1 << 36) - 1u)
+
+static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+
+HOT int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {
+  const uint32_t length = complex_abs(emf_v_q25);
+  if (length < minimum_v_q25 || length == 0u) {
+    return 0;
+  }
+  const bool backward = speed_turn_q36 < 0;
+  const bool negative = (emf_v_q25.re > 0) != backward;
+  const bool beyond = (emf_v_q25.im < 0) != backward;
+  uint32_t size = (uint32_t)ONE_Q30;
+  if (!beyond) {
+    const uint32_t sine_q30 = div_sat_u32((uint64_t)(uint32_t)abs_sat(emf_v_q25.re) << 30, length);
+    size = (sine_q30 < size) ? sine_q30 : size;
+  }
+  return negative ? -(int32_t)size : (int32_t)size;
+}
+
+void pll_preset(pll_t *pll, uint32_t angle_turn_q32, int32_t speed_turn_q36) {
+  pll->angle_turn_q36 = (uint64_t)angle_turn_q32 << 4;
+  pll->speed_turn_q60 = (int64_t)speed_turn_q36 * (1 << SPEED_BITS);
+  pll->acceleration_turn_q60 = 0;
+}
+
+uint32_t pll_angle_turn_q32(const pll_t *pll) { return (uint32_t)(pll->angle_turn_q36 >> 4); }
+
+int32_t pll_speed_turn_q36(const pll_t *pll) { return (int32_t)round_shift(pll->speed_turn_q60, SPEED_BITS); }
+
+HOT int32_t pll_step(pll_t *pll, const pll_gains_t *gains, uint32_t period_cycles, int32_t error_q30) {
+  const int64_t travel_q36 = (int64_t)pll_speed_turn_q36(pll) * (int32_t)period_cycles;
+  const int32_t correction_q32 = (int32_t)scale(error_q30, gains->angle);
+  const int64_t turn_q36 = travel_q36 + (int64_t)correction_q32 * 16;
+  pll->angle_turn_q36 = (pll->angle_turn_q36 + (uint64_t)turn_q36) & TURN_MASK_Q36;
+  const int64_t most = (int64_t)gains->speed_max_turn_q36 * (1 << SPEED_BITS);
+  int64_t speed = pll->speed_turn_q60 + pll->acceleration_turn_q60 + scale(error_q30, gains->speed);
+  pll->acceleration_turn_q60 += scale(error_q30, gains->acceleration);
+  if (speed > most || speed < -most) {
+    speed = (speed > most) ? most : -most;
+    pll->acceleration_turn_q60 = 0;
+  }
+  pll->speed_turn_q60 = speed;
+  return correction_q32;
+}
