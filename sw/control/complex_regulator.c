@@ -35,6 +35,11 @@ void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_
   regulator->error_i_q17 = error_i_q17;
 }
 
+void complex_regulator_turn(complex_regulator_t *regulator, complex_t rotation_q30) {
+  regulator->voltage_v_q25 = complex_mul_q30(regulator->voltage_v_q25, rotation_q30);
+  regulator->error_i_q17 = complex_mul_q30(regulator->error_i_q17, rotation_q30);
+}
+
 HOT bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains,
                                 complex_t reference_i_q17, complex_t current_i_q17, int32_t limit_v_q17) {
   const complex_t difference = complex_sub(reference_i_q17, current_i_q17);

@@ -2,9 +2,9 @@
 //
 //   u[k] = limit(u[k-1] + g e[k] - h e[k-1]),   e = i* - i,   h = g Phi           (Yang 2020, ch. 7)
 //
-// e saturates at +-(2^17 - 1) an axis. The four products an axis (18 x 18 bit) are summed exactly, multiplied by 2^-shift
-// and rounded half up once. The sum with u[k-1] saturates at +-(2^27 - 1) an axis (28 bits, four full scales). The
-// limited u is the state: what the circle takes away is not integrated.
+// e saturates at +-(2^17 - 1) an axis. The four products an axis (18 x 18 bit) are summed exactly, multiplied by
+// 2^-shift and rounded half up once. The sum with u[k-1] saturates at +-(2^27 - 1) an axis (28 bits, four full scales).
+// The limited u is the state: what the circle takes away is not integrated.
 //
 // Circle, limit >= 0 in v_q17: with d, q = u >> 8, rounded half up, m = floor(sqrt(d^2 + q^2)); if m > limit,
 //   factor = floor(limit 2^17 / m),   u = u factor 2^-17, rounded half up an axis
@@ -39,6 +39,9 @@ static inline complex_t voltage_v_q17(complex_t voltage_v_q25) {
 
 // Continue from a voltage and an error: bumpless entry. |parts| < 2^27.
 void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_v_q25, complex_t error_i_q17);
+
+// Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 100 clocks.
+void complex_regulator_turn(complex_regulator_t *regulator, complex_t rotation_q30);
 
 // One step with 18-bit currents; the new voltage is in the state. Returns whether the circle bound. About 450 clocks.
 bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains, complex_t reference_i_q17,

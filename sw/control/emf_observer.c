@@ -32,6 +32,12 @@ void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, comp
   observer->voltage_v_q25 = voltage_v_q25;
 }
 
+void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
+  observer->current_i_q25 = complex_mul_q30(observer->current_i_q25, rotation_q30);
+  observer->emf_v_q25 = complex_mul_q30(observer->emf_v_q25, rotation_q30);
+  observer->voltage_v_q25 = complex_mul_q30(observer->voltage_v_q25, rotation_q30);
+}
+
 HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
                            complex_t voltage_v_q25) {
   const vector_model_t *model = &gains->model;

@@ -35,6 +35,9 @@ void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *ma
 void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, complex_t emf_v_q25,
                          complex_t voltage_v_q25);
 
+// Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 150 clocks.
+void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
+
 // One sample: current i[k], and the voltage u[k] set in answer to it, both in the estimated frame of this instant; at
 // most eight full scales. States saturate at 16 full scales. About 450 clocks.
 void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,

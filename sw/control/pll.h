@@ -5,7 +5,7 @@
 //   omega[k+1] = omega[k] + a[k] + k_i eps,   a[k+1] = a[k] + k_a eps
 //
 // eps in radians for small errors, k_i and k_a for omega T_s. All poles at p, q = 1 - p: second order k_p = 2 q,
-// k_i = q^2, k_a = 0; third order k_p = 3 q, k_i = 3 q^2, k_a = q^3. Second order lags by a / k_i under an acceleration,
+// k_i = q^2, k_a = 0; third order k_p = 3 q, k_i = 3 q^2, k_a = q^3. Second order lags by a / k_i while accelerating,
 // third order does not. Without the sign of the speed the point of lock would be the unstable one in reverse.
 //
 // The step of the angle is what the hardware's accumulator makes of the same speed, bit for bit.
@@ -20,7 +20,7 @@
 typedef struct {
   uint64_t angle_turn_q36;         // modulo 2^36
   int64_t speed_turn_q60;          // a clock
-  int64_t acceleration_turn_q60;  // change of the speed a sample
+  int64_t acceleration_turn_q60;   // change of the speed a sample
 } pll_t;
 
 typedef struct {

@@ -198,7 +198,7 @@ def test_third_order_follows_an_acceleration(lib: ctypes.CDLL) -> None:
         for order in (2, 3):
             gains = pll_gains(pole, MOTOR_1.period_cycles, order)
             errors = run_pll(lib, gains, 0.0, sign * 0.02, sign * rise, 1000)
-            lag = -math.degrees(2 * math.pi) * rise / (1 - pole) ** 2 * sign if order == 2 else 0.0
+            lag = -360.0 * rise / (1 - pole) ** 2 * sign if order == 2 else 0.0
             assert errors[-1] == pytest.approx(lag, abs=0.01), (sign, order)
 
 

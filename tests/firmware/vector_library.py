@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from fluxlock.firmware import build_host_library, gain
-from tests.firmware.control_library import Gain
+from tests.firmware.control_library import Gain, PiResult
 
 I32, U32, I64, U64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_int64, ctypes.c_uint64
 POINTER = ctypes.c_void_p
@@ -98,6 +98,44 @@ class PllGains(ctypes.Structure):
     _fields_ = [("angle", Gain), ("speed", Gain), ("acceleration", Gain), ("speed_max_turn_q36", I32)]
 
 
+class FieldWeakening(ctypes.Structure):
+    """field_weakening_t."""
+
+    _fields_ = (("current_i_q30", I32),)
+
+
+class FieldWeakeningSettings(ctypes.Structure):
+    """field_weakening_settings_t."""
+
+    _fields_ = (("ki", Gain), ("wanted_v_q25", I32), ("lowest_i_q25", I32))
+
+
+class IfSettings(ctypes.Structure):
+    """if_settings_t."""
+
+    _fields_ = (
+        ("current_i_q25", I32),
+        ("rise_i_q25", I32),
+        ("align_ticks", U32),
+        ("acceleration_turn_q44", I32),
+        ("minimum_v_q25", U32),
+        ("tolerance_turn_q32", I32),
+        ("steady_ticks", U32),
+    )
+
+
+class IfStart(ctypes.Structure):
+    """if_start_t."""
+
+    _fields_ = (
+        ("speed_turn_q44", I64),
+        ("current_i_q25", I32),
+        ("aligned_ticks", U32),
+        ("turn_q32", I32),
+        ("steady_ticks", U32),
+    )
+
+
 def to_complex(z: Complex, unit: float = 1.0) -> complex:
     """Value of a pair of integers in multiples of `unit`."""
     return complex(z.re, z.im) / unit
@@ -138,6 +176,20 @@ def vector_library() -> ctypes.CDLL:
         ("pll_angle_turn_q32", U32, [POINTER]),
         ("pll_speed_turn_q36", I32, [POINTER]),
         ("pll_step", I32, [POINTER, POINTER, U32, I32]),
+        ("complex_regulator_turn", None, [POINTER, Complex]),
+        ("emf_observer_turn", None, [POINTER, Complex]),
+        ("mtpa_current_i_q25", Complex, [I32, I32]),
+        ("field_weakening_step", I32, [POINTER, POINTER, Complex, I32]),
+        ("current_rest_i_q25", I32, [I32, I32]),
+        ("vector_speed_preset", None, [POINTER, POINTER, I32, I32, I32]),
+        ("vector_speed_step", PiResult, [POINTER, POINTER, I32, I32, I32, I32]),
+        ("fade", I32, [I32, I32, I32]),
+        ("if_begin", None, [POINTER]),
+        ("if_resume", None, [POINTER, POINTER, I32, U32]),
+        ("if_step", ctypes.c_bool, [POINTER, POINTER, I32]),
+        ("if_speed_turn_q36", I32, [POINTER]),
+        ("if_ready", ctypes.c_bool, [POINTER, POINTER, Complex]),
+        ("if_turn_back_q32", I32, [Complex]),
         ("circle_limit_v_q25", Complex, [Complex, I32, POINTER]),
         ("complex_regulator_preset", None, [POINTER, Complex, Complex]),
         ("complex_regulator_step", ctypes.c_bool, [POINTER, POINTER, Complex, Complex, I32]),
