@@ -1,5 +1,7 @@
 // Complex fixed point: d + jq and factors of such. The format stands in the name of the variable; both parts share it.
 // Parts lie within +-(2^31 - 1); conjugates, sums and differences are exact and must fit 32 bits.
+// Clocks, here and in what builds on it, are the worst of random calls, counted with product 3, division 35, load 2 and
+// taken branch 3 clocks, everything in the cache.
 #ifndef FL_COMPLEX_FIXED_H
 #define FL_COMPLEX_FIXED_H
 
@@ -27,17 +29,17 @@ static inline complex_t complex_add(complex_t a, complex_t b) { return (complex_
 
 static inline complex_t complex_sub(complex_t a, complex_t b) { return (complex_t){a.re - b.re, a.im - b.im}; }
 
-// a * b in the format of a, rounded half up and saturated. About 45 clocks.
+// a * b in the format of a, rounded half up and saturated. About 90 clocks.
 complex_t complex_mul_q30(complex_t a, complex_t b_q30);
 
-// a * factor, -2 <= factor < 2. About 25 clocks.
+// a * factor, -2 <= factor < 2. About 70 clocks.
 complex_t complex_scale_q30(complex_t a, int32_t factor_q30);
 
-// z * g, rounded half up and saturated; |z| |g mantissa| < 2^62, 0 <= shift <= 62. About 60 clocks.
+// z * g, rounded half up and saturated; |z| |g mantissa| < 2^62, 0 <= shift <= 62. About 130 clocks.
 complex_t complex_gain_apply(complex_t z, complex_gain_t g);
 
 // 1 / z to 2^-27 of its length, for z as integers, |re|, |im| <= 2^31 - 1: the format of z counts in the shift. z = 0
-// counts as 1. About 200 clocks.
+// counts as 1. About 370 clocks.
 complex_gain_t complex_inverse(complex_t z);
 
 #endif

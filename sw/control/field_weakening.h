@@ -22,7 +22,7 @@ typedef struct {
   int32_t lowest_i_q25;  // >= -2^25
 } field_weakening_settings_t;
 
-// One step with the voltage of the current regulators; lowest <= highest <= 2^25. Returns i_d, i_q25. About 320 clocks.
+// One step with the voltage of the current regulators; lowest <= highest <= 2^25. Returns i_d, i_q25. About 440 clocks.
 int32_t field_weakening_step(field_weakening_t *state, const field_weakening_settings_t *settings,
                              complex_t voltage_v_q25, int32_t highest_i_q25);
 

@@ -43,16 +43,16 @@ void if_begin(if_start_t *state);
 void if_resume(if_start_t *state, const if_settings_t *settings, int32_t speed_turn_q36, uint32_t amplitude_i_q25);
 
 // One tick toward a speed of either sign. True: speed and current are there. The current is i_d of the frame, i_q = 0.
-// About 60 clocks.
+// About 80 clocks.
 bool if_step(if_start_t *state, const if_settings_t *settings, int32_t target_turn_q36);
 
 int32_t if_speed_turn_q36(const if_start_t *state);
 
 // One tick with the EMF observed in the frame. True: state->turn_q32 is steady, within 90 degrees, and may be handed
-// over. About 560 clocks.
+// over. About 840 clocks.
 bool if_ready(if_start_t *state, const if_settings_t *settings, complex_t emf_v_q25);
 
-// How far the frame has to turn for the current to lie on its d axis. About 260 clocks.
+// How far the frame has to turn for the current to lie on its d axis. About 400 clocks.
 int32_t if_turn_back_q32(complex_t current_i_q25);
 
 // From one value toward another by at most step >= 0 a tick: for i_d after the hand-over and before the way back.

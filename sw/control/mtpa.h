@@ -12,7 +12,7 @@
 #include "control/complex_fixed.h"
 
 // Currents for a signed amplitude |i| <= 2^25; ratio k with |k| <= 2^30 (32 full scales), 0: not salient, all of it is
-// i_q. Parts within two units. About 650 clocks.
+// i_q. Parts within two units. About 920 clocks.
 complex_t mtpa_current_i_q25(int32_t amplitude_i_q25, int32_t ratio_i_q25);
 
 #endif

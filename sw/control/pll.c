@@ -3,27 +3,35 @@
 #include <stdbool.h>
 
 #include "control/placement.h"
-#include "control/trig.h"
 
 #define SPEED_BITS 24
 #define TURN_MASK_Q36 (((uint64_t)1 << 36) - 1u)
 
 static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
 
+// The length, to 14 bits, only scales the error; the part across keeps all of its bits.
 HOT int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {
-  const uint32_t length = complex_abs(emf_v_q25);
-  if (length < minimum_v_q25 || length == 0u) {
+  const uint32_t size = (uint32_t)abs_sat(emf_v_q25.re) | (uint32_t)abs_sat(emf_v_q25.im);
+  if (size == 0u) {
+    return 0;
+  }
+  // The longer part gets its top bit at 2^30.
+  const int up = __builtin_clz(size) - 1;
+  const uint32_t across = (uint32_t)abs_sat(emf_v_q25.re) << up;
+  const uint32_t along = (uint32_t)abs_sat(emf_v_q25.im) << up;
+  const uint32_t length_q16 = sqrt_u32((across >> 16) * (across >> 16) + (along >> 16) * (along >> 16));
+  if ((length_q16 << 16) >> up < minimum_v_q25) {
     return 0;
   }
   const bool backward = speed_turn_q36 < 0;
   const bool negative = (emf_v_q25.re > 0) != backward;
   const bool beyond = (emf_v_q25.im < 0) != backward;
-  uint32_t size = (uint32_t)ONE_Q30;
+  uint32_t error = (uint32_t)ONE_Q30;
   if (!beyond) {
-    const uint32_t sine_q30 = div_sat_u32((uint64_t)(uint32_t)abs_sat(emf_v_q25.re) << 30, length);
-    size = (sine_q30 < size) ? sine_q30 : size;
+    const uint32_t sine_q30 = (uint32_t)(((uint64_t)across * ((uint32_t)ONE_Q30 / length_q16)) >> 16);
+    error = (sine_q30 < error) ? sine_q30 : error;
   }
-  return negative ? -(int32_t)size : (int32_t)size;
+  return negative ? -(int32_t)error : (int32_t)error;
 }
 
 void pll_preset(pll_t *pll, uint32_t angle_turn_q32, int32_t speed_turn_q36) {

@@ -10,17 +10,17 @@
 
 #include "control/complex_fixed.h"
 
-// exp(j theta), both parts within 2e-9 (two units). About 90 clocks.
+// exp(j theta), both parts within 2e-9 (two units). About 150 clocks.
 complex_t cis_q30(uint32_t angle_turn_q32);
 
 // Angle of a vector to 5 * 2^-32 of a turn, besides what the resolution of the parts makes; 0 for the zero vector.
-// About 260 clocks.
+// About 400 clocks.
 uint32_t complex_angle_turn_q32(complex_t z);
 
-// floor(sqrt(n)). About 230 clocks.
+// floor(sqrt(n)). About 320 clocks.
 uint32_t sqrt_u64(uint64_t n);
 
-// Length of a vector, floor. About 250 clocks.
+// Length of a vector, floor. About 340 clocks.
 uint32_t complex_abs(complex_t z);
 
 typedef struct {
@@ -28,7 +28,7 @@ typedef struct {
   int32_t slope_q30;   // (1 - exp(-x)) / x, 1 at x = 0
 } decay_t;
 
-// Both for 0 <= x < 2, within 3e-9. About 110 clocks.
+// Both for 0 <= x < 2, within 3e-9. About 160 clocks.
 decay_t decay_q30(uint32_t x_q30);
 
 #endif

@@ -39,24 +39,31 @@ static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   return complex_gain_apply((complex_t){ONE_Q30 - phi_q30.re, -phi_q30.im}, inverse);
 }
 
-void vector_model(vector_model_t *model, const vector_machine_t *machine, int32_t speed_turn_q36) {
+void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
   const uint32_t delay_q30 = machine->delay_q30;
   const uint32_t rest_q30 = (uint32_t)ONE_Q30 - delay_q30;
-  const int32_t turn_q32 = vector_turn_q32(machine, speed_turn_q36);
-  const decay_t whole = decay_q30(machine->resistance_q30);
   const decay_t after = decay_q30(mul_q30(machine->resistance_q30, rest_q30));
   const decay_t before = decay_q30(mul_q30(machine->resistance_q30, delay_q30));
+  plant->machine = *machine;
+  plant->factor_q30 = decay_q30(machine->resistance_q30).factor_q30;
+  plant->share_q30 = after.slope_q30;
+  const uint32_t held_q30 = mul_q30((uint32_t)before.slope_q30, (uint32_t)after.factor_q30);
+  plant->held_q30 = (int32_t)mul_q30(delay_q30, held_q30);
+}
+
+void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36) {
+  const vector_machine_t *machine = &plant->machine;
+  const int32_t turn_q32 = vector_turn_q32(machine, speed_turn_q36);
   const complex_t back_q30 = cis_q30(0u - (uint32_t)turn_q32);
   const uint32_t lead = (uint32_t)vector_lead_turn_q32(machine, speed_turn_q36);
 
   model->turn_rad_q29 = (int32_t)(((int64_t)turn_q32 * PI_4_Q32 + ((int64_t)1 << 31)) >> 32);
-  model->phi_q30 = complex_scale_q30(back_q30, whole.factor_q30);
+  model->phi_q30 = complex_scale_q30(back_q30, plant->factor_q30);
   const complex_t action1_q30 = (lead == 0u) ? back_q30 : cis_q30(lead - (uint32_t)turn_q32);
   const complex_t action2_q30 = complex_mul_q30(action1_q30, back_q30);
-  model->gamma1_share_q30 = complex_scale_q30(action1_q30, after.slope_q30);
-  model->gamma1_q30 = complex_scale_q30(model->gamma1_share_q30, (int32_t)rest_q30);
-  const uint32_t held_q30 = mul_q30(delay_q30, mul_q30((uint32_t)before.slope_q30, (uint32_t)after.factor_q30));
-  model->gamma2_q30 = complex_scale_q30(action2_q30, (int32_t)held_q30);
+  model->gamma1_share_q30 = complex_scale_q30(action1_q30, plant->share_q30);
+  model->gamma1_q30 = complex_scale_q30(model->gamma1_share_q30, ONE_Q30 - (int32_t)machine->delay_q30);
+  model->gamma2_q30 = complex_scale_q30(action2_q30, plant->held_q30);
   const complex_t s_q29 = {(int32_t)(machine->resistance_q30 >> 1), model->turn_rad_q29};
   const complex_t mean_q30 = decay_of_complex_q30(s_q29, model->phi_q30);
   model->gamma_e_q30 = (complex_t){-mean_q30.re, -mean_q30.im};

@@ -34,6 +34,14 @@ typedef struct {
   park_t park;
 } vector_machine_t;
 
+// What does not depend on the speed.
+typedef struct {
+  vector_machine_t machine;
+  int32_t factor_q30;  // exp(-x)
+  int32_t share_q30;   // f(x (1-t))
+  int32_t held_q30;    // t f(x t) exp(-x (1-t))
+} vector_plant_t;
+
 // Dimensionless, Gammas in units of the admittance; all parts within +-1.
 typedef struct {
   complex_t phi_q30;
@@ -44,14 +52,17 @@ typedef struct {
   int32_t turn_rad_q29;  // b
 } vector_model_t;
 
-// Angle in a sample period, 2^32 = one turn, saturated at half a turn either way. About 30 clocks.
+// Prepare; again when period or delay changes. About 680 clocks.
+void vector_plant(vector_plant_t *plant, const vector_machine_t *machine);
+
+// Angle in a sample period, 2^32 = one turn, saturated at half a turn either way. About 40 clocks.
 int32_t vector_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36);
 
-// Advance of the inverse Park: omega (T_d + T_s/2), modulo a turn; 0 for PARK_HELD. About 40 clocks.
+// Advance of the inverse Park: omega (T_d + T_s/2), modulo a turn; 0 for PARK_HELD. About 70 clocks.
 int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36);
 
 // The model at a signed electrical speed in 2^-36 turn a clock, below half a turn of the subspace a period. Error
-// below 1e-8 of 1, 4e-8 for Gamma_e. About 1400 clocks.
-void vector_model(vector_model_t *model, const vector_machine_t *machine, int32_t speed_turn_q36);
+// below 1e-8 of 1, 4e-8 for Gamma_e. About 1400 clocks: not at every sample.
+void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36);
 
 #endif

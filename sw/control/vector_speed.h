@@ -9,7 +9,7 @@
 
 #include "control/pi.h"
 
-// Largest |i_q| beside i_d; 0 if i_d takes all. About 260 clocks.
+// Largest |i_q| beside i_d; 0 if i_d takes all. About 360 clocks.
 int32_t current_rest_i_q25(int32_t amplitude_i_q25, int32_t other_i_q25);
 
 // Continue so that the next step at these speeds gives `current`.
@@ -17,7 +17,7 @@ void vector_speed_preset(pi_state_t *state, const pi_gains_t *gains, int32_t ref
                          int32_t speed_turn_q36, int32_t current_i_q25);
 
 // One step; gains from a speed difference of 2^-36 turn a clock to a current i_q25; limit_i_q25 >= 0. The side
-// on which output and unlimited differ is the limit that binds. About 140 clocks.
+// on which output and unlimited differ is the limit that binds. About 170 clocks.
 pi_result_t vector_speed_step(pi_state_t *state, const pi_gains_t *gains, int32_t reference_turn_q36,
                               int32_t speed_turn_q36, int32_t feed_forward_i_q25, int32_t limit_i_q25);
 

@@ -18,12 +18,12 @@ from tests.firmware.vector_library import (
     ComplexRegulator,
     IfSettings,
     IfStart,
-    Model,
     Observer,
     Pll,
     RegulatorDesign,
     RegulatorGains,
     from_complex,
+    model_at,
     real_gain,
     to_complex,
     vector_library,
@@ -149,8 +149,7 @@ class Drive:
             result = lib.vector_speed_step(byref(self.speed), byref(self.gains), target, self.speed_q36, 0, limit)
             self.wanted = Complex(self.i_d_q25, result.output)
         speed = self.speed_q36
-        model, regulator_gains = Model(), RegulatorGains()
-        lib.vector_model(byref(model), byref(self.machine), speed)
+        model, regulator_gains = model_at(lib, self.machine, speed), RegulatorGains()
         design = RegulatorDesign(C, 0, round(GAMMA * Q30))
         assert lib.regulator_design(byref(regulator_gains), byref(design), byref(self.machine), byref(model))
         reference = Complex((self.wanted.re + 128) >> 8, (self.wanted.im + 128) >> 8)

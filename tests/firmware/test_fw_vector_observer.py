@@ -16,7 +16,6 @@ from tests.firmware.vector_library import (
     Complex,
     ComplexRegulator,
     Machine,
-    Model,
     Observer,
     ObserverGains,
     Pll,
@@ -24,6 +23,7 @@ from tests.firmware.vector_library import (
     RegulatorDesign,
     RegulatorGains,
     from_complex,
+    model_at,
     real_gain,
     to_complex,
     vector_library,
@@ -51,19 +51,12 @@ def lib() -> ctypes.CDLL:
     return vector_library()
 
 
-def model_of(lib: ctypes.CDLL, machine: Machine, speed: int) -> Model:
-    """The firmware's model at a speed (2^-36 turn a clock)."""
-    model = Model()
-    lib.vector_model(byref(model), byref(machine), speed)
-    return model
-
-
 def observer_gains(
     lib: ctypes.CDLL, machine: Machine, speed: int, pole1: float = POLE, pole2: float = POLE
 ) -> ObserverGains:
     """Gains of the observer for two real poles."""
     gains = ObserverGains()
-    model = model_of(lib, machine, speed)
+    model = model_at(lib, machine, speed)
     lib.emf_observer_design(byref(gains), byref(machine), byref(model), round(pole1 * Q30), round(pole2 * Q30))
     return gains
 
@@ -94,7 +87,15 @@ def test_observer_follows_its_float_model(lib: ctypes.CDLL) -> None:
     rng = Random(SEED)
     worst = 0.0
     for _ in range(60):
-        m = replace(MOTOR_1, delay=rng.choice([0.0, 1.0, rng.random()]), park=rng.choice([HELD, EXACT]))
+        size = 10 ** rng.uniform(-0.7, 1.3)  # admittances 0.09 to 9
+        m = replace(
+            MOTOR_1,
+            resistance_ohm=MOTOR_1.resistance_ohm * size,
+            inductance_h=MOTOR_1.inductance_h * size,
+            delay=rng.choice([0.0, 1.0, rng.random()]),
+            park=rng.choice([HELD, EXACT]),
+        )
+        most_v = round(min(size, 1.0) * 2**24)
         speed = m.speed_turn_q36(rng.uniform(-0.2, 0.2))
         p1, p2 = rng.uniform(0.3, 0.9), rng.uniform(0.3, 0.9)
         gains, exact = observer_gains(lib, m.machine(), speed, p1, p2), float_model(m, m.omega(speed))
@@ -104,7 +105,7 @@ def test_observer_follows_its_float_model(lib: ctypes.CDLL) -> None:
         i_hat, e_hat, u_before = 0j, 0j, 0j
         for _ in range(200):
             i17 = Complex(rng.randint(-60_000, 60_000), rng.randint(-60_000, 60_000))
-            u25 = Complex(rng.randint(-(2**24), 2**24), rng.randint(-(2**24), 2**24))
+            u25 = Complex(rng.randint(-most_v, most_v), rng.randint(-most_v, most_v))
             i, u = to_complex(i17, unit_a / 256), to_complex(u25, unit_v)
             lib.emf_observer_step(byref(observer), byref(gains), i17, u25)
             error = i - i_hat
@@ -253,7 +254,7 @@ def run_sensorless(
     design = RegulatorDesign(C, 0, round(GAMMA * Q30))
     machine, machine_observed = m.machine(), observed.machine()
     assert lib.regulator_design(
-        byref(regulator_gains), byref(design), byref(machine), byref(model_of(lib, machine, speed))
+        byref(regulator_gains), byref(design), byref(machine), byref(model_at(lib, machine, speed))
     )
     u = -plant.gamma_e * emf / (plant.gamma1 + plant.gamma2)
     regulator, observer, pll = ComplexRegulator(), Observer(), Pll()

@@ -14,10 +14,10 @@ from tests.firmware.vector_float import BANDWIDTH, EXACT, GAMMA, HELD, A, B, C, 
 from tests.firmware.vector_library import (
     Complex,
     ComplexRegulator,
-    Model,
     RegulatorDesign,
     RegulatorGains,
     from_complex,
+    model_at,
     to_complex,
     vector_library,
 )
@@ -57,18 +57,13 @@ def random_subspace(rng: Random) -> Subspace:
     )
 
 
-def model_of(lib: ctypes.CDLL, m: Subspace, speed: int) -> Model:
-    """The firmware's model at a speed (2^-36 turn a clock)."""
-    model = Model()
-    lib.vector_model(byref(model), byref(m.machine()), speed)
-    return model
-
-
 def gains_of(lib: ctypes.CDLL, m: Subspace, order: int, speed: int) -> RegulatorGains:
     """The firmware's coefficients; they must fit."""
     design = RegulatorDesign(order, round(BANDWIDTH * m.period_s * Q30), round(GAMMA * Q30))
     gains = RegulatorGains()
-    assert lib.regulator_design(byref(gains), byref(design), byref(m.machine()), byref(model_of(lib, m, speed)))
+    assert lib.regulator_design(
+        byref(gains), byref(design), byref(m.machine()), byref(model_at(lib, m.machine(), speed))
+    )
     return gains
 
 
@@ -82,7 +77,11 @@ def test_model_at_the_actual_speed(lib: ctypes.CDLL) -> None:
     for _ in range(2000):
         m = random_subspace(rng)
         speed = m.speed_turn_q36(rng.choice([0.0, rng.uniform(-0.49, 0.49), rng.uniform(-1e-3, 1e-3)]) / m.harmonic)
-        got, exact, unit = model_of(lib, m, speed), float_model(m, m.omega(speed)), m.period_s / m.inductance_h
+        got, exact, unit = (
+            model_at(lib, m.machine(), speed),
+            float_model(m, m.omega(speed)),
+            m.period_s / m.inductance_h,
+        )
         worst = max(
             worst,
             abs(to_complex(got.phi_q30, Q30) - exact.phi),
@@ -125,7 +124,9 @@ def test_coefficients_are_rounded_once(lib: ctypes.CDLL) -> None:
         order = rng.choice([A, B, C])
         design = RegulatorDesign(order, round(BANDWIDTH * m.period_s * Q30), round(GAMMA * Q30))
         gains = RegulatorGains(shift=-1)
-        fits = lib.regulator_design(byref(gains), byref(design), byref(m.machine()), byref(model_of(lib, m, speed)))
+        fits = lib.regulator_design(
+            byref(gains), byref(design), byref(m.machine()), byref(model_at(lib, m.machine(), speed))
+        )
         exact = [z * m.full_scale_a / m.full_scale_v * 256 for z in float_gains(m, order, m.omega(speed))]
         size = max(abs(part) for z in exact for part in (z.real, z.imag))
         if not fits:
@@ -149,10 +150,12 @@ def test_coefficients_that_do_not_fit_are_refused(lib: ctypes.CDLL) -> None:
     m = replace(MOTOR_1, inductance_h=20.0, resistance_ohm=2e4)
     gains = RegulatorGains(shift=5)
     design = RegulatorDesign(C, 0, round(GAMMA * Q30))
-    assert not lib.regulator_design(byref(gains), byref(design), byref(m.machine()), byref(model_of(lib, m, 0)))
+    assert not lib.regulator_design(
+        byref(gains), byref(design), byref(m.machine()), byref(model_at(lib, m.machine(), 0))
+    )
     assert (gains.shift, gains.g.re) == (5, 0)
     zero = RegulatorDesign(C, 0, 0)
-    assert lib.regulator_design(byref(gains), byref(zero), byref(m.machine()), byref(model_of(lib, m, 0)))
+    assert lib.regulator_design(byref(gains), byref(zero), byref(m.machine()), byref(model_at(lib, m.machine(), 0)))
     assert (gains.g.re, gains.h.re) == (0, 0)
 
 

@@ -43,6 +43,12 @@ class Machine(ctypes.Structure):
     ]
 
 
+class Plant(ctypes.Structure):
+    """vector_plant_t."""
+
+    _fields_ = (("machine", Machine), ("factor_q30", I32), ("share_q30", I32), ("held_q30", I32))
+
+
 class Model(ctypes.Structure):
     """vector_model_t."""
 
@@ -83,7 +89,15 @@ class Observer(ctypes.Structure):
 class ObserverGains(ctypes.Structure):
     """emf_observer_gains_t."""
 
-    _fields_ = [("model", Model), ("admittance", Gain), ("innovation_q30", I32), ("emf_gain", ComplexGain)]
+    _fields_ = [
+        ("phi", Complex),
+        ("gamma1", Complex),
+        ("gamma2", Complex),
+        ("gamma_e", Complex),
+        ("innovation", I32),
+        ("shift", I32),
+        ("emf_gain", ComplexGain),
+    ]
 
 
 class Pll(ctypes.Structure):
@@ -151,6 +165,14 @@ def real_gain(value: float) -> Gain:
     return Gain(*gain(value))
 
 
+def model_at(lib: ctypes.CDLL, machine: Machine, speed_turn_q36: int) -> Model:
+    """The firmware's model of a machine at a speed."""
+    plant, model = Plant(), Model()
+    lib.vector_plant(ctypes.byref(plant), ctypes.byref(machine))
+    lib.vector_model(ctypes.byref(model), ctypes.byref(plant), speed_turn_q36)
+    return model
+
+
 def vector_library() -> ctypes.CDLL:
     """The host library with the prototypes of the vector functions."""
     library = ctypes.CDLL(str(build_host_library()))
@@ -166,6 +188,7 @@ def vector_library() -> ctypes.CDLL:
         ("complex_gain_apply", Complex, [Complex, ComplexGain]),
         ("vector_turn_q32", I32, [POINTER, I32]),
         ("vector_lead_turn_q32", I32, [POINTER, I32]),
+        ("vector_plant", None, [POINTER, POINTER]),
         ("vector_model", None, [POINTER, POINTER, I32]),
         ("regulator_design", ctypes.c_bool, [POINTER, POINTER, POINTER, POINTER]),
         ("emf_observer_design", None, [POINTER, POINTER, POINTER, I32, I32]),
