@@ -5,6 +5,7 @@
 
 #define ERROR_MAX_Q17 ((1 << 17) - 1)
 #define VOLTAGE_MAX_Q25 ((1 << 27) - 1)
+#define VOLTAGE_MIN_Q25 (-(1 << 27))
 
 // state + sum * 2^-shift, 28 bits.
 static int32_t accumulate(int32_t state, int64_t sum, int32_t shift) {
@@ -12,7 +13,7 @@ static int32_t accumulate(int32_t state, int64_t sum, int32_t shift) {
   if (next > VOLTAGE_MAX_Q25) {
     return VOLTAGE_MAX_Q25;
   }
-  return (next < -VOLTAGE_MAX_Q25) ? -VOLTAGE_MAX_Q25 : (int32_t)next;
+  return (next < VOLTAGE_MIN_Q25) ? VOLTAGE_MIN_Q25 : (int32_t)next;
 }
 
 static int32_t shrink(int32_t x, uint32_t factor_q17) {

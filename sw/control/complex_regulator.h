@@ -3,8 +3,8 @@
 //   u[k] = limit(u[k-1] + g e[k] - h e[k-1]),   e = i* - i,   h = g Phi           (Yang 2020, ch. 7)
 //
 // e saturates at +-(2^17 - 1) an axis. The four products an axis (18 x 18 bit) are summed exactly, multiplied by
-// 2^-shift and rounded half up once. The sum with u[k-1] saturates at +-(2^27 - 1) an axis (28 bits, four full scales).
-// The limited u is the state: what the circle takes away is not integrated.
+// 2^-shift and rounded half up once. The sum with u[k-1] saturates at 28 bits an axis, -2^27..2^27 - 1, which is four
+// full scales. The limited u is the state: what the circle takes away is not integrated.
 //
 // Circle, limit >= 0 in v_q17: with d, q = u >> 8, rounded half up, m = floor(sqrt(d^2 + q^2)); if m > limit,
 //   factor = floor(limit 2^17 / m),   u = u factor 2^-17, rounded half up an axis
@@ -29,7 +29,7 @@ typedef struct {
   complex_t error_i_q17;
 } complex_regulator_t;
 
-// u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 <= 2^18 - 1. About 380 clocks, 700 limited.
+// u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 < 2^18. About 380 clocks, 700 limited.
 complex_t circle_limit_v_q25(complex_t voltage_v_q25, int32_t limit_v_q17, bool *limited);
 
 // v_q25 -> v_q17, rounded half up.
@@ -37,7 +37,7 @@ static inline complex_t voltage_v_q17(complex_t voltage_v_q25) {
   return (complex_t){(voltage_v_q25.re + 128) >> 8, (voltage_v_q25.im + 128) >> 8};
 }
 
-// Continue from a voltage and an error: bumpless entry. |parts| < 2^27.
+// Continue from a voltage and an error: bumpless entry. 28 bits.
 void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_v_q25, complex_t error_i_q17);
 
 // Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 180 clocks.

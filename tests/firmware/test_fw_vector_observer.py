@@ -189,6 +189,18 @@ def test_pll_locks_from_any_angle_in_both_directions(lib: ctypes.CDLL, order: in
             assert max(map(abs, errors[400:])) < 0.01, (turns, start)
 
 
+@pytest.mark.parametrize("known", [0.0, -1.0])
+def test_pll_finds_an_unknown_direction(lib: ctypes.CDLL, known: float) -> None:
+    """From no speed and from the opposite one, at any angle: below 0.01 degrees in 1500 samples.
+
+    Verifies: VC-08
+    """
+    for turns in (-0.02, 0.02):
+        for start in range(24):
+            errors = run_pll(lib, pll_gains(0.9, MOTOR_1.period_cycles, 3), start / 24, turns, 0.0, 2000, known)
+            assert max(map(abs, errors[1500:])) < 0.01, (turns, start)
+
+
 def test_third_order_follows_an_acceleration(lib: ctypes.CDLL) -> None:
     """Under a constant acceleration a, away from standstill, order 2 lags by a / k_i, order 3 does not.
 

@@ -198,7 +198,7 @@ def test_recurrence_is_the_stated_one_bit_for_bit(lib: ctypes.CDLL) -> None:
             g_re, g_im, h_re, h_im = mantissas
             d = g_re * e[0] - g_im * e[1] - h_re * last[0] + h_im * last[1]
             q = g_re * e[1] + g_im * e[0] - h_re * last[1] - h_im * last[0]
-            sums = [saturate(s + round_shift(x, shift), 2**27 - 1) for s, x in zip(u, (d, q), strict=True)]
+            sums = [max(-(2**27), min(2**27 - 1, s + round_shift(x, shift))) for s, x in zip(u, (d, q), strict=True)]
             u = exact_circle(sums[0], sums[1], limit)
             last = (e[0], e[1])
             limited = lib.complex_regulator_step(
@@ -227,6 +227,30 @@ def test_circle_keeps_direction_and_length(lib: ctypes.CDLL) -> None:
             assert abs(got) / 256 > limit - 2 - abs(u) / 256 * 2**-17
         else:
             assert got == u
+
+
+def test_no_windup_in_the_circle(lib: ctypes.CDLL) -> None:
+    """After 400 samples of a current out of reach the circle lets go at once, the rest fades as the machine's own mode.
+
+    Verifies: VC-05
+    """
+    m = replace(MOTOR_1, delay=0.5)
+    speed = m.speed_turn_q36(0.10)
+    plant, emf = float_model(m, m.omega(speed)), 1j * m.psi_vs * m.omega(speed)
+    gains = gains_of(lib, m, C, speed)
+    unit_a, unit_v = 2**17 / m.full_scale_a, 2**25 / m.full_scale_v
+    limit = round(12.0 / m.full_scale_v * 2**17)
+    state, u, i = ComplexRegulator(), 0j, 0j
+    for k in range(460):
+        wanted = 40j if k < 400 else 5 + 0j
+        limited = lib.complex_regulator_step(
+            byref(state), byref(gains), from_complex(wanted, unit_a), from_complex(i, unit_a), limit
+        )
+        before, u = u, to_complex(state.voltage_v_q25, unit_v)
+        i = plant.step(i, u, before, emf)
+        assert limited == (3 <= k < 400), k
+        if k >= 400:
+            assert abs(i - 5) < 40.0 * abs(plant.phi) ** (k - 400), k
 
 
 def step_response(lib: ctypes.CDLL, m: Subspace, order: int, turns: float, steps: int = 60) -> list[complex]:
