@@ -36,7 +36,7 @@ static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   }
   complex_gain_t inverse = complex_inverse(s_q29);
   inverse.shift -= 29;
-  return complex_gain_apply((complex_t){ONE_Q30 - phi_q30.re, -phi_q30.im}, inverse);
+  return complex_gain_apply((complex_t){sat_i32((int64_t)ONE_Q30 - phi_q30.re), -phi_q30.im}, inverse);
 }
 
 void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {

@@ -97,6 +97,18 @@ def test_model_at_the_actual_speed(lib: ctypes.CDLL) -> None:
     assert worst_e < 4e-8
 
 
+def test_model_at_half_a_turn_without_resistance(lib: ctypes.CDLL) -> None:
+    """Speeds beyond half a turn a period count as half a turn: Phi = -1, Gamma_e = +-2j / pi.
+
+    Verifies: VC-03
+    """
+    machine = replace(MOTOR_1, resistance_ohm=0.0).machine()
+    for sign in (1, -1):
+        model = model_at(lib, machine, sign * (2**31 - 1))
+        assert abs(to_complex(model.phi_q30, Q30) + 1) < 1e-8
+        assert abs(to_complex(model.gamma_e_q30, Q30) - sign * 2j / math.pi) < 4e-8
+
+
 def test_lead_of_the_inverse_park(lib: ctypes.CDLL) -> None:
     """Omega (T_d + T_s/2) to 2^-31 of a turn, both directions; none when held.
 
