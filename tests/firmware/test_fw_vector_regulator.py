@@ -155,7 +155,7 @@ def test_coefficients_are_rounded_once(lib: ctypes.CDLL) -> None:
 
 
 def test_coefficients_that_do_not_fit_are_refused(lib: ctypes.CDLL) -> None:
-    """A machine of far too large an impedance leaves the coefficients as they are.
+    """Far too large an impedance leaves the coefficients as they are; a very small one takes the largest shift.
 
     Verifies: VC-04
     """
@@ -166,6 +166,11 @@ def test_coefficients_that_do_not_fit_are_refused(lib: ctypes.CDLL) -> None:
         byref(gains), byref(design), byref(m.machine()), byref(model_at(lib, m.machine(), 0))
     )
     assert (gains.shift, gains.g.re) == (5, 0)
+    small = replace(MOTOR_1, inductance_h=2.2e-12, resistance_ohm=2e-9)
+    gains = gains_of(lib, small, C, 0)
+    exact = float_gains(small, C, 0.0)[0] * small.full_scale_a / small.full_scale_v * 256
+    assert gains.shift == 31
+    assert gains.g.re == round(exact.real * 2**31)
     zero = RegulatorDesign(C, 0, 0)
     assert lib.regulator_design(byref(gains), byref(zero), byref(m.machine()), byref(model_at(lib, m.machine(), 0)))
     assert (gains.g.re, gains.h.re) == (0, 0)
