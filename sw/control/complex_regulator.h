@@ -43,7 +43,7 @@ void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_
 // Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 180 clocks.
 void complex_regulator_turn(complex_regulator_t *regulator, complex_t rotation_q30);
 
-// One step with 18-bit currents; the new voltage is in the state. Returns whether the circle bound. About 500 clocks,
+// One step with 18-bit currents; the new voltage is in the state. Returns whether the circle bound. About 600 clocks,
 // 840 if so.
 bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains, complex_t reference_i_q17,
                             complex_t current_i_q17, int32_t limit_v_q17);
