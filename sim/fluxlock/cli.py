@@ -24,6 +24,7 @@ from rich.table import Table
 
 from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
+from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 
@@ -45,6 +46,7 @@ app = typer.Typer(
 motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=True)
 app.add_typer(motor_app, name="motor")
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
+app.add_typer(vector_app, name="vector")
 
 
 class _ProgressBar:
@@ -208,7 +210,7 @@ def regression(
 
 @app.command()
 def figures(
-    family: Annotated[str, typer.Argument(help="Whose figures: six-step (Yang 2020, chapters 2 to 6).")],
+    family: Annotated[str, typer.Argument(help="Whose: six-step (Yang 2020, chapters 2 to 6), blac (chapter 7).")],
     numbers: Annotated[
         list[str] | None, typer.Argument(metavar="FIGURE", help="Numbers (2.11) or chapters (2); all without.")
     ] = None,

@@ -16,7 +16,7 @@ import numpy as np
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.vector.sensorless import Drive, eigenvalues, rest, simulate
 
-SETTLED_BANDWIDTHS = 8.0  # of the loop's bandwidth, in periods: what is left is below 1e-6 deg
+COARSE, FINE = 0.9, 1.01
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,9 @@ class Change:
 
 R_FACTORS, L_FACTORS, PSI_FACTORS = (0.5, 1.0, 1.5), (0.7, 1.0, 1.3), (0.9, 1.0)
 CHANGES = tuple(Change(*factors) for factors in itertools.product(R_FACTORS, L_FACTORS, PSI_FACTORS))
-SINGLE = tuple(c for c in CHANGES if (c.r != 1.0) + (c.l != 1.0) + (c.psi != 1.0) == 1)
+SINGLE = (Change(r=0.5), Change(r=1.5), Change(l=0.7), Change(l=1.3), Change(psi=0.9))
+# The corners that add: L and the current of a weak flux; R with the sign that helps.
+WORST_PAIRS = (Change(1.5, 0.7, 0.9), Change(0.5, 1.3, 0.9))
 
 
 def changed(drive: Drive, change: Change) -> Drive:
@@ -60,26 +62,43 @@ def error_map(drive: Drive, change: Change, speeds_hz: FloatArray, load_a: Float
     return rest(run, omega, current).error_deg
 
 
-@dataclass(frozen=True)
-class Checked:
-    """One point followed in time: closed form and simulated error (deg), largest eigenvalue of the step."""
-
-    closed_deg: float
-    simulated_deg: float
-    eigenvalue: float
+def on_machine(drive: Drive, change: Change, speed_hz: float, load_a: float) -> Drive:
+    """The drive on the changed machine at a signed speed (Hz) and a load (A, along the motion)."""
+    return changed(replace(drive, current=1j * math.copysign(load_a, speed_hz)), change)
 
 
-def check_point(drive: Drive, change: Change, speed_hz: float, load_a: float, bandwidth_hz: float) -> Checked:
-    """Follow the loop from the file's own angle until it rests; bandwidth_hz: of the drive's loop."""
-    omega = 2.0 * math.pi * speed_hz
-    run = changed(replace(drive, current=1j * math.copysign(load_a, speed_hz)), change)
-    samples = math.ceil(SETTLED_BANDWIDTHS / bandwidth_hz / drive.sampling.ts_s)
-    course = simulate(run, omega, samples)
-    return Checked(
-        float(error_map(drive, change, np.array([speed_hz]), np.array([load_a]))[0, 0]),
-        float(course.error_deg[-1]),
-        float(np.abs(eigenvalues(run, omega, course.last)).max()),
-    )
+def simulated_error(drive: Drive, change: Change, speed_hz: float, load_a: float, samples: int) -> float:
+    """Angle error (deg) after a number of samples, from the right angle on."""
+    run = on_machine(drive, change, speed_hz, load_a)
+    return float(simulate(run, 2.0 * math.pi * speed_hz, samples).error_deg[-1])
+
+
+def is_stable(drive: Drive, change: Change, speed_hz: float, load_a: float) -> bool:
+    """Whether the loop has a rest and small deviations from it fade."""
+    run = on_machine(drive, change, speed_hz, load_a)
+    try:
+        return bool(np.abs(eigenvalues(run, 2.0 * math.pi * speed_hz)).max() < 1.0)
+    except ValueError:
+        return False
+
+
+def lowest_speed_hz(drive: Drive, change: Change, load_a: float, highest_hz: float) -> float:
+    """Speed (Hz, 1 % fine) from which on the loop is stable up to highest_hz; nan if it is not there.
+
+    Followed down in steps of a tenth, to a thousandth of highest_hz.
+    """
+    stable = highest_hz
+    if not is_stable(drive, change, stable, load_a):
+        return math.nan
+    below = stable * COARSE
+    while is_stable(drive, change, below, load_a):
+        stable, below = below, below * COARSE
+        if stable < highest_hz / 1000.0:
+            return stable
+    while stable > FINE * below:
+        middle = math.sqrt(stable * below)
+        stable, below = (middle, below) if is_stable(drive, change, middle, load_a) else (stable, middle)
+    return stable
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.vector.controllers import GAMMA, Kind, gains
 from fluxlock.analysis.vector.model import (
+    Coefficients,
     ComplexArray,
     Sampling,
     SmoothMachine,
@@ -172,20 +173,35 @@ def simulate(
     return Course(error, emf_, current, speed, state)
 
 
+def _acting(drive: Drive, omega: npt.ArrayLike) -> Coefficients:
+    """The machine with its own delay, and the lead of the inverse Park that the drive believes in."""
+    true = coefficients(drive.machine, omega, replace(drive.sampling, park="held"))
+    lead = np.exp(1j * drive.timing_of.lead_rad(omega))
+    return replace(true, gamma1=true.gamma1 * lead, gamma2=true.gamma2 * lead)
+
+
 def rest(drive: Drive, omega: npt.ArrayLike, current: npt.ArrayLike) -> SteadyState:
-    """Where the loop rests, in closed form, at speeds (rad/s) and currents (A, estimated frame) that broadcast.
-
-    The lead of an exact inverse Park is the believed one, in the machine as in the observer.
-    """
-    w, timing = np.asarray(omega, dtype=np.float64), drive.timing_of
-    true = coefficients(drive.machine, w, replace(drive.sampling, park="held"))
-    lead = np.exp(1j * timing.lead_rad(w))
-    acting = replace(true, gamma1=true.gamma1 * lead, gamma2=true.gamma2 * lead)
-    return steady_state(drive.machine, acting, coefficients(drive.model_of, w, timing), w, current)
+    """Where the loop rests, in closed form, at speeds (rad/s) and currents (A, estimated frame) that broadcast."""
+    believed = coefficients(drive.model_of, omega, drive.timing_of)
+    return steady_state(drive.machine, _acting(drive, omega), believed, omega, current)
 
 
-def eigenvalues(drive: Drive, omega: float, at: State) -> ComplexArray:
-    """Eigenvalues of the step around a state at rest: the operation is stable if all lie inside the unit circle."""
+def rest_state(drive: Drive, omega: float) -> State:
+    """The state of the loop at rest; ValueError if there is none."""
+    found = rest(drive, omega, drive.current)
+    error = math.radians(float(found.error_deg))
+    if math.isnan(error):
+        raise ValueError(f"no rest at {omega:g} rad/s, {drive.current:g} A: the estimated EMF has no angle")
+    turn = cmath.exp(1j * error)
+    u = complex(steady_voltage(_acting(drive, omega), drive.current, emf(drive.machine, omega) / turn))
+    lead = float(drive.timing_of.lead_rad(omega)) - float(drive.sampling.lead_rad(omega))
+    observer = Observer(drive.current, complex(found.emf), u)
+    return State(drive.current * turn, u * turn * cmath.exp(1j * lead), error, omega, 0.0, u, 0j, observer)
+
+
+def eigenvalues(drive: Drive, omega: float) -> ComplexArray:
+    """Eigenvalues of the step around the rest: the operation is stable if all lie inside the unit circle."""
+    at = rest_state(drive, omega)
     centre = at.vector()
     size = np.concatenate([np.full(14, max(1.0, abs(at.i))), [1.0, max(1.0, abs(omega)), max(1.0, abs(omega))]])
     columns = []
@@ -210,7 +226,7 @@ def bandwidth_limit_hz(drive: Drive, omega: float, order: Order, damping: float 
 
     def stable(bandwidth_hz: float) -> bool:
         run = replace(drive, pll=pll_gains(order, bandwidth_hz, drive.sampling.ts_s, damping))
-        return bool(np.abs(eigenvalues(run, omega, steady_start(run, omega))).max() < 1.0)
+        return bool(np.abs(eigenvalues(run, omega)).max() < 1.0)
 
     low, high = 1.0, LARGEST / drive.sampling.ts_s
     if stable(high):
