@@ -29,7 +29,19 @@ the plant's true angle. What our copy of the thesis lacks (axes of plots, some t
 .venv/bin/fluxlock figures six-step                 # all; 2.11 or 2: a figure, a chapter; --quick: short runs
 .venv/bin/python -m fluxlock.docs.figures           # this page and its images from the result
 ```
-"""
+""",
+    "blac": """# Figures of vector control at a low sampling ratio
+
+Lei Yang, *Novel Sensorless Control of Permanent Magnet Brushless Machines for High Speed Application*, 2020, chapter 7,
+by figure number: what was printed, what is found here, and why they differ. The curves are those of the
+[exact discrete model](../theory/vector.md); a figure says whether a run of the chip stands beside them. The thesis
+prints its curves without numbers but for figure 7.7. Angles are electrical, errors are estimate less truth.
+
+```
+.venv/bin/fluxlock figures blac                     # all; 7.4: a figure
+.venv/bin/python -m fluxlock.docs.figures           # this page and its images from the result
+```
+""",
 }
 
 

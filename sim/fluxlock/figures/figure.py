@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from fluxlock.regression.runner import Runner
 
-FAMILIES = ("six-step",)
+FAMILIES = ("six-step", "blac")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,5 @@
+"""Figures of Yang's thesis (2020), chapter 7: vector control at a low sampling ratio."""
+
+from fluxlock.figures.blac import controllers, observer
+
+__all__ = ["controllers", "observer"]

@@ -1,0 +1,79 @@
+"""Section 7.4: angle and EMF of an observer with the right and with a wrong delay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fluxlock.analysis.six_step.plots import GREY, finish
+from fluxlock.analysis.vector.model import emf
+from fluxlock.analysis.vector.sensorless import rest
+from fluxlock.analysis.vector.study import SPEEDS, delay_course, delay_drive
+from fluxlock.figures import panels
+from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, CURRENT_A, FAMILY, THETA, bench, percent
+from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.regression.runner import Runner
+
+SAMPLES = 600
+WHY_SIZE = "Grows with T'_d, falls with the load: without current it is |Γ'| / |Γ|, above 1 for both wrong delays"
+
+
+def _sensorless(number: str, delay: float, samples: int) -> Drawing:
+    heading = f"{number}: sensorless, $T_d$ = {delay:g} $T_s$; the observer is given $T'_d$ at t = 0"
+    drawn, grid = panels.page(heading, 2, 2, (11.0, 5.6))
+    lines: list[Entry] = []
+    for column, speed in enumerate(SPEEDS):
+        upper, lower = grid[0][column], grid[1][column]
+        true = float(np.abs(emf(bench().machine, bench().omega(speed))))
+        time_ms = np.arange(samples) / bench().fs_hz * 1e3
+        found = []
+        for believed, colour in zip((0.0, delay, 1.0), CONTROLLER_COLOURS.values(), strict=True):
+            course = delay_course(bench(), speed, delay, believed, CURRENT_A, samples)
+            drive = delay_drive(bench(), speed, delay, believed, CURRENT_A)
+            closed = float(rest(drive, bench().omega(speed), drive.current).error_deg)
+            size, label = np.abs(course.emf), f"$T'_d$ = {believed:g} $T_s$"
+            upper.plot(time_ms, course.error_deg, color=colour, linewidth=1, label=label)
+            upper.axhline(closed, color=colour, linewidth=0.6, linestyle=":")
+            lower.plot(time_ms, size, color=colour, linewidth=1, label=label)
+            found.append((float(course.error_deg[-1]), closed, float(size[-1]) / true))
+        at = f"{bench().fs_hz * speed:g} Hz, T'_d = 0 / {delay:g} / 1 T_s"
+        simulated, closed_forms = (" / ".join(_signed(line[k]) for line in found) for k in (0, 1))
+        sizes = " / ".join(f"{line[2]:.3f}" for line in found)
+        lines += [
+            Entry(f"{at}: error (deg)", "negative / none / positive", simulated, THETA),
+            Entry("in closed form", "", closed_forms),
+            Entry("estimated over true EMF", "less / accurate / greater", sizes, WHY_SIZE),
+        ]
+        lower.axhline(true, color=GREY, linewidth=0.8)
+        panels.title(upper, percent(speed))
+        finish(upper, "time / ms", "θ̂ − θ / deg")
+        finish(lower, "time / ms", "|ê| / V; grey: true")
+        for axes in (upper, lower):
+            axes.set_xlim(0.0, float(time_ms[-1]))
+    panels.legend(grid[1][0], 3, "center right")
+    condition = (
+        f"Motor-I, f_s 15 kHz, i_q {CURRENT_A:g} A in the estimated frame, controller C, poles 0.7, loop of 100 Hz; "
+        f"dotted: closed form. {ANALYTIC}"
+    )
+    return Drawing(condition, drawn, tuple(lines))
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}" if abs(value) >= 0.005 else "0.00"
+
+
+@figure(FAMILY, "7.13")
+def quarter_delay(runner: Runner) -> Drawing:
+    """Sensorless operation at a quarter of a sample period with three delays in the observer."""
+    return _sensorless("7.13", 0.25, SAMPLES)
+
+
+@figure(FAMILY, "7.14")
+def half_delay(runner: Runner) -> Drawing:
+    """Sensorless operation at half a sample period with three delays in the observer."""
+    return _sensorless("7.14", 0.5, SAMPLES)
+
+
+@figure(FAMILY, "7.15")
+def three_quarter_delay(runner: Runner) -> Drawing:
+    """Sensorless operation at three quarters of a sample period with three delays in the observer."""
+    return _sensorless("7.15", 0.75, SAMPLES)
