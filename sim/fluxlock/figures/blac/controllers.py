@@ -139,10 +139,10 @@ def _bandwidths(cases: Sequence[Case]) -> tuple[list[float], list[float]]:
 
 
 def _smaller(sizes: Sequence[tuple[FloatArray, ...]], f: FloatArray) -> str:
-    """Up to where Q of C is below that of B in all cases."""
-    above = [f[np.flatnonzero(c >= b)] for b, c in sizes]
-    first = min((float(part[0]) for part in above if part.size), default=math.nan)
-    return "at every frequency" if math.isnan(first) else f"up to {first:.2f} f_s; above it, B by less than 0.01"
+    """Up to where Q of C is below that of B in all cases, and by how much B is below C beyond."""
+    first = min((float(f[c >= b][0]) for b, c in sizes if np.any(c >= b)), default=math.nan)
+    most = max(float((c - b).max()) for b, c in sizes)
+    return "at every frequency" if math.isnan(first) else f"up to {first:.2f} f_s; above it B by at most {most:.4f}"
 
 
 @figure(FAMILY, "7.6")

@@ -14,7 +14,10 @@ from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.regression.runner import Runner
 
 SAMPLES = 600
-WHY_SIZE = "Grows with T'_d, falls with the load: without current it is |Γ'| / |Γ|, above 1 for both wrong delays"
+WHY_SIZE = (
+    "Without current it is |Γ'| / |Γ|, above 1 for both wrong delays; a load lowers it with T'_d < T_d "
+    "and raises it with T'_d > T_d"
+)
 
 
 def _sensorless(number: str, delay: float, samples: int) -> Drawing:
