@@ -161,7 +161,7 @@ async def random_compares(dut: Any, double: int) -> None:
         clock = max(clock, handed[-1].clock + 1)
     trace = await tb.run(cycles, drive)
     missed = check(trace, handed, 60, tb.phases)
-    assert len(missed) > 20, "the stimulus missed no deadline"
+    assert len(missed) > 5, "the stimulus missed no deadline"
     counted = [int(trace["missed_o"][u + 1] - trace["missed_o"][u - 3]) & 0xFFFF for u in missed]
     assert set(counted) == {1}, f"misses counted {counted}"
     total = int(trace["missed_o"][-4] - trace["missed_o"][0])
@@ -290,18 +290,23 @@ async def enable_begins_fresh_and_ends_at_once(dut: Any) -> None:
 
 @cocotb.test()
 async def double_update_is_taken_over_at_the_start(dut: Any) -> None:
+    """A change of the mode at every phase of the carrier leaves the running carrier as it is."""
     tb = TB(dut)
-    period = 60
+    period = 24
     await tb.start(cfg_period_i=period)
-    for double in (1, 0, 1):
-        trace = await tb.run(5 * period, {17: {"cfg_double_i": double}})
-        starts = np.flatnonzero(trace["carrier_start_o"])
+    await tb.run(2 * period, {})
+    mode = 0
+    for phase in range(2 * period):
+        change = period + phase
+        old, mode = mode, 1 - mode
+        trace = await tb.run(5 * period, {change: {"cfg_double_i": mode}})
+        starts = np.flatnonzero(trace["carrier_start_o"]).tolist()
         assert set(np.diff(starts)) == {period}
-        middles = [c for c in np.flatnonzero(trace["update_o"]) if c not in starts]
-        next_start = starts[starts > 17 + 3][0]
-        expected = [s + period // 2 for s in starts if s + period // 2 < 5 * period]
-        late = [m for m in middles if m > next_start]
-        assert late == ([e for e in expected if e > next_start] if double else []), f"updates {middles}, {starts}"
+        # The ramp is two clocks ahead of the ports.
+        taken = [mode if start - 2 >= change else old for start in starts]
+        expected = {s + period // 2 for s, double in zip(starts, taken, strict=True) if double}
+        middles = {c for c in np.flatnonzero(trace["update_o"]).tolist() if c not in starts and c > starts[0]}
+        assert middles == {e for e in expected if e < 5 * period}, f"change at {change}: {middles}, carriers {starts}"
 
 
 @pytest.mark.parametrize("phases", [1, 3, 5])
