@@ -48,16 +48,17 @@ def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = Non
     return verdict.group(1)
 
 
-@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip"])
+@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip", "fl_leg_carrier"])
 def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
-    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10
+    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10,
+    VPWM-06
     """
     assert prove(name, name) == "PASS"
 
 
-GUARD, TRIP = "fl_gate_guard.sv", "fl_trip.sv"
+GUARD, TRIP, LEGS = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -96,6 +97,12 @@ BROKEN = {
         "meta_q <= async_i;",
         "async_q <= async_i; meta_q <= async_q;",
     ),
+    "both requests of a leg": ("fl_leg_carrier", LEGS, "active_q) ? ~on : '0;", "active_q) ? '1 : '0;"),
+    "requests without enable": ("fl_leg_carrier", LEGS, "(enable_i && active_q) ? on", "active_q ? on"),
+    "compares from before enable": ("fl_leg_carrier", LEGS, "enable_i && (compare_valid_i ||", "(compare_valid_i ||"),
+    "requests without compares": ("fl_leg_carrier", LEGS, "(active_q || take)", "(active_q || update)"),
+    "compares change at any time": ("fl_leg_carrier", LEGS, "if (take) compare_q", "if (fresh_q) compare_q"),
+    "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 
 

@@ -1,0 +1,206 @@
+// Modulator: phase voltages to compare values of the leg carriers. Zero sequence by minimum and maximum, over-modulation
+// to six-step, minimum pulse, dead-time compensation; one multiplier.
+//
+//   z       = floor((max(v) + min(v)) / 2)          the same for all legs (space-vector modulation with three of them)
+//   raw     = period/2 + (v - z) * scale            rounded half up, once
+//   comp    = clamp(i * slope, -dead_time, dead_time)   rounded half up; 0 where raw <= 0 or raw >= period: no edges
+//   compare = clamp(raw + comp, margin, period - margin), below min_pulse 0, above period - min_pulse period
+//
+// scale = period * full_scale / vdc / 2^17 = cfg_scale_i * 2^-cfg_scale_shift_i in clocks a unit, slope likewise; a
+// shift of 0 counts as 1. Linear up to vdc/sqrt(3) (three phases) and 0.526 vdc (five); beyond it the legs' clamp is the
+// over-modulation, with margin 0 up to square waves of the legs (fundamental 2/pi vdc). A margin keeps every leg
+// switching: at most 4/pi * (1/2 - margin/period) vdc. A margin above 0 counts as at least min_pulse; margin and
+// min_pulse count as at most half a period.
+//
+// Formats: v in 2^-17 of the voltage channel's full scale, i in 2^-17 of the current channel's, positive out of the
+// leg; clocks elsewhere. compare is 0..period; what exceeds a number's range saturates (v - z, |product| above 131071
+// clocks). |compare - exact| <= 1/2 clock + half a unit of v * scale, with compensation 1/2 clock more.
+// Settings are taken at valid_i; period_o is the one that compare_o belongs to.
+// Latency: valid_i to valid_o Latency clocks; least spacing the same (asserted; a closer valid_i is ignored). compare_o,
+// period_o and clipped_o stay until the next valid_i.
+// Asserted: compare_o at most period_o at valid_o.
+`default_nettype none
+module fl_modulator
+  import fl_pkg::*;
+#(
+    parameter int unsigned Phases = 3,
+    localparam int unsigned Latency = 2 * Phases + 6  // clocks from valid_i to valid_o
+) (
+    input  logic                       clk_i,
+    input  logic                       rst_i,
+    input  logic                       valid_i,
+    input  sample_t [Phases-1:0]       v_q17_i,
+    input  sample_t [Phases-1:0]       i_q17_i,
+    input  logic    [      15:0]       cfg_period_i,       // clocks
+    input  logic    [      16:0]       cfg_scale_i,        // mantissa
+    input  logic    [       4:0]       cfg_scale_shift_i,
+    input  logic    [      16:0]       cfg_slope_i,        // mantissa
+    input  logic    [       4:0]       cfg_slope_shift_i,
+    input  logic    [       9:0]       cfg_dead_time_i,    // clocks that a leg loses a carrier, 0: no compensation
+    input  logic    [      11:0]       cfg_min_pulse_i,    // clocks
+    input  logic    [      15:0]       cfg_margin_i,       // clocks
+    output logic                       valid_o,
+    output logic    [Phases-1:0][15:0] compare_o,          // clocks
+    output logic    [      15:0]       period_o,           // clocks
+    output logic    [Phases-1:0]       clipped_o           // the clamp bound this leg
+);
+
+  if (Phases < 2 || Phases > 8) begin : gen_illegal
+    $fatal(1, "fl_modulator: Phases must be 2..8 (%m)");
+  end
+
+  typedef logic signed [19:0] half_clocks_t;
+
+  // Settings of the vector in work.
+  logic [15:0] period_q, margin_in_q, margin_q, high_q, min_q;
+  logic [16:0] scale_q, slope_q;
+  logic [4:0] scale_shift_q, slope_shift_q;  // one less than the setting: products are in half clocks
+  logic [9:0] dead_time_q;
+  logic [11:0] min_in_q;
+
+  function automatic logic [4:0] half_clock_shift(logic [4:0] shift);
+    return (shift == '0) ? '0 : shift - 5'd1;
+  endfunction
+
+  // Steps: the currents' products, beside them the search for the extremes; then the voltages' products.
+  localparam int unsigned StepWidth = idx_width(2 * Phases);
+  localparam logic [StepWidth-1:0] FirstVoltage = StepWidth'(Phases);
+  localparam logic [StepWidth-1:0] LastStep = StepWidth'(2 * Phases - 1);
+  logic busy_q, step_on_q, on_voltage;
+  logic [StepWidth-1:0] step_q;
+  sample_t [Phases-1:0] v_q, i_q;  // the next one in the lowest place; v_q turns round
+  sample_t max_q, min_v_q, zero;
+  logic accept;
+
+  assign accept     = valid_i && !busy_q;
+  assign on_voltage = step_q >= FirstVoltage;
+  assign zero       = sample_t'((19'(max_q) + 19'(min_v_q)) >>> 1);
+
+  // Pipeline with the flags of its stages: 1 operands, 2 product, 3 half clocks, 4 raw, 5 sum; then the compare.
+  localparam int unsigned Stages = 6;
+  logic [3:1] current_q;
+  logic [Stages-1:1] voltage_q, last_q;
+  sample_t operand_q;
+  logic signed [17:0] factor_q;
+  logic [4:0] shift_q, shift2_q;
+  logic signed [35:0] product_q, shifted;
+  half_clocks_t half_q;
+  logic signed [18:0] rounded;
+  logic signed [18:0] raw_q, sum_q;
+  logic signed [10:0] comp;
+  logic [Phases-1:0][10:0] comp_q;  // the next one in the lowest place
+  logic edges, below, above;
+  logic [15:0] clamped, pulse;
+  logic valid_q;
+  logic [Phases-1:0][15:0] compare_q;
+  logic [Phases-1:0] clipped_q;
+
+  assign shifted = product_q >>> shift2_q;
+  // In half clocks: (period + half + 1) / 2 is period/2 + product, rounded half up.
+  assign rounded = 19'((20'(half_q) + (voltage_q[3] ? 20'($signed({1'b0, period_q})) : 20'sd0) + 20'sd1) >>> 1);
+  assign edges = raw_q > 0 && raw_q < 19'($signed({1'b0, period_q}));
+
+  always_comb begin
+    if (rounded > 19'($signed({1'b0, dead_time_q}))) comp = $signed({1'b0, dead_time_q});
+    else if (rounded < -19'($signed({1'b0, dead_time_q}))) comp = -$signed({1'b0, dead_time_q});
+    else comp = rounded[10:0];
+  end
+
+  assign below = sum_q < 19'($signed({1'b0, margin_q}));
+  assign above = sum_q > 19'($signed({1'b0, high_q}));
+  always_comb begin
+    clamped = sum_q[15:0];
+    if (below) clamped = margin_q;
+    else if (above) clamped = high_q;
+    pulse = clamped;
+    if (clamped < min_q) pulse = '0;
+    else if (clamped > period_q - min_q) pulse = period_q;
+  end
+
+  always_ff @(posedge clk_i) begin
+    if (accept) begin
+      busy_q        <= 1'b1;
+      step_on_q     <= 1'b1;
+      step_q        <= '0;
+      v_q           <= v_q17_i;
+      i_q           <= i_q17_i;
+      period_q      <= cfg_period_i;
+      margin_in_q   <= cfg_margin_i;
+      scale_q       <= cfg_scale_i;
+      slope_q       <= cfg_slope_i;
+      scale_shift_q <= half_clock_shift(cfg_scale_shift_i);
+      slope_shift_q <= half_clock_shift(cfg_slope_shift_i);
+      dead_time_q   <= cfg_dead_time_i;
+      min_in_q      <= cfg_min_pulse_i;
+    end else if (step_on_q) begin
+      step_q    <= step_q + StepWidth'(1);
+      step_on_q <= step_q != LastStep;
+      v_q       <= {v_q[0], v_q[Phases-1:1]};
+      i_q       <= {i_q[0], i_q[Phases-1:1]};
+      if (!on_voltage) begin
+        if (step_q == '0 || v_q[0] > max_q) max_q <= v_q[0];
+        if (step_q == '0 || v_q[0] < min_v_q) min_v_q <= v_q[0];
+      end
+    end
+
+    min_q <= ({4'b0, min_in_q} > period_q >> 1) ? period_q >> 1 : {4'b0, min_in_q};
+    if (margin_in_q == '0) margin_q <= '0;
+    else if (margin_in_q > period_q >> 1) margin_q <= period_q >> 1;
+    else margin_q <= (margin_in_q < min_q) ? min_q : margin_in_q;
+    high_q    <= period_q - margin_q;
+
+    current_q <= {current_q[2:1], step_on_q && !on_voltage};
+    voltage_q <= {voltage_q[Stages-2:1], step_on_q && on_voltage};
+    last_q    <= {last_q[Stages-2:1], step_on_q && step_q == LastStep};
+
+    operand_q <= on_voltage ? sat_sample(32'(v_q[0]) - 32'(zero)) : i_q[0];
+    factor_q  <= $signed({1'b0, on_voltage ? scale_q : slope_q});
+    shift_q   <= on_voltage ? scale_shift_q : slope_shift_q;
+    product_q <= 36'(operand_q) * 36'(factor_q);
+    shift2_q  <= shift_q;
+    if (shifted > 36'sd262142) half_q <= 20'sd262142;
+    else if (shifted < -36'sd262142) half_q <= -20'sd262142;
+    else half_q <= shifted[19:0];
+    if (current_q[3]) comp_q <= {comp, comp_q[Phases-1:1]};
+    raw_q <= rounded;
+    sum_q <= edges ? raw_q + 19'($signed(comp_q[0])) : raw_q;
+    if (voltage_q[4]) comp_q <= {comp_q[0], comp_q[Phases-1:1]};
+    if (voltage_q[5]) begin
+      compare_q <= {pulse, compare_q[Phases-1:1]};
+      clipped_q <= {below || above, clipped_q[Phases-1:1]};
+    end
+    valid_q <= last_q[5];
+    if (last_q[5]) busy_q <= 1'b0;
+
+    if (rst_i) begin
+      busy_q    <= 1'b0;
+      step_on_q <= 1'b0;
+      current_q <= '0;
+      voltage_q <= '0;
+      last_q    <= '0;
+      valid_q   <= 1'b0;
+      compare_q <= '0;
+      clipped_q <= '0;
+      period_q  <= '0;
+    end
+  end
+
+  assign valid_o   = valid_q;
+  assign compare_o = compare_q;
+  assign period_o  = period_q;
+  assign clipped_o = clipped_q;
+
+  always_ff @(posedge clk_i) begin
+    if (!rst_i) begin
+      assert (!(valid_i && busy_q))
+      else $error("fl_modulator: vectors closer than %0d clocks", Latency);
+      if (valid_q) begin
+        for (int unsigned x = 0; x < Phases; x++)
+        assert (compare_q[x] <= period_q)
+        else $error("fl_modulator: compare above the period");
+      end
+    end
+  end
+
+endmodule
+`default_nettype wire
