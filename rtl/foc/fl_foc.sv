@@ -11,7 +11,8 @@
 // The four products of an axis are summed exactly, times 2^-shift rounded half up once, added to the state, which
 // saturates at 28 bits. Limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale; if m > u_max,
 // factor = floor(u_max 2^17 / m) and d, q = round(d, q * factor / 2^17); the limited state is the next u[k-1].
-// Currents and phase voltages: within 1 LSB of the equations in exact arithmetic, where they do not saturate.
+// Currents and phase voltages: within 1 LSB of the equations in exact arithmetic while the vectors of all subspaces
+// together do not exceed full scale.
 //
 // enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
 // over from an applied voltage without a step. Reset: state and errors 0.
