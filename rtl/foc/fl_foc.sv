@@ -23,6 +23,7 @@
 `default_nettype none
 module fl_foc
   import fl_pkg::sample_t;
+  import fl_pkg::sat_sample;
   import fl_foc_pkg::*;
 #(
     parameter int unsigned Phases = 3,
@@ -32,29 +33,29 @@ module fl_foc
     input logic clk_i,
     input logic rst_i,
 
-    input logic                           start_i,
-    input sample_t [Phases-1:0]           current_i,
-    input logic    [      31:0]           theta_i,    // of the currents
-    input logic    [      31:0]           lead_i,     // signed: inverse Park at theta + lead
+    input logic                 start_i,
+    input sample_t [Phases-1:0] current_i,
+    input logic    [      31:0] theta_i,    // of the currents
+    input logic    [      31:0] lead_i,     // signed: inverse Park at theta + lead
 
-    input logic    [Subspaces-1:0]            enable_i,
-    input logic                               bypass_i,
-    input sample_t [Subspaces-1:0][1:0]       reference_i,
-    input sample_t [Subspaces-1:0][1:0]       gain_i,       // g
-    input sample_t [Subspaces-1:0][1:0]       hold_i,       // h
-    input logic    [Subspaces-1:0][4:0]       shift_i,
-    input logic    [Subspaces-1:0][16:0]      limit_i,      // u_max, 2^17 = full scale
-    input sample_t [Subspaces-1:0][1:0]       preset_i,
-    input sample_t [Subspaces-1:0][1:0]       forward_i,    // u_ff
+    input logic    [Subspaces-1:0]       enable_i,
+    input logic                          bypass_i,
+    input sample_t [Subspaces-1:0][ 1:0] reference_i,
+    input sample_t [Subspaces-1:0][ 1:0] gain_i,       // g
+    input sample_t [Subspaces-1:0][ 1:0] hold_i,       // h
+    input logic    [Subspaces-1:0][ 4:0] shift_i,
+    input logic    [Subspaces-1:0][16:0] limit_i,      // u_max, 2^17 = full scale
+    input sample_t [Subspaces-1:0][ 1:0] preset_i,
+    input sample_t [Subspaces-1:0][ 1:0] forward_i,    // u_ff
 
-    output logic                              busy_o,
-    output logic                              valid_o,
-    output sample_t [Phases-1:0]              voltage_o,
-    output sample_t [Subspaces-1:0][1:0]      current_o,    // i
-    output sample_t [Subspaces-1:0][1:0]      applied_o,    // v
-    output logic    [Subspaces-1:0][1:0][27:0] state_o,     // u, 2^25 = full scale, signed
-    output logic    [Subspaces-1:0]           limited_o,    // the limit acted
-    output logic    [15:0]                    overrun_o     // starts ignored
+    output logic                               busy_o,
+    output logic                               valid_o,
+    output sample_t [   Phases-1:0]            voltage_o,
+    output sample_t [Subspaces-1:0][1:0]       current_o,  // i
+    output sample_t [Subspaces-1:0][1:0]       applied_o,  // v
+    output logic    [Subspaces-1:0][1:0][27:0] state_o,    // u, 2^25 = full scale, signed
+    output logic    [Subspaces-1:0]            limited_o,  // the limit acted
+    output logic    [         15:0]            overrun_o   // starts ignored
 );
 
   if (Phases != 3 && Phases != 5) begin : gen_illegal
@@ -73,10 +74,6 @@ module fl_foc
 
   function automatic state_t sat_state(logic signed [39:0] x);
     return (x[39:27] == {13{x[39]}}) ? x[27:0] : {x[39], {27{!x[39]}}};
-  endfunction
-
-  function automatic sample_t sat_wide(logic signed [31:0] x);
-    return fl_pkg::sat_sample(x);
   endfunction
 
   // State in the format of voltages, rounded half up.
@@ -260,9 +257,9 @@ module fl_foc
   assign {s2, axis2} = {(Subspaces > 1) && tail_q[0].subspace, tail_q[0].axis};
   assign {s3, axis3} = {(Subspaces > 1) && tail_q[1].subspace, tail_q[1].axis};
   assign {s4, axis4} = {(Subspaces > 1) && tail_q[2].subspace, tail_q[2].axis};
-  assign regulator2  = tail_q[0].last && tail_q[0].kind == SumRegulator;
-  assign regulator3  = tail_q[1].last && tail_q[1].kind == SumRegulator;
-  assign regulator4  = tail_q[2].last && tail_q[2].kind == SumRegulator;
+  assign regulator2 = tail_q[0].last && tail_q[0].kind == SumRegulator;
+  assign regulator3 = tail_q[1].last && tail_q[1].kind == SumRegulator;
+  assign regulator4 = tail_q[2].last && tail_q[2].kind == SumRegulator;
 
   assign shifted = $signed({accumulator[axis2][37:0], 1'b0}) >>> shift_i[s2];
 
@@ -281,12 +278,12 @@ module fl_foc
     if (sum_q.last) begin
       unique case (sum_q.kind)
         SumProject: work_q[s1][axis1] <= state_t'(sum >>> 17);
-        SumCurrent: current_q[s1][axis1] <= sat_wide(32'(sum >>> 23));
+        SumCurrent: current_q[s1][axis1] <= sat_sample(32'(sum >>> 23));
         SumLimit: begin
           limited_q[s1] <= less;
           if (less) state_q[s1][axis1] <= state_t'(sum >>> 17);
         end
-        SumPhase:   voltage_q[sum_q.phase] <= sat_wide(32'(sum >>> 20));
+        SumPhase:   voltage_q[sum_q.phase] <= sat_sample(32'(sum >>> 20));
         default:    ;
       endcase
     end
@@ -299,9 +296,8 @@ module fl_foc
     if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
     if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
     if (tail_q[0].last && tail_q[0].kind == SumLimit) begin
-      applied_q[s2][axis2] <= sat_wide(
-          32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2])))
-      );
+      applied_q[s2][axis2] <=
+          sat_sample(32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2]))));
     end
     if (rst_i) begin
       state_q   <= '0;

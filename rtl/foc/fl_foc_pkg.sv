@@ -13,7 +13,7 @@ package fl_foc_pkg;
   typedef enum logic [2:0] {
     XCurrent,    // of a phase
     XError,      // i* - i
-    XWorkHigh,    // work register, bits 27:10
+    XWorkHigh,   // work register, bits 27:10
     XWorkLow,    //                bits 9:0
     XStateHigh,  // state of the regulator, bits 27:10
     XStateLow,   //                         bits 9:0
@@ -45,25 +45,25 @@ package fl_foc_pkg;
 
   typedef struct packed {
     // Angle looked up for the product three clocks later.
-    logic       look_inverse;   // with the lead
-    logic       look_third;     // three times the angle
+    logic       look_inverse;     // with the lead
+    logic       look_third;       // three times the angle
     logic       look_quadrature;
     logic [2:0] look_phase;
     // Product.
     x_e         x;
     c_e         c;
     logic       subspace;
-    logic       x_axis;         // 0: d, 1: q
+    logic       x_axis;           // 0: d, 1: q
     logic       c_axis;
     logic [2:0] phase;
     // Sum.
     logic [1:0] accumulator;
     sum_e       kind;
-    logic       axis;           // of the sum's destination
+    logic       axis;             // of the sum's destination
     logic       first;
     logic       last;
     logic       subtract;
-    logic       high;           // times 2^10
+    logic       high;             // times 2^10
   } step_t;
 
   localparam int unsigned MaxSteps = 128;
@@ -147,24 +147,24 @@ package fl_foc_pkg;
       end
       // Park of all phases at once.
       for (int unsigned i = 0; i < 2 * phases; i++) begin
-        t                               = hold_clock(phases, s) + 4 + i;
-        p[t].x                          = XCurrent;
-        p[t].c                          = CCosine;
-        p[t].subspace                   = s != 0;
-        p[t].phase                      = 3'(i % phases);
-        p[t].accumulator                = Common;
-        p[t].kind                       = SumProject;
-        p[t].axis                       = i >= phases;
-        p[t].first                      = i % phases == 0;
-        p[t].last                       = i % phases == phases - 1;
-        p[t-LookAhead].look_third       = s != 0;
-        p[t-LookAhead].look_quadrature  = i >= phases;
-        p[t-LookAhead].look_phase       = 3'(i % phases);
+        t                              = hold_clock(phases, s) + 4 + i;
+        p[t].x                         = XCurrent;
+        p[t].c                         = CCosine;
+        p[t].subspace                  = s != 0;
+        p[t].phase                     = 3'(i % phases);
+        p[t].accumulator               = Common;
+        p[t].kind                      = SumProject;
+        p[t].axis                      = i >= phases;
+        p[t].first                     = i % phases == 0;
+        p[t].last                      = i % phases == phases - 1;
+        p[t-LookAhead].look_third      = s != 0;
+        p[t-LookAhead].look_quadrature = i >= phases;
+        p[t-LookAhead].look_phase      = 3'(i % phases);
       end
       for (int unsigned i = 0; i < 4; i++) begin
-        p[gain_clock(phases, s)-4+i]  = half(XWorkHigh, XWorkLow, CTwoOverPhases, SumCurrent, s, i[1], i[0]);
-        p[gain_clock(phases, s)+7+i]  = half(XWorkHigh, XWorkLow, CSquare, SumSquare, s, i[1], i[0]);
-        p[limit_clock(phases, s)+i]   = half(XStateHigh, XStateLow, CFactor, SumLimit, s, i[1], i[0]);
+        p[gain_clock(phases, s)-4+i] = half(XWorkHigh, XWorkLow, CTwoOverPhases, SumCurrent, s, i[1], i[0]);
+        p[gain_clock(phases, s)+7+i] = half(XWorkHigh, XWorkLow, CSquare, SumSquare, s, i[1], i[0]);
+        p[limit_clock(phases, s)+i]  = half(XStateHigh, XStateLow, CFactor, SumLimit, s, i[1], i[0]);
       end
       // |u|^2 is one sum over both axes.
       p[gain_clock(phases, s)+8].last  = 1'b0;

@@ -19,14 +19,14 @@ module fl_mac #(
     input logic signed [XBits-1:0] x_i,
     input logic signed [CBits-1:0] c_i,
 
-    input  logic                                     enable_i,    // write the accumulator
-    input  logic        [$clog2(Accumulators)-1:0]   select_i,
-    input  logic                                     first_i,
-    input  logic signed [SumBits-1:0]                init_i,
-    input  logic                                     subtract_i,
-    input  logic                                     high_i,
-    output logic signed [SumBits-1:0]                sum_o,
-    output logic        [Accumulators-1:0][SumBits-1:0] accumulator_o
+    input  logic                                                enable_i,      // write the accumulator
+    input  logic        [$clog2(Accumulators)-1:0]              select_i,
+    input  logic                                                first_i,
+    input  logic signed [             SumBits-1:0]              init_i,
+    input  logic                                                subtract_i,
+    input  logic                                                high_i,
+    output logic signed [             SumBits-1:0]              sum_o,
+    output logic        [        Accumulators-1:0][SumBits-1:0] accumulator_o
 );
 
   localparam int unsigned LowBits = CBits - 18;

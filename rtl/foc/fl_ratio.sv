@@ -5,10 +5,10 @@
 // Latency: start_i to valid_o Latency clocks; ratio_o and less_o are valid from valid_o to the next start.
 `default_nettype none
 module fl_ratio #(
-    parameter int unsigned WholeBits = 20,
-    parameter int unsigned RatioBits = 17,
+    parameter  int unsigned WholeBits = 20,
+    parameter  int unsigned RatioBits = 17,
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned Latency = (RatioBits + 1) / 2 + 1
+    localparam int unsigned Latency   = (RatioBits + 1) / 2 + 1
     // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                 clk_i,
@@ -40,14 +40,16 @@ module fl_ratio #(
   logic less_q, valid_q;
 
   function automatic work_t bit_of(work_t w, logic [WholeBits-1:0] whole);
-    logic [WholeBits:0]   doubled;
+    logic [  WholeBits:0] doubled;
     logic [WholeBits+1:0] trial;
     doubled = {w.remainder, 1'b0};
     trial   = {1'b0, doubled} - {2'b00, whole};
-    return '{
+    return
+    '{
         remainder: trial[WholeBits+1] ? doubled[WholeBits-1:0] : trial[WholeBits-1:0],
         ratio: {w.ratio[Bits-2:0], !trial[WholeBits+1]}
-    };
+    }
+    ;
   endfunction
 
   always_ff @(posedge clk_i) begin

@@ -10,7 +10,7 @@
 module fl_sincos
   import fl_sine_pkg::*;
 #(
-    parameter int unsigned Width = 18,
+    parameter  int unsigned Width   = 18,
     // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3
     // verilator lint_on UNUSEDPARAM
@@ -29,7 +29,7 @@ module fl_sincos
   end
 
   // Position in the quarter, mirrored in the second and fourth: 9 bits line, 17 bits position on it.
-  logic [1:0] quarter;
+  logic [ 1:0] quarter;
   logic [25:0] position;
   logic [16:0] along_q;
   logic negative1_q, negative2_q;

@@ -5,9 +5,9 @@
 // Latency: start_i to valid_o Latency clocks; root_o is valid from valid_o to the next start.
 `default_nettype none
 module fl_sqrt #(
-    parameter int unsigned RootBits = 20,
+    parameter  int unsigned RootBits = 20,
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned Latency = RootBits / 2 + 1
+    localparam int unsigned Latency  = RootBits / 2 + 1
     // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                  clk_i,
@@ -36,11 +36,13 @@ module fl_sqrt #(
     logic [RootBits+3:0] trial;
     joined = {w.remainder, w.radicand[2*RootBits-1-:2]};
     trial  = {1'b0, joined} - {2'b00, w.root, 2'b01};
-    return '{
+    return
+    '{
         remainder: trial[RootBits+3] ? joined[RootBits:0] : trial[RootBits:0],
         root: {w.root[RootBits-2:0], !trial[RootBits+3]},
         radicand: {w.radicand[2*RootBits-3:0], 2'b00}
-    };
+    }
+    ;
   endfunction
 
   work_t work_q;
