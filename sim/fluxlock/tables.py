@@ -11,6 +11,10 @@ SEGMENTS = 128  # of the argument 0..1
 LAST = 125  # the last node; the arc sine's slope grows without bound beyond
 ASIN_FILE = RTL / "zcd" / "fl_asin_pkg.sv"
 
+SINE_LINES = 512  # of a quarter turn
+SINE_ONE = 1 << 22
+SINE_FILE = RTL / "foc" / "fl_sine_pkg.sv"
+
 
 def asin_q16() -> list[int]:
     """Nodes of asin(i / SEGMENTS) in intervals of 60 degrees, Q16."""
@@ -35,10 +39,48 @@ endpackage
 """
 
 
+def sine_lines() -> list[tuple[int, int]]:
+    """Start and rise of each straight line of a quarter sine, 2^22 = 1.
+
+    The chord is shifted by half its sagitta, which halves its error; no line exceeds 2^22 - 1, the first starts at 0.
+    """
+    step = math.pi / 2 / SINE_LINES
+    nodes = [SINE_ONE * math.sin(step * i) for i in range(SINE_LINES + 1)]
+    lines = []
+    for i in range(SINE_LINES):
+        start = round(nodes[i] + SINE_ONE * step**2 / 16 * math.sin(step * (i + 0.5)))
+        lines.append((start, min(round(nodes[i + 1] - nodes[i]), SINE_ONE - 1 - start)))
+    return lines
+
+
+def sine_package() -> str:
+    """Text of the package that holds the quarter sine."""
+    words = [f"36'h{start << 14 | rise:09x}" for start, rise in sine_lines()]
+    body = ",\n".join(f"    {', '.join(words[i : i + 7])}" for i in range(0, len(words), 7))
+    return f"""// Quarter sine as {SINE_LINES} straight lines, 2^22 = 1: each chord shifted up by half its sagitta.
+// Written by `python -m fluxlock.tables`; a test checks it.
+package fl_sine_pkg;
+
+  typedef struct packed {{
+    logic [21:0] start;
+    logic [13:0] rise;
+  }} sine_line_t;
+
+  // verilator lint_off UNUSEDPARAM
+  localparam logic [35:0] SineLines[{SINE_LINES}] = '{{
+{body}
+  }};
+  // verilator lint_on UNUSEDPARAM
+
+endpackage
+"""
+
+
 def main() -> None:
     """Write every table."""
-    path: Path = ASIN_FILE
-    path.write_text(asin_package())
+    files: dict[Path, str] = {ASIN_FILE: asin_package(), SINE_FILE: sine_package()}
+    for path, text in files.items():
+        path.write_text(text)
 
 
 if __name__ == "__main__":

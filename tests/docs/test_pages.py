@@ -13,7 +13,15 @@ from fluxlock.paths import ROOT, RTL
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCKS = ROOT / "docs" / "blocks"
 # Modules that share the page of their parent; the register wrappers are on the page of the chip.
-SHARED = {"fl_interval": "fl_timer", "fl_uart_rx": "fl_uart", "fl_uart_tx": "fl_uart", "fl_fifo": "fl_uart"}
+SHARED = {
+    "fl_interval": "fl_timer",
+    "fl_uart_rx": "fl_uart",
+    "fl_uart_tx": "fl_uart",
+    "fl_fifo": "fl_uart",
+    "fl_mac": "fl_foc",
+    "fl_sqrt": "fl_foc",
+    "fl_ratio": "fl_foc",
+}
 
 
 def anchors(page: Path) -> set[str]:

@@ -1,0 +1,322 @@
+// Current control of a machine with 3 or 5 phases: phase currents in, phase voltages out, on one shared multiplier.
+//
+// For subspace 1 at theta, with 5 phases subspace 3 at 3 theta too (n = 1, 3; P phases; k = 0..P-1; delta = turn / P):
+//   i      = 2/P sum i_k exp(-j n (theta - k delta))      Clarke and Park in one, amplitude-invariant
+//   e[k]   = i* - i                                       saturates at +-(2^17 - 1)
+//   u[k]   = limit(u[k-1] + (g e[k] - h e[k-1]) 2^-shift) complex; h = g Phi       (Yang 2020, chapter 7)
+//   v      = u + u_ff,  or u_ff alone with bypass_i       saturates per axis
+//   v_k    = sum over n of Re(v exp(j n (theta + lead - k delta)))
+// Formats: angles 2^32 = one turn; currents and voltages signed 18 bits, 2^17 = full scale of their channel; state
+// signed 28 bits, 2^25 = full scale; g, h signed 18 bits. A complex value is {q, d}: index 0 is d.
+// The four products of an axis are summed exactly, times 2^-shift rounded half up once, added to the state, which
+// saturates at 28 bits. Limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale; if m > u_max,
+// factor = floor(u_max 2^17 / m) and d, q = round(d, q * factor / 2^17); the limited state is the next u[k-1].
+// Currents and phase voltages: within 1 LSB of the equations in exact arithmetic while the vectors of all subspaces
+// together do not exceed full scale.
+//
+// enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
+// over from an applied voltage without a step. Reset: state and errors 0.
+// Latency: start_i to valid_o Latency clocks, 60 for three phases, 107 for five, whatever the values; busy_o in between.
+// Phase currents, theta and lead are taken at start_i; all other inputs must not change while busy_o. A start while busy
+// is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
+// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
+`default_nettype none
+module fl_foc
+  import fl_pkg::sample_t;
+  import fl_pkg::sat_sample;
+  import fl_foc_pkg::*;
+#(
+    parameter int unsigned Phases = 3,
+    localparam int unsigned Subspaces = subspaces(Phases),
+    localparam int unsigned Latency = last_clock(Phases) + 2
+) (
+    input logic clk_i,
+    input logic rst_i,
+
+    input logic                 start_i,
+    input sample_t [Phases-1:0] current_i,
+    input logic    [      31:0] theta_i,    // of the currents
+    input logic    [      31:0] lead_i,     // signed: inverse Park at theta + lead
+
+    input logic    [Subspaces-1:0]       enable_i,
+    input logic                          bypass_i,
+    input sample_t [Subspaces-1:0][ 1:0] reference_i,
+    input sample_t [Subspaces-1:0][ 1:0] gain_i,       // g
+    input sample_t [Subspaces-1:0][ 1:0] hold_i,       // h
+    input logic    [Subspaces-1:0][ 4:0] shift_i,
+    input logic    [Subspaces-1:0][16:0] limit_i,      // u_max, 2^17 = full scale
+    input sample_t [Subspaces-1:0][ 1:0] preset_i,
+    input sample_t [Subspaces-1:0][ 1:0] forward_i,    // u_ff
+
+    output logic                               busy_o,
+    output logic                               valid_o,
+    output sample_t [   Phases-1:0]            voltage_o,
+    output sample_t [Subspaces-1:0][1:0]       current_o,  // i
+    output sample_t [Subspaces-1:0][1:0]       applied_o,  // v
+    output logic    [Subspaces-1:0][1:0][27:0] state_o,    // u, 2^25 = full scale, signed
+    output logic    [Subspaces-1:0]            limited_o,  // the limit acted
+    output logic    [         15:0]            overrun_o   // starts ignored
+);
+
+  if (Phases != 3 && Phases != 5) begin : gen_illegal
+    $fatal(1, "fl_foc: Phases must be 3 or 5 (%m)");
+  end
+
+  localparam program_t Program = foc_program(Phases);
+  localparam logic [6:0] LastClock = 7'(Latency - 1);
+  localparam int unsigned CosineBits = 21;
+  localparam int unsigned SumBits = 50;
+  // 2 / P, 2^20 = 1, times 2^20 / (2^20 - 1) because that is the cosines' amplitude.
+  localparam logic signed [CosineBits-1:0] TwoOverPhases = CosineBits'(((2 << 20) + 2 + Phases / 2) / Phases);
+
+  typedef logic signed [27:0] state_t;
+  typedef logic signed [SumBits-1:0] wide_t;
+
+  function automatic state_t sat_state(logic signed [39:0] x);
+    return (x[39:27] == {13{x[39]}}) ? x[27:0] : {x[39], {27{!x[39]}}};
+  endfunction
+
+  // State in the format of voltages, rounded half up.
+  function automatic logic signed [20:0] to_voltage(state_t u);
+    return 21'(u >>> 8) + 21'($signed({1'b0, u[7]}));
+  endfunction
+
+  // Step of this clock, and those of the products whose sum, whose tail is in this clock.
+  logic [6:0] clock_q;  // clocks since the start, 0: idle
+  step_t step_q, sum_q;
+  step_t [2:0] tail_q;
+  logic start, valid_q;
+  logic [15:0] overrun_q;
+
+  assign start = start_i && clock_q == '0;
+
+  always_ff @(posedge clk_i) begin
+    step_q    <= start ? Program[1] : (clock_q == '0) ? '0 : Program[clock_q+7'd1];
+    sum_q     <= step_q;
+    tail_q[0] <= sum_q;
+    tail_q[1] <= tail_q[0];
+    tail_q[2] <= tail_q[1];
+    valid_q   <= clock_q == LastClock;
+    if (start) clock_q <= 7'd1;
+    else if (clock_q == LastClock) clock_q <= '0;
+    else if (clock_q != '0) clock_q <= clock_q + 7'd1;
+    if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
+    if (rst_i) begin
+      clock_q   <= '0;
+      step_q    <= '0;
+      sum_q     <= '0;
+      tail_q    <= '0;
+      valid_q   <= 1'b0;
+      overrun_q <= '0;
+    end
+  end
+
+  // Inputs of this run, angles with and without lead.
+  sample_t [Phases-1:0] phase_current_q;
+  logic [1:0][31:0] angle_q;
+
+  always_ff @(posedge clk_i) begin
+    if (start) begin
+      phase_current_q <= current_i;
+      angle_q         <= {theta_i + lead_i, theta_i};
+    end
+  end
+
+  // n k delta
+  function automatic logic [Phases-1:0][31:0] phase_angles(int unsigned n);
+    logic [Phases-1:0][31:0] y;
+    for (int unsigned k = 0; k < Phases; k++) y[k] = 32'(((64'(n * k) << 32) + 64'(Phases / 2)) / 64'(Phases));
+    return y;
+  endfunction
+
+  localparam logic [Phases-1:0][31:0] PhaseAngles = phase_angles(1);
+  localparam logic [Phases-1:0][31:0] ThirdAngles = phase_angles(3);
+
+  // Cosine of n (theta - k delta), a quarter further on for the quadrature.
+  logic [31:0] angle, look;
+  logic third;
+  logic signed [CosineBits-1:0] cosine;
+
+  assign angle = angle_q[step_q.look_inverse];
+  assign third = (Subspaces > 1) && step_q.look_third;
+  assign look  = third ? angle + {angle[30:0], 1'b0} - ThirdAngles[step_q.look_phase]
+                       : angle - PhaseAngles[step_q.look_phase];
+
+  fl_sincos #(
+      .Width(CosineBits)
+  ) u_cosine (
+      .clk_i,
+      .rst_i,
+      .valid_i (1'b0),
+      .angle_i ({look[31:30] + {1'b0, step_q.look_quadrature}, look[29:0]}),
+      .cosine_i(1'b1),
+      .valid_o (),
+      .value_o (cosine)
+  );
+
+  // Operands. Selections beyond a build's subspaces and phases do not occur in its program.
+  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q;
+  state_t [Subspaces-1:0][1:0] work_q, state_q;
+  logic [16:0] factor;
+  sample_t x;
+  logic signed [CosineBits-1:0] c;
+  logic s;  // subspace of the operands
+
+  assign s = (Subspaces > 1) && step_q.subspace;
+
+  always_comb begin
+    unique case (step_q.x)
+      XCurrent:   x = phase_current_q[step_q.phase];
+      XError:     x = error_q[s][step_q.x_axis];
+      XWorkHigh:  x = work_q[s][step_q.x_axis][27:10];
+      XWorkLow:   x = {8'd0, work_q[s][step_q.x_axis][9:0]};
+      XStateHigh: x = state_q[s][step_q.x_axis][27:10];
+      XStateLow:  x = {8'd0, state_q[s][step_q.x_axis][9:0]};
+      XVoltage:   x = applied_q[s][step_q.x_axis];
+      default:    x = '0;
+    endcase
+    unique case (step_q.c)
+      CCosine:        c = cosine;
+      CTwoOverPhases: c = TwoOverPhases;
+      CGain:          c = CosineBits'(gain_i[s][step_q.c_axis]);
+      CHold:          c = CosineBits'(hold_i[s][step_q.c_axis]);
+      CSquare:        c = work_q[s][step_q.c_axis][CosineBits-1:0];
+      CFactor:        c = {4'd0, factor};
+      default:        c = '0;
+    endcase
+  end
+
+  // Half of the unit that remains.
+  wide_t half_unit, sum;
+  logic [2:0][SumBits-1:0] accumulator;
+
+  always_comb begin
+    unique case (sum_q.kind)
+      SumProject, SumLimit: half_unit = wide_t'(1 << 16);
+      SumCurrent:           half_unit = wide_t'(1 << 22);
+      SumPhase:             half_unit = wide_t'(1 << 19);
+      default:              half_unit = '0;
+    endcase
+  end
+
+  fl_mac #(
+      .CBits  (CosineBits),
+      .SumBits(SumBits)
+  ) u_mac (
+      .clk_i,
+      .rst_i,
+      .x_i          (x),
+      .c_i          (c),
+      .enable_i     (sum_q.kind != SumNone),
+      .select_i     (sum_q.accumulator),
+      .first_i      (sum_q.first),
+      .init_i       (half_unit),
+      .subtract_i   (sum_q.subtract),
+      .high_i       (sum_q.high),
+      .sum_o        (sum),
+      .accumulator_o(accumulator)
+  );
+
+  // Circle limit.
+  logic root_valid, less;
+  logic [19:0] root;
+  logic ratio_s_q;  // subspace of the ratio
+
+  fl_sqrt #(
+      .RootBits(20)
+  ) u_sqrt (
+      .clk_i,
+      .rst_i,
+      .start_i   (tail_q[0].last && tail_q[0].kind == SumSquare),
+      .radicand_i(accumulator[Common][39:0]),
+      .valid_o   (root_valid),
+      .root_o    (root)
+  );
+
+  fl_ratio #(
+      .WholeBits(20),
+      .RatioBits(17)
+  ) u_ratio (
+      .clk_i,
+      .rst_i,
+      .start_i(root_valid),
+      .part_i ({3'd0, limit_i[ratio_s_q]}),
+      .whole_i(root),
+      .valid_o(),
+      .less_o (less),
+      .ratio_o(factor)
+  );
+
+  // Sums to their destinations; the regulator's go through shifter, state and rounding, a clock each.
+  logic signed [38:0] shifted, delta_q;
+  sample_t error_d;
+  logic s1, s2, s3, s4, axis1, axis2, axis3, axis4;
+  logic regulator2, regulator3, regulator4;
+
+  assign {s1, axis1} = {(Subspaces > 1) && sum_q.subspace, sum_q.axis};
+  assign {s2, axis2} = {(Subspaces > 1) && tail_q[0].subspace, tail_q[0].axis};
+  assign {s3, axis3} = {(Subspaces > 1) && tail_q[1].subspace, tail_q[1].axis};
+  assign {s4, axis4} = {(Subspaces > 1) && tail_q[2].subspace, tail_q[2].axis};
+  assign regulator2 = tail_q[0].last && tail_q[0].kind == SumRegulator;
+  assign regulator3 = tail_q[1].last && tail_q[1].kind == SumRegulator;
+  assign regulator4 = tail_q[2].last && tail_q[2].kind == SumRegulator;
+
+  assign shifted = $signed({accumulator[axis2][37:0], 1'b0}) >>> shift_i[s2];
+
+  always_comb begin
+    logic signed [18:0] difference;
+    difference = 19'(reference_i[s2][axis2]) - 19'(current_q[s2][axis2]);
+    if (difference > 19'sd131071) error_d = 18'sd131071;
+    else if (difference < -19'sd131071) error_d = -18'sd131071;
+    else error_d = sample_t'(difference);
+  end
+
+  sample_t [Phases-1:0] voltage_q;
+  logic [Subspaces-1:0] limited_q;
+
+  always_ff @(posedge clk_i) begin
+    if (sum_q.last) begin
+      unique case (sum_q.kind)
+        SumProject: work_q[s1][axis1] <= state_t'(sum >>> 17);
+        SumCurrent: current_q[s1][axis1] <= sat_sample(32'(sum >>> 23));
+        SumLimit: begin
+          limited_q[s1] <= less;
+          if (less) state_q[s1][axis1] <= state_t'(sum >>> 17);
+        end
+        SumPhase:   voltage_q[sum_q.phase] <= sat_sample(32'(sum >>> 20));
+        default:    ;
+      endcase
+    end
+    if (tail_q[0].last && tail_q[0].kind == SumCurrent) error_q[s2][axis2] <= error_d;
+    if (regulator2) delta_q <= (shifted >>> 1) + 39'($signed({1'b0, shifted[0]}));
+    if (regulator3) begin
+      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(state_q[s3][axis3]) + 40'(delta_q));
+      else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
+    end
+    if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
+    if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
+    if (tail_q[0].last && tail_q[0].kind == SumLimit) begin
+      applied_q[s2][axis2] <=
+          sat_sample(32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2]))));
+    end
+    if (rst_i) begin
+      state_q   <= '0;
+      error_q   <= '0;
+      current_q <= '0;
+      applied_q <= '0;
+      voltage_q <= '0;
+      limited_q <= '0;
+    end
+  end
+
+  assign busy_o    = clock_q != '0;
+  assign valid_o   = valid_q;
+  assign voltage_o = voltage_q;
+  assign current_o = current_q;
+  assign applied_o = applied_q;
+  assign state_o   = state_q;
+  assign limited_o = limited_q;
+  assign overrun_o = overrun_q;
+
+endmodule
+`default_nettype wire

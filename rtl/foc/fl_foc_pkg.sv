@@ -1,0 +1,195 @@
+// Step table of fl_foc: which product is formed in which clock after the start, for three and for five phases.
+//
+// Subspace s of a machine with P phases, h = hold_clock(P, s), g = gain_clock(P, s) = h + 2 P + 8:
+//   h          4        h * previous error
+//   h + 4      2 P      currents * cosines: Park without a stop at alpha, beta
+//   h + 4+2P   4        * 2/P, in two halves
+//   g          4        g * error
+//   g + 7      4        squares of the voltage, in two halves
+//   scale      4        state * factor of the circle limit, in two halves; square root and ratio end at g + 33
+//   inverse    2 S P    voltages * cosines, all S subspaces of a phase one after the other
+package fl_foc_pkg;
+
+  typedef enum logic [2:0] {
+    XCurrent,    // of a phase
+    XError,      // i* - i
+    XWorkHigh,   // work register, bits 27:10
+    XWorkLow,    //                bits 9:0
+    XStateHigh,  // state of the regulator, bits 27:10
+    XStateLow,   //                         bits 9:0
+    XVoltage     // to be applied
+  } x_e;
+
+  typedef enum logic [2:0] {
+    CCosine,
+    CTwoOverPhases,
+    CGain,           // g
+    CHold,           // h
+    CSquare,         // work register
+    CFactor          // of the circle limit
+  } c_e;
+
+  // What is done with the sum after its last product; the kind sets the rounding of the first.
+  typedef enum logic [2:0] {
+    SumNone,
+    SumProject,    // to the work register
+    SumCurrent,    // to the current
+    SumRegulator,  // through the shifter to the state
+    SumSquare,     // to the square root
+    SumLimit,      // to the state if the limit acts
+    SumPhase       // to the phase voltage
+  } sum_e;
+
+  // Accumulators 0 and 1: the regulator's d and q; 2: everything else.
+  localparam logic [1:0] Common = 2'd2;
+
+  typedef struct packed {
+    // Angle looked up for the product three clocks later.
+    logic       look_inverse;     // with the lead
+    logic       look_third;       // three times the angle
+    logic       look_quadrature;
+    logic [2:0] look_phase;
+    // Product.
+    x_e         x;
+    c_e         c;
+    logic       subspace;
+    logic       x_axis;           // 0: d, 1: q
+    logic       c_axis;
+    logic [2:0] phase;
+    // Sum.
+    logic [1:0] accumulator;
+    sum_e       kind;
+    logic       axis;             // of the sum's destination
+    logic       first;
+    logic       last;
+    logic       subtract;
+    logic       high;             // times 2^10
+  } step_t;
+
+  localparam int unsigned MaxSteps = 128;
+  typedef step_t [MaxSteps-1:0] program_t;
+
+  localparam int unsigned LookAhead = 3;  // fl_sincos
+  localparam int unsigned RootClocks = 11;  // fl_sqrt
+  localparam int unsigned RatioClocks = 10;  // fl_ratio
+
+  function automatic int unsigned subspaces(int unsigned phases);
+    return (phases == 5) ? 2 : 1;
+  endfunction
+
+  function automatic int unsigned hold_clock(int unsigned phases, int unsigned s);
+    return 1 + s * (2 * phases + 19);
+  endfunction
+
+  function automatic int unsigned gain_clock(int unsigned phases, int unsigned s);
+    return hold_clock(phases, s) + 2 * phases + 8;
+  endfunction
+
+  // A subspace that is not the last has its ratio long before the next one's squares are done.
+  function automatic int unsigned limit_clock(int unsigned phases, int unsigned s);
+    if (s + 1 < subspaces(phases)) return gain_clock(phases, s + 1) + 11;
+    else return gain_clock(phases, s) + 12 + RootClocks + RatioClocks;
+  endfunction
+
+  function automatic int unsigned inverse_clock(int unsigned phases);
+    return limit_clock(phases, subspaces(phases) - 1) + 5;
+  endfunction
+
+  // Clock of the last product; its phase voltage is there two clocks later.
+  function automatic int unsigned last_clock(int unsigned phases);
+    return inverse_clock(phases) + 2 * subspaces(phases) * phases - 1;
+  endfunction
+
+  // Product with half of a wide operand, the high one first.
+  function automatic step_t half(x_e high, x_e low, c_e c, sum_e kind, int unsigned s, logic axis, logic is_low);
+    step_t y;
+    y             = '0;
+    y.x           = is_low ? low : high;
+    y.c           = c;
+    y.subspace    = s != 0;
+    y.x_axis      = axis;
+    y.c_axis      = axis;
+    y.accumulator = Common;
+    y.kind        = kind;
+    y.axis        = axis;
+    y.first       = !is_low;
+    y.last        = is_low;
+    y.high        = !is_low;
+    return y;
+  endfunction
+
+  function automatic program_t foc_program(int unsigned phases);
+    program_t    p;
+    step_t       y;
+    int unsigned t;
+    p = '0;
+    for (int unsigned s = 0; s < subspaces(phases); s++) begin
+      // Regulator: d = g_d e_d - g_q e_q - h_d e1_d + h_q e1_q, q = g_q e_d + g_d e_q - h_q e1_d - h_d e1_q.
+      for (int unsigned i = 0; i < 8; i++) begin
+        logic now, q_error, q_sum;
+        now           = i >= 4;
+        q_error       = i[1];
+        q_sum         = i[0];
+        y             = '0;
+        y.x           = XError;
+        y.c           = now ? CGain : CHold;
+        y.subspace    = s != 0;
+        y.x_axis      = q_error;
+        y.c_axis      = q_error ^ q_sum;
+        y.accumulator = {1'b0, q_sum};
+        y.kind        = SumRegulator;
+        y.axis        = q_sum;
+        y.first       = i < 2;
+        y.last        = i >= 6;
+        y.subtract    = (q_error && !q_sum) ^ !now;
+        t             = now ? gain_clock(phases, s) + i - 4 : hold_clock(phases, s) + i;
+        p[t]          = y;
+      end
+      // Park of all phases at once.
+      for (int unsigned i = 0; i < 2 * phases; i++) begin
+        t                              = hold_clock(phases, s) + 4 + i;
+        p[t].x                         = XCurrent;
+        p[t].c                         = CCosine;
+        p[t].subspace                  = s != 0;
+        p[t].phase                     = 3'(i % phases);
+        p[t].accumulator               = Common;
+        p[t].kind                      = SumProject;
+        p[t].axis                      = i >= phases;
+        p[t].first                     = i % phases == 0;
+        p[t].last                      = i % phases == phases - 1;
+        p[t-LookAhead].look_third      = s != 0;
+        p[t-LookAhead].look_quadrature = i >= phases;
+        p[t-LookAhead].look_phase      = 3'(i % phases);
+      end
+      for (int unsigned i = 0; i < 4; i++) begin
+        p[gain_clock(phases, s)-4+i] = half(XWorkHigh, XWorkLow, CTwoOverPhases, SumCurrent, s, i[1], i[0]);
+        p[gain_clock(phases, s)+7+i] = half(XWorkHigh, XWorkLow, CSquare, SumSquare, s, i[1], i[0]);
+        p[limit_clock(phases, s)+i]  = half(XStateHigh, XStateLow, CFactor, SumLimit, s, i[1], i[0]);
+      end
+      // |u|^2 is one sum over both axes.
+      p[gain_clock(phases, s)+8].last  = 1'b0;
+      p[gain_clock(phases, s)+9].first = 1'b0;
+    end
+    // Inverse Park of all phases at once.
+    for (int unsigned k = 0; k < phases; k++) begin
+      for (int unsigned i = 0; i < 2 * subspaces(phases); i++) begin
+        t                              = inverse_clock(phases) + 2 * subspaces(phases) * k + i;
+        p[t].x                         = XVoltage;
+        p[t].c                         = CCosine;
+        p[t].subspace                  = i[1];
+        p[t].x_axis                    = i[0];
+        p[t].phase                     = 3'(k);
+        p[t].accumulator               = Common;
+        p[t].kind                      = SumPhase;
+        p[t].first                     = i == 0;
+        p[t].last                      = i == 2 * subspaces(phases) - 1;
+        p[t-LookAhead].look_inverse    = 1'b1;
+        p[t-LookAhead].look_third      = i[1];
+        p[t-LookAhead].look_quadrature = i[0];
+        p[t-LookAhead].look_phase      = 3'(k);
+      end
+    end
+    return p;
+  endfunction
+
+endpackage

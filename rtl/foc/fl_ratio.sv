@@ -1,0 +1,77 @@
+// Ratio of two integers as a fraction: ratio = floor(part * 2^RatioBits / whole) for part < whole, two bits a clock.
+//
+// Restoring division. less_o tells whether part < whole held at the start; if not, ratio_o has no meaning. A start while
+// one runs replaces it.
+// Latency: start_i to valid_o Latency clocks; ratio_o and less_o are valid from valid_o to the next start.
+`default_nettype none
+module fl_ratio #(
+    parameter  int unsigned WholeBits = 20,
+    parameter  int unsigned RatioBits = 17,
+    // verilator lint_off UNUSEDPARAM
+    localparam int unsigned Latency   = (RatioBits + 1) / 2 + 1
+    // verilator lint_on UNUSEDPARAM
+) (
+    input  logic                 clk_i,
+    input  logic                 rst_i,
+    input  logic                 start_i,
+    input  logic [WholeBits-1:0] part_i,
+    input  logic [WholeBits-1:0] whole_i,
+    output logic                 valid_o,
+    output logic                 less_o,
+    output logic [RatioBits-1:0] ratio_o
+);
+
+  if (WholeBits < 2 || RatioBits < 2) begin : gen_illegal
+    $fatal(1, "fl_ratio: WholeBits and RatioBits must be at least 2 (%m)");
+  end
+
+  localparam int unsigned Iterations = (RatioBits + 1) / 2;
+  localparam int unsigned Bits = 2 * Iterations;  // an odd RatioBits gets one bit more than it shows
+  localparam int unsigned CountBits = fl_pkg::idx_width(Iterations + 1);
+
+  typedef struct packed {
+    logic [WholeBits-1:0] remainder;  // below whole
+    logic [Bits-1:0]      ratio;
+  } work_t;
+
+  logic [WholeBits-1:0] whole_q;
+  work_t work_q;
+  logic [CountBits-1:0] count_q;  // iterations to go
+  logic less_q, valid_q;
+
+  function automatic work_t bit_of(work_t w, logic [WholeBits-1:0] whole);
+    logic [  WholeBits:0] doubled;
+    logic [WholeBits+1:0] trial;
+    doubled = {w.remainder, 1'b0};
+    trial   = {1'b0, doubled} - {2'b00, whole};
+    return
+    '{
+        remainder: trial[WholeBits+1] ? doubled[WholeBits-1:0] : trial[WholeBits-1:0],
+        ratio: {w.ratio[Bits-2:0], !trial[WholeBits+1]}
+    }
+    ;
+  endfunction
+
+  always_ff @(posedge clk_i) begin
+    valid_q <= count_q == CountBits'(1) && !start_i;
+    if (start_i) begin
+      whole_q <= whole_i;
+      work_q  <= '{remainder: part_i, ratio: '0};
+      less_q  <= part_i < whole_i;
+      count_q <= CountBits'(Iterations);
+    end else if (count_q != '0) begin
+      work_q  <= bit_of(bit_of(work_q, whole_q), whole_q);
+      count_q <= count_q - CountBits'(1);
+    end
+    if (rst_i) begin
+      count_q <= '0;
+      valid_q <= 1'b0;
+    end
+  end
+
+  assign valid_o = valid_q;
+  assign less_o  = less_q;
+  assign ratio_o = work_q.ratio[Bits-1-:RatioBits];
+
+endmodule
+`default_nettype wire
