@@ -335,7 +335,9 @@ bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25) {
 // A rotor that jams loses its lock without a missed crossing; soon after a start there has been no lock. True: the state
 // has been left.
 HOT static bool speed_impossible(drive_t *drive) {
-  const bool outruns = drive_outruns_voltage(drive, gain_apply(drive->m.line_i_q25, drive->scheduled.resistance));
+  // The phases' current is right however seldom it is sampled; braking it drops nothing.
+  const int32_t driving_i_q25 = (drive->m.idc_q17 > 0) ? drive->m.motor_q17 * 256 : 0;
+  const bool outruns = drive_outruns_voltage(drive, gain_apply(driving_i_q25, drive->scheduled.resistance));
   const bool over = drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm;
   drive->outrun_ticks = outruns ? drive->outrun_ticks + 1u : 0u;
   if (drive->outrun_ticks >= OUTRUN_TICKS || (over && outruns)) {

@@ -236,7 +236,7 @@ void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect);
 void drive_take_crossing(drive_t *drive);  // what finds the crossings, from the settings
 // Crossings claim a speed whose EMF is over four times what the applied voltage leaves after the resistive drop: no rotor
 // turns like this. On one that stands, what follows the blanking is taken for a crossing, and it and the commutation
-// that it causes chase each other. A drive that brakes applies at least half of the EMF, or drives a negative drop.
+// that it causes chase each other. A drive that brakes applies at least half of the EMF, or what its braking current leaves of it.
 bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25);
 bool drive_turns_wrong(const drive_t *drive);  // the target has the other sign
 int32_t drive_target_rpm_q8(const drive_t *drive);  // magnitude within the allowed speeds

@@ -11,6 +11,7 @@ import pytest
 
 from fluxlock.firmware import DriveSpec
 from tests.firmware import averaged_motor as am
+from tests.firmware.averaged_motor import Load
 from tests.firmware.firmware_bench import Bench
 
 GHOST_S = (60e-6, 100e-6, 150e-6)
@@ -74,3 +75,18 @@ def test_rotor_that_jams_at_speed_is_an_over_current(speed_rpm: int, ghost_s: fl
     bench.model.m[am.M_GHOST] = ghost_s
     assert bench.until_state("fault", 0.05)
     assert fault_of(bench) == "phase_over_current"
+
+
+@pytest.mark.parametrize("speed_rpm", [8_000, 20_000, 60_000])
+def test_turning_rotor_is_not_doubted(speed_rpm: int) -> None:
+    """Sampled once a carrier the DC-link current is that of the pulse, over twice its mean: no reason for a doubt.
+
+    Verifies: FW-20
+    """
+    bench = Bench(drive=DriveSpec(zcd_sampling="carrier"))
+    bench.start(speed_rpm, 0.5)
+    bench.model.set_load(Load(coulomb_nm=10e-3))
+    for _ in range(10_000):
+        bench.step()
+        assert bench.fw.state == "running"
+    assert bench.fw.command("get lost_locks")[0] == "lost_locks 0"
