@@ -79,3 +79,23 @@ def test_pages_of_a_run_without_events(tmp_path: Path, scenario: Scenario) -> No
     data.log = data.log[:0]
     data.plant_events = data.plant_events[:0]
     assert len(write_plots(tmp_path, Analysis(data), scenario)) == 2
+
+
+def test_target_by_console_line() -> None:
+    """A reversal by the console is in the speed panel.
+
+    Verifies: FRONT-09
+    """
+    reversal = load_scenario(
+        ROOT / "scenarios" / "demo.toml",
+        [
+            "duration_s=0.02",
+            'event=[{at_s=0.001,speed_rpm=60000},{at_s=0.015,command="set speed_rpm -20000"}]',
+            'window=[{name="steady",from_s=0.005,to_s=0.01}]',
+            "expect=[]",
+        ],
+    )
+    analysis = Analysis(make_run(Drive(zoom_s=reversal.zoom_window_s())))
+    speed = overview_page(analysis, reversal).axes[0]
+    (target,) = (line for line in speed.lines if line.get_label() == "target")
+    assert target.get_ydata().tolist() == [0.0, 60.0, -20.0, -20.0]
