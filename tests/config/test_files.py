@@ -144,6 +144,22 @@ def test_mutual_inductance_gives_self_inductance() -> None:
     assert motor.self_inductance_h == pytest.approx((19e-6, 19e-6, 19e-6))
 
 
+def test_speed_target_by_console_line() -> None:
+    """`set speed_rpm` on the console is a target as the key is: for the plot and for the length of the zoom window.
+
+    Verifies: FRONT-09
+    """
+    events = (
+        '[{at_s=0.01,speed_rpm=60000},{at_s=0.02,command="start"},{at_s=0.3,command="set speed_rpm -20000"},'
+        '{at_s=0.4,command="get speed_rpm"},{at_s=0.5,speed_rpm=30000}]'
+    )
+    reversal = load_scenario(DEMO, [f"event={events}", 'window=[{name="x",from_s=0.35,to_s=0.4}]', "expect=[]"])
+    at = {t_s: reversal.speed_target_at(t_s) for t_s in (0.0, 0.1, 0.3, 0.45, 0.5)}
+    assert at == {0.0: 0.0, 0.1: 60_000.0, 0.3: -20_000.0, 0.45: -20_000.0, 0.5: 30_000.0}
+    begin_s, end_s = reversal.zoom_window_s()
+    assert (end_s, end_s - begin_s) == (0.4, pytest.approx(2.5 * 60 / 20_000))
+
+
 # ---- bad input
 
 

@@ -66,8 +66,7 @@ def _speed(axes: Axes, page: _Page) -> None:
         color="#0072B2",
         label="speed",
     )
-    changes = [(e.at_s, e.speed_rpm) for e in scenario.events_in_order() if e.speed_rpm is not None]
-    times = [0.0, *(t for t, _ in changes), data.duration_s]
+    times = [0.0, *(t for t, _ in scenario.speed_targets()), data.duration_s]
     targets = [scenario.speed_target_at(t) / 1e3 for t in times]
     axes.step(times, targets, where="post", color="#888888", linestyle="--", label="target")
     for window in scenario.window:

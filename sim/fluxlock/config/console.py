@@ -81,6 +81,17 @@ def line_problem(line: str) -> str | None:
     return None
 
 
+def speed_of_line(line: str) -> float | None:
+    """Speed target (r/min, signed) that a line sets; None if it sets none."""
+    words = line.split()
+    if words[:2] != ["set", "speed_rpm"] or len(words) != 3:
+        return None
+    try:
+        return float(int(words[2]))
+    except ValueError:
+        return None
+
+
 def _setting_problem(words: list[str]) -> str | None:
     if len(words) != 2:
         return 'must have the form "set NAME VALUE"'

@@ -9,7 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from fluxlock.config.console import line_problem
+from fluxlock.config.console import line_problem, speed_of_line
 from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
@@ -355,6 +355,11 @@ class Event(Model):
         """Name of the action's key."""
         return next(name for name in ACTIONS if getattr(self, name) is not None)
 
+    @property
+    def speed_target_rpm(self) -> float | None:
+        """Speed target that the event sets, signed, by its key or by a console line; None if it sets none."""
+        return self.speed_rpm if self.command is None else speed_of_line(self.command)
+
 
 class Window(Model):
     """A measuring window: its metrics appear under its name in the result."""
@@ -480,13 +485,14 @@ class Scenario(Model):
         """Events by time; those at the same time as in the file."""
         return sorted(self.event, key=lambda e: e.at_s)
 
+    def speed_targets(self) -> list[tuple[float, float]]:
+        """Times and speed targets of the events by time: `speed_rpm` and `command = "set speed_rpm ..."`."""
+        return [(e.at_s, target) for e in self.events_in_order() if (target := e.speed_target_rpm) is not None]
+
     def speed_target_at(self, t_s: float) -> float:
-        """Speed target set by the last speed event until `t_s` (without its slope)."""
-        target = self.initial.speed_rpm
-        for event in self.events_in_order():
-            if event.at_s <= t_s and event.speed_rpm is not None:
-                target = event.speed_rpm
-        return target
+        """Speed target set by the last event until `t_s` (without its slope)."""
+        targets = [target for at_s, target in self.speed_targets() if at_s <= t_s]
+        return targets[-1] if targets else self.initial.speed_rpm
 
     def zoom_window_s(self) -> tuple[float, float]:
         """Span in which every event is recorded: as stated, else the end of the first window or run."""
