@@ -22,7 +22,6 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 LINE = re.compile(r"(?:[A-Z]+=\w+ +)*(?:\.venv/bin/)?(fluxlock|make|python -m|pytest) +(.*)")
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.DOTALL | re.MULTILINE)
-REMARKS = "fluxlock.docs.figures writes remarks behind its command lines without #"
 # Made or filled in by the reader.
 OWN = re.compile(r"my-motor|[A-Z]{4}|…")
 
@@ -91,14 +90,7 @@ def check_page(text: str) -> None:
             raise AssertionError(f"{program} {' '.join(words)}: {error}") from None
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(p, marks=pytest.mark.xfail(strict=True, reason=REMARKS) if p.name == "figures-six-step.md" else ())
-        for p in PAGES
-    ],
-    ids=lambda p: p.relative_to(ROOT).as_posix(),
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_command_lines(page: Path) -> None:
     """The command lines of the pages name what there is.
 

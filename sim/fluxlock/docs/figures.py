@@ -26,8 +26,8 @@ simulations of the thesis are both answered by the chip unless a condition says 
 the plant's true angle. What our copy of the thesis lacks (axes of plots, some tables) is marked as not legible.
 
 ```
-.venv/bin/fluxlock figures six-step                 all; 2.11 or 2: a figure, a chapter; --quick: short runs
-.venv/bin/python -m fluxlock.docs.figures           this page and its images from the result
+.venv/bin/fluxlock figures six-step                 # all; 2.11 or 2: a figure, a chapter; --quick: short runs
+.venv/bin/python -m fluxlock.docs.figures           # this page and its images from the result
 ```
 """
 }

@@ -8,7 +8,7 @@ from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/commutation-error.toml"
-# Above the speed of the motor file; 25 V suffice: docs/theory/six-step.md#commutation-error-over-speed.
+# Above the speed of the motor file; 25 V suffice: docs/theory/six-step-limits.md.
 TOP_RPM = 125_000
 LIMIT_DEG = 0.3
 SPEEDS_RPM = (20_000, 40_000, 60_000, 80_000, 100_000, 120_000)
