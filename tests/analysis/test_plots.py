@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,13 @@ import pytest
 
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.plots import overview_page, write_plots
-from fluxlock.config import Scenario, load_scenario
+from fluxlock.analysis.six_step.machine import Machine
+from fluxlock.analysis.six_step.override import SampleTiming
+from fluxlock.analysis.six_step.plots import soa_figure, spectrum_figure
+from fluxlock.analysis.six_step.soa import SafeMap, TorqueLimits
+from fluxlock.analysis.six_step.soa_study import Settings, Study
+from fluxlock.analysis.six_step.spectrum_study import pattern_spectrum
+from fluxlock.config import Scenario, load_motor, load_scenario
 from fluxlock.paths import ROOT
 from tests.analysis.synthetic import Drive, make_run
 
@@ -79,3 +86,60 @@ def test_pages_of_a_run_without_events(tmp_path: Path, scenario: Scenario) -> No
     data.log = data.log[:0]
     data.plant_events = data.plant_events[:0]
     assert len(write_plots(tmp_path, Analysis(data), scenario)) == 2
+
+
+def test_target_by_console_line() -> None:
+    """A reversal by the console is in the speed panel.
+
+    Verifies: FRONT-09
+    """
+    reversal = load_scenario(
+        ROOT / "scenarios" / "demo.toml",
+        [
+            "duration_s=0.02",
+            'event=[{at_s=0.001,speed_rpm=60000},{at_s=0.015,command="set speed_rpm -20000"}]',
+            'window=[{name="steady",from_s=0.005,to_s=0.01}]',
+            "expect=[]",
+        ],
+    )
+    analysis = Analysis(make_run(Drive(zoom_s=reversal.zoom_window_s())))
+    speed = overview_page(analysis, reversal).axes[0]
+    (target,) = (line for line in speed.lines if line.get_label() == "target")
+    assert target.get_ydata().tolist() == [0.0, 60.0, -20.0, -20.0]
+
+
+def test_lines_stand_clear_of_the_frame() -> None:
+    """The lines of the highest order, -17 and 19, and the crosses of their gates lie inside the axis.
+
+    Verifies: THEORY-11
+    """
+    spectrum = pattern_spectrum("CSC", Fraction(25, 8), 0.5, 0.0, 19.0)
+    axes = spectrum_figure("", [spectrum], 19.0, 0.0).axes[0]
+    low, high = axes.get_xlim()
+    assert low < -19.3 and high > 19.3
+    assert {-17.0, 19.0} <= set(np.round(axes.lines[0].get_xdata(), 9).tolist())
+
+
+def test_legend_of_the_safe_area() -> None:
+    """A limit that no current of the map reaches has no line and no entry; one that is reached has both.
+
+    Verifies: THEORY-11
+    """
+    machine = Machine.from_motor(load_motor(ROOT / "motors" / "pump-4pp.toml"))
+    speed, current = np.array([1000.0, 2000.0]), np.array([0.0, 5.0, 10.0])
+    settings = Settings(2000.0, 10.0, 20e3, 0.0, SampleTiming(2e-6, 1e-6, 1e-6))
+    nothing = np.full(2, np.nan)
+    for steepest_deg, reached in ((20.0, False), (60.0, True)):
+        angle = np.linspace(0.0, steepest_deg, 3)[:, np.newaxis] * np.ones(2)
+        bound = SafeMap(speed, current, angle, 0.5 * np.ones((3, 2)), np.full((3, 2), 40.0))
+        torque = TorqueLimits(speed, *(2 * [0.1 * np.ones(2) if reached else nothing]), nothing, np.ones(2))
+        study = Study(machine, 24.0, settings, bound, np.full(2, 9.0), speed, np.zeros(2), limits={"ON-PWM": torque})
+        area, limits = (page for page in soa_figure(study).axes if page.get_legend() is not None)
+        shown = [text.get_text() for page in (area, limits) for text in page.get_legend().get_texts()]
+        some = ["bound 25°", "bound 30°", "bound, crossing computed back"]
+        assert shown == [
+            *(some if reached else []),
+            "supply (duty 1)",
+            *(["ON-PWM, 30°"] if reached else []),
+            "ON-PWM, largest",
+        ]

@@ -102,6 +102,10 @@ def test_spectrum(tmp_path: Path) -> None:
     assert data["settings"]["n"] == [10, 3] and data["spectra"]["CSC"]["duty"] == 0.5
     output, data = run(tmp_path, "spectrum", "--speed", "61234.567")
     assert "taken as" in output and data["settings"]["n"][1] <= 100
+    # The ends of the permitted range belong to it.
+    for speed, ratio in (("2000000", [1, 10]), ("2000", [100, 1])):
+        _, data = run(tmp_path, "spectrum", "--speed", speed, "--mean", "0.5", "--no-compensate", "--max-order", "7")
+        assert data["settings"]["n"] == ratio
 
 
 def test_recorded(tmp_path: Path) -> None:
@@ -164,7 +168,8 @@ NOT_TRACES = {
         (["stability", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["spectrum", "--mean", "0"], "--mean"),
-        (["spectrum", "--speed", "10"], "carriers a sector"),
+        (["spectrum", "--speed", "10"], "--carrier: with --speed gives 20000 carriers a sector, permitted 0.1 to 100$"),
+        (["spectrum", "--speed", "1999999", "--carrier", "19999"], "gives 0.09999505 carriers a sector"),
         (["recorded", "missing.npz", "--from", "0", "--to", "1"], "^missing.npz: file not found$"),
         (["recorded", "DIR", "--from", "0", "--to", "1"], "is a folder, not a file"),
         *((["recorded", name, "--from", "0", "--to", "1"], NO_TRACE) for name in NOT_TRACES),

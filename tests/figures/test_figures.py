@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,7 @@ from fluxlock import cli
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.six_step.patterns import gate_sequence
 from fluxlock.analysis.six_step.switched import ideal_inverter, steady_operation, waveforms
-from fluxlock.config import ConfigError
+from fluxlock.config import ConfigError, load_scenario
 from fluxlock.docs import figures as docs_page
 from fluxlock.figures import FIGURES, Drawing, Entry, command, figure
 from fluxlock.figures.command import draw, of_family, run_figures, select
@@ -382,3 +383,54 @@ def test_runs_that_cannot_be_used() -> None:
     with pytest.raises(RunFailed, match=r"dc_current.*0\.200 s"):
         support.whole(Fake(trips=trips).found)
     assert support.whole(good) is good
+
+
+@dataclass
+class Ramps:
+    """Runner that gives a synthetic run of each ramp, cut to its short version: RSC trips at 0.06 s."""
+
+    quick: bool
+    from_rpm: dict[str, float]
+    accel_rpm_per_s: float = 120_000.0
+
+    def drive(self, scenario: str, name: str, *overrides: str) -> Any:
+        loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
+        commutation = loaded.drive.commutation
+        ramp = Drive(
+            speed_rpm=self.from_rpm[commutation], accel_rpm_per_s=self.accel_rpm_per_s, duration_s=0.08, carrier_hz=20e3
+        )
+        data = make_run(ramp)
+        trips = [{"cause": "phase_current", "time_s": 0.06}] if commutation == "RSC" else []
+        result = {"trips": trips, "rejected": []}
+        return SimpleNamespace(scenario=loaded, data=data, analysis=Analysis(data), result=result, folder=Path(name))
+
+
+def test_ramps_that_miss_the_compared_frequency() -> None:
+    """CSC begins above 800 Hz in the short run: figure 5.16 says so, and what slope was run; both pass it: two numbers.
+
+    Verifies: FIG-02, FIG-05
+    """
+    short: Any = Ramps(True, {"RSC": 46_000.0, "CSC": 65_000.0})
+    drawing = chapter_5.acceleration(short)
+    currents = {entry.quantity: entry.measured for entry in drawing.table if "current" in entry.quantity}
+    assert currents == {
+        "RSC: largest current near 800 Hz (A)": "10.0",
+        "CSC: largest current near 800 Hz (A)": "not in the short run",
+    }
+    assert "from 46 000 and 65 000 r/min, slope 120 000 and 100 000 r/min/s" in drawing.condition
+    # The trip is at 46 000 + 120 000 * 0.06 = 53 200 r/min.
+    assert drawing.table[0].measured.startswith("887 Hz (N = 3.76), trip (phase_current) at 0.060 s")
+    full: Any = Ramps(False, {"RSC": 46_000.0, "CSC": 46_000.0})
+    drawing = chapter_5.acceleration(full)
+    assert [entry.measured for entry in drawing.table if "current" in entry.quantity] == ["10.0", "10.0"]
+    assert "from 40 000 r/min, slope 12 000 r/min/s" in drawing.condition
+
+
+@pytest.mark.parametrize(("quick", "slope"), [(True, "120 000 r/min/s"), (False, "slope 12 000 r/min/s")])
+def test_failures_say_what_was_run(quick: bool, slope: str) -> None:
+    """Figure 5.12 states the slope of the runs that it shows.
+
+    Verifies: FIG-03
+    """
+    runner: Any = Ramps(quick, {"RSC": 46_000.0})
+    assert slope in chapter_5.failures(runner).condition

@@ -38,7 +38,7 @@ MOTOR_1 = ROOT / "motors" / "motor-1.toml"
 # Motor-I: figures 4.9 and 4.10 reach 120 000 r/min and, here, beyond their 30 A; its file says 94 000 and 30 A.
 SPEED_OVER_MAX, CURRENT_OVER_RATED = 120 / 94, 2.0
 MAX_DENOMINATOR = 100
-N_RANGE = (0.1, 100.0)  # carriers a sector
+N_RANGE = (Fraction(1, 10), Fraction(100))  # carriers a sector
 
 CommutationChoice = Literal["RSC", "NSC", "CSC"]
 OutOption = Annotated[Path, typer.Option(help="Folder for PNG and JSON.")]
@@ -189,7 +189,7 @@ def _ratio(speed_rpm: float, pole_pairs: int, carrier_hz: float) -> tuple[Fracti
     exact = Fraction(carrier_hz) * 10 / (Fraction(speed_rpm) * pole_pairs)
     if not N_RANGE[0] <= exact <= N_RANGE[1]:
         low, high = N_RANGE
-        text = f"with --speed gives {float(exact):.4g} carriers a sector, permitted {low:g} to {high:g}"
+        text = f"with --speed gives {float(exact):.9g} carriers a sector, permitted {float(low):g} to {float(high):g}"
         raise ConfigError([Problem("--carrier", "", text)])
     ratio = exact.limit_denominator(MAX_DENOMINATOR)
     return ratio, f"N = {ratio}" if ratio == exact else f"N = {float(exact):.6g}, taken as {ratio}"

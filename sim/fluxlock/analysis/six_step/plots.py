@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ CHOPPING_COLOURS: dict[Chopping, str] = {
 }
 SMALL = 9
 LINE_FLOOR = 1e-4  # of Vdc: lines below are not drawn
+ORDER_MARGIN = 1.03  # of the highest order: its line stands clear of the frame
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -74,14 +76,14 @@ def _map(
     figure.colorbar(filled, ax=axes, label="upper bound of the freewheel angle / deg el.")
     styles = ((SAMPLED_DEG, "--", "bound 25°"), (VISIBLE_DEG, "-", "bound 30°"))
     for angle, style, label in styles:
-        axes.plot(speed, bound.current_limit_a(angle), style, color="white", linewidth=2, label=label)
+        _limit(axes, speed, bound.current_limit_a(angle), style, color="white", linewidth=2, label=label)
     usable = bound.current_limit_a(bound.usable_deg)
-    axes.plot(speed, usable, "-", color=LATE_COLOUR, linewidth=2, label="bound, crossing computed back")
+    _limit(axes, speed, usable, "-", color=LATE_COLOUR, linewidth=2, label="bound, crossing computed back")
     for chopping, safe in simulated.items():
         limit = safe.current_limit_a(VISIBLE_DEG)
         label = f"switched circuit 30°, {chopping}"
         colour = CHOPPING_COLOURS[chopping]
-        axes.plot(safe.speed_rpm / 1e3, limit, "o-", color=colour, markeredgecolor="white", label=label)
+        _limit(axes, safe.speed_rpm / 1e3, limit, "o-", color=colour, markeredgecolor="white", label=label)
     axes.plot(speed, supply_a, ":", color=COMMUTATION_COLOUR, linewidth=2, label="supply (duty 1)")
     axes.set_ylim(0.0, current[-1])
     axes.set_xlim(speed[0], speed[-1])
@@ -89,6 +91,12 @@ def _map(
     axes.set_title("safe operating area", fontsize=10, loc="left")
     legend = axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=SMALL)
     legend.get_frame().set_facecolor("#bbbbbb")
+
+
+def _limit(axes: Axes, speed: FloatArray, limit: FloatArray, style: str, **look: Any) -> None:  # noqa: ANN401
+    """A limit's line, in the legend only where it has a point: a limit that no current reaches is NaN everywhere."""
+    if np.isfinite(limit).any():
+        axes.plot(speed, limit, style, **look)
 
 
 def _load_line(axes: Axes, study: Study) -> None:
@@ -124,7 +132,7 @@ def _torque(axes: Axes, study: Study) -> None:
             (limit.recovered_nm, "--", "computed back"),
             (limit.supply_nm, ":", "largest"),
         ):
-            axes.plot(speed, torque * 1e3, style, color=colour, label=f"{chopping}, {label}")
+            _limit(axes, speed, torque * 1e3, style, color=colour, label=f"{chopping}, {label}")
     if np.any(study.load_nm > 0.0):
         axes.plot(study.coarse_rpm / 1e3, study.load_nm * 1e3, color=GREY, label="load of the motor file")
     # The limits fall with the speed by more than a decade.
@@ -170,7 +178,7 @@ def stems(axes: Axes, lines: Lines, max_order: float) -> None:
         axes.vlines(lines.order[drawn], LINE_FLOOR, size[drawn], color=colour, linewidth=1.5, label=label)
     axes.set_yscale("log")
     axes.set_ylim(LINE_FLOOR, 5.0)  # room for the legend
-    axes.set_xlim(-max_order, max_order)
+    axes.set_xlim(-ORDER_MARGIN * max_order, ORDER_MARGIN * max_order)
     finish(axes, "order (frequency / fundamental)", "line / Vdc")
     axes.legend(loc="upper right", fontsize=SMALL)
 
@@ -183,7 +191,7 @@ def spectrum_figure(title: str, spectra: Sequence[PatternSpectrum], max_order: f
     for (left, right), one in zip(grid, spectra, strict=True):
         stems(left, one.lines, max_order)
         size = np.abs(one.gates.amplitude)
-        drawn = (size > LINE_FLOOR) & (np.abs(one.gates.order) < max_order)
+        drawn = (size > LINE_FLOOR) & (np.abs(one.gates.order) <= max_order)
         left.plot(one.gates.order[drawn], size[drawn], "x", color=COMMUTATION_COLOUR, markersize=4, label="gates")
         left.legend(loc="upper right", fontsize=SMALL, ncols=3)
         left.set_title(f"{one.commutation}: weighted distortion {one.distortion:.3f}", fontsize=10, loc="left")

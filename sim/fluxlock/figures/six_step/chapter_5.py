@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 
@@ -27,6 +28,9 @@ from fluxlock.regression.six_step.support import highest_hz
 CARRIER_HZ = 20e3
 LINE = 3.0  # radius of the boundaries in figure 5.4
 BENCH = "Motor-I, 25 V, 20 kHz, ON-PWM"
+COMPARED_HZ = 800.0  # at which figure 5.16 compares the currents
+NEAR_HZ = 20.0
+NOT_RUN = "not in the short run"
 
 
 @figure(FAMILY, "5.4")
@@ -168,6 +172,13 @@ def csc_spectrum(runner: Runner) -> Drawing:
     )
 
 
+def ramp_text(runs: Sequence[Outcome]) -> str:
+    """Slope of the speed target as the runs had it: one for all, or one each."""
+    slopes = list(dict.fromkeys(f"{run.scenario.accel_rpm_per_s:,.0f}".replace(",", " ") for run in runs))
+    begins = list(dict.fromkeys(f"{run.scenario.initial.speed_rpm:,.0f}".replace(",", " ") for run in runs))
+    return f"from {' and '.join(begins)} r/min, slope {' and '.join(slopes)} r/min/s"
+
+
 def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
     """Phase current A over the frequency of a ramp."""
     records = run.data.records
@@ -184,9 +195,10 @@ def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
 def failures(runner: Runner) -> Drawing:
     """RSC while the speed rises: failure just below an integer N."""
     drawn, grid = panels.page("5.12: RSC, 20 kHz, ramp at 20 and 30 mN·m", 2, 2, (11.0, 6.0))
-    rows = []
+    rows, runs = [], []
     for line, load_mnm, printed in zip(grid, (20, 30), ("1111 Hz (N = 3)", "833 Hz (N = 4)"), strict=True):
         run = drive_ramp(runner, Variant("RSC", False, load_mnm, fails=True))
+        runs.append(run)
         trips = run.result["trips"]
         end_s = trips[0]["time_s"] if trips else run.data.duration_s
         _over_speed(line[0], run, end_s + 0.002)
@@ -207,7 +219,7 @@ def failures(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        f"{BENCH}, constant torque, seen crossings, first sample after; slope 12 000 r/min/s: the runs of the regression.",
+        f"{BENCH}, constant torque, seen crossings, first sample after; {ramp_text(runs)}: the runs of the regression.",
         drawn,
         tuple(rows),
     )
@@ -327,12 +339,12 @@ def turn_peaks_a(run: Outcome, from_s: float, to_s: float) -> FloatArray:
 @figure(FAMILY, "5.16")
 def acceleration(runner: Runner) -> Drawing:
     """Acceleration to 1300 Hz under RSC and CSC."""
-    drawn, grid = panels.page("5.16: 667 Hz to 1300 Hz, 20 kHz, 20 mN·m", 2, 2, (11.0, 6.0))
-    rows = []
+    begin = "short ramps" if runner.quick else "667 Hz"
+    drawn, grid = panels.page(f"5.16: {begin} to 1300 Hz, 20 kHz, 20 mN·m", 2, 2, (11.0, 6.0))
+    rows, runs = [], []
     for column, commutation in enumerate(PAIR):
         run = drive_ramp(runner, Variant(commutation, False, 20, fails=commutation == "RSC"))
-        trips = run.result["trips"]
-        end_s = trips[0]["time_s"] if trips else run.data.duration_s
+        runs.append(run)
         panels.speed(grid[0][column], run.data)
         panels.title(grid[0][column], commutation)
         records = run.data.records
@@ -352,18 +364,25 @@ def acceleration(runner: Runner) -> Drawing:
                 else "The speed waves where the mean of CSC changes with N: `drive.linearity` is off",
             )
         )
-        at = 800.0
-        near = np.abs(records["omega_e"] / (2 * np.pi) - at) < 20
-        near &= records["t_cycle"] < end_s * run.data.clock_hz
+        largest = largest_current_a(run, COMPARED_HZ)
         rows.append(
             Entry(
-                f"{commutation}: largest current near {at:.0f} Hz (A)",
+                f"{commutation}: largest current near {COMPARED_HZ:.0f} Hz (A)",
                 "CSC lower from 700 Hz on",
-                f"{np.abs(records['ia'][near]).max():.1f}",
+                NOT_RUN if largest is None else f"{largest:.1f}",
             )
         )
     return Drawing(
-        f"{BENCH}, 20 mN·m, slope 12 000 r/min/s, seen crossings: first sample after (RSC), interpolated (CSC).",
+        f"{BENCH}, 20 mN·m, {ramp_text(runs)}, seen crossings: first sample after (RSC), interpolated (CSC).",
         drawn,
         tuple(rows),
     )
+
+
+def largest_current_a(run: Outcome, frequency_hz: float) -> float | None:
+    """Largest current of phase A within 20 Hz of a frequency, before a trip; None if the run does not pass there."""
+    records = run.data.records
+    near = np.abs(records["omega_e"] / (2 * np.pi) - frequency_hz) < NEAR_HZ
+    if run.result["trips"]:
+        near &= records["t_cycle"] < run.result["trips"][0]["time_s"] * run.data.clock_hz
+    return float(np.abs(records["ia"][near]).max()) if near.any() else None

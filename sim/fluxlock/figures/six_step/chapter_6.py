@@ -28,8 +28,8 @@ from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.figures.six_step.support import FAMILY, drive, motor_1, schedule
 from fluxlock.regression.runner import RunFailed, Runner
-from fluxlock.regression.six_step.spectrum import spectrum_run
 from fluxlock.regression.six_step.ramp import Variant, drive_ramp
+from fluxlock.regression.six_step.spectrum import spectrum_run
 from fluxlock.regression.six_step.support import highest_hz
 
 SPEED_RPM, CARRIER_HZ, SUPPLY_V = 64_000, 20e3, 25.0
@@ -427,7 +427,8 @@ def dynamic(runner: Runner) -> Drawing:
             )
         )
     return Drawing(
-        "Motor-I, 25 V, 20 kHz, ON-PWM, seen crossings, interpolated. RSC: the run of 5.12, from 40 000 r/min with 12 000 r/min/s, first sample after.",
+        "Motor-I, 25 V, 20 kHz, ON-PWM, 20 mN·m, seen crossings, interpolated. RSC: the run of 5.12, from 40 000 r/min "
+        "with 12 000 r/min/s, first sample after.",
         drawn,
         tuple(rows),
     )
