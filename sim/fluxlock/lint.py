@@ -26,6 +26,9 @@ NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
+    "fl_modulator": [{"Phases": 3}, {"Phases": 5}],
+    "fl_leg_carrier": [{"Phases": 3}, {"Phases": 5}],
+    "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
 }
 
 
