@@ -12,6 +12,11 @@ from fluxlock.config.fields import Model, PhaseValues, conflict, quantity
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 
 
+def listed(values: tuple[float, ...]) -> str:
+    """Values per phase as a file states them: one number if they are equal."""
+    return f"{values[0]:g}" if len(set(values)) == 1 else f"[{', '.join(f'{value:g}' for value in values)}]"
+
+
 class Load(Model):
     """Load torque on the shaft. Parts add up; `load_factor` events scale all of them."""
 
@@ -100,6 +105,15 @@ class Motor(Model):
         1.0,
         default=(0.0, 0.0, 0.0),
     )
+    inductance_q_h: float | None = quantity(
+        "Salient machine: inductance on the q axis. `inductance_h` is then that on the d axis (the magnet's), one "
+        "number, and there is no `mutual_h`. Six-step parameters and analyses take the mean of both.",
+        "H",
+        1e-8,
+        1.0,
+        default=None,
+        absent="not salient",
+    )
     psi_vs: PhaseValues = quantity(
         "Flux: peak phase EMF over electrical speed. One number, or three for phases A, B, C.",
         "V*s/rad",
@@ -117,6 +131,21 @@ class Motor(Model):
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
 
     @model_validator(mode="after")
+    def _salient(self) -> Self:
+        if self.inductance_q_h is None:
+            return self
+        if len(set(self.inductance_h)) > 1:
+            raise conflict(
+                "inductance_h",
+                f"{listed(self.inductance_h)} H must be one number, that of the d axis, with inductance_q_h",
+            )
+        if any(self.mutual_h):
+            raise conflict(
+                "mutual_h", f"{listed(self.mutual_h)} H does not go with inductance_q_h; leave one of them out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _inductance_matrix(self) -> Self:
         la, lb, lc = self.self_inductance_h
         if min(la, lb, lc) <= 0:
@@ -129,8 +158,17 @@ class Motor(Model):
         return self
 
     @property
+    def mean_inductance_h(self) -> float:
+        """Phase inductance, self minus mutual: mean of the phases, of a salient machine of its axes."""
+        if self.inductance_q_h is not None:
+            return (self.inductance_h[0] + self.inductance_q_h) / 2
+        return sum(self.inductance_h) / 3
+
+    @property
     def self_inductance_h(self) -> tuple[float, float, float]:
-        """Self inductances of A, B, C."""
+        """Self inductances of A, B, C; of a salient machine their mean over a turn."""
+        if self.inductance_q_h is not None:
+            return (self.mean_inductance_h,) * 3
         mab, mbc, mca = self.mutual_h
         la, lb, lc = self.inductance_h
         return (la + (mab + mca) / 2, lb + (mab + mbc) / 2, lc + (mbc + mca) / 2)

@@ -33,7 +33,7 @@ def motor_spec(s: Scenario) -> MotorSpec:
     return MotorSpec(
         pole_pairs=m.pole_pairs,
         resistance_ohm=_mean(m.resistance_ohm) * error.resistance,
-        inductance_h=_mean(m.inductance_h) * error.inductance,
+        inductance_h=m.mean_inductance_h * error.inductance,
         psi_vs=_mean(m.psi_vs) * error.flux,
         inertia_kgm2=m.inertia_kgm2,
         rated_current_a=m.rated_current_a,
@@ -118,7 +118,8 @@ def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ..
         machine=MachineParams(
             pole_pairs=m.pole_pairs,
             r_ohm=m.resistance_ohm,
-            l_h=m.self_inductance_h,
+            l_h=m.inductance_h if m.inductance_q_h else m.self_inductance_h,
+            l_q_h=m.inductance_q_h,
             m_h=m.mutual_h,
             psi_vs=m.psi_vs,
             emf=m.emf,

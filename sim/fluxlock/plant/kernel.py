@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as L
-from .circuit import connect, link_now
+from .circuit import connect, couple, link_now
 from .emf import corner_limit, shape_now, turn
 from .events import balance, end_current, next_event, switch_link
 from .mechanics import kick, profile_speed, ramps, step_limit
@@ -72,6 +72,8 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         balance(s)
         link_now(s)
         shape_now(s)
+        if s[L.SALIENT] != 0.0:
+            couple(s)
         if last:
             return L.OK
     return L.FAULT_EVENTS
