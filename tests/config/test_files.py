@@ -546,6 +546,44 @@ def test_salient_machine_has_two_inductances(copy: Path, change: str, expected: 
     assert [f"{p.key}: {p.message}" for p in caught.value.problems] == [expected]
 
 
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("lines = 0", "encoder.lines: 0 is out of range, permitted 1 to 65536"),
+        ("lines = 1024.5", "encoder.lines: must be a whole number, not 1024.5"),
+        (
+            "lines = 40_000",
+            "encoder.lines: 40000 gives 1.07e+07 edges/s at max_speed_rpm, above 8e+06 edges/s; "
+            "permitted up to 30000 lines",
+        ),
+        ("lines = 1024\nindex = 1", "encoder.index: must be true or false, not 1"),
+        ("pulses = 1024\nlines = 1024", "encoder.pulses: unknown key, permitted: lines, index, offset_deg"),
+        ("index = true", "encoder.lines: required key is missing"),
+    ],
+)
+def test_encoder_is_checked(copy: Path, line: str, expected: str) -> None:
+    """Wrong encoder tables are refused by key, limits and value.
+
+    Verifies: FRONT-03, FRONT-43
+    """
+    path = copy / "motors" / "ipm-4pp.toml"
+    edit(path, "lines = 1024\n", f"{line}\n")
+    with pytest.raises(ConfigError) as caught:
+        load_motor(path)
+    assert [f"{p.key}: {p.message}" for p in caught.value.problems] == [expected]
+
+
+def test_encoder_at_its_limit(copy: Path) -> None:
+    """The number of lines that the message permits is permitted.
+
+    Verifies: FRONT-43
+    """
+    path = copy / "motors" / "ipm-4pp.toml"
+    edit(path, "lines = 1024\n", "lines = 30_000\nindex = false\n")
+    encoder = load_motor(path).encoder
+    assert encoder is not None and (encoder.lines, encoder.index, encoder.offset_deg) == (30_000, False, 37.0)
+
+
 # ---- overrides
 
 

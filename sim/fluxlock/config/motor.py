@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
 
 
 def listed(values: tuple[float, ...]) -> str:
@@ -85,6 +86,24 @@ class Hall(Model):
     )
 
 
+class Encoder(Model):
+    """Incremental encoder with tracks A and B; A leads B at positive speed."""
+
+    lines: int = quantity(
+        "Lines: periods of A and B a mechanical turn. A counter sees four edges a line.", "", 1, 65536
+    )
+    index: bool = Field(
+        default=True, description="Index Z, high for a quarter of a line once a turn; begins with A at positive speed."
+    )
+    offset_deg: float = quantity(
+        "Mounting: mechanical angle of the rotor (0: electrical angle 0) at which the index begins at positive speed.",
+        "deg",
+        -360,
+        360,
+        default=0.0,
+    )
+
+
 class Motor(Model):
     """A star-connected three-phase permanent-magnet machine with isolated star point."""
 
@@ -128,6 +147,7 @@ class Motor(Model):
     rated_current_a: float = quantity("Rated DC current through two phases.", "A", 0.01, 2000)
     max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
     hall: Hall | None = Field(default=None, description="Hall sensors, if there are any.")
+    encoder: Encoder | None = Field(default=None, description="Incremental encoder, if there is one.")
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
 
     @model_validator(mode="after")
@@ -155,6 +175,20 @@ class Motor(Model):
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         if not (aa > 0 and aa * bb - ab * ab > 0):
             raise conflict("mutual_h", "with inductance_h gives an inductance matrix that is not positive definite")
+        return self
+
+    @model_validator(mode="after")
+    def _encoder_edges(self) -> Self:
+        if self.encoder is None:
+            return self
+        edges_per_s = self.encoder.lines * 4 * self.max_speed_rpm / 60
+        most = math.floor(60 * ENCODER_EDGES_PER_S / (4 * self.max_speed_rpm))
+        if self.encoder.lines > most:
+            raise conflict(
+                "encoder.lines",
+                f"{self.encoder.lines} gives {edges_per_s:.3g} edges/s at max_speed_rpm, above "
+                f"{ENCODER_EDGES_PER_S:g} edges/s; permitted up to {most} lines",
+            )
         return self
 
     @property

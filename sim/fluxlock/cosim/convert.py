@@ -12,6 +12,7 @@ from fluxlock.cosim.plan import Action
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
 from fluxlock.plant import (
     CHANNEL_NAMES,
+    EncoderParams,
     InverterParams,
     MachineParams,
     MechanicsParams,
@@ -125,6 +126,7 @@ def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ..
             emf=m.emf,
             flat_top_deg=m.flat_top_deg,
             hall_offset_deg=m.hall.offset_deg if m.hall else None,
+            encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg) if m.encoder else None,
         ),
         inverter=InverterParams(
             supply_v=i.supply_v,

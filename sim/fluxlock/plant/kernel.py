@@ -7,6 +7,7 @@ import math
 from . import layout as L
 from .circuit import connect, couple, link_now
 from .emf import corner_limit, shape_now, turn
+from .encoder import encode
 from .events import balance, end_current, next_event, switch_link
 from .mechanics import kick, profile_speed, ramps, step_limit
 from .record import add_energies, in_zoom, record_wave, record_zoom
@@ -157,5 +158,7 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
             if code != L.OK:
                 return code
     io[L.IO_PINS] = int(s[L.FAULT_PIN]) + hall_pins(s)
+    if s[L.ENCODER_LINES] > 0.0:
+        encode(s, io)
     io[L.IO_HEARTBEAT] += 1
     return L.OK

@@ -87,6 +87,9 @@ STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
 FAULT_PIN = _take()
 HALL = _take()  # 1: there are Hall sensors
 HALL_OFFSET = _take(3)  # how late each one's edges come, electrical rad
+ENCODER_LINES = _take()  # a mechanical turn; 0 = none
+ENCODER_INDEX = _take()  # 1: there is an index
+ENCODER_OFFSET = _take()  # mounting angle, mechanical turns
 
 # --- recording
 WAVE_EVERY = _take()  # record each n-th strobe; 0 = none
@@ -164,6 +167,8 @@ TOLERANCE_V = 1e-9  # a diode turns on this far beyond its threshold
 IO_SIZE = 32
 IO_HEARTBEAT = 16
 IO_PINS = 17
+IO_ENCODER = 18  # A, B, Z in bits 0, 1, 2
+IO_ENCODER_WAIT = 19  # clocks within which the next call must come, so that no edge is late; 0 = no encoder
 
 # --- fault codes
 OK = 0

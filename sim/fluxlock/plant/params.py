@@ -27,13 +27,31 @@ def finite_at_least(low: float, *values: float) -> bool:
 
 
 @dataclass(frozen=True)
+class EncoderParams:
+    """Incremental encoder. lines: periods of A and B a mechanical turn; A leads B at positive speed.
+
+    offset_deg: mechanical angle of the rotor (0: electrical angle 0) at which A rises at positive speed and the index,
+    if there is one, begins; it lasts a quarter of a line.
+    """
+
+    lines: int
+    index: bool = True
+    offset_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(1 <= self.lines <= 1 << 20, "lines", self.lines, f"1 to {1 << 20}")
+        require(abs(self.offset_deg) <= 360.0, "offset_deg", self.offset_deg, "-360 to 360")
+
+
+@dataclass(frozen=True)
 class MachineParams:
     """Star-connected machine with isolated star point.
 
     l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. l_q_h: a salient machine's inductance on the
     q axis; l_h is then that on the d axis, equal three times, m_h zero. None: not salient. psi_vs: peak phase EMF
     divided by electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
-    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none.
+    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none. encoder: None:
+    there is none.
     """
 
     pole_pairs: int
@@ -45,6 +63,7 @@ class MachineParams:
     flat_top_deg: float = 120.0
     hall_offset_deg: Triple | None = None
     l_q_h: float | None = None
+    encoder: EncoderParams | None = None
     phases: int = 3
 
     def __post_init__(self) -> None:

@@ -24,6 +24,10 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1
     s[L.HALL] = machine.hall_offset_deg is not None
     for x, offset_deg in enumerate(machine.hall_offset_deg or ()):
         s[L.HALL_OFFSET + x] = math.radians(offset_deg)
+    if machine.encoder is not None:
+        s[L.ENCODER_LINES] = machine.encoder.lines
+        s[L.ENCODER_INDEX] = machine.encoder.index
+        s[L.ENCODER_OFFSET] = machine.encoder.offset_deg / 360.0
     s[L.RAMP] = math.radians((180.0 - machine.flat_top_deg) / 2.0)
     mutual = {(0, 1): machine.m_h[0], (1, 2): machine.m_h[1], (0, 2): machine.m_h[2]}
     for x in range(L.PHASES):
