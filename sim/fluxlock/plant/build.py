@@ -87,8 +87,12 @@ def compiled() -> Any:  # noqa: ANN401 - numba has no types
             for name, value in vars(module).items():
                 if isinstance(value, types.FunctionType):
                     if value.__module__ == module.__name__:
-                        clone = types.FunctionType(value.__code__, names, name, value.__defaults__)
+                        # A function made from another one's code differs in a global; its name keys the cache.
+                        own = {k: v for k, v in value.__globals__.items() if vars(module).get(k) is not v}
+                        scope = {**names, **own} if own else names
+                        clone = types.FunctionType(value.__code__, scope, name, value.__defaults__)
                         clone.__module__ = module.__name__
+                        clone.__qualname__ = name
                         done[value] = numba.njit(**options)(clone)
                     names[name] = done[value]
         take_event = done[kernel.take_event]

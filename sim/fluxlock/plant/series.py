@@ -13,11 +13,15 @@ inductance of the pair has zeros at complex angles, so the series converges for 
 
 from __future__ import annotations
 
+import types
+from collections.abc import Callable
+
 from . import layout as L
 from .emf import row_times
 from .vector import Vector
 
 CONVERGED = 1e-17
+TURNING = False  # True in `build_turning_series`: as a constant it costs other machines nothing
 
 
 def inductance_series(s: Vector, h: float) -> None:
@@ -88,8 +92,7 @@ def build_series(s: Vector, h: float) -> int:
     supply = s[L.VALUE + L.SUPPLY]
     source_g = s[L.SUPPLY_G] * s[L.SOURCE_ON]
     leak_g = source_g + s[L.CHOPPER_G] * s[L.CHOPPER_ON]
-    salient = s[L.SALIENT] != 0.0 and conducting > 1
-    if salient:
+    if TURNING:
         inductance_series(s, h)
     d = s[L.VDC]
     constant = 1.0
@@ -111,7 +114,7 @@ def build_series(s: Vector, h: float) -> int:
             ua = va - rta * ia - ea
             ub = vb - rtb * ib - eb
             uc = vc - rtc * ic - ec
-            if salient:
+            if TURNING:
                 s[L.SERIES_I + k] = ia
                 s[L.SERIES_I + L.NK + k] = ib
                 s[L.SERIES_I + 2 * L.NK + k] = ic
@@ -130,7 +133,7 @@ def build_series(s: Vector, h: float) -> int:
                 n = L.LM + 3 * floating
                 u = ua if reference == 0 else ub
                 u += (s[n] - s[m]) * ja + (s[n + 1] - s[m + 1]) * jb + (s[n + 2] - s[m + 2]) * jc
-                if salient:
+                if TURNING:
                     u += s[L.ROTATION + floating]
                 if floating == 0:
                     va = u + ea
@@ -200,6 +203,12 @@ def build_series(s: Vector, h: float) -> int:
         ):
             converged = 1
     return 0
+
+
+# The same function for salient machines.
+build_turning_series: Callable[[Vector, float], int] = types.FunctionType(
+    build_series.__code__, {**globals(), "TURNING": True}, "build_turning_series"
+)
 
 
 def stretch(s: Vector, order: int, x: float) -> None:
