@@ -271,7 +271,7 @@ def motor_info(
             table.add_row(name, value, "")
         elif name == "flat_top_deg" and motor.emf != "trapezoidal":
             continue
-        elif isinstance(extra, dict):
+        elif isinstance(extra, dict) and value is not None:
             same = isinstance(value, tuple) and len(set(value)) == 1
             shown = value[:1] if same else value if isinstance(value, tuple) else (value,)
             table.add_row(name, " / ".join(f"{v:.6g}" for v in shown), str(extra["unit"]))

@@ -400,6 +400,7 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     assert re.search(r"phase EMF, harmonic 5 over fundamental +│ +4 +│ %", out), out
     code, out, _ = invoke("motor", "info", str(motor), "--json")
     derived = json.loads(out)["derived"]
+    assert re.search(r"L_q +│ +0\.0004 │ H", invoke("motor", "info", str(ROOT / "motors" / "ipm-4pp.toml"))[1])
     assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])
     odd = tmp_path / "odd.toml"
     odd.write_text(motor.read_text().replace("rated_current_a = 30.0", "rated_current_a = 2.5"))

@@ -8,6 +8,7 @@ from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.convert import drive_spec, motor_spec, plant_params
 from fluxlock.cosim.run import parameter_block
 from fluxlock.paths import ROOT
+from fluxlock.plant import EncoderParams
 
 DEMO = ROOT / "scenarios" / "demo.toml"
 
@@ -55,3 +56,25 @@ def test_values_that_no_parameter_holds_are_named() -> None:
     ) as caught:
         parameter_block(scenario)
     assert len(caught.value.problems) == 1
+
+
+def test_salient_machine() -> None:
+    """The plant gets both inductances and the encoder, the six-step firmware the mean, and its parameters compile.
+
+    Verifies: FRONT-42, FRONT-43
+    """
+    scenario = ROOT / "scenarios" / "own-spindle.toml"
+    ipm = [f"motor={ROOT / 'motors' / 'ipm-4pp.toml'}", "event[0].speed_rpm=3000", "expect=[]"]
+    salient = load_scenario(scenario, ipm)
+    machine = plant_params(salient, 1, ()).machine
+    assert (machine.l_h, machine.l_q_h) == ((0.2e-3,) * 3, 0.4e-3)
+    assert machine.encoder == EncoderParams(1024, index=True, offset_deg=37.0)
+    assert plant_params(load_scenario(scenario), 1, ()).machine.encoder is None
+    assert motor_spec(salient).inductance_h == pytest.approx(0.3e-3)
+    compiled = parameter_block(salient).values
+    mean, other = (
+        load_scenario(scenario, [*ipm, f"motor.inductance_h={henry}", f"motor.inductance_q_h={henry}"])
+        for henry in (0.3e-3, 0.2e-3)
+    )
+    assert compiled == parameter_block(mean).values
+    assert compiled != parameter_block(other).values

@@ -135,6 +135,22 @@ def test_mean_line_flux_of_a_trapezoid(flat_top_deg: float) -> None:
     assert motor.line_flux_vs == pytest.approx(motor.psi_vs[0] * mean, rel=1e-6)
 
 
+def test_salient_machine() -> None:
+    """L_d and L_q of the file; what knows one inductance only gets their mean.
+
+    Verifies: FRONT-42
+    """
+    motor = load_motor(ROOT / "motors" / "ipm-4pp.toml")
+    assert motor.inductance_q_h == pytest.approx(2 * motor.inductance_h[0])
+    assert motor.mean_inductance_h == pytest.approx(0.3e-3)
+    assert motor.self_inductance_h == pytest.approx((0.3e-3,) * 3)
+    values = {v.key: v.value for v in derived_values(motor)}
+    assert (values["inductance_d_h"], values["inductance_q_h"]) == pytest.approx((0.2e-3, 0.4e-3))
+    assert values["electrical_time_constant_s"] == pytest.approx(0.3e-3 / 0.12)
+    plain = {v.key: v.value for v in derived_values(load_motor(ROOT / "motors" / "motor-1.toml"))}
+    assert plain["inductance_d_h"] == plain["inductance_q_h"] == pytest.approx(22e-6)
+
+
 def test_mutual_inductance_gives_self_inductance() -> None:
     """Self minus mutual stays what the file states.
 
@@ -187,6 +203,10 @@ def test_speed_target_by_console_line() -> None:
             "--set: motor.mutual_h: with inductance_h gives a self inductance of -8e-06 H",
         ),
         ("motor.mutual_h=[60e-6, -10e-6, -10e-6]", "not positive definite"),
+        (
+            "motor.inductance_q_h=2",
+            "--set: motor.inductance_q_h: 2 H is out of range, permitted 1e-08 to 1 H",
+        ),
         ("motor.pole_pairs=true", "--set: motor.pole_pairs: must be a whole number, not true"),
         ("motor.load.fan_speed_rpm=0", "--set: motor.load.fan_speed_rpm: 0 r/min is out of range"),
         (
@@ -485,6 +505,83 @@ def test_implausible_inertia_is_warned_of(factor: float) -> None:
     seconds = f"{0.0992 * factor:.2g}"
     assert f"reaches max_speed_rpm in {seconds} s, usual 0.003 to 10 s" in found[0]
     assert "0.1 s would be 5e-07 kg*m^2" in found[0]
+
+
+def test_implausible_saliency_is_warned_of() -> None:
+    """L_q given in another unit than L_d.
+
+    Verifies: FRONT-01, FRONT-42
+    """
+    motor = load_motor(ROOT / "motors" / "ipm-4pp.toml")
+    found = warnings(motor.model_copy(update={"inductance_q_h": 0.4}))
+    assert found[0] == "inductance_q_h: L_q/L_d is 2e+03, usual 0.5 to 10; check the units"
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (
+            "inductance_h = [0.2e-3, 0.2e-3, 0.3e-3]",
+            "inductance_h: [0.0002, 0.0002, 0.0003] H must be one number, that of the d axis, with inductance_q_h",
+        ),
+        (
+            "inductance_h = 0.2e-3\nmutual_h = -1e-5",
+            "mutual_h: -1e-05 H does not go with inductance_q_h; leave one of them out",
+        ),
+        (
+            "inductance_h = 0.2e-3\nmutual_h = [-1e-5, 0.0, 0.0]",
+            "mutual_h: [-1e-05, 0, 0] H does not go with inductance_q_h; leave one of them out",
+        ),
+    ],
+)
+def test_salient_machine_has_two_inductances(copy: Path, change: str, expected: str) -> None:
+    """Values a phase and mutual inductances beside L_q are refused by key and value.
+
+    Verifies: FRONT-03, FRONT-42
+    """
+    path = copy / "motors" / "ipm-4pp.toml"
+    edit(path, "inductance_h = 0.2e-3  # L_d", change)
+    with pytest.raises(ConfigError) as caught:
+        load_motor(path)
+    assert [f"{p.key}: {p.message}" for p in caught.value.problems] == [expected]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("lines = 0", "encoder.lines: 0 is out of range, permitted 1 to 65536"),
+        ("lines = 1024.5", "encoder.lines: must be a whole number, not 1024.5"),
+        (
+            "lines = 40_000",
+            "encoder.lines: 40000 gives 1.07e+07 edges/s at max_speed_rpm, above 8e+06 edges/s; "
+            "permitted up to 30000 lines",
+        ),
+        ("lines = 1024\nindex = 1", "encoder.index: must be true or false, not 1"),
+        ("pulses = 1024\nlines = 1024", "encoder.pulses: unknown key, permitted: lines, index, offset_deg"),
+        ("index = true", "encoder.lines: required key is missing"),
+    ],
+)
+def test_encoder_is_checked(copy: Path, line: str, expected: str) -> None:
+    """Wrong encoder tables are refused by key, limits and value.
+
+    Verifies: FRONT-03, FRONT-43
+    """
+    path = copy / "motors" / "ipm-4pp.toml"
+    edit(path, "lines = 1024\n", f"{line}\n")
+    with pytest.raises(ConfigError) as caught:
+        load_motor(path)
+    assert [f"{p.key}: {p.message}" for p in caught.value.problems] == [expected]
+
+
+def test_encoder_at_its_limit(copy: Path) -> None:
+    """The number of lines that the message permits is permitted.
+
+    Verifies: FRONT-43
+    """
+    path = copy / "motors" / "ipm-4pp.toml"
+    edit(path, "lines = 1024\n", "lines = 30_000\nindex = false\n")
+    encoder = load_motor(path).encoder
+    assert encoder is not None and (encoder.lines, encoder.index, encoder.offset_deg) == (30_000, False, 37.0)
 
 
 # ---- overrides

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from fluxlock.plant import (
@@ -22,8 +24,13 @@ def triple(rng: np.random.Generator, mean: float, spread: float) -> tuple[float,
     return a, b, c
 
 
-def random_params(rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0) -> PlantParams:
-    """Any circuit the plant can be given, from 12 V toys to 400 V drives, motoring and regenerating."""
+def random_params(
+    rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0, salient: bool = False
+) -> PlantParams:
+    """Any circuit the plant can be given, from 12 V toys to 400 V drives, motoring and regenerating.
+
+    salient: with L_q from a third to four times L_d.
+    """
     supply_v = float(np.exp(rng.uniform(np.log(12), np.log(400))))
     amps = float(np.exp(rng.uniform(np.log(2), np.log(100))))
     l_h = supply_v * 25e-6 / amps * float(rng.uniform(0.5, 4))
@@ -56,6 +63,9 @@ def random_params(rng: np.random.Generator, mechanics: str = "imposed", divider_
         chopper_on_v=1.04 * supply_v,
         chopper_off_v=1.01 * supply_v,
     )
+    if salient:
+        ratio = float(np.exp(rng.uniform(np.log(1 / 3), np.log(4))))
+        machine = dataclasses.replace(machine, l_h=(l_h,) * 3, m_h=(0.0,) * 3, l_q_h=ratio * l_h)
     omega_m = omega_e / pole_pairs
     profile = ((0.0, omega_m), (2e-3, omega_m * float(rng.uniform(0.5, 1.5)))) if rng.random() < 0.3 else ()
     power = abs(psi * omega_e) * amps

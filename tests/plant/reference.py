@@ -18,6 +18,8 @@ from fluxlock.plant import PlantParams
 OPEN, SWITCH_H, SWITCH_L, DIODE_L, DIODE_H = "open", "H", "L", "dL", "dH"
 LOOK_AHEAD_S = 2e-10
 LINK_BAND = 1e-10  # hysteresis of the supply diode, relative
+ZERO_SEQUENCE = 0.3  # inductance over L_d of a salient machine; no current flows that could show it
+PHASE_ANGLES = np.array([0.0, 2.0, 4.0]) * np.pi / 3
 # y = ia ib ic vdc theta omega filter_a filter_b filter_c filter_dc
 NY = 10
 
@@ -46,9 +48,20 @@ class Reference:
         self._inverse: dict[tuple[str, ...], np.ndarray] = {}
 
     # ---------------------------------------------------------------- equations
+    def inductance(self, theta: float) -> tuple[np.ndarray, np.ndarray]:
+        """Inductance matrix and its derivative by the electrical angle; salient: turned from d, q and zero sequence."""
+        m = self.p.machine
+        if m.l_q_h is None:
+            return self.lmat, np.zeros((3, 3))
+        axes = np.diag([m.l_h[0], m.l_q_h, ZERO_SEQUENCE * m.l_h[0]])
+        c, s = np.cos(theta - PHASE_ANGLES), np.sin(theta - PHASE_ANGLES)
+        to_phases, to_axes = np.array([c, -s, np.ones(3)]).T, np.array([c, -s, np.full(3, 0.5)]) * 2 / 3
+        turned_phases, turned_axes = np.array([-s, -c, np.zeros(3)]).T, np.array([-s, -c, np.zeros(3)]) * 2 / 3
+        return to_phases @ axes @ to_axes, turned_phases @ axes @ to_axes + to_phases @ axes @ turned_axes
+
     def emf(self, theta: float, omega: float) -> np.ndarray:
         m = self.p.machine
-        angles = theta - np.array([0.0, 2.0, 4.0]) * np.pi / 3
+        angles = theta - PHASE_ANGLES
         if m.emf == "sinusoidal":
             g = np.sin(angles)
         else:
@@ -67,12 +80,12 @@ class Reference:
             DIODE_H: (1.0, q.diode_drop_v, q.diode_r_ohm),
         }[leg]
 
-    def system(self, legs: tuple[str, ...]) -> np.ndarray:
+    def system(self, legs: tuple[str, ...], lmat: np.ndarray) -> np.ndarray:
         """Inverse matrix for the unknowns (di_a di_b di_c v_n v_a v_b v_c)."""
-        if legs not in self._inverse:
+        if legs not in self._inverse or lmat is not self.lmat:
             a = np.zeros((7, 7))
             for x in range(3):
-                a[x, 0:3] = -self.lmat[x]
+                a[x, 0:3] = -lmat[x]
                 a[x, 3] = -1.0
                 a[x, 4 + x] = 1.0
                 a[3 + x, x if legs[x] == OPEN else 4 + x] = 1.0
@@ -95,13 +108,14 @@ class Reference:
         """di/dt and terminal voltages."""
         e = self.emf(y[4], y[5])
         vdc = self.vdc(y, legs)
+        lmat, slope = self.inductance(y[4])
         b = np.zeros(7)
-        b[0:3] = np.array(self.p.machine.r_ohm) * y[0:3] + e
+        b[0:3] = np.array(self.p.machine.r_ohm) * y[0:3] + e + y[5] * (slope @ y[0:3])
         for x in range(3):
             if legs[x] != OPEN:
                 rail, v, r = self.leg_law(legs[x])
                 b[3 + x] = rail * vdc + v - r * y[x]
-        u = self.system(legs) @ b
+        u = self.system(legs, lmat) @ b
         v = u[4:7].copy()
         if all(leg == OPEN for leg in legs):
             v += max(0.0, -self.p.inverter.diode_drop_v - v.min())  # lower diode of the lowest terminal
@@ -117,8 +131,8 @@ class Reference:
             d[3] = (source - chopper - self.idc(y, self.legs)) / q.dc_link_c_f
         d[4] = y[5]
         if mech.mode == "free":
-            # Torque from unit-speed EMF; friction as while moving forward.
-            torque = m.pole_pairs * float(self.emf(y[4], 1.0) @ y[0:3])
+            # Torque from unit-speed EMF and co-energy; friction as while moving forward.
+            torque = m.pole_pairs * float((self.emf(y[4], 1.0) + 0.5 * self.inductance(y[4])[1] @ y[0:3]) @ y[0:3])
             w = y[5] / m.pole_pairs
             load = mech.constant_nm + mech.viscous_nm_s_per_rad * w + mech.fan_nm_s2_per_rad2 * w * abs(w)
             d[5] = m.pole_pairs * (torque - load - mech.coulomb_nm * np.sign(w)) / mech.inertia_kgm2

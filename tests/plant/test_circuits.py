@@ -34,10 +34,11 @@ class Comparison:
         mechanics: str,
         duration: int = DURATION_CYCLES,
         pole_s: float = 0.0,
+        salient: bool = False,
         **options: object,
     ) -> None:
         rng = np.random.default_rng(seed)
-        self.params = random_params(rng, mechanics, pole_s)
+        self.params = random_params(rng, mechanics, pole_s, salient)
         rows = random_gates(rng, duration)
         self.plant = Plant(self.params, seed=seed, mode="jit")
         self.reference = reference_of(self.params, self.plant, **options)

@@ -20,7 +20,9 @@ class Derived:
 def derived_values(motor: Motor) -> list[Derived]:
     """Characteristic values of a machine in six-step operation."""
     resistance = sum(motor.resistance_ohm) / 3
-    inductance = sum(motor.inductance_h) / 3
+    inductance = motor.mean_inductance_h
+    inductance_q = motor.inductance_q_h or inductance
+    inductance_d = motor.inductance_h[0] if motor.inductance_q_h else inductance
     torque_per_amp = motor.torque_per_amp_nm
     line_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
     drop_v = 2 * resistance * motor.rated_current_a
@@ -45,6 +47,8 @@ def derived_values(motor: Motor) -> list[Derived]:
         ),
         Derived("rated_torque_nm", "torque at rated current", motor.rated_torque_nm, "N*m"),
         Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
+        Derived("inductance_d_h", "inductance on the d axis, L_d", inductance_d, "H"),
+        Derived("inductance_q_h", "inductance on the q axis, L_q", inductance_q, "H"),
         Derived("electrical_time_constant_s", "electrical time constant L/R", inductance / resistance, "s"),
         Derived("mechanical_time_constant_s", "mechanical time constant", mechanical_s, "s"),
         Derived("max_electrical_hz", "frequency at max_speed_rpm", motor.electrical_hz(motor.max_speed_rpm), "Hz"),
@@ -61,6 +65,7 @@ def derived_values(motor: Motor) -> list[Derived]:
 
 # Run-up time of usual machines, from servo motors to fans with heavy wheels.
 TIME_CONSTANT_MIN_S, TIME_CONSTANT_MAX_S = 1e-5, 0.1
+SALIENCY_MIN, SALIENCY_MAX = 0.5, 10.0  # L_q / L_d, from inset magnets to reluctance machines
 EMF_MIN_V, EMF_MAX_V = 1.0, 2000.0
 RUN_UP_MIN_S, RUN_UP_USUAL_S, RUN_UP_MAX_S = 3e-3, 0.1, 10.0
 
@@ -97,7 +102,13 @@ def warnings(motor: Motor) -> list[str]:
         found.append(
             f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"
         )
-    constant_s = sum(motor.inductance_h) / sum(motor.resistance_ohm)
+    if motor.inductance_q_h is not None:
+        ratio = motor.inductance_q_h / motor.inductance_h[0]
+        if not SALIENCY_MIN <= ratio <= SALIENCY_MAX:
+            found.append(
+                f"inductance_q_h: L_q/L_d is {ratio:.2g}, usual {SALIENCY_MIN:g} to {SALIENCY_MAX:g}; check the units"
+            )
+    constant_s = 3 * motor.mean_inductance_h / sum(motor.resistance_ohm)
     if not TIME_CONSTANT_MIN_S <= constant_s <= TIME_CONSTANT_MAX_S:
         found.append(
             f"inductance_h, resistance_ohm: L/R is {constant_s:.2g} s, usual {TIME_CONSTANT_MIN_S:g} to "

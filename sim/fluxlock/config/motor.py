@@ -10,6 +10,12 @@ from pydantic import Field, model_validator
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
+
+
+def listed(values: tuple[float, ...]) -> str:
+    """Values per phase as a file states them: one number if they are equal."""
+    return f"{values[0]:g}" if len(set(values)) == 1 else f"[{', '.join(f'{value:g}' for value in values)}]"
 
 
 class Load(Model):
@@ -80,6 +86,24 @@ class Hall(Model):
     )
 
 
+class Encoder(Model):
+    """Incremental encoder with tracks A and B; A leads B at positive speed."""
+
+    lines: int = quantity(
+        "Lines: periods of A and B a mechanical turn. A counter sees four edges a line.", "", 1, 65536
+    )
+    index: bool = Field(
+        default=True, description="Index Z, high for a quarter of a line once a turn; begins with A at positive speed."
+    )
+    offset_deg: float = quantity(
+        "Mounting: mechanical angle of the rotor (0: electrical angle 0) at which the index begins at positive speed.",
+        "deg",
+        -360,
+        360,
+        default=0.0,
+    )
+
+
 class Motor(Model):
     """A star-connected three-phase permanent-magnet machine with isolated star point."""
 
@@ -100,6 +124,15 @@ class Motor(Model):
         1.0,
         default=(0.0, 0.0, 0.0),
     )
+    inductance_q_h: float | None = quantity(
+        "Salient machine: inductance on the q axis. `inductance_h` is then that on the d axis (the magnet's), one "
+        "number, and there is no `mutual_h`. Six-step parameters and analyses take the mean of both.",
+        "H",
+        1e-8,
+        1.0,
+        default=None,
+        absent="not salient",
+    )
     psi_vs: PhaseValues = quantity(
         "Flux: peak phase EMF over electrical speed. One number, or three for phases A, B, C.",
         "V*s/rad",
@@ -114,7 +147,23 @@ class Motor(Model):
     rated_current_a: float = quantity("Rated DC current through two phases.", "A", 0.01, 2000)
     max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
     hall: Hall | None = Field(default=None, description="Hall sensors, if there are any.")
+    encoder: Encoder | None = Field(default=None, description="Incremental encoder, if there is one.")
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
+
+    @model_validator(mode="after")
+    def _salient(self) -> Self:
+        if self.inductance_q_h is None:
+            return self
+        if len(set(self.inductance_h)) > 1:
+            raise conflict(
+                "inductance_h",
+                f"{listed(self.inductance_h)} H must be one number, that of the d axis, with inductance_q_h",
+            )
+        if any(self.mutual_h):
+            raise conflict(
+                "mutual_h", f"{listed(self.mutual_h)} H does not go with inductance_q_h; leave one of them out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _inductance_matrix(self) -> Self:
@@ -128,9 +177,32 @@ class Motor(Model):
             raise conflict("mutual_h", "with inductance_h gives an inductance matrix that is not positive definite")
         return self
 
+    @model_validator(mode="after")
+    def _encoder_edges(self) -> Self:
+        if self.encoder is None:
+            return self
+        edges_per_s = self.encoder.lines * 4 * self.max_speed_rpm / 60
+        most = math.floor(60 * ENCODER_EDGES_PER_S / (4 * self.max_speed_rpm))
+        if self.encoder.lines > most:
+            raise conflict(
+                "encoder.lines",
+                f"{self.encoder.lines} gives {edges_per_s:.3g} edges/s at max_speed_rpm, above "
+                f"{ENCODER_EDGES_PER_S:g} edges/s; permitted up to {most} lines",
+            )
+        return self
+
+    @property
+    def mean_inductance_h(self) -> float:
+        """Phase inductance, self minus mutual: mean of the phases, of a salient machine of its axes."""
+        if self.inductance_q_h is not None:
+            return (self.inductance_h[0] + self.inductance_q_h) / 2
+        return sum(self.inductance_h) / 3
+
     @property
     def self_inductance_h(self) -> tuple[float, float, float]:
-        """Self inductances of A, B, C."""
+        """Self inductances of A, B, C; of a salient machine their mean over a turn."""
+        if self.inductance_q_h is not None:
+            return (self.mean_inductance_h,) * 3
         mab, mbc, mca = self.mutual_h
         la, lb, lc = self.inductance_h
         return (la + (mab + mca) / 2, lb + (mab + mbc) / 2, lc + (mbc + mca) / 2)

@@ -12,6 +12,7 @@ from fluxlock.cosim.plan import Action
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
 from fluxlock.plant import (
     CHANNEL_NAMES,
+    EncoderParams,
     InverterParams,
     MachineParams,
     MechanicsParams,
@@ -33,7 +34,7 @@ def motor_spec(s: Scenario) -> MotorSpec:
     return MotorSpec(
         pole_pairs=m.pole_pairs,
         resistance_ohm=_mean(m.resistance_ohm) * error.resistance,
-        inductance_h=_mean(m.inductance_h) * error.inductance,
+        inductance_h=m.mean_inductance_h * error.inductance,
         psi_vs=_mean(m.psi_vs) * error.flux,
         inertia_kgm2=m.inertia_kgm2,
         rated_current_a=m.rated_current_a,
@@ -118,12 +119,14 @@ def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ..
         machine=MachineParams(
             pole_pairs=m.pole_pairs,
             r_ohm=m.resistance_ohm,
-            l_h=m.self_inductance_h,
+            l_h=m.inductance_h if m.inductance_q_h else m.self_inductance_h,
+            l_q_h=m.inductance_q_h,
             m_h=m.mutual_h,
             psi_vs=m.psi_vs,
             emf=m.emf,
             flat_top_deg=m.flat_top_deg,
             hall_offset_deg=m.hall.offset_deg if m.hall else None,
+            encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg) if m.encoder else None,
         ),
         inverter=InverterParams(
             supply_v=i.supply_v,

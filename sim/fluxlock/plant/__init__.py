@@ -5,6 +5,7 @@ Written once; runs compiled (numba, called natively by the simulator) or as plai
 
 from .params import (
     CHANNEL_NAMES,
+    EncoderParams,
     InverterParams,
     MachineParams,
     MechanicsParams,
@@ -20,6 +21,7 @@ __all__ = [
     "EVENT_DTYPE",
     "WAVE_DTYPE",
     "Drained",
+    "EncoderParams",
     "InverterParams",
     "MachineParams",
     "MechanicsParams",

@@ -30,10 +30,14 @@ CLOCK_S = 20e-9
 SECTOR_PAIRS = ((0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1))
 
 
-def demo_params(dc_link_c_f: float = 0.0, emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal") -> PlantParams:
-    """Motor-I of the specification on its 25 V inverter."""
+def demo_params(
+    dc_link_c_f: float = 0.0,
+    emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal",
+    l_q_h: float | None = None,
+) -> PlantParams:
+    """Motor-I of the specification on its 25 V inverter; l_q_h: with another inductance on the q axis."""
     return PlantParams(
-        MachineParams(1, (0.02,) * 3, (22e-6,) * 3, (1e-3,) * 3, emf=emf),
+        MachineParams(1, (0.02,) * 3, (22e-6,) * 3, (1e-3,) * 3, emf=emf, l_q_h=l_q_h),
         InverterParams(25.0, r_on_ohm=5e-3, supply_r_ohm=0.02, dc_link_c_f=dc_link_c_f),
         SensingParams(30.0, 50.0, divider_pole_s=100e-9),
         MechanicsParams(5e-7, omega_m_rad_s=6283.0, fan_nm_s2_per_rad2=5.07e-10),
@@ -93,6 +97,7 @@ def main() -> None:
         "ideal link, sinusoidal": demo_params(),
         "capacitor, sinusoidal": demo_params(dc_link_c_f=470e-6),
         "ideal link, trapezoidal": demo_params(emf="trapezoidal"),
+        "ideal link, salient": demo_params(l_q_h=44e-6),
     }.items():
         print(f"{name:25s} {native_seconds(params, rows) / len(rows) * 1e6:6.3f} us per event")
     plant = Plant(demo_params(), seed=1, mode="py")

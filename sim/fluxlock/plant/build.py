@@ -1,8 +1,7 @@
 """Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
 
-Rules of kernel code (`circuit`, `emf`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`), which
-make
-both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by
+Rules of kernel code (`circuit`, `emf`, `encoder`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`),
+which make both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by
 what may be zero, state only through `s[i]`, integer products masked before they are used. The functions carry
 no decorator: for the compiled form they are cloned with the compiled clones of their callees as globals.
 """
@@ -22,13 +21,13 @@ from typing import Any, Literal
 
 from fluxlock.paths import BUILD
 
-from . import circuit, emf, events, kernel, mechanics, record, sensing, series
+from . import circuit, emf, encoder, events, kernel, mechanics, record, sensing, series
 from . import layout as L
 from .vector import int_view_of, view_of
 
 Mode = Literal["jit", "py"]
 ENVIRONMENT = "FLUXLOCK_PLANT"
-MODULES = (emf, series, circuit, events, mechanics, sensing, record, kernel)
+MODULES = (emf, series, circuit, events, mechanics, encoder, sensing, record, kernel)
 
 CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int32,
@@ -88,8 +87,12 @@ def compiled() -> Any:  # noqa: ANN401 - numba has no types
             for name, value in vars(module).items():
                 if isinstance(value, types.FunctionType):
                     if value.__module__ == module.__name__:
-                        clone = types.FunctionType(value.__code__, names, name, value.__defaults__)
+                        # A function made from another one's code differs in a global; its name keys the cache.
+                        own = {k: v for k, v in value.__globals__.items() if vars(module).get(k) is not v}
+                        scope = {**names, **own} if own else names
+                        clone = types.FunctionType(value.__code__, scope, name, value.__defaults__)
                         clone.__module__ = module.__name__
+                        clone.__qualname__ = name
                         done[value] = numba.njit(**options)(clone)
                     names[name] = done[value]
         take_event = done[kernel.take_event]

@@ -3,7 +3,7 @@
 Conducting leg x: v_x = rail_x vdc + V_x - r_x i_x (switch: V = 0, r = R_on; lower diode: V = -Vd; upper: rail
 = 1, V = +Vd). Star-connected machine: v_x = R_x i_x + sum_y L_xy di_y/dt + e_x + v_N, sum of currents 0.
 Eliminating v_N over the conducting legs gives di/dt = G u with u_x = v_x - R_x i_x - e_x and a symmetric G
-whose rows sum to zero.
+whose rows sum to zero. In a salient machine e_x also holds omega sum_y (dL_xy/dtheta) i_y.
 
 A leg with both gates off and i = 0 is open while its terminal stays within [-Vd, vdc + Vd]. With one
 conducting leg no current flows and it fixes the star point; with none the equal sense resistors put it where
@@ -13,7 +13,7 @@ the terminals sum to zero, unless a lower diode clamps the lowest terminal.
 from __future__ import annotations
 
 from . import layout as L
-from .emf import theta_unwrapped
+from .emf import row_times, theta_unwrapped
 from .vector import Vector
 
 
@@ -96,8 +96,11 @@ def link_now(s: Vector) -> None:
 
 
 def emf_now(s: Vector, x: int) -> float:
-    """EMF of phase x."""
-    return -s[L.PSI + x] * s[L.OMEGA] * s[L.SHAPE + x]
+    """EMF of phase x, with what a turning inductance induces."""
+    e = -s[L.PSI + x] * s[L.OMEGA] * s[L.SHAPE + x]
+    if s[L.SALIENT] != 0.0:
+        e += s[L.OMEGA] * row_times(s, L.L_SLOPE + 3 * x, s[L.I], s[L.I + 1], s[L.I + 2])
+    return e
 
 
 def voltage_behind(s: Vector, x: int) -> float:

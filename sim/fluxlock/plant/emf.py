@@ -1,8 +1,13 @@
-"""Back EMF: shape, slope, Taylor series, corners, torque. Kernel code: see `build.py` for its rules.
+"""What turns with the rotor: EMF, corners, inductance of a salient machine, torque. Kernel code: see `build.py`.
 
 Phase x: e_x = -psi_x * omega * g(theta - 120 deg * x), theta = d axis against phase A. g = sin, or a
 trapezoid of height 1 with the sine's sign and zero crossings, so the flat top of the phase EMF is psi *
-omega. Torque T = sum(e_x i_x) / omega_mechanical.
+omega. A salient machine has
+
+    L_xy = n_x n_y ((L_d + L_q) / 2 [x = y] + (L_d - L_q) / 3 cos(2 theta - 120 deg (x + y)))
+
+(n: share of the turns that act), which for currents of zero sum is L_d on the d and L_q on the q axis: the mean and one
+wave of twice the angle. Torque T = sum(e_x i_x) / omega_mechanical + (p / 2) i' (dL/dtheta) i.
 """
 
 from __future__ import annotations
@@ -80,16 +85,61 @@ def shape_now(s: Vector) -> None:
             else:
                 s[L.SHAPE + x] = (angle - TWO_PI) / ramp
                 s[L.SLOPE + x] = 1.0 / ramp
+    if s[L.SALIENT] != 0.0:
+        inductance_now(s)
     torque_now(s)
 
 
+def inductance_now(s: Vector) -> None:
+    """Set LM, L_WAVE and L_SLOPE of a salient machine for the present angle; G is stale then."""
+    cs = math.cos(2.0 * s[L.THETA])
+    sn = math.sin(2.0 * s[L.THETA])
+    for x in range(3):
+        for y in range(x, 3):
+            swing = s[L.L_SWING] * s[L.WINDING + x] * s[L.WINDING + y]
+            lag = (x + y) % 3
+            wave = swing * cs
+            slope = -2.0 * swing * sn
+            if lag == 1:
+                wave = swing * (-0.5 * cs + HALF_SQRT3 * sn)
+                slope = 2.0 * swing * (0.5 * sn + HALF_SQRT3 * cs)
+            elif lag == 2:
+                wave = swing * (-0.5 * cs - HALF_SQRT3 * sn)
+                slope = 2.0 * swing * (0.5 * sn - HALF_SQRT3 * cs)
+            mean = s[L.L_MEAN] * s[L.WINDING + x] * s[L.WINDING + x] if x == y else 0.0
+            s[L.LM + 3 * x + y] = mean + wave
+            s[L.LM + 3 * y + x] = mean + wave
+            s[L.L_WAVE + 3 * x + y] = wave
+            s[L.L_WAVE + 3 * y + x] = wave
+            s[L.L_SLOPE + 3 * x + y] = slope
+            s[L.L_SLOPE + 3 * y + x] = slope
+    s[L.G_MASK] = -1.0
+
+
+def row_times(s: Vector, row: int, a: float, b: float, c: float) -> float:
+    """Row of a 3 x 3 matrix that begins at index `row`, times a vector."""
+    return s[row] * a + s[row + 1] * b + s[row + 2] * c
+
+
+def quadratic(s: Vector, matrix: int, a: float, b: float, c: float) -> float:
+    """Quadratic form of the 3 x 3 matrix at index `matrix`."""
+    return (
+        a * row_times(s, matrix, a, b, c)
+        + b * row_times(s, matrix + 3, a, b, c)
+        + c * row_times(s, matrix + 6, a, b, c)
+    )
+
+
 def torque_now(s: Vector) -> None:
-    """Set TORQUE (N*m) from SHAPE and the currents."""
+    """Set TORQUE (N*m) from SHAPE, L_SLOPE and the currents."""
     s[L.TORQUE] = -s[L.POLE_PAIRS] * (
         s[L.PSI] * s[L.SHAPE] * s[L.I]
         + s[L.PSI + 1] * s[L.SHAPE + 1] * s[L.I + 1]
         + s[L.PSI + 2] * s[L.SHAPE + 2] * s[L.I + 2]
     )
+    if s[L.SALIENT] != 0.0:
+        force = quadratic(s, L.L_SLOPE, s[L.I], s[L.I + 1], s[L.I + 2])
+        s[L.TORQUE] = s[L.TORQUE] + 0.5 * s[L.POLE_PAIRS] * force
 
 
 def corner_limit(s: Vector, h: float) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from . import layout as L
-from .circuit import connect, link_now
+from .circuit import connect, couple, link_now
 from .emf import corner_limit, shape_now, turn
+from .encoder import encode
 from .events import balance, end_current, next_event, switch_link
 from .mechanics import kick, profile_speed, ramps, step_limit
 from .record import add_energies, in_zoom, record_wave, record_zoom
 from .sensing import convert, filter_step
-from .series import build_series, series_end, stretch
+from .series import build_series, build_turning_series, series_end, stretch
 from .vector import IntVector, Vector
 
 EVENTS_MAX = 100_000  # diode, supply and chopper events in one electrical step
@@ -20,6 +21,13 @@ EVENTS_MAX = 100_000  # diode, supply and chopper events in one electrical step
 def finite(x: float) -> bool:
     """False for infinities and nan."""
     return x - x == 0.0
+
+
+def series(s: Vector, h: float) -> int:
+    """Fill the series for a step of h seconds; return their order, 0 if h is too long."""
+    if s[L.SALIENT] != 0.0:
+        return build_turning_series(s, h)
+    return build_series(s, h)
 
 
 def electrical(s: Vector, gates: int, total: float) -> int:
@@ -37,13 +45,13 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         code = connect(s, gates)
         if code != L.OK:
             return code
-        order = build_series(s, h)
+        order = series(s, h)
         while order == 0:
             h = 0.5 * h
             s[L.H_LIMIT] = h
             if not h > 1e-15:
                 return L.FAULT_NOT_FINITE
-            order = build_series(s, h)
+            order = series(s, h)
         if order < L.ORDER // 2 and h == s[L.H_LIMIT]:
             s[L.H_LIMIT] = 2.0 * h
         last = h >= left
@@ -72,6 +80,8 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         balance(s)
         link_now(s)
         shape_now(s)
+        if s[L.SALIENT] != 0.0:
+            couple(s)
         if last:
             return L.OK
     return L.FAULT_EVENTS
@@ -155,5 +165,7 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
             if code != L.OK:
                 return code
     io[L.IO_PINS] = int(s[L.FAULT_PIN]) + hall_pins(s)
+    if s[L.ENCODER_LINES] > 0.0:
+        encode(s, io)
     io[L.IO_HEARTBEAT] += 1
     return L.OK

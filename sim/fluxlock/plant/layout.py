@@ -32,7 +32,13 @@ GATES = _take()
 # --- machine
 POLE_PAIRS = _take()
 R = _take(3)
-LM = _take(9)  # inductance matrix, row-major
+LM = _take(9)  # inductance matrix, row-major; of a salient machine at THETA
+SALIENT = _take()  # 1: LM turns with the rotor; the entries below up to L_SLOPE serve such machines only
+L_MEAN = _take()  # (L_d + L_q) / 2
+L_SWING = _take()  # (L_d - L_q) / 3
+WINDING = _take(3)  # share of each winding's turns that still act
+L_WAVE = _take(9)  # LM without its mean: second harmonic of THETA
+L_SLOPE = _take(9)  # d LM / d THETA
 PSI = _take(3)  # amplitude of the phase EMF / electrical speed
 TRAPEZOID = _take()  # 1: trapezoidal EMF
 RAMP = _take()  # half width of the trapezoid's slope, rad
@@ -81,6 +87,9 @@ STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
 FAULT_PIN = _take()
 HALL = _take()  # 1: there are Hall sensors
 HALL_OFFSET = _take(3)  # how late each one's edges come, electrical rad
+ENCODER_LINES = _take()  # a mechanical turn; 0 = none
+ENCODER_INDEX = _take()  # 1: there is an index
+ENCODER_OFFSET = _take()  # mounting angle, mechanical turns
 
 # --- recording
 WAVE_EVERY = _take()  # record each n-th strobe; 0 = none
@@ -125,6 +134,8 @@ SERIES_I = _take(3 * NK)
 SERIES_V = _take(3 * NK)
 SERIES_E = _take(3 * NK)
 SERIES_D = _take(NK)
+SERIES_L = _take(NK)  # factor of the power of the turning inductance, over the step
+ROTATION = _take(3)  # term of the voltage that the turning inductance induces
 ROOT = _take(NK)
 EVENT_LEG = _take()
 DECAY_H = _take()  # step for which DECAY holds
@@ -156,6 +167,8 @@ TOLERANCE_V = 1e-9  # a diode turns on this far beyond its threshold
 IO_SIZE = 32
 IO_HEARTBEAT = 16
 IO_PINS = 17
+IO_ENCODER = 18  # A, B, Z in bits 0, 1, 2
+IO_ENCODER_WAIT = 19  # clocks within which the next call must come, so that no edge is late; 0 = no encoder
 
 # --- fault codes
 OK = 0

@@ -33,6 +33,17 @@ def driving_torque(s: Vector, omega_m: float) -> float:
     return s[L.TORQUE] - s[L.VALUE + L.CONSTANT] - drag
 
 
+def direction(s: Vector, omega_m: float, drive: float) -> float:
+    """Sign of the motion that friction opposes: of the speed, at standstill of the torque; 0: friction holds."""
+    if omega_m < 0.0:
+        return -1.0
+    if omega_m == 0.0:
+        if abs(drive) <= s[L.VALUE + L.COULOMB] * s[L.STICTION_RATIO]:
+            return 0.0
+        return 1.0 if drive > 0.0 else -1.0
+    return 1.0
+
+
 def kick(s: Vector, h: float) -> None:
     """Advance a free rotor's speed by h seconds at the present torque (half of a splitting step)."""
     if s[L.MECHANICS] != L.FREE:
@@ -41,13 +52,9 @@ def kick(s: Vector, h: float) -> None:
     poles = s[L.POLE_PAIRS]
     omega_m = s[L.OMEGA] / poles
     drive = driving_torque(s, omega_m)
-    sign = 1.0
-    if omega_m < 0.0:
-        sign = -1.0
-    elif omega_m == 0.0:
-        if abs(drive) <= friction * s[L.STICTION_RATIO]:
-            return
-        sign = 1.0 if drive > 0.0 else -1.0
+    sign = direction(s, omega_m, drive)
+    if sign == 0.0:
+        return
     first = (drive - sign * friction) / s[L.INERTIA]
     second = (driving_torque(s, omega_m + h * first) - sign * friction) / s[L.INERTIA]
     change = 0.5 * h * (first + second)
@@ -95,3 +102,18 @@ def profile_speed(s: Vector, now_s: float) -> float:
     t0 = s[L.PROFILE_T + at - 1]
     part = (now_s - t0) / (s[L.PROFILE_T + at] - t0)
     return s[L.PROFILE_W + at - 1] + part * (s[L.PROFILE_W + at] - s[L.PROFILE_W + at - 1])
+
+
+def acceleration(s: Vector) -> float:
+    """Change of the electrical speed a second: at the present torque, or on the imposed segment in force."""
+    if s[L.MECHANICS] == L.FREE:
+        omega_m = s[L.OMEGA] / s[L.POLE_PAIRS]
+        drive = driving_torque(s, omega_m)
+        sign = direction(s, omega_m, drive)
+        if sign == 0.0:
+            return 0.0
+        return (drive - sign * s[L.VALUE + L.COULOMB]) / s[L.INERTIA] * s[L.POLE_PAIRS]
+    at = int(s[L.PROFILE_AT])
+    if s[L.MECHANICS] == L.LOCKED or at == 0 or at >= int(s[L.PROFILE_N]):
+        return 0.0
+    return (s[L.PROFILE_W + at] - s[L.PROFILE_W + at - 1]) / (s[L.PROFILE_T + at] - s[L.PROFILE_T + at - 1])

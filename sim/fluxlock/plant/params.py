@@ -27,12 +27,31 @@ def finite_at_least(low: float, *values: float) -> bool:
 
 
 @dataclass(frozen=True)
+class EncoderParams:
+    """Incremental encoder. lines: periods of A and B a mechanical turn; A leads B at positive speed.
+
+    offset_deg: mechanical angle of the rotor (0: electrical angle 0) at which A rises at positive speed and the index,
+    if there is one, begins; it lasts a quarter of a line.
+    """
+
+    lines: int
+    index: bool = True
+    offset_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(1 <= self.lines <= 1 << 20, "lines", self.lines, f"1 to {1 << 20}")
+        require(abs(self.offset_deg) <= 360.0, "offset_deg", self.offset_deg, "-360 to 360")
+
+
+@dataclass(frozen=True)
 class MachineParams:
     """Star-connected machine with isolated star point.
 
-    l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. psi_vs: peak phase EMF divided by
-    electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
-    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none.
+    l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. l_q_h: a salient machine's inductance on the
+    q axis; l_h is then that on the d axis, equal three times, m_h zero. None: not salient. psi_vs: peak phase EMF
+    divided by electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
+    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none. encoder: None:
+    there is none.
     """
 
     pole_pairs: int
@@ -43,6 +62,8 @@ class MachineParams:
     emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
     flat_top_deg: float = 120.0
     hall_offset_deg: Triple | None = None
+    l_q_h: float | None = None
+    encoder: EncoderParams | None = None
     phases: int = 3
 
     def __post_init__(self) -> None:
@@ -54,6 +75,10 @@ class MachineParams:
         require(0.0 <= self.flat_top_deg <= 175.0, "flat_top_deg", self.flat_top_deg, "0 to 175")
         offsets = self.hall_offset_deg or (0.0, 0.0, 0.0)
         require(all(abs(d) <= 60.0 for d in offsets), "hall_offset_deg", self.hall_offset_deg, "-60 to 60")
+        if self.l_q_h is not None:
+            require(self.l_q_h > 0.0 and math.isfinite(self.l_q_h), "l_q_h", self.l_q_h, "above 0")
+            require(len(set(self.l_h)) == 1, "l_h", self.l_h, "equal three times beside l_q_h")
+            require(self.m_h == (0.0, 0.0, 0.0), "m_h", self.m_h, "zero beside l_q_h")
         (la, lb, lc), (mab, mbc, mca) = self.l_h, self.m_h
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         definite = aa > 0.0 and aa * bb - ab * ab > 0.0

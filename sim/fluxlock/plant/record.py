@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from . import layout as L
 from .circuit import terminals_now
-from .emf import theta_unwrapped
+from .emf import quadratic, theta_unwrapped
 from .series import series_at
 from .vector import Vector
 
@@ -60,14 +62,27 @@ def record_zoom(s: Vector, gates: int) -> int:
     return L.OK
 
 
-def add_power(s: Vector, order: int, x: float, weight: float) -> None:
-    """Add the powers at x times a weight (s) to the energies."""
+def reluctance_power(s: Vector, order: int, x: float, h: float) -> float:
+    """Power that dL/dtheta of a salient machine turns into work at x of a step of h seconds."""
+    a = series_at(s, L.SERIES_I, order, x)
+    b = series_at(s, L.SERIES_I + L.NK, order, x)
+    c = series_at(s, L.SERIES_I + 2 * L.NK, order, x)
+    angle = 2.0 * s[L.OMEGA] * h * x
+    slope = math.cos(angle) * quadratic(s, L.L_SLOPE, a, b, c)
+    return s[L.OMEGA] * (0.5 * slope - math.sin(angle) * quadratic(s, L.L_WAVE, a, b, c))
+
+
+def add_power(s: Vector, order: int, x: float, h: float, weight: float) -> None:
+    """Add the powers at x of a step of h seconds, times a weight and h, to the energies."""
+    weight = weight * h
     d = series_at(s, L.SERIES_D, order, x)
     idc = 0.0
     copper = 0.0
     switch = 0.0
     diode = 0.0
     shaft = 0.0
+    if s[L.SALIENT] != 0.0:
+        shaft = reluctance_power(s, order, x, h)
     for p in range(3):
         i = series_at(s, L.SERIES_I + p * L.NK, order, x)
         e = series_at(s, L.SERIES_E + p * L.NK, order, x)
@@ -95,7 +110,7 @@ def add_power(s: Vector, order: int, x: float, weight: float) -> None:
 
 def add_energies(s: Vector, order: int, h: float) -> None:
     """Integrate the powers over a sub-interval of h seconds."""
-    add_power(s, order, NODE_0, WEIGHT_0 * h)
-    add_power(s, order, NODE_1, WEIGHT_1 * h)
-    add_power(s, order, 1.0 - NODE_1, WEIGHT_1 * h)
-    add_power(s, order, 1.0 - NODE_0, WEIGHT_0 * h)
+    add_power(s, order, NODE_0, h, WEIGHT_0)
+    add_power(s, order, NODE_1, h, WEIGHT_1)
+    add_power(s, order, 1.0 - NODE_1, h, WEIGHT_1)
+    add_power(s, order, 1.0 - NODE_0, h, WEIGHT_0)

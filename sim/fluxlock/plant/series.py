@@ -3,14 +3,59 @@
 Between events the circuit is linear with the EMF as an analytic input, so its series converges for any step;
 h is short enough for the last of at most ORDER terms to be below rounding. The same polynomials serve for the
 state, the diode instants, the divider filter and the energies.
+
+A salient machine's inductance is a series too: with L_WAVE = W, L_SLOPE = S and d = omega h x the angle of the step,
+L = mean + W cos(2 d) + S/2 sin(2 d). Of (L i)' = v - R i - e each power gives the next one of i with the inverse G
+of the first of L alone; what the other powers of L contribute stands beside the EMF. With two conducting legs the
+inductance of the pair has zeros at complex angles, so the series converges for steps of
+2 omega h < arcosh((L_q + L_d) / |L_q - L_d|) only: the step is halved until its terms vanish.
 """
 
 from __future__ import annotations
 
+import types
+from collections.abc import Callable
+
 from . import layout as L
+from .emf import row_times
 from .vector import Vector
 
 CONVERGED = 1e-17
+TURNING = False  # True in `build_turning_series`: as a constant it costs other machines nothing
+
+
+def inductance_series(s: Vector, h: float) -> None:
+    """Set SERIES_L: L_SLOPE (odd powers) or L_WAVE (even) times entry j is power j >= 1 of the inductance, over h."""
+    term = 2.0 * s[L.OMEGA]
+    angle = term * h
+    for j in range(1, L.ORDER + 2):
+        sign = 1.0 if j % 4 < 2 else -1.0
+        s[L.SERIES_L + j] = 0.5 * sign * term if j % 2 == 1 else sign * term
+        term = term * angle / (j + 1)
+
+
+def rotation(s: Vector, k: int) -> None:
+    """Set ROTATION: power k of the voltage that the turning inductance induces, from powers 0 to k of the currents."""
+    oa = 0.0
+    ob = 0.0
+    oc = 0.0
+    ea = 0.0
+    eb = 0.0
+    ec = 0.0
+    for j in range(1, k + 2):
+        f = (k + 1) * s[L.SERIES_L + j]
+        i = L.SERIES_I + k + 1 - j
+        if j % 2 == 1:
+            oa += f * s[i]
+            ob += f * s[i + L.NK]
+            oc += f * s[i + 2 * L.NK]
+        else:
+            ea += f * s[i]
+            eb += f * s[i + L.NK]
+            ec += f * s[i + 2 * L.NK]
+    for x in range(3):
+        row = 3 * x
+        s[L.ROTATION + x] = row_times(s, L.L_SLOPE + row, oa, ob, oc) + row_times(s, L.L_WAVE + row, ea, eb, ec)
 
 
 def build_series(s: Vector, h: float) -> int:
@@ -47,6 +92,8 @@ def build_series(s: Vector, h: float) -> int:
     supply = s[L.VALUE + L.SUPPLY]
     source_g = s[L.SUPPLY_G] * s[L.SOURCE_ON]
     leak_g = source_g + s[L.CHOPPER_G] * s[L.CHOPPER_ON]
+    if TURNING:
+        inductance_series(s, h)
     d = s[L.VDC]
     constant = 1.0
     scale_i = 0.0
@@ -67,6 +114,14 @@ def build_series(s: Vector, h: float) -> int:
             ua = va - rta * ia - ea
             ub = vb - rtb * ib - eb
             uc = vc - rtc * ic - ec
+            if TURNING:
+                s[L.SERIES_I + k] = ia
+                s[L.SERIES_I + L.NK + k] = ib
+                s[L.SERIES_I + 2 * L.NK + k] = ic
+                rotation(s, k)
+                ua -= s[L.ROTATION]
+                ub -= s[L.ROTATION + 1]
+                uc -= s[L.ROTATION + 2]
             ja = gaa * ua + gab * ub + gac * uc
             jb = gab * ua + gbb * ub + gbc * uc
             jc = gac * ua + gbc * ub + gcc * uc
@@ -78,6 +133,8 @@ def build_series(s: Vector, h: float) -> int:
                 n = L.LM + 3 * floating
                 u = ua if reference == 0 else ub
                 u += (s[n] - s[m]) * ja + (s[n + 1] - s[m + 1]) * jb + (s[n + 2] - s[m + 2]) * jc
+                if TURNING:
+                    u += s[L.ROTATION + floating]
                 if floating == 0:
                     va = u + ea
                 elif floating == 1:
@@ -146,6 +203,12 @@ def build_series(s: Vector, h: float) -> int:
         ):
             converged = 1
     return 0
+
+
+# The same function for salient machines.
+build_turning_series: Callable[[Vector, float], int] = types.FunctionType(
+    build_series.__code__, {**globals(), "TURNING": True}, "build_turning_series"
+)
 
 
 def stretch(s: Vector, order: int, x: float) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from . import layout as L
 from .circuit import connect, terminals_now
-from .emf import TWO_PI, shape_now
+from .emf import TWO_PI, inductance_now, shape_now
 from .params import MECHANICS_MODES, MachineParams, PlantParams, SensingParams, Triple
 from .vector import view_of
 
@@ -24,6 +24,10 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1
     s[L.HALL] = machine.hall_offset_deg is not None
     for x, offset_deg in enumerate(machine.hall_offset_deg or ()):
         s[L.HALL_OFFSET + x] = math.radians(offset_deg)
+    if machine.encoder is not None:
+        s[L.ENCODER_LINES] = machine.encoder.lines
+        s[L.ENCODER_INDEX] = machine.encoder.index
+        s[L.ENCODER_OFFSET] = machine.encoder.offset_deg / 360.0
     s[L.RAMP] = math.radians((180.0 - machine.flat_top_deg) / 2.0)
     mutual = {(0, 1): machine.m_h[0], (1, 2): machine.m_h[1], (0, 2): machine.m_h[2]}
     for x in range(L.PHASES):
@@ -32,6 +36,13 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1
         for y in range(L.PHASES):
             henry = machine.l_h[x] if x == y else mutual[min(x, y), max(x, y)]
             s[L.LM + L.PHASES * x + y] = henry * turns[x] * turns[y]
+    s[L.SALIENT] = machine.l_q_h is not None
+    if machine.l_q_h is not None:
+        l_d, l_q = machine.l_h[0], machine.l_q_h
+        s[L.L_MEAN] = 0.5 * (l_d + l_q)
+        s[L.L_SWING] = (l_d - l_q) / 3.0
+        s[L.WINDING : L.WINDING + L.PHASES] = turns
+        inductance_now(view_of(s))
     s[L.G_MASK] = -1
 
 

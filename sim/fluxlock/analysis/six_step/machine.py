@@ -36,7 +36,7 @@ class Machine:
             name=motor.name,
             pole_pairs=motor.pole_pairs,
             r_ohm=sum(motor.resistance_ohm) / 3,
-            l_h=sum(motor.inductance_h) / 3,
+            l_h=motor.mean_inductance_h,
             psi_vs=sum(motor.psi_vs) / 3,
             line_flux_vs=motor.line_flux_vs,
             emf=motor.emf,
