@@ -290,6 +290,13 @@ def test_speed_target_by_console_line() -> None:
         ),
         ("drive.start.carrier_hz=40000", "OK"),
         ("drive.hall.filter_s=1e-3", "OK"),
+        ("drive.hall.offset_deg=5", 'drive.hall.offset_deg: has no effect with hall.mode = "off"'),
+        (
+            "inverter.sensing.sample_period_s=20e-6",
+            "sample_period_s = 2e-05 s take 8.06e-05 s, permitted up to 12407 Hz",
+        ),
+        ("inverter.sensing.sample_period_s=6e-6", "OK"),
+        ("drive.advance_deg_at_max_speed=30", "OK"),
         ("drive.motor_error.flux=3", "drive.motor_error.flux: 3 is out of range, permitted 0.5 to 2"),
         ("drive.motor_error.psi=1.2", "drive.motor_error.psi: unknown key"),
         ("drive.zcd.sampling=once", "drive.zcd.sampling: 'once' is not permitted, permitted: continuous, carrier"),
@@ -333,6 +340,35 @@ def test_bad_values(override: str, expected: str, monkeypatch: pytest.MonkeyPatc
     found = errors(override)
     ends = expected.endswith("$")
     assert any(line.endswith(expected[:-1]) if ends else expected in line for line in found), found
+
+
+def test_torque_target_is_within_reach() -> None:
+    """Motor-I gives 1.654 mN*m an ampere: 50 mN*m need 30.2 A, permitted are 30; braking needs the lower switches.
+
+    Verifies: FRONT-04
+    """
+    torque = ("drive.mode=torque", "drive.current_loop=true")
+    load_scenario(DEMO, [*torque, "drive.torque_mnm=49"])
+    load_scenario(DEMO, [*torque, "drive.torque_mnm=-49", "drive.sync_rect=true"])
+    text = "needs 30.2 A, permitted by drive.current_limit_a 30.0 A"
+    assert errors(*torque, "drive.torque_mnm=50") == [f"--set: drive.torque_mnm: 50 mN*m {text}"]
+    assert errors(*torque, "drive.torque_mnm=-10") == [
+        "--set: drive.torque_mnm: -10 mN*m brakes: needs sync_rect = true"
+    ]
+
+
+def test_advances_within_their_limit() -> None:
+    """The three parts may not come to more than 30 degrees anywhere: the drive would cut them off.
+
+    Verifies: FRONT-04
+    """
+    load_scenario(DEMO, ["drive.advance_deg=-10", "drive.advance_deg_at_max_speed=30"])
+    found = errors("drive.advance_deg=20", "drive.advance_deg_at_max_speed=8", "drive.advance_deg_at_rated_current=4")
+    assert len(found) == 1 and "comes to 32 deg, permitted -30 to 30 deg" in found[0]
+    found = errors(
+        "drive.advance_deg=-20", "drive.advance_deg_at_max_speed=30", "drive.advance_deg_at_rated_current=-11"
+    )
+    assert len(found) == 1 and "comes to -31 deg" in found[0]
 
 
 def test_unreachable_speed_states_both_voltages() -> None:

@@ -7,7 +7,7 @@ from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import METRICS, Scenario
-from fluxlock.firmware.specs import OVERSPEED_RATIO
+from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
@@ -155,6 +155,15 @@ def _power_stage(s: Scenario) -> list[Problem]:
         trip, limit = with_unit(s.inverter.protection.phase_current_a, "A"), with_unit(s.current_limit_a, "A")
         text = f"{limit} is not below protection.phase_current_a of the inverter ({trip})"
         problems.append(Problem(file, "drive.current_limit_a", text))
+    problems += _samples(s, period_s)
+    torque_nm = 1e-3 * (s.drive.torque_mnm or 0.0)
+    torque_a = abs(torque_nm) / s.motor.torque_per_amp_nm
+    if torque_a > s.current_limit_a:
+        text = (
+            f"{with_unit(s.drive.torque_mnm or 0.0, 'mN*m')} needs {torque_a:.1f} A, "
+            f"permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
+        )
+        problems.append(Problem(file, "drive.torque_mnm", text))
     start_a = s.drive.start.current_a
     if start_a is not None and start_a > s.current_limit_a:
         limit = with_unit(s.current_limit_a, "A")
@@ -166,6 +175,20 @@ def _power_stage(s: Scenario) -> list[Problem]:
         text = f"{with_unit(start_hz, 'Hz')} is above drive.carrier_hz ({limit})"
         problems.append(Problem(file, "drive.start.carrier_hz", text))
     return problems
+
+
+def _samples(s: Scenario, period_s: float) -> list[Problem]:
+    """Without Hall sensors a crossing is only found if a pulse can hold settled samples."""
+    sensing = s.inverter.sensing
+    needed_s = least_pulse_s(sensing.sample_period_s, sensing.divider_pole_s)
+    if period_s >= needed_s or s.drive.hall.mode == "sensored":
+        return []
+    text = (
+        f"{with_unit(s.drive.carrier_hz, 'Hz')} leaves no room for the samples of a crossing: settling and three "
+        f"samples at inverter.sensing.sample_period_s = {with_unit(sensing.sample_period_s, 's')} "
+        f"take {needed_s:.3g} s, permitted up to {1.0 / needed_s:.0f} Hz"
+    )
+    return [Problem(s.sources.scenario, "drive.carrier_hz", text)]
 
 
 def _hall(s: Scenario) -> list[Problem]:
