@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fluxlock.config.console import CURRENT_LIMITS, number_of_line
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
@@ -106,8 +107,9 @@ def _reach(s: Scenario) -> list[Problem]:
     for i in order:
         event = s.event[i]
         key = f"event[{i}].{event.action}"
-        if event.speed_rpm is not None:
-            speed_rpm = event.speed_rpm
+        target_rpm = event.speed_target_rpm
+        if target_rpm is not None:
+            speed_rpm = target_rpm
             found = _speed(s, key, speed_rpm)
             problems += found
             refused = bool(found)
@@ -191,6 +193,31 @@ def _samples(s: Scenario, period_s: float) -> list[Problem]:
     return [Problem(s.sources.scenario, "drive.carrier_hz", text)]
 
 
+def _console(s: Scenario) -> list[Problem]:
+    """Currents and torques that console lines ask for, each under the limit that the lines before it have set."""
+    problems, limit_a = [], s.current_limit_a
+    full_a = s.inverter.sensing.current_full_scale_a
+    for i in sorted(range(len(s.event)), key=lambda i: s.event[i].at_s):
+        line, text = s.event[i].command or "", ""
+        for name in CURRENT_LIMITS:
+            asked_a = number_of_line(line, name)
+            if asked_a is not None and not 0 < asked_a <= full_a:
+                full = f"sensing.current_full_scale_a of the inverter ({with_unit(full_a, 'A')})"
+                text = f"{with_unit(asked_a, 'A')} is not permitted, permitted: above 0 up to {full}"
+            elif asked_a is not None and name == "current_limit_a":
+                limit_a = asked_a
+        limit = f"the limit of the current, {with_unit(limit_a, 'A')}"
+        torque_mnm, current_ma = number_of_line(line, "torque_mnm"), number_of_line(line, "current_ma")
+        needed_a = abs(1e-3 * (torque_mnm or 0.0)) / s.motor.torque_per_amp_nm
+        if torque_mnm is not None and needed_a > limit_a:
+            text = f"{with_unit(torque_mnm, 'mN*m')} needs {needed_a:.1f} A, permitted by {limit}"
+        if current_ma is not None and abs(current_ma) / 1000 > limit_a:
+            text = f"{with_unit(current_ma, 'mA')} is beyond {limit}"
+        if text:
+            problems.append(Problem(s.sources.scenario, f"event[{i}].command", text))
+    return problems
+
+
 def _hall(s: Scenario) -> list[Problem]:
     if s.drive.hall.mode == "off":
         return []
@@ -211,5 +238,5 @@ def _hall(s: Scenario) -> list[Problem]:
 
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
-    problems = _times(scenario) + _power_stage(scenario) + _hall(scenario) + _reach(scenario)
+    problems = _times(scenario) + _power_stage(scenario) + _console(scenario) + _hall(scenario) + _reach(scenario)
     return list(dict.fromkeys(problems))
