@@ -13,7 +13,7 @@ import pytest
 from fluxlock.analysis.rundata import TRIP_CAUSES, trip_fault
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
-from fluxlock.config.console import COMMAND_LENGTH, COMMANDS, SETTINGS, VALUES
+from fluxlock.config.console import CHOICES, COMMAND_LENGTH, COMMANDS, SETTINGS, VALUES
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.config.scenario import Channel, Drive, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
@@ -258,6 +258,35 @@ def test_speed_target_by_console_line() -> None:
         ("event[1].command=set speed_rpm", 'must have the form "set NAME VALUE"'),
         ("event[1].command=set speed_rpm 1 2", 'must have the form "set NAME VALUE"'),
         ("event[1].command=set speed_rpm -20000", "OK"),
+        (
+            "event[1].command=set speed_rpm abc",
+            "--set: event[1].command: 'abc' is not permitted for speed_rpm, permitted: a whole number",
+        ),
+        ("event[1].command=set speed_rpm 2e4", "'2e4' is not permitted for speed_rpm, permitted: a whole number"),
+        (
+            "event[1].command=set commutation XSC",
+            "'XSC' is not permitted for commutation, permitted: RSC, NSC, CSC, or 0 to 2",
+        ),
+        ("event[1].command=set commutation 3", "'3' is not permitted for commutation"),
+        ("event[1].command=set commutation 2", "OK"),
+        ("event[1].command=set pattern PWM-ON", "OK"),
+        ("event[1].command=set freeze 2", "'2' is not permitted for freeze, permitted: 0 to 1"),
+        ("event[1].command=set freeze 1", "OK"),
+        ("event[1].command=set accel_rpm_s 0", "'0' is not permitted for accel_rpm_s, permitted: 1 to 100000000"),
+        ("event[1].command=set accel_rpm_s 100000000", "OK"),
+        (
+            "event[1].command=set advance_q16 32768",
+            "'32768' is not permitted for advance_q16, permitted: -32768 to 32767",
+        ),
+        ("event[1].command=set advance_q16 -32768", "OK"),
+        ("event[1].command=set irq_load 499", "'499' is not permitted for irq_load, permitted: 0 or from 500"),
+        ("event[1].command=set irq_load 500", "OK"),
+        (
+            "event[1].command=set torque_mnm 1.2345",
+            "'1.2345' is not permitted for torque_mnm, permitted: a number with at most three decimals",
+        ),
+        ("event[1].command=set torque_mnm -49.125", "OK"),
+        ("event[1].command=set carrier_hz 40_000", "'40_000' is not permitted for carrier_hz"),
         ("event[1].command=get mesured_rpm", '"mesured_rpm" is no value of the drive, did you mean "measured_rpm"?'),
         ("event[1].command=get measured_rpm", "OK"),
         ("event[1].command=get", "OK"),
@@ -290,6 +319,13 @@ def test_speed_target_by_console_line() -> None:
         ),
         ("drive.start.carrier_hz=40000", "OK"),
         ("drive.hall.filter_s=1e-3", "OK"),
+        ("drive.hall.offset_deg=5", 'drive.hall.offset_deg: has no effect with hall.mode = "off"'),
+        (
+            "inverter.sensing.sample_period_s=20e-6",
+            "sample_period_s = 2e-05 s take 8.06e-05 s, permitted up to 12407 Hz",
+        ),
+        ("inverter.sensing.sample_period_s=6e-6", "OK"),
+        ("drive.advance_deg_at_max_speed=30", "OK"),
         ("drive.motor_error.flux=3", "drive.motor_error.flux: 3 is out of range, permitted 0.5 to 2"),
         ("drive.motor_error.psi=1.2", "drive.motor_error.psi: unknown key"),
         ("drive.zcd.sampling=once", "drive.zcd.sampling: 'once' is not permitted, permitted: continuous, carrier"),
@@ -333,6 +369,68 @@ def test_bad_values(override: str, expected: str, monkeypatch: pytest.MonkeyPatc
     found = errors(override)
     ends = expected.endswith("$")
     assert any(line.endswith(expected[:-1]) if ends else expected in line for line in found), found
+
+
+def test_torque_target_is_within_reach() -> None:
+    """Motor-I gives 1.654 mN*m an ampere: 50 mN*m need 30.2 A, permitted are 30; braking needs the lower switches.
+
+    Verifies: FRONT-04
+    """
+    torque = ("drive.mode=torque", "drive.current_loop=true")
+    load_scenario(DEMO, [*torque, "drive.torque_mnm=49"])
+    load_scenario(DEMO, [*torque, "drive.torque_mnm=-49", "drive.sync_rect=true"])
+    text = "needs 30.2 A, permitted by drive.current_limit_a 30.0 A"
+    assert errors(*torque, "drive.torque_mnm=50") == [f"--set: drive.torque_mnm: 50 mN*m {text}"]
+    assert errors(*torque, "drive.torque_mnm=-10") == [
+        "--set: drive.torque_mnm: -10 mN*m brakes: needs sync_rect = true"
+    ]
+
+
+def test_console_lines_within_reach() -> None:
+    """Speeds, torques and currents of console lines keep the limits of the keys; a line may change the current's.
+
+    Verifies: FRONT-03, FRONT-04
+    """
+
+    def found(*lines: str) -> list[str]:
+        events = ",".join(f'{{at_s={0.1 + 0.01 * i:.2f},command="{line}"}}' for i, line in enumerate(lines))
+        try:
+            load_scenario(DEMO, [f"event=[{events}]"])
+        except ConfigError as error:
+            return [str(problem) for problem in error.problems]
+        return []
+
+    where = "--set: event[0].command:"
+    top = "is above max_speed_rpm of the motor (94000 r/min)"
+    assert found("set speed_rpm 94001") == [f"{where} 94001 r/min {top}"]
+    assert found("set speed_rpm -94001") == [f"{where} -94001 r/min {top}"]
+    assert found("set speed_rpm 60000", "set speed_rpm 0") == []
+    limit = "permitted by the limit of the current, 30 A"
+    assert found("set torque_mnm 49", "set torque_mnm -49", "set current_ma 30000") == []
+    assert found("set torque_mnm 50") == [f"{where} 50 mN*m needs 30.2 A, {limit}"]
+    assert found("set current_ma -30001") == [f"{where} -30001 mA is beyond the limit of the current, 30 A"]
+    assert found("set current_limit_a 40", "set torque_mnm 50") == []
+    lowered = found("set current_limit_a 10", "set torque_mnm 49")
+    assert lowered == ["--set: event[1].command: 49 mN*m needs 29.6 A, permitted by the limit of the current, 10 A"]
+    full = "permitted: above 0 up to sensing.current_full_scale_a of the inverter (50 A)"
+    for name in ("current_limit_a", "dc_limit_a", "brake_limit_a"):
+        assert found(f"set {name} 50") == []
+        assert found(f"set {name} 50.001") == [f"{where} 50.001 A is not permitted, {full}"]
+        assert found(f"set {name} 0") == [f"{where} 0 A is not permitted, {full}"]
+
+
+def test_advances_within_their_limit() -> None:
+    """The three parts may not come to more than 30 degrees anywhere: the drive would cut them off.
+
+    Verifies: FRONT-04
+    """
+    load_scenario(DEMO, ["drive.advance_deg=-10", "drive.advance_deg_at_max_speed=30"])
+    found = errors("drive.advance_deg=20", "drive.advance_deg_at_max_speed=8", "drive.advance_deg_at_rated_current=4")
+    assert len(found) == 1 and "comes to 32 deg, permitted -30 to 30 deg" in found[0]
+    found = errors(
+        "drive.advance_deg=-20", "drive.advance_deg_at_max_speed=30", "drive.advance_deg_at_rated_current=-11"
+    )
+    assert len(found) == 1 and "comes to -31 deg" in found[0]
 
 
 def test_unreachable_speed_states_both_voltages() -> None:
@@ -652,6 +750,18 @@ def test_console_names_are_those_of_the_firmware() -> None:
     settable = names.index("speed_rpm")
     assert "ITEM_SPEED_RPM,  // from here on settable" in items
     assert names == (*VALUES, *SETTINGS) and settable == len(VALUES)
+    words = {
+        name: tuple(re.findall(r'"([^"]+)"', listed))
+        for name, listed in re.findall(r"const (\w+)_names\[\] = \{(.*)\};", items)
+    }
+    assert {
+        "commutation": words["commutation"],
+        "pattern": words["pattern"],
+        "balance": words["balance"],
+        "mode": words["mode"],
+        "zcd_method": words["method"],
+        "zcd_source": words["source"],
+    } == CHOICES
 
 
 def test_words_are_those_of_the_other_parts() -> None:

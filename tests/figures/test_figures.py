@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -174,6 +175,39 @@ def test_page(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "Not drawn: run x, seed 1: plant fault 3" in text
     assert (images / "six-step" / "fig-1-2.png").exists()
     assert "full length" in text and "seed 1" in text
+
+
+class Learning:
+    """Runner that gives a synthetic run for figure 3.12, with the thresholds that were asked for on the console."""
+
+    quick = True
+
+    def drive(self, scenario: str, name: str, *overrides: str) -> Any:
+        data = make_run(Drive(speed_rpm=18_000.0, duration_s=0.34))
+        asked = [line for line in load_scenario(ROOT / "scenarios" / scenario, overrides).event if line.command]
+        part = np.linspace(0.0, 0.05, sum(line.command == "get threshold_pu" for line in asked))
+        data.uart = [
+            f"threshold_pu {' '.join(f'{0.5 + d * x:.4f}' for x in (-1, 0, 1, -0.9, -0.1, 0.9))}" for d in part
+        ]
+        return SimpleNamespace(
+            data=data,
+            analysis=Analysis(data),
+            result={"trips": [], "rejected": []},
+            console=lambda: "\n".join(data.uart),
+        )
+
+
+def test_legend_beside_the_curves() -> None:
+    """The thresholds of figure 3.12 fill their panel: the legend stands above it.
+
+    Verifies: FIG-03
+    """
+    runner: Any = Learning()
+    drawing = chapter_3.convergence(runner)
+    FigureCanvasAgg(drawing.page).draw()
+    level = drawing.page.axes[2]
+    legend = level.get_legend()
+    assert legend is not None and legend.get_window_extent().y0 >= level.get_window_extent().y1
 
 
 def test_images(tmp_path: Path) -> None:

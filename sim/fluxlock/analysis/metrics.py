@@ -23,7 +23,7 @@ from fluxlock.analysis.rundata import (
     RunData,
     trip_cause_names,
 )
-from fluxlock.config.scenario import Expect, Scenario
+from fluxlock.config.scenario import ADVANCE_MAX_DEG, Expect, Scenario
 
 # A commutation's own gate edge follows the change of the sector register within this many clocks; without an
 # edge (the switches were off already) the gates would have changed one clock after it.
@@ -31,8 +31,6 @@ EDGE_SEARCH_CYCLES = 8
 GUARD_CYCLES = 1
 # A phase current below this fraction of the window's largest counts as no current: nothing to freewheel.
 NO_CURRENT_FRACTION = 0.02
-# Limit of the whole advance (sw/control/advance.h).
-ADVANCE_MAX_DEG = 30.0
 # Below it a turn has no meaningful mean.
 MIN_SPEED_RAD_S = 1.0
 

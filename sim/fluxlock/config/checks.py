@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from fluxlock.config.console import CURRENT_LIMITS, number_of_line
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import METRICS, Scenario
-from fluxlock.firmware.specs import OVERSPEED_RATIO
+from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
@@ -106,8 +107,9 @@ def _reach(s: Scenario) -> list[Problem]:
     for i in order:
         event = s.event[i]
         key = f"event[{i}].{event.action}"
-        if event.speed_rpm is not None:
-            speed_rpm = event.speed_rpm
+        target_rpm = event.speed_target_rpm
+        if target_rpm is not None:
+            speed_rpm = target_rpm
             found = _speed(s, key, speed_rpm)
             problems += found
             refused = bool(found)
@@ -155,6 +157,15 @@ def _power_stage(s: Scenario) -> list[Problem]:
         trip, limit = with_unit(s.inverter.protection.phase_current_a, "A"), with_unit(s.current_limit_a, "A")
         text = f"{limit} is not below protection.phase_current_a of the inverter ({trip})"
         problems.append(Problem(file, "drive.current_limit_a", text))
+    problems += _samples(s, period_s)
+    torque_nm = 1e-3 * (s.drive.torque_mnm or 0.0)
+    torque_a = abs(torque_nm) / s.motor.torque_per_amp_nm
+    if torque_a > s.current_limit_a:
+        text = (
+            f"{with_unit(s.drive.torque_mnm or 0.0, 'mN*m')} needs {torque_a:.1f} A, "
+            f"permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
+        )
+        problems.append(Problem(file, "drive.torque_mnm", text))
     start_a = s.drive.start.current_a
     if start_a is not None and start_a > s.current_limit_a:
         limit = with_unit(s.current_limit_a, "A")
@@ -165,6 +176,45 @@ def _power_stage(s: Scenario) -> list[Problem]:
         limit = with_unit(s.drive.carrier_hz, "Hz")
         text = f"{with_unit(start_hz, 'Hz')} is above drive.carrier_hz ({limit})"
         problems.append(Problem(file, "drive.start.carrier_hz", text))
+    return problems
+
+
+def _samples(s: Scenario, period_s: float) -> list[Problem]:
+    """Without Hall sensors a crossing is only found if a pulse can hold settled samples."""
+    sensing = s.inverter.sensing
+    needed_s = least_pulse_s(sensing.sample_period_s, sensing.divider_pole_s)
+    if period_s >= needed_s or s.drive.hall.mode == "sensored":
+        return []
+    text = (
+        f"{with_unit(s.drive.carrier_hz, 'Hz')} leaves no room for the samples of a crossing: settling and three "
+        f"samples at inverter.sensing.sample_period_s = {with_unit(sensing.sample_period_s, 's')} "
+        f"take {needed_s:.3g} s, permitted up to {1.0 / needed_s:.0f} Hz"
+    )
+    return [Problem(s.sources.scenario, "drive.carrier_hz", text)]
+
+
+def _console(s: Scenario) -> list[Problem]:
+    """Currents and torques that console lines ask for, each under the limit that the lines before it have set."""
+    problems, limit_a = [], s.current_limit_a
+    full_a = s.inverter.sensing.current_full_scale_a
+    for i in sorted(range(len(s.event)), key=lambda i: s.event[i].at_s):
+        line, text = s.event[i].command or "", ""
+        for name in CURRENT_LIMITS:
+            asked_a = number_of_line(line, name)
+            if asked_a is not None and not 0 < asked_a <= full_a:
+                full = f"sensing.current_full_scale_a of the inverter ({with_unit(full_a, 'A')})"
+                text = f"{with_unit(asked_a, 'A')} is not permitted, permitted: above 0 up to {full}"
+            elif asked_a is not None and name == "current_limit_a":
+                limit_a = asked_a
+        limit = f"the limit of the current, {with_unit(limit_a, 'A')}"
+        torque_mnm, current_ma = number_of_line(line, "torque_mnm"), number_of_line(line, "current_ma")
+        needed_a = abs(1e-3 * (torque_mnm or 0.0)) / s.motor.torque_per_amp_nm
+        if torque_mnm is not None and needed_a > limit_a:
+            text = f"{with_unit(torque_mnm, 'mN*m')} needs {needed_a:.1f} A, permitted by {limit}"
+        if current_ma is not None and abs(current_ma) / 1000 > limit_a:
+            text = f"{with_unit(current_ma, 'mA')} is beyond {limit}"
+        if text:
+            problems.append(Problem(s.sources.scenario, f"event[{i}].command", text))
     return problems
 
 
@@ -188,5 +238,5 @@ def _hall(s: Scenario) -> list[Problem]:
 
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
-    problems = _times(scenario) + _power_stage(scenario) + _hall(scenario) + _reach(scenario)
+    problems = _times(scenario) + _power_stage(scenario) + _console(scenario) + _hall(scenario) + _reach(scenario)
     return list(dict.fromkeys(problems))

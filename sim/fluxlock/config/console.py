@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from fluxlock.config.errors import did_you_mean
 
 # First words (console.c) and the longest line.
@@ -60,9 +62,39 @@ SETTINGS = (
     "irq_load",
 )
 
+# Values that the firmware takes whatever the drive is: words or their number (console_items.c), ranges.
+CHOICES = {
+    "commutation": ("RSC", "NSC", "CSC"),
+    "pattern": ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"),
+    "balance": ("none", "vertical", "both"),
+    "mode": ("speed", "torque"),
+    "zcd_method": ("first", "interpolated", "averaged"),
+    "zcd_source": ("terminal", "star_point", "mean"),
+}
+RANGES = {
+    "accel_rpm_s": (1, 100_000_000),
+    "advance_q16": (-0x8000, 0x7FFF),
+    "advance_speed_q16": (-0x8000, 0x7FFF),
+    "advance_current_q16": (-0x8000, 0x7FFF),
+    "sync_rect": (0, 1),
+    "freeze": (0, 1),
+    "catch": (0, 1),
+    "linearity": (0, 1),
+    "compute_back": (0, 1),
+    "correction_a": (0, 1),
+    "current_loop": (0, 1),
+    "hall_learn": (0, 1),
+}
+LOAD_PERIOD_MIN = 500
+# Read with up to three decimals, all other numbers without.
+CURRENT_LIMITS = ("current_limit_a", "dc_limit_a", "brake_limit_a")
+DECIMALS = (*CURRENT_LIMITS, "torque_mnm")
+_WHOLE = re.compile(r"-?\d+", re.ASCII)
+_MILLI = re.compile(r"-?(\d+\.?\d{0,3}|\.\d{1,3})", re.ASCII)
+
 
 def line_problem(line: str) -> str | None:
-    """Why the console would refuse a line whatever the drive does: its form or a name. Values are not looked at."""
+    """Why the console would refuse a line whatever the drive does: its form, a name or a value."""
     if not (line.isascii() and line.isprintable() and len(line) <= COMMAND_LENGTH):
         return f"must be one line of at most {COMMAND_LENGTH} printable ASCII characters"
     words = line.split()
@@ -83,13 +115,16 @@ def line_problem(line: str) -> str | None:
 
 def speed_of_line(line: str) -> float | None:
     """Speed target (r/min, signed) that a line sets; None if it sets none."""
+    return number_of_line(line, "speed_rpm")
+
+
+def number_of_line(line: str, name: str) -> float | None:
+    """Number that a line sets a setting to, in the setting's unit; None if it sets another or no number."""
     words = line.split()
-    if words[:2] != ["set", "speed_rpm"] or len(words) != 3:
+    if words[:2] != ["set", name] or len(words) != 3:
         return None
-    try:
-        return float(int(words[2]))
-    except ValueError:
-        return None
+    form = _MILLI if name in DECIMALS else _WHOLE
+    return float(words[2]) if form.fullmatch(words[2]) else None
 
 
 def _setting_problem(words: list[str]) -> str | None:
@@ -99,6 +134,24 @@ def _setting_problem(words: list[str]) -> str | None:
         return f'"{words[0]}" is a value of the drive that cannot be set'
     if words[0] not in SETTINGS:
         return f'"{words[0]}" is no setting of the drive{_known(words[0], SETTINGS)}'
+    permitted = _permitted_instead(*words)
+    return permitted and f"'{words[1]}' is not permitted for {words[0]}, permitted: {permitted}"
+
+
+def _permitted_instead(name: str, text: str) -> str | None:
+    """What a setting takes if it never takes this value."""
+    choices = CHOICES.get(name, ())
+    low, high = (0, len(choices) - 1) if choices else RANGES.get(name, (None, None))
+    number = number_of_line(f"set {name} {text}", name)
+    if text in choices:
+        return None
+    if low is not None and high is not None:
+        inside = number is not None and low <= number <= high
+        return None if inside else ", or ".join([*filter(None, [", ".join(choices)]), f"{low} to {high}"])
+    if number is None:
+        return "a number with at most three decimals" if name in DECIMALS else "a whole number"
+    if name == "irq_load" and 0 != number < LOAD_PERIOD_MIN:
+        return f"0 or from {LOAD_PERIOD_MIN}"
     return None
 
 

@@ -10,7 +10,16 @@ from typing import Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from fluxlock.config.console import line_problem, speed_of_line
-from fluxlock.config.fields import Model, PhaseValues, ProfilePoint, SectorValues, conflict, quantity, with_unit
+from fluxlock.config.fields import (
+    Model,
+    PhaseValues,
+    ProfilePoint,
+    SectorValues,
+    conflict,
+    quantity,
+    range_text,
+    with_unit,
+)
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 from fluxlock.firmware.specs import OVERSPEED_RATIO
@@ -66,6 +75,8 @@ METRICS = (
 # Zoom window that is chosen when the scenario names none: length in electrical turns, and its upper limit.
 ZOOM_TURNS = 2.5
 ZOOM_MAX_S = 0.02
+# Limit of the whole advance (sw/control/advance.h).
+ADVANCE_MAX_DEG = 30.0
 
 
 class Zcd(Model):
@@ -93,7 +104,7 @@ class Zcd(Model):
     correction_a: bool = Field(
         default=False,
         description="Delay to the commutation from the last three crossing intervals (correction A): evens out "
-        "unequal inductances, amplifies errors of the divider gains.",
+        "unequal inductances, amplifies errors of the divider gains: not advised with unequal dividers.",
     )
     threshold: SectorValues = quantity(
         "Crossing threshold as a fraction of the DC-link voltage: one number, or six for sectors I to VI.",
@@ -207,7 +218,10 @@ class Drive(Model):
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
     )
-    linearity: bool = Field(default=False, description="CSC: duty corrected for the pulse that a commutation cuts.")
+    linearity: bool = Field(
+        default=False,
+        description="CSC: duty corrected for the pulse that a commutation cuts; no effect under RSC and NSC.",
+    )
     current_loop: bool = Field(
         default=False,
         description="DC-current loop inside of the speed loop; `false`: the speed regulator sets the voltage.",
@@ -243,6 +257,26 @@ class Drive(Model):
             raise conflict("mode", 'mode = "torque" needs current_loop = true')
         if self.torque_mnm is not None and self.mode != "torque":
             raise conflict("torque_mnm", 'belongs to mode = "torque"')
+        if (self.torque_mnm or 0.0) < 0 and not self.sync_rect:
+            raise conflict("torque_mnm", f"{with_unit(self.torque_mnm or 0.0, 'mN*m')} brakes: needs sync_rect = true")
+        if self.hall.mode == "off" and any(self.hall.offset_deg):
+            raise conflict("hall.offset_deg", 'has no effect with hall.mode = "off": set hall.mode, or leave it out')
+        return self
+
+    @model_validator(mode="after")
+    def _advance(self) -> Self:
+        """No sum of the advances from standstill to highest speed and rated current may meet the drive's limit."""
+        parts = (self.advance_deg_at_max_speed, self.advance_deg_at_rated_current)
+        for total in (
+            self.advance_deg + sum(max(x, 0.0) for x in parts),
+            self.advance_deg + sum(min(x, 0.0) for x in parts),
+        ):
+            if abs(total) > ADVANCE_MAX_DEG:
+                text = (
+                    "with advance_deg_at_max_speed and advance_deg_at_rated_current comes to "
+                    f"{with_unit(total, 'deg')}, permitted {range_text(-ADVANCE_MAX_DEG, ADVANCE_MAX_DEG, 'deg')}"
+                )
+                raise conflict("advance_deg", text)
         return self
 
 

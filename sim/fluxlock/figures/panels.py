@@ -163,6 +163,11 @@ def legend(axes: Axes, columns: int = 3, where: Corner = "upper right") -> None:
     axes.legend(loc=where, ncols=columns, fontsize=SMALL)
 
 
+def legend_above(axes: Axes, columns: int) -> None:
+    """Small legend on top of the panel, for one that its curves fill."""
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, fontsize=SMALL, frameon=False)
+
+
 def peak_to_peak_a(run: Outcome, from_s: float, to_s: float) -> float:
     """Largest less smallest phase current of a span, mean of the three phases."""
     value = run.analysis.window(from_s, to_s)["phase_current_pp_a"]

@@ -22,6 +22,8 @@ from fluxlock.firmware.specs import (
     InverterSpec,
     MotorSpec,
     ZcdSampling,
+    least_pulse_s,
+    settling_s,
 )
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
@@ -151,9 +153,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     # Crossing detection.
     # A sample that counts follows one that is settled itself: a clamp shorter than the sample spacing would else go
     # unseen between an unsettled sample on its rise and one on its fall.
-    settle_s = max(0.4e-6, 6.0 * inverter.divider_pole_s) + inverter.sample_period_s
+    settle_s = settling_s(inverter.sample_period_s, inverter.divider_pole_s)
     on_time_s = settle_s + 4.0 * inverter.sample_period_s
-    least_on_s = settle_s + 3.0 * inverter.sample_period_s
+    least_on_s = least_pulse_s(inverter.sample_period_s, inverter.divider_pole_s)
     # Once a carrier: settled, and inside of the shortest pulse. Nothing tells that such a sample falls into the end of
     # freewheeling, so that the first one after a commutation does not count.
     offset_s = least_on_s - inverter.sample_period_s

@@ -109,3 +109,13 @@ class DriveSpec:
     mode: Literal["speed", "torque"] = "speed"
     target_torque_nm: float = 0.0
     current_bandwidth_hz: float | None = None
+
+
+def settling_s(sample_period_s: float, divider_pole_s: float) -> float:
+    """Time from a gate edge until a sample counts (s): it follows one that is settled itself."""
+    return max(0.4e-6, 6.0 * divider_pole_s) + sample_period_s
+
+
+def least_pulse_s(sample_period_s: float, divider_pole_s: float) -> float:
+    """Shortest pulse that holds the settled samples of a crossing (s)."""
+    return settling_s(sample_period_s, divider_pole_s) + 3.0 * sample_period_s

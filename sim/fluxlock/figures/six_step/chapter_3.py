@@ -241,7 +241,7 @@ def convergence(runner: Runner) -> Drawing:
         finish(axes, "time / s", text)
         axes.set_xlim(0.06, end_s)
     panels.legend(phase, 3)
-    panels.legend(level, 6, "center right")
+    panels.legend_above(level, 6)
     before = spread(run, 0.06, first_s)
     vertical, both = spread(run, second_s - 0.03, second_s), spread(run, end_s - 0.03, end_s)
     last = found[-1]
