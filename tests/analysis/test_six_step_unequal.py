@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
 
-from fluxlock.analysis.six_step.unequal import crossing_errors_deg, phase_inductances_h
+from fluxlock.analysis.six_step.unequal import (
+    commutation_intervals_deg,
+    crossing_errors_deg,
+    crossing_intervals_deg,
+    phase_inductances_h,
+    sector_errors_deg,
+)
 from fluxlock.config import load_motor
 from fluxlock.config.motor import Motor
 from fluxlock.paths import ROOT
@@ -67,6 +74,17 @@ def test_mutual_is_phase_inductance() -> None:
     assert crossing_errors_deg(mutual, VDC_V, SPEED_RPM) == pytest.approx(crossing_errors_deg(plain, VDC_V, SPEED_RPM))
 
 
+def test_resistive_drop() -> None:
+    """What the resistances take, the unequal inductances do not divide: as with a supply so much lower.
+
+    Verifies: THEORY-20
+    """
+    motor = machine(inductance_h=[27e-6, 22e-6, 22e-6])
+    dropped = sector_errors_deg(motor, VDC_V, SPEED_RPM, drop_v=2.0)
+    assert dropped == pytest.approx(sector_errors_deg(motor, VDC_V - 2.0, SPEED_RPM))
+    assert max(dropped) < 0.9 * max(sector_errors_deg(motor, VDC_V, SPEED_RPM))
+
+
 def test_what_has_no_crossing_is_refused() -> None:
     """Another EMF, and an asymmetry that leaves no crossing in reach, raise an error that names the machine.
 
@@ -76,3 +94,30 @@ def test_what_has_no_crossing_is_refused() -> None:
         crossing_errors_deg(machine(emf="trapezoidal"), VDC_V, SPEED_RPM)
     with pytest.raises(ValueError, match=r"Motor-I.*no crossing"):
         crossing_errors_deg(machine(inductance_h=[90e-6, 22e-6, 22e-6]), VDC_V, 2_000.0)
+
+
+def test_divider_gain() -> None:
+    """A divider high by a share: its threshold on the terminal is low, both of its crossings shift opposite ways.
+
+    Verifies: THEORY-20
+    """
+    motor, gain = machine(), 1.1
+    slope_v = 1.5e-3 * motor.omega_e(SPEED_RPM)
+    early = math.degrees(math.asin(0.5 * VDC_V * (1 - 1 / gain) / slope_v))
+    # A floats in sector III with a falling voltage, in VI with a rising one.
+    assert sector_errors_deg(motor, VDC_V, SPEED_RPM, (gain, 1.0, 1.0)) == pytest.approx(
+        (0.0, 0.0, early, 0.0, 0.0, -early), abs=1e-9
+    )
+
+
+def test_intervals_of_errors() -> None:
+    """Intervals are 60 degrees and the difference of errors; a commutation adds half the last interval.
+
+    Verifies: THEORY-20
+    """
+    errors = (-10.0, 10.0, 0.0, -10.0, 10.0, 0.0)
+    assert crossing_intervals_deg(errors) == pytest.approx((50.0, 80.0, 50.0) * 2)
+    crossings = [60.0 * k + errors[k % 6] for k in range(14)]
+    commutations = [1.5 * crossings[k] - 0.5 * crossings[k - 1] for k in range(1, 14)]
+    steps = [after - before for before, after in itertools.pairwise(commutations)]
+    assert commutation_intervals_deg(errors) == pytest.approx((*steps[4:10],))

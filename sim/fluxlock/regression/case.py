@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -65,27 +66,29 @@ Body = Callable[["Runner"], Iterable[Row]]
 
 @dataclass(frozen=True)
 class Case:
-    """A named function that yields rows; its docstring says what it shows."""
+    """A named function that yields rows; its docstring says what it shows. long: begun before the others."""
 
     id: str
     body: Body
+    long: bool = False
 
     @property
     def title(self) -> str:
         """First line of the docstring."""
-        return (self.body.__doc__ or self.id).strip().splitlines()[0]
+        body = self.body.func if isinstance(self.body, functools.partial) else self.body
+        return (body.__doc__ or self.id).strip().splitlines()[0]
 
 
 CASES: dict[str, Case] = {}
 
 
-def case(name: str) -> Callable[[Body], Body]:
+def case(name: str, long: bool = False) -> Callable[[Body], Body]:
     """Register a case under `<set>/<name>`."""
 
     def register(body: Body) -> Body:
         if name in CASES:
             raise ValueError(f"case {name} is registered twice")
-        CASES[name] = Case(name, body)
+        CASES[name] = Case(name, body, long)
         return body
 
     return register

@@ -164,7 +164,7 @@ def run_cases(
         if done is not None:
             done(name, found)
 
-    side_by_side(_rows, order, quick, seed, jobs, store)
+    side_by_side(_rows, sorted(order, key=lambda name: not CASES[name].long), quick, seed, jobs, store)
     return {
         "schema": SCHEMA_VERSION,
         "quick": quick,

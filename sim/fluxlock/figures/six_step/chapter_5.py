@@ -197,7 +197,7 @@ def failures(runner: Runner) -> Drawing:
     drawn, grid = panels.page("5.12: RSC, 20 kHz, ramp at 20 and 30 mN·m", 2, 2, (11.0, 6.0))
     rows, runs = [], []
     for line, load_mnm, printed in zip(grid, (20, 30), ("1111 Hz (N = 3)", "833 Hz (N = 4)"), strict=True):
-        run = drive_ramp(runner, Variant("RSC", False, load_mnm, fails=True))
+        run = drive_ramp(runner, Variant("RSC", False, load_mnm, fails_below=4))
         runs.append(run)
         trips = run.result["trips"]
         end_s = trips[0]["time_s"] if trips else run.data.duration_s
@@ -343,7 +343,7 @@ def acceleration(runner: Runner) -> Drawing:
     drawn, grid = panels.page(f"5.16: {begin} to 1300 Hz, 20 kHz, 20 mN·m", 2, 2, (11.0, 6.0))
     rows, runs = [], []
     for column, commutation in enumerate(PAIR):
-        run = drive_ramp(runner, Variant(commutation, False, 20, fails=commutation == "RSC"))
+        run = drive_ramp(runner, Variant(commutation, False, 20, fails_below=4 if commutation == "RSC" else 0))
         runs.append(run)
         panels.speed(grid[0][column], run.data)
         panels.title(grid[0][column], commutation)

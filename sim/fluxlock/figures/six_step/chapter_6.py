@@ -388,7 +388,7 @@ def dynamic(runner: Runner) -> Drawing:
     for column, commutation in enumerate(COMMUTATIONS):
         # RSC does not come back: the run of figure 5.12 shows it all.
         run = (
-            drive_ramp(runner, Variant("RSC", False, 20, fails=True))
+            drive_ramp(runner, Variant("RSC", False, 20, fails_below=4))
             if commutation == "RSC"
             else drive(
                 runner,

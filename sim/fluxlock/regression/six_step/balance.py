@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fluxlock.analysis.six_step.unequal import (
+    commutation_intervals_deg,
+    crossing_intervals_deg,
+    sector_errors_deg,
+)
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import (
@@ -11,7 +16,9 @@ from fluxlock.regression.six_step.measures import (
     commutation_intervals,
     crossing_intervals,
     event,
+    extremes_about,
     interval_values,
+    line_drop_v,
     printed_thresholds,
     timeline,
 )
@@ -24,6 +31,8 @@ CONDITIONS: dict[str, Condition] = {
     "fan_mnm_at_54000": 16,
 }
 SPEED_RPM = 20_000
+# Of a crossing interval, from what the theory gives.
+ALLOWED_DEG = 0.7
 THRESHOLD_PU = {"A": 0.550, "C": 0.450}
 # Sectors in which a phase floats.
 SECTORS = {"A": (2, 5), "B": (1, 4), "C": (0, 3)}
@@ -65,9 +74,17 @@ def balance(runner: Runner) -> Iterator[Row]:
         limits: Limits = {"trips": (0, 0), "speed_rpm.mean": (0.99 * SPEED_RPM, 1.01 * SPEED_RPM)}
         if mode == "both":
             values |= _phase_thresholds(printed_thresholds(run))
-            limits |= {"crossing_interval_deg.min": (59.3, None), "crossing_interval_deg.max": (None, 60.7)}
+            limits |= extremes_about((60.0,), ALLOWED_DEG, "crossing_interval_deg")
             limits["crossing_interval_deg.rms"] = (None, 0.25)
             limits |= {f"threshold_pu.{x}": (pu - 0.005, pu + 0.005) for x, pu in THRESHOLD_PU.items()}
+        else:
+            # Vertical correction leaves what the phases' inductances do; without correction the dividers add theirs.
+            gains = run.scenario.inverter.sensing.divider_gain if mode == "none" else (1.0, 1.0, 1.0)
+            supply_v = run.scenario.inverter.supply_v
+            errors = sector_errors_deg(run.scenario.motor, supply_v, SPEED_RPM, gains, line_drop_v(run, mode))
+            limits |= extremes_about(crossing_intervals_deg(errors), ALLOWED_DEG, "crossing_interval_deg")
+            # 3/2 of an interval less 1/2 of the one before: of their deviations, up to twice.
+            limits |= extremes_about(commutation_intervals_deg(errors), 2 * ALLOWED_DEG, "commutation_interval_deg")
         conditions = CONDITIONS | {"speed_rpm": SPEED_RPM, "balance": mode}
         yield Row(f"six-step/balance/{mode}", conditions, values, limits)
 

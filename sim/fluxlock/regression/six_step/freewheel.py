@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.analysis.angles import FLOATING_PHASE
-from fluxlock.analysis.six_step.patterns import Chopping
-from fluxlock.analysis.six_step.switched import duty_for_torque, real_inverter
+from fluxlock.analysis.angles import FLOATING_PHASE, thesis_angle_deg
+from fluxlock.analysis.six_step.patterns import Chopping, gate_sequence
+from fluxlock.analysis.six_step.switched import SteadyState, duty_for_torque, real_inverter, waveforms
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.firmware.compiler import FREEWHEEL_LSB
 from fluxlock.regression.case import Row, case
@@ -24,6 +24,8 @@ FIRST_S, STEP_S, WINDOW_S, READINGS = 0.05, 0.04, 0.01, 8
 FROZEN_S = 0.003  # before the window
 # The console prints hundredths of a degree, cut off.
 PRINTED_DEG = 0.01
+# Waveform of the switched circuit: turns until it is periodic, instants a turn (0.05 deg), what counts as no current.
+SETTLE_TURNS, SAMPLES, NO_CURRENT_A = 8, 7200, 1e-6
 
 
 def _events(currents_a: tuple[int, ...]) -> tuple[str, ...]:
@@ -52,12 +54,17 @@ def chip_angles_deg(run: Outcome) -> list[float]:
     return [float(x) for x in re.findall(r"^freewheel_deg ([\d.]+)", run.console(), re.MULTILINE)]
 
 
+def limit_a(run: Outcome) -> float:
+    """Current below which the chip takes the outgoing phase for free: FREEWHEEL_LSB steps of its converter."""
+    return FREEWHEEL_LSB * run.scenario.inverter.sensing.current_full_scale_a / 2**11
+
+
 def decayed_deg(run: Outcome, low: float, high: float) -> float:
     """Median angle at which the plant's outgoing current falls below the chip's limit, of the commutations in a span.
 
-    The chip cannot see less: FREEWHEEL_LSB steps of its converter. From the records, which come with every sample.
+    The chip cannot see less. From the records, which come with every sample.
     """
-    limit_a = FREEWHEEL_LSB * run.scenario.inverter.sensing.current_full_scale_a / 2**11
+    least_a = limit_a(run)
     records, commutations = run.data.records, run.analysis.commutations
     time = records["t_cycle"]
     currents = np.stack([records[name] for name in ("ia", "ib", "ic")])
@@ -66,15 +73,39 @@ def decayed_deg(run: Outcome, low: float, high: float) -> float:
         a, b = np.searchsorted(time, (commutations.cycle[k], commutations.cycle[k + 1]))
         current = currents[FLOATING_PHASE[commutations.sector[k]], a:b]
         current = current * np.sign(current[0])
-        below = np.flatnonzero(current < limit_a)
+        below = np.flatnonzero(current < least_a)
         if below.size == 0 or below[0] == 0:
             continue
         i = int(below[0])
-        part = (current[i - 1] - limit_a) / (current[i - 1] - current[i])
+        part = (current[i - 1] - least_a) / (current[i - 1] - current[i])
         at = time[a + i - 1] + part * (time[a + i] - time[a + i - 1])
         turned = run.analysis.track.theta_rad(np.array([at])) - commutations.theta_rad[k]
         angles.append(abs(float(np.degrees(turned)[0])))
     return float(np.median(angles))
+
+
+def limit_to_zero_deg(run: Outcome, state: SteadyState, chopping: Chopping) -> float | None:
+    """Median angle that the switched circuit takes from the chip's limit to no current, in a periodic state of CSC.
+
+    Sectors in which the current does not end are left out; None if it ends in none.
+    """
+    motor, inverter = run.scenario.motor, real_inverter(run.scenario.inverter)
+    n = CARRIER_HZ / (6 * motor.electrical_hz(state.speed_rpm))
+    sequence = gate_sequence("CSC", n, state.duty, turns=SETTLE_TURNS + 1, chopping=chopping)
+    records = waveforms(motor, inverter, state.speed_rpm, sequence, settle_turns=SETTLE_TURNS, samples=SAMPLES)
+    prime_deg = thesis_angle_deg(records["theta_e"])
+    angles = []
+    for sector, phase in enumerate(FLOATING_PHASE):
+        since_deg = (prime_deg - 30.0 - 60.0 * sector) % 360.0
+        inside = np.flatnonzero(since_deg < 60.0)
+        inside = inside[np.argsort(since_deg[inside])]
+        # Behind its end the other diode may take up a current of the other sign.
+        current = records[("ia", "ib", "ic")[phase]][inside]
+        current = current * np.sign(current[0])
+        low, gone = np.flatnonzero(current < limit_a(run)), np.flatnonzero(current < NO_CURRENT_A)
+        if gone.size:
+            angles.append(float(since_deg[inside][gone[0]] - since_deg[inside][low[0]]))
+    return float(np.median(angles)) if angles else None
 
 
 @case("six-step/freewheel")
@@ -119,6 +150,9 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
         )
         circuit_deg = float(np.median(np.minimum(state.freewheel_deg, 60.0))) if state else None
         limit = math.ceil(100 * (sample_deg + PRINTED_DEG)) / 100
+        # Seen from the end of the current the chip is early by what the current takes from the chip's limit to zero.
+        early_deg = limit_to_zero_deg(run, state, chopping) if state else None
+        early_limit = math.ceil(100 * (sample_deg + PRINTED_DEG + (early_deg or 0.0))) / 100
         yield Row(
             f"six-step/freewheel/{chopping}-{speed_rpm}-{current_a}A",
             {
@@ -140,12 +174,14 @@ def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[in
                 "chip_less_plant_deg": None if chip_deg is None else chip_deg - plant_deg,
                 "chip_less_plant_at_limit_deg": None if chip_deg is None else chip_deg - limit_deg,
                 "circuit_less_plant_deg": None if circuit_deg is None else circuit_deg - plant_deg,
+                "circuit_limit_to_zero_deg": early_deg,
                 "torque_mnm": 1000 * torque_nm,
                 "commutation_error_deg.rms": window["commutation_error_deg"]["rms"],
                 "late_crossings": window["late_crossings"],
                 "trips": len(run.result["trips"]),
             },
             {
+                "chip_less_plant_deg": (-early_limit, limit),
                 "chip_less_plant_at_limit_deg": (-limit, limit),
                 "circuit_less_plant_deg": (-limit, limit),
                 "trips": (0, 0),

@@ -11,8 +11,8 @@ from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
 SCENARIO = "six-step/highest-speed.toml"
-# A quarter of a sector; a missed crossing or a skipped sector is a whole one off.
-WRONG_DEG = 15.0
+# A sixth of the way from a crossing to its commutation; at 10 kHz a sample comes every 3.6 degrees.
+WRONG_DEG = 5.0
 # Half as fast again: one carrier a sector, and the supply raised on the way, which the EMF calls for.
 FURTHEST = (
     "motor.max_speed_rpm=960000",

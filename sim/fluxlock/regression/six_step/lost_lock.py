@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+import numpy as np
 
 from fluxlock.analysis.gates import gate_safety
 from fluxlock.cosim.outcome import Outcome
@@ -18,6 +21,18 @@ DISTURBED_S = 0.08
 OFF_CYCLES = 3
 TICK_S = 100e-6
 
+# Of the speed: regained within, disturbed beyond.
+SPEED_SHARE = 0.01
+# Crossings are 60 degrees apart, 120 if one is missing.
+MISSED_DEG = 90.0
+# Before the disturbance, locked: what the end is compared with.
+BEFORE_S = (0.05, DISTURBED_S)
+# A printed current is of one control tick and holds some ripple, and the balance of power leaves out the losses: with
+# working channels the two differ by a tenth or so.
+READING_SHARE = 0.25
+# Standard deviations by which the rms error of the end is above that from before.
+RMS_SIGMAS = 5.0
+
 Change = dict[str, object]
 
 
@@ -26,7 +41,8 @@ class Disturbance:
     """What happens, and the faults by whose names the drive may stop; none: it must run.
 
     changes: events, `at_s` after DISTURBED_S. must_stop: a stop by one of the faults is the only right end.
-    overrides: of the scenario. end_s: length of the run.
+    overrides: of the scenario. end_s: length of the run. hidden: the channel is none that the lock needs; what must
+    show then is its wrong reading.
     """
 
     description: str
@@ -35,6 +51,7 @@ class Disturbance:
     must_stop: bool = False
     overrides: tuple[str, ...] = ()
     end_s: float = 0.30
+    hidden: str = ""
 
 
 def stuck(at_s: float, channel: str, code: int | None = None) -> Change:
@@ -77,6 +94,8 @@ STUCK = {
     "idc": (None, frozenset()),
 }
 
+HIDDEN = ("vdc", "ia", "idc")
+
 FULL: dict[str, Disturbance] = {
     "dip": Disturbance(
         "supply 0 V for 20 ms, back within 5 ms, no under-voltage trip", dip(0, 5e-3), overrides=UNPROTECTED
@@ -102,6 +121,7 @@ FULL: dict[str, Disturbance] = {
             f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
             (stuck(0, name.partition("-")[0], code),),
             faults,
+            hidden=name if name in HIDDEN else "",
         )
         for name, (code, faults) in STUCK.items()
     },
@@ -111,9 +131,61 @@ QUICK: dict[str, Disturbance] = {
         "3 x load for 20 ms; va at code 4095 for 5 ms; supply 0 V for 20 ms, no under-voltage trip",
         (load(0, 3.0), load(0.020, 1.0), stuck(0.040, "va", 4095), clear(0.045), *dip(0.070, 5e-3)),
         overrides=(*UNPROTECTED, STRONG, SYNC),
-        end_s=0.24,
+        end_s=0.30,
     )
 }
+
+
+def _reading_off(run: Outcome, channel: str) -> float:
+    """By which share a stuck current channel makes the last reading of the console differ from the plant's current."""
+    records = run.data.records
+    late = records[records["t_cycle"] >= run.scenario.window[0].from_s * run.data.clock_hz]
+    magnitudes = sum(np.abs(late[phase]) for phase in ("ia", "ib", "ic"))
+    true_a = 0.5 * float(np.mean(magnitudes))
+    if channel == "idc":
+        # Balance of power without losses: below the true current by a few per cent.
+        true_a = (
+            float(np.mean(late["torque_nm"] * late["omega_e"])) / run.data.pole_pairs / run.scenario.inverter.supply_v
+        )
+    reading_a = float(console_word(run, "idc_a" if channel == "idc" else "motor_a") or "nan")
+    return abs(reading_a / true_a - 1.0)
+
+
+def _rms_sigmas(run: Outcome) -> float:
+    """By how many standard deviations the rms error of commutations is larger at the end than before."""
+    window, clock_hz, commutations = run.scenario.window[0], run.data.clock_hz, run.analysis.commutations
+    spans = (BEFORE_S, (window.from_s, window.to_s))
+    before, after = (commutations.between(low * clock_hz, high * clock_hz).error_deg for low, high in spans)
+    if not before.size or not after.size:
+        return 0.0
+    rms = [float(np.sqrt(np.mean(error**2))) for error in (before, after)]
+    # Of a ratio of two rms values of normal errors.
+    sigma = math.sqrt(0.5 / before.size + 0.5 / after.size)
+    return (rms[1] / rms[0] - 1.0) / sigma
+
+
+def _effect(run: Outcome, disturbance: Disturbance) -> dict[str, Number]:
+    """What the disturbance did: `disturbed` is 1 if anything."""
+    clock_hz = run.data.clock_hz
+    since = DISTURBED_S * clock_hz
+    records, crossings = run.data.records, run.analysis.crossings
+    before = records[(records["t_cycle"] >= BEFORE_S[0] * clock_hz) & (records["t_cycle"] < since)]
+    after = records[records["t_cycle"] >= since]
+    speed = float(np.mean(before["omega_e"]))
+    deviation = float(np.max(np.abs(after["omega_e"] / speed - 1.0)))
+    gap_deg = float(np.max(crossings.between(since, math.inf).intervals_deg(), initial=0.0))
+    lost = int(console_word(run, "lost_locks") or 0)
+    values: dict[str, Number] = {"speed_deviation_percent": 100 * deviation, "largest_crossing_interval_deg": gap_deg}
+    disturbed = lost > 0 or bool(run.result["trips"]) or gap_deg > MISSED_DEG or deviation > SPEED_SHARE
+    if disturbance.hidden in ("ia", "idc"):
+        off = _reading_off(run, disturbance.hidden)
+        values["reading_off_percent"] = 100 * off
+        disturbed = disturbed or off > READING_SHARE
+    elif disturbance.hidden == "vdc":
+        sigmas = _rms_sigmas(run)
+        values["error_above_before_sigmas"] = sigmas
+        disturbed = disturbed or sigmas > RMS_SIGMAS
+    return values | {"disturbed": int(disturbed)}
 
 
 def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
@@ -134,8 +206,11 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
         "shoot_throughs": safety.shoot_throughs,
         "least_dead_time_ns": None if safety.least_dead_time_s is None else 1e9 * safety.least_dead_time_s,
     }
+    values |= _effect(run, disturbance)
     dead_time_ns = 1e9 * run.scenario.inverter.dead_time_s
-    limits: Limits = {"right_end": (1, 1), "shoot_throughs": (0, 0)}
+    limits: Limits = {"disturbed": (1, 1), "right_end": (1, 1), "shoot_throughs": (0, 0)}
+    if state == "running":
+        limits["speed_rpm.mean"] = ((1 - SPEED_SHARE) * SPEED_RPM, (1 + SPEED_SHARE) * SPEED_RPM)
     if values["least_dead_time_ns"] is not None:
         limits["least_dead_time_ns"] = (dead_time_ns - 1e-6, None)
     if safety.latest_off_cycles is not None and safety.shortest_off_s is not None:

@@ -57,6 +57,15 @@ def interval_values(intervals_deg: FloatArray, name: str) -> dict[str, Number]:
     }
 
 
+def extremes_about(theory_deg: Iterable[float], allowed_deg: float, name: str) -> Limits:
+    """Limits of `interval_values`: least and largest interval of a theory, each within what the method allows."""
+    intervals = sorted(theory_deg)
+    return {
+        f"{name}.{kind}": (value - allowed_deg, value + allowed_deg)
+        for kind, value in (("min", intervals[0]), ("max", intervals[-1]))
+    }
+
+
 def commutation_intervals(run: Outcome, window: str) -> FloatArray:
     """True angles between successive commutations of a window, deg."""
     return in_window(run, run.analysis.commutations, window).intervals_deg()
@@ -77,6 +86,14 @@ def printed_thresholds(run: Outcome) -> tuple[float, ...]:
     """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
     found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
     return tuple(float(word) for word in found[-1].split()) if found else ()
+
+
+def line_drop_v(run: Outcome, window: str) -> float:
+    """What the mean current of a window loses on supply, switches and two phases, V."""
+    motor, inverter = run.scenario.motor, run.scenario.inverter
+    current_a = float(run.metrics[window]["torque_nm"]["mean"]) / motor.torque_per_amp_nm
+    phase_ohm = inverter.on_resistance_ohm + sum(motor.resistance_ohm) / len(motor.resistance_ohm)
+    return (inverter.supply_resistance_ohm + 2 * phase_ohm) * current_a
 
 
 def theory_errors(run: Outcome, speed_rpm: float) -> dict[str, Number]:

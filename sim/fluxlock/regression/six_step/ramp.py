@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,19 +14,26 @@ from fluxlock.regression.six_step.support import highest_hz
 CARRIER_HZ = 20_000
 TOP_RPM = 78_000
 # The trip follows the boundary by some turns of a rising speed.
-BELOW_INTEGER = 0.25
+BELOW_INTEGER = 0.1
+# By which a lost lock ends: the commutations drive current against the EMF, or the crossings stay away.
+CAUSES = frozenset({"phase_current", "dc_current", "lost_lock"})
 # A ramp that is to fail ends beyond N = 3.
 FAILS_WITHIN_S = 2.5
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One ramp at constant torque. fails: the trip comes just below a whole number of carriers."""
+    """One ramp at constant torque. fails_below: whole number of carriers just below which the trip comes; 0: none."""
 
     commutation: str
     compute_back: bool
     load_mnm: int
-    fails: bool = False
+    fails_below: int = 0
+
+    @property
+    def fails(self) -> bool:
+        """Whether the lock is to be lost."""
+        return self.fails_below > 0
 
     @property
     def name(self) -> str:
@@ -40,8 +46,8 @@ class Variant:
         return "first" if self.commutation == "RSC" and not self.compute_back else "interpolated"
 
 
-QUICK = (Variant("CSC", False, 20), Variant("RSC", False, 20, fails=True), Variant("RSC", True, 20))
-FULL = (*QUICK, Variant("CSC", False, 30), Variant("RSC", False, 30, fails=True), Variant("RSC", True, 30))
+QUICK = (Variant("CSC", False, 20), Variant("RSC", False, 20, fails_below=4), Variant("RSC", True, 20))
+FULL = (*QUICK, Variant("CSC", False, 30), Variant("RSC", False, 30, fails_below=4), Variant("RSC", True, 30))
 
 
 def _short(fails: bool) -> list[str]:
@@ -76,8 +82,16 @@ def _row(run: Outcome, variant: Variant) -> Row:
     }
     limits: Limits
     if variant.fails:
-        values["below_integer"] = math.ceil(carriers) - carriers
-        limits = {"trips": (1, None), "highest_hz": (None, 1300), "below_integer": (None, BELOW_INTEGER)}
+        causes = {cause for trip in run.result["trips"] for cause in trip["cause"].split("+")}
+        values["below_integer"] = variant.fails_below - carriers
+        values["other_causes"] = len(causes - CAUSES)
+        low_hz, high_hz = (CARRIER_HZ / (6 * (variant.fails_below - below)) for below in (0.0, BELOW_INTEGER))
+        limits = {
+            "trips": (1, None),
+            "other_causes": (0, 0),
+            "highest_hz": (low_hz, high_hz),
+            "below_integer": (0.0, BELOW_INTEGER),
+        }
     else:
         top = run.metrics["top"]
         values["speed_rpm.mean"] = top["speed_rpm"]["mean"]
