@@ -75,8 +75,8 @@ def _row(runner: Runner, speed_rpm: int, method: str, factors: dict[str, float])
     if method == "once-a-carrier" and speed_rpm > ONCE_HELD_RPM:
         limits = {"trips": (1, None)}
         note = "late by up to a carrier from sector to sector: does not hold the lock"
-    # The two others are there for comparison.
-    if method in ("interpolated", "averaged", USING_FLUX):
+    # The others are there for comparison; a wrong flux bends the averages, by how much is shown.
+    if method in ("interpolated", "averaged") or (method == USING_FLUX and not factors):
         limits["commutation_error_deg.mean"] = (-LIMIT_DEG, LIMIT_DEG)
         limits["commutation_error_deg.rms"] = (None, LIMIT_DEG)
     return Row(f"six-step/commutation-error/{name}", conditions, values, limits, note)

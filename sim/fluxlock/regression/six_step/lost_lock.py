@@ -42,7 +42,7 @@ class Disturbance:
 
     changes: events, `at_s` after DISTURBED_S. must_stop: a stop by one of the faults is the only right end.
     overrides: of the scenario. end_s: length of the run. hidden: the channel is none that the lock needs; what must
-    show then is its wrong reading. slower: the load is more than the current limit carries at the speed.
+    show then is its wrong reading.
     """
 
     description: str
@@ -52,7 +52,6 @@ class Disturbance:
     overrides: tuple[str, ...] = ()
     end_s: float = 0.30
     hidden: str = ""
-    slower: bool = False
 
 
 def stuck(at_s: float, channel: str, code: int | None = None) -> Change:
@@ -79,7 +78,7 @@ def clear(at_s: float) -> Change:
 # A diode keeps the link from feeding the failed supply.
 DIODE = "inverter.supply_diode=true"
 UNPROTECTED = (DIODE, "inverter.protection.under_voltage_v=0")
-# Three times the load needs 36.3 A, beyond the rated current.
+# Three times the load needs 36.3 A, beyond the rated current: with that limit the scenario is refused.
 STRONG = "drive.current_limit_a=40"
 # Legs change over within a carrier: the dead time shows.
 SYNC = "drive.sync_rect=true"
@@ -117,7 +116,6 @@ FULL: dict[str, Disturbance] = {
         overrides=(DIODE,),
     ),
     "load-step": Disturbance("3 x load from one instant on", (load(0, 3.0),), overrides=(STRONG,)),
-    "load-step-rated": Disturbance("3 x load from one instant on, current limit 30 A", (load(0, 3.0),), slower=True),
     "stuck-va-5ms": Disturbance("va keeps its code for 5 ms", (stuck(0, "va"), clear(0.005))),
     "stuck-va-5ms-sync": Disturbance(
         "va keeps its code for 5 ms, synchronous rectification", (stuck(0, "va"), clear(0.005)), overrides=(SYNC,)
@@ -215,7 +213,7 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     values |= _effect(run, disturbance)
     dead_time_ns = 1e9 * run.scenario.inverter.dead_time_s
     limits: Limits = {"disturbed": (1, 1), "right_end": (1, 1), "shoot_throughs": (0, 0)}
-    if state == "running" and not disturbance.slower:
+    if state == "running":
         limits["speed_rpm.mean"] = ((1 - SPEED_SHARE) * SPEED_RPM, (1 + SPEED_SHARE) * SPEED_RPM)
     if values["least_dead_time_ns"] is not None:
         limits["least_dead_time_ns"] = (dead_time_ns - 1e-6, None)

@@ -13,8 +13,9 @@ SCENARIO = "six-step/patterns.toml"
 SHORT = ("duration_s=0.1", "window.steady.from_s=0.07", "window.steady.to_s=0.1")
 # As in the other rows of commutation errors.
 LIMIT_DEG = 0.3
-# Of the speed and of the torque: what the host tests of the same regulators allow.
-SPEED_SHARE, TORQUE_SHARE = 0.005, 0.05
+# Of the speed: what the host tests of the same regulators allow. Driving they give the torque within 5 %; braking, with
+# half a sector of freewheeling, the current of the conducting pair that is set is not all that makes torque.
+SPEED_SHARE, TORQUE_SHARE = 0.005, 0.1
 SPEED_RPM, PUMP_RPM = 60_000, 6_000
 SOURCES = ("terminal", "star_point", "mean")
 # Advance: constant part, at the motor's largest speed, at rated current.
@@ -25,25 +26,24 @@ BRAKE_MNM = 10.0
 def _errors(run: Outcome, window: str) -> dict[str, Number]:
     metrics = run.metrics[window]
     return {
-        **{f"commutation_error_deg.{kind}": metrics["commutation_error_deg"][kind] for kind in ("mean", "rms", "max")},
+        **{
+            f"commutation_error_deg.{kind}": metrics["commutation_error_deg"][kind]
+            for kind in ("mean", "std", "rms", "max")
+        },
         "speed_rpm.mean": metrics["speed_rpm"]["mean"],
         "late_crossings": metrics["late_crossings"],
         "trips": len(run.result["trips"]),
     }
 
 
-def _limits(speed_rpm: float, mean_deg: float = 0.0) -> Limits:
-    """Commutations at `mean_deg`, spread of LIMIT_DEG, at the speed, no trip."""
+def _limits(speed_rpm: float) -> Limits:
+    """Commutations where they are wanted, at the speed, no trip."""
     return {
-        "commutation_error_deg.mean": (mean_deg - LIMIT_DEG, mean_deg + LIMIT_DEG),
+        "commutation_error_deg.mean": (-LIMIT_DEG, LIMIT_DEG),
         "commutation_error_deg.std": (None, LIMIT_DEG),
         "speed_rpm.mean": (speed_rpm - SPEED_SHARE * abs(speed_rpm), speed_rpm + SPEED_SHARE * abs(speed_rpm)),
         "trips": (0, 0),
     }
-
-
-def _with_std(run: Outcome, window: str) -> dict[str, Number]:
-    return _errors(run, window) | {"commutation_error_deg.std": run.metrics[window]["commutation_error_deg"]["std"]}
 
 
 @case("six-step/zcd-source")
@@ -55,7 +55,7 @@ def zcd_source(runner: Runner) -> Iterator[Row]:
         yield Row(
             f"six-step/zcd-source/sinusoidal-{source}",
             {"motor": "Motor-I", "emf": "sinusoidal", "speed_rpm": SPEED_RPM, "carrier_hz": 40_000, "source": source},
-            _with_std(run, "steady"),
+            _errors(run, "steady"),
             _limits(SPEED_RPM),
         )
     for source in () if runner.quick else SOURCES:
@@ -74,7 +74,7 @@ def zcd_source(runner: Runner) -> Iterator[Row]:
                 "carrier_hz": 20_000,
                 "source": source,
             },
-            _with_std(run, "steady"),
+            _errors(run, "steady"),
             _limits(PUMP_RPM),
         )
 
@@ -102,15 +102,16 @@ def drive_modes(runner: Runner) -> Iterator[Row]:
     yield Row(
         "six-step/drive-modes/advance",
         conditions | {"advance_deg": constant_deg, "at_max_speed": speed_deg, "at_rated_current": current_deg},
-        _with_std(run, "steady") | {"wanted_advance_deg": wanted_deg, "current_a": current_a},
-        _limits(SPEED_RPM, -wanted_deg),
+        _errors(run, "steady") | {"wanted_advance_deg": wanted_deg, "current_a": current_a},
+        _limits(SPEED_RPM),
+        "The error is that against the wanted advance, by the plant's speed and current.",
     )
 
     run = runner.drive(SCENARIO, "current-loop", "drive.current_loop=true", *short)
     yield Row(
         "six-step/drive-modes/current-loop",
         conditions | {"current_loop": True},
-        _with_std(run, "steady"),
+        _errors(run, "steady"),
         _limits(SPEED_RPM),
     )
     if runner.quick:
@@ -141,7 +142,7 @@ def _braking(runner: Runner) -> Row:
     return Row(
         "six-step/drive-modes/braking",
         {"motor": "Motor-I", "carrier_hz": 40_000, "torque_mnm": wanted, "sync_rect": True, "compute_back": True},
-        _with_std(run, "braking")
+        _errors(run, "braking")
         | {
             "torque_mnm.mean": 1000 * metrics["torque_nm"]["mean"],
             "speed_rpm.max": metrics["speed_rpm"]["max"],
@@ -174,6 +175,6 @@ def _reversal(runner: Runner) -> Row:
     return Row(
         "six-step/drive-modes/reversal",
         {"motor": "Motor-I", "carrier_hz": 40_000, "speed_rpm": -speed_rpm, "from_rpm": speed_rpm, "sync_rect": True},
-        _with_std(run, "backward"),
+        _errors(run, "backward"),
         _limits(-speed_rpm),
     )
