@@ -92,8 +92,8 @@ STUCK = {
     "vc": (None, CHANNEL_FAULTS),
     "vdc": (None, frozenset()),
     "ia": (None, frozenset()),
-    "ib": (None, frozenset()),
-    "ic": (None, frozenset()),
+    "ib-high": (4095, OVER_CURRENT),
+    "ic-zero": (2048, frozenset()),
     "idc": (None, frozenset()),
 }
 
@@ -125,7 +125,7 @@ FULL: dict[str, Disturbance] = {
             f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
             (stuck(0, name.partition("-")[0], code),),
             faults,
-            hidden=name if name in HIDDEN else "",
+            hidden=name.partition("-")[0] if name.partition("-")[0] in HIDDEN and not faults else "",
         )
         for name, (code, faults) in STUCK.items()
     },
