@@ -113,7 +113,9 @@ def test_recorded(tmp_path: Path) -> None:
 
     Verifies: THEORY-11
     """
-    save_trace(tmp_path / "trace.npz", make_run(Drive(duration_s=0.02, carrier_hz=20e3)))
+    made = make_run(Drive(duration_s=0.02, carrier_hz=20e3))
+    made.records["torque_nm"] = 0.01 + 2e-3 * np.cos(2.0 * made.records["theta_e"])
+    save_trace(tmp_path / "trace.npz", made)
     window = ("--from", "0.003", "--to", "0.015", "--commutation", "CSC")
     output, data = run(tmp_path, "recorded", str(tmp_path / "trace.npz"), *window)
     assert "series of CSC" in output
@@ -123,6 +125,10 @@ def test_recorded(tmp_path: Path) -> None:
         # Edges of the run are in whole clocks of 0.007 degrees.
         assert sizes[order] == pytest.approx(series[order], abs=2e-4)
     assert data["turns"] in (11, 12) and data["fundamental_hz"] == pytest.approx(1000.0, rel=1e-6)
+    assert "largest torque lines" in output
+    peaks = dict(zip(data["torque"]["order"], data["torque"]["peak_nm"], strict=True))
+    assert max(peaks) < 6 and len(peaks) == 6 * data["turns"] - 1
+    assert peaks.pop(2.0) == pytest.approx(2e-3, rel=1e-2) and max(peaks.values()) < 1e-4
 
 
 def test_linearity(tmp_path: Path) -> None:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from fluxlock.analysis.rundata import RunData
     from fluxlock.analysis.six_step.soa_study import Study
 
+TORQUE_LINES = 8  # printed
+
 app = typer.Typer(
     help="Theory of six-step operation: safe area, stability, spectra, linearity. Writes PNG and JSON.",
     no_args_is_help=True,
@@ -289,7 +291,7 @@ def recorded(
     carrier: CarrierOption = 20e3,
     max_order: OrderOption = 17.0,
 ) -> None:
-    """Line spectrum of the gates that a run recorded, over a whole number of turns."""
+    """Line spectra of the gates and of the torque ripple that a run recorded, over a whole number of turns."""
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import recording as theory
 
@@ -298,6 +300,7 @@ def recorded(
     run = _load_trace(trace)
     try:
         window = theory.whole_turns(run, from_s, to_s)
+        torque = theory.torque_ripple(run, window)
     except ValueError as error:
         raise ConfigError([Problem("--from, --to", "", str(error))]) from None
     prepare_folder(out)
@@ -311,6 +314,7 @@ def recorded(
         "mean": mean,
         "order": lines.order,
         "amplitude": lines.amplitude,
+        "torque": {"order": torque.order, "peak_nm": np.abs(torque.amplitude)},
     }
     if commutation is not None:
         series = theory.expected_spectrum(run, window, commutation, carrier, max_order)
@@ -323,8 +327,12 @@ def recorded(
     ]
     rows.append(["others, rms", "", *(f"{rest:.4f}" for _, rest in columns)])
     print_table(f"{window.turns} turns at {hertz:.1f} Hz, mean of the output {mean:.4f}", headers, rows)
+    peaks = np.abs(torque.amplitude)
+    largest = np.argsort(peaks)[::-1][:TORQUE_LINES]
+    rows = [[f"{torque.order[k]:.3f}", f"{torque.order[k] * hertz:.0f}", f"{1e3 * peaks[k]:.4f}"] for k in largest]
+    print_table("largest torque lines below six times the fundamental", ["order", "Hz", "peak / mN*m"], rows)
     title = f"{trace}: {window.turns} turns from {from_s:g} s, fundamental {hertz:.1f} Hz"
-    write_figure(out, "recorded", plots.recorded_figure(title, lines, max_order), data)
+    write_figure(out, "recorded", plots.recorded_figure(title, lines, max_order, torque), data)
 
 
 @app.command()

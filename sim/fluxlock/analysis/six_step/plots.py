@@ -220,12 +220,15 @@ def _pulses(axes: Axes, sequence: GateSequence, start_deg: float) -> None:
     axes.set_xlabel("angle / deg el.; dotted: ideal commutations")
 
 
-def recorded_figure(title: str, lines: Lines, max_order: float) -> Figure:
-    """Lines of recorded gates."""
-    figure = Figure(figsize=(13, 5), layout="constrained")
+def recorded_figure(title: str, lines: Lines, max_order: float, torque: Lines) -> Figure:
+    """Lines of recorded gates, and of the torque below six times the fundamental."""
+    figure = Figure(figsize=(13, 8), layout="constrained")
     figure.suptitle(title)
-    axes = figure.subplots()
+    axes, below = figure.subplots(2, 1)
     stems(axes, lines, max_order)
+    below.vlines(torque.order, 0.0, 1e3 * np.abs(torque.amplitude), color=BLUE, linewidth=1.2)
+    below.set_ylim(bottom=0.0)
+    finish(below, "order", "torque ripple, peak / (mN·m)")
     return figure
 
 

@@ -16,6 +16,8 @@ from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numb
 
 # A measured N is no fraction of small numbers; of the series' fractions the nearest up to this denominator is taken.
 MAX_DENOMINATOR = 100
+# Eight for the highest order of the torque ripple.
+RECORDS_A_TURN = 48
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,22 @@ def torque_lines(run: RunData, window: Window, orders: FloatArray) -> Lines:
     torque = run.records["torque_nm"][inside]
     amplitude = [np.mean(torque * np.exp(-1j * order * theta) * _weight(theta, time)) for order in orders]
     return Lines(orders, np.array(amplitude))
+
+
+def torque_ripple(run: RunData, window: Window) -> Lines:
+    """Lines of the torque below six times the fundamental, at all multiples of 1 / turns; amplitude: peak, N*m.
+
+    Raises ValueError with fewer than RECORDS_A_TURN records a turn.
+    """
+    inside = (run.records["t_cycle"] >= window.first_cycle) & (run.records["t_cycle"] < window.last_cycle)
+    found = np.count_nonzero(inside) / window.turns
+    if found < RECORDS_A_TURN:
+        raise ValueError(
+            f"{found:.1f} records a turn, the torque's lines need {RECORDS_A_TURN}: "
+            "shorten record.period_s of the scenario"
+        )
+    orders: FloatArray = np.arange(1, 6 * window.turns) / window.turns
+    return Lines(orders, 2 * torque_lines(run, window, orders).amplitude)
 
 
 def _recorded(run: RunData, window: Window) -> tuple[FloatArray, ComplexArray, FloatArray]:

@@ -74,9 +74,11 @@ def sector_errors_deg(
     return tuple(errors)
 
 
-def crossing_errors_deg(motor: Motor, vdc_v: float, speed_rpm: float) -> tuple[float, float, float]:
+def crossing_errors_deg(
+    motor: Motor, vdc_v: float, speed_rpm: float, drop_v: float = 0.0
+) -> tuple[float, float, float]:
     """The same of phases A, B, C with equal dividers, where opposite sectors have the same errors."""
-    errors = sector_errors_deg(motor, vdc_v, speed_rpm)
+    errors = sector_errors_deg(motor, vdc_v, speed_rpm, drop_v=drop_v)
     a, b, c = (errors[int(np.flatnonzero(phase == FLOATING_PHASE)[0])] for phase in range(3))
     return a, b, c
 

@@ -30,6 +30,7 @@ LINE = 3.0  # radius of the boundaries in figure 5.4
 BENCH = "Motor-I, 25 V, 20 kHz, ON-PWM"
 COMPARED_HZ = 800.0  # at which figure 5.16 compares the currents
 NEAR_HZ = 20.0
+AFTER_TRIP_S = 0.05
 NOT_RUN = "not in the short run"
 
 
@@ -353,6 +354,11 @@ def acceleration(runner: Runner) -> Drawing:
         )
         grid[1][column].set_ylim(-50, 50)
         finish(grid[1][column], "time / s", "current A / A")
+        if run.result["trips"]:
+            # The constant load turns the rotor backward then.
+            for axes in (grid[0][column], grid[1][column]):
+                axes.set_xlim(0.0, run.result["trips"][0]["time_s"] + AFTER_TRIP_S)
+            grid[0][column].set_ylim(0.0, 90.0)
         reached = highest_hz(run)
         rows.append(
             Entry(

@@ -277,6 +277,9 @@ def spectrogram(run: Outcome, from_s: float) -> tuple[FloatArray, FloatArray, Fl
 
 
 def _map(axes: Axes, hertz: FloatArray, fundamental: FloatArray, size: FloatArray, text: str) -> None:
+    # Where the ramp begins and ends the speed goes back and forth by a little.
+    rising = fundamental > np.maximum.accumulate(np.concatenate(([-np.inf], fundamental[:-1])))
+    fundamental, size = fundamental[rising], size[rising]
     floor = 20 * np.log10(np.maximum(size / size.max(), 1e-4))
     axes.pcolormesh(hertz / 1e3, fundamental, floor, cmap="magma", vmin=-60, vmax=0, shading="nearest", rasterized=True)
     axes.set_xlabel("frequency / kHz")

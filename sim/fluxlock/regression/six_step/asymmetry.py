@@ -24,6 +24,8 @@ from fluxlock.regression.six_step.measures import (
 
 MACHINES = {"equal": "motor-1.toml", "emf": "motor-1-weak-phase.toml", "mutual": "motor-1-mutual.toml"}
 SPEED_RPM = 40_130
+# A sample of 1 us: what crossings may be off the theory.
+SAMPLE_DEG = 1e-6 * 6 * SPEED_RPM
 # Corrections in force in the windows of the scenario.
 WINDOWS = {"none": (False, "none"), "a": (True, "none"), "b": (False, "both"), "both": (True, "both")}
 # What the corrections must reach elsewhere: A at this speed with 5 uH in a phase (six-step/correction-a), B with
@@ -71,11 +73,17 @@ def asymmetry(runner: Runner) -> Iterator[Row]:
                 "trips": len(run.result["trips"]),
             }
             values |= phase_crossing_errors(run, window)
+            theory: dict[str, Number] = {}
             if b == "none":
-                values |= theory_errors(run, SPEED_RPM)
+                theory = theory_errors(run, window, SPEED_RPM)
+                values |= theory
             if window == "both":
                 values |= {f"threshold_pu.{n}": pu for n, pu in enumerate(printed_thresholds(run), 1)}
             limits: Limits = {"trips": (0, 0)}
+            if b == "none":
+                for name, late_deg in theory.items():
+                    allowed = (float(late_deg or 0.0) - SAMPLE_DEG, float(late_deg or 0.0) + SAMPLE_DEG)
+                    limits[name.replace("_theory", "")] = allowed
             if window in CORRECTED_DEG:
                 most_deg, rms_deg = CORRECTED_DEG[window]
                 limits["commutation_interval_deg.min"] = (60 - most_deg, None)

@@ -117,7 +117,7 @@ def _row(run: Outcome, speed_rpm: int, stage: Stage, least_intervals: int) -> Ro
     limits: Limits = {"trips": (0, 0), "intervals": (least_intervals, None)}
     limits |= extremes_about(crossing_intervals_deg(errors), allowed_deg, "crossing_interval_deg")
     if not corrected:
-        values |= phase_crossing_errors(run, name) | theory_errors(run, speed_rpm)
+        values |= phase_crossing_errors(run, name) | theory_errors(run, name, speed_rpm)
         # 3/2 of an interval less 1/2 of the one before: of their deviations, up to twice.
         limits |= extremes_about(commutation_intervals_deg(errors), 2 * allowed_deg, "commutation_interval_deg")
     else:

@@ -78,7 +78,7 @@ def clear(at_s: float) -> Change:
 # A diode keeps the link from feeding the failed supply.
 DIODE = "inverter.supply_diode=true"
 UNPROTECTED = (DIODE, "inverter.protection.under_voltage_v=0")
-# Three times the load needs 36.3 A, beyond the rated current.
+# Three times the load needs 36.3 A, beyond the rated current: with that limit the scenario is refused.
 STRONG = "drive.current_limit_a=40"
 # Legs change over within a carrier: the dead time shows.
 SYNC = "drive.sync_rect=true"
@@ -89,12 +89,16 @@ STUCK = {
     "va": (None, CHANNEL_FAULTS),
     "va-high": (4095, CHANNEL_FAULTS),
     "vb-low": (0, CHANNEL_FAULTS),
+    "vc": (None, CHANNEL_FAULTS),
     "vdc": (None, frozenset()),
     "ia": (None, frozenset()),
+    "ib-high": (4095, OVER_CURRENT),
+    "ic-zero": (2048, frozenset()),
     "idc": (None, frozenset()),
 }
 
-HIDDEN = ("vdc", "ia", "idc")
+CURRENTS = ("ia", "ib", "ic", "idc")
+HIDDEN = ("vdc", *CURRENTS)
 
 FULL: dict[str, Disturbance] = {
     "dip": Disturbance(
@@ -121,7 +125,7 @@ FULL: dict[str, Disturbance] = {
             f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
             (stuck(0, name.partition("-")[0], code),),
             faults,
-            hidden=name if name in HIDDEN else "",
+            hidden=name.partition("-")[0] if name.partition("-")[0] in HIDDEN and not faults else "",
         )
         for name, (code, faults) in STUCK.items()
     },
@@ -177,7 +181,7 @@ def _effect(run: Outcome, disturbance: Disturbance) -> dict[str, Number]:
     lost = int(console_word(run, "lost_locks") or 0)
     values: dict[str, Number] = {"speed_deviation_percent": 100 * deviation, "largest_crossing_interval_deg": gap_deg}
     disturbed = lost > 0 or bool(run.result["trips"]) or gap_deg > MISSED_DEG or deviation > SPEED_SHARE
-    if disturbance.hidden in ("ia", "idc"):
+    if disturbance.hidden in CURRENTS:
         off = _reading_off(run, disturbance.hidden)
         values["reading_off_percent"] = 100 * off
         disturbed = disturbed or off > READING_SHARE

@@ -96,9 +96,10 @@ def line_drop_v(run: Outcome, window: str) -> float:
     return (inverter.supply_resistance_ohm + 2 * phase_ohm) * current_a
 
 
-def theory_errors(run: Outcome, speed_rpm: float) -> dict[str, Number]:
-    """How late the crossings of phases A, B, C come by theory, resistances left out, deg."""
-    errors = crossing_errors_deg(run.scenario.motor, run.scenario.inverter.supply_v, speed_rpm)
+def theory_errors(run: Outcome, window: str, speed_rpm: float) -> dict[str, Number]:
+    """How late the crossings of phases A, B, C come by theory at the mean current of a window, deg."""
+    supply_v = run.scenario.inverter.supply_v
+    errors = crossing_errors_deg(run.scenario.motor, supply_v, speed_rpm, line_drop_v(run, window))
     return {f"crossing_error_theory_deg.{x}": error for x, error in zip("ABC", errors, strict=True)}
 
 

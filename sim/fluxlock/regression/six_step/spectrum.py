@@ -70,6 +70,7 @@ def spectrum(runner: Runner) -> Iterator[Row]:
                 "speed_rpm": 64_000,
                 "carrier_hz": 20_000,
                 "pattern": "ON-PWM",
+                "held": "speed imposed, duty frozen at 10 mN*m",
                 "turns": window.turns,
                 "current_orders": f"± {CARRIER_ORDER}",
                 "gate_orders": f"± {GATE_ORDER}",
