@@ -10,6 +10,7 @@ from typing import Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from fluxlock.config.console import line_problem, speed_of_line
+from fluxlock.config.errors import SET_OPTION, Problem
 from fluxlock.config.fields import (
     Model,
     PhaseValues,
@@ -459,11 +460,26 @@ class Record(Model):
 
 @dataclass(frozen=True)
 class Sources:
-    """Files that a scenario was read from, as messages name them."""
+    """Files that a scenario was read from, as messages name them, and the keys that `--set` gave, split at the dots."""
 
     scenario: str
     motor: str
     inverter: str
+    overrides: tuple[tuple[str, ...], ...] = ()
+
+    def is_override(self, key: str) -> bool:
+        """Whether the value of a dotted key, or a part of it, was given by `--set`."""
+        parts = tuple(key.replace("[", ".").replace("]", "").split("."))
+        return any(parts[: len(o)] == o[: len(parts)] for o in self.overrides if o not in (("motor",), ("inverter",)))
+
+    def problem(self, key: str, message: str) -> Problem:
+        """Problem of a key, dotted from the scenario, charged to where its value comes from."""
+        part, _, below = key.partition(".")
+        if self.is_override(key):
+            return Problem(SET_OPTION, key, message)
+        if part in ("motor", "inverter"):
+            return Problem(self.motor if part == "motor" else self.inverter, below, message)
+        return Problem(self.scenario, key, message)
 
 
 class Scenario(Model):
