@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,19 @@ def test_gains_that_no_parameter_holds_are_named(name: str) -> None:
     assert line.startswith("--set: motor.inertia_kgm2: 10 kg*m^2 does not fit the firmware (parameter speed_")
     assert "is too large, largest 1.342e+08); change it or motor.psi_vs (" in line
     assert "drive.speed_bandwidth_hz (" in line
+
+
+def test_current_bandwidth_is_not_cut_off() -> None:
+    """What the key permits reaches the firmware whole: a tick's share of the pole at the highest and half of it.
+
+    Verifies: FRONT-04
+    """
+    highest, half = (
+        parameter_block(load_scenario(DEMO, [f"drive.current_bandwidth_hz={hz}"])).number("current_wt_q16")
+        for hz in (185, 92.5)
+    )
+    assert highest == pytest.approx(2 * math.pi * 185 * 1e-4 * 2**16, abs=0.5)
+    assert half == pytest.approx(highest / 2, abs=1)
 
 
 def test_parameters_from_a_file_name_it(tmp_path: Path) -> None:

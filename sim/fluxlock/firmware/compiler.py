@@ -14,6 +14,7 @@ from fluxlock.firmware.specs import (
     BALANCES,
     COMMUTATIONS,
     HALL_MODES,
+    LOOP_FILTER_SHIFT,
     OVERSPEED_RATIO,
     PATTERNS,
     ZCD_METHODS,
@@ -22,6 +23,7 @@ from fluxlock.firmware.specs import (
     InverterSpec,
     MotorSpec,
     ZcdSampling,
+    current_bandwidth_max_hz,
     least_pulse_s,
     settling_s,
 )
@@ -64,10 +66,6 @@ HALL_SENSOR = (2, 1, 0, 2, 1, 0)
 HALL_STALL_INTERVALS = 6.0
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
-# Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
-# loop may cost at its bandwidth.
-CURRENT_LOOP_LAG_RAD = 0.7
-LOOP_FILTER_SHIFT = 2
 
 
 @dataclass(frozen=True)
@@ -203,7 +201,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         current_bandwidth = 2.0 * math.pi * drive.current_bandwidth_hz
     else:
         current_bandwidth = 2.0 * math.pi * CURRENT_BANDWIDTH_HZ
-    current_bandwidth = min(current_bandwidth, CURRENT_LOOP_LAG_RAD / ((2.0 + 2**LOOP_FILTER_SHIFT) * tick))
+    current_bandwidth = min(current_bandwidth, 2.0 * math.pi * current_bandwidth_max_hz(drive.tick_hz))
     outer_bandwidth = min(bandwidth, current_bandwidth / 3.0)
     outer_kp = motor.inertia_kgm2 * outer_bandwidth / m.k_e * amp_q25 / rpm_q8
 
