@@ -154,7 +154,10 @@ def run(
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST of the chip's signals (zoomed span).")] = False,
 ) -> None:
     """Run a scenario in closed loop and write result.json, trace.npz and plots."""
+    from fluxlock.cosim.parameters import check_parameters
+
     loaded = load_scenario(scenario, set_ or ())
+    check_parameters(loaded)
     out_dir = out if out is not None else Path("build") / scenario.stem
     with _output(out_dir):
         _run(loaded, out_dir, loaded.seed if seed is None else seed, waves)

@@ -25,7 +25,7 @@ def test_refused_lines_are_failures() -> None:
     """
     lines = (
         (0.001, "get"),
-        (0.0011, "set mode torque"),
+        (0.0011, "start"),
         (0.0012, "status"),
         (0.006, "clear"),
         (0.01, "set carrier_hz 1"),
@@ -33,11 +33,11 @@ def test_refused_lines_are_failures() -> None:
     events = ",".join(f'{{at_s={at},command="{line}"}}' for at, line in lines)
     run = drive(SPIN, "refused", "duration_s=0.01", f"event=[{events}]", "window=[]", "expect=[]")
     assert [(round(r.time_s, 6), r.line) for r in run.data.rejected] == [
-        (0.0011, "set mode torque"),
+        (0.0011, "start"),
         (0.006, "clear"),
         (0.01, "set carrier_hz 1"),
     ]
-    assert 'console at 0.001100 s: "set mode torque" was rejected: value out of range' in run.result["failures"]
+    assert 'console at 0.001100 s: "start" was rejected: speed_rpm is 0' in run.result["failures"]
     assert len(run.result["failures"]) == 3
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
 

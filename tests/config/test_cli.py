@@ -342,6 +342,27 @@ def test_results_of_an_earlier_run_do_not_stay(invoke: Invoke, simulator: dict[s
     assert not (tmp_path / "result.json").exists() and not (tmp_path / "overview.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("motor.inertia_kgm2=10", "error: --set: motor.inertia_kgm2: 10 kg*m^2 does not fit the firmware (parameter "),
+        ('event=[{at_s=0.001,command="set carrier_hz 1"}]', "error: --set: event[0].command: 1 Hz is not a carrier of"),
+    ],
+)
+def test_refused_parameters_cost_no_results(
+    invoke: Invoke, simulator: dict[str, Any], tmp_path: Path, override: str, expected: str
+) -> None:
+    """What the firmware cannot hold or take is refused before the results of an earlier run are removed.
+
+    Verifies: FRONT-02, FRONT-17
+    """
+    (tmp_path / "result.json").write_text("{}")
+    code, _, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT, "--set", override)
+    assert code == 2 and simulator["calls"] == [] and len(err.splitlines()) == 1
+    assert err.startswith(expected), err
+    assert (tmp_path / "result.json").read_text() == "{}"
+
+
 @pytest.mark.parametrize("locked", ["", "result.json"])
 def test_output_without_permission(
     invoke: Invoke, simulator: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locked: str

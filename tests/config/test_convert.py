@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import pytest
 
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.convert import drive_spec, motor_spec, plant_params
-from fluxlock.cosim.run import parameter_block
+from fluxlock.cosim.parameters import check_parameters, parameter_block
 from fluxlock.paths import ROOT
 from fluxlock.plant import EncoderParams
 
@@ -52,10 +55,82 @@ def test_values_that_no_parameter_holds_are_named() -> None:
     """
     scenario = load_scenario(DEMO, ["mechanics.mode=locked", "motor.resistance_ohm=100"])
     with pytest.raises(
-        ConfigError, match=r"demo\.toml: drive: firmware: parameter align_v_q25: .* is outside"
+        ConfigError,
+        match=r"^--set: motor.resistance_ohm: 100 Ohm does not fit the firmware \(parameter align_v_q25: .* is outside",
     ) as caught:
         parameter_block(scenario)
     assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize("name", ["demo", "six-step/patterns", "six-step/hall", "six-step/highest-speed"])
+def test_gains_that_no_parameter_holds_are_named(name: str) -> None:
+    """The largest permitted inertia: the key with its value, and what else may be changed.
+
+    Verifies: FRONT-02
+    """
+    scenario = ROOT / "scenarios" / f"{name}.toml"
+    heavy = load_scenario(scenario, ["motor.inertia_kgm2=10"])
+    with pytest.raises(ConfigError) as caught:
+        parameter_block(heavy)
+    (line,) = map(str, caught.value.problems)
+    assert line.startswith("--set: motor.inertia_kgm2: 10 kg*m^2 does not fit the firmware (parameter speed_")
+    assert "is too large, largest 1.342e+08); change it or motor.psi_vs (" in line
+    assert "drive.speed_bandwidth_hz (" in line
+
+
+def test_current_bandwidth_is_not_cut_off() -> None:
+    """What the key permits reaches the firmware whole: a tick's share of the pole at the highest and half of it.
+
+    Verifies: FRONT-04
+    """
+    highest, half = (
+        parameter_block(load_scenario(DEMO, [f"drive.current_bandwidth_hz={hz}"])).number("current_wt_q16")
+        for hz in (185, 92.5)
+    )
+    assert highest == pytest.approx(2 * math.pi * 185 * 1e-4 * 2**16, abs=0.5)
+    assert half == pytest.approx(highest / 2, abs=1)
+
+
+def test_parameters_from_a_file_name_it(tmp_path: Path) -> None:
+    """A value that does not fit is charged to the file that states it, by its key there.
+
+    Verifies: FRONT-02
+    """
+    motor = tmp_path / "heavy.toml"
+    text = (ROOT / "motors" / "motor-1.toml").read_text(encoding="utf-8")
+    motor.write_text(text.replace("inertia_kgm2 = 5e-7", "inertia_kgm2 = 10.0"), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        parameter_block(load_scenario(DEMO, [f"motor={motor}"]))
+    assert str(caught.value).startswith(f"{motor}: inertia_kgm2: 10 kg*m^2 does not fit the firmware")
+
+
+def test_carriers_of_console_lines() -> None:
+    """`set carrier_hz` as the firmware judges it: its period from four least pulses (80 clocks) to the longest carrier.
+
+    Verifies: FRONT-03, FRONT-04
+    """
+
+    def refused(hz: int) -> str:
+        scenario = load_scenario(DEMO, [f'event=[{{at_s=0.1,command="set carrier_hz {hz}"}}]'])
+        try:
+            check_parameters(scenario)
+        except ConfigError as error:
+            return str(error)
+        return ""
+
+    block = parameter_block(load_scenario(DEMO))
+    least, most = 4 * block.number("min_pulse_cycles"), block.number("carrier_longest_cycles")
+
+    def firmware_takes(hz: int) -> bool:
+        return least <= (50_000_000 + hz // 2) // hz <= most
+
+    limits = [hz for hz in range(1, 700_000) if firmware_takes(hz) != firmware_takes(hz + 1)]
+    assert len(limits) == 2
+    low, high = limits[0] + 1, limits[1]
+    assert refused(low) == refused(high) == ""
+    for hz in (1, low - 1, high + 1, 2_000_000_000):
+        permitted = f"{hz} Hz is not a carrier of this drive, permitted {low} to {high} Hz"
+        assert refused(hz) == f"--set: event[0].command: {permitted}"
 
 
 def test_salient_machine() -> None:

@@ -279,13 +279,33 @@ def test_speed_target_by_console_line() -> None:
             "'32768' is not permitted for advance_q16, permitted: -32768 to 32767",
         ),
         ("event[1].command=set advance_q16 -32768", "OK"),
-        ("event[1].command=set irq_load 499", "'499' is not permitted for irq_load, permitted: 0 or from 500"),
+        (
+            "event[1].command=set irq_load 499",
+            "'499' is not permitted for irq_load, permitted: 0 or from 500 to 2147483647",
+        ),
         ("event[1].command=set irq_load 500", "OK"),
+        ("event[1].command=set irq_load 2147483647", "OK"),
+        (
+            "event[1].command=set irq_load 2147483648",
+            "'2147483648' is not permitted for irq_load, permitted: 0 or from 500 to 2147483647",
+        ),
+        ("event[1].command=set irq_load 99999999999999", "'99999999999999' is not permitted for irq_load"),
+        ("event[1].command=set carrier_hz 0", "'0' is not permitted for carrier_hz, permitted: 1 to 2147483647"),
+        ("event[1].command=set carrier_hz -5", "'-5' is not permitted for carrier_hz"),
+        ("event[1].command=set carrier_hz 2147483648", "'2147483648' is not permitted for carrier_hz"),
+        (
+            "event[1].command=set speed_rpm -2147483648",
+            "'-2147483648' is not permitted for speed_rpm, permitted: a whole number of at most 2147483647 in size",
+        ),
+        (
+            "event[1].command=set torque_mnm 2147483.648",
+            "permitted: a number with at most three decimals, of at most 2147483.647 in size",
+        ),
         (
             "event[1].command=set torque_mnm 1.2345",
             "'1.2345' is not permitted for torque_mnm, permitted: a number with at most three decimals",
         ),
-        ("event[1].command=set torque_mnm -49.125", "OK"),
+        ("event[1].command=set torque_mnm 49.125", "OK"),
         ("event[1].command=set carrier_hz 40_000", "'40_000' is not permitted for carrier_hz"),
         ("event[1].command=get mesured_rpm", '"mesured_rpm" is no value of the drive, did you mean "measured_rpm"?'),
         ("event[1].command=get measured_rpm", "OK"),
@@ -318,7 +338,23 @@ def test_speed_target_by_console_line() -> None:
             "--set: drive.start.carrier_hz: 40001 Hz is above drive.carrier_hz (40000 Hz)",
         ),
         ("drive.start.carrier_hz=40000", "OK"),
-        ("drive.hall.filter_s=1e-3", "OK"),
+        ("drive.hall.filter_s=1e-3", 'drive.hall.filter_s: has no effect with hall.mode = "off": set hall.mode, or'),
+        ("drive.zcd.miss_limit=0", "drive.zcd.miss_limit: 0 is out of range, permitted 1 to 255"),
+        (
+            "drive.current_bandwidth_hz=186",
+            "drive.current_bandwidth_hz: 186 Hz is out of range, permitted 1 to 185 Hz",
+        ),
+        ("drive.current_bandwidth_hz=185", "OK"),
+        ("drive.hall.learn=true", 'drive.hall.learn: has no effect with hall.mode = "off": set hall.mode, or'),
+        ("drive.hall.learn=false", 'drive.hall.learn: has no effect with hall.mode = "off": set hall.mode, or'),
+        (
+            "drive.brake_current_limit_a=5",
+            "drive.brake_current_limit_a: has no effect without sync_rect = true: set it, or leave this out",
+        ),
+        (
+            'event[0]={at_s=0.1,fault={kind="shorted_winding",phases=["A","A"]}}',
+            "event[0].fault.phases: names A twice",
+        ),
         ("drive.hall.offset_deg=5", 'drive.hall.offset_deg: has no effect with hall.mode = "off"'),
         (
             "inverter.sensing.sample_period_s=20e-6",
@@ -406,17 +442,71 @@ def test_console_lines_within_reach() -> None:
     assert found("set speed_rpm -94001") == [f"{where} -94001 r/min {top}"]
     assert found("set speed_rpm 60000", "set speed_rpm 0") == []
     limit = "permitted by the limit of the current, 30 A"
-    assert found("set torque_mnm 49", "set torque_mnm -49", "set current_ma 30000") == []
+    assert found("set torque_mnm 49", "set sync_rect 1", "set torque_mnm -49", "set current_ma 30000") == []
     assert found("set torque_mnm 50") == [f"{where} 50 mN*m needs 30.2 A, {limit}"]
-    assert found("set current_ma -30001") == [f"{where} -30001 mA is beyond the limit of the current, 30 A"]
+    assert found("set current_ma 30001") == [f"{where} 30001 mA is beyond the limit of the current, 30 A"]
     assert found("set current_limit_a 40", "set torque_mnm 50") == []
     lowered = found("set current_limit_a 10", "set torque_mnm 49")
     assert lowered == ["--set: event[1].command: 49 mN*m needs 29.6 A, permitted by the limit of the current, 10 A"]
     full = "permitted: above 0 up to sensing.current_full_scale_a of the inverter (50 A)"
+    trip = "is not below protection.phase_current_a of the inverter (45 A)"
+    assert found("set current_limit_a 44.999") == []
+    assert found("set current_limit_a 45") == [f"{where} 45 A {trip}"]
     for name in ("current_limit_a", "dc_limit_a", "brake_limit_a"):
-        assert found(f"set {name} 50") == []
+        assert found(f"set {name} 50") == ([f"{where} 50 A {trip}"] if name == "current_limit_a" else [])
         assert found(f"set {name} 50.001") == [f"{where} 50.001 A is not permitted, {full}"]
         assert found(f"set {name} 0") == [f"{where} 0 A is not permitted, {full}"]
+
+
+def test_console_lines_that_need_another_setting() -> None:
+    """Braking torque and torque mode need what the keys need; the lines before may have set it, or taken it away.
+
+    Verifies: FRONT-03, FRONT-04
+    """
+
+    def found(overrides: tuple[str, ...], *lines: str) -> list[str]:
+        events = ",".join(f'{{at_s={0.1 + 0.01 * i:.2f},command="{line}"}}' for i, line in enumerate(lines))
+        try:
+            load_scenario(DEMO, [f"event=[{events}]", *overrides])
+        except ConfigError as error:
+            return [str(problem).removeprefix("--set: ") for problem in error.problems]
+        return []
+
+    brakes = "brakes: needs drive.sync_rect = true, or set sync_rect 1 before"
+    assert found((), "set torque_mnm -5") == [f"event[0].command: -5 mN*m {brakes}"]
+    assert found((), "set current_ma -5") == [f"event[0].command: -5 mA {brakes}"]
+    assert found(("drive.sync_rect=true",), "set torque_mnm -5", "set current_ma -5") == []
+    lost = found(("drive.sync_rect=true",), "set sync_rect 0", "set torque_mnm -5")
+    assert lost == [f"event[1].command: -5 mN*m {brakes}"]
+    needs = "torque mode needs drive.current_loop = true, or set current_loop 1 before"
+    assert found((), "set mode torque") == [f"event[0].command: {needs}"]
+    assert found((), "set mode 1") == [f"event[0].command: {needs}"]
+    assert found((), "set mode speed", "set current_loop 1", "set mode torque") == []
+    loop = ("drive.current_loop=true",)
+    assert found(loop, "set mode torque", "set mode speed", "set current_loop 0") == []
+    needed = "event[1].command: the torque mode needs the current loop: set mode speed before"
+    assert found(loop, "set mode torque", "set current_loop 0") == [needed]
+    # Whatever drive.mode asks for is the mode until a line changes it.
+    assert found((*loop, "drive.mode=torque"), "set mode speed", "set current_loop 0") == []
+    brake = ("drive.brake_current_limit_a=5",)
+    assert found(brake, "set sync_rect 1") == []
+    assert len(found(brake, "set sync_rect 0")) == 1
+
+
+def test_imposed_speed_begins_at_the_initial_speed() -> None:
+    """A stated initial speed and an imposed profile must agree at time 0; without one the profile counts.
+
+    Verifies: FRONT-03
+    """
+    imposed = 'mechanics={mode="imposed",profile=[[0,20000],[1,60000]]}'
+    late = 'mechanics={mode="imposed",profile=[[0.5,20000],[1,60000]]}'
+    for profile in (imposed, late):
+        load_scenario(DEMO, [profile])
+        load_scenario(DEMO, [profile, "initial.speed_rpm=20000"])
+        assert errors(profile, "initial.speed_rpm=10000") == [
+            "--set: initial.speed_rpm: 10000 r/min is not where mechanics.profile begins (20000 r/min); set it to "
+            "that, or leave it out"
+        ]
 
 
 def test_advances_within_their_limit() -> None:

@@ -1,11 +1,17 @@
-"""The page of the regression against the registered cases."""
+"""The page of the regression against the registered cases, and from which runs its rows are."""
 
 from __future__ import annotations
 
+import json
 import re
+from pathlib import Path
+from typing import Any
+
+import pytest
 
 import fluxlock.regression.sets  # noqa: F401  (registers the cases)
-from fluxlock.docs.regression import PAGE
+from fluxlock.docs.regression import PAGE, page
+from fluxlock.regression import origin, runner
 from fluxlock.regression.case import CASES
 
 
@@ -17,3 +23,77 @@ def test_table_holds_every_case() -> None:
     rows = re.findall(r"^\| ([^ |]+/[^ |]+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     found = {max((case for case in CASES if f"{row}/".startswith(f"{case}/")), key=len, default=row) for row in rows}
     assert (sorted(set(CASES) - found), sorted(found - set(CASES))) == ([], []), "(missing, unknown)"
+
+
+def row(name: str, revision: str | None = "aaa", seed: int = 1) -> dict[str, Any]:
+    """A row as it is stored; without a revision as older files have it."""
+    made = {} if revision is None else {"git_revision": revision, "seed": seed}
+    return {"id": name, "conditions": {}, "values": {"x": 1}, "limit": {}, "pass": True, "note": "", **made}
+
+
+def document(*rows: dict[str, Any]) -> dict[str, Any]:
+    return {"schema": runner.SCHEMA_VERSION, "quick": False, "seed": 2, "git_revision": "bbb", "rows": list(rows)}
+
+
+def test_rows_keep_their_revision(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows of an earlier run stay with its revision and seed; of no case any more, or of unknown origin: dropped aloud.
+
+    Verifies: SYS-12
+    """
+    path = tmp_path / "regression.json"
+    stored = [
+        row("six-step/hall/before"),
+        row("six-step/hall/after"),
+        row("six-step/patterns"),
+        row("six-step/gone/1"),
+        row("six-step/lost-lock/1", None),
+    ]
+    path.write_text(json.dumps(document(*stored)), encoding="utf-8")
+    merged = runner.merge(document(row("six-step/hall/before", "bbb", 2)), ["six-step/hall"], path)
+    assert [(r["id"], r["git_revision"], r["seed"]) for r in merged["rows"]] == [
+        ("six-step/hall/before", "bbb", 2),
+        ("six-step/patterns", "aaa", 1),
+    ]
+    assert capsys.readouterr().out.splitlines() == [
+        f"dropped from {path}: six-step/gone/1: no case of this name any more",
+        f"dropped from {path}: six-step/lost-lock/1: its revision and seed were not recorded",
+    ]
+
+
+def test_rows_are_made_with_their_revision(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every row of a run carries seed and revision; the revision is that of its beginning.
+
+    Verifies: SYS-12
+    """
+    revisions = iter(("at the beginning", "at the end"))
+    monkeypatch.setattr(origin, "git_revision", lambda: next(revisions))
+
+    def side_by_side(work: Any, names: Any, quick: bool, seed: int, jobs: int, done: Any) -> None:
+        for name in names:
+            done(name, [{"id": name}])
+
+    monkeypatch.setattr(runner, "side_by_side", side_by_side)
+    made = runner.run_cases(["six-step/hall", "six-step/patterns"], seed=7)
+    assert [(r["id"], r["git_revision"], r["seed"]) for r in made["rows"]] == [
+        ("six-step/hall", "at the beginning", 7),
+        ("six-step/patterns", "at the beginning", 7),
+    ]
+    assert made["git_revision"] == "at the beginning"
+
+
+def test_page_names_the_revisions() -> None:
+    """Once in the head where all rows agree; else at each case, and at its rows where these differ.
+
+    Verifies: DOC-05
+    """
+    one = page(document(row("six-step/hall/before"), row("six-step/patterns")))
+    assert one.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n\n## six-step/hall\n" in one
+    two = page(document(row("six-step/hall/before"), row("six-step/hall/after"), row("six-step/patterns", "bbb", 2)))
+    assert "\nFull length; revision and seed stand at each case.\n" in two and two.count("Revision") == 2
+    assert "## six-step/hall\n\nRevision aaa, seed 1.\n\n|" in two
+    assert "## six-step/patterns\n\nRevision bbb, seed 2.\n\n|" in two
+    mixed = page(document(row("six-step/hall/before"), row("six-step/hall/after", None)))
+    assert (
+        "\nRevision aaa, seed 1: six-step/hall/before.\n\nRevision unknown, seed unknown: six-step/hall/after.\n"
+        in mixed
+    )

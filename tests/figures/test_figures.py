@@ -28,6 +28,7 @@ from fluxlock.figures.panels import page, save_small
 from fluxlock.figures.six_step import chapter_2, chapter_3, chapter_5, chapter_6, support
 from fluxlock.figures.six_step.support import motor_1
 from fluxlock.paths import ROOT
+from fluxlock.regression import origin
 from fluxlock.regression import runner as regression_runner
 from fluxlock.regression.runner import RunFailed, Runner
 from tests.analysis.synthetic import Drive, make_run
@@ -156,6 +157,45 @@ def test_command(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert len(json.loads(path.read_text())["figures"]) == 3
     assert run_figures("six-step", ["1.2", "1.10"], tmp_path, True, 1, 1)
     assert [f["figure"] for f in json.loads(path.read_text())["figures"]] == ["1.2", "1.10"]
+
+
+def test_figures_keep_their_revision(
+    three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A figure drawn before stays with its revision and seed, also on the page; gone or of unknown origin: dropped.
+
+    Verifies: FIG-02, FIG-03
+    """
+    folder, pages = tmp_path / "figures", tmp_path / "pages"
+    pages.mkdir()
+    path = folder / "six-step" / "figures.json"
+    monkeypatch.setattr(origin, "git_revision", lambda: "aaa")
+    run_figures("six-step", ["1.2", "1.3"], folder, False, 1, 1)
+    docs_page.main(folder, pages, tmp_path / "images")
+    text = (pages / "figures-six-step.md").read_text()
+    assert text.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n" in text
+    monkeypatch.setattr(origin, "git_revision", lambda: "bbb")
+    run_figures("six-step", ["1.3"], folder, False, 2, 1)
+    figures = json.loads(path.read_text())["figures"]
+    assert [(f["figure"], f["git_revision"], f["seed"]) for f in figures] == [("1.2", "aaa", 1), ("1.3", "bbb", 2)]
+    docs_page.main(folder, pages, tmp_path / "images")
+    text = (pages / "figures-six-step.md").read_text()
+    assert "\nFull length; revision and seed stand at each figure.\n" in text
+    assert "## Figure 1.2: A figure that works\n\nRevision aaa, seed 1.\n" in text
+    assert "## Figure 1.3: A run that breaks off\n\nRevision bbb, seed 2.\n" in text
+
+    document = json.loads(path.read_text())
+    del document["figures"][0]["seed"]
+    document["figures"].append({**document["figures"][1], "figure": "9.9"})
+    path.write_text(json.dumps(document))
+    capsys.readouterr()
+    run_figures("six-step", ["1.3"], folder, False, 2, 1)
+    assert [f["figure"] for f in json.loads(path.read_text())["figures"]] == ["1.3"]
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("dropped")]
+    assert lines == [
+        f"dropped from {path}: 1.2: its revision and seed were not recorded",
+        f"dropped from {path}: 9.9: no figure of this name any more",
+    ]
 
 
 def test_page(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fluxlock.config.console import CURRENT_LIMITS, number_of_line
+from fluxlock.config.console import CURRENT_LIMITS, number_of_line, switch_of_line
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
@@ -153,10 +153,8 @@ def _power_stage(s: Scenario) -> list[Problem]:
             f"carrier, permitted up to {with_unit(1.0 / shortest_s, 'Hz')}"
         )
         problems.append(Problem(file, "drive.carrier_hz", text))
-    if s.current_limit_a >= s.inverter.protection.phase_current_a:
-        trip, limit = with_unit(s.inverter.protection.phase_current_a, "A"), with_unit(s.current_limit_a, "A")
-        text = f"{limit} is not below protection.phase_current_a of the inverter ({trip})"
-        problems.append(Problem(file, "drive.current_limit_a", text))
+    if trips := _trips(s, s.current_limit_a):
+        problems.append(Problem(file, "drive.current_limit_a", trips))
     problems += _samples(s, period_s)
     torque_nm = 1e-3 * (s.drive.torque_mnm or 0.0)
     torque_a = abs(torque_nm) / s.motor.torque_per_amp_nm
@@ -205,6 +203,7 @@ def _console(s: Scenario) -> list[Problem]:
                 full = f"sensing.current_full_scale_a of the inverter ({with_unit(full_a, 'A')})"
                 text = f"{with_unit(asked_a, 'A')} is not permitted, permitted: above 0 up to {full}"
             elif asked_a is not None and name == "current_limit_a":
+                text = _trips(s, asked_a)
                 limit_a = asked_a
         limit = f"the limit of the current, {with_unit(limit_a, 'A')}"
         torque_mnm, current_ma = number_of_line(line, "torque_mnm"), number_of_line(line, "current_ma")
@@ -216,6 +215,60 @@ def _console(s: Scenario) -> list[Problem]:
         if text:
             problems.append(Problem(s.sources.scenario, f"event[{i}].command", text))
     return problems
+
+
+def _trips(s: Scenario, limit_a: float) -> str:
+    """What is wrong with a limit of the current that the trip comes before; empty if nothing is."""
+    trip_a = s.inverter.protection.phase_current_a
+    if limit_a < trip_a:
+        return ""
+    trip = with_unit(trip_a, "A")
+    return f"{with_unit(limit_a, 'A')} is not below protection.phase_current_a of the inverter ({trip})"
+
+
+def _switches(s: Scenario) -> list[Problem]:
+    """Console lines that need a setting, and a key that needs a line: the settings as the lines before left them."""
+    problems = []
+    settings = {
+        "sync_rect": s.drive.sync_rect,
+        "current_loop": s.drive.current_loop,
+        "mode": s.drive.mode == "torque",
+    }
+    ever_rectifies = s.drive.sync_rect
+    for i in sorted(range(len(s.event)), key=lambda i: s.event[i].at_s):
+        line, text = s.event[i].command or "", ""
+        for name, unit in (("torque_mnm", "mN*m"), ("current_ma", "mA")):
+            target = number_of_line(line, name)
+            if target is not None and target < 0 and not settings["sync_rect"]:
+                text = f"{with_unit(target, unit)} brakes: needs drive.sync_rect = true, or set sync_rect 1 before"
+        wanted = {name: switch_of_line(line, name) for name in settings}
+        if wanted["mode"] and not settings["current_loop"]:
+            text = "torque mode needs drive.current_loop = true, or set current_loop 1 before"
+        elif wanted["current_loop"] is False and settings["mode"]:
+            text = "the torque mode needs the current loop: set mode speed before"
+        else:
+            settings |= {name: value for name, value in wanted.items() if value is not None}
+        ever_rectifies |= settings["sync_rect"]
+        if text:
+            problems.append(Problem(s.sources.scenario, f"event[{i}].command", text))
+    if s.drive.brake_current_limit_a is not None and not ever_rectifies:
+        text = "has no effect without sync_rect = true: set it, or leave this out"
+        problems.append(Problem(s.sources.scenario, "drive.brake_current_limit_a", text))
+    return problems
+
+
+def _initial(s: Scenario) -> list[Problem]:
+    """An imposed speed begins where its profile does: a stated initial speed may not say otherwise."""
+    if not s.mechanics.profile or "speed_rpm" not in s.initial.model_fields_set:
+        return []
+    begins_rpm = s.mechanics.profile[0][1]  # holds before the first point too
+    if s.initial.speed_rpm == begins_rpm:
+        return []
+    text = (
+        f"{with_unit(s.initial.speed_rpm, 'r/min')} is not where mechanics.profile begins "
+        f"({with_unit(begins_rpm, 'r/min')}); set it to that, or leave it out"
+    )
+    return [Problem(s.sources.scenario, "initial.speed_rpm", text)]
 
 
 def _hall(s: Scenario) -> list[Problem]:
@@ -238,5 +291,6 @@ def _hall(s: Scenario) -> list[Problem]:
 
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
-    problems = _times(scenario) + _power_stage(scenario) + _console(scenario) + _hall(scenario) + _reach(scenario)
+    checks = (_times, _power_stage, _console, _switches, _hall, _initial, _reach)
+    problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

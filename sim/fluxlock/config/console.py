@@ -71,8 +71,10 @@ CHOICES = {
     "zcd_method": ("first", "interpolated", "averaged"),
     "zcd_source": ("terminal", "star_point", "mean"),
 }
+NUMBER_MAX = 2**31 - 1  # read into 32 bits, those with decimals in thousandths
 RANGES = {
     "accel_rpm_s": (1, 100_000_000),
+    "carrier_hz": (1, NUMBER_MAX),
     "advance_q16": (-0x8000, 0x7FFF),
     "advance_speed_q16": (-0x8000, 0x7FFF),
     "advance_current_q16": (-0x8000, 0x7FFF),
@@ -148,11 +150,24 @@ def _permitted_instead(name: str, text: str) -> str | None:
     if low is not None and high is not None:
         inside = number is not None and low <= number <= high
         return None if inside else ", or ".join([*filter(None, [", ".join(choices)]), f"{low} to {high}"])
+    if name == "irq_load":
+        inside = number is not None and (number == 0 or LOAD_PERIOD_MIN <= number <= NUMBER_MAX)
+        return None if inside else f"0 or from {LOAD_PERIOD_MIN} to {NUMBER_MAX}"
     if number is None:
         return "a number with at most three decimals" if name in DECIMALS else "a whole number"
-    if name == "irq_load" and 0 != number < LOAD_PERIOD_MIN:
-        return f"0 or from {LOAD_PERIOD_MIN}"
+    if name in DECIMALS and round(1000 * abs(number)) > NUMBER_MAX:
+        return f"a number with at most three decimals, of at most {NUMBER_MAX / 1000:.3f} in size"
+    if name not in DECIMALS and abs(number) > NUMBER_MAX:
+        return f"a whole number of at most {NUMBER_MAX} in size"
     return None
+
+
+def switch_of_line(line: str, name: str) -> bool | None:
+    """What a line sets a switch, or the mode (True: torque), to; None if it sets another setting."""
+    words = line.split()
+    if words[:2] != ["set", name] or len(words) != 3:
+        return None
+    return words[2] == "torque" if words[2] in CHOICES["mode"] else number_of_line(line, name) == 1
 
 
 def _known(word: str, names: tuple[str, ...]) -> str:

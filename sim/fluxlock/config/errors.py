@@ -6,6 +6,8 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+SET_OPTION = "--set"
+
 
 @dataclass(frozen=True)
 class Problem:

@@ -15,13 +15,11 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from fluxlock.config.checks import check_scenario
-from fluxlock.config.errors import ConfigError, Problem, closest, did_you_mean
+from fluxlock.config.errors import SET_OPTION, ConfigError, Problem, closest, did_you_mean
 from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Scenario, Sources
-
-SET_OPTION = "--set"
 
 _TYPE_WORDS = {
     "float_type": "a number",
@@ -360,7 +358,7 @@ def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
     except ValidationError as error:
         problems += [p for p in source.problems(error) if p.key not in ("motor", "inverter")]
         raise ConfigError(problems) from None
-    scenario._sources = Sources(str(path), motor_file, inverter_file)
+    scenario._sources = Sources(str(path), motor_file, inverter_file, tuple(o.key for o in parsed))
     problems += [source.problem(p.key, p.message) for p in check_scenario(scenario)]
     if problems:
         raise ConfigError(problems)

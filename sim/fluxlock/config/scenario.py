@@ -10,6 +10,7 @@ from typing import Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from fluxlock.config.console import line_problem, speed_of_line
+from fluxlock.config.errors import SET_OPTION, Problem
 from fluxlock.config.fields import (
     Model,
     PhaseValues,
@@ -22,7 +23,13 @@ from fluxlock.config.fields import (
 )
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
-from fluxlock.firmware.specs import OVERSPEED_RATIO
+from fluxlock.firmware.specs import (
+    CURRENT_LOOP_LAG_RAD,
+    CURRENT_LOOP_LAG_TICKS,
+    OVERSPEED_RATIO,
+    TICK_HZ,
+    current_bandwidth_max_hz,
+)
 
 TripCause = Literal[
     "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
@@ -85,7 +92,8 @@ class Zcd(Model):
     method: Literal["first", "interpolated", "averaged"] = Field(
         default="interpolated",
         description="Time of a crossing: `first` sample after it, `interpolated` across the chop-off gap, `averaged` "
-        "over four samples on either side, else two, else interpolated.",
+        "over four samples on either side, else two, else interpolated. With `sampling` once a `carrier` these are "
+        "carriers apart.",
     )
     source: Literal["terminal", "star_point", "mean"] = Field(
         default="terminal",
@@ -121,7 +129,7 @@ class Zcd(Model):
     balance_bandwidth_hz: float | None = quantity(
         "Bandwidth of that loop.", "Hz", 0.1, 500, default=None, absent="1.5 times that of the speed loop"
     )
-    miss_limit: int = quantity("Missed crossings in a row that mean a lost lock; 0 = never.", "", 0, 255, default=6)
+    miss_limit: int = quantity("Missed crossings in a row that mean a lost lock.", "", 1, 255, default=6)
 
 
 class Hall(Model):
@@ -227,7 +235,14 @@ class Drive(Model):
         description="DC-current loop inside of the speed loop; `false`: the speed regulator sets the voltage.",
     )
     current_bandwidth_hz: float | None = quantity(
-        "Bandwidth of the current loop.", "Hz", 1, 2000, default=None, absent="100 Hz, or what the control tick allows"
+        "Bandwidth of the current loop; highest: a lag of "
+        f"{CURRENT_LOOP_LAG_RAD:g} rad over {CURRENT_LOOP_LAG_TICKS} ticks of the control at "
+        f"{TICK_HZ:.0f} Hz, {CURRENT_LOOP_LAG_RAD:g}/2π · {TICK_HZ:.0f}/{CURRENT_LOOP_LAG_TICKS}.",
+        "Hz",
+        1,
+        math.floor(current_bandwidth_max_hz(TICK_HZ)),
+        default=None,
+        absent="100 Hz",
     )
     mode: Literal["speed", "torque"] = Field(
         default="speed", description="What the target is. `torque`: a current, with `current_loop` only."
@@ -259,8 +274,9 @@ class Drive(Model):
             raise conflict("torque_mnm", 'belongs to mode = "torque"')
         if (self.torque_mnm or 0.0) < 0 and not self.sync_rect:
             raise conflict("torque_mnm", f"{with_unit(self.torque_mnm or 0.0, 'mN*m')} brakes: needs sync_rect = true")
-        if self.hall.mode == "off" and any(self.hall.offset_deg):
-            raise conflict("hall.offset_deg", 'has no effect with hall.mode = "off": set hall.mode, or leave it out')
+        for key in ("learn", "offset_deg", "filter_s") if self.hall.mode == "off" else ():
+            if key in self.hall.model_fields_set and (key != "offset_deg" or any(self.hall.offset_deg)):
+                raise conflict(f"hall.{key}", 'has no effect with hall.mode = "off": set hall.mode, or leave it out')
         return self
 
     @model_validator(mode="after")
@@ -284,7 +300,13 @@ class Initial(Model):
     """State of the rotor at time 0."""
 
     theta_deg: float = quantity("Electrical angle of the d axis against phase A.", "deg", -360, 360, default=0.0)
-    speed_rpm: float = quantity("Mechanical speed.", "r/min", -2e6, 2e6, default=0.0)
+    speed_rpm: float = quantity(
+        "Mechanical speed. With an imposed speed, where its profile begins: left out, or the same.",
+        "r/min",
+        -2e6,
+        2e6,
+        default=0.0,
+    )
 
 
 class Mechanics(Model):
@@ -341,6 +363,9 @@ class Fault(Model):
         for kind, key in (("shorted_winding", "phases"), ("stuck_channel", "channel")):
             if self.kind == kind and getattr(self, key) is None:
                 raise conflict(key, f'required key is missing for kind = "{kind}"')
+        for phase in self.phases or ():
+            if (self.phases or []).count(phase) > 1:
+                raise conflict("phases", f"names {phase} twice; a short between terminals needs two phases")
         return self
 
 
@@ -459,11 +484,26 @@ class Record(Model):
 
 @dataclass(frozen=True)
 class Sources:
-    """Files that a scenario was read from, as messages name them."""
+    """Files that a scenario was read from, as messages name them, and the keys that `--set` gave, split at the dots."""
 
     scenario: str
     motor: str
     inverter: str
+    overrides: tuple[tuple[str, ...], ...] = ()
+
+    def is_override(self, key: str) -> bool:
+        """Whether the value of a dotted key, or a part of it, was given by `--set`."""
+        parts = tuple(key.replace("[", ".").replace("]", "").split("."))
+        return any(parts[: len(o)] == o[: len(parts)] for o in self.overrides if o not in (("motor",), ("inverter",)))
+
+    def problem(self, key: str, message: str) -> Problem:
+        """Problem of a key, dotted from the scenario, charged to where its value comes from."""
+        part, _, below = key.partition(".")
+        if self.is_override(key):
+            return Problem(SET_OPTION, key, message)
+        if part in ("motor", "inverter"):
+            return Problem(self.motor if part == "motor" else self.inverter, below, message)
+        return Problem(self.scenario, key, message)
 
 
 class Scenario(Model):

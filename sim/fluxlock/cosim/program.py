@@ -8,7 +8,8 @@ from pathlib import Path
 from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.config import Scenario
 from fluxlock.cosim.launch import SimulatorError, run_plan
-from fluxlock.cosim.run import IMAGE_FILE, collect, parameter_block, prepare, ready_chip
+from fluxlock.cosim.parameters import parameter_block
+from fluxlock.cosim.run import IMAGE_FILE, collect, prepare, ready_chip
 from fluxlock.firmware import build_program, write_image
 
 

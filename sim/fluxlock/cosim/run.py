@@ -9,27 +9,18 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault
-from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
+from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.chip import Chip, build_chip
-from fluxlock.cosim.convert import CLOCK_HZ, action_of, drive_spec, inverter_spec, motor_spec, plant_params
+from fluxlock.cosim.convert import CLOCK_HZ, action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
-from fluxlock.firmware import ParameterBlock, ParameterError, build_firmware, compile_parameters, write_image
+from fluxlock.firmware import build_firmware, write_image
 from fluxlock.paths import BUILD, ROOT
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
 IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
 TRAINING_CYCLES = 1_500_000
-
-
-def parameter_block(scenario: Scenario) -> ParameterBlock:
-    """What the firmware is told in a scenario; a value that no parameter can hold raises ConfigError."""
-    block = compile_parameters(motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario))
-    try:
-        block.pack()
-    except ParameterError as error:
-        raise ConfigError([Problem(scenario.sources.scenario, "drive", f"firmware: {error}")]) from error
-    return block
 
 
 def prepare(

@@ -11,6 +11,7 @@ from typing import Any
 from fluxlock.figures.command import DOCUMENT
 from fluxlock.figures.figure import FAMILIES
 from fluxlock.paths import BUILD, ROOT
+from fluxlock.regression.origin import common_origin, origin_text
 
 FOLDER = BUILD / "figures"
 PAGES = ROOT / "docs" / "verification"
@@ -53,9 +54,14 @@ def page(document: dict[str, Any]) -> str:
     """The page: a section a figure with condition, image and table."""
     family = document["family"]
     kind = "short runs" if document["quick"] else "full length"
-    lines = [HEADS[family], f"Revision {document['git_revision']}, seed {document['seed']}, {kind}.\n"]
+    common = common_origin(document["figures"])
+    lines = [HEADS[family]]
+    lines.append(
+        f"{common}, {kind}.\n" if common else f"{kind.capitalize()}; revision and seed stand at each figure.\n"
+    )
     for part in document["figures"]:
         lines.append(f"## Figure {part['figure']}: {part['title']}\n")
+        lines += [] if common else [f"{origin_text(part)}.\n"]
         if part["failure"]:
             lines.append(f"Not drawn: {part['failure'].strip().splitlines()[-1]}\n")
             continue

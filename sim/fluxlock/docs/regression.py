@@ -9,6 +9,7 @@ from typing import Any
 
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.case import limit_text
+from fluxlock.regression.origin import common_origin, origin_text
 
 PAGE = ROOT / "docs" / "verification" / "regression.md"
 RESULT = BUILD / "regression.json"
@@ -27,16 +28,30 @@ def _value(name: str, row: dict[str, Any]) -> str:
     return f"{name} {shown}" if limit is None else f"**{name} {shown}** ({limit_text(limit['min'], limit['max'])})"
 
 
+def _origins(rows: list[dict[str, Any]]) -> list[str]:
+    """Revision and seed of a case, of its rows where they differ."""
+    if common := common_origin(rows):
+        return [f"{common}.\n"]
+    texts = dict.fromkeys(map(origin_text, rows))
+    return [f"{text}: {', '.join(row['id'] for row in rows if origin_text(row) == text)}.\n" for text in texts]
+
+
 def page(document: dict[str, Any]) -> str:
     """The page: a table a case, a line a row."""
     lines = [HEAD]
     kind = "short versions" if document["quick"] else "full length"
-    lines.append(f"Revision {document['git_revision']}, seed {document['seed']}, {kind}.\n")
+    common = common_origin(document["rows"])
+    lines.append(f"{common}, {kind}.\n" if common else f"{kind.capitalize()}; revision and seed stand at each case.\n")
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in document["rows"]:
         groups.setdefault("/".join(row["id"].split("/")[:2]), []).append(row)
     for name, rows in groups.items():
-        lines += [f"## {name}\n", "| row | conditions | values (limit) | |", "|---|---|---|---|"]
+        lines += [
+            f"## {name}\n",
+            *([] if common else _origins(rows)),
+            "| row | conditions | values (limit) | |",
+            "|---|---|---|---|",
+        ]
         for row in rows:
             conditions = ", ".join(f"{key} {value}" for key, value in row["conditions"].items())
             values = ", ".join(_value(key, row) for key in row["values"])

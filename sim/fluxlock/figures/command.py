@@ -13,12 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fluxlock.analysis.result import git_revision
 from fluxlock.analysis.six_step.output import prepare_folder
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
 from fluxlock.figures.figure import FAMILIES, FIGURES, FigureEntry
 from fluxlock.figures.panels import save_small
+from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.runner import RunFailed, Runner, side_by_side
 
 SCHEMA_VERSION = 1
@@ -94,6 +94,7 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
     entries = select(family, wanted)
     folder = out / family
     prepare_folder(folder)
+    made = origin(seed)  # before the runs: the checkout may change while they last
     found = draw_all(entries, family, folder, quick, seed, jobs)
     console = Console()
     table = Table(title=f"figures {family}" + (", quick" if quick else ""), title_justify="left")
@@ -106,7 +107,8 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
         if part["failure"]:
             table.add_row(entry.number, f"[bold red]{part['failure'].strip().splitlines()[-1]}[/]", "", "")
     console.print(table)
-    document = _document(family, found, folder / DOCUMENT, quick, seed)
+    document = _document(family, {n: {**part, **made} for n, part in found.items()}, folder / DOCUMENT, quick)
+    document |= made
     (folder / DOCUMENT).write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     console.print(f"written: {folder}/{DOCUMENT} and PNG", highlight=False, soft_wrap=True)
     failed = [number for number, part in found.items() if part["failure"]]
@@ -115,19 +117,19 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
     return not failed
 
 
-def _document(family: str, found: dict[str, dict[str, Any]], path: Path, quick: bool, seed: int) -> dict[str, Any]:
+def _document(family: str, found: dict[str, dict[str, Any]], path: Path, quick: bool) -> dict[str, Any]:
     """The document with what stands in the file already and was not drawn anew (same length of run)."""
-    kept: dict[str, dict[str, Any]] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    numbers = [f.number for f in of_family(family)]
     if path.exists():
         before = json.loads(path.read_text(encoding="utf-8"))
         if before.get("schema") == SCHEMA_VERSION and before.get("quick") == quick:
-            kept = {part["figure"]: part for part in before["figures"]}
-    kept.update(found)
+            others = [part for part in before["figures"] if part["figure"] not in found]
+            parts = {part["figure"]: part for part in kept(others, "figure", numbers.__contains__, "figure", path)}
+    parts.update(found)
     return {
         "schema": SCHEMA_VERSION,
         "family": family,
         "quick": quick,
-        "seed": seed,
-        "git_revision": git_revision(),
-        "figures": [kept[f.number] for f in of_family(family) if f.number in kept],
+        "figures": [parts[number] for number in numbers if number in parts],
     }

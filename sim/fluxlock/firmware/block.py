@@ -19,11 +19,15 @@ Value = int | tuple[int, ...]
 
 
 class ParameterError(ValueError):
-    """A value does not fit its parameter."""
+    """A value does not fit its parameter. parameter: its name, empty where the block as a whole is meant."""
+
+    def __init__(self, message: str, parameter: str = "") -> None:
+        self.parameter = parameter
+        super().__init__(f"parameter {parameter}: {message}" if parameter else message)
 
 
-def gain(value: float) -> tuple[int, int]:
-    """Mantissa and shift of a real factor: 30 significant bits, shift 4..62.
+def gain(value: float, name: str = "") -> tuple[int, int]:
+    """Mantissa and shift of a real factor: 30 significant bits, shift 4..62. name: of its parameter, for the error.
 
     >>> gain(0.5)
     (1073741824, 31)
@@ -40,13 +44,13 @@ def gain(value: float) -> tuple[int, int]:
         mantissa = round(magnitude / 2.0)
         shift -= 1
     if shift < SHIFT_MIN:
-        raise ParameterError(f"gain {value!r} is too large for a parameter")
+        raise ParameterError(f"gain {value:.4g} is too large, largest {2.0 ** (31 - SHIFT_MIN):.4g}", name)
     return (mantissa if value > 0 else -mantissa), shift
 
 
-def shared_gains(*values: float) -> tuple[tuple[int, ...], int]:
-    """Mantissas of several positive factors with one shift, the largest normalised."""
-    top, shift = gain(max(values))
+def shared_gains(name: str, *values: float) -> tuple[tuple[int, ...], int]:
+    """Mantissas of several positive factors with one shift, the largest normalised. name: see `gain`."""
+    top, shift = gain(max(values), name)
     del top
     return tuple(max(1, round(v * 2.0**shift)) for v in values), shift
 
@@ -90,13 +94,13 @@ class ParameterBlock:
             value = self.values[p.name]
             words = (value,) if isinstance(value, int) else tuple(value)
             if len(words) != p.words:
-                raise ParameterError(f"parameter {p.name}: {len(words)} words, {p.words} wanted")
+                raise ParameterError(f"{len(words)} words, {p.words} wanted", p.name)
             checked = words[1::2] if p.kind == "gain" else words
             for word in checked:
                 if not p.min <= word <= p.max:
-                    raise ParameterError(f"parameter {p.name}: {word} is outside {p.min}..{p.max} {p.unit}")
+                    raise ParameterError(f"{word} is outside {p.min}..{p.max} {p.unit}", p.name)
             if any(not -(2**31) <= word < 2**31 for word in words):
-                raise ParameterError(f"parameter {p.name}: {words} does not fit 32 bits")
+                raise ParameterError(f"{words} does not fit 32 bits", p.name)
             result.extend(words)
         return result
 

@@ -14,6 +14,7 @@ from fluxlock.firmware.specs import (
     BALANCES,
     COMMUTATIONS,
     HALL_MODES,
+    LOOP_FILTER_SHIFT,
     OVERSPEED_RATIO,
     PATTERNS,
     ZCD_METHODS,
@@ -22,6 +23,7 @@ from fluxlock.firmware.specs import (
     InverterSpec,
     MotorSpec,
     ZcdSampling,
+    current_bandwidth_max_hz,
     least_pulse_s,
     settling_s,
 )
@@ -64,10 +66,6 @@ HALL_SENSOR = (2, 1, 0, 2, 1, 0)
 HALL_STALL_INTERVALS = 6.0
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
-# Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
-# loop may cost at its bandwidth.
-CURRENT_LOOP_LAG_RAD = 0.7
-LOOP_FILTER_SHIFT = 2
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ def _braking_speed(motor: MotorSpec, r_phase: float, current_a: float) -> float:
 
 
 def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpec) -> ParameterBlock:
-    """All parameters of the firmware. Values that do not fit raise ParameterError when the block is packed."""
+    """All parameters of the firmware. Gains that do not fit raise ParameterError here, other values when packed."""
     m = _Machine.of(motor, inverter)
     p = motor.pole_pairs
     clock, tick = drive.clock_hz, 1.0 / drive.tick_hz
@@ -186,10 +184,10 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     else:
         bandwidth = min(2.0 * math.pi * BANDWIDTH_HZ, 0.3 * m.r_line / m.l_line)
     kp = [motor.inertia_kgm2 * r * bandwidth / m.k_e * volt / rpm_q8 for r in (m.r_line, m.r_high)]
-    speed_kp, speed_kp_shift = shared_gains(*kp)
+    speed_kp, speed_kp_shift = shared_gains("speed_kp", *kp)
     ki = [max(m.k_e * bandwidth * volt / rpm_q8, gain_p * bandwidth / KI_DIVISOR) * tick * Q5 for gain_p in kp]
-    speed_ki, speed_ki_shift = shared_gains(*ki)
-    resistance, resistance_shift = shared_gains(*(r * volt / amp_q17 for r in (m.r_line, m.r_high)))
+    speed_ki, speed_ki_shift = shared_gains("speed_ki", *ki)
+    resistance, resistance_shift = shared_gains("resistance", *(r * volt / amp_q17 for r in (m.r_line, m.r_high)))
     if drive.accel_rpm_per_s is not None:
         accel_rpm_s = drive.accel_rpm_per_s
     else:
@@ -203,7 +201,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         current_bandwidth = 2.0 * math.pi * drive.current_bandwidth_hz
     else:
         current_bandwidth = 2.0 * math.pi * CURRENT_BANDWIDTH_HZ
-    current_bandwidth = min(current_bandwidth, CURRENT_LOOP_LAG_RAD / ((2.0 + 2**LOOP_FILTER_SHIFT) * tick))
+    current_bandwidth = min(current_bandwidth, 2.0 * math.pi * current_bandwidth_max_hz(drive.tick_hz))
     outer_bandwidth = min(bandwidth, current_bandwidth / 3.0)
     outer_kp = motor.inertia_kgm2 * outer_bandwidth / m.k_e * amp_q25 / rpm_q8
 
@@ -264,8 +262,8 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "overspeed_rpm": round(OVERSPEED_RATIO * motor.max_speed_rpm),
         "pole_pairs": p,
         "speed_max_rpm": round(motor.max_speed_rpm),
-        "emf": gain(m.k_e * volt / rpm_q8),
-        "speed_ratio": gain(Q16 / (motor.max_speed_rpm * Q8)),
+        "emf": gain(m.k_e * volt / rpm_q8, "emf"),
+        "speed_ratio": gain(Q16 / (motor.max_speed_rpm * Q8), "speed_ratio"),
         "resistance_low": resistance[0],
         "resistance_high": resistance[1],
         "resistance_shift": resistance_shift,
@@ -285,7 +283,9 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_source": ZCD_SOURCES.index(drive.zcd_source),
         "zcd_compute_back": int(drive.compute_back),
         "zcd_linear": int(motor.emf == "trapezoidal"),
-        "zcd_peak": gain((1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8),
+        "zcd_peak": gain(
+            (1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8, "zcd_peak"
+        ),
         "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(settle_s),
         "zcd_blank_cycles": cycles(blank_s),
@@ -295,7 +295,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "zcd_threshold_q17": tuple(round(t * Q17) for t in drive.thresholds),
         "freewheel_limit_q17": round(FREEWHEEL_LSB * Q17 / half_codes),
         "balance": BALANCES.index(drive.balance),
-        "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0),
+        "balance_step": gain(balance_bandwidth * 2.0 * math.pi / clock * slope * Q25 / 6.0, "balance_step"),
         "balance_turn_cycles": max(256, min(0xFFFFFF, cycles(BALANCE_SHARE_A_TURN / balance_bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
         "correction_a": int(drive.correction_a),
@@ -310,7 +310,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "advance_q16": turn60(drive.advance_deg),
         "advance_speed_q16": turn60(drive.advance_deg_at_max_speed),
         "advance_current_q16": turn60(drive.advance_deg_at_rated_current),
-        "rated_current_ratio": gain(Q16 / (motor.rated_current_a * amp_q25)),
+        "rated_current_ratio": gain(Q16 / (motor.rated_current_a * amp_q25), "rated_current_ratio"),
         "latency_cycles": cycles(inverter.driver_delay_s),
         "timeout_q12": 0x1800,
         "miss_limit": drive.miss_limit,
@@ -322,13 +322,13 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
                 CATCH_SPEED_RATIO * m.line_emf_peak * p * w_handover, CATCH_DIODES * inverter.diode_drop_v, 40.0 * v_lsb
             )
         ),
-        "catch_speed": gain(60.0 / (2.0**24 * p * tick) * Q8),
+        "catch_speed": gain(60.0 / (2.0**24 * p * tick) * Q8, "catch_speed"),
         "precharge_ticks": ticks(inverter.precharge_s),
         "align_ticks": ticks(align_s),
         "align_ramp_ticks": ticks(0.2 * align_s),
         "align_v_q25": max(1, round(1.5 * m.r_phase * start_a * volt)),
         "start_v_q25": max(1, round(start_v * volt)),
-        "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8),
+        "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8, "start_emf"),
         "lock_v_q25": max(1, round(0.5 * start_v * volt)),
         "start_first_cycles": cycles(math.sqrt(math.pi / 3.0 / (p * accel))),
         "start_accel_rpm_q20": max(1, round(accel * RPM * tick * Q20)),
@@ -352,24 +352,24 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "speed_ki_high": speed_ki[1],
         "speed_ki_shift": speed_ki_shift,
         # The speed is a mean over one electrical turn: w_b may be at most 0.9 f_e for 60 degrees of phase margin.
-        "speed_bandwidth_scale": gain(0.9 * p / (60.0 * Q8) / bandwidth * Q16),
-        "accel_feed_forward_s": gain(Q8 / bandwidth),
+        "speed_bandwidth_scale": gain(0.9 * p / (60.0 * Q8) / bandwidth * Q16, "speed_bandwidth_scale"),
+        "accel_feed_forward_s": gain(Q8 / bandwidth, "accel_feed_forward_s"),
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
         "current_limit_ma": round(1e3 * limit_a),
         "dc_current_limit_ma": round(1e3 * dc_limit_a),
         "brake_limit_ma": round(1e3 * brake_a),
         "brake_vdc_v_q25": round(brake_to_v * volt),
-        "brake_range": gain(Q16 / ((brake_to_v - brake_from_v) * volt)),
-        "limiter_kp": gain(limiter_kp),
-        "limiter_ki": gain(limiter_ki),
+        "brake_range": gain(Q16 / ((brake_to_v - brake_from_v) * volt), "brake_range"),
+        "limiter_kp": gain(limiter_kp, "limiter_kp"),
+        "limiter_ki": gain(limiter_ki, "limiter_ki"),
         "current_filter_shift": 3,
         "current_loop": int(drive.current_loop),
         "torque_mode": int(drive.mode == "torque"),
         "target_i_q25": max(-Q25, min(Q25, round(drive.target_torque_nm / m.k_e * amp_q25))),
-        "torque_to_current": gain(1e-6 / m.k_e * amp_q25),
-        "speed_to_current_kp": gain(outer_kp),
-        "speed_to_current_ki": gain(outer_kp * outer_bandwidth / KI_DIVISOR * tick * Q5),
-        "current_kp": gain(m.l_line * current_bandwidth * volt / amp_q25),
+        "torque_to_current": gain(1e-6 / m.k_e * amp_q25, "torque_to_current"),
+        "speed_to_current_kp": gain(outer_kp, "speed_to_current_kp"),
+        "speed_to_current_ki": gain(outer_kp * outer_bandwidth / KI_DIVISOR * tick * Q5, "speed_to_current_ki"),
+        "current_kp": gain(m.l_line * current_bandwidth * volt / amp_q25, "current_kp"),
         "current_wt_q16": max(1, round(current_bandwidth * tick * Q16)),
         "loop_filter_shift": LOOP_FILTER_SHIFT,
         "stop_rpm": max(1, round(1.1 * w_handover * RPM)),

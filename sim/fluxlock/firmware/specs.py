@@ -5,6 +5,7 @@ They carry the keys of the TOML files that concern the firmware, checked by whoe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,6 +27,12 @@ HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
 
 # Over-speed limit over the motor's highest speed.
 OVERSPEED_RATIO = 1.25
+TICK_HZ = 10e3
+# Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
+# loop may cost at its bandwidth.
+CURRENT_LOOP_LAG_RAD = 0.7
+LOOP_FILTER_SHIFT = 2
+CURRENT_LOOP_LAG_TICKS = 2 + (1 << LOOP_FILTER_SHIFT)
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ class DriveSpec:
     """What the scenario asks of the drive; None chooses a value from machine and inverter."""
 
     clock_hz: float = 50e6
-    tick_hz: float = 10e3
+    tick_hz: float = TICK_HZ
     commutation: Commutation = "CSC"
     pattern: Pattern = "ON-PWM"
     carrier_hz: float = 40e3
@@ -109,6 +116,11 @@ class DriveSpec:
     mode: Literal["speed", "torque"] = "speed"
     target_torque_nm: float = 0.0
     current_bandwidth_hz: float | None = None
+
+
+def current_bandwidth_max_hz(tick_hz: float) -> float:
+    """Highest bandwidth of the current loop (Hz)."""
+    return CURRENT_LOOP_LAG_RAD * tick_hz / (2.0 * math.pi * CURRENT_LOOP_LAG_TICKS)
 
 
 def settling_s(sample_period_s: float, divider_pole_s: float) -> float:

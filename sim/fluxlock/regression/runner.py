@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fluxlock.analysis.result import git_revision, tool_versions
+from fluxlock.analysis.result import tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
@@ -23,6 +23,7 @@ from fluxlock.cosim.run import ready_chip, run_scenario
 from fluxlock.firmware import build_firmware, build_program
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.regression.case import CASES, Row
+from fluxlock.regression.origin import kept, origin
 
 SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
@@ -157,6 +158,7 @@ def run_cases(
 ) -> dict[str, Any]:
     """Run cases in `jobs` processes and return the document; done: called with every finished case's rows."""
     order = list(names)
+    made = origin(seed)  # before the runs: the checkout may change while they last
     rows: dict[str, list[dict[str, Any]]] = {}
 
     def store(name: str, found: list[dict[str, Any]]) -> None:
@@ -168,10 +170,9 @@ def run_cases(
     return {
         "schema": SCHEMA_VERSION,
         "quick": quick,
-        "seed": seed,
-        "git_revision": git_revision(),
+        **made,
         "tool_versions": tool_versions(),
-        "rows": [row for name in order for row in rows[name]],
+        "rows": [{**row, **made} for name in order for row in rows[name]],
     }
 
 
@@ -201,12 +202,13 @@ def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -
     if path.exists():
         before = json.loads(path.read_text(encoding="utf-8"))
         if before.get("schema") == SCHEMA_VERSION and before.get("quick") == document["quick"]:
-            document["rows"] += [row for row in before["rows"] if _case_of(row["id"]) not in names]
+            others = [row for row in before["rows"] if _case_of(row["id"]) not in names]
+            document["rows"] += kept(others, "id", lambda name: _case_of(name) in CASES, "case", path)
             order = list(CASES)
             document["rows"].sort(key=lambda row: order.index(_case_of(row["id"])))
     return document
 
 
 def _case_of(row_id: str) -> str:
-    """Case that a row belongs to: the longest one whose name begins its id."""
-    return max((name for name in CASES if f"{row_id}/".startswith(f"{name}/")), key=len)
+    """Case that a row belongs to: the longest one whose name begins its id; empty if there is none."""
+    return max((name for name in CASES if f"{row_id}/".startswith(f"{name}/")), key=len, default="")
