@@ -369,6 +369,7 @@ module fl_soc
       .adc_code_i,
       .fault_pin_i,
       .lost_i      (lost),
+      .deadline_i  (1'b0),
       .req_h_i     (req_h),
       .req_l_i     (req_l),
       .gate_h_o,

@@ -25,7 +25,7 @@ from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
 from fluxlock.firmware.specs import OVERSPEED_RATIO
 
 TripCause = Literal[
-    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
+    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software", "deadline"
 ]
 DriveFault = Literal[
     "parameter_magic",

@@ -68,6 +68,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "b trip_cause.over_voltage",
         "b trip_cause.under_voltage",
         "b trip_cause.software",
+        "b trip_cause.deadline",
     ),
     "bus": (
         "b irq_control",
