@@ -29,8 +29,8 @@ class TripTb:
 
     async def start(self, **settings: int) -> None:
         inputs = {
-            "rst_i": 1, "adc_valid_i": 0, "adc_code_i": 0, "fault_pin_i": 0, "lost_i": 0, "software_i": 0, "deadline_i": 0,
-            "guard_enable_i": 0, "cfg_enable_i": ALL, "cfg_phase_lsb_i": 1000, "cfg_dc_lsb_i": 500,
+            "rst_i": 1, "adc_valid_i": 0, "adc_code_i": 0, "fault_pin_i": 0, "lost_i": 0, "software_i": 0,
+            "deadline_i": 0, "guard_enable_i": 0, "cfg_enable_i": ALL, "cfg_phase_lsb_i": 1000, "cfg_dc_lsb_i": 500,
             "cfg_over_lsb_i": 3000, "cfg_under_lsb_i": 1000, "clear_i": 0, "log_index_i": 0, "req_h_i": 7,
         }  # fmt: skip
         for name, value in (inputs | settings).items():

@@ -1,6 +1,7 @@
-// The chip: soft core with RAM, register bus, and the six-step path from converter codes to gate pins.
+// The chip: soft core with RAM, register bus, and the two paths from converter codes to gate pins.
 //
 //   converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (guard, trips) -> gates
+//                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
 // order below (docs: register reference). The trace port shows what happens inside to a test bench or a logic analyser;
@@ -55,7 +56,7 @@ module fl_soc
   end
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 12;
+  localparam int unsigned Blocks = 13;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -68,9 +69,11 @@ module fl_soc
     Safety    = 4'd8,
     Capture   = 4'd9,
     Freewheel = 4'd10,
-    Hall      = 4'd11
+    Hall      = 4'd11,
+    Foc       = 4'd12
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
     4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
     4'(fl_freewheel_regs_pkg::FL_FREEWHEEL_REGS_MIN_ADDR_WIDTH),
     4'(fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH),
@@ -99,7 +102,7 @@ module fl_soc
   stamp_t now;
   logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
 
-  // Six-step path.
+  // Samples and the six-step path.
   logic sample_valid;
   sample_t [Channels-1:0] sample;
   stamp_t sample_time;
@@ -117,7 +120,12 @@ module fl_soc
   logic comm_applied, carrier_start, seq_reverse;
   sector_t seq_sector;
   logic [17:0] duty_q2;
-  logic [Phases-1:0] req_h, req_l;
+  logic [Phases-1:0] seq_req_h, seq_req_l;
+
+  // Vector path.
+  logic vector_source, vector_update, vector_sync, vector_deadline;
+  logic [Phases-1:0] vector_req_h, vector_req_l;
+
   logic tripped, trip_event;
   trip_t trip_cause;
 
@@ -189,6 +197,7 @@ module fl_soc
       .req_i    (req),
       .stb_i    (stb[Timer]),
       .rdat_o   (rdat[Timer]),
+      .sync_i   (vector_sync),
       .now_o    (now),
       .tick_o   (tick),
       .update_o (update),
@@ -218,7 +227,7 @@ module fl_soc
       .rdat_o         (rdat[Sense]),
       .now_i          (now),
       .tick_i         (tick),
-      .carrier_start_i(carrier_start),
+      .carrier_start_i(vector_source ? vector_update : carrier_start),
       .pwm_state_i    (pwm_state),
       .adc_strobe_o,
       .adc_valid_i,
@@ -345,8 +354,8 @@ module fl_soc
       .comm_sector_i  (comm_sector),
       .hall_position_i(hall_position),
       .hall_ok_i      (hall_ok),
-      .req_h_o        (req_h),
-      .req_l_o        (req_l),
+      .req_h_o        (seq_req_h),
+      .req_l_o        (seq_req_l),
       .gate_i         (gate_o),
       .pwm_state_o    (pwm_state),
       .carrier_start_o(carrier_start),
@@ -354,6 +363,29 @@ module fl_soc
       .sector_o       (seq_sector),
       .reverse_o      (seq_reverse),
       .duty_q2_o      (duty_q2)
+  );
+
+  fl_foc_wb #(
+      .Phases(Phases)
+  ) u_foc (
+      .clk_i,
+      .rst_i,
+      .req_i         (req),
+      .stb_i         (stb[Foc]),
+      .rdat_o        (rdat[Foc]),
+      .now_i         (now),
+      .tick_i        (tick),
+      .update_i      (update),
+      .strobe_i      (adc_strobe_o),
+      .sample_valid_i(sample_valid),
+      .sample_i      (sample[2*Phases-1:Phases]),
+      .sample_time_i (sample_time),
+      .source_o      (vector_source),
+      .update_o      (vector_update),
+      .sync_o        (vector_sync),
+      .deadline_o    (vector_deadline),
+      .req_h_o       (vector_req_h),
+      .req_l_o       (vector_req_l)
   );
 
   fl_safety_wb #(
@@ -369,9 +401,9 @@ module fl_soc
       .adc_code_i,
       .fault_pin_i,
       .lost_i      (lost),
-      .deadline_i  (1'b0),
-      .req_h_i     (req_h),
-      .req_l_i     (req_l),
+      .deadline_i  (vector_deadline),
+      .req_h_i     (vector_source ? vector_req_h : seq_req_h),
+      .req_l_i     (vector_source ? vector_req_l : seq_req_l),
       .gate_h_o,
       .gate_l_o,
       .gate_o,
