@@ -5,7 +5,7 @@
 // Every update_o of the leg carriers opens a current window; its mean starts fl_foc with the angle that the accumulator
 // had at the window's instant, fl_foc starts the modulator, whose compares wait for the next update.
 // Settings are staged: at update_i, or in the first clock after it in which no regulator step runs or starts, all of
-// them act together. Speed and correction of the angle act at update_i itself (fl_angle_nco); a speed is taken over in
+// them act together; so they do after reset. Speed and correction of the angle act at update_i itself (fl_angle_nco); a speed is taken over in
 // the clock after it appeared.
 //
 // From the change of the gate pins at an update (update_o + 1) to the window's first clock: settings.from clocks;
@@ -53,7 +53,7 @@ module fl_vector
 
   // Settings in use.
   settings_t settings_q;
-  logic waiting_q, apply;  // an update event waits for the end of a regulator step
+  logic waiting_q, apply;  // an update event, or the end of the reset, waits for the end of a regulator step
   logic foc_busy, foc_start;
 
   assign apply = (update_i || waiting_q) && !foc_busy && !foc_start;
@@ -62,7 +62,7 @@ module fl_vector
     waiting_q <= (update_i || waiting_q) && !apply;
     if (apply) settings_q <= settings_i;
     if (rst_i) begin
-      waiting_q  <= 1'b0;
+      waiting_q  <= 1'b1;
       settings_q <= '0;
     end
   end

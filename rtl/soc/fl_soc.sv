@@ -126,6 +126,8 @@ module fl_soc
   logic vector_source, vector_update, vector_sync, vector_deadline;
   logic [Phases-1:0] vector_req_h, vector_req_l;
 
+  // Requests of the path that drives.
+  logic [Phases-1:0] req_h, req_l;
   logic tripped, trip_event;
   trip_t trip_cause;
 
@@ -388,6 +390,9 @@ module fl_soc
       .req_l_o       (vector_req_l)
   );
 
+  assign req_h = vector_source ? vector_req_h : seq_req_h;
+  assign req_l = vector_source ? vector_req_l : seq_req_l;
+
   fl_safety_wb #(
       .Phases(Phases)
   ) u_safety (
@@ -402,8 +407,8 @@ module fl_soc
       .fault_pin_i,
       .lost_i      (lost),
       .deadline_i  (vector_deadline),
-      .req_h_i     (vector_source ? vector_req_h : seq_req_h),
-      .req_l_i     (vector_source ? vector_req_l : seq_req_l),
+      .req_h_i     (req_h),
+      .req_l_i     (req_l),
       .gate_h_o,
       .gate_l_o,
       .gate_o,
