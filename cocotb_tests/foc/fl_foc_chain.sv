@@ -34,6 +34,8 @@ module fl_foc_chain
     output logic                   deadline_o,
     output logic   [   Phases-1:0] req_h_o,
     output logic   [   Phases-1:0] req_l_o,
+    output logic                   instant_o,
+    output logic   [         31:0] theta_o,
     output logic   [16*Phases-1:0] high_o,      // clocks of each upper request between the last two updates
     output logic   [16*Phases-1:0] low_o
 );
@@ -132,7 +134,9 @@ module fl_foc_chain
       .sync_o,
       .deadline_o,
       .req_h_o,
-      .req_l_o
+      .req_l_o,
+      .instant_o,
+      .theta_o
   );
 
   always_ff @(posedge clk_i) begin

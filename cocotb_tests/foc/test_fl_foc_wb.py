@@ -108,9 +108,10 @@ class TB:
         self.conversion = 20
         self.current: Callable[[int], list[int]] = lambda strobe: [0] * self.phases
         self.times: dict[str, list[int]] = {
-            name: [] for name in ("adc_strobe_o", "update_o", "sync_o", "tick_o", "event_o")
+            name: [] for name in ("adc_strobe_o", "update_o", "sync_o", "tick_o", "event_o", "instant_o")
         }
         self.valids: list[int] = []
+        self.instants: dict[int, int] = {}  # angle of the trace port
         self.counts: dict[int, list[int]] = {}  # clocks with the upper request until an update
         self.written: dict[str, int] = {}
         self.angle = Angle()
@@ -147,6 +148,8 @@ class TB:
             await FallingEdge(self.dut.clk_i)
             # A pulse of one clock: it is still high.
             self.times[name].append(self.now)
+            if name == "instant_o":
+                self.instants[self.now] = int(self.dut.theta_o.value)
             if name == "update_o":
                 cocotb.start_soon(self._count(self.now))
 
@@ -410,6 +413,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
             instant = strobes[-1] + case.length // 2
             assert got.stamp == instant - delay and got.samples == max(1, case.samples)
             assert got.theta_sample == tb.angle.at(instant), f"step {step}: {got.theta_sample}, {tb.angle.at(instant)}"
+            assert tb.instants[instant] == got.theta_sample
             latest = max(t for t in tb.times["update_o"] if t + 2 <= tick)
             assert got.theta_update == tb.angle.at(latest + 1), f"step {step}: angle of the pins' change"
             assert (got.omega, got.steps, got.overruns, got.missed) == (used.omega, 1, 0, first.missed)

@@ -48,6 +48,8 @@ module fl_vector
     output logic                   deadline_o,  // fault of the leg carriers
     output logic      [Phases-1:0] req_h_o,
     output logic      [Phases-1:0] req_l_o,
+    output logic                   instant_o,   // instant of a window
+    output logic            [31:0] theta_o,     // of this clock, 2^32 = one turn
     output snapshot_t              snapshot_o
 );
 
@@ -84,7 +86,7 @@ module fl_vector
       .correct_i,
       .strobe_i        (instant),
       .carrier_update_i(pins_q),
-      .theta_o         (),
+      .theta_o,
       .theta_sample_o  (theta_sample),
       .theta_update_o  (theta_update),
       .omega_o         (omega)
@@ -130,6 +132,8 @@ module fl_vector
       older_theta_q  <= '0;
     end
   end
+
+  assign instant_o = instant;
 
   // Regulators.
   logic foc_valid;

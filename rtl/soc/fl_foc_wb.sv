@@ -27,7 +27,9 @@ module fl_foc_wb
     output logic              sync_o,      // compares of a regulator step are made
     output logic              deadline_o,
     output logic [Phases-1:0] req_h_o,
-    output logic [Phases-1:0] req_l_o
+    output logic [Phases-1:0] req_l_o,
+    output logic              instant_o,   // instant of a window
+    output logic [      31:0] theta_o      // angle of this clock, 2^32 = one turn
 );
 
   fl_foc_regs_pkg::fl_foc_regs__in_t  hwif_in;
@@ -112,6 +114,8 @@ module fl_foc_wb
       .deadline_o,
       .req_h_o,
       .req_l_o,
+      .instant_o,
+      .theta_o,
       .snapshot_o  (snapshot)
   );
 

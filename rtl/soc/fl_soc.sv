@@ -10,6 +10,8 @@
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
 //   trc_update_o      the update event: new settings act from the next clock
 //   trc_trip_o        trip causes were latched in the clock before
+//   trc_angle_valid_o instant of a current window while the leg carriers drive the gates; trc_angle_o: the estimated
+//                     electrical angle in that clock, 2^32 = one turn
 `default_nettype none
 module fl_soc
   import fl_pkg::*;
@@ -48,7 +50,9 @@ module fl_soc
     output stamp_t  trc_comm_sched_o,
     output logic    trc_update_o,
     output logic    trc_trip_o,
-    output trip_t   trc_trip_cause_o
+    output trip_t   trc_trip_cause_o,
+    output logic    trc_angle_valid_o,
+    output logic [31:0] trc_angle_o
 );
 
   if (Phases != 3) begin : g_check
@@ -125,6 +129,8 @@ module fl_soc
   // Vector path.
   logic vector_source, vector_update, vector_sync, vector_deadline;
   logic [Phases-1:0] vector_req_h, vector_req_l;
+  logic vector_instant;
+  logic [31:0] vector_theta;
 
   // Requests of the path that drives.
   logic [Phases-1:0] req_h, req_l;
@@ -387,7 +393,9 @@ module fl_soc
       .sync_o        (vector_sync),
       .deadline_o    (vector_deadline),
       .req_h_o       (vector_req_h),
-      .req_l_o       (vector_req_l)
+      .req_l_o       (vector_req_l),
+      .instant_o     (vector_instant),
+      .theta_o       (vector_theta)
   );
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;
@@ -445,7 +453,7 @@ module fl_soc
     if (rst_i) comm_sched_q <= '0;
   end
 
-  assign trc_valid_o      = comm_applied || zc_valid || update || trip_event;
+  assign trc_valid_o      = comm_applied || zc_valid || update || trip_event || trc_angle_valid_o;
   assign trc_now_o        = now;
   assign trc_zc_valid_o   = zc_valid;
   assign trc_zc_late_o    = zc_late;
@@ -457,6 +465,9 @@ module fl_soc
   assign trc_update_o     = update;
   assign trc_trip_o       = trip_event;
   assign trc_trip_cause_o = trip_cause;
+
+  assign trc_angle_valid_o = vector_source && vector_instant;
+  assign trc_angle_o       = vector_theta;
 
 endmodule
 `default_nettype wire
