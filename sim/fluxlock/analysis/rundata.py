@@ -48,6 +48,7 @@ TRIP_CAUSES = (
     "over_voltage",
     "under_voltage",
     "software",
+    "deadline",
 )
 # Faults whose names are not those of their trips.
 TRIP_FAULTS = {

@@ -32,7 +32,7 @@ from fluxlock.firmware.specs import (
 )
 
 TripCause = Literal[
-    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
+    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software", "deadline"
 ]
 DriveFault = Literal[
     "parameter_magic",
