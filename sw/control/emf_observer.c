@@ -77,3 +77,11 @@ HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t 
                                     limit_state(emf.im + round_shift(product_im(error, g2), shift))};
   observer->voltage_v_q25 = voltage_v_q25;
 }
+
+HOT void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
+  const complex_t current = observer->current_i_q25;
+  const int64_t re = round_shift(product_re(voltage_v_q25, gains->gamma1), gains->shift);
+  const int64_t im = round_shift(product_im(voltage_v_q25, gains->gamma1), gains->shift);
+  observer->current_i_q25 = (complex_t){limit_state(current.re + re), limit_state(current.im + im)};
+  observer->voltage_v_q25 = voltage_v_q25;
+}

@@ -49,4 +49,8 @@ void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
 void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
                        complex_t voltage_v_q25);
 
+// For a voltage that is known only when its period is over: the step has been made without it, this adds it before the
+// next one. About 130 clocks.
+void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25);
+
 #endif

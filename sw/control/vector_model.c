@@ -68,3 +68,35 @@ void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t sp
   const complex_t mean_q30 = decay_of_complex_q30(s_q29, model->phi_q30);
   model->gamma_e_q30 = (complex_t){-mean_q30.re, -mean_q30.im};
 }
+
+void vector_model_join(vector_model_t *model, uint32_t periods) {
+  const int32_t share_q30 = (int32_t)((uint32_t)ONE_Q30 / periods);
+  complex_t last_q30 = {ONE_Q30, 0};
+  complex_t mean_q30 = {share_q30, 0};
+  for (uint32_t k = 1; k < periods; k++) {
+    last_q30 = complex_mul_q30(last_q30, model->phi_q30);
+    mean_q30 = complex_add(mean_q30, complex_scale_q30(last_q30, share_q30));
+  }
+  const complex_t both_q30 = complex_add(model->gamma1_q30, model->gamma2_q30);
+  model->gamma2_q30 = complex_mul_q30(model->gamma2_q30, complex_scale_q30(last_q30, share_q30));
+  model->gamma1_q30 = complex_sub(complex_mul_q30(both_q30, mean_q30), model->gamma2_q30);
+  model->gamma_e_q30 = complex_mul_q30(model->gamma_e_q30, mean_q30);
+  model->phi_q30 = complex_mul_q30(model->phi_q30, last_q30);
+}
+
+// mant * 2^-shift with 30 bits, mant > 0.
+static gain_t normalised(uint64_t mant, int32_t shift) {
+  while (mant > (uint64_t)INT32_MAX) {
+    mant >>= 1;
+    shift--;
+  }
+  return (gain_t){(int32_t)mant, shift};
+}
+
+void vector_machine_join(vector_machine_t *machine, uint32_t periods) {
+  const gain_t y = machine->admittance;
+  const gain_t z = machine->impedance;
+  machine->admittance = normalised((uint64_t)(uint32_t)y.mant * periods, y.shift);
+  machine->impedance = normalised(div_u64((uint64_t)(uint32_t)z.mant << 31, periods), z.shift + 31);
+  machine->period_cycles *= periods;
+}
