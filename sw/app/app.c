@@ -33,7 +33,7 @@ HOT static void receive_all(void) {
   }
 }
 
-void app_boot(app_t *app) {
+COLD void app_boot(app_t *app) {
   const parameter_block_t *block = cpu_parameter_block();
   const parameters_t *p = &block->parameters;
   *app = (app_t){.telemetry = cpu_telemetry()};

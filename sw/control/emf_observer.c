@@ -16,7 +16,7 @@ static inline int64_t product_re(complex_t a, complex_t b) { return (int64_t)a.r
 
 static inline int64_t product_im(complex_t a, complex_t b) { return (int64_t)a.re * b.im + (int64_t)a.im * b.re; }
 
-static complex_t drop_bits(complex_t z, int32_t bits) {
+COLD static complex_t drop_bits(complex_t z, int32_t bits) {
   return (complex_t){(int32_t)round_shift(z.re, bits), (int32_t)round_shift(z.im, bits)};
 }
 
@@ -71,17 +71,17 @@ HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t 
                      product_im(emf, gains->gamma_e);
   observer->current_i_q25 =
       (complex_t){limit_state(round_shift(re, gains->shift)), limit_state(round_shift(im, gains->shift))};
-  const complex_t g2 = {gains->emf_gain.re, gains->emf_gain.im};
-  const int32_t shift = gains->emf_gain.shift;
-  observer->emf_v_q25 = (complex_t){limit_state(emf.re + round_shift(product_re(error, g2), shift)),
-                                    limit_state(emf.im + round_shift(product_im(error, g2), shift))};
+  const complex_t change = complex_gain_apply(error, gains->emf_gain);
+  observer->emf_v_q25 =
+      (complex_t){limit_state((int64_t)emf.re + change.re), limit_state((int64_t)emf.im + change.im)};
   observer->voltage_v_q25 = voltage_v_q25;
 }
 
 HOT void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
   const complex_t current = observer->current_i_q25;
-  const int64_t re = round_shift(product_re(voltage_v_q25, gains->gamma1), gains->shift);
-  const int64_t im = round_shift(product_im(voltage_v_q25, gains->gamma1), gains->shift);
-  observer->current_i_q25 = (complex_t){limit_state(current.re + re), limit_state(current.im + im)};
+  const complex_gain_t gamma1 = {gains->gamma1.re, gains->gamma1.im, gains->shift};
+  const complex_t change = complex_gain_apply(voltage_v_q25, gamma1);
+  observer->current_i_q25 =
+      (complex_t){limit_state((int64_t)current.re + change.re), limit_state((int64_t)current.im + change.im)};
   observer->voltage_v_q25 = voltage_v_q25;
 }

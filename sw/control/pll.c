@@ -7,7 +7,7 @@
 #define SPEED_BITS 24
 #define TURN_MASK_Q36 (((uint64_t)1 << 36) - 1u)
 
-static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+SHARED static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
 
 // The length, to 14 bits, only scales the error; the part across keeps all of its bits.
 HOT int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {

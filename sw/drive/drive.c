@@ -188,7 +188,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
   return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)parameters->current_full_scale_ma)), 0, 131071);
 }
 
-void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
+COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
   drive->command.sampling = SAMPLING_CONTINUOUS;

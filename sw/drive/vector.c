@@ -61,7 +61,7 @@ static bool design(vector_design_t *result, const vector_t *v, int32_t speed_tur
   return fits;
 }
 
-void vector_init(drive_t *drive) {
+COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
   vector_t *v = &drive->vector;
   const uint32_t samples = (uint32_t)p->vector_tick_samples;

@@ -31,7 +31,7 @@ static void write_scheduler(uint32_t sampling, const parameters_t *p) {
                                       FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
 }
 
-static void configure_sensing(const parameters_t *p) {
+COLD static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
   for (uint32_t c = 0; c < CHANNELS; c++) {
@@ -44,7 +44,7 @@ static void configure_sensing(const parameters_t *p) {
   write_scheduler(SAMPLING_CONTINUOUS, p);
 }
 
-static void configure_crossings(const parameters_t *p) {
+COLD static void configure_crossings(const parameters_t *p) {
   reg_write(REG(zcd.blanking), FIELD(FL_ZCD_REGS__BLANKING__SETTLE_CYCLES, p->zcd_settle_cycles) |
                                    FIELD(FL_ZCD_REGS__BLANKING__BLANK_CYCLES, p->zcd_blank_cycles));
   for (uint32_t sector = 0; sector < 6u; sector++) {
@@ -53,7 +53,7 @@ static void configure_crossings(const parameters_t *p) {
   reg_write(REG(comm.latency), (uint32_t)p->latency_cycles);
 }
 
-static void configure_safety(const parameters_t *p) {
+COLD static void configure_safety(const parameters_t *p) {
   const uint32_t polarity = (uint32_t)p->gate_polarity;
   reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
                                    FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
@@ -77,7 +77,7 @@ static uint32_t vector_control(const chip_vector_command_t *vector, const parame
 }
 
 // Takes effect at the first tick.
-static void configure_vector(const parameters_t *p) {
+COLD static void configure_vector(const parameters_t *p) {
   const chip_vector_command_t off = {0};
   const uint32_t updates = (p->vector_double != 0) ? 2u : 1u;
   reg_write(REG(foc.control), vector_control(&off, p));
@@ -94,7 +94,7 @@ static void configure_vector(const parameters_t *p) {
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
 
-void chip_configure(const parameters_t *parameters) {
+COLD void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
@@ -346,7 +346,7 @@ HOT void chip_write_vector(const chip_command_t *command, const parameters_t *pa
   }
 }
 
-void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
+COLD void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
   if (command->clear_trips) {
     reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
   }
@@ -356,7 +356,7 @@ void chip_write_guard(const chip_command_t *command, const parameters_t *paramet
                                    FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
 }
 
-void chip_irq_configure(uint32_t control, uint32_t deferred) {
+COLD void chip_irq_configure(uint32_t control, uint32_t deferred) {
   reg_write(REG(irq.route), control);
   reg_write(REG(irq.pending), control | deferred);
   reg_write(REG(irq.enable), control | deferred);
