@@ -1,7 +1,7 @@
-"""The firmware's vector drive on the host, closed over the exact discrete machine: plays the vector path at every sample.
+"""The firmware's vector drive on the host, closed over the exact discrete machine: plays the chip at every sample.
 
-Hardware: the regulator is complex_regulator.c, which the RTL equals bit for bit; angle accumulator, shadowed settings and
-tick as the registers describe them. Machine: exact from sample to sample, mechanics by Euler's rule.
+Hardware: the regulator is complex_regulator.c, which the RTL equals bit for bit; angle accumulator, shadowed settings
+and tick as the registers describe them. Machine: exact from sample to sample, mechanics by Euler's rule.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from ctypes import byref
 from dataclasses import dataclass, field
+from random import Random
 
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
 from fluxlock.firmware.block import Value
@@ -21,7 +22,8 @@ from tests.firmware.vector_library import Complex, ComplexRegulator, RegulatorGa
 
 Q17, Q25, Q30, Q32, Q36 = 2**17, 2**25, 2**30, 2**32, 2**36
 IRQ_MACHINE_TIMER = 4
-COMMIT, PENDING = 1, 2
+PENDING = 2
+SEED = 31
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,17 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
     }
 
 
+@dataclass(frozen=True)
+class Sample:
+    """One sample period; the state is that of its beginning, the speed mechanical, the current stationary."""
+
+    time_s: float
+    state: str
+    error_deg: float
+    rpm: float
+    current_a: complex
+
+
 @dataclass
 class VectorBench:
     """One vector drive on one machine."""
@@ -123,8 +136,9 @@ class VectorBench:
     values: dict[str, Value] = field(default_factory=dict)  # over the computed ones
     fan_nm: float = 0.015
     fan_rpm: float = 90_000.0
-    brake_nm: float = 0.0  # viscous about zero, so that it holds a standing rotor
     theta: float = 0.6
+    noise_lsb: float = 0.0  # of a 12-bit converter, rms
+    locked: bool = False
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -157,14 +171,12 @@ class VectorBench:
         self.sum = [0, 0]
         self.trips = 0
         self.sampling = True
-        self.active: dict[str, int] = {}
+        self.noise = Random(SEED)
+        self.late_commits = 0  # ticks that the next set is to miss
         self._index = {name: offset // 4 for name, offset in self.fw.offsets.items()}
-        self._shadow = [
-            *("control", "omega", "lead", "correct", "scale", "reference", "gain", "hold", "preset", "shift", "limit"),
-        ]
         self._take()
         self.error_deg = 0.0
-        self.record: list[tuple[float, str, float, float, complex]] = []
+        self.record: list[Sample] = []
 
     def get(self, name: str, element: int = 0) -> int:
         """Value of a register."""
@@ -203,12 +215,14 @@ class VectorBench:
         angle = self.nco_q36 >> 4
         frame = cmath.exp(2j * math.pi * angle / Q32)
         rotor = cmath.exp(1j * self.theta)
-        stationary = self.i * rotor
+        stationary = self.i * rotor + self._noise()
         measured = stationary / frame
         self.error_deg = math.degrees(cmath.phase(frame / rotor))
         i17 = Complex(round(measured.real * self.unit_a), round(measured.imag * self.unit_a))
         if self.regulate:
-            limited = lib.complex_regulator_step(byref(self.regulator), byref(self.gains), self.reference, i17, self.limit)
+            limited = lib.complex_regulator_step(
+                byref(self.regulator), byref(self.gains), self.reference, i17, self.limit
+            )
         else:
             error = Complex(self.reference.re - i17.re, self.reference.im - i17.im)
             lib.complex_regulator_preset(
@@ -234,6 +248,10 @@ class VectorBench:
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
 
+    def _noise(self) -> complex:
+        rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
+        return complex(self.noise.gauss(0.0, rms), self.noise.gauss(0.0, rms)) if rms else 0j
+
     def _machine(self, u_stationary: complex | None) -> None:
         m, p = self.machine, self.motor.pole_pairs
         if u_stationary is None:
@@ -250,9 +268,9 @@ class VectorBench:
                 self.trip(1)
         mech = self.omega / p
         fan = self.fan_rpm * math.pi / 30
-        load = self.fan_nm * (mech / fan) * abs(mech / fan) + self.brake_nm * math.tanh(mech / 2.0)
+        load = self.fan_nm * (mech / fan) * abs(mech / fan)
         self.theta += self.omega * m.period_s
-        self.omega += p * (torque - load) / self.motor.inertia_kgm2 * m.period_s
+        self.omega += 0.0 if self.locked else p * (torque - load) / self.motor.inertia_kgm2 * m.period_s
 
     def trip(self, causes: int) -> None:
         """Latch trip causes and open the gates."""
@@ -283,7 +301,9 @@ class VectorBench:
         put("foc.snap_theta_sample", angle)
         put("foc.snap_omega", self.omega_q36)
         self.steps, self.sum = 0, [0, 0]
-        if self.get("timer.update") & PENDING:
+        if self.late_commits > 0:
+            self.late_commits -= 1
+        elif self.get("timer.update") & PENDING:
             put("timer.update", 0)
             self._take()
         self.fw.tick()
@@ -301,8 +321,9 @@ class VectorBench:
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
         """Run for a time or until a condition; true if the condition came."""
         for k in range(round(seconds / self.machine.period_s)):
+            before = self.fw.state
             self.sample()
-            self.record.append((self.now, self.fw.state, self.error_deg, self.rpm, self.i))
+            self.record.append(Sample(self.now, before, self.error_deg, self.rpm, self.i * cmath.exp(1j * self.theta)))
             if until is not None and k % 8 == 0 and until():
                 return True
         return False
@@ -321,5 +342,3 @@ class VectorBench:
         assert self.fw.command(f"set speed_rpm {rpm}") == ["ok"]
         assert self.fw.command("start") == ["ok"]
         assert self.until_state("running", seconds), self.fw.command("status")
-
-
