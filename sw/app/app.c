@@ -68,7 +68,7 @@ HOT static void write_guard(app_t *app) {
 HOT static void vector_control_step(app_t *app) {
   drive_t *drive = &app->drive;
   chip_snapshot_t snapshot;
-  chip_read_vector(&snapshot, !drive->command.vector.enable);
+  chip_read_vector(&snapshot, &drive->command, drive->p);
   if (drive->state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }

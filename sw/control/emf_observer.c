@@ -24,7 +24,7 @@ static complex_t current_q25(complex_t current_i_q17) {
   return (complex_t){current_i_q17.re * 256, current_i_q17.im * 256};
 }
 
-void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
+COLD void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
                          int32_t pole1_q30, int32_t pole2_q30) {
   const complex_gain_t inverse = complex_inverse(model->gamma_e_q30);
   const complex_gain_t impedance = {machine->impedance.mant, 0, 31};
@@ -51,10 +51,16 @@ void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, comp
   observer->voltage_v_q25 = voltage_v_q25;
 }
 
-void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
+COLD void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
   observer->current_i_q25 = complex_mul_q30(observer->current_i_q25, rotation_q30);
   observer->emf_v_q25 = complex_mul_q30(observer->emf_v_q25, rotation_q30);
   observer->voltage_v_q25 = complex_mul_q30(observer->voltage_v_q25, rotation_q30);
+}
+
+HOT void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30) {
+  observer->current_i_q25 = complex_turn_small(observer->current_i_q25, turn_rad_q30);
+  observer->emf_v_q25 = complex_turn_small(observer->emf_v_q25, turn_rad_q30);
+  observer->voltage_v_q25 = complex_turn_small(observer->voltage_v_q25, turn_rad_q30);
 }
 
 HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,

@@ -39,7 +39,7 @@ COLD static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h,
   return true;
 }
 
-bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
+COLD bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
                       const vector_model_t *model) {
   complex_t g;
   complex_t h;

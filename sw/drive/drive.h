@@ -195,11 +195,13 @@ typedef struct {
 
   frame_t frame;
   int32_t direction;  // of the observed frame: +1, -1
+  int32_t goal_i_q25;  // that i_d goes to
   int32_t speed_turn_q36;
   int32_t correct_q32;      // turn of the frame that has been written and not taken yet
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
   complex_t voltage_v_q17;  // applied, of the last sample
+  complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
   int32_t error_q30;
   if_start_t start;

@@ -41,16 +41,10 @@ static complex_t to_q17(complex_t z_q25) {
 static int32_t current_limit_i_q25(const drive_t *drive) { return drive->settings.current_limit_q17 * 256; }
 
 // exp(-j turn): takes vectors into a frame that is ahead by `turn`.
-HOT static complex_t rotation_q30(int32_t turn_q32) {
-  if (turn_q32 > SMALL_TURN_Q32 || turn_q32 < -SMALL_TURN_Q32) {
-    return cis_q30(0u - (uint32_t)turn_q32);
-  }
-  const int32_t x_q30 = (int32_t)(((int64_t)turn_q32 * HALF_PI_Q30) >> 30);
-  return (complex_t){ONE_Q30 - (int32_t)(((int64_t)x_q30 * x_q30) >> 31), -x_q30};
-}
+static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
 
-static bool design(vector_design_t *result, const vector_t *v, int32_t speed_turn_q36, uint32_t samples, int32_t pole1_q30,
-                   int32_t pole2_q30) {
+static bool design(vector_design_t *result, const vector_t *v, int32_t speed_turn_q36, uint32_t samples,
+                   int32_t pole1_q30, int32_t pole2_q30) {
   vector_model_t model;
   vector_model(&model, &v->plant, speed_turn_q36);
   const bool fits = regulator_design(&result->regulator, &v->order, &v->plant.machine, &model);
@@ -105,6 +99,7 @@ COLD void vector_init(drive_t *drive) {
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
   drive->settings.catch_rotor = false;
+  drive->command.vector.read_slow = true;
   v->finished = design(&v->design[1], v, 0, samples, p->vector_pole1_q30, p->vector_pole2_q30);
   v->design[0] = v->design[1];
   vector_off(drive);
@@ -115,6 +110,11 @@ void vector_design(drive_t *drive) {
   vector_t *v = &drive->vector;
   if (p == 0 || p->method != METHOD_VECTOR || v->finished) {
     return;
+  }
+  // For people; a step in between may have changed one part of a vector.
+  if (v->frame != FRAME_OFF) {
+    drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
+    drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
   }
   const bool fits = design(&v->design[1u - v->used], v, v->speed_turn_q36, (uint32_t)p->vector_tick_samples,
                            p->vector_pole1_q30, p->vector_pole2_q30);
@@ -142,6 +142,7 @@ COLD void vector_off(drive_t *drive) {
   v->correct_q32 = 0;
   v->holding = false;
   v->reference_i_q25 = (complex_t){0, 0};
+  v->state_v_q25 = (complex_t){0, 0};
   v->suspicion = 0;
   command->enable = false;
   command->regulate[0] = false;
@@ -178,6 +179,7 @@ COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t t
   v->correct_q32 = turn_q32;
   v->holding = true;
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
+  v->goal_i_q25 = v->reference_i_q25.re;
   drive->command.vector.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
 }
 
@@ -214,6 +216,7 @@ HOT static bool descending(const drive_t *drive) {
          (drive->settings.target_rpm > 0 && drive->vector.direction < 0);
 }
 
+// Only what the step before asked for. Ticks that follow the samples cannot miss them.
 HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
   m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
@@ -225,8 +228,6 @@ HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
     m->idc_q17 = m->idc_filter_q25 >> 8;
   }
-  drive->vector.current_i_q17 = in->vector.i_q17[0];
-  drive->vector.angle_turn_q32 = in->vector.theta_sample_q32;
 }
 
 // Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
@@ -251,12 +252,17 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   if (!in->taken) {
     return;
   }
-  if (v->correct_q32 != 0) {
-    const complex_t rotation = rotation_q30(v->correct_q32);
+  const int32_t turn_q32 = v->correct_q32;
+  if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
+    const int32_t turn_rad_q30 = (int32_t)(((int64_t)turn_q32 * HALF_PI_Q30) >> 30);
+    emf_observer_turn_small(&v->observer, turn_rad_q30);
+    v->voltage_v_q17 = complex_turn_small(v->voltage_v_q17, turn_rad_q30);
+  } else {
+    const complex_t rotation = rotation_q30(turn_q32);
     emf_observer_turn(&v->observer, rotation);
     v->voltage_v_q17 = complex_mul_q30(v->voltage_v_q17, rotation);
-    v->correct_q32 = 0;
   }
+  v->correct_q32 = 0;
   v->holding = false;
 }
 
@@ -306,6 +312,8 @@ HOT static void apply_limits(drive_t *drive) {
   command->limit_v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, VOLTAGE_MAX_Q17);
   drive->brake_i_q25 = brake_current(drive->brake_i_q25, drive->settings.brake_limit_i_q25, vdc, p->brake_vdc_v_q25,
                                      p->brake_range);
+  command->write_limits = true;
+  command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
   // scale = mant 2^-shift / vdc, the quotient first to 29 bits and more, then to the register's.
   const uint32_t divisor = (vdc > 0) ? (uint32_t)vdc : 1u;
   const int32_t up = __builtin_clz(divisor);
@@ -321,13 +329,19 @@ HOT static void apply_limits(drive_t *drive) {
   command->scale_shift = (uint32_t)((shift > 1) ? shift : 1);
 }
 
+// Length within 7 per cent.
+HOT static uint32_t rough_length(complex_t z) {
+  const uint32_t a = (uint32_t)abs_sat(z.re);
+  const uint32_t b = (uint32_t)abs_sat(z.im);
+  return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
+}
+
 // Does the EMF belong to the speed, and does its angle hold still?
 HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   vector_t *v = &drive->vector;
   const int32_t speed = v->speed_turn_q36 * v->direction;
-  v->emf_v_q25 = complex_abs(v->observer.emf_v_q25);
-  drive->u_v_q25 = (int32_t)complex_abs(voltage_v_q25);
-  drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
+  v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  v->state_v_q25 = voltage_v_q25;
   const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, drive->p->vector_flux));
   const bool bad = v->emf_v_q25 < expected / 2u || v->emf_v_q25 / 2u > expected ||
                    abs_sat(v->error_q30) > LOST_ERROR_Q30 || speed < drive->p->vector_back_turn_q36 / 2;
@@ -373,7 +387,28 @@ HOT static void track(drive_t *drive, bool taken) {
   const int32_t correct_q32 = pll_step(&v->pll, &v->pll_gains, v->per_tick.period_cycles, v->error_q30);
   v->correct_q32 = taken ? correct_q32 : v->correct_q32;
   v->speed_turn_q36 = pll_speed_turn_q36(&v->pll);
+}
+
+// Speed, its reference, the reference of i_q and the goal of i_d.
+HOT static void regulate_speed(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  const bool down = descending(drive);
+  const int32_t target_rpm_q8 =
+      clamp_i32(abs_sat(drive->settings.target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
+  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
+  (void)ramp_step(&drive->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
+                  step_rpm_q20 * (int32_t)VECTOR_GROUPS, drive->m.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(drive, in->vector.limited[0]);
+  const int32_t speed_rpm_q8 = v->direction * drive->m.speed_rpm_q8;
+  const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
+  v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  } else if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
+    hand_back(drive, in);
+  }
 }
 
 HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
@@ -383,16 +418,10 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state == STATE_STARTING) {
     drive_enter(drive, STATE_RUNNING);
   }
-  const bool down = descending(drive);
-  const int32_t wanted_rpm_q8 =
-      down ? v->back_rpm_q8 : clamp_i32(abs_sat(drive->settings.target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
-  (void)ramp_step(&drive->ramp, v->direction * wanted_rpm_q8, drive->settings.accel_rpm_q20, drive->m.speed_rpm_q8,
-                  p->ramp_window_rpm * 256);
-  const int32_t speed_rpm_q8 = v->direction * drive->m.speed_rpm_q8;
-  const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
+  v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
   switch (drive->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
-      speed_regulator(drive, in->vector.limited[0]);
+      regulate_speed(drive, in);
       break;
     case GROUP_FIELD:
       if (p->vector_weakening_lowest_i_q25 < 0) {
@@ -403,18 +432,12 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
       break;
     case GROUP_SUPERVISION:
       check_lock(drive, in->vector.u_v_q25[0]);
+      if (v->suspicion >= v->lost_checks) {
+        drive_lost_lock(drive);
+      }
       break;
     default:
       break;
-  }
-  const int32_t goal = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
-  v->reference_i_q25.re = fade(v->reference_i_q25.re, goal, p->vector_fade_i_q25);
-  if (v->suspicion >= v->lost_checks) {
-    drive_lost_lock(drive);
-  } else if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
-    drive_enter_fault(drive, FAULT_OVERSPEED);
-  } else if (slow && v->reference_i_q25.re == goal && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
-    hand_back(drive, in);
   }
 }
 
@@ -422,7 +445,6 @@ HOT static void command(drive_t *drive) {
   const vector_t *v = &drive->vector;
   chip_vector_command_t *c = &drive->command.vector;
   c->omega_turn_q36 = v->speed_turn_q36;
-  c->lead_q32 = vector_lead_turn_q32(&v->plant.machine, v->speed_turn_q36);
   c->correct_q32 = v->correct_q32;
   c->write_correct = v->correct_q32 != 0;
   c->reference_i_q17[0] = to_q17(v->reference_i_q25);
@@ -445,10 +467,15 @@ COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
 HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   drive->command.vector.write_gains = false;
+  drive->command.vector.write_limits = false;
   if (v->finished) {
     take_design(drive);
   }
-  measure(drive, in);
+  if (drive->command.vector.read_slow) {
+    measure(drive, in);
+  }
+  v->current_i_q17 = in->vector.i_q17[0];
+  v->angle_turn_q32 = in->vector.theta_sample_q32;
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }
@@ -471,6 +498,8 @@ HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       drive->failed_starts = 0;
     }
   }
+  const bool slow_next = (drive->tick + 1u) % VECTOR_GROUPS == GROUP_SUPERVISION;
+  drive->command.vector.read_slow = v->frame == FRAME_OFF || slow_next;
   drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
   command(drive);
 }

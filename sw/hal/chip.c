@@ -151,18 +151,29 @@ HOT static void write_vector(uint32_t address, uint32_t subspace, complex_t valu
   reg_write(address + 8u * subspace + 4u, (uint32_t)value.im);
 }
 
-HOT void chip_read_vector(chip_snapshot_t *snapshot, bool voltages) {
+HOT static void read_slow(chip_snapshot_t *snapshot) {
   chip_vector_snapshot_t *v = &snapshot->vector;
   read_sums(snapshot);
-  read_trips(snapshot);
-  for (uint32_t x = 0; x < PHASES && voltages; x++) {
+  for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
   }
+  v->theta_update_q32 = reg_read(REG(foc.snap_theta_update));
+  v->omega_turn_q36 = (int32_t)reg_read(REG(foc.snap_omega));
+  const uint32_t missed = reg_read(REG(foc.snap_missed));
+  v->missed = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__MISSED, missed);
+  v->overruns = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__OVERRUNS, missed);
+}
+
+HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {
+  chip_vector_snapshot_t *v = &snapshot->vector;
+  read_trips(snapshot);
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     v->i_q17[s] = read_vector(REG(foc.snap_i[0]), s);
-    v->v_q17[s] = read_vector(REG(foc.snap_v[0]), s);
     v->u_v_q25[s] = read_vector(REG(foc.snap_u[0]), s);
-    v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
+    if (parameters->vector_tick_samples > 1) {
+      v->v_q17[s] = read_vector(REG(foc.snap_v[0]), s);
+      v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
+    }
   }
   const uint32_t count = reg_read(REG(foc.snap_count));
   const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
@@ -171,12 +182,10 @@ HOT void chip_read_vector(chip_snapshot_t *snapshot, bool voltages) {
   v->limited[0] = (limited & 1u) != 0u;
   v->limited[1] = (limited & 2u) != 0u;
   v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
-  v->theta_update_q32 = reg_read(REG(foc.snap_theta_update));
-  v->omega_turn_q36 = (int32_t)reg_read(REG(foc.snap_omega));
-  const uint32_t missed = reg_read(REG(foc.snap_missed));
-  v->missed = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__MISSED, missed);
-  v->overruns = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__OVERRUNS, missed);
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
+  if (command->vector.read_slow) {
+    read_slow(snapshot);
+  }
 }
 
 HOT void chip_read_hall(chip_snapshot_t *snapshot) {
@@ -316,19 +325,27 @@ COLD static void write_vector_gains(const chip_vector_command_t *vector) {
   }
 }
 
+HOT static void write_limits(const chip_vector_command_t *vector) {
+  reg_write(REG(foc.lead), (uint32_t)vector->lead_q32);
+  reg_write(REG(foc.scale), FIELD(FL_FOC_REGS__SCALE__MANTISSA, vector->scale) |
+                                FIELD(FL_FOC_REGS__SCALE__SHIFT, vector->scale_shift));
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    reg_write(REG(foc.limit[0]) + 4u * s, vector->limit_v_q17[s]);
+  }
+}
+
 HOT void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
   const chip_vector_command_t *v = &command->vector;
   reg_write(REG(foc.control), vector_control(v, parameters));
   reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
-  reg_write(REG(foc.lead), (uint32_t)v->lead_q32);
   if (v->write_correct) {
     reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
   }
-  reg_write(REG(foc.scale), FIELD(FL_FOC_REGS__SCALE__MANTISSA, v->scale) |
-                                FIELD(FL_FOC_REGS__SCALE__SHIFT, v->scale_shift));
+  if (v->write_limits) {
+    write_limits(v);
+  }
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
-    reg_write(REG(foc.limit[0]) + 4u * s, v->limit_v_q17[s]);
     if (!v->regulate[s]) {
       write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
     }

@@ -42,8 +42,8 @@ void chip_set_load(uint32_t cycles);
 
 // Read the snapshot of the last tick.
 void chip_read(chip_snapshot_t *snapshot);
-// The same for METHOD_VECTOR; terminal voltages only if asked for.
-void chip_read_vector(chip_snapshot_t *snapshot, bool voltages);
+// The same for METHOD_VECTOR, as the command of before asked for it.
+void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters);
 // The parts of it that are seldom needed: current offsets, intervals of the sectors, phases of the
 // Hall edges.
 void chip_read_offsets(chip_snapshot_t *snapshot);

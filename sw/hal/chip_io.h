@@ -52,18 +52,19 @@ typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
 // What the vector path measured, of the last regulator step before the tick. Vectors by subspace, d + jq.
 typedef struct {
   complex_t i_q17[2];
-  complex_t v_q17[2];      // applied
+  complex_t v_q17[2];      // applied; with several samples a tick only
   complex_t u_v_q25[2];    // state of the regulator
-  complex_t v_sum_q17[2];  // applied ones of the steps since the tick before
+  complex_t v_sum_q17[2];  // applied ones of the steps since the tick before; with several samples a tick only
   uint32_t steps;
   uint32_t theta_sample_q32;  // with which i was turned
+  bool limited[2];
+  bool taken;  // the set committed before took effect at this tick
+  uint8_t samples;  // averaged for i
+  // Only where asked for.
   uint32_t theta_update_q32;  // at the last update of the gates
   int32_t omega_turn_q36;
-  bool limited[2];
-  bool taken;        // the set committed before took effect at this tick
   uint16_t missed;    // updates without new voltages, wraps
   uint16_t overruns;  // currents that came while a step ran, saturates
-  uint8_t samples;    // averaged for i
 } chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.
@@ -125,6 +126,8 @@ typedef struct {
   int32_t correct_q32;
   bool write_correct;  // one-shot: add correct_q32 to the angle
   bool write_gains;    // one-shot: gain, hold, shift or forward have changed
+  bool write_limits;   // one-shot: limit, lead or scale have
+  bool read_slow;      // the next snapshot shall have sums, terminal voltages and what else it has only then
   uint32_t scale;
   uint32_t scale_shift;
 } chip_vector_command_t;
