@@ -187,6 +187,10 @@ COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
   v->frame = FRAME_OBSERVED;
+  // The rotor swings in the forced frame: its speed is that of the frame and of the swing.
+  const int32_t swing_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_from_q32);
+  const int32_t cycles = (int32_t)(v->start.steady_ticks * v->per_tick.period_cycles);
+  v->speed_turn_q36 += (swing_q32 / cycles) * 16;
   v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
   pll_preset(&v->pll, 0, v->speed_turn_q36);
@@ -370,7 +374,11 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter(drive, STATE_READY);
     return;
   }
-  if (if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25)) {
+  const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
+  if (v->start.steady_ticks <= 1u) {
+    v->turn_from_q32 = v->start.turn_q32;
+  }
+  if (ready) {
     hand_over(drive, in);
     return;
   }

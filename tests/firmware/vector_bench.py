@@ -237,7 +237,7 @@ class VectorBench:
         tripped = self.get("safety.trip") & 0xFF
         gates = bool(self.get("safety.guard") & 1) and not tripped and self.enable
         # Clocks of the modulator over its period.
-        duty = complex(*v) * self.scale / m.period_cycles
+        duty = complex(*v) * self.scale / (m.period_cycles * (2 if self.get("foc.control") & 4 else 1))
         applied = duty * self.inverter.supply_v * frame * cmath.exp(2j * math.pi * self.lead / Q32)
         self._machine(applied if gates else None)
         self.nco_q36 = (self.nco_q36 + self.omega_q36 * m.period_cycles) % Q36
