@@ -46,7 +46,7 @@ COLD void app_boot(app_t *app) {
   if (fault == FAULT_NONE) {
     chip_configure(p);
     if (p->method == METHOD_VECTOR) {
-      chip_set_machine_timer((uint32_t)p->clock_hz / DESIGNS_PER_SECOND);
+      chip_set_machine_timer((uint32_t)p->clock_hz / (DESIGNS_PER_SECOND * VECTOR_STAGES));
     }
   }
   telemetry_update(app->telemetry, &app->drive);

@@ -190,6 +190,9 @@ typedef struct {
 
   // Background design: `used` changes in the control step only, where a finished one waits.
   vector_design_t design[2];
+  vector_model_t model;
+  uint32_t stage;
+  bool fits;
   uint32_t used;
   volatile bool finished;
 

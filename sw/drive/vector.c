@@ -43,18 +43,6 @@ static int32_t current_limit_i_q25(const drive_t *drive) { return drive->setting
 // exp(-j turn): takes vectors into a frame that is ahead by `turn`.
 static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
 
-static bool design(vector_design_t *result, const vector_t *v, int32_t speed_turn_q36, uint32_t samples,
-                   int32_t pole1_q30, int32_t pole2_q30) {
-  vector_model_t model;
-  vector_model(&model, &v->plant, speed_turn_q36);
-  const bool fits = regulator_design(&result->regulator, &v->order, &v->plant.machine, &model);
-  if (samples > 1u) {
-    vector_model_join(&model, samples);
-  }
-  emf_observer_design(&result->observer, &v->per_tick, &model, pole1_q30, pole2_q30);
-  return fits;
-}
-
 COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
   vector_t *v = &drive->vector;
@@ -100,9 +88,11 @@ COLD void vector_init(drive_t *drive) {
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
   drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
-  v->finished = design(&v->design[1], v, 0, samples, p->vector_pole1_q30, p->vector_pole2_q30);
-  v->design[0] = v->design[1];
   vector_off(drive);
+  for (uint32_t k = 0; k < VECTOR_STAGES; k++) {
+    vector_design(drive);
+  }
+  v->design[0] = v->design[1];
 }
 
 void vector_design(drive_t *drive) {
@@ -116,10 +106,18 @@ void vector_design(drive_t *drive) {
     drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
     drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
   }
-  const bool fits = design(&v->design[1u - v->used], v, v->speed_turn_q36, (uint32_t)p->vector_tick_samples,
-                           p->vector_pole1_q30, p->vector_pole2_q30);
-  __atomic_signal_fence(__ATOMIC_RELEASE);
-  v->finished = fits;
+  vector_design_t *spare = &v->design[1u - v->used];
+  if (v->stage == 0u) {
+    vector_model(&v->model, &v->plant, v->speed_turn_q36);
+  } else if (v->stage == 1u) {
+    v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
+    vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
+  } else {
+    emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
+    __atomic_signal_fence(__ATOMIC_RELEASE);
+    v->finished = v->fits;
+  }
+  v->stage = (v->stage + 1u) % VECTOR_STAGES;
 }
 
 COLD static void take_design(drive_t *drive) {

@@ -18,12 +18,13 @@
 #include "drive/drive.h"
 
 #define VECTOR_GROUPS 4u
+#define VECTOR_STAGES 3u  // of a design
 
 // Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
 void vector_init(drive_t *drive);
 
-// Design for the present speed into the spare set, unless one still waits to be taken: deferred interrupt. About 4000
-// clocks, more with several samples a tick.
+// One stage of a design for the present speed into the spare set, unless one still waits to be taken: deferred
+// interrupt. About 2000 clocks: with the control steps in between short enough for the UART to wait.
 void vector_design(drive_t *drive);
 
 // One control step in place of that of the six-step drive.

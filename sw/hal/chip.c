@@ -152,16 +152,10 @@ HOT static void write_vector(uint32_t address, uint32_t subspace, complex_t valu
 }
 
 HOT static void read_slow(chip_snapshot_t *snapshot) {
-  chip_vector_snapshot_t *v = &snapshot->vector;
   read_sums(snapshot);
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
   }
-  v->theta_update_q32 = reg_read(REG(foc.snap_theta_update));
-  v->omega_turn_q36 = (int32_t)reg_read(REG(foc.snap_omega));
-  const uint32_t missed = reg_read(REG(foc.snap_missed));
-  v->missed = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__MISSED, missed);
-  v->overruns = (uint16_t)BITS(FL_FOC_REGS__SNAP_MISSED__OVERRUNS, missed);
 }
 
 HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {

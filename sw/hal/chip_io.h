@@ -60,11 +60,6 @@ typedef struct {
   bool limited[2];
   bool taken;  // the set committed before took effect at this tick
   uint8_t samples;  // averaged for i
-  // Only where asked for.
-  uint32_t theta_update_q32;  // at the last update of the gates
-  int32_t omega_turn_q36;
-  uint16_t missed;    // updates without new voltages, wraps
-  uint16_t overruns;  // currents that came while a step ran, saturates
 } chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.
@@ -127,7 +122,7 @@ typedef struct {
   bool write_correct;  // one-shot: add correct_q32 to the angle
   bool write_gains;    // one-shot: gain, hold, shift or forward have changed
   bool write_limits;   // one-shot: limit, lead or scale have
-  bool read_slow;      // the next snapshot shall have sums, terminal voltages and what else it has only then
+  bool read_slow;      // the next snapshot shall have sums and terminal voltages
   uint32_t scale;
   uint32_t scale_shift;
 } chip_vector_command_t;

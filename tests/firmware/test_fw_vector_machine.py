@@ -12,7 +12,7 @@ import pytest
 from fluxlock.firmware.block import Value
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.test_fw_vector_observer import observer_gains
-from tests.firmware.vector_bench import Sample, VectorBench, VectorSettings
+from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
 from tests.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
 
@@ -197,6 +197,24 @@ def test_salient_machine_gets_its_share_of_i_d() -> None:
     total = math.hypot(i_d, i_q)
     assert i_q > 5.0
     assert i_d == pytest.approx((ratio - math.sqrt(ratio**2 + 8 * total**2)) / 4, abs=0.1)
+
+
+def test_design_comes_in_short_stages() -> None:
+    """One event of the machine timer does a third of a design: the UART's interrupt, of the same line, waits no longer.
+
+    Verifies: VC-17
+    """
+    bench = VectorBench()
+    assert bench.until_state("ready", 0.1)
+    taken = []
+    for _ in range(12):
+        bench.put("foc.gain", 0)
+        bench.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
+        bench.fw.poll()
+        bench.fw.tick()
+        taken.append(bench.get("foc.gain") != 0)
+    assert sum(taken) == 4
+    assert taken[:3] == taken[3:6] == taken[6:9] == taken[9:]
 
 
 def test_settings_of_the_six_step_drive_are_refused() -> None:

@@ -169,6 +169,7 @@ class VectorBench:
         self.omega_q36 = 0
         self.samples = self.steps = 0
         self.sum = [0, 0]
+        self.since_timer = 0  # clocks
         self.trips = 0
         self.sampling = True
         self.noise = Random(SEED)
@@ -244,7 +245,9 @@ class VectorBench:
         self.samples += 1
         if self.steps >= self.settings.tick_samples:
             self._tick(i17, v, bool(limited), angle)
-        if self.samples * m.period_cycles % 50_000 < m.period_cycles:
+        self.since_timer += m.period_cycles
+        if self.since_timer >= self.get("timer.machine_period"):
+            self.since_timer -= self.get("timer.machine_period")
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
 
