@@ -27,6 +27,7 @@ class Parameter:
     min: int
     max: int
     description: str
+    default: int | None = None  # of blocks of the six-step method that do not name it; of a gain: its mantissa
 
     @property
     def words(self) -> int:
@@ -82,6 +83,7 @@ def load_schema(path: Path = SCHEMA_FILE) -> Schema:
             min=int(entry["min"]),
             max=int(entry["max"]),
             description=entry["description"],
+            default=entry.get("default"),
         )
         for entry in data["parameter"]
     )
