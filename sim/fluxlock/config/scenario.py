@@ -213,8 +213,8 @@ class Drive(Model):
     method: Literal["six-step", "vector"] = Field(
         default="six-step",
         description="What drives the machine. With `vector` only the keys `carrier_hz`, `current_limit_a`, "
-        "`accel_rpm_per_s`, `start.retries`, `start.restart_retries`, `motor_error` and those of `[drive.vector]` may "
-        "be given; all others belong to `six-step`.",
+        "`accel_rpm_per_s`, `brake_current_limit_a`, `start.retries`, `start.restart_retries`, `motor_error` and those "
+        "of `[drive.vector]` may be given; all others belong to `six-step`.",
     )
     commutation: Literal["RSC", "NSC", "CSC"] = Field(
         default="CSC", description="When a commutation reaches the gates."
@@ -236,7 +236,8 @@ class Drive(Model):
         absent="rated current",
     )
     brake_current_limit_a: float | None = quantity(
-        "Limit of the current that brakes, with `sync_rect`; it falls to 0 as the DC link nears its over-voltage trip.",
+        "Limit of the current that brakes, with `sync_rect` or `vector`; it falls to 0 as the DC link nears its "
+        "over-voltage trip.",
         "A",
         0.0,
         2000,

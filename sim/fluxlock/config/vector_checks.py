@@ -17,6 +17,7 @@ SHARED_KEYS = {
     "carrier_hz",
     "current_limit_a",
     "accel_rpm_per_s",
+    "brake_current_limit_a",
     "start",
     "motor_error",
 }

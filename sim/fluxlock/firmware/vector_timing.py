@@ -1,8 +1,8 @@
 """When the vector drive samples, and when the voltage of a sample acts.
 
-An update every T_s clocks: the whole carrier, or half of it with double update. The mean instant of the window lies
-T_d before the middle of the first pulse edges of its voltage, which come a gate delay and half a dead time after the
-update. Latencies: rtl/sense/fl_current_window.sv, rtl/soc/fl_foc_wb.sv.
+An update every T_s: the whole carrier, or half of it with double update. T_d is the time from the mean instant of the
+current window to the update at which its voltage acts; at the machine it acts by the gates' delay and half a dead time
+later, which T_d contains.
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ def shortest_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, v
 def default_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
     """The shortest T_d / T_s that fits; of a single sample the shortest at which it is free of the carrier's ripple.
 
-    That is in the middle of a pulse or of a gap: halfway between the updates or at one of them. Elsewhere the ripple
-    counts as current: on Motor-I, 1500 Hz and 20 kHz with double update, 0.1 T_s turns the observed EMF by 1.5 degrees.
-    With double update the voltage changes halfway between the updates, which leaves the update.
+    That is in the middle of a gap or of a pulse: at an update, with a single one a carrier also halfway between two.
+    Elsewhere the ripple counts as current: t before the middle of a gap it is u t / L, which turns the observed EMF by
+    omega t |u| / |e|.
     """
     shortest = shortest_delay(clock_hz, carrier_hz, inverter, vector)
     if vector.window == "carrier":
