@@ -11,6 +11,7 @@ import pytest
 
 from fluxlock.analysis.vector.pll import pll_gains
 from fluxlock.config import ConfigError, Scenario, load_scenario
+from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import DriveSpec, InverterSpec, ParameterBlock, VectorSpec, compile_parameters
@@ -180,6 +181,23 @@ def test_what_cannot_work(overrides: list[str], expected: str) -> None:
     Verifies: VCONF-02
     """
     assert errors(*overrides) == [expected]
+
+
+def test_console_settings_of_six_step() -> None:
+    """Lines that set what vector control does not have are refused before the run; the names are the firmware's.
+
+    Verifies: VCONF-01
+    """
+    events = (
+        '[{at_s=0.01,command="set balance 1"},{at_s=0.02,command="set accel_rpm_s 9000"},{at_s=0.03,command="start"}]'
+    )
+    assert errors(f"event={events}") == [
+        'event[0].command: "balance" is no setting of vector control, permitted: speed_rpm, accel_rpm_s, '
+        "current_limit_a, brake_limit_a, irq_load"
+    ]
+    items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
+    body = items.partition("static bool for_vectors(")[2].partition("}")[0]
+    assert tuple(name.lower() for name in re.findall(r"ITEM_(\w+)", body)) == VECTOR_SETTINGS
 
 
 def test_permitted_values_are_permitted() -> None:

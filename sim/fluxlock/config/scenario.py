@@ -55,6 +55,7 @@ DriveFault = Literal[
     "overspeed",
     "hall_sensor",
     "voltage_channel",
+    "deadline",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import plain, with_unit
 from fluxlock.config.scenario import Drive, Scenario, Start
@@ -192,11 +193,20 @@ def _start(s: Scenario) -> Iterator[Problem]:
         )
 
 
+def _console(s: Scenario) -> Iterator[Problem]:
+    """Settings of console lines that only six-step operation has."""
+    for i, event in enumerate(s.event):
+        words = (event.command or "").split()
+        if words[:1] == ["set"] and words[1] not in VECTOR_SETTINGS:
+            text = f'"{words[1]}" is no setting of vector control, permitted: {", ".join(VECTOR_SETTINGS)}'
+            yield Problem(s.sources.scenario, f"event[{i}].command", text)
+
+
 def check_vector(s: Scenario) -> list[Problem]:
     """What does not fit together with drive.method = "vector"."""
     if s.drive.method != "vector":
         return []
-    return [*_times(s), *_loops(s), *_start(s)]
+    return [*_times(s), *_loops(s), *_start(s), *_console(s)]
 
 
 def vector_speed(s: Scenario, speed_rpm: float) -> str | None:
