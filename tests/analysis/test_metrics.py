@@ -15,7 +15,7 @@ from fluxlock.analysis.angles import AngleTrack
 from fluxlock.analysis.metrics import Advance, Analysis, gate_change_cycles, judge, lookup, trips
 from fluxlock.analysis.rundata import RECORD_DTYPE, TRIP_CAUSES, LogKind, load_trace, save_trace
 from fluxlock.config.scenario import METRICS, Expect
-from fluxlock.paths import RTL
+from fluxlock.paths import ROOT, RTL
 from tests.analysis.synthetic import Drive, make_run, make_vector_run
 
 ANGLE_TOL_DEG = 0.01
@@ -301,3 +301,13 @@ def test_currents_of_the_rotors_frame(speed: float) -> None:
     """
     m = Analysis(make_vector_run(Drive(speed_rpm=speed), np.zeros(1), d_a=-3.0, q_a=12.0)).window(0.002, 0.018)
     assert (m["id_a"], m["iq_a"]) == (pytest.approx(-3.0, abs=1e-6), pytest.approx(12.0, abs=1e-6))
+
+
+def test_log_kinds_are_those_of_the_simulator() -> None:
+    """Names and numbers of the log's rows in the simulator's main and in the analysis.
+
+    Verifies: VCONF-05
+    """
+    header = (ROOT / "sim" / "native" / "cosim.h").read_text(encoding="utf-8")
+    kinds = {name: int(value) for name, value in re.findall(r"^    LOG_(\w+) = (\d+),", header, re.MULTILINE)}
+    assert kinds == {kind.name: int(kind) for kind in LogKind}
