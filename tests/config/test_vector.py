@@ -26,7 +26,7 @@ from fluxlock.paths import ROOT
 from tests.firmware.test_fw_parameters import INVERTERS, MOTORS
 from tests.firmware.vector_float import Subspace
 
-START = ROOT / "scenarios" / "vector" / "start.toml"
+START = ROOT / "tests" / "config" / "scenarios" / "vector.toml"
 DEMO = ROOT / "scenarios" / "demo.toml"
 SEED = 31
 
