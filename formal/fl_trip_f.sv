@@ -1,5 +1,5 @@
 // Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
-// to the gates; a latched trip holds until the key, and the key clears only what is gone; enables are locked.
+// or level to the gates; a latched trip holds until the key, and the key clears only what is gone; enables are locked.
 //
 // Deviations are worked out here with signed integers, not with the block's function.
 `default_nettype none
@@ -17,6 +17,7 @@ module fl_trip_f
     input logic                     fault_pin_i,
     input logic                     lost_i,
     input logic                     software_i,
+    input logic                     deadline_i,
     input logic                     guard_enable_i,
     input trip_t                    cfg_enable_i,
     input adc_code_t                cfg_phase_lsb_i,
@@ -50,6 +51,7 @@ module fl_trip_f
       .fault_pin_i,
       .lost_i,
       .software_i,
+      .deadline_i,
       .guard_enable_i,
       .cfg_enable_i,
       .cfg_phase_lsb_i,
@@ -112,7 +114,7 @@ module fl_trip_f
   logic first = 1'b1;
   logic [2:0] since_reset;  // clocks since reset, saturates at 7
   logic [3:1] pin_q;
-  logic trip_q, clear_q, valid_q, lost_q, software_q;
+  logic trip_q, clear_q, valid_q, lost_q, software_q, deadline_q;
   // The gates were forced off two clocks after a sample set with an enabled cause.
   logic code_trip_q;
   always_ff @(posedge clk_i) begin
@@ -128,6 +130,7 @@ module fl_trip_f
     enable_q    <= enable;
     lost_q      <= lost_i && !rst_i;
     software_q  <= software_i && !rst_i;
+    deadline_q  <= deadline_i && !rst_i;
     code_trip_q <= valid_q && (codes_q & enable) != '0 && since_reset >= 3'd1;
     if (!guard_enable_i) enable <= cfg_enable_i;
     if (adc_valid_i) shown <= of_codes;
@@ -162,12 +165,14 @@ module fl_trip_f
         if (!rst_i) begin
           a_lost : assert (!lost_i || !enable.lost_lock || trip);
           a_software : assert (!software_i || !enable.software || trip);
+          a_deadline : assert (!deadline_i || !enable.deadline || trip);
         end
         // Off at the third edge after the pin, two clocks after a sample set, one clock after a pulse.
         if (since_reset >= 3'd3) a_pin : assert (!pin_q[3] || !enable_q.fault_pin || gate == '0);
         if (since_reset >= 3'd2) a_code_gates : assert (!code_trip_q || gate == '0);
         a_lost_gates : assert (!lost_q || !enable_q.lost_lock || gate == '0);
         a_software_gates : assert (!software_q || !enable_q.software || gate == '0);
+        a_deadline_gates : assert (!deadline_q || !enable_q.deadline || gate == '0);
       end
   end
 

@@ -16,8 +16,8 @@ from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 
 Dut: TypeAlias = Any  # handles are found by name at run time
-PHASE, DC, PIN, LOST, OVER, UNDER, SOFT = (1 << i for i in range(7))
-ALL = 0x7F
+PHASE, DC, PIN, LOST, OVER, UNDER, SOFT, DEADLINE = (1 << i for i in range(8))
+ALL = 0xFF
 CHANNELS = 9
 MIDDLE = 2048
 QUIET = [100, 200, 300, MIDDLE, MIDDLE, MIDDLE, 2000, MIDDLE, 50]  # v0..2, i0..2, vdc, idc, vsm
@@ -30,7 +30,7 @@ class TripTb:
     async def start(self, **settings: int) -> None:
         inputs = {
             "rst_i": 1, "adc_valid_i": 0, "adc_code_i": 0, "fault_pin_i": 0, "lost_i": 0, "software_i": 0,
-            "guard_enable_i": 0, "cfg_enable_i": ALL, "cfg_phase_lsb_i": 1000, "cfg_dc_lsb_i": 500,
+            "deadline_i": 0, "guard_enable_i": 0, "cfg_enable_i": ALL, "cfg_phase_lsb_i": 1000, "cfg_dc_lsb_i": 500,
             "cfg_over_lsb_i": 3000, "cfg_under_lsb_i": 1000, "clear_i": 0, "log_index_i": 0, "req_h_i": 7,
         }  # fmt: skip
         for name, value in (inputs | settings).items():
@@ -157,7 +157,7 @@ async def fault_pin_acts_at_the_third_edge(dut: Dut) -> None:
 async def pulses_trip_at_the_next_edge(dut: Dut) -> None:
     tb = TripTb(dut)
     await tb.start()
-    for name, cause in (("lost_i", LOST), ("software_i", SOFT)):
+    for name, cause in (("lost_i", LOST), ("software_i", SOFT), ("deadline_i", DEADLINE)):
         await tb.pulse(name)
         assert tb.gates() == 0, f"{name}: gates on after one edge"
         assert tb.get("latched_o") == cause
@@ -177,6 +177,23 @@ async def pulses_trip_at_the_next_edge(dut: Dut) -> None:
 
 
 @cocotb.test()
+async def deadline_lasts_as_long_as_its_level(dut: Dut) -> None:
+    tb = TripTb(dut)
+    await tb.start()
+    dut.deadline_i.value = 1
+    await tb.clocks(1)
+    assert tb.gates() == 0, "gates on one edge after the fault of the leg carriers"
+    await tb.clocks(5)
+    assert await tb.clear() == DEADLINE and tb.get("present_o") == DEADLINE, "cleared while the fault lasts"
+    dut.deadline_i.value = 0
+    await tb.clocks(3)
+    assert tb.gates() == 0 and tb.get("present_o") == 0, "released without the key"
+    assert await tb.clear() == 0
+    await tb.clocks(2)
+    assert tb.gates() and tb.get("count_o") == 1
+
+
+@cocotb.test()
 async def enables_mask_and_are_locked(dut: Dut) -> None:
     tb = TripTb(dut)
     await tb.start()
@@ -184,9 +201,9 @@ async def enables_mask_and_are_locked(dut: Dut) -> None:
     async def cause_all() -> None:
         dut.fault_pin_i.value = 1
         await tb.sample(c3=0, c6=4000, c7=0)
-        dut.lost_i.value, dut.software_i.value = 1, 1
+        dut.lost_i.value, dut.software_i.value, dut.deadline_i.value = 1, 1, 1
         await tb.clocks(1)
-        dut.lost_i.value, dut.software_i.value = 0, 0
+        dut.lost_i.value, dut.software_i.value, dut.deadline_i.value = 0, 0, 0
         await tb.clocks(3)
         dut.fault_pin_i.value = 0
         await tb.sample(c6=500)
@@ -194,7 +211,7 @@ async def enables_mask_and_are_locked(dut: Dut) -> None:
         await tb.sample()
         await tb.clocks(3)
 
-    for bit in range(7):
+    for bit in range(8):
         dut.guard_enable_i.value = 0
         dut.cfg_enable_i.value = 1 << bit
         await tb.clocks(2)
@@ -203,7 +220,7 @@ async def enables_mask_and_are_locked(dut: Dut) -> None:
         assert await tb.clear() == 0
         dut.cfg_enable_i.value = ALL & ~(1 << bit)  # locked: the guard is enabled
         await cause_all()
-        assert tb.get("latched_o") == 1 << bit, f"only source {bit} enabled: {tb.get('latched_o'):07b}"
+        assert tb.get("latched_o") == 1 << bit, f"only source {bit} enabled: {tb.get('latched_o'):08b}"
     dut.guard_enable_i.value = 0
     dut.cfg_enable_i.value = 0
     await tb.clocks(2)

@@ -1,5 +1,5 @@
 // Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
-// sets the six-step path going. What it found goes to MAILBOX, where the test reads it.
+// sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE. What it found goes to MAILBOX, where the test reads it.
 #include <stdint.h>
 
 #include "fluxlock_regs.h"
@@ -13,6 +13,7 @@
 #define MIE_DEFERRED 0x800u
 #define SOURCE_TICK 0x01u
 #define SOURCE_LOAD 0x80u
+#define VECTOR_CODE 5u
 
 static volatile uint32_t ticks, loads, preempted, other_causes;
 static volatile uint32_t control_latency_max;
@@ -61,6 +62,7 @@ static void read_every_block(void) {
   put(9, fluxlock_regs.pwm.period);
   put(10, fluxlock_regs.safety.dead_time);
   put(11, fluxlock_regs.capture.lanes);
+  put(29, fluxlock_regs.foc.period);
   fluxlock_regs.sys.scratch = 0x12345678u;
   *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // byte lane of scratch
   put(12, fluxlock_regs.sys.scratch);
@@ -71,7 +73,7 @@ static void read_every_block(void) {
 
 static void try_unmapped(void) {
   static const uint32_t addresses[] = {0x00010000u, 0x00018000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
-                                       0x80000FFCu, 0x8000C000u, 0x80010000u, 0x90000000u, 0xFFFFFFFCu};
+                                       0x80000FFCu, 0x8000C200u, 0x8000D000u, 0x80010000u, 0x90000000u, 0xFFFFFFFCu};
   uint32_t sum = 0;
   REG(SCRATCH_RAM) = 0x600DF00Du;
   for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {
@@ -151,6 +153,27 @@ static void run_six_step(void) {
   fluxlock_regs.safety.guard = 1u;
 }
 
+// A voltage along phase A at standstill: carriers of 1000 clocks, A on for 614 of them, B and C for 386, one sample 100
+// clocks after the start, a control tick every second one.
+static void run_vector(void) {
+  fluxlock_regs.safety.guard = 0u;
+  fluxlock_regs.safety.trip_enable = 0x87u;
+  fluxlock_regs.pwm.control = 0u;
+  fluxlock_regs.comm.control = 0u;
+  fluxlock_regs.sense.scheduler = 3u | (100u << 16);
+  fluxlock_regs.foc.period = 1000u;
+  fluxlock_regs.foc.window = 100u;
+  fluxlock_regs.foc.forward[0] = 20000u;
+  fluxlock_regs.foc.scale = 64000u | (23u << 24);
+  fluxlock_regs.foc.control = 1u | (1u << 1) | (1u << 3) | (3u << 8);
+  fluxlock_regs.timer.update = 1u;
+  while (fluxlock_regs.timer.update & 2u) {
+  }
+  fluxlock_regs.timer.tick_samples = 2u;
+  fluxlock_regs.safety.guard = 1u;
+  put(30, 0x600D600Du);
+}
+
 int main(void) {
   read_every_block();
   try_unmapped();
@@ -160,10 +183,15 @@ int main(void) {
   run_six_step();
   put(31, 0x600D600Du);
   // The test trips the gates; after each trip clear, show the cause, and go on.
+  unsigned vector = 0;
   for (unsigned trip = 0;;) {
-    if (fluxlock_regs.safety.trip & 0x7Fu) {
-      put(24u + (trip & 3u), fluxlock_regs.safety.trip & 0x7Fu);
-      while ((fluxlock_regs.safety.trip >> 8) & 0x07u) {
+    if (!vector && (fluxlock_regs.hall.state & 7u) == VECTOR_CODE) {
+      run_vector();
+      vector = 1;
+    }
+    if (fluxlock_regs.safety.trip & 0xFFu) {
+      put(24u + (trip & 3u), fluxlock_regs.safety.trip & 0xFFu);
+      while ((fluxlock_regs.safety.trip >> 8) & 0x87u) {
       }
       fluxlock_regs.safety.command = 0xA500u;
       fluxlock_regs.safety.guard = 1u;

@@ -22,6 +22,8 @@ HERE = Path(__file__).parent
 CHANNELS, RAM_WORDS = 9, 16384
 MAILBOX = 0xE000 // 4
 DONE, TRIPS = 31, 24
+VECTOR_CODE, VECTOR_ON = 5, 30
+GOOD = 0x600D600D
 MIDDLE = 0x800
 CONVERSION = 40  # clocks
 
@@ -53,6 +55,7 @@ class Chip:
     def __init__(self, dut: Any) -> None:
         self.dut, self.bench = dut, Bench(dut)
         self.codes = [MIDDLE] * CHANNELS
+        self.answers = True
 
     async def start(self) -> None:
         for index in range(32):
@@ -67,20 +70,20 @@ class Chip:
             await ClockCycles(self.dut.clk_i, CONVERSION)
             await FallingEdge(self.dut.clk_i)
             self.dut.adc_code_i.value = sum(code << 12 * i for i, code in enumerate(held))
-            self.dut.adc_valid_i.value = 1
+            self.dut.adc_valid_i.value = int(self.answers)
             await FallingEdge(self.dut.clk_i)
             self.dut.adc_valid_i.value = 0
 
     def mailbox(self, index: int) -> int:
         return int(self.dut.u_cpu.u_ram.mem[MAILBOX + index].value)
 
-    async def until_done(self) -> None:
+    async def until_done(self, index: int = DONE) -> None:
         for _ in range(400):
             await ClockCycles(self.dut.clk_i, 500)
-            if self.mailbox(DONE) == 0x600D600D:
+            if self.mailbox(index) == GOOD:
                 await FallingEdge(self.dut.clk_i)
                 return
-        raise AssertionError(f"the program did not finish; mailbox {[hex(self.mailbox(i)) for i in range(32)]}")
+        raise AssertionError(f"the program did not reach {index}; mailbox {[hex(self.mailbox(i)) for i in range(32)]}")
 
 
 @cocotb.test
@@ -92,6 +95,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     assert found[0] == 0x464C5558 and found[2] == 50_000_000, f"identity {found[0]:#x}, clock {found[2]}"
     assert found[1] & 0xFFFF == 1 and found[1] >> 16 == 3 | CHANNELS << 8, f"build {found[1]:#x}"
     assert found[3:12] == [3, 0, 50, 50, 4096, 0xFFFFFF, 1250, 50, 0x06020100], [hex(x) for x in found[3:12]]
+    assert chip.mailbox(29) == 1250
     assert found[12] == 0x12AB5678, f"byte write: {found[12]:#x}"
     assert 2 <= found[13] <= 60, f"{found[13]} clocks between two reads of the time"
     assert found[14] == 0, f"unmapped addresses read {found[14]:#x}"
@@ -179,10 +183,56 @@ async def faults_turn_the_gates_off(dut: Any) -> None:
         assert seen == [0x04, 0x01], f"causes seen by the program: {seen}"
 
 
+@cocotb.test
+async def vector_path_drives_the_gates(dut: Any) -> None:
+    """Requests, sampling and control tick are the leg carriers' after the switch; a missed deadline turns all off."""
+    chip = Chip(dut)
+    await chip.start()
+    await chip.until_done()
+    dut.hall_i.value = VECTOR_CODE
+    await chip.until_done(VECTOR_ON)
+    await ClockCycles(dut.clk_i, 3000)
+    await RisingEdge(dut.vector_update)
+    period, dead = 1000, 50
+    times: dict[str, list[int]] = {"vector_update": [], "adc_strobe_o": [], "tick": []}
+    on = [0] * 6
+    carriers = 6
+    for clock in range(carriers * period):
+        await FallingEdge(dut.clk_i)
+        for name, seen in times.items():
+            if getattr(dut, name).value == 1:
+                seen.append(clock)
+        gates = int(dut.gate_o.value)
+        for bit in range(6):
+            on[bit] += gates >> bit & 1
+    updates = [k * period for k in range(carriers)]
+    assert times["vector_update"] == updates
+    # The pins follow one clock after the update, the samples lie 100 clocks after the pins.
+    assert times["adc_strobe_o"] == [t + 101 for t in updates]
+    ticks = [t + 101 + CONVERSION + 87 for t in updates]
+    assert times["tick"] in (ticks[0::2], ticks[1::2]), f"{times['tick']}, every second of {ticks}"
+    for leg, width in enumerate((614, 386, 386)):
+        for gate, clocks in ((0, width - dead), (1, period - width - dead)):
+            got = on[2 * leg + gate] / carriers
+            assert abs(got - clocks) <= 1.0, f"leg {leg}, gate {gate}: {got} clocks a carrier, expected {clocks}"
+
+    chip.answers = False
+    clock = 0
+    while dut.vector_deadline.value == 0 and clock < 5 * period:
+        await FallingEdge(dut.clk_i)
+        clock += 1
+    assert 2 * period < clock < 5 * period, f"deadline after {clock} clocks"
+    assert int(dut.gate_o.value) != 0
+    await FallingEdge(dut.clk_i)
+    assert int(dut.gate_o.value) == 0, "gates on one clock after the deadline"
+    await ClockCycles(dut.clk_i, 3000)
+    assert int(dut.gate_o.value) == 0 and chip.mailbox(TRIPS) == 0x80, hex(chip.mailbox(TRIPS))
+
+
 def test_fl_soc() -> None:
     """A program on the core finds the chip as documented; gates follow instants and faults.
 
-    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19
+    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21
     """
     image = build_image()
     sources = [path for path in rtl_sources() if path.is_relative_to(RTL) or "VexRiscv" in path.name]

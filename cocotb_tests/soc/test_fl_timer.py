@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 from typing import Any
 
 import cocotb
@@ -11,7 +12,7 @@ from cocotb.triggers import FallingEdge
 from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 
-TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD = range(0, 0x18, 4)
+TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD, TICK_SAMPLES = range(0, 0x1C, 4)
 
 
 class Events:
@@ -37,7 +38,7 @@ def gaps(times: list[int]) -> list[int]:
 @cocotb.test
 async def tick_period_is_exact(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     events = Events(dut)
     await bench.clocks(50)
     assert not events.times["tick_o"], "a tick with period 0"
@@ -55,7 +56,7 @@ async def tick_period_is_exact(dut: Any) -> None:
 @cocotb.test
 async def tick_period_changes_at_tick(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     events = Events(dut)
     await bench.write(TICK_PERIOD, 40)
     await bench.wait_high(dut.tick_o, 60)
@@ -79,7 +80,7 @@ async def tick_period_changes_at_tick(dut: Any) -> None:
 @cocotb.test
 async def tick_period_of_one(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     events = Events(dut)
     await bench.write(TICK_PERIOD, 1)
     await bench.clocks(20)
@@ -90,7 +91,7 @@ async def tick_period_of_one(dut: Any) -> None:
 async def update_only_at_tick_after_commit(dut: Any) -> None:
     period = 30
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     events = Events(dut)
     await bench.write(TICK_PERIOD, period)
     await bench.wait_high(dut.tick_o, 60)
@@ -114,10 +115,101 @@ async def update_only_at_tick_after_commit(dut: Any) -> None:
     assert not await bench.read(UPDATE) & 2
 
 
+async def sync(bench: Bench) -> int:
+    """A pulse of sync_i; the time of its clock."""
+    now = int(bench.dut.now_o.value)
+    bench.dut.sync_i.value = 1
+    await bench.clocks()
+    bench.dut.sync_i.value = 0
+    return now
+
+
+@cocotb.test
+async def tick_follows_every_nth_sync(dut: Any) -> None:
+    rng = random.Random(11)
+    bench = Bench(dut)
+    await bench.start(sync_i=0)
+    events = Events(dut)
+    for _ in range(5):
+        await sync(bench)
+    assert not events.times["tick_o"], "a tick by samples with tick_samples 0"
+    # The period runs on beside it and must do nothing.
+    await bench.write(TICK_PERIOD, 10)
+    await bench.clocks(3)
+    expected = []
+    for n in (1, 2, 3, 7, 255):
+        await bench.write(TICK_SAMPLES, n)
+        events.times["tick_o"].clear()
+        expected.clear()
+        for k in range(3 * n):
+            now = await sync(bench)
+            if k % n == n - 1:
+                expected.append(now + 1)
+            await bench.clocks(rng.randrange(4) if k % n else 0)
+        await bench.clocks(3)
+        assert events.times["tick_o"] == expected, f"n = {n}: {events.times['tick_o']} != {expected}"
+        assert await bench.read(TICK_TIME) == expected[-1], f"n = {n}"
+    # Fewer than have come since the tick: the next one.
+    await sync(bench)
+    await sync(bench)
+    await sync(bench)
+    await bench.write(TICK_SAMPLES, 2)
+    events.times["tick_o"].clear()
+    now = await sync(bench)
+    await bench.clocks(2)
+    assert events.times["tick_o"] == [now + 1]
+    # More than have come: those count.
+    await sync(bench)
+    await bench.write(TICK_SAMPLES, 3)
+    await sync(bench)
+    now = await sync(bench)
+    await bench.clocks(2)
+    assert events.times["tick_o"][1:] == [now + 1]
+    # Back to the period: syncs do nothing and are forgotten.
+    await sync(bench)
+    await bench.write(TICK_SAMPLES, 0)
+    written = int(dut.now_o.value)
+    events.times["tick_o"].clear()
+    for _ in range(35):
+        await sync(bench)
+    assert events.times["tick_o"][0] == written + 11 and gaps(events.times["tick_o"]) == [10, 10], events.times[
+        "tick_o"
+    ]
+    await bench.write(TICK_SAMPLES, 2)
+    events.times["tick_o"].clear()
+    await sync(bench)
+    await bench.clocks(20)
+    assert not events.times["tick_o"], "a sync of the time before counted"
+
+
+@cocotb.test
+async def update_belongs_to_the_tick_by_samples(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start(sync_i=0)
+    events = Events(dut)
+    await bench.write(TICK_SAMPLES, 2)
+    # Commit high in the clock of the first sync, of the second, and of the clock after it.
+    for clocks, late in ((0, 0), (3, 0), (4, 1)):
+        events.times["update_o"].clear()
+        syncs = []
+
+        async def commit(clocks: int = clocks) -> None:
+            await bench.clocks(clocks)
+            await bench.write(UPDATE, 1)
+
+        task = cocotb.start_soon(commit())
+        await bench.clocks()
+        for _ in range(4):
+            syncs.append(await sync(bench))
+            await bench.clocks(2)
+        await task
+        assert events.times["update_o"] == [syncs[1 + 2 * late] + 1], (clocks, syncs, events.times["update_o"])
+
+
 @cocotb.test
 async def intervals(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     events = Events(dut)
     await bench.write(MACHINE_PERIOD, 23)
     await bench.write(LOAD_PERIOD, 7)
@@ -134,7 +226,7 @@ async def intervals(dut: Any) -> None:
 @cocotb.test
 async def period_registers_hold_every_bit(dut: Any) -> None:
     bench = Bench(dut)
-    await bench.start()
+    await bench.start(sync_i=0)
     for adr, mask in ((TICK_PERIOD, 0xFFFFFF), (MACHINE_PERIOD, 0xFFFFFFFF), (LOAD_PERIOD, 0xFFFFFFFF)):
         for value in (0xFFFFFFFF, 0xA5C33C5A):
             await bench.write(adr, value)
@@ -144,7 +236,7 @@ async def period_registers_hold_every_bit(dut: Any) -> None:
 def test_fl_timer() -> None:
     """Tick, update event, time stamps and intervals to the clock.
 
-    Verifies: SOC-01, SOC-02, SOC-03
+    Verifies: SOC-01, SOC-02, SOC-03, SOC-20
     """
     run_block_test(
         "fl_timer_wb",

@@ -98,7 +98,9 @@ module fl_board_ecp5
       .trc_comm_sched_o(),
       .trc_update_o    (),
       .trc_trip_o      (),
-      .trc_trip_cause_o()
+      .trc_trip_cause_o(),
+      .trc_angle_valid_o(),
+      .trc_angle_o()
   );
 
 endmodule

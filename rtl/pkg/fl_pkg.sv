@@ -77,8 +77,9 @@ package fl_pkg;
   } pwm_state_t;
 
   // Trip sources, in the bit order of the safety registers.
-  localparam int unsigned TripSources = 7;
+  localparam int unsigned TripSources = 8;
   typedef struct packed {
+    logic deadline;       // bit 7
     logic software;       // bit 6
     logic under_voltage;  // bit 5
     logic over_voltage;   // bit 4

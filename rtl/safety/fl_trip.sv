@@ -1,13 +1,13 @@
-// Trips: watches raw converter codes, the fault pin, the commutation timer and software; latches, logs and turns the
-// gates off through the guard.
+// Trips: watches raw converter codes, the fault pin, the commutation timer, the leg carriers and software; latches, logs
+// and turns the gates off through the guard.
 //
 // Sources (bit order of fl_pkg::trip_t): phase and DC over-current |code - 2048| > limit, fault pin, lost lock, over-
-// and under-voltage of vdc, software. Codes count as they come from the converter, before any correction. Causes of
-// the codes stay present until the next sample set, the pin's as long as it is high, the others for their clock.
+// and under-voltage of vdc, software, deadline. Codes count as they come from the converter, before any correction.
+// Causes of the codes stay present until the next sample set, the others as long as their input is high.
 //
 // trip_o = any latched or present enabled cause. From there the guard needs one clock:
 //   fault pin: gates off at the third clock edge after the pin changed (two synchroniser stages, guard);
-//   codes: gates off 2 clocks after adc_valid_i; lost lock and software: 1 clock after the pulse.
+//   codes: gates off 2 clocks after adc_valid_i; the other inputs: 1 clock after they rise.
 //
 // A latched cause is cleared by clear_i only if it is not present (or not enabled) in that clock. Enables are taken
 // over while guard_enable_i is low and held while it is high.
@@ -30,6 +30,7 @@ module fl_trip
     input  logic                     fault_pin_i,      // raw pin, active high
     input  logic                     lost_i,           // pulse
     input  logic                     software_i,       // pulse
+    input  logic                     deadline_i,       // level: updates of the leg carriers without new compares
     input  logic                     guard_enable_i,
     input  trip_t                    cfg_enable_i,
     input  adc_code_t                cfg_phase_lsb_i,  // largest deviation from 2048
@@ -134,6 +135,7 @@ module fl_trip
     present.over_voltage  = over_voltage_q;
     present.under_voltage = under_voltage_q;
     present.software      = software_i;
+    present.deadline      = deadline_i;
   end
   assign active    = present & enable_q;
   assign fresh     = active & ~latched_q;

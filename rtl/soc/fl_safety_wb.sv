@@ -19,6 +19,7 @@ module fl_safety_wb
     input adc_code_t [Channels-1:0] adc_code_i,
     input logic                     fault_pin_i,  // asynchronous
     input logic                     lost_i,
+    input logic                     deadline_i,
 
     input logic [Phases-1:0] req_h_i,
     input logic [Phases-1:0] req_l_i,
@@ -63,6 +64,7 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
+      .deadline_i,
       .guard_enable_i (hwif_out.guard.enable.value),
       .cfg_enable_i   (hwif_out.trip_enable.source.value),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),

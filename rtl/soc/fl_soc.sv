@@ -1,6 +1,7 @@
-// The chip: soft core with RAM, register bus, and the six-step path from converter codes to gate pins.
+// The chip: soft core with RAM, register bus, and the two paths from converter codes to gate pins.
 //
 //   converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (guard, trips) -> gates
+//                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
 // order below (docs: register reference). The trace port shows what happens inside to a test bench or a logic analyser;
@@ -9,6 +10,8 @@
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
 //   trc_update_o      the update event: new settings act from the next clock
 //   trc_trip_o        trip causes were latched in the clock before
+//   trc_angle_valid_o instant of a current window while the leg carriers drive the gates; trc_angle_o: the estimated
+//                     electrical angle in that clock, 2^32 = one turn
 `default_nettype none
 module fl_soc
   import fl_pkg::*;
@@ -47,7 +50,9 @@ module fl_soc
     output stamp_t  trc_comm_sched_o,
     output logic    trc_update_o,
     output logic    trc_trip_o,
-    output trip_t   trc_trip_cause_o
+    output trip_t   trc_trip_cause_o,
+    output logic    trc_angle_valid_o,
+    output logic [31:0] trc_angle_o
 );
 
   if (Phases != 3) begin : g_check
@@ -55,7 +60,7 @@ module fl_soc
   end
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 12;
+  localparam int unsigned Blocks = 13;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -68,9 +73,11 @@ module fl_soc
     Safety    = 4'd8,
     Capture   = 4'd9,
     Freewheel = 4'd10,
-    Hall      = 4'd11
+    Hall      = 4'd11,
+    Foc       = 4'd12
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
     4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
     4'(fl_freewheel_regs_pkg::FL_FREEWHEEL_REGS_MIN_ADDR_WIDTH),
     4'(fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH),
@@ -99,7 +106,7 @@ module fl_soc
   stamp_t now;
   logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
 
-  // Six-step path.
+  // Samples and the six-step path.
   logic sample_valid;
   sample_t [Channels-1:0] sample;
   stamp_t sample_time;
@@ -117,6 +124,15 @@ module fl_soc
   logic comm_applied, carrier_start, seq_reverse;
   sector_t seq_sector;
   logic [17:0] duty_q2;
+  logic [Phases-1:0] seq_req_h, seq_req_l;
+
+  // Vector path.
+  logic vector_source, vector_update, vector_sync, vector_deadline;
+  logic [Phases-1:0] vector_req_h, vector_req_l;
+  logic vector_instant;
+  logic [31:0] vector_theta;
+
+  // Requests of the path that drives.
   logic [Phases-1:0] req_h, req_l;
   logic tripped, trip_event;
   trip_t trip_cause;
@@ -189,6 +205,7 @@ module fl_soc
       .req_i    (req),
       .stb_i    (stb[Timer]),
       .rdat_o   (rdat[Timer]),
+      .sync_i   (vector_sync),
       .now_o    (now),
       .tick_o   (tick),
       .update_o (update),
@@ -218,7 +235,7 @@ module fl_soc
       .rdat_o         (rdat[Sense]),
       .now_i          (now),
       .tick_i         (tick),
-      .carrier_start_i(carrier_start),
+      .carrier_start_i(vector_source ? vector_update : carrier_start),
       .pwm_state_i    (pwm_state),
       .adc_strobe_o,
       .adc_valid_i,
@@ -345,8 +362,8 @@ module fl_soc
       .comm_sector_i  (comm_sector),
       .hall_position_i(hall_position),
       .hall_ok_i      (hall_ok),
-      .req_h_o        (req_h),
-      .req_l_o        (req_l),
+      .req_h_o        (seq_req_h),
+      .req_l_o        (seq_req_l),
       .gate_i         (gate_o),
       .pwm_state_o    (pwm_state),
       .carrier_start_o(carrier_start),
@@ -355,6 +372,34 @@ module fl_soc
       .reverse_o      (seq_reverse),
       .duty_q2_o      (duty_q2)
   );
+
+  fl_foc_wb #(
+      .Phases(Phases)
+  ) u_foc (
+      .clk_i,
+      .rst_i,
+      .req_i         (req),
+      .stb_i         (stb[Foc]),
+      .rdat_o        (rdat[Foc]),
+      .now_i         (now),
+      .tick_i        (tick),
+      .update_i      (update),
+      .strobe_i      (adc_strobe_o),
+      .sample_valid_i(sample_valid),
+      .sample_i      (sample[2*Phases-1:Phases]),
+      .sample_time_i (sample_time),
+      .source_o      (vector_source),
+      .update_o      (vector_update),
+      .sync_o        (vector_sync),
+      .deadline_o    (vector_deadline),
+      .req_h_o       (vector_req_h),
+      .req_l_o       (vector_req_l),
+      .instant_o     (vector_instant),
+      .theta_o       (vector_theta)
+  );
+
+  assign req_h = vector_source ? vector_req_h : seq_req_h;
+  assign req_l = vector_source ? vector_req_l : seq_req_l;
 
   fl_safety_wb #(
       .Phases(Phases)
@@ -369,6 +414,7 @@ module fl_soc
       .adc_code_i,
       .fault_pin_i,
       .lost_i      (lost),
+      .deadline_i  (vector_deadline),
       .req_h_i     (req_h),
       .req_l_i     (req_l),
       .gate_h_o,
@@ -407,7 +453,7 @@ module fl_soc
     if (rst_i) comm_sched_q <= '0;
   end
 
-  assign trc_valid_o      = comm_applied || zc_valid || update || trip_event;
+  assign trc_valid_o      = comm_applied || zc_valid || update || trip_event || trc_angle_valid_o;
   assign trc_now_o        = now;
   assign trc_zc_valid_o   = zc_valid;
   assign trc_zc_late_o    = zc_late;
@@ -419,6 +465,9 @@ module fl_soc
   assign trc_update_o     = update;
   assign trc_trip_o       = trip_event;
   assign trc_trip_cause_o = trip_cause;
+
+  assign trc_angle_valid_o = vector_source && vector_instant;
+  assign trc_angle_o       = vector_theta;
 
 endmodule
 `default_nettype wire

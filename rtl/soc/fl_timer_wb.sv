@@ -11,6 +11,8 @@ module fl_timer_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
+    input logic sync_i,
+
     output stamp_t now_o,
     output logic   tick_o,
     output logic   update_o,
@@ -27,6 +29,8 @@ module fl_timer_wb
       .cfg_tick_period_i   (hwif_out.tick_period.cycles.value),
       .cfg_machine_period_i(hwif_out.machine_period.cycles.value),
       .cfg_load_period_i   (hwif_out.load_period.cycles.value),
+      .cfg_tick_samples_i  (hwif_out.tick_samples.samples.value),
+      .sync_i,
       .commit_i            (hwif_out.update.commit.value),
       .now_o,
       .tick_o,

@@ -28,6 +28,8 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
     "fl_modulator": [{"Phases": 3}, {"Phases": 5}],
     "fl_leg_carrier": [{"Phases": 3}, {"Phases": 5}],
+    "fl_vector": [{"Phases": 3}, {"Phases": 5}],
+    "fl_foc_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
 }
 

@@ -28,6 +28,7 @@ REGISTER_BLOCKS = (
     "capture",
     "freewheel",
     "hall",
+    "foc",
 )
 
 

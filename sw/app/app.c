@@ -3,6 +3,7 @@
 #include "app/console.h"
 #include "control/placement.h"
 #include "drive/parameters.h"
+#include "drive/vector.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
@@ -11,7 +12,8 @@
 #define DEFAULT_TICK_CYCLES 5000u
 #define UART_BIT_CYCLES 50u
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
-#define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD)
+#define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
+#define DESIGNS_PER_SECOND 1000u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -31,7 +33,7 @@ HOT static void receive_all(void) {
   }
 }
 
-void app_boot(app_t *app) {
+COLD void app_boot(app_t *app) {
   const parameter_block_t *block = cpu_parameter_block();
   const parameters_t *p = &block->parameters;
   *app = (app_t){.telemetry = cpu_telemetry()};
@@ -43,6 +45,9 @@ void app_boot(app_t *app) {
   drive_init(&app->drive, p, fault);
   if (fault == FAULT_NONE) {
     chip_configure(p);
+    if (p->method == METHOD_VECTOR) {
+      chip_set_machine_timer((uint32_t)p->clock_hz / (DESIGNS_PER_SECOND * VECTOR_STAGES));
+    }
   }
   telemetry_update(app->telemetry, &app->drive);
   chip_irq_configure(CONTROL_SOURCES, DEFERRED_SOURCES);
@@ -51,9 +56,32 @@ void app_boot(app_t *app) {
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
 }
 
+HOT static void write_guard(app_t *app) {
+  const drive_t *drive = &app->drive;
+  const bool enable = drive->command.gate_enable;
+  if (enable != app->gate_enable_written || drive->command.clear_trips) {
+    chip_write_guard(&drive->command, drive->p);
+    app->gate_enable_written = enable;
+  }
+}
+
+HOT static void vector_control_step(app_t *app) {
+  drive_t *drive = &app->drive;
+  chip_snapshot_t snapshot;
+  chip_read_vector(&snapshot, &drive->command, drive->p);
+  if (drive->state == STATE_INIT) {
+    chip_read_offsets(&snapshot);
+  }
+  drive_step(drive, &snapshot);
+  write_guard(app);
+  chip_write_vector(&drive->command, drive->p);
+}
+
 HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
-  if (drive->p != 0) {
+  if (drive->p != 0 && drive->p->method == METHOD_VECTOR) {
+    vector_control_step(app);
+  } else if (drive->p != 0) {
     chip_snapshot_t snapshot;
     chip_read(&snapshot);
     if (drive->state == STATE_INIT) {
@@ -70,11 +98,7 @@ HOT static void control_step(app_t *app) {
       }
     }
     drive_step(drive, &snapshot);
-    const bool enable = drive->command.gate_enable;
-    if (enable != app->gate_enable_written || drive->command.clear_trips) {
-      chip_write_guard(&drive->command, drive->p);
-      app->gate_enable_written = enable;
-    }
+    write_guard(app);
     chip_write(&drive->command, drive->p);
     chip_read_freewheel(&app->telemetry->freewheel);
   } else {
@@ -89,6 +113,10 @@ HOT void app_control_interrupt(app_t *app) {
   if ((pending & (uint32_t)IRQ_TRIP) != 0u) {
     // The gates are off already; the control step names the cause. Nothing to do but take the event.
     chip_irq_clear(IRQ_TRIP);
+    if (app->drive.p != 0 && app->drive.p->method == METHOD_VECTOR) {
+      // What tripped may have ended the samples, and the ticks with them.
+      chip_tick_by_time();
+    }
     cycles_add(&telemetry->handler[HANDLER_TRIP], chip_now() - entry);
   }
   if ((pending & (uint32_t)IRQ_TICK) != 0u) {
@@ -112,6 +140,12 @@ void app_deferred_interrupt(app_t *app) {
     chip_irq_clear(IRQ_UART_RX);
     receive_all();
     cycles_add(&telemetry->handler[HANDLER_UART], chip_now() - start);
+  }
+  if ((pending & (uint32_t)IRQ_MACHINE_TIMER) != 0u) {
+    const uint32_t start = chip_now();
+    chip_irq_clear(IRQ_MACHINE_TIMER);
+    vector_design(&app->drive);
+    cycles_add(&telemetry->handler[HANDLER_DESIGN], chip_now() - start);
   }
   if ((pending & (uint32_t)IRQ_LOAD) != 0u) {
     const uint32_t start = chip_now();

@@ -5,6 +5,9 @@
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
+#include "control/placement.h"
+
+SMALL_CODE_BEGIN
 
 #define RING_LENGTH 256u
 #define LINE_LENGTH 80u
@@ -53,11 +56,11 @@ static void request(app_t *app, request_t wanted) {
   critical_leave(state);
 }
 
-static const char *command_help(void) {
+static const char *command_help(const app_t *app) {
   console_put(
       "help | status | get [name] | set name value | start | stop [now] | faults | clear | stats\n"
       "settings:");
-  items_list_settable();
+  items_list_settable(app);
   console_put("\n");
   return 0;
 }
@@ -158,7 +161,7 @@ static const char *command_clear(app_t *app) {
 static const char *execute(app_t *app, uint32_t words, char **word) {
   const char *name = word[0];
   if (text_equal(name, "help")) {
-    return command_help();
+    return command_help(app);
   }
   if (text_equal(name, "faults")) {
     return command_faults(app);
@@ -252,3 +255,5 @@ void console_poll(app_t *app) {
     }
   }
 }
+
+SMALL_CODE_END

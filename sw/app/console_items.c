@@ -5,6 +5,9 @@
 #include "drive/hall.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
+#include "control/placement.h"
+
+SMALL_CODE_BEGIN
 
 #define LOAD_PERIOD_MIN 500
 
@@ -29,6 +32,9 @@ typedef enum {
   ITEM_HALL_OFFSET_DEG,
   ITEM_HALL_HANDOVERS,
   ITEM_COMMUTATED_BY,
+  ITEM_ID_MA,
+  ITEM_IQ_MA,
+  ITEM_ANGLE_DEG,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -79,6 +85,9 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_HALL_OFFSET_DEG] = "hall_offset_deg",
     [ITEM_HALL_HANDOVERS] = "hall_handovers",
     [ITEM_COMMUTATED_BY] = "commutated_by",
+    [ITEM_ID_MA] = "id_ma",
+    [ITEM_IQ_MA] = "iq_ma",
+    [ITEM_ANGLE_DEG] = "angle_deg",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -169,6 +178,18 @@ static const char *freewheel(char *text, const app_t *app) {
   return text;
 }
 
+static bool with_vectors(const drive_t *d) { return d->p->method == METHOD_VECTOR; }
+
+// Settings that the vector drive knows too.
+static bool for_vectors(item_t item) {
+  return item == ITEM_SPEED_RPM || item == ITEM_ACCEL_RPM_S || item == ITEM_CURRENT_LIMIT_A ||
+         item == ITEM_BRAKE_LIMIT_A || item == ITEM_IRQ_LOAD;
+}
+
+static void milliamperes(char *text, const parameters_t *p, int32_t current_q17) {
+  format_i32(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
+}
+
 // Value as text; names are copied by the caller, so the buffer only holds numbers.
 static const char *value_text(const app_t *app, item_t item, char *text) {
   const drive_t *d = &app->drive;
@@ -240,6 +261,15 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       break;
     case ITEM_COMMUTATED_BY:
       return timer_names[d->command.timer];
+    case ITEM_ID_MA:
+      milliamperes(text, p, d->vector.current_i_q17.re);
+      break;
+    case ITEM_IQ_MA:
+      milliamperes(text, p, d->vector.current_i_q17.im);
+      break;
+    case ITEM_ANGLE_DEG:
+      format_fixed(text, (int64_t)d->vector.angle_turn_q32 * 360, 32, 1);
+      break;
     case ITEM_HALL_LEARN:
       format_u32(text, s->hall_learn ? 1u : 0u);
       break;
@@ -331,10 +361,13 @@ const char *items_print_all(const app_t *app) {
   return 0;
 }
 
-void items_list_settable(void) {
+void items_list_settable(const app_t *app) {
+  const bool vectors = app->drive.p != 0 && with_vectors(&app->drive);
   for (uint32_t item = ITEM_SPEED_RPM; item < ITEM_COUNT; item++) {
-    console_put(" ");
-    console_put(item_names[item]);
+    if (!vectors || for_vectors((item_t)item)) {
+      console_put(" ");
+      console_put(item_names[item]);
+    }
   }
 }
 
@@ -498,6 +531,9 @@ const char *items_set(app_t *app, const char *name, const char *value) {
   if (item < ITEM_SPEED_RPM) {
     return "cannot be set";
   }
+  if (with_vectors(&app->drive) && !for_vectors(item)) {
+    return "not with vector control";
+  }
   if (item == ITEM_IRQ_LOAD) {
     int32_t cycles;
     return (parse_i32(value, &cycles) && set_load(app, cycles)) ? 0 : "value out of range";
@@ -513,3 +549,5 @@ const char *items_set(app_t *app, const char *name, const char *value) {
   critical_leave(state);
   return 0;
 }
+
+SMALL_CODE_END

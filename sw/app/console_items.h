@@ -13,6 +13,6 @@ const char *items_print_all(const app_t *app);
 // Set a value; 0 or the text of the error. Acts on a whole setting at once, at the next control tick.
 const char *items_set(app_t *app, const char *name, const char *value);
 // Names that can be set, each after a blank.
-void items_list_settable(void);
+void items_list_settable(const app_t *app);
 
 #endif

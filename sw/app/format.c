@@ -1,6 +1,9 @@
 #include "app/format.h"
 
 #include "control/fixed.h"
+#include "control/placement.h"
+
+SMALL_CODE_BEGIN
 
 static uint32_t write_u64(char *text, uint64_t value, uint32_t least_digits) {
   char reversed[FORMAT_LENGTH];
@@ -102,3 +105,5 @@ bool text_equal(const char *a, const char *b) {
   }
   return *a == *b;
 }
+
+SMALL_CODE_END

@@ -5,7 +5,7 @@
 const char *handler_name(handler_t handler) {
   static const char *const names[HANDLER_COUNT] = {
       [HANDLER_CONTROL] = "control", [HANDLER_CONTROL_ENTRY] = "control_entry", [HANDLER_CONTROL_DONE] = "control_done",
-      [HANDLER_TRIP] = "trip",       [HANDLER_UART] = "uart",                   [HANDLER_LOAD] = "load",
+      [HANDLER_TRIP] = "trip",       [HANDLER_UART] = "uart",                   [HANDLER_LOAD] = "load",       [HANDLER_DESIGN] = "design",
   };
   return names[handler];
 }
@@ -36,4 +36,9 @@ HOT void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   telemetry->commutations = drive->m.commutations;
   telemetry->lost_locks = drive->lost_locks;
   telemetry->fault_count = drive->log.count;
+  telemetry->angle_turn_q32 = drive->vector.angle_turn_q32;
+  telemetry->speed_turn_q36 = drive->vector.speed_turn_q36;
+  telemetry->d_i_q17 = drive->vector.current_i_q17.re;
+  telemetry->q_i_q17 = drive->vector.current_i_q17.im;
+  telemetry->emf_v_q25 = drive->vector.emf_v_q25;
 }

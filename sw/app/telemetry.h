@@ -18,6 +18,7 @@ typedef enum {
   HANDLER_TRIP,
   HANDLER_UART,
   HANDLER_LOAD,
+  HANDLER_DESIGN,
   HANDLER_COUNT,
 } handler_t;
 
@@ -45,6 +46,11 @@ typedef struct {
   chip_freewheel_t freewheel;  // of the last tick that had a measurement
   uint32_t missed_commits;  // ticks at whose start the last set had not been taken yet
   cycles_t handler[HANDLER_COUNT];
+  uint32_t angle_turn_q32;  // vector drive: of the frame at the sample
+  int32_t speed_turn_q36;
+  int32_t d_i_q17;
+  int32_t q_i_q17;
+  uint32_t emf_v_q25;
 } telemetry_t;
 
 const char *handler_name(handler_t handler);

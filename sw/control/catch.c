@@ -1,6 +1,9 @@
 #include "control/catch.h"
 
 #include "control/fixed.h"
+#include "control/placement.h"
+
+SMALL_CODE_BEGIN
 
 #define SQRT3_Q16 113512
 #define QUARTER 0x40000000u
@@ -109,3 +112,5 @@ uint32_t catch_sector_cycles(int32_t mean_step, uint32_t tick_cycles) {
   const uint64_t sixth = ((uint64_t)tick_cycles * SIXTH_Q32) >> 2;
   return clamp_u32(div_sat_u32(sixth, step), 1u, 0xFFFFFFu);
 }
+
+SMALL_CODE_END

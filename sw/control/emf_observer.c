@@ -16,7 +16,7 @@ static inline int64_t product_re(complex_t a, complex_t b) { return (int64_t)a.r
 
 static inline int64_t product_im(complex_t a, complex_t b) { return (int64_t)a.re * b.im + (int64_t)a.im * b.re; }
 
-static complex_t drop_bits(complex_t z, int32_t bits) {
+COLD static complex_t drop_bits(complex_t z, int32_t bits) {
   return (complex_t){(int32_t)round_shift(z.re, bits), (int32_t)round_shift(z.im, bits)};
 }
 
@@ -24,7 +24,7 @@ static complex_t current_q25(complex_t current_i_q17) {
   return (complex_t){current_i_q17.re * 256, current_i_q17.im * 256};
 }
 
-void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
+COLD void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
                          int32_t pole1_q30, int32_t pole2_q30) {
   const complex_gain_t inverse = complex_inverse(model->gamma_e_q30);
   const complex_gain_t impedance = {machine->impedance.mant, 0, 31};
@@ -51,10 +51,16 @@ void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, comp
   observer->voltage_v_q25 = voltage_v_q25;
 }
 
-void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
+COLD void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
   observer->current_i_q25 = complex_mul_q30(observer->current_i_q25, rotation_q30);
   observer->emf_v_q25 = complex_mul_q30(observer->emf_v_q25, rotation_q30);
   observer->voltage_v_q25 = complex_mul_q30(observer->voltage_v_q25, rotation_q30);
+}
+
+HOT void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30) {
+  observer->current_i_q25 = complex_turn_small(observer->current_i_q25, turn_rad_q30);
+  observer->emf_v_q25 = complex_turn_small(observer->emf_v_q25, turn_rad_q30);
+  observer->voltage_v_q25 = complex_turn_small(observer->voltage_v_q25, turn_rad_q30);
 }
 
 HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
@@ -71,9 +77,17 @@ HOT void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t 
                      product_im(emf, gains->gamma_e);
   observer->current_i_q25 =
       (complex_t){limit_state(round_shift(re, gains->shift)), limit_state(round_shift(im, gains->shift))};
-  const complex_t g2 = {gains->emf_gain.re, gains->emf_gain.im};
-  const int32_t shift = gains->emf_gain.shift;
-  observer->emf_v_q25 = (complex_t){limit_state(emf.re + round_shift(product_re(error, g2), shift)),
-                                    limit_state(emf.im + round_shift(product_im(error, g2), shift))};
+  const complex_t change = complex_gain_apply(error, gains->emf_gain);
+  observer->emf_v_q25 =
+      (complex_t){limit_state((int64_t)emf.re + change.re), limit_state((int64_t)emf.im + change.im)};
+  observer->voltage_v_q25 = voltage_v_q25;
+}
+
+HOT void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
+  const complex_t current = observer->current_i_q25;
+  const complex_gain_t gamma1 = {gains->gamma1.re, gains->gamma1.im, gains->shift};
+  const complex_t change = complex_gain_apply(voltage_v_q25, gamma1);
+  observer->current_i_q25 =
+      (complex_t){limit_state((int64_t)current.re + change.re), limit_state((int64_t)current.im + change.im)};
   observer->voltage_v_q25 = voltage_v_q25;
 }

@@ -44,9 +44,16 @@ void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, comp
 // Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 270 clocks.
 void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
 
+// The same by a small angle, -2^-5..2^-5 rad. About 120 clocks.
+void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30);
+
 // One sample: current i[k], and the voltage u[k] set in answer to it, both in the estimated frame of this instant; at
 // most eight full scales. States saturate at 16 full scales. About 480 clocks.
 void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
                        complex_t voltage_v_q25);
+
+// For a voltage that is known only when its period is over: the step has been made without it, this adds it before the
+// next one. About 130 clocks.
+void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25);
 
 #endif

@@ -7,7 +7,14 @@
 #define SPEED_BITS 24
 #define TURN_MASK_Q36 (((uint64_t)1 << 36) - 1u)
 
-static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+SHARED static int64_t scale(int32_t x, gain_t g) { return round_shift((int64_t)x * g.mant, g.shift); }
+
+// t / sqrt(1 + t^2) for 0 <= t = across / along < 1/5, within 1.2e-4; the reciprocal, to 14 bits, only scales it.
+HOT static uint32_t small_sine_q30(uint32_t across, uint32_t along) {
+  const uint32_t t_q30 = (uint32_t)(((uint64_t)across * ((uint32_t)ONE_Q30 / (along >> 16))) >> 16);
+  const uint32_t square_q28 = (uint32_t)(((uint64_t)t_q30 * t_q30) >> 32);
+  return t_q30 - (uint32_t)(((uint64_t)t_q30 * square_q28) >> 29);
+}
 
 // The length, to 14 bits, only scales the error; the part across keeps all of its bits.
 HOT int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {
@@ -19,13 +26,17 @@ HOT int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t 
   const int up = __builtin_clz(size) - 1;
   const uint32_t across = (uint32_t)abs_sat(emf_v_q25.re) << up;
   const uint32_t along = (uint32_t)abs_sat(emf_v_q25.im) << up;
+  const bool backward = speed_turn_q36 < 0;
+  const bool negative = (emf_v_q25.re > 0) != backward;
+  const bool beyond = (emf_v_q25.im < 0) != backward;
+  if (!beyond && across < along / 5u && along >> up >= minimum_v_q25) {
+    const uint32_t error = small_sine_q30(across, along);
+    return negative ? -(int32_t)error : (int32_t)error;
+  }
   const uint32_t length_q16 = sqrt_u32((across >> 16) * (across >> 16) + (along >> 16) * (along >> 16));
   if ((length_q16 << 16) >> up < minimum_v_q25) {
     return 0;
   }
-  const bool backward = speed_turn_q36 < 0;
-  const bool negative = (emf_v_q25.re > 0) != backward;
-  const bool beyond = (emf_v_q25.im < 0) != backward;
   uint32_t error = (uint32_t)ONE_Q30;
   if (!beyond) {
     const uint32_t sine_q30 = (uint32_t)(((uint64_t)across * ((uint32_t)ONE_Q30 / length_q16)) >> 16);
@@ -51,7 +62,9 @@ HOT int32_t pll_step(pll_t *pll, const pll_gains_t *gains, uint32_t period_cycle
   pll->angle_turn_q36 = (pll->angle_turn_q36 + (uint64_t)turn_q36) & TURN_MASK_Q36;
   const int64_t most = (int64_t)gains->speed_max_turn_q36 * (1 << SPEED_BITS);
   int64_t speed = pll->speed_turn_q60 + pll->acceleration_turn_q60 + scale(error_q30, gains->speed);
-  pll->acceleration_turn_q60 += scale(error_q30, gains->acceleration);
+  if (gains->acceleration.mant != 0) {
+    pll->acceleration_turn_q60 += scale(error_q30, gains->acceleration);
+  }
   if (speed > most || speed < -most) {
     speed = (speed > most) ? most : -most;
     pll->acceleration_turn_q60 = 0;

@@ -12,7 +12,7 @@ static int32_t larger(int32_t a, int32_t b) { return (a > b) ? a : b; }
 
 static int32_t longest_part(complex_t z) { return larger(abs_sat(z.re), abs_sat(z.im)); }
 
-static complex_t drop_bits(complex_t z, int32_t bits) {
+COLD static complex_t drop_bits(complex_t z, int32_t bits) {
   if (bits < 0) {
     return (complex_t){z.re * (1 << -bits), z.im * (1 << -bits)};
   }
@@ -20,7 +20,7 @@ static complex_t drop_bits(complex_t z, int32_t bits) {
 }
 
 // Round g and h, both times 2^-shift, to the format of the regulator.
-static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h, int32_t shift) {
+COLD static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h, int32_t shift) {
   const int32_t longest = larger(longest_part(g), longest_part(h));
   if (longest == 0) {
     *gains = (regulator_gains_t){0};
@@ -39,7 +39,7 @@ static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h, int3
   return true;
 }
 
-bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
+COLD bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
                       const vector_model_t *model) {
   complex_t g;
   complex_t h;

@@ -25,7 +25,7 @@ HOT int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_
 }
 
 // (1 - exp(-s)) / s with Phi = exp(-s): by the series where the difference would lose too many digits.
-static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
+COLD static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   if (abs_sat(s_q29.re) < SMALL_Q29 && abs_sat(s_q29.im) < SMALL_Q29) {
     const complex_t one = {ONE_Q30, 0};
     const complex_t s_q30 = {2 * s_q29.re, 2 * s_q29.im};
@@ -39,7 +39,7 @@ static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   return complex_gain_apply((complex_t){sat_i32((int64_t)ONE_Q30 - phi_q30.re), -phi_q30.im}, inverse);
 }
 
-void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
+COLD void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
   const uint32_t delay_q30 = machine->delay_q30;
   const uint32_t rest_q30 = (uint32_t)ONE_Q30 - delay_q30;
   const decay_t after = decay_q30(mul_q30(machine->resistance_q30, rest_q30));
@@ -51,7 +51,7 @@ void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
   plant->held_q30 = (int32_t)mul_q30(delay_q30, held_q30);
 }
 
-void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36) {
+COLD void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36) {
   const vector_machine_t *machine = &plant->machine;
   const int32_t turn_q32 = vector_turn_q32(machine, speed_turn_q36);
   const complex_t back_q30 = cis_q30(0u - (uint32_t)turn_q32);
@@ -67,4 +67,36 @@ void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t sp
   const complex_t s_q29 = {(int32_t)(machine->resistance_q30 >> 1), model->turn_rad_q29};
   const complex_t mean_q30 = decay_of_complex_q30(s_q29, model->phi_q30);
   model->gamma_e_q30 = (complex_t){-mean_q30.re, -mean_q30.im};
+}
+
+COLD void vector_model_join(vector_model_t *model, uint32_t periods) {
+  const int32_t share_q30 = (int32_t)((uint32_t)ONE_Q30 / periods);
+  complex_t last_q30 = {ONE_Q30, 0};
+  complex_t mean_q30 = {share_q30, 0};
+  for (uint32_t k = 1; k < periods; k++) {
+    last_q30 = complex_mul_q30(last_q30, model->phi_q30);
+    mean_q30 = complex_add(mean_q30, complex_scale_q30(last_q30, share_q30));
+  }
+  const complex_t both_q30 = complex_add(model->gamma1_q30, model->gamma2_q30);
+  model->gamma2_q30 = complex_mul_q30(model->gamma2_q30, complex_scale_q30(last_q30, share_q30));
+  model->gamma1_q30 = complex_sub(complex_mul_q30(both_q30, mean_q30), model->gamma2_q30);
+  model->gamma_e_q30 = complex_mul_q30(model->gamma_e_q30, mean_q30);
+  model->phi_q30 = complex_mul_q30(model->phi_q30, last_q30);
+}
+
+// mant * 2^-shift with 30 bits, mant > 0.
+static gain_t normalised(uint64_t mant, int32_t shift) {
+  while (mant > (uint64_t)INT32_MAX) {
+    mant >>= 1;
+    shift--;
+  }
+  return (gain_t){(int32_t)mant, shift};
+}
+
+COLD void vector_machine_join(vector_machine_t *machine, uint32_t periods) {
+  const gain_t y = machine->admittance;
+  const gain_t z = machine->impedance;
+  machine->admittance = normalised((uint64_t)(uint32_t)y.mant * periods, y.shift);
+  machine->impedance = normalised(div_u64((uint64_t)(uint32_t)z.mant << 31, periods), z.shift + 31);
+  machine->period_cycles *= periods;
 }

@@ -49,7 +49,7 @@ typedef struct {
   complex_t gamma1_share_q30;  // Gamma1 / (1 - t), finite at t = 1
   complex_t gamma2_q30;
   complex_t gamma_e_q30;
-  int32_t turn_rad_q29;  // b
+  int32_t turn_rad_q29;  // b, of one period
 } vector_model_t;
 
 // Prepare; again when period or delay changes. About 680 clocks.
@@ -64,5 +64,16 @@ int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_turn
 // The model at a signed electrical speed in 2^-36 turn a clock, below half a turn of the subspace a period. Error
 // below 1e-8 of 1, 4e-8 for Gamma_e. About 1400 clocks: not at every sample.
 void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36);
+
+// Model of n = 1..255 periods with a constant voltage, from that of one; Gammas in units of n admittances:
+//
+//   Phi' = Phi^n, S = (1 + Phi + ... + Phi^(n-1)) / n
+//   Gamma1' = S (Gamma1 + Gamma2) - Phi^(n-1) Gamma2 / n, Gamma2' = Phi^(n-1) Gamma2 / n, Gamma_e' = S Gamma_e
+//
+// The voltage before the n periods counts in Gamma2'. About 250 n + 350 clocks.
+void vector_model_join(vector_model_t *model, uint32_t periods);
+
+// The machine in units for the joined model: period times n, admittance times n, impedance over n.
+void vector_machine_join(vector_machine_t *machine, uint32_t periods);
 
 #endif

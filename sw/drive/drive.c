@@ -9,6 +9,7 @@
 #include "drive/run.h"
 #include "drive/start.h"
 #include "drive/thresholds.h"
+#include "drive/vector.h"
 
 #define INIT_SETTLE_TICKS 5u
 #define AUTO_ZERO_MIN_TICKS 3u
@@ -28,7 +29,8 @@ const char *drive_state_name(drive_state_t state) {
 }
 
 const char *drive_phase_name(phase_t phase) {
-  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp", "lock", "hall"};
+  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp",
+                                      "lock",  "hall",      "align",       "hand_over"};
   return names[phase];
 }
 
@@ -61,6 +63,7 @@ COLD void drive_gates_off(drive_t *drive) {
   }
   drive->u_v_q25 = 0;
   drive->duty_q30 = 0;
+  vector_off(drive);
 }
 
 COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
@@ -185,7 +188,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
   return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)parameters->current_full_scale_ma)), 0, 131071);
 }
 
-void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
+COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
   drive->command.sampling = SAMPLING_CONTINUOUS;
@@ -230,10 +233,13 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
   thresholds_reset(drive);
   hall_init(drive);
+  if (p->method == METHOD_VECTOR) {
+    vector_init(drive);
+  }
 }
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
-COLD static void init_step(drive_t *drive, const chip_snapshot_t *in) {
+COLD void drive_init_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state_ticks <= INIT_SETTLE_TICKS) {
     drive->command.start_auto_zero = drive->state_ticks == INIT_SETTLE_TICKS;
     return;
@@ -253,7 +259,7 @@ COLD static void init_step(drive_t *drive, const chip_snapshot_t *in) {
 }
 
 // A lost lock restarts the drive as often as the parameters allow.
-COLD static void lost_lock(drive_t *drive) {
+COLD void drive_lost_lock(drive_t *drive) {
   drive->lost_locks++;
   thresholds_reset(drive);
   if (drive->state == STATE_STARTING) {
@@ -302,7 +308,7 @@ COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   }
   const fault_t fault = fault_of_trip(causes);
   if (means_lost_lock(drive, in, fault)) {
-    lost_lock(drive);
+    drive_lost_lock(drive);
   } else if (is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u) {
     drive_enter_fault(drive, FAULT_HALL_SENSOR);
   } else {
@@ -323,7 +329,7 @@ COLD static bool sensors_lost(drive_t *drive) {
   if (drive->state == STATE_STARTING) {
     return false;  // it has its own patience
   }
-  lost_lock(drive);
+  drive_lost_lock(drive);
   return true;
 }
 
@@ -345,7 +351,7 @@ HOT static bool speed_impossible(drive_t *drive) {
     if (drive->state == STATE_RUNNING && drive->state_ticks < (uint32_t)drive->p->restart_clear_ticks) {
       start_failed(drive);
     } else {
-      lost_lock(drive);
+      drive_lost_lock(drive);
     }
     return true;
   }
@@ -355,7 +361,7 @@ HOT static bool speed_impossible(drive_t *drive) {
   return over;
 }
 
-HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
+HOT bool drive_supervise(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state == STATE_INIT || drive->state == STATE_FAULT) {
     return false;
   }
@@ -373,7 +379,7 @@ HOT static bool supervise(drive_t *drive, const chip_snapshot_t *in) {
   return drive->hall.driving && (drive->hall.faulty || hall_rotor_stalled(drive)) && sensors_lost(drive);
 }
 
-COLD static void handle_request(drive_t *drive) {
+COLD void drive_handle_request(drive_t *drive) {
   const request_t request = drive->request;
   drive->request = REQUEST_NONE;
   const bool active = drive->state == STATE_STARTING || drive->state == STATE_RUNNING || drive->state == STATE_STOPPING;
@@ -426,6 +432,10 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->state_ticks < UINT32_MAX) {
     drive->state_ticks++;
   }
+  if (drive->p->method == METHOD_VECTOR) {
+    vector_drive_step(drive, in);
+    return;
+  }
   measure_update(drive, in);
   drive->command.write_offsets = false;
   drive->command.write_thresholds = false;
@@ -434,14 +444,14 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
     hall_judge(drive, in);
   }
   if (drive->request != REQUEST_NONE) {
-    handle_request(drive);
+    drive_handle_request(drive);
   }
-  if (supervise(drive, in)) {
+  if (drive_supervise(drive, in)) {
     return;
   }
   switch (drive->state) {
     case STATE_INIT:
-      init_step(drive, in);
+      drive_init_step(drive, in);
       break;
     case STATE_STARTING:
       start_step(drive, in);

@@ -11,12 +11,19 @@
 
 #include "control/balance.h"
 #include "control/catch.h"
+#include "control/complex_regulator.h"
 #include "control/csc_linearity.h"
+#include "control/emf_observer.h"
+#include "control/field_weakening.h"
 #include "control/handover.h"
+#include "control/if_start.h"
 #include "control/limiter.h"
 #include "control/pi.h"
+#include "control/pll.h"
 #include "control/ramp.h"
+#include "control/regulator_design.h"
 #include "control/stuck.h"
+#include "control/vector_model.h"
 #include "drive/faults.h"
 #include "drive/parameters.h"
 #include "hal/chip_io.h"
@@ -31,6 +38,8 @@ typedef enum {
   START_RAMP,
   START_LOCK,
   START_HALL,
+  START_ALIGN,  // vector drive
+  START_HAND_OVER,
 } phase_t;
 
 typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQUEST_CLEAR } request_t;
@@ -154,6 +163,63 @@ typedef struct {
   gain_t gain;
 } thresholds_t;
 
+// Frame of the vector drive.
+typedef enum { FRAME_OFF, FRAME_FORCED, FRAME_OBSERVED } frame_t;
+
+// What depends on the speed.
+typedef struct {
+  regulator_gains_t regulator;
+  emf_observer_gains_t observer;
+} vector_design_t;
+
+// Vector drive (vector.h).
+typedef struct {
+  // From the parameters.
+  vector_plant_t plant;       // of one sample
+  vector_machine_t per_tick;  // of the samples of a tick
+  regulator_design_t order;
+  pll_gains_t pll_gains;
+  if_settings_t start_settings;
+  pi_gains_t speed_gains;
+  gain_t weakening_ki;
+  gain_t to_rpm;  // 2^-36 turn a clock -> rpm_q8
+  int32_t back_rpm_q8;
+  int32_t handover_rpm_q8;
+  int32_t least_rpm_q8;
+  uint32_t lost_checks;
+
+  // Background design: `used` changes in the control step only, where a finished one waits.
+  vector_design_t design[2];
+  vector_model_t model;
+  uint32_t stage;
+  bool fits;
+  uint32_t used;
+  volatile bool finished;
+
+  frame_t frame;
+  int32_t direction;  // of the observed frame: +1, -1
+  int32_t goal_i_q25;  // that i_d goes to
+  int32_t speed_turn_q36;
+  int32_t correct_q32;      // turn of the frame that has been written and not taken yet
+  bool holding;             // the regulator's state is held at its preset for a tick
+  emf_observer_t observer;
+  complex_t voltage_v_q17;  // applied, of the last sample
+  complex_t state_v_q25;    // of the regulator, at the last check
+  pll_t pll;
+  int32_t error_q30;
+  if_start_t start;
+  uint32_t waiting_ticks;  // for the hand-over, at its speed
+  int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
+  pi_state_t speed;
+  field_weakening_t weakening;
+  int32_t mtpa_i_q25;       // i_d of the most torque
+  complex_t reference_i_q25;
+  uint32_t suspicion;  // checks in a row that failed
+  complex_t current_i_q17;
+  uint32_t angle_turn_q32;  // of the frame at the sample
+  uint32_t emf_v_q25;
+} vector_t;
+
 typedef struct {
   const parameters_t *p;
   uint64_t speed_numerator_q8;
@@ -191,6 +257,7 @@ typedef struct {
   uint32_t catches;  // rotors caught since boot
   thresholds_t thresholds;
   hall_t hall;
+  vector_t vector;
   handover_t handover;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
@@ -229,6 +296,10 @@ int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25);
 int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
 
 // Shared by the parts of the drive.
+void drive_init_step(drive_t *drive, const chip_snapshot_t *in);  // current offsets, gates off
+bool drive_supervise(drive_t *drive, const chip_snapshot_t *in);  // true: the state has been left
+void drive_handle_request(drive_t *drive);
+void drive_lost_lock(drive_t *drive);
 void drive_enter(drive_t *drive, drive_state_t state);
 void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);

@@ -24,6 +24,7 @@ const char *fault_name(fault_t fault) {
       [FAULT_OVERSPEED] = "overspeed",
       [FAULT_HALL_SENSOR] = "hall_sensor",
       [FAULT_VOLTAGE_CHANNEL] = "voltage_channel",
+      [FAULT_DEADLINE] = "deadline",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }
@@ -36,7 +37,7 @@ fault_t fault_of_trip(uint32_t causes) {
       {TRIP_PHASE_CURRENT, FAULT_PHASE_OVER_CURRENT}, {TRIP_DC_CURRENT, FAULT_DC_OVER_CURRENT},
       {TRIP_FAULT_PIN, FAULT_FAULT_PIN},              {TRIP_OVER_VOLTAGE, FAULT_OVER_VOLTAGE},
       {TRIP_UNDER_VOLTAGE, FAULT_UNDER_VOLTAGE},      {TRIP_SOFTWARE, FAULT_SOFTWARE_TRIP},
-      {TRIP_LOST_LOCK, FAULT_LOST_LOCK},
+      {TRIP_LOST_LOCK, FAULT_LOST_LOCK},              {TRIP_DEADLINE, FAULT_DEADLINE},
   };
   for (uint32_t i = 0; i < sizeof order / sizeof order[0]; i++) {
     if ((causes & order[i].cause) != 0u) {

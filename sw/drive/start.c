@@ -6,6 +6,7 @@
 #include "control/startup.h"
 #include "drive/hall.h"
 #include "drive/run.h"
+#include "drive/vector.h"
 
 #define COAST_CALM_TICKS 8u
 // Currents and latched trips of before are gone.
@@ -37,7 +38,8 @@ static void direct(drive_t *drive, bool reverse) {
 void start_begin(drive_t *drive) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_STARTING);
-  direct(drive, drive->settings.target_rpm < 0);
+  // The vector drive's speeds have a sign.
+  direct(drive, drive->settings.target_rpm < 0 && drive->p->method == METHOD_SIX_STEP);
   drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
@@ -188,6 +190,8 @@ static void coast(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_UNDER_VOLTAGE);
   } else if (vdc_q17 > p->vdc_max_q17) {
     drive_enter_fault(drive, FAULT_OVER_VOLTAGE);
+  } else if (p->method == METHOD_VECTOR) {
+    vector_begin(drive);
   } else {
     drive->command.gate_enable = true;
     drive->command.sequencer = SEQUENCER_MANUAL;

@@ -22,6 +22,8 @@ HOT uint32_t chip_now(void) { return reg_read(REG(sys.time_now)); }
 HOT uint32_t chip_tick_time(void) { return reg_read(REG(timer.tick_time)); }
 void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles); }
 void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
+void chip_set_machine_timer(uint32_t cycles) { reg_write(REG(timer.machine_period), cycles); }
+void chip_tick_by_time(void) { reg_write(REG(timer.tick_samples), 0); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
 
 static void write_scheduler(uint32_t sampling, const parameters_t *p) {
@@ -29,7 +31,7 @@ static void write_scheduler(uint32_t sampling, const parameters_t *p) {
                                       FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
 }
 
-static void configure_sensing(const parameters_t *p) {
+COLD static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
   for (uint32_t c = 0; c < CHANNELS; c++) {
@@ -42,7 +44,7 @@ static void configure_sensing(const parameters_t *p) {
   write_scheduler(SAMPLING_CONTINUOUS, p);
 }
 
-static void configure_crossings(const parameters_t *p) {
+COLD static void configure_crossings(const parameters_t *p) {
   reg_write(REG(zcd.blanking), FIELD(FL_ZCD_REGS__BLANKING__SETTLE_CYCLES, p->zcd_settle_cycles) |
                                    FIELD(FL_ZCD_REGS__BLANKING__BLANK_CYCLES, p->zcd_blank_cycles));
   for (uint32_t sector = 0; sector < 6u; sector++) {
@@ -51,7 +53,7 @@ static void configure_crossings(const parameters_t *p) {
   reg_write(REG(comm.latency), (uint32_t)p->latency_cycles);
 }
 
-static void configure_safety(const parameters_t *p) {
+COLD static void configure_safety(const parameters_t *p) {
   const uint32_t polarity = (uint32_t)p->gate_polarity;
   reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
                                    FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
@@ -64,7 +66,35 @@ static void configure_safety(const parameters_t *p) {
   reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
 }
 
-void chip_configure(const parameters_t *parameters) {
+static uint32_t vector_control(const chip_vector_command_t *vector, const parameters_t *p) {
+  const uint32_t regulate = (vector->regulate[0] ? 1u : 0u) | (vector->regulate[1] ? 2u : 0u);
+  return FIELD(FL_FOC_REGS__CONTROL__SOURCE, p->method == METHOD_VECTOR) |
+         FIELD(FL_FOC_REGS__CONTROL__ENABLE, vector->enable ? 1 : 0) |
+         FIELD(FL_FOC_REGS__CONTROL__DOUBLE, p->vector_double) |
+         FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
+         FIELD(FL_FOC_REGS__CONTROL__REGULATE, regulate) |
+         FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, p->vector_miss_limit);
+}
+
+// Takes effect at the first tick.
+COLD static void configure_vector(const parameters_t *p) {
+  const chip_vector_command_t off = {0};
+  const uint32_t updates = (p->vector_double != 0) ? 2u : 1u;
+  reg_write(REG(foc.control), vector_control(&off, p));
+  reg_write(REG(foc.period), (uint32_t)p->vector_sample_cycles * updates);
+  reg_write(REG(foc.window), FIELD(FL_FOC_REGS__WINDOW__FROM_CYCLES, p->vector_from_cycles) |
+                                 FIELD(FL_FOC_REGS__WINDOW__LENGTH_CYCLES, p->vector_length_cycles));
+  reg_write(REG(foc.delay), (uint32_t)p->sense_delay_cycles);
+  reg_write(REG(foc.slope), FIELD(FL_FOC_REGS__SLOPE__MANTISSA, p->vector_slope) |
+                                FIELD(FL_FOC_REGS__SLOPE__SHIFT, p->vector_slope_shift));
+  reg_write(REG(foc.dead_time), (uint32_t)p->vector_dead_comp_cycles);
+  reg_write(REG(foc.min_pulse), (uint32_t)p->min_pulse_cycles);
+  reg_write(REG(foc.margin), (uint32_t)p->vector_margin_cycles);
+  write_scheduler((uint32_t)p->sample_mode, p);
+  reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
+}
+
+COLD void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
   configure_crossings(parameters);
@@ -72,17 +102,30 @@ void chip_configure(const parameters_t *parameters) {
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
+  if (parameters->method == METHOD_VECTOR) {
+    configure_vector(parameters);
+  }
+}
+
+HOT static void read_sums(chip_snapshot_t *snapshot) {
+  snapshot->sample_number = reg_read(REG(sense.snap_number));
+  snapshot->vdc_sum_q17 = (int32_t)reg_read(REG(sense.snap_vdc_sum));
+  snapshot->idc_sum_q17 = (int32_t)reg_read(REG(sense.snap_idc_sum));
+  snapshot->sum_count = reg_read(REG(sense.snap_count));
+}
+
+HOT static void read_trips(chip_snapshot_t *snapshot) {
+  const uint32_t trip = reg_read(REG(safety.trip));
+  snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
+  snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
 }
 
 HOT void chip_read(chip_snapshot_t *snapshot) {
-  snapshot->sample_number = reg_read(REG(sense.snap_number));
+  read_sums(snapshot);
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
     snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
   }
-  snapshot->vdc_sum_q17 = (int32_t)reg_read(REG(sense.snap_vdc_sum));
-  snapshot->idc_sum_q17 = (int32_t)reg_read(REG(sense.snap_idc_sum));
-  snapshot->sum_count = reg_read(REG(sense.snap_count));
   snapshot->zc_interval_cycles = reg_read(REG(comm.snap_interval));
   snapshot->zc_period_cycles = reg_read(REG(comm.snap_period));
   const uint32_t counters = reg_read(REG(comm.snap_counters));
@@ -94,9 +137,49 @@ HOT void chip_read(chip_snapshot_t *snapshot) {
   snapshot->commutations = (uint16_t)BITS(FL_COMM_REGS__SNAP_EVENTS__COMMUTATIONS, events);
   snapshot->overdue = (uint8_t)BITS(FL_COMM_REGS__SNAP_EVENTS__OVERDUE, events);
   snapshot->timeouts = (uint8_t)BITS(FL_COMM_REGS__SNAP_EVENTS__TIMEOUTS, events);
-  const uint32_t trip = reg_read(REG(safety.trip));
-  snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
-  snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
+  read_trips(snapshot);
+}
+
+// Both axes of a subspace from an array of registers.
+HOT static complex_t read_vector(uint32_t address, uint32_t subspace) {
+  const int32_t d = (int32_t)reg_read(address + 8u * subspace);
+  return (complex_t){d, (int32_t)reg_read(address + 8u * subspace + 4u)};
+}
+
+HOT static void write_vector(uint32_t address, uint32_t subspace, complex_t value) {
+  reg_write(address + 8u * subspace, (uint32_t)value.re);
+  reg_write(address + 8u * subspace + 4u, (uint32_t)value.im);
+}
+
+HOT static void read_slow(chip_snapshot_t *snapshot) {
+  read_sums(snapshot);
+  for (uint32_t x = 0; x < PHASES; x++) {
+    snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+  }
+}
+
+HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {
+  chip_vector_snapshot_t *v = &snapshot->vector;
+  read_trips(snapshot);
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    v->i_q17[s] = read_vector(REG(foc.snap_i[0]), s);
+    v->u_v_q25[s] = read_vector(REG(foc.snap_u[0]), s);
+    if (parameters->vector_tick_samples > 1) {
+      v->v_q17[s] = read_vector(REG(foc.snap_v[0]), s);
+      v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
+    }
+  }
+  const uint32_t count = reg_read(REG(foc.snap_count));
+  const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
+  v->steps = BITS(FL_FOC_REGS__SNAP_COUNT__STEPS, count);
+  v->samples = (uint8_t)BITS(FL_FOC_REGS__SNAP_COUNT__SAMPLES, count);
+  v->limited[0] = (limited & 1u) != 0u;
+  v->limited[1] = (limited & 2u) != 0u;
+  v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
+  v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
+  if (command->vector.read_slow) {
+    read_slow(snapshot);
+  }
 }
 
 HOT void chip_read_hall(chip_snapshot_t *snapshot) {
@@ -200,6 +283,16 @@ HOT static void write_loop(const chip_command_t *command, const parameters_t *p)
   reg_write(REG(zcd.amplitude), (command->crossing.source == ZCD_TERMINAL) ? peak_q17 : peak_q17 / 3u);
 }
 
+COLD static void start_auto_zero(const parameters_t *p) {
+  uint32_t mask = 0;
+  for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
+    mask |= 1u << current_channel[i];
+  }
+  reg_write(REG(sense.auto_zero), FIELD(FL_SENSE_REGS__AUTO_ZERO__START, 1) |
+                                      FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, p->auto_zero_log2) |
+                                      FIELD(FL_SENSE_REGS__AUTO_ZERO__MASK, mask));
+}
+
 HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
   if (command->write_modes) {
     write_modes(command, parameters);
@@ -213,17 +306,58 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {
-    uint32_t mask = 0;
-    for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-      mask |= 1u << current_channel[i];
-    }
-    reg_write(REG(sense.auto_zero), FIELD(FL_SENSE_REGS__AUTO_ZERO__START, 1) |
-                                        FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, parameters->auto_zero_log2) |
-                                        FIELD(FL_SENSE_REGS__AUTO_ZERO__MASK, mask));
+    start_auto_zero(parameters);
   }
 }
 
-void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
+COLD static void write_vector_gains(const chip_vector_command_t *vector) {
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    write_vector(REG(foc.gain[0]), s, vector->gain[s]);
+    write_vector(REG(foc.hold[0]), s, vector->hold[s]);
+    write_vector(REG(foc.forward[0]), s, vector->forward_v_q17[s]);
+    reg_write(REG(foc.shift[0]) + 4u * s, vector->shift[s]);
+  }
+}
+
+HOT static void write_limits(const chip_vector_command_t *vector) {
+  reg_write(REG(foc.lead), (uint32_t)vector->lead_q32);
+  reg_write(REG(foc.scale), FIELD(FL_FOC_REGS__SCALE__MANTISSA, vector->scale) |
+                                FIELD(FL_FOC_REGS__SCALE__SHIFT, vector->scale_shift));
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    reg_write(REG(foc.limit[0]) + 4u * s, vector->limit_v_q17[s]);
+  }
+}
+
+HOT void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
+  const chip_vector_command_t *v = &command->vector;
+  reg_write(REG(foc.control), vector_control(v, parameters));
+  reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
+  if (v->write_correct) {
+    reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
+  }
+  if (v->write_limits) {
+    write_limits(v);
+  }
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
+    if (!v->regulate[s]) {
+      write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
+    }
+  }
+  if (v->write_gains) {
+    write_vector_gains(v);
+  }
+  if (command->write_modes) {
+    const int32_t samples = v->tick_by_samples ? parameters->vector_tick_samples : 0;
+    reg_write(REG(timer.tick_samples), (uint32_t)samples);
+  }
+  reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
+  if (command->start_auto_zero) {
+    start_auto_zero(parameters);
+  }
+}
+
+COLD void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
   if (command->clear_trips) {
     reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
   }
@@ -233,7 +367,7 @@ void chip_write_guard(const chip_command_t *command, const parameters_t *paramet
                                    FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
 }
 
-void chip_irq_configure(uint32_t control, uint32_t deferred) {
+COLD void chip_irq_configure(uint32_t control, uint32_t deferred) {
   reg_write(REG(irq.route), control);
   reg_write(REG(irq.pending), control | deferred);
   reg_write(REG(irq.enable), control | deferred);

@@ -33,11 +33,17 @@ uint32_t chip_tick_time(void);
 void chip_configure(const parameters_t *parameters);
 // Period of the control tick; 0 stops it.
 void chip_set_tick(uint32_t cycles);
+// Period of the machine timer's interrupt; 0 stops it.
+void chip_set_machine_timer(uint32_t cycles);
+// With the vector method: the control tick becomes periodic again, at once.
+void chip_tick_by_time(void);
 // Period of the load generator's interrupt; 0 stops it.
 void chip_set_load(uint32_t cycles);
 
 // Read the snapshot of the last tick.
 void chip_read(chip_snapshot_t *snapshot);
+// The same for METHOD_VECTOR, as the command of before asked for it.
+void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters);
 // The parts of it that are seldom needed: current offsets, intervals of the sectors, phases of the
 // Hall edges.
 void chip_read_offsets(chip_snapshot_t *snapshot);
@@ -49,6 +55,7 @@ void chip_read_hall(chip_snapshot_t *snapshot);
 void chip_read_freewheel(chip_freewheel_t *freewheel);
 // Write every shadowed setting and commit the set for the next tick.
 void chip_write(const chip_command_t *command, const parameters_t *parameters);
+void chip_write_vector(const chip_command_t *command, const parameters_t *parameters);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
 void chip_write_guard(const chip_command_t *command, const parameters_t *parameters);
 // Open all gates at once, without a tick.

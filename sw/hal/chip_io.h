@@ -5,7 +5,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "control/complex_fixed.h"
+
 #define PHASES 3
+#define SUBSPACES ((PHASES + 1) / 2 - 1)  // of the vector path; its arrays have room for those of five phases
 #define CURRENT_CHANNELS 4  // ia, ib, ic, idc
 
 typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
@@ -40,7 +43,24 @@ enum {
   TRIP_OVER_VOLTAGE = 1u << 4,
   TRIP_UNDER_VOLTAGE = 1u << 5,
   TRIP_SOFTWARE = 1u << 6,
+  TRIP_DEADLINE = 1u << 7,
 };
+
+// How the machine is driven, fixed by the parameters.
+typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
+
+// What the vector path measured, of the last regulator step before the tick. Vectors by subspace, d + jq.
+typedef struct {
+  complex_t i_q17[2];
+  complex_t v_q17[2];      // applied; with several samples a tick only
+  complex_t u_v_q25[2];    // state of the regulator
+  complex_t v_sum_q17[2];  // applied ones of the steps since the tick before; with several samples a tick only
+  uint32_t steps;
+  uint32_t theta_sample_q32;  // with which i was turned
+  bool limited[2];
+  bool taken;  // the set committed before took effect at this tick
+  uint8_t samples;  // averaged for i
+} chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.
 typedef struct {
@@ -73,6 +93,7 @@ typedef struct {
   } hall;
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
+  chip_vector_snapshot_t vector;  // with METHOD_VECTOR only, which reads no crossings and sectors
 } chip_snapshot_t;
 
 // Freewheel measurements of a tick, in the chip's own words.
@@ -81,6 +102,30 @@ typedef struct {
   uint32_t max;         // longest in bits 23..0, all ones: open; the sector it entered, 0..5, from bit 24
   uint32_t count;       // ended ones in bits 15..0; from bit 16 open ones: the next commutation came first
 } chip_freewheel_t;
+
+// What the vector path does, by subspace. Gains as of complex_regulator.h, scale as of the modulator.
+typedef struct {
+  bool enable;  // requests of the legs
+  bool tick_by_samples;  // else the tick is periodic
+  bool regulate[2];  // false: the regulator's state is the preset one
+  bool bypass;
+  complex_t reference_i_q17[2];
+  complex_t gain[2];
+  complex_t hold[2];
+  complex_t preset_v_q17[2];
+  complex_t forward_v_q17[2];
+  uint32_t shift[2];
+  uint32_t limit_v_q17[2];
+  int32_t lead_q32;
+  int32_t omega_turn_q36;
+  int32_t correct_q32;
+  bool write_correct;  // one-shot: add correct_q32 to the angle
+  bool write_gains;    // one-shot: gain, hold, shift or forward have changed
+  bool write_limits;   // one-shot: limit, lead or scale have
+  bool read_slow;      // the next snapshot shall have sums and terminal voltages
+  uint32_t scale;
+  uint32_t scale_shift;
+} chip_vector_command_t;
 
 // Everything the chip does until the next tick. Takes effect together at that tick, except for the gate enable and
 // the one-shot requests, which act at once.
@@ -114,6 +159,7 @@ typedef struct {
   bool write_offsets;     // one-shot: they have changed
   bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals...
   bool read_phases;       // ...and phases
+  chip_vector_command_t vector;  // counts with METHOD_VECTOR, the sequencer and what belongs to it with METHOD_SIX_STEP
 } chip_command_t;
 
 #endif

@@ -7,7 +7,7 @@ the angle tables of the analysis, so that the two can disagree.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -214,3 +214,22 @@ def _records(
             for x, name in enumerate("abc"):
                 records[f"v{name}"][n] = min(max(star + e[x], -0.7), 25.7) if x == open_leg else rail[x]
     return records
+
+
+def make_vector_run(
+    drive: Drive, errors_deg: np.ndarray, d_a: float = 0.0, q_a: float = 10.0, sample_hz: float = 40e3
+) -> RunData:
+    """Vector control: sinusoidal currents and a sample every 1 / sample_hz, the errors of the angle by turns."""
+    data = make_run(replace(drive, freewheel_deg=None))
+    for rows in (data.records, data.zoom):
+        for phase, name in enumerate("abc"):
+            angle = rows["theta_e"] - phase * 2 * np.pi / 3
+            rows[f"i{name}"] = d_a * np.cos(angle) - q_a * np.sin(angle)
+    cycles = np.arange(500, data.cycles, round(CLOCK_HZ / sample_hz))
+    error = np.radians(np.resize(errors_deg, cycles.size))
+    turns = (np.asarray(drive.theta(cycles / CLOCK_HZ)) + error) / (2 * np.pi)
+    log = np.zeros((cycles.size, 4), dtype=np.int64)
+    log[:, 0], log[:, 1], log[:, 2] = cycles, LogKind.ANGLE, np.round(turns % 1.0 * 2**32) % 2**32
+    gates = data.rows(LogKind.GATES)
+    merged = np.concatenate((gates, log, data.rows(LogKind.TRIP)))
+    return replace(data, log=merged[np.argsort(merged[:, 0], kind="stable")])

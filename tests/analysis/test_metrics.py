@@ -15,8 +15,8 @@ from fluxlock.analysis.angles import AngleTrack
 from fluxlock.analysis.metrics import Advance, Analysis, gate_change_cycles, judge, lookup, trips
 from fluxlock.analysis.rundata import RECORD_DTYPE, TRIP_CAUSES, LogKind, load_trace, save_trace
 from fluxlock.config.scenario import METRICS, Expect
-from fluxlock.paths import RTL
-from tests.analysis.synthetic import Drive, make_run
+from fluxlock.paths import ROOT, RTL
+from tests.analysis.synthetic import Drive, make_run, make_vector_run
 
 ANGLE_TOL_DEG = 0.01
 SPEEDS = (60_000.0, -60_000.0, 8_000.0)
@@ -268,3 +268,46 @@ def test_trace_round_trip_and_repeatability(tmp_path: Path) -> None:
         7,
         ["ok"],
     )
+
+
+# ---- vector control
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_angle_error_of_the_estimate(speed: float) -> None:
+    """Known errors of the claimed angle with their sign, wrapped, in both directions; only samples inside count.
+
+    Verifies: VCONF-05
+    """
+    drive, errors_deg = Drive(speed_rpm=speed, accel_rpm_per_s=2e5), np.array([2.0, -1.0, 0.5, 4.0, -3.5])
+    m = Analysis(make_vector_run(drive, errors_deg)).window(0.002, 0.018)["angle_error_deg"]
+    assert m["mean"] == pytest.approx(errors_deg.mean(), abs=ANGLE_TOL_DEG)
+    assert m["rms"] == pytest.approx(np.sqrt((errors_deg**2).mean()), abs=ANGLE_TOL_DEG)
+    assert m["max"] == pytest.approx(4.0, abs=ANGLE_TOL_DEG)
+    # A claim that is a turn off is the same angle; half a turn off is the largest error there is.
+    turned = Analysis(make_vector_run(drive, errors_deg + 360.0)).window(0.002, 0.018)["angle_error_deg"]
+    assert turned["rms"] == pytest.approx(m["rms"], abs=1e-6)
+    half = Analysis(make_vector_run(drive, np.array([180.0]))).window(0.002, 0.018)["angle_error_deg"]
+    assert half["max"] == pytest.approx(180.0, abs=ANGLE_TOL_DEG)
+    empty = Analysis(make_run(drive)).window(0.002, 0.018)["angle_error_deg"]
+    assert empty == {"mean": None, "rms": None, "max": None}
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_currents_of_the_rotors_frame(speed: float) -> None:
+    """Phase currents made of i_d and i_q give them back, amplitude-invariant; i_q > 0 has the sign of the torque.
+
+    Verifies: VCONF-05
+    """
+    m = Analysis(make_vector_run(Drive(speed_rpm=speed), np.zeros(1), d_a=-3.0, q_a=12.0)).window(0.002, 0.018)
+    assert (m["id_a"], m["iq_a"]) == (pytest.approx(-3.0, abs=1e-6), pytest.approx(12.0, abs=1e-6))
+
+
+def test_log_kinds_are_those_of_the_simulator() -> None:
+    """Names and numbers of the log's rows in the simulator's main and in the analysis.
+
+    Verifies: VCONF-05
+    """
+    header = (ROOT / "sim" / "native" / "cosim.h").read_text(encoding="utf-8")
+    kinds = {name: int(value) for name, value in re.findall(r"^    LOG_(\w+) = (\d+),", header, re.MULTILINE)}
+    assert kinds == {kind.name: int(kind) for kind in LogKind}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.plots import overview_page, write_plots
+from fluxlock.analysis.plots import overview_page, vector_overview_page, write_plots
 from fluxlock.analysis.six_step.machine import Machine
 from fluxlock.analysis.six_step.override import SampleTiming
 from fluxlock.analysis.six_step.plots import soa_figure, spectrum_figure
@@ -19,7 +19,7 @@ from fluxlock.analysis.six_step.soa_study import Settings, Study
 from fluxlock.analysis.six_step.spectrum_study import pattern_spectrum
 from fluxlock.config import Scenario, load_motor, load_scenario
 from fluxlock.paths import ROOT
-from tests.analysis.synthetic import Drive, make_run
+from tests.analysis.synthetic import Drive, make_run, make_vector_run
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +75,37 @@ def test_panels_show_what_they_say(scenario: Scenario) -> None:
     # 2.5 turns hold 15 crossings.
     assert marks.size == 15 and low <= marks.min() and marks.max() <= high
     assert voltages.get_xlim() == currents.get_xlim() == gates.get_xlim() == (low, high)
+
+
+def test_pages_of_a_vector_run(tmp_path: Path) -> None:
+    """Speed, the angle's error at its samples, i_d and i_q of the run, zoomed phase currents; two PNG files.
+
+    Verifies: VCONF-06
+    """
+    scenario = load_scenario(
+        ROOT / "scenarios" / "vector" / "start.toml",
+        [
+            "duration_s=0.02",
+            "event=[{at_s=0.001,speed_rpm=60000}]",
+            'window=[{name="steady",from_s=0.005,to_s=0.01}]',
+            "expect=[]",
+        ],
+    )
+    span = scenario.zoom_window_s()
+    analysis = Analysis(make_vector_run(Drive(zoom_s=span), np.array([1.5]), d_a=-2.0, q_a=11.0))
+    speed, errors, currents, phases = vector_overview_page(analysis, scenario).axes
+    assert all(axes.get_ylabel() and axes.get_xlabel() for axes in (speed, errors, currents, phases))
+    assert np.allclose({line.get_label(): line for line in speed.lines}["speed"].get_ydata(), 60.0)
+    samples = errors.lines[0]
+    assert np.allclose(samples.get_ydata(), 1.5, atol=0.01)
+    assert len(samples.get_xdata()) == pytest.approx(0.02 * 40e3, abs=2)
+    assert errors.get_ylim()[1] == pytest.approx(1.5 * 1.5, abs=0.02)
+    lines = {line.get_label(): line for line in currents.lines}
+    assert np.allclose(lines["d"].get_ydata(), -2.0) and np.allclose(lines["q"].get_ydata(), 11.0)
+    assert phases.get_xlim() == tuple(t * 1e3 for t in span)
+    paths = write_plots(tmp_path, analysis, scenario)
+    assert [p.name for p in paths] == ["overview.png", "zoom.png"]
+    assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in paths)
 
 
 def test_pages_of_a_run_without_events(tmp_path: Path, scenario: Scenario) -> None:

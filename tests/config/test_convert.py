@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.cosim.convert import drive_spec, motor_spec, plant_params
+from fluxlock.config.specs import drive_spec, motor_spec
+from fluxlock.cosim.convert import plant_params
 from fluxlock.cosim.parameters import check_parameters, parameter_block
 from fluxlock.paths import ROOT
 from fluxlock.plant import EncoderParams

@@ -157,6 +157,21 @@ def test_writer_refuses_what_does_not_fit() -> None:
         gain(1e12)
 
 
+def test_vector_parameters_may_be_missing_with_six_step_only() -> None:
+    """A six-step block takes their defaults, which the firmware accepts; a vector block must name every one.
+
+    Verifies: FW-12
+    """
+    b = block()
+    names = [p.name for p in b.schema.parameters if p.name.startswith("vector_")]
+    for name in ("method", *names):
+        b.values.pop(name, None)
+    assert boot(b.pack()).command("get fault") == ["fault none", "ok"]
+    b.update({"method": 1})
+    with pytest.raises(ParameterError, match="vector_double has no value"):
+        b.pack()
+
+
 def test_schema_makes_header_and_table() -> None:
     """Header and documentation list every parameter once; the version word follows the layout.
 

@@ -91,6 +91,7 @@ BROKEN = {
         "if (deviation(codes[x]) >= limit)",
     ),
     "present cause waits for the latch": ("fl_trip", TRIP, "(latched_q | active) != '0;", "latched_q != '0;"),
+    "deadline ignored": ("fl_trip", TRIP, "= deadline_i;", "= 1'b0;"),
     "a third synchroniser stage": (
         "fl_trip",
         "fl_sync.sv",
@@ -118,4 +119,4 @@ def test_broken_copies_are_found(name: str) -> None:
             f"logic meta_q, sync_q;\n\n  always_ff @(posedge clk_i) begin\n    {old}",
             (f"logic meta_q, sync_q, async_q;\n\n  always_ff @(posedge clk_i) begin\n    {new}"),
         )
-    assert prove(sby, name.replace(" ", "-"), {file: (old, new)}) != "PASS"
+    assert prove(sby, name.replace(" ", "-"), {file: (old, new)}) in ("FAIL", "UNKNOWN")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fluxlock.analysis.rundata import FloatArray, IntArray, RecordArray
+from fluxlock.analysis.rundata import ComplexArray, FloatArray, IntArray, RecordArray
 
 # Floating phase of each sector, 0..2 = A..C. It is also the phase that stops conducting when the sector is
 # entered.
@@ -70,6 +70,12 @@ class AngleTrack:
 def wrap_deg(angle: FloatArray) -> FloatArray:
     """Angle in -180 .. 180 degrees."""
     return (angle + 180.0) % 360.0 - 180.0
+
+
+def dq_current(records: RecordArray) -> ComplexArray:
+    """Currents of the machine in the rotor's frame, d + jq, amplitude-invariant (A)."""
+    phases = sum(records[f"i{name}"] * np.exp(2j * np.pi / 3 * k) for k, name in enumerate("abc"))
+    return np.asarray(2 / 3 * phases * np.exp(-1j * records["theta_e"]), dtype=np.complex128)
 
 
 def thesis_angle_deg(theta_rad: FloatArray) -> FloatArray:

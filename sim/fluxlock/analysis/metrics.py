@@ -1,7 +1,7 @@
 """Metrics of a run: errors of crossings and commutations against the plant's true angle, waveforms, trips.
 
-Sign: positive error = late. `rms` is about zero, `std` about the mean, `max` of the absolute value. A metric
-whose window holds nothing to measure is None.
+Sign: positive error of a crossing or commutation = late, of an angle = ahead. `rms` is about zero, `std` about the
+mean, `max` of the absolute value. A metric whose window holds nothing to measure is None.
 """
 
 from __future__ import annotations
@@ -13,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.angles import FLOATING_PHASE, AngleTrack, commutation_error_deg, crossing_error_deg
+from fluxlock.analysis.angles import (
+    FLOATING_PHASE,
+    AngleTrack,
+    commutation_error_deg,
+    crossing_error_deg,
+    dq_current,
+    wrap_deg,
+)
 from fluxlock.analysis.rundata import (
     BoolArray,
     FloatArray,
@@ -39,7 +46,7 @@ Number = float | int | None
 
 @dataclass(frozen=True)
 class Series:
-    """Errors over time: one entry a crossing or a commutation."""
+    """Errors over time: one entry a crossing, a commutation or a current sample."""
 
     cycle: FloatArray
     sector: IntArray
@@ -166,6 +173,15 @@ class Analysis:
         error = commutation_error_deg(theta, sector, direction, advance_deg)
         return Series(cycle, sector, theta, direction, error, np.zeros(cycle.size, dtype=np.bool_))
 
+    @cached_property
+    def angles(self) -> Series:
+        """Estimated angle at every current sample of the vector path."""
+        rows = self.data.rows(LogKind.ANGLE)
+        cycle, none = rows[:, 0].astype(np.float64), np.zeros(len(rows), dtype=np.int64)
+        theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
+        error = wrap_deg(np.asarray(rows[:, 2] * (360.0 / 2**32) - np.degrees(theta), dtype=np.float64))
+        return Series(cycle, none, theta, direction, error, none.astype(np.bool_))
+
     def freewheel_deg(self, low: float, high: float) -> FloatArray:
         """Angle from each commutation of a span to the extinction of the outgoing phase's current.
 
@@ -201,6 +217,8 @@ class Analysis:
         records = self.data.records
         records = records[(records["t_cycle"] >= low) & (records["t_cycle"] <= high)]
         freewheel = self.freewheel_deg(low, high)
+        angle = _error_statistics(self.angles.between(low, high).error_deg)
+        current = _mean_current(records)
         return {
             "speed_rpm": self._speed(records, low, high),
             "zcp_error_deg": _error_statistics(crossings.error_deg),
@@ -214,6 +232,9 @@ class Analysis:
             },
             "torque_nm": _torque(records),
             "late_crossings": int(np.count_nonzero(crossings.late)),
+            "angle_error_deg": {kind: angle[kind] for kind in ("mean", "rms", "max")},
+            "id_a": None if current is None else current.real,
+            "iq_a": None if current is None else current.imag,
         }
 
     def _speed(self, records: np.ndarray, low: float, high: float) -> dict[str, Number]:
@@ -263,6 +284,14 @@ def _torque(records: np.ndarray) -> dict[str, Number]:
         "mean": float(np.trapezoid(torque, time) / (time[-1] - time[0])),
         "ripple_pp": float(np.ptp(torque)),
     }
+
+
+def _mean_current(records: np.ndarray) -> complex | None:
+    """Mean over time of the current in the rotor's frame, d + jq."""
+    if records.size < 2:
+        return None
+    time = records["t_cycle"].astype(np.float64)
+    return complex(np.trapezoid(dq_current(records), time) / (time[-1] - time[0]))
 
 
 def trips(data: RunData) -> list[dict[str, Any]]:

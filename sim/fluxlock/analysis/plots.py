@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.angles import FLOATING_PHASE
+from fluxlock.analysis.angles import FLOATING_PHASE, dq_current
 from fluxlock.analysis.metrics import Analysis, Series
 from fluxlock.analysis.rundata import FloatArray, LogKind, RecordArray
 from fluxlock.config.scenario import Scenario
@@ -18,6 +18,7 @@ from fluxlock.config.scenario import Scenario
 # Colours that stay distinct for colour-blind readers.
 PHASE_COLOURS = ("#0072B2", "#D55E00", "#009E73")
 CROSSING_COLOUR, COMMUTATION_COLOUR, LATE_COLOUR = "#56B4E9", "#222222", "#CC79A7"
+ANGLE_COLOUR, D_COLOUR, Q_COLOUR = "#222222", "#CC79A7", "#0072B2"
 SWITCH_LABELS = ("A upper", "A lower", "B upper", "B lower", "C upper", "C lower")
 DPI = 110
 LEGEND_ROOM = 0.18  # of the height of a panel
@@ -128,6 +129,50 @@ def _errors(axes: Axes, page: _Page) -> None:
     axes.legend(loc="upper right", ncols=3, fontsize=9, markerscale=3)
 
 
+def _angle_errors(axes: Axes, page: _Page) -> None:
+    """Error of the estimated angle over the whole run; where it is far from the windows' it leaves the panel."""
+    angles = page.analysis.angles
+    limit = _error_limit(page, (angles,))
+    axes.plot(angles.cycle / page.clock, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
+    for window in page.scenario.window:
+        axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
+    axes.axhline(0, color="#888888", linewidth=0.8)
+    axes.set_ylim(-limit, limit)
+    axes.set_xlim(0, page.data.duration_s)
+    axes.set_xlabel("time / s")
+    axes.set_ylabel("angle error / deg el. (+ = ahead)")
+    axes.grid(True, alpha=0.3)
+
+
+def _dq(axes: Axes, page: _Page, records: RecordArray, time: FloatArray) -> None:
+    """Currents of the machine in the frame of its true angle."""
+    current = dq_current(records)
+    axes.plot(time, current.real, color=D_COLOUR, linewidth=0.8, label="d")
+    axes.plot(time, current.imag, color=Q_COLOUR, linewidth=0.8, label="q")
+    axes.set_ylabel("current / A, true frame")
+    axes.grid(True, alpha=0.3)
+    _make_room(axes)
+    axes.legend(loc="upper right", ncols=2, fontsize=9)
+
+
+def _dq_of_run(axes: Axes, page: _Page) -> None:
+    records = page.data.records
+    _dq(axes, page, records, np.asarray(records["t_cycle"] / page.clock, dtype=np.float64))
+    axes.set_xlim(0, page.data.duration_s)
+    axes.set_xlabel("time / s")
+
+
+def _dq_zoomed(axes: Axes, page: _Page) -> None:
+    _dq(axes, page, page.zoomed, page.ms(page.zoomed))
+    page.finish_zoomed(axes, "current / A, true frame")
+
+
+def _angle_errors_zoomed(axes: Axes, page: _Page) -> None:
+    inside = page.analysis.angles.between(page.from_s * page.clock, page.to_s * page.clock)
+    axes.plot(inside.cycle / page.clock * 1e3, inside.error_deg, ".-", color=ANGLE_COLOUR, markersize=4, linewidth=0.6)
+    page.finish_zoomed(axes, "angle error / deg el.")
+
+
 def _mark_commutations(axes: Axes, page: _Page) -> None:
     inside = page.analysis.commutations.between(page.from_s * page.clock, page.to_s * page.clock)
     for cycle in inside.cycle:
@@ -218,9 +263,13 @@ def _gates(axes: Axes, page: _Page) -> None:
 
 def _title(page: _Page) -> str:
     drive, scenario = page.scenario.drive, page.scenario
+    if drive.method == "vector":
+        how = f"vector control, regulator {drive.vector.regulator}, {drive.vector.update} update"
+    else:
+        how = f"{drive.commutation}, {drive.pattern}"
     return (
-        f"{scenario.name}: {scenario.motor.name}, {scenario.inverter.supply_v:g} V, {drive.commutation}, "
-        f"{drive.pattern}, {drive.carrier_hz / 1e3:g} kHz, seed {page.data.seed}"
+        f"{scenario.name}: {scenario.motor.name}, {scenario.inverter.supply_v:g} V, {how}, "
+        f"{drive.carrier_hz / 1e3:g} kHz, seed {page.data.seed}"
     )
 
 
@@ -264,9 +313,37 @@ def zoom_page(analysis: Analysis, scenario: Scenario) -> Figure:
     return figure
 
 
+def vector_overview_page(analysis: Analysis, scenario: Scenario) -> Figure:
+    """Speed, angle error, i_d and i_q of the whole run, then the phase currents of the zoomed span."""
+    page = _Page(analysis, scenario)
+    figure, axes = _stack(_title(page), (1.1, 1.0, 1.0, 1.1), 14)
+    _speed(axes[0], page)
+    _angle_errors(axes[1], page)
+    _dq_of_run(axes[2], page)
+    _currents(axes[3], page)
+    axes[3].set_xlabel("time / ms")
+    axes[3].set_title("zoomed span", fontsize=10, loc="left")
+    return figure
+
+
+def vector_zoom_page(analysis: Analysis, scenario: Scenario) -> Figure:
+    """The zoomed span: angle error, phase currents, i_d and i_q, torque, gates."""
+    page = _Page(analysis, scenario)
+    figure, axes = _stack(f"{_title(page)}, zoomed span", (1.0, 1.3, 1.1, 0.8, 1.2), 16)
+    _angle_errors_zoomed(axes[0], page)
+    _currents(axes[1], page)
+    _dq_zoomed(axes[2], page)
+    _torque(axes[3], page)
+    _gates(axes[4], page)
+    axes[4].set_xlabel("time / ms")
+    return figure
+
+
 def write_plots(out_dir: Path, analysis: Analysis, scenario: Scenario) -> list[Path]:
     """Write `overview.png` and `zoom.png`; return their paths."""
     pages = {"overview.png": overview_page, "zoom.png": zoom_page}
+    if scenario.drive.method == "vector":
+        pages = {"overview.png": vector_overview_page, "zoom.png": vector_zoom_page}
     for name, draw in pages.items():
         _save(draw(analysis, scenario), out_dir / name)
     return [out_dir / name for name in pages]

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fluxlock.analysis.metrics import lookup
-from fluxlock.config.scenario import METRICS
+from fluxlock.config.scenario import METHOD_METRICS, METRICS
 
 # Unit and decimals by the first part of a metric's name.
 _FORMATS = {
@@ -21,8 +21,11 @@ _FORMATS = {
     "freewheel_deg": ("deg", 2),
     "torque_nm": ("mN*m", 2),
     "late_crossings": ("", 0),
+    "angle_error_deg": ("deg", 3),
+    "id_a": ("A", 2),
+    "iq_a": ("A", 2),
 }
-_SUFFIXES = ("_rpm", "_deg", "_nm", "_pp_a")
+_SUFFIXES = ("_rpm", "_deg", "_nm", "_pp_a", "_a")
 
 
 def _label(metric: str) -> str:
@@ -34,7 +37,12 @@ def _label(metric: str) -> str:
 
 
 def metrics_table(result: dict[str, Any]) -> Table:
-    """Metrics of all windows, a column each; missed expectations in red with an exclamation mark."""
+    """Metrics of all windows, a column each; missed expectations in red with an exclamation mark.
+
+    What only the other method has is left out.
+    """
+    method = result["scenario"]["settings"]["drive"]["method"]
+    others = {name for other, names in METHOD_METRICS.items() if other != method for name in names}
     missed = {(e["window"], e["metric"]) for e in result["expectations"] if not e["pass"]}
     table = Table(title=f"{result['scenario']['name']}, seed {result['run']['seed']}", title_justify="left")
     table.add_column("metric")
@@ -42,7 +50,10 @@ def metrics_table(result: dict[str, Any]) -> Table:
     for window in result["metrics"]:
         table.add_column(window, justify="right")
     for metric in METRICS:
-        unit, decimals = _FORMATS[metric.partition(".")[0]]
+        name = metric.partition(".")[0]
+        if name in others:
+            continue
+        unit, decimals = _FORMATS[name]
         cells = []
         for window, metrics in result["metrics"].items():
             value = lookup(metrics, metric)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
 BoolArray = npt.NDArray[np.bool_]
 RecordArray = npt.NDArray[np.void]
 
@@ -30,6 +31,7 @@ class LogKind(IntEnum):
     UPDATE = 5  # shadowed settings took effect
     STROBE = 6  # sample strobe; logged on request
     PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
+    ANGLE = 8  # instant of a current sample of the vector path; a = estimated angle there, 2^32 = one turn
 
 
 class PlantEventKind(IntEnum):
@@ -48,6 +50,7 @@ TRIP_CAUSES = (
     "over_voltage",
     "under_voltage",
     "software",
+    "deadline",
 )
 # Faults whose names are not those of their trips.
 TRIP_FAULTS = {

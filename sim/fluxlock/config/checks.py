@@ -7,7 +7,14 @@ from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
-from fluxlock.config.scenario import METRICS, Scenario
+from fluxlock.config.scenario import METHOD_METRICS, METRICS, Scenario
+from fluxlock.config.vector_checks import (
+    check_vector,
+    lacking_vector,
+    other_method,
+    other_methods_keys,
+    vector_speed,
+)
 from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
 
@@ -59,16 +66,24 @@ def _times(s: Scenario) -> list[Problem]:
         if expect.metric not in METRICS:
             hint = did_you_mean(expect.metric, METRICS) or f", permitted: {', '.join(METRICS)}"
             problems.append(Problem(file, f"expect[{i}].metric", f'"{expect.metric}" is no metric{hint}'))
+        elif expect.metric.partition(".")[0] in METHOD_METRICS[other_method(s)]:
+            text = (
+                f'"{expect.metric}" belongs to drive.method = "{other_method(s)}", the scenario has "{s.drive.method}"'
+            )
+            problems.append(Problem(file, f"expect[{i}].metric", text))
     return problems
 
 
 def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
-    """A speed target alone: the machine's limit and the carriers in a sector."""
+    """A speed target alone: the machine's limit and the carriers in a sector, with vector control the ticks a turn."""
     file, problems = s.sources.scenario, []
     if abs(speed_rpm) > s.motor.max_speed_rpm:
         limit = with_unit(s.motor.max_speed_rpm, "r/min")
         text = f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})"
         return [Problem(file, key, text)]
+    if s.drive.method == "vector":
+        too_fast = vector_speed(s, speed_rpm)
+        return [Problem(file, key, too_fast)] if too_fast else []
     carriers = s.drive.carrier_hz / (6 * s.motor.electrical_hz(speed_rpm)) if speed_rpm else 1.0
     if carriers < 1.0:
         needed = with_unit(6 * s.motor.electrical_hz(speed_rpm), "Hz")
@@ -82,6 +97,8 @@ def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
 
 def _lacking(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
     """What a speed under a load needs and does not have: voltage, current."""
+    if s.drive.method == "vector":
+        return lacking_vector(s, speed_rpm, torque_nm, supply_v)
     found = []
     need_v = required_voltage(s.motor, s.inverter, speed_rpm, torque_nm)
     have_v = supply_v * s.drive.duty_max
@@ -178,10 +195,10 @@ def _power_stage(s: Scenario) -> list[Problem]:
 
 
 def _samples(s: Scenario, period_s: float) -> list[Problem]:
-    """Without Hall sensors a crossing is only found if a pulse can hold settled samples."""
+    """A crossing, needed without Hall sensors in six-step operation, is found if a pulse can hold settled samples."""
     sensing = s.inverter.sensing
     needed_s = least_pulse_s(sensing.sample_period_s, sensing.divider_pole_s)
-    if period_s >= needed_s or s.drive.hall.mode == "sensored":
+    if period_s >= needed_s or s.drive.hall.mode == "sensored" or s.drive.method == "vector":
         return []
     text = (
         f"{with_unit(s.drive.carrier_hz, 'Hz')} leaves no room for the samples of a crossing: settling and three "
@@ -251,7 +268,7 @@ def _switches(s: Scenario) -> list[Problem]:
         ever_rectifies |= settings["sync_rect"]
         if text:
             problems.append(Problem(s.sources.scenario, f"event[{i}].command", text))
-    if s.drive.brake_current_limit_a is not None and not ever_rectifies:
+    if s.drive.brake_current_limit_a is not None and not ever_rectifies and s.drive.method == "six-step":
         text = "has no effect without sync_rect = true: set it, or leave this out"
         problems.append(Problem(s.sources.scenario, "drive.brake_current_limit_a", text))
     return problems
@@ -272,7 +289,7 @@ def _initial(s: Scenario) -> list[Problem]:
 
 
 def _hall(s: Scenario) -> list[Problem]:
-    if s.drive.hall.mode == "off":
+    if s.drive.hall.mode == "off" or s.drive.method == "vector":
         return []
     file, problems = s.sources.scenario, []
     if s.motor.hall is None:
@@ -291,6 +308,6 @@ def _hall(s: Scenario) -> list[Problem]:
 
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
-    checks = (_times, _power_stage, _console, _switches, _hall, _initial, _reach)
+    checks = (other_methods_keys, check_vector, _times, _power_stage, _console, _switches, _hall, _initial, _reach)
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

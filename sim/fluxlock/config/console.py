@@ -32,6 +32,9 @@ VALUES = (
     "hall_offset_deg",
     "hall_handovers",
     "commutated_by",
+    "id_ma",
+    "iq_ma",
+    "angle_deg",
 )
 SETTINGS = (
     "speed_rpm",
@@ -61,6 +64,9 @@ SETTINGS = (
     "hall_learn",
     "irq_load",
 )
+
+# Settings that vector control has too.
+VECTOR_SETTINGS = ("speed_rpm", "accel_rpm_s", "current_limit_a", "brake_limit_a", "irq_load")
 
 # Values that the firmware takes whatever the drive is: words or their number (console_items.c), ranges.
 CHOICES = {

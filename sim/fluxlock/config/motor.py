@@ -227,6 +227,14 @@ class Motor(Model):
         return math.sin(order * ramp) / (order**2 * math.sin(ramp))
 
     @property
+    def emf_fundamental(self) -> float:
+        """Fundamental of the phase EMF over its peak."""
+        if self.emf == "sinusoidal":
+            return 1.0
+        ramp = math.radians(180.0 - self.flat_top_deg) / 2
+        return 4 * math.sin(ramp) / (math.pi * ramp)
+
+    @property
     def torque_per_amp_nm(self) -> float:
         """Mean torque per ampere of DC current in six-step operation."""
         return self.pole_pairs * self.line_flux_vs

@@ -23,6 +23,7 @@ from fluxlock.config.fields import (
 )
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
+from fluxlock.config.vector import Vector
 from fluxlock.firmware.specs import (
     CURRENT_LOOP_LAG_RAD,
     CURRENT_LOOP_LAG_TICKS,
@@ -32,7 +33,7 @@ from fluxlock.firmware.specs import (
 )
 
 TripCause = Literal[
-    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software"
+    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software", "deadline"
 ]
 DriveFault = Literal[
     "parameter_magic",
@@ -54,6 +55,7 @@ DriveFault = Literal[
     "overspeed",
     "hall_sensor",
     "voltage_channel",
+    "deadline",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
@@ -77,7 +79,23 @@ METRICS = (
     "torque_nm.mean",
     "torque_nm.ripple_pp",
     "late_crossings",
+    *(f"angle_error_deg.{kind}" for kind in ("mean", "rms", "max")),
+    "id_a",
+    "iq_a",
 )
+
+# Those of them that only one method has, by the part before the dot.
+METHOD_METRICS = {
+    "six-step": (
+        "zcp_error_deg",
+        "commutation_error_deg",
+        "sector_interval_deg",
+        "commutation_interval_deg",
+        "freewheel_deg",
+        "late_crossings",
+    ),
+    "vector": ("angle_error_deg",),
+}
 
 # Zoom window that is chosen when the scenario names none: length in electrical turns, and its upper limit.
 ZOOM_TURNS = 2.5
@@ -193,6 +211,12 @@ class MotorError(Model):
 class Drive(Model):
     """Settings of the drive."""
 
+    method: Literal["six-step", "vector"] = Field(
+        default="six-step",
+        description="What drives the machine. With `vector` only the keys `carrier_hz`, `current_limit_a`, "
+        "`accel_rpm_per_s`, `brake_current_limit_a`, `start.retries`, `start.restart_retries`, `motor_error` and those "
+        "of `[drive.vector]` may be given; all others belong to `six-step`.",
+    )
     commutation: Literal["RSC", "NSC", "CSC"] = Field(
         default="CSC", description="When a commutation reaches the gates."
     )
@@ -205,10 +229,16 @@ class Drive(Model):
     )
     duty_max: float = quantity("Largest duty.", "", 0.05, 1.0, default=1.0)
     current_limit_a: float | None = quantity(
-        "Limit of the DC current through two phases.", "A", 0.05, 2000, default=None, absent="rated current"
+        "Limit of the DC current through two phases; with `vector` of the amplitude of the phase currents.",
+        "A",
+        0.05,
+        2000,
+        default=None,
+        absent="rated current",
     )
     brake_current_limit_a: float | None = quantity(
-        "Limit of the current that brakes, with `sync_rect`; it falls to 0 as the DC link nears its over-voltage trip.",
+        "Limit of the current that brakes, with `sync_rect` or `vector`; it falls to 0 as the DC link nears its "
+        "over-voltage trip.",
         "A",
         0.0,
         2000,
@@ -264,6 +294,7 @@ class Drive(Model):
     zcd: Zcd = Field(default_factory=Zcd, description="Zero-crossing detection.")
     hall: Hall = Field(default_factory=Hall, description="Hall sensors.")
     start: Start = Field(default_factory=Start, description="Start-up.")
+    vector: Vector = Field(default_factory=Vector, description="Vector control.")
     motor_error: MotorError = Field(default_factory=MotorError, description="Wrong motor values in the firmware.")
 
     @model_validator(mode="after")

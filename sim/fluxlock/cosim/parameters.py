@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.console import number_of_line
 from fluxlock.config.fields import with_unit
-from fluxlock.cosim.convert import drive_spec, inverter_spec, motor_spec
+from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware import ParameterBlock, ParameterError, compile_parameters
 
 # Keys that a parameter follows from, by the beginning of its name; the first match counts. All others are charged to
@@ -17,6 +17,7 @@ _START = ("motor.inertia_kgm2", "motor.psi_vs", "drive.start.current_a")
 _CURRENT_LOOP = ("motor.inductance_h", "motor.resistance_ohm", "drive.current_bandwidth_hz")
 _RESISTANCE = ("motor.resistance_ohm", "inverter.on_resistance_ohm", "motor.inductance_h")
 _HANDOVER = ("motor.max_speed_rpm", "motor.pole_pairs", "motor.psi_vs")
+_VECTOR_START = ("motor.inertia_kgm2", "drive.vector.start_current_a")
 _SAMPLING = ("inverter.sensing.divider_pole_s", "inverter.sensing.sample_period_s")
 FOLLOWS_FROM: dict[str, tuple[str, ...]] = {
     "speed_to_current": _SPEED_LOOP,
@@ -44,6 +45,11 @@ FOLLOWS_FROM: dict[str, tuple[str, ...]] = {
     "sense_delay": _SAMPLING,
     "zcd_settle": _SAMPLING,
     "zcd_blank": _SAMPLING,
+    "vector_speed_k": ("motor.inertia_kgm2", "motor.psi_vs", "drive.vector.speed_hz"),
+    "vector_start_accel": ("drive.vector.start_accel_rpm_per_s", *_VECTOR_START),
+    "vector_start": _VECTOR_START,
+    "vector_resistance_q30": ("motor.resistance_ohm", "motor.inductance_h", "drive.carrier_hz"),
+    "vector_bandwidth_q30": ("drive.vector.bandwidth_hz",),
 }
 
 

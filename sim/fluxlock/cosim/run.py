@@ -10,8 +10,9 @@ import numpy as np
 
 from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault
 from fluxlock.config import Scenario, load_scenario
+from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip, build_chip
-from fluxlock.cosim.convert import CLOCK_HZ, action_of, plant_params
+from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan

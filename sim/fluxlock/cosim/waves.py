@@ -56,6 +56,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "b comm_applied",
         "d seq_sector[2:0]",
     ),
+    "vector": (
+        "b vector_source",
+        "b vector_update",
+        "b u_foc.u_vector.instant",
+        "d u_foc.u_vector.theta[31:0]",
+        "b vector_sync",
+        "b vector_deadline",
+    ),
     "safety": (
         "b u_safety.u_guard.enable_i",
         "b fault_pin_i",
@@ -68,6 +76,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "b trip_cause.over_voltage",
         "b trip_cause.under_voltage",
         "b trip_cause.software",
+        "b trip_cause.deadline",
     ),
     "bus": (
         "b irq_control",

@@ -3,7 +3,7 @@
 from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_image
 from fluxlock.firmware.compiler import compile_parameters
 from fluxlock.firmware.schema import load_schema
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
 from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library, build_program
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "MotorSpec",
     "ParameterBlock",
     "ParameterError",
+    "VectorSpec",
     "build_firmware",
     "build_host_library",
     "build_program",

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Schema, load_schema
+from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Parameter, Schema, load_schema
 
 RAM_WORDS = 16384
 BLOCK_ADDRESS = 0xF000
@@ -85,13 +85,19 @@ class ParameterBlock:
             self.schema[name]
             self.values[name] = value
 
+    def _default(self, p: Parameter) -> Value | None:
+        """Value of a parameter that the six-step method does not need."""
+        if p.default is None or self.values.get("method", 0) != 0:
+            return None
+        return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
+
     def words(self) -> list[int]:
         """Payload as signed 32-bit words, every value checked against the schema."""
         result: list[int] = []
         for p in self.schema.parameters:
-            if p.name not in self.values:
+            value = self.values.get(p.name, self._default(p))
+            if value is None:
                 raise ParameterError(f"parameter {p.name} has no value")
-            value = self.values[p.name]
             words = (value,) if isinstance(value, int) else tuple(value)
             if len(words) != p.words:
                 raise ParameterError(f"{len(words)} words, {p.words} wanted", p.name)

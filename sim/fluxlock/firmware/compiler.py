@@ -27,6 +27,8 @@ from fluxlock.firmware.specs import (
     least_pulse_s,
     settling_s,
 )
+from fluxlock.firmware.vector_compiler import vector_parameters
+from fluxlock.firmware.vector_timing import vector_timing
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
@@ -124,6 +126,8 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     m = _Machine.of(motor, inverter)
     p = motor.pole_pairs
     clock, tick = drive.clock_hz, 1.0 / drive.tick_hz
+    if drive.vector is not None:
+        tick = vector_timing(clock, drive.carrier_hz, inverter, drive.vector).tick_cycles / clock
     volt = Q25 / inverter.voltage_full_scale_v
     volt_q17 = Q17 / inverter.voltage_full_scale_v
     v_lsb = inverter.voltage_full_scale_v / 2**inverter.bits
@@ -375,4 +379,6 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "stop_rpm": max(1, round(1.1 * w_handover * RPM)),
         "stop_timeout_ticks": ticks(20.0),
     }
+    if drive.vector is not None:
+        values |= vector_parameters(motor, inverter, drive, drive.vector, limit_a)
     return ParameterBlock(values)

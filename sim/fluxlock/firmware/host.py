@@ -17,9 +17,9 @@ from fluxlock.firmware.block import BLOCK_MAX_BYTES, ParameterBlock
 from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x3000
+REGISTER_WORDS = 0x3400
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
-HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load")
+HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load", "design")
 _TELEMETRY_WORDS = (
     *(
         "magic",

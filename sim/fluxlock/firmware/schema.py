@@ -27,6 +27,7 @@ class Parameter:
     min: int
     max: int
     description: str
+    default: int | None = None  # of blocks of the six-step method that do not name it; of a gain: its mantissa
 
     @property
     def words(self) -> int:
@@ -82,6 +83,7 @@ def load_schema(path: Path = SCHEMA_FILE) -> Schema:
             min=int(entry["min"]),
             max=int(entry["max"]),
             description=entry["description"],
+            default=entry.get("default"),
         )
         for entry in data["parameter"]
     )
@@ -125,20 +127,20 @@ def c_header(schema: Schema) -> str:
         "",
         '_Static_assert(sizeof(parameters_t) == 4u * PARAMETER_WORDS, "parameter layout");',
         "",
-        "// Range of one word of the block.",
+        "// Range of one value of the block. min above max: a gain, two words, the second within max..min.",
         "typedef struct {",
         "  int32_t min;",
         "  int32_t max;",
         "} parameter_range_t;",
         "",
-        "// One entry a word, in block order.",
+        f"#define PARAMETER_VALUES {sum(p.count for p in schema.parameters)}u",
+        "// In block order.",
         "#define PARAMETER_RANGES { \\",
     ]
     for p in schema.parameters:
         for _ in range(p.count):
-            if p.kind == "gain":
-                lines.append("  {INT32_MIN, INT32_MAX}, \\")
-            lines.append(f"  {{{p.min}, {p.max}}}, \\")
+            low, high = (p.max, p.min) if p.kind == "gain" else (p.min, p.max)
+            lines.append(f"  {{{low}, {high}}}, \\")
     lines += ["}", "", "#endif", ""]
     return "\n".join(lines)
 

@@ -17,6 +17,9 @@ ZcdMethod = Literal["first", "interpolated", "averaged"]
 ZcdSource = Literal["terminal", "star_point", "mean"]
 HallMode = Literal["off", "sensored", "fallback"]
 ZcdSampling = Literal["continuous", "carrier"]
+CurrentWindow = Literal["sample", "carrier"]
+Regulator = Literal["A", "B", "C"]
+InversePark = Literal["held", "exact"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
@@ -24,6 +27,8 @@ BALANCES: tuple[Balance, ...] = ("none", "vertical", "both")
 ZCD_METHODS: tuple[ZcdMethod, ...] = ("first", "interpolated", "averaged")
 ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
 HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
+REGULATORS: tuple[Regulator, ...] = ("A", "B", "C")
+INVERSE_PARKS: tuple[InversePark, ...] = ("held", "exact")
 
 # Over-speed limit over the motor's highest speed.
 OVERSPEED_RATIO = 1.25
@@ -37,7 +42,11 @@ CURRENT_LOOP_LAG_TICKS = 2 + (1 << LOOP_FILTER_SHIFT)
 
 @dataclass(frozen=True)
 class MotorSpec:
-    """Machine. Phase quantities are means over the phases; inductance is self minus mutual."""
+    """Machine. Phase quantities are means over the phases; inductance is self minus mutual.
+
+    emf_fundamental: fundamental of the phase EMF over its peak psi_vs * omega; saliency_h: L_q - L_d, of which
+    inductance_h is the mean.
+    """
 
     pole_pairs: int
     resistance_ohm: float
@@ -47,6 +56,8 @@ class MotorSpec:
     rated_current_a: float
     max_speed_rpm: float
     emf: Emf = "sinusoidal"
+    emf_fundamental: float = 1.0
+    saliency_h: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,11 +82,38 @@ class InverterSpec:
     dc_current_trip_a: float | None = None
     over_voltage_v: float | None = None
     under_voltage_v: float | None = None
+    conversion_s: float = 0.4e-6
+
+
+@dataclass(frozen=True)
+class VectorSpec:
+    """What the scenario asks of the vector drive; None chooses a value from machine and inverter."""
+
+    double: bool = True
+    delay: float | None = None
+    window: CurrentWindow = "sample"
+    regulator: Regulator = "C"
+    park: InversePark = "exact"
+    bandwidth_hz: float = 800.0
+    gamma: float = 0.35
+    observer_pole: float = 0.7
+    observer_every: int | None = None
+    pll_hz: float = 200.0
+    pll_order: int = 3
+    start_current_a: float | None = None
+    start_accel_rpm_per_s: float | None = None
+    handover_rpm: float | None = None
+    speed_hz: float = 20.0
+    weakening: bool = False
+    dead_time_compensation: bool = True
 
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """What the scenario asks of the drive; None chooses a value from machine and inverter."""
+    """What the scenario asks of the drive; None chooses a value from machine and inverter.
+
+    vector: None is six-step operation. Its samples, not tick_hz, then give the control tick.
+    """
 
     clock_hz: float = 50e6
     tick_hz: float = TICK_HZ
@@ -116,6 +154,7 @@ class DriveSpec:
     mode: Literal["speed", "torque"] = "speed"
     target_torque_nm: float = 0.0
     current_bandwidth_hz: float | None = None
+    vector: VectorSpec | None = None
 
 
 def current_bandwidth_max_hz(tick_hz: float) -> float:

@@ -1,9 +1,12 @@
-// The two functions that a freestanding compiler may call for copying and clearing structures.
+// What a freestanding compiler may call: copying and clearing of structures, 64-bit shifts in code for size.
 #include <stddef.h>
 #include <stdint.h>
 
 void *memcpy(void *restrict to, const void *restrict from, size_t length);
 void *memset(void *to, int value, size_t length);
+int64_t __ashldi3(int64_t x, int bits);
+int64_t __lshrdi3(int64_t x, int bits);
+int64_t __ashrdi3(int64_t x, int bits);
 
 void *memcpy(void *restrict to, const void *restrict from, size_t length) {
   uint8_t *t = to;
@@ -35,4 +38,34 @@ void *memset(void *to, int value, size_t length) {
     *t++ = byte;
   }
   return to;
+}
+
+static int64_t join(uint32_t high, uint32_t low) { return (int64_t)(((uint64_t)high << 32) | low); }
+
+// 0 <= bits <= 63, in halves: the shift of the whole would call the function itself.
+int64_t __ashldi3(int64_t x, int bits) {
+  const uint32_t low = (uint32_t)x;
+  const uint32_t high = (uint32_t)((uint64_t)x >> 32);
+  if (bits >= 32) {
+    return join(low << (bits - 32), 0);
+  }
+  return (bits == 0) ? x : join((high << bits) | (low >> (32 - bits)), low << bits);
+}
+
+int64_t __lshrdi3(int64_t x, int bits) {
+  const uint32_t low = (uint32_t)x;
+  const uint32_t high = (uint32_t)((uint64_t)x >> 32);
+  if (bits >= 32) {
+    return join(0, high >> (bits - 32));
+  }
+  return (bits == 0) ? x : join(high >> bits, (high << (32 - bits)) | (low >> bits));
+}
+
+int64_t __ashrdi3(int64_t x, int bits) {
+  const uint32_t low = (uint32_t)x;
+  const int32_t high = (int32_t)((uint64_t)x >> 32);
+  if (bits >= 32) {
+    return join((uint32_t)(high >> 31), (uint32_t)(high >> (bits - 32)));
+  }
+  return (bits == 0) ? x : join((uint32_t)(high >> bits), ((uint32_t)high << (32 - bits)) | (low >> bits));
 }

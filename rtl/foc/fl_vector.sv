@@ -1,0 +1,298 @@
+// Vector path: from the samples of the phase currents to the requests of the legs, closed in hardware.
+//
+//   update -> window -> (mean current, angle of its instant) -> regulators -> modulator -> shadow registers -> update
+//
+// Every update_o of the leg carriers opens a current window; its mean starts fl_foc with the angle that the accumulator
+// had at the window's instant, fl_foc starts the modulator, whose compares wait for the next update.
+// Settings are staged: at update_i, or in the first clock after it in which no regulator step runs or starts, all of
+// them act together; so they do after reset. Speed and correction of the angle act at update_i itself (fl_angle_nco); a speed is taken over in
+// the clock after it appeared.
+//
+// From the change of the gate pins at an update (update_o + 1) to the window's first clock: settings.from clocks;
+// theta_update is the angle in that clock of the pins, so that it and the angles of samples differ by omega times the
+// time between them. The angle belongs to the instant of the samples' strobes: settings.delay is not taken from it.
+//
+// Latency, whatever the values: sample_valid_i of the window's last sample to compares in the shadow registers
+// 1 (one sample) or 8 (mean) + fl_foc + fl_modulator + 1 clocks: 74 or 81 for three phases, 125 or 132 for five.
+// sync_o is one clock before that. Least distance of two updates: what fl_foc needs (a window that comes while it runs
+// is ignored and counted).
+// Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick
+// before (saturates at 32 bits) and their number.
+`default_nettype none
+module fl_vector
+  import fl_pkg::*;
+  import fl_vector_pkg::*;
+#(
+    parameter  int unsigned Phases    = 3,
+    localparam int unsigned Subspaces = fl_foc_pkg::subspaces(Phases)
+) (
+    input logic      clk_i,
+    input logic      rst_i,
+    input stamp_t    now_i,
+    input logic      tick_i,
+    input logic      update_i,
+    input settings_t settings_i,
+
+    input logic signed [31:0] omega_i,       // 2^-36 turn a clock
+    input logic               correct_we_i,
+    input logic        [31:0] correct_i,     // signed, 2^32 = one turn
+
+    input logic                 strobe_i,        // the converter samples
+    input logic                 sample_valid_i,
+    input sample_t [Phases-1:0] sample_i,        // phase currents
+    input stamp_t               sample_time_i,
+
+    output logic                   source_o,    // setting in use
+    output logic                   update_o,    // of the leg carriers
+    output logic                   sync_o,      // pulse: compares of a step are made
+    output logic                   deadline_o,  // fault of the leg carriers
+    output logic      [Phases-1:0] req_h_o,
+    output logic      [Phases-1:0] req_l_o,
+    output logic                   instant_o,   // instant of a window
+    output logic            [31:0] theta_o,     // of this clock, 2^32 = one turn
+    output snapshot_t              snapshot_o
+);
+
+  // Settings in use.
+  settings_t settings_q;
+  logic waiting_q, apply;  // an update event, or the end of the reset, waits for the end of a regulator step
+  logic foc_busy, foc_start;
+
+  assign apply = (update_i || waiting_q) && !foc_busy && !foc_start;
+
+  always_ff @(posedge clk_i) begin
+    waiting_q <= (update_i || waiting_q) && !apply;
+    if (apply) settings_q <= settings_i;
+    if (rst_i) begin
+      waiting_q  <= 1'b1;
+      settings_q <= '0;
+    end
+  end
+
+  // Angle.
+  logic instant, pins_q;
+  logic [31:0] theta_sample, theta_update;
+  logic signed [31:0] omega;
+
+  always_ff @(posedge clk_i) pins_q <= update_o && !rst_i;
+
+  fl_angle_nco u_angle (
+      .clk_i,
+      .rst_i,
+      .update_i,
+      .omega_we_i      (1'b1),
+      .omega_i,
+      .correct_we_i,
+      .correct_i,
+      .strobe_i        (instant),
+      .carrier_update_i(pins_q),
+      .theta_o,
+      .theta_sample_o  (theta_sample),
+      .theta_update_o  (theta_update),
+      .omega_o         (omega)
+  );
+
+  // Currents and the angle that belongs to them: the next window's instant may come before the mean of this one.
+  sample_t [Phases-1:0] current;
+  stamp_t current_time;
+  logic [7:0] samples;
+  stamp_t [1:0] instant_time_q;  // the latest in the lowest place
+  logic [31:0] older_theta_q, theta;
+
+  fl_current_window #(
+      .Phases(Phases)
+  ) u_window (
+      .clk_i,
+      .rst_i,
+      .now_i,
+      .start_i     (update_o),
+      .cfg_from_i  (settings_q.from),
+      .cfg_length_i(settings_q.length),
+      .cfg_delay_i (settings_q.delay),
+      .strobe_i,
+      .sample_valid_i,
+      .sample_i,
+      .sample_time_i,
+      .instant_o   (instant),
+      .valid_o     (foc_start),
+      .current_o   (current),
+      .time_o      (current_time),
+      .samples_o   (samples)
+  );
+
+  assign theta = (current_time == instant_time_q[1]) ? older_theta_q : theta_sample;
+
+  always_ff @(posedge clk_i) begin
+    if (instant) begin
+      instant_time_q <= {instant_time_q[0], now_i - stamp_t'(settings_q.delay)};
+      older_theta_q  <= theta_sample;
+    end
+    if (rst_i) begin
+      instant_time_q <= '0;
+      older_theta_q  <= '0;
+    end
+  end
+
+  assign instant_o = instant;
+
+  // Regulators.
+  logic foc_valid;
+  sample_t [Phases-1:0] voltage;
+  sample_t [Subspaces-1:0][1:0] foc_current, foc_applied;
+  logic [Subspaces-1:0][1:0][27:0] foc_state;
+  logic [Subspaces-1:0] foc_limited;
+  logic [15:0] overruns;
+
+  fl_foc #(
+      .Phases(Phases)
+  ) u_foc (
+      .clk_i,
+      .rst_i,
+      .start_i    (foc_start),
+      .current_i  (current),
+      .theta_i    (theta),
+      .lead_i     (settings_q.lead),
+      .enable_i   (settings_q.regulate[Subspaces-1:0]),
+      .bypass_i   (settings_q.bypass),
+      .reference_i(settings_q.current_reference[Subspaces-1:0]),
+      .gain_i     (settings_q.gain[Subspaces-1:0]),
+      .hold_i     (settings_q.hold[Subspaces-1:0]),
+      .shift_i    (settings_q.shift[Subspaces-1:0]),
+      .limit_i    (settings_q.limit[Subspaces-1:0]),
+      .preset_i   (settings_q.preset[Subspaces-1:0]),
+      .forward_i  (settings_q.forward[Subspaces-1:0]),
+      .busy_o     (foc_busy),
+      .valid_o    (foc_valid),
+      .voltage_o  (voltage),
+      .current_o  (foc_current),
+      .applied_o  (foc_applied),
+      .state_o    (foc_state),
+      .limited_o  (foc_limited),
+      .overrun_o  (overruns)
+  );
+
+  // Modulator and leg carriers.
+  logic [Phases-1:0][15:0] compare;
+  logic [15:0] period, missed;
+
+  fl_modulator #(
+      .Phases(Phases)
+  ) u_modulator (
+      .clk_i,
+      .rst_i,
+      .valid_i          (foc_valid),
+      .v_q17_i          (voltage),
+      .i_q17_i          (current),
+      .cfg_period_i     (settings_q.period),
+      .cfg_scale_i      (settings_q.scale),
+      .cfg_scale_shift_i(settings_q.scale_shift),
+      .cfg_slope_i      (settings_q.slope),
+      .cfg_slope_shift_i(settings_q.slope_shift),
+      .cfg_dead_time_i  (settings_q.dead_time),
+      .cfg_min_pulse_i  (settings_q.min_pulse),
+      .cfg_margin_i     (settings_q.margin),
+      .valid_o          (sync_o),
+      .compare_o        (compare),
+      .period_o         (period),
+      .clipped_o        ()
+  );
+
+  fl_leg_carrier #(
+      .Phases(Phases)
+  ) u_carrier (
+      .clk_i,
+      .rst_i,
+      .enable_i        (settings_q.enable),
+      .cfg_double_i    (settings_q.double_update),
+      .cfg_period_i    (settings_q.period),
+      .cfg_miss_limit_i(settings_q.miss_limit),
+      .compare_valid_i (sync_o),
+      .compare_i       (compare),
+      .period_i        (period),
+      .update_o,
+      .carrier_start_o (),
+      .second_o        (),
+      .count_o         (),
+      .active_o        (),
+      .missed_o        (missed),
+      .fault_o         (deadline_o),
+      .req_h_o,
+      .req_l_o
+  );
+
+  assign source_o = settings_q.source;
+
+  // The last step: complete from its end to the end of the next.
+  step_t step_d, step_q;
+  logic [31:0] run_theta_q;
+  stamp_t run_stamp_q;
+  logic [7:0] run_samples_q;
+
+  always_comb begin
+    step_d = '0;
+    for (int unsigned s = 0; s < Subspaces; s++) begin
+      step_d.limited[s] = foc_limited[s];
+      for (int unsigned axis = 0; axis < 2; axis++) begin
+        step_d.current[s][axis] = 32'($signed(foc_current[s][axis]));
+        step_d.applied[s][axis] = 32'($signed(foc_applied[s][axis]));
+        step_d.state[s][axis]   = 32'($signed(foc_state[s][axis]));
+      end
+    end
+    step_d.theta   = run_theta_q;
+    step_d.stamp   = run_stamp_q;
+    step_d.samples = run_samples_q;
+  end
+
+  // Sums since the tick.
+  wide_vectors_t sum_q;
+  logic [15:0] steps_q;
+  snapshot_t snapshot_q;
+
+  function automatic logic [31:0] sat_sum(logic [31:0] sum, logic [31:0] x);
+    logic [32:0] y;
+    y = {sum[31], sum} + {x[31], x};
+    return (y[32] == y[31]) ? y[31:0] : {y[32], {31{!y[32]}}};
+  endfunction
+
+  always_ff @(posedge clk_i) begin
+    if (foc_start && !foc_busy) begin
+      run_theta_q   <= theta;
+      run_stamp_q   <= current_time;
+      run_samples_q <= samples;
+    end
+    if (foc_valid) begin
+      step_q <= step_d;
+      for (int unsigned s = 0; s < Subspaces; s++)
+      for (int unsigned axis = 0; axis < 2; axis++)
+      sum_q[s][axis] <= sat_sum(tick_i ? '0 : sum_q[s][axis], step_d.applied[s][axis]);
+      steps_q <= tick_i ? 16'd1 : (steps_q == '1) ? steps_q : steps_q + 16'd1;
+    end else if (tick_i) begin
+      sum_q   <= '0;
+      steps_q <= '0;
+    end
+    if (tick_i) begin
+      snapshot_q <= '{
+          step: step_q,
+          applied_sum: sum_q,
+          steps: steps_q,
+          theta_update: theta_update,
+          omega: omega,
+          missed: missed,
+          overruns: overruns
+      };
+    end
+    if (rst_i) begin
+      run_theta_q   <= '0;
+      run_stamp_q   <= '0;
+      run_samples_q <= '0;
+      step_q        <= '0;
+      sum_q         <= '0;
+      steps_q       <= '0;
+      snapshot_q    <= '0;
+    end
+  end
+
+  assign snapshot_o = snapshot_q;
+
+endmodule
+`default_nettype wire

@@ -1,0 +1,63 @@
+// Settings and snapshot of the vector path (fl_vector), with room for two subspaces whatever the number of phases.
+//
+// Complex values are {q, d}: index 0 is d. Formats: fl_foc, fl_modulator, fl_leg_carrier, fl_current_window.
+package fl_vector_pkg;
+
+  import fl_pkg::sample_t;
+  import fl_pkg::stamp_t;
+
+  localparam int unsigned MaxSubspaces = 2;
+
+  typedef sample_t [MaxSubspaces-1:0][1:0] vectors_t;
+  typedef logic [MaxSubspaces-1:0][1:0][31:0] wide_vectors_t;  // signed
+
+  typedef struct packed {
+    logic source;  // 1: the leg carriers' requests go to the guard
+    logic enable;
+    logic double_update;
+    logic bypass;
+    logic [MaxSubspaces-1:0] regulate;
+    logic [7:0] miss_limit;
+    logic [15:0] period;
+    logic [15:0] from;
+    logic [15:0] length;
+    logic [15:0] delay;
+    logic [31:0] lead;
+    logic [16:0] scale;
+    logic [4:0] scale_shift;
+    logic [16:0] slope;
+    logic [4:0] slope_shift;
+    logic [9:0] dead_time;
+    logic [11:0] min_pulse;
+    logic [15:0] margin;
+    vectors_t current_reference;
+    vectors_t gain;
+    vectors_t hold;
+    vectors_t preset;
+    vectors_t forward;
+    logic [MaxSubspaces-1:0][4:0] shift;
+    logic [MaxSubspaces-1:0][16:0] limit;
+  } settings_t;
+
+  // A regulator step.
+  typedef struct packed {
+    wide_vectors_t current;
+    wide_vectors_t applied;
+    wide_vectors_t state;
+    logic [MaxSubspaces-1:0] limited;
+    logic [31:0] theta;    // of the currents
+    stamp_t stamp;         // of the currents
+    logic [7:0] samples;
+  } step_t;
+
+  typedef struct packed {
+    step_t step;                // the last one before the tick
+    wide_vectors_t applied_sum; // since the tick before
+    logic [15:0] steps;         // since the tick before, saturates
+    logic [31:0] theta_update;
+    logic [31:0] omega;
+    logic [15:0] missed;
+    logic [15:0] overruns;
+  } snapshot_t;
+
+endpackage

@@ -1,0 +1,252 @@
+"""Checks of a scenario with vector control across its three files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fluxlock.config.console import VECTOR_SETTINGS
+from fluxlock.config.errors import Problem
+from fluxlock.config.fields import plain, with_unit
+from fluxlock.config.scenario import Drive, Scenario, Start
+from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
+from fluxlock.firmware import vector_compiler, vector_timing
+
+# Keys of the drive that both methods know.
+SHARED_KEYS = {
+    "method",
+    "carrier_hz",
+    "current_limit_a",
+    "accel_rpm_per_s",
+    "brake_current_limit_a",
+    "start",
+    "motor_error",
+}
+SHARED_START_KEYS = {"retries", "restart_retries"}
+
+TURN_A_TICK = 0.25  # electrical
+TIME_CONSTANTS_A_TICK = 1.9  # the format of R T / L ends at 2
+BANDWIDTH_A_MAX = 0.15  # of regulator A over 1 / T_s
+PLL_MAX = 0.3  # bandwidth over tick frequency, a distance of the observer's poles from 1
+PLL_OVER_SPEED = 4.0
+START_TORQUE_SHARE_MAX = 0.9  # of the torque at 90 degrees: beyond it the rotor falls out of step
+EMF_LSB_MIN = 10.0
+
+
+def other_method(s: Scenario) -> str:
+    """The method that the scenario does not have."""
+    return "six-step" if s.drive.method == "vector" else "vector"
+
+
+def other_methods_keys(s: Scenario) -> list[Problem]:
+    """Keys that the scenario's method does not have."""
+    file = s.sources.scenario
+    if s.drive.method == "six-step":
+        if "vector" not in s.drive.model_fields_set:
+            return []
+        text = 'belongs to drive.method = "vector", the scenario has "six-step"; set drive.method or leave it out'
+        return [Problem(file, "drive.vector", text)]
+    keys = [name for name in Drive.model_fields if name in s.drive.model_fields_set - SHARED_KEYS - {"vector"}]
+    given = s.drive.start.model_fields_set - SHARED_START_KEYS
+    keys += [f"start.{name}" for name in Start.model_fields if name in given]
+    text = 'belongs to drive.method = "six-step", the scenario has "vector"; leave it out'
+    return [Problem(file, f"drive.{key}", text) for key in keys]
+
+
+def _tick_hz(s: Scenario) -> float:
+    v, carrier_hz = s.drive.vector.spec(), s.drive.carrier_hz
+    return vector_timing.update_hz(carrier_hz, v) / vector_timing.tick_samples(carrier_hz, v)
+
+
+def _times(s: Scenario) -> Iterator[Problem]:
+    """Carrier, window and delay: what the chip can do between two updates."""
+    file, carrier_hz, inverter = s.sources.scenario, s.drive.carrier_hz, inverter_spec(s)
+    v = s.drive.vector.spec()
+    update_hz = vector_timing.update_hz(carrier_hz, v)
+    updates = f'{with_unit(carrier_hz, "Hz")} with drive.vector.update = "{s.drive.vector.update}"'
+    if update_hz > vector_timing.UPDATE_HZ_MAX:
+        most = with_unit(vector_timing.UPDATE_HZ_MAX * carrier_hz / update_hz, "Hz")
+        yield Problem(
+            file,
+            "drive.carrier_hz",
+            f"{updates} needs {update_hz:.0f} regulator steps a second, permitted "
+            f"{vector_timing.UPDATE_HZ_MAX:.0f}: carrier up to {most}",
+        )
+        return
+    count = vector_timing.window_samples(CLOCK_HZ, carrier_hz, inverter, v)
+    if v.window == "carrier" and not 2 <= count <= vector_timing.WINDOW_SAMPLES_MAX:
+        yield Problem(
+            file,
+            "drive.vector.window",
+            f'"carrier" takes {count} samples in T_s = {1e6 / update_hz:.4g} us at inverter.sensing.sample_period_s = '
+            f"{with_unit(inverter.sample_period_s, 's')}, permitted 2 to {vector_timing.WINDOW_SAMPLES_MAX}",
+        )
+        return
+    shortest = vector_timing.shortest_delay(CLOCK_HZ, carrier_hz, inverter, v)
+    what = f"window, conversion, {vector_timing.LATENCY_CYCLES} clocks and the way to the gates"
+    if shortest > 1.0:
+        hint = ', drive.vector.window = "sample"' if v.window == "carrier" else ""
+        yield Problem(
+            file,
+            "drive.carrier_hz",
+            f"{updates} leaves no room for a delay of at most T_s: {what} take {1e6 * shortest / update_hz:.3g} us, "
+            f"T_s is {1e6 / update_hz:.3g} us; lower the carrier or take single update{hint}",
+        )
+    elif v.delay is not None and v.delay < shortest:
+        yield Problem(
+            file,
+            "drive.vector.delay",
+            f"{v.delay:g} is shorter than what the chip needs: {what} take {shortest:.3f} of T_s = "
+            f"{1e6 / update_hz:.4g} us, permitted {math.ceil(1000 * shortest) / 1000:g} to 1",
+        )
+
+
+def _loops(s: Scenario) -> Iterator[Problem]:
+    """Control tick and bandwidths."""
+    file, v, tick_hz = s.sources.scenario, s.drive.vector, _tick_hz(s)
+    update_hz = vector_timing.update_hz(s.drive.carrier_hz, v.spec())
+    if tick_hz > vector_timing.TICK_HZ_MAX:
+        least = math.ceil(update_hz / vector_timing.TICK_HZ_MAX)
+        yield Problem(
+            file,
+            "drive.vector.observer_every",
+            f"{v.observer_every} gives a control tick of {tick_hz:.0f} Hz, permitted "
+            f"{vector_timing.TICK_HZ_MAX:.0f} Hz: at least {least}",
+        )
+    m = vector_compiler.VectorMachine.of(motor_spec(s), inverter_spec(s))
+    if m.resistance_ohm / m.inductance_h / tick_hz > TIME_CONSTANTS_A_TICK:
+        yield Problem(
+            file,
+            "drive.carrier_hz",
+            f"{with_unit(s.drive.carrier_hz, 'Hz')} gives a control tick of {1e6 / tick_hz:.3g} us, longer than "
+            f"{TIME_CONSTANTS_A_TICK} times L/R of the motor ({1e6 * m.inductance_h / m.resistance_ohm:.3g} us)",
+        )
+    if v.regulator == "A" and v.bandwidth_hz > BANDWIDTH_A_MAX * update_hz:
+        yield Problem(
+            file,
+            "drive.vector.bandwidth_hz",
+            f"{with_unit(v.bandwidth_hz, 'Hz')} is too fast for {update_hz:.0f} samples a second, permitted up to "
+            f"{BANDWIDTH_A_MAX * update_hz:.0f} Hz",
+        )
+    most_hz = PLL_MAX * (1.0 - v.observer_pole) * tick_hz
+    if v.pll_hz > most_hz:
+        yield Problem(
+            file,
+            "drive.vector.pll_hz",
+            f"{with_unit(v.pll_hz, 'Hz')} is too fast for a control tick of {tick_hz:.0f} Hz with "
+            f"drive.vector.observer_pole = {v.observer_pole:g}, permitted up to {most_hz:.0f} Hz",
+        )
+    if PLL_OVER_SPEED * v.speed_hz > v.pll_hz:
+        yield Problem(
+            file,
+            "drive.vector.speed_hz",
+            f"{with_unit(v.speed_hz, 'Hz')} is above a quarter of drive.vector.pll_hz = {with_unit(v.pll_hz, 'Hz')}",
+        )
+
+
+def _start(s: Scenario) -> Iterator[Problem]:
+    """The forced start: its current, its torque against load and inertia, the EMF at the hand-over."""
+    file, motor, inverter, drive = s.sources.scenario, motor_spec(s), inverter_spec(s), drive_spec(s)
+    v = s.drive.vector.spec()
+    current_a = vector_compiler.start_current_a(motor, drive, v)
+    if current_a > s.current_limit_a:
+        limit = with_unit(s.current_limit_a, "A")
+        yield Problem(
+            file,
+            "drive.vector.start_current_a",
+            f"{with_unit(current_a, 'A')} is above drive.current_limit_a ({limit})",
+        )
+    rpm = vector_compiler.handover_rpm(motor, inverter, drive, v)
+    if rpm > s.motor.max_speed_rpm:
+        most = with_unit(s.motor.max_speed_rpm, "r/min")
+        yield Problem(
+            file,
+            "drive.vector.handover_rpm",
+            f"{with_unit(rpm, 'r/min')} is above max_speed_rpm of the motor ({most})",
+        )
+        return
+    m = vector_compiler.VectorMachine.of(motor, inverter)
+    step_v = inverter.voltage_full_scale_v / 2**inverter.bits
+    emf_v = m.psi_vs * s.motor.omega_e(rpm)
+    if emf_v < EMF_LSB_MIN * step_v:
+        least = math.ceil(rpm * EMF_LSB_MIN * step_v / emf_v)
+        yield Problem(
+            file,
+            "drive.vector.handover_rpm",
+            f"{rpm:.0f} r/min has an EMF of {1e3 * emf_v:.3g} mV, less than {EMF_LSB_MIN:g} steps of the converter, "
+            f"permitted from {least} r/min",
+        )
+    if s.mechanics.mode != "free":
+        return
+    accel = vector_compiler.start_accel_rpm_per_s(motor, inverter, drive, v)
+    most_nm = START_TORQUE_SHARE_MAX * m.torque_nm_per_a * current_a
+    load_nm = s.shaft_load.torque_nm(rpm)
+    inertia_nm = s.motor.inertia_kgm2 * accel / vector_compiler.RPM
+    if load_nm + inertia_nm > most_nm:
+        chosen = v.start_accel_rpm_per_s is not None and load_nm < most_nm
+        yield Problem(
+            file,
+            "drive.vector.start_accel_rpm_per_s" if chosen else "drive.vector.start_current_a",
+            f"the start needs {1e3 * load_nm:.3g} mN*m for the load at {rpm:.0f} r/min and {1e3 * inertia_nm:.3g} mN*m "
+            f"to accelerate by {plain(round(accel))} r/min/s, {with_unit(round(current_a, 3), 'A')} pull with at most "
+            f"{1e3 * most_nm:.3g} mN*m",
+        )
+
+
+def _console(s: Scenario) -> Iterator[Problem]:
+    """Settings of console lines that only six-step operation has."""
+    for i, event in enumerate(s.event):
+        words = (event.command or "").split()
+        if words[:1] == ["set"] and words[1] not in VECTOR_SETTINGS:
+            text = f'"{words[1]}" is no setting of vector control, permitted: {", ".join(VECTOR_SETTINGS)}'
+            yield Problem(s.sources.scenario, f"event[{i}].command", text)
+
+
+def check_vector(s: Scenario) -> list[Problem]:
+    """What does not fit together with drive.method = "vector"."""
+    if s.drive.method != "vector":
+        return []
+    return [*_times(s), *_loops(s), *_start(s), *_console(s)]
+
+
+def vector_speed(s: Scenario, speed_rpm: float) -> str | None:
+    """Why the estimate cannot follow a speed."""
+    turn = s.motor.electrical_hz(speed_rpm) / _tick_hz(s)
+    if turn <= TURN_A_TICK:
+        return None
+    return (
+        f"{with_unit(speed_rpm, 'r/min')} turns the rotor by {turn:.2f} of an electrical turn in a control tick, "
+        f"permitted {TURN_A_TICK:g}; raise drive.carrier_hz or lower drive.vector.observer_every"
+    )
+
+
+def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
+    """What a speed under a load needs and does not have: phase voltage, current.
+
+    |u| = |(R + j w L) i + j w psi| at i = i_d + j i_q; i_d is 0, or with field weakening what the current leaves.
+    """
+    m, v = s.motor, s.drive.vector
+    r = sum(m.resistance_ohm) / 3 + s.inverter.on_resistance_ohm
+    psi, inductance = sum(m.psi_vs) / 3 * m.emf_fundamental, m.mean_inductance_h
+    omega = abs(m.omega_e(speed_rpm))
+    i_q = abs(torque_nm) / (1.5 * m.pole_pairs * psi)
+    found, i_d = [], 0.0
+    if v.weakening and i_q < s.current_limit_a:
+        room_a = vector_compiler.WEAKENING_CURRENT_SHARE * s.current_limit_a
+        i_d = -min(room_a, math.sqrt(s.current_limit_a**2 - i_q**2), psi / inductance)
+    margins = 2.0 * vector_compiler.margin_cycles(CLOCK_HZ, inverter_spec(s)) * s.drive.carrier_hz / CLOCK_HZ
+    needs = []
+    for d in {0.0, i_d}:
+        u = complex(r, omega * inductance) * complex(d, i_q) + 1j * omega * psi
+        drop_v = s.inverter.supply_resistance_ohm * 1.5 * (u * complex(d, -i_q)).real / max(supply_v, 1e-9)
+        needs.append((abs(u), (1.0 - margins) * (supply_v - drop_v) / math.sqrt(3)))
+    need_v, have_v = min(needs, key=lambda pair: pair[0] - pair[1])
+    if need_v > have_v:
+        hint = "" if v.weakening else "; drive.vector.weakening = true needs less"
+        found.append(
+            f"needs a phase voltage of {need_v:.1f} V (EMF, inductance, resistance), available {have_v:.1f} V "
+            f"(vdc / sqrt(3) less the shortest pulses{hint})"
+        )
+    if i_q > s.current_limit_a:
+        found.append(f"needs {i_q:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A")
+    return found

@@ -1,0 +1,137 @@
+"""When the vector drive samples, and when the voltage of a sample acts.
+
+An update every T_s: the whole carrier, or half of it with double update. T_d is the time from the mean instant of the
+current window to the update at which its voltage acts; at the machine it acts by the gates' delay and half a dead time
+later, which T_d contains.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fluxlock.firmware.specs import InverterSpec, VectorSpec
+
+# Last codes of a window to compares in the shadow registers, clocks.
+LATENCY_CYCLES = 100
+WINDOW_SAMPLES_MAX = 255
+SAMPLE_CYCLES_MAX = 65535
+TICK_SAMPLES_MAX = 255
+TICK_HZ = 20e3
+TICK_HZ_MAX = 25e3
+UPDATE_HZ_MAX = 100e3
+
+
+@dataclass(frozen=True)
+class VectorTiming:
+    """All in clocks; delay is T_d over T_s, as these clocks make it.
+
+    sample_cycles: T_s; from_cycles, length_cycles: window after the update, length 0: one sample; offset_cycles: first
+    sample of the converter after the update.
+    """
+
+    sample_cycles: int
+    carrier_cycles: int
+    tick_samples: int
+    from_cycles: int
+    length_cycles: int
+    offset_cycles: int
+    delay: float
+
+    @property
+    def tick_cycles(self) -> int:
+        """Clocks from one control tick to the next."""
+        return self.sample_cycles * self.tick_samples
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Window in clocks: T_s that it belongs to, span from its first to its last sample, number of samples."""
+
+    sample_cycles: int
+    span: int
+    count: int
+
+    @staticmethod
+    def of(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> _Window:
+        """The mean over a T_s takes whole converter periods, so that the sample grid runs on through an update."""
+        ts = round(clock_hz / update_hz(carrier_hz, vector))
+        if vector.window == "sample":
+            return _Window(ts, 0, 1)
+        converter = round(inverter.sample_period_s * clock_hz)
+        count = max(1, round(ts / converter))
+        return _Window(count * converter, (count - 1) * converter, count)
+
+
+def update_hz(carrier_hz: float, vector: VectorSpec) -> float:
+    """1 / T_s."""
+    return 2 * carrier_hz if vector.double else carrier_hz
+
+
+def tick_samples(carrier_hz: float, vector: VectorSpec) -> int:
+    """Samples a control tick: what is asked for, else as few as keep the tick at or below 20 kHz."""
+    return vector.observer_every or max(1, math.ceil(update_hz(carrier_hz, vector) / TICK_HZ - 1e-9))
+
+
+def window_samples(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> int:
+    """Samples in the window."""
+    return _Window.of(clock_hz, carrier_hz, inverter, vector).count
+
+
+def output_shift_cycles(clock_hz: float, inverter: InverterSpec) -> float:
+    """From the update to the middle of the edges: the gates' delay and half a dead time.
+
+    A dead time moves the pulse of a leg that sources current and of one that sinks it by half of itself.
+    """
+    return (inverter.driver_delay_s + inverter.dead_time_s / 2) * clock_hz
+
+
+def shortest_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
+    """Least T_d / T_s: rest of the window after its mean instant, conversion, latency, way to the gates."""
+    window = _Window.of(clock_hz, carrier_hz, inverter, vector)
+    after = math.ceil(inverter.conversion_s * clock_hz) + LATENCY_CYCLES + output_shift_cycles(clock_hz, inverter)
+    return (window.span / 2 + after) / window.sample_cycles
+
+
+def default_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
+    """The shortest T_d / T_s that fits; of a single sample the shortest at which it is free of the carrier's ripple.
+
+    That is in the middle of a gap or of a pulse: at an update, with a single one a carrier also halfway between two.
+    Elsewhere the ripple counts as current: t before the middle of a gap it is u t / L, which turns the observed EMF by
+    omega t |u| / |e|.
+    """
+    shortest = shortest_delay(clock_hz, carrier_hz, inverter, vector)
+    if vector.window == "carrier":
+        return shortest
+    return 0.5 if not vector.double and shortest <= 0.5 else 1.0
+
+
+def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> VectorTiming:
+    """Clocks for a carrier and a delay that fit (`shortest_delay`).
+
+    T_s is a whole number of converter periods too where a single sample lies within one after the update: the grid
+    before must not hold it up.
+    """
+    converter = round(inverter.sample_period_s * clock_hz)
+    wanted = default_delay(clock_hz, carrier_hz, inverter, vector) if vector.delay is None else vector.delay
+    shift = output_shift_cycles(clock_hz, inverter)
+    window = _Window.of(clock_hz, carrier_hz, inverter, vector)
+    ts, middle = window.sample_cycles, window.span / 2
+
+    def begin(ts: int) -> int:
+        """First clock of the window after an update; a long one began a T_s before the last one."""
+        return math.floor(ts + shift - wanted * ts - middle) % ts
+
+    if begin(ts) < converter and ts % converter:
+        ts = max(1, round(ts / converter)) * converter
+    first = begin(ts)
+    delay = (ts + shift - middle - first) / ts
+    return VectorTiming(
+        sample_cycles=ts,
+        carrier_cycles=2 * ts if vector.double else ts,
+        tick_samples=tick_samples(carrier_hz, vector),
+        from_cycles=first,
+        length_cycles=window.span + 1 if vector.window == "carrier" else 0,
+        offset_cycles=first % converter + (converter if ts % converter else 0),
+        delay=delay + round(wanted - delay),
+    )

@@ -1,0 +1,511 @@
+#include "drive/vector.h"
+
+#include "control/brake.h"
+#include "control/fixed.h"
+#include "control/mtpa.h"
+#include "control/placement.h"
+#include "control/speed.h"
+#include "control/trig.h"
+#include "control/vector_speed.h"
+#include "drive/start.h"
+
+#define ONE_OVER_SQRT3_Q16 37837
+#define HALF_PI_Q30 1686629713
+#define VOLTAGE_MAX_Q17 131071
+// Turns below it, 1.4 degrees: two terms of the series are enough.
+#define SMALL_TURN_Q32 (1 << 24)
+#define SCALE_BITS 17u
+#define SCALE_SHIFT_MAX 31
+// The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
+#define LOST_PER_SECOND 200u
+#define LOST_ERROR_Q30 (ONE_Q30 / 2)
+
+enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
+
+// A gain a tick as one a round of the groups.
+static gain_t per_round(gain_t g) {
+  if (g.shift >= 6) {
+    g.shift -= 2;
+  }
+  return g;
+}
+
+static int32_t rpm_q8(const drive_t *drive, int32_t speed_turn_q36) {
+  return gain_apply(speed_turn_q36, drive->vector.to_rpm);
+}
+
+static complex_t to_q17(complex_t z_q25) {
+  return (complex_t){(z_q25.re + 128) >> 8, (z_q25.im + 128) >> 8};
+}
+
+static int32_t current_limit_i_q25(const drive_t *drive) { return drive->settings.current_limit_q17 * 256; }
+
+// exp(-j turn): takes vectors into a frame that is ahead by `turn`.
+static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
+
+COLD void vector_init(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  vector_t *v = &drive->vector;
+  const uint32_t samples = (uint32_t)p->vector_tick_samples;
+  const vector_machine_t machine = {
+      .resistance_q30 = (uint32_t)p->vector_resistance_q30,
+      .delay_q30 = (uint32_t)p->vector_delay_q30,
+      .admittance = p->vector_admittance,
+      .impedance = p->vector_impedance,
+      .period_cycles = (uint32_t)p->vector_sample_cycles,
+      .harmonic = 1,
+      .park = (p->vector_park != 0) ? PARK_EXACT : PARK_HELD,
+  };
+  vector_plant(&v->plant, &machine);
+  v->per_tick = machine;
+  vector_machine_join(&v->per_tick, samples);
+  v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
+  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
+                               p->vector_speed_max_turn_q36};
+  v->start_settings = (if_settings_t){
+      .current_i_q25 = p->vector_start_i_q25,
+      .rise_i_q25 = p->vector_start_rise_i_q25,
+      .align_ticks = (uint32_t)p->vector_start_align_ticks,
+      .acceleration_turn_q44 = p->vector_start_accel_turn_q44,
+      .minimum_v_q25 = (uint32_t)p->vector_emf_minimum_v_q25,
+      .tolerance_turn_q32 = p->vector_start_tolerance_q32,
+      .steady_ticks = (uint32_t)p->vector_start_steady_ticks,
+  };
+  v->speed_gains = (pi_gains_t){p->vector_speed_kp, per_round(p->vector_speed_ki)};
+  v->weakening_ki = per_round(p->vector_weakening_ki);
+  // numerator * 2^-36, the numerator to 30 bits.
+  uint64_t numerator = drive->speed_numerator_q8;
+  v->to_rpm.shift = 36;
+  while (numerator > (uint64_t)INT32_MAX) {
+    numerator >>= 1;
+    v->to_rpm.shift--;
+  }
+  v->to_rpm.mant = (int32_t)numerator;
+  v->back_rpm_q8 = rpm_q8(drive, p->vector_back_turn_q36);
+  v->handover_rpm_q8 = rpm_q8(drive, p->vector_handover_turn_q36);
+  const int32_t stop_rpm_q8 = p->stop_rpm * 256;
+  v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
+  v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
+  drive->settings.catch_rotor = false;
+  drive->command.vector.read_slow = true;
+  vector_off(drive);
+  for (uint32_t k = 0; k < VECTOR_STAGES; k++) {
+    vector_design(drive);
+  }
+  v->design[0] = v->design[1];
+}
+
+void vector_design(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  vector_t *v = &drive->vector;
+  if (p == 0 || p->method != METHOD_VECTOR || v->finished) {
+    return;
+  }
+  // For people; a step in between may have changed one part of a vector.
+  if (v->frame != FRAME_OFF) {
+    drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
+    drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
+  }
+  vector_design_t *spare = &v->design[1u - v->used];
+  if (v->stage == 0u) {
+    vector_model(&v->model, &v->plant, v->speed_turn_q36);
+  } else if (v->stage == 1u) {
+    v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
+    vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
+  } else {
+    emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
+    __atomic_signal_fence(__ATOMIC_RELEASE);
+    v->finished = v->fits;
+  }
+  v->stage = (v->stage + 1u) % VECTOR_STAGES;
+}
+
+COLD static void take_design(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  chip_vector_command_t *command = &drive->command.vector;
+  v->used = 1u - v->used;
+  const regulator_gains_t *gains = &v->design[v->used].regulator;
+  command->gain[0] = gains->g;
+  command->hold[0] = gains->h;
+  command->shift[0] = (uint32_t)gains->shift;
+  command->write_gains = true;
+  v->finished = false;
+}
+
+COLD void vector_off(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  chip_vector_command_t *command = &drive->command.vector;
+  v->frame = FRAME_OFF;
+  v->speed_turn_q36 = 0;
+  v->correct_q32 = 0;
+  v->holding = false;
+  v->reference_i_q25 = (complex_t){0, 0};
+  v->state_v_q25 = (complex_t){0, 0};
+  v->suspicion = 0;
+  command->enable = false;
+  command->regulate[0] = false;
+  command->preset_v_q17[0] = (complex_t){0, 0};
+}
+
+COLD static void enter_phase(drive_t *drive, phase_t phase) {
+  drive->phase = phase;
+  drive->state_ticks = 0;
+}
+
+COLD void vector_begin(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  const complex_t zero = {0, 0};
+  if_begin(&v->start);
+  emf_observer_preset(&v->observer, zero, zero, zero);
+  v->voltage_v_q17 = zero;
+  v->weakening.current_i_q30 = 0;
+  v->mtpa_i_q25 = 0;
+  v->waiting_ticks = 0;
+  v->frame = FRAME_FORCED;
+  drive->brake_i_q25 = 0;
+  drive->command.gate_enable = true;
+  drive->command.vector.enable = true;
+  drive->command.vector.regulate[0] = true;
+  enter_phase(drive, START_ALIGN);
+}
+
+// The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it
+// remembers of the error is made anew meanwhile.
+COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
+  vector_t *v = &drive->vector;
+  const complex_t rotation = rotation_q30(turn_q32);
+  v->correct_q32 = turn_q32;
+  v->holding = true;
+  v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
+  v->goal_i_q25 = v->reference_i_q25.re;
+  drive->command.vector.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
+}
+
+COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
+  v->frame = FRAME_OBSERVED;
+  // The rotor swings in the forced frame: its speed is that of the frame and of the swing.
+  const int32_t swing_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_from_q32);
+  const int32_t cycles = (int32_t)(v->start.steady_ticks * v->per_tick.period_cycles);
+  v->speed_turn_q36 += (swing_q32 / cycles) * 16;
+  v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
+  v->suspicion = 0;
+  pll_preset(&v->pll, 0, v->speed_turn_q36);
+  ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
+  drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
+  vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, v->reference_i_q25.im);
+  enter_phase(drive, START_HAND_OVER);
+}
+
+// The current lies on d again: of the same length, so that nothing jumps.
+COLD static void hand_back(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const complex_t current = v->reference_i_q25;
+  turn_frame(drive, in, if_turn_back_q32(current), current);
+  if_resume(&v->start, &v->start_settings, v->speed_turn_q36, complex_abs(current));
+  v->waiting_ticks = 0;
+  v->frame = FRAME_FORCED;
+  if (drive->state == STATE_RUNNING) {
+    drive_enter(drive, STATE_STARTING);
+    enter_phase(drive, START_RAMP);
+  }
+}
+
+// The target asks for the other direction, or for none.
+HOT static bool descending(const drive_t *drive) {
+  return drive->state == STATE_STOPPING || (drive->settings.target_rpm < 0 && drive->vector.direction > 0) ||
+         (drive->settings.target_rpm > 0 && drive->vector.direction < 0);
+}
+
+// Only what the step before asked for. Ticks that follow the samples cannot miss them.
+HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
+  measured_t *m = &drive->m;
+  m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
+  m->last_sample = in->sample_number;
+  if (in->sum_count > 0u) {
+    const int32_t count = (int32_t)in->sum_count;
+    m->vdc_v_q25 = clamp_i32(in->vdc_sum_q17 / count, 0, VOLTAGE_MAX_Q17) * 256;
+    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -VOLTAGE_MAX_Q17 - 1, VOLTAGE_MAX_Q17);
+    m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
+    m->idc_q17 = m->idc_filter_q25 >> 8;
+  }
+}
+
+// Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
+// them.
+HOT static complex_t mean_voltage_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
+  const uint32_t steps = (in->steps > 0u) ? in->steps : 1u;
+  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], v->voltage_v_q17), in->v_q17[0]);
+  const int32_t share_q30 = (int32_t)((uint32_t)ONE_Q30 / steps);
+  return complex_gain_apply(sum, (complex_gain_t){share_q30, 0, 22});
+}
+
+HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const emf_observer_gains_t *gains = &v->design[v->used].observer;
+  if (drive->p->vector_tick_samples == 1) {
+    emf_observer_step(&v->observer, gains, in->i_q17[0], in->u_v_q25[0]);
+  } else {
+    emf_observer_voltage(&v->observer, gains, mean_voltage_v_q25(v, in));
+    emf_observer_step(&v->observer, gains, in->i_q17[0], (complex_t){0, 0});
+    v->voltage_v_q17 = in->v_q17[0];
+  }
+  if (!in->taken) {
+    return;
+  }
+  const int32_t turn_q32 = v->correct_q32;
+  if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
+    const int32_t turn_rad_q30 = (int32_t)(((int64_t)turn_q32 * HALF_PI_Q30) >> 30);
+    emf_observer_turn_small(&v->observer, turn_rad_q30);
+    v->voltage_v_q17 = complex_turn_small(v->voltage_v_q17, turn_rad_q30);
+  } else {
+    const complex_t rotation = rotation_q30(turn_q32);
+    emf_observer_turn(&v->observer, rotation);
+    v->voltage_v_q17 = complex_mul_q30(v->voltage_v_q17, rotation);
+  }
+  v->correct_q32 = 0;
+  v->holding = false;
+}
+
+HOT static void speed_regulator(drive_t *drive, bool limited) {
+  vector_t *v = &drive->vector;
+  const int32_t limit = current_limit_i_q25(drive);
+  const int32_t rest = (v->reference_i_q25.re == 0) ? limit : current_rest_i_q25(limit, v->reference_i_q25.re);
+  int32_t driving = rest;
+  if (limited) {
+    // A voltage at its limit cannot drive more current than flows.
+    const int32_t reached = abs_sat(v->current_i_q17.im) * 256 + limit / 8;
+    driving = (reached < rest) ? reached : rest;
+  }
+  const int32_t braking = (drive->brake_i_q25 < rest) ? drive->brake_i_q25 : rest;
+  const int32_t high = (v->direction > 0) ? driving : braking;
+  const int32_t low = (v->direction > 0) ? -braking : -driving;
+  const int32_t wanted = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn);
+  const pi_result_t i = pi_step(&v->speed, &v->speed_gains, wanted - v->speed_turn_q36, 0, low, high);
+  drive->limit = limited ? LIMIT_DUTY_MAX : ((i.output != i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE);
+  v->reference_i_q25.im = i.output;
+  if (drive->p->vector_mtpa_ratio_i_q25 != 0) {
+    const complex_t split = mtpa_current_i_q25(i.output, drive->p->vector_mtpa_ratio_i_q25);
+    v->mtpa_i_q25 = split.re;
+    v->reference_i_q25.im = split.im;
+  }
+}
+
+HOT static void weaken_field(drive_t *drive, complex_t voltage_v_q25) {
+  const parameters_t *p = drive->p;
+  const int32_t limit_v_q25 = (int32_t)drive->command.vector.limit_v_q17[0] * 256;
+  const field_weakening_settings_t settings = {
+      .ki = drive->vector.weakening_ki,
+      .wanted_v_q25 = mul_q16(limit_v_q25, p->vector_weakening_share_q16),
+      .lowest_i_q25 = p->vector_weakening_lowest_i_q25,
+  };
+  const int32_t highest = drive->vector.mtpa_i_q25;
+  (void)field_weakening_step(&drive->vector.weakening, &settings, voltage_v_q25,
+                             (highest > settings.lowest_i_q25) ? highest : settings.lowest_i_q25);
+}
+
+// Voltage circle and the modulator's scale for the DC link of now, braking current.
+HOT static void apply_limits(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  chip_vector_command_t *command = &drive->command.vector;
+  const int32_t vdc = drive->m.vdc_v_q25;
+  const int32_t circle_v_q25 = mul_q16(mul_q16(vdc, ONE_OVER_SQRT3_Q16), p->vector_circle_q16);
+  command->limit_v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, VOLTAGE_MAX_Q17);
+  drive->brake_i_q25 = brake_current(drive->brake_i_q25, drive->settings.brake_limit_i_q25, vdc, p->brake_vdc_v_q25,
+                                     p->brake_range);
+  command->write_limits = true;
+  command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
+  // scale = mant 2^-shift / vdc, the quotient first to 29 bits and more, then to the register's.
+  const uint32_t divisor = (vdc > 0) ? (uint32_t)vdc : 1u;
+  const int32_t up = __builtin_clz(divisor);
+  const uint32_t quotient = div_sat_u32((uint64_t)(uint32_t)p->vector_scale_v.mant << 30, divisor << up);
+  int32_t drop = 32 - (int32_t)SCALE_BITS - __builtin_clz(quotient | 1u);
+  int32_t shift = 30 + p->vector_scale_v.shift - up - drop;
+  if (shift > SCALE_SHIFT_MAX) {
+    drop += shift - SCALE_SHIFT_MAX;
+    shift = SCALE_SHIFT_MAX;
+  }
+  // Rounded down: a voltage is never too large by it.
+  command->scale = (drop >= 32) ? 0u : ((drop > 0) ? quotient >> drop : quotient);
+  command->scale_shift = (uint32_t)((shift > 1) ? shift : 1);
+}
+
+// Length within 7 per cent.
+HOT static uint32_t rough_length(complex_t z) {
+  const uint32_t a = (uint32_t)abs_sat(z.re);
+  const uint32_t b = (uint32_t)abs_sat(z.im);
+  return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
+}
+
+// Does the EMF belong to the speed, and does its angle hold still?
+HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
+  vector_t *v = &drive->vector;
+  const int32_t speed = v->speed_turn_q36 * v->direction;
+  v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  v->state_v_q25 = voltage_v_q25;
+  const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, drive->p->vector_flux));
+  const bool bad = v->emf_v_q25 < expected / 2u || v->emf_v_q25 / 2u > expected ||
+                   abs_sat(v->error_q30) > LOST_ERROR_Q30 || speed < drive->p->vector_back_turn_q36 / 2;
+  v->suspicion = bad ? v->suspicion + 1u : 0u;
+}
+
+HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  const bool stopping = drive->state == STATE_STOPPING;
+  const int32_t target = (drive->settings.target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
+  const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
+  v->speed_turn_q36 = if_speed_turn_q36(&v->start);
+  v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
+  drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
+  drive->ramp.value_rpm_q8 = drive->m.speed_rpm_q8;
+  if (drive->phase == START_ALIGN && v->start.aligned_ticks >= v->start_settings.align_ticks) {
+    enter_phase(drive, START_RAMP);
+  }
+  if (!there) {
+    v->waiting_ticks = 0;
+    return;
+  }
+  if (stopping) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+    return;
+  }
+  const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
+  if (v->start.steady_ticks <= 1u) {
+    v->turn_from_q32 = v->start.turn_q32;
+  }
+  if (ready) {
+    hand_over(drive, in);
+    return;
+  }
+  v->waiting_ticks++;
+  if (v->waiting_ticks > (uint32_t)p->lock_timeout_ticks + v->start_settings.steady_ticks) {
+    start_failed(drive);
+  }
+}
+
+HOT static void track(drive_t *drive, bool taken) {
+  vector_t *v = &drive->vector;
+  // A correction that has not been taken yet is still in the error.
+  v->error_q30 = taken ? pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25) : 0;
+  const int32_t correct_q32 = pll_step(&v->pll, &v->pll_gains, v->per_tick.period_cycles, v->error_q30);
+  v->correct_q32 = taken ? correct_q32 : v->correct_q32;
+  v->speed_turn_q36 = pll_speed_turn_q36(&v->pll);
+}
+
+// Speed, its reference, the reference of i_q and the goal of i_d.
+HOT static void regulate_speed(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  const bool down = descending(drive);
+  const int32_t target_rpm_q8 =
+      clamp_i32(abs_sat(drive->settings.target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
+  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
+  (void)ramp_step(&drive->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
+                  step_rpm_q20 * (int32_t)VECTOR_GROUPS, drive->m.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(drive, in->vector.limited[0]);
+  const int32_t speed_rpm_q8 = v->direction * drive->m.speed_rpm_q8;
+  const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
+  v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  } else if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
+    hand_back(drive, in);
+  }
+}
+
+HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  track(drive, in->vector.taken);
+  if (drive->state == STATE_STARTING) {
+    drive_enter(drive, STATE_RUNNING);
+  }
+  v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
+  switch (drive->tick % VECTOR_GROUPS) {
+    case GROUP_SPEED:
+      regulate_speed(drive, in);
+      break;
+    case GROUP_FIELD:
+      if (p->vector_weakening_lowest_i_q25 < 0) {
+        weaken_field(drive, in->vector.u_v_q25[0]);
+      } else {
+        v->weakening.current_i_q30 = v->mtpa_i_q25 * 32;
+      }
+      break;
+    case GROUP_SUPERVISION:
+      check_lock(drive, in->vector.u_v_q25[0]);
+      if (v->suspicion >= v->lost_checks) {
+        drive_lost_lock(drive);
+      }
+      break;
+    default:
+      break;
+  }
+}
+
+HOT static void command(drive_t *drive) {
+  const vector_t *v = &drive->vector;
+  chip_vector_command_t *c = &drive->command.vector;
+  c->omega_turn_q36 = v->speed_turn_q36;
+  c->correct_q32 = v->correct_q32;
+  c->write_correct = v->correct_q32 != 0;
+  c->reference_i_q17[0] = to_q17(v->reference_i_q25);
+  c->regulate[0] = v->frame != FRAME_OFF && !v->holding;
+}
+
+COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
+  drive->m.speed_rpm_q8 = 0;
+  drive->m.motor_q17 = 0;
+  if (drive->state == STATE_INIT) {
+    drive_init_step(drive, in);
+    if (drive->state == STATE_READY && in->vector.steps == 0u) {
+      drive_enter_fault(drive, FAULT_NO_SAMPLES);
+    }
+  } else if (drive->state == STATE_STARTING) {
+    start_step(drive, in);
+  }
+}
+
+HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  drive->command.vector.write_gains = false;
+  drive->command.vector.write_limits = false;
+  if (v->finished) {
+    take_design(drive);
+  }
+  if (drive->command.vector.read_slow) {
+    measure(drive, in);
+  }
+  v->current_i_q17 = in->vector.i_q17[0];
+  v->angle_turn_q32 = in->vector.theta_sample_q32;
+  if (drive->request != REQUEST_NONE) {
+    drive_handle_request(drive);
+  }
+  if (!drive_supervise(drive, in)) {
+    if (v->frame == FRAME_OFF || drive->tick % VECTOR_GROUPS == GROUP_LIMITS) {
+      apply_limits(drive);
+    }
+    if (v->frame == FRAME_OFF) {
+      idle_step(drive, in);
+    } else {
+      observe(drive, &in->vector);
+      if (v->frame == FRAME_FORCED) {
+        forced_step(drive, in);
+      } else {
+        observed_step(drive, in);
+      }
+    }
+    if (drive->state == STATE_RUNNING && drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
+      drive->restarts = 0;
+      drive->failed_starts = 0;
+    }
+  }
+  const bool slow_next = (drive->tick + 1u) % VECTOR_GROUPS == GROUP_SUPERVISION;
+  drive->command.vector.read_slow = v->frame == FRAME_OFF || slow_next;
+  drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
+  command(drive);
+}

@@ -1,0 +1,39 @@
+// Vector drive: I/f start, EMF observer and phase-locked loop, speed regulator, field weakening, reversal, stop.
+//
+// Two frames: in the forced one the current stands on d and turns as the start wants it; in the observed one d is the
+// rotor's. Between them frame, observer and regulator are turned by the same angle, and nothing jumps in the phases:
+//
+//   starting: align, ramp, hand-over -> running: observed -> slower than the way back with the target's sign turned:
+//   starting: ramp through zero, hand-over -> running;   stopping: observed, forced down to zero, gates off
+//
+// Order at tick k: what the chip measured at sample k belongs to the frame before the tick, in which the set committed in
+// step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
+// seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.
+//
+// Regulator gains and observer gains follow the speed by vector_design, at 1 kHz outside of the control step.
+// What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision.
+#ifndef FL_VECTOR_H
+#define FL_VECTOR_H
+
+#include "drive/drive.h"
+
+#define VECTOR_GROUPS 4u
+#define VECTOR_STAGES 3u  // of a design
+
+// Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
+void vector_init(drive_t *drive);
+
+// One stage of a design for the present speed into the spare set, unless one still waits to be taken: deferred
+// interrupt. About 2000 clocks: with the control steps in between short enough for the UART to wait.
+void vector_design(drive_t *drive);
+
+// One control step in place of that of the six-step drive.
+void vector_drive_step(drive_t *drive, const chip_snapshot_t *in);
+
+// The rotor is slow enough after the coast: switch on and align.
+void vector_begin(drive_t *drive);
+
+// Legs, regulator and frame off.
+void vector_off(drive_t *drive);
+
+#endif

@@ -1,0 +1,280 @@
+"""The whole vector drive of the firmware against the exact discrete machine: runs, reversals, faults, console."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from ctypes import byref
+from dataclasses import replace
+
+import pytest
+
+from fluxlock.firmware.block import Value
+from tests.firmware.firmware_bench import INVERTER_1
+from tests.firmware.test_fw_vector_observer import observer_gains
+from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
+from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
+from tests.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
+
+FAST: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": 250_000}
+TRIP_DEADLINE = 0x80
+NO_TRIP = replace(INVERTER_1, phase_current_trip_a=None, dc_current_trip_a=None)
+
+
+def errors_deg(record: list[Sample], states: tuple[str, ...] = ("running",)) -> tuple[float, float]:
+    """Rms and largest angle error in the given states."""
+    found = [s.error_deg for s in record if s.state in states]
+    return math.sqrt(sum(e * e for e in found) / len(found)), max(map(abs, found))
+
+
+def jumps_a(record: list[Sample], before: str, after: str) -> list[float]:
+    """Largest departure of the current vector from its even rotation within 10 samples of each change of state."""
+    result = []
+    for k in range(20, len(record) - 20):
+        if (record[k].state, record[k + 1].state) == (before, after):
+            i = [s.current_a for s in record[k - 12 : k + 12]]
+            result.append(max(abs(i[n + 1] - i[n] * i[n] / i[n - 1]) for n in range(1, len(i) - 1)))
+    return result
+
+
+@pytest.mark.parametrize(("samples", "cycles"), [(1, 2500), (2, 1250)])
+def test_standstill_to_full_speed_reversal_and_stop(samples: int, cycles: int) -> None:
+    """Motor-I with a fan and 12-bit noise to 90 000 r/min, to -90 000 and to rest.
+
+    No fault, angle error at most 1 degree rms and 5. A control tick at every and at every second sample. At the
+    hand-over and the way back the current leaves its even rotation by at most 5 % of the start current.
+
+    Verifies: VC-15
+    """
+    bench = VectorBench(VectorSettings(cycles, samples), values=FAST, noise_lsb=1.0)
+    bench.start(90_000)
+    bench.run(0.5)
+    assert bench.rpm == pytest.approx(90_000, rel=0.01)
+    bench.fw.command("set speed_rpm -90000")
+    bench.run(1.2)
+    assert bench.fw.state == "running"
+    assert bench.rpm == pytest.approx(-90_000, rel=0.01)
+    bench.fw.command("stop")
+    assert bench.until_state("ready", 0.8), bench.fw.command("status")
+    assert abs(bench.rpm) < 2000.0
+    assert (bench.console("fault"), bench.trips, bench.console("lost_locks")) == ("none", 0, "0")
+    rms, most = errors_deg(bench.record)
+    onward, back = jumps_a(bench.record, "starting", "running"), jumps_a(bench.record, "running", "starting")
+    print(f"{samples} samples a tick: rms {rms:.3f}, max {most:.3f} deg; jumps {onward}, back {back} A")
+    assert rms <= 1.0
+    assert most <= 5.0
+    assert len(onward) == 2
+    assert len(back) == 1
+    assert max(onward + back) < 0.5
+
+
+def test_blocked_rotor_fails_the_start() -> None:
+    """A rotor that does not turn gives no EMF: start_failed after the retries, gates off.
+
+    Verifies: VC-16
+    """
+    bench = VectorBench(values={**FAST, "start_retries": 1, "lock_timeout_ticks": 400}, locked=True)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 60000")
+    bench.fw.command("start")
+    assert bench.until_state("fault", 2.0)
+    assert bench.console("fault") == "start_failed"
+    assert not bench.enable
+    assert bench.get("safety.guard") & 1 == 0
+
+
+def test_rotor_that_stops_is_a_lost_lock() -> None:
+    """Jammed at speed: the EMF contradicts the speed, lost_lock within 20 ms; with retries the drive starts again.
+
+    Verifies: VC-16
+    """
+    for retries, fault in ((0, "lost_lock"), (1, "none")):
+        bench = VectorBench(values={**FAST, "restart_retries": retries, "trip_enable": 0}, inverter=NO_TRIP)
+        bench.start(30_000)
+        bench.run(0.1)
+        bench.omega, bench.locked = 0.0, True
+        assert bench.run(0.02, lambda b=bench: b.fw.state != "running")  # type: ignore[misc]
+        assert bench.console("fault") == fault
+        assert bench.console("lost_locks") == "1"
+        bench.locked = False
+        if retries:
+            assert bench.until_state("running", 0.5)
+
+
+def test_overspeed_is_named() -> None:
+    """A load that drives the machine beyond overspeed_rpm.
+
+    Verifies: VC-16
+    """
+    bench = VectorBench(values={**FAST, "overspeed_rpm": 35_000, "brake_limit_ma": 100})
+    bench.start(30_000)
+    bench.run(0.1)
+    bench.fan_nm = -0.2
+    assert bench.until_state("fault", 0.5)
+    assert bench.console("fault") == "overspeed"
+    assert bench.get("safety.guard") & 1 == 0
+
+
+def test_missed_deadlines_trip_by_name() -> None:
+    """The leg carriers' deadline opens the gates in hardware; the tick goes on by time, and the fault gets its name.
+
+    Verifies: VC-16
+    """
+    bench = VectorBench(values=FAST)
+    bench.start(30_000)
+    assert bench.get("timer.tick_samples") == 1
+    bench.trip(TRIP_DEADLINE)
+    bench.fw.lib.fl_host_raise(2)
+    bench.sample()
+    assert (bench.fw.state, bench.console("fault")) == ("fault", "deadline")
+    assert bench.get("timer.tick_samples") == 0
+    bench.put("safety.trip", 0)
+    bench.omega = 0.0
+    assert bench.fw.command("clear") == ["ok"]
+    assert bench.until_state("ready", 0.1)
+    assert bench.get("timer.tick_samples") == 1
+
+
+def test_missing_samples_are_a_fault() -> None:
+    """Without samples, while running and at boot.
+
+    Verifies: VC-16
+    """
+    bench = VectorBench(values=FAST)
+    bench.sampling = False
+    assert bench.until_state("fault", 0.1)
+    assert bench.console("fault") == "no_samples"
+
+
+def test_corrections_count_once_when_a_set_comes_late() -> None:
+    """A set that misses its tick takes effect a tick later: the error stays small, nothing is corrected twice.
+
+    Verifies: VC-15
+    """
+    bench = VectorBench(values=FAST)
+    bench.start(40_000)
+    bench.run(0.1)
+    bench.record.clear()
+    for _ in range(40):
+        bench.late_commits = 1
+        bench.run(0.001)
+    rms, most = errors_deg(bench.record)
+    print(f"rms {rms:.3f}, max {most:.3f} deg")
+    assert most < 1.0
+
+
+def test_field_weakening_keeps_a_reserve_of_voltage() -> None:
+    """At 15 V the EMF alone fills the circle at 80 000 r/min; at 90 000 i_d holds the voltage at 95 % of it.
+
+    Without weakening the regulators stay at the circle.
+
+    Verifies: VC-15
+    """
+    for lowest, share, limit in ((-25.0, 0.95, "none"), (0.0, 1.0, "duty_max")):
+        bench = VectorBench(
+            VectorSettings(weakening_lowest_a=lowest), inverter=replace(INVERTER_1, supply_v=15.0), values=FAST
+        )
+        bench.start(90_000)
+        bench.run(0.6)
+        assert bench.fw.state == "running", bench.fw.command("status")
+        assert bench.rpm == pytest.approx(90_000, rel=0.01)
+        u = math.hypot(bench.signed("foc.snap_u", 0), bench.signed("foc.snap_u", 1)) / 256
+        assert u / bench.limit == pytest.approx(share, abs=0.005)
+        assert bench.console("limit") == limit
+        assert int(bench.console("id_ma")) < -6000
+
+
+def test_salient_machine_gets_its_share_of_i_d() -> None:
+    """With a ratio k the current splits as i_d = (k - sqrt(k^2 + 8 i^2)) / 4.
+
+    Verifies: VC-15
+    """
+    ratio = 40.0
+    bench = VectorBench(VectorSettings(mtpa_ratio_a=ratio), values=FAST, fan_nm=0.025)
+    bench.start(80_000)
+    bench.run(0.8)
+    i_d, i_q = (int(bench.console(name)) / 1e3 for name in ("id_ma", "iq_ma"))
+    total = math.hypot(i_d, i_q)
+    assert i_q > 5.0
+    assert i_d == pytest.approx((ratio - math.sqrt(ratio**2 + 8 * total**2)) / 4, abs=0.1)
+
+
+def test_design_comes_in_short_stages() -> None:
+    """One event of the machine timer does a third of a design: the UART's interrupt, of the same line, waits no longer.
+
+    Verifies: VC-17
+    """
+    bench = VectorBench()
+    assert bench.until_state("ready", 0.1)
+    taken = []
+    for _ in range(12):
+        bench.put("foc.gain", 0)
+        bench.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
+        bench.fw.poll()
+        bench.fw.tick()
+        taken.append(bench.get("foc.gain") != 0)
+    assert sum(taken) == 4
+    assert taken[:3] == taken[3:6] == taken[6:9] == taken[9:]
+
+
+def test_settings_of_the_six_step_drive_are_refused() -> None:
+    """What does not exist with vector control is refused with a message, what does is taken.
+
+    Verifies: VC-17
+    """
+    bench = VectorBench()
+    for name in ("mode torque", "commutation RSC", "zcd_method first", "carrier_hz 20000", "freeze 1", "dc_limit_a 5"):
+        assert bench.fw.command(f"set {name}") == ["error: not with vector control"], name
+    for name in ("speed_rpm 1000", "accel_rpm_s 5000", "current_limit_a 12", "brake_limit_a 3"):
+        assert bench.fw.command(f"set {name}") == ["ok"], name
+    for name in ("id_ma", "iq_ma", "angle_deg"):
+        float(bench.console(name))
+
+
+@pytest.mark.parametrize("periods", [1, 2, 5, 255])
+def test_joined_model_is_that_many_steps_of_one(periods: int) -> None:
+    """Against the float model stepped n times with a constant voltage: within 4e-8 times n of the admittances.
+
+    Verifies: VC-07
+    """
+    lib = vector_library()
+    m = Subspace(delay=0.3, park=EXACT, period_cycles=500)
+    for hz in (-1500.0, 0.0, 700.0):
+        speed = round(hz / CLOCK_HZ * 2**36)
+        model = model_at(lib, m.machine(), speed)
+        lib.vector_model_join(byref(model), periods)
+        exact = float_model(m, m.omega(speed))
+        unit = periods * m.period_s / m.inductance_h
+
+        def run(i: complex, u: complex, u_before: complex, e: complex) -> complex:
+            for k in range(periods):
+                i = exact.step(i, u, u_before if k == 0 else u, e)  # noqa: B023
+            return i
+
+        for name, want in (
+            ("phi_q30", run(1, 0, 0, 0)),
+            ("gamma1_q30", run(0, 1, 0, 0) / unit),
+            ("gamma2_q30", run(0, 0, 1, 0) / unit),
+            ("gamma_e_q30", run(0, 0, 0, 1) / unit),
+        ):
+            got = to_complex(getattr(model, name), 2**30)
+            assert abs(got - want) < 1e-8 * (4 + periods), (name, hz)
+
+
+def test_late_voltage_gives_the_same_observer() -> None:
+    """The step without voltage and the voltage afterwards: the current of one step with it, to two units.
+
+    Verifies: VC-07
+    """
+    lib = vector_library()
+    m = Subspace()
+    gains = observer_gains(lib, m.machine(), m.speed_turn_q36(0.05))
+    one, two = Observer(), Observer()
+    for k in range(50):
+        i = from_complex(20_000 * cmath.exp(0.3j * k))
+        u = from_complex(5_000_000 * cmath.exp(-0.2j * k))
+        lib.emf_observer_step(byref(one), byref(gains), i, u)
+        lib.emf_observer_step(byref(two), byref(gains), i, Complex(0, 0))
+        lib.emf_observer_voltage(byref(two), byref(gains), u)
+        assert abs(to_complex(one.current_i_q25) - to_complex(two.current_i_q25)) < 20
+        assert abs(to_complex(one.emf_v_q25) - to_complex(two.emf_v_q25)) < 20

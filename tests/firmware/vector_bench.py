@@ -1,0 +1,347 @@
+"""The firmware's vector drive on the host, closed over the exact discrete machine: plays the chip at every sample.
+
+Hardware: the regulator is complex_regulator.c, which the RTL equals bit for bit; angle accumulator, shadowed settings
+and tick as the registers describe them. Machine: exact from sample to sample, mechanics by Euler's rule.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from ctypes import byref
+from dataclasses import dataclass, field
+from random import Random
+
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
+from fluxlock.firmware.block import Value
+from fluxlock.firmware.host import HostFirmware
+from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
+from tests.firmware.vector_float import CLOCK_HZ, Subspace, float_model
+from tests.firmware.vector_library import Complex, ComplexRegulator, RegulatorGains, vector_library
+
+Q17, Q25, Q30, Q32, Q36 = 2**17, 2**25, 2**30, 2**32, 2**36
+IRQ_MACHINE_TIMER = 4
+PENDING = 2
+SEED = 31
+
+
+@dataclass(frozen=True)
+class VectorSettings:
+    """What the scenario would say; SI units, electrical frequencies in Hz."""
+
+    sample_cycles: int = 2500
+    tick_samples: int = 1
+    delay: float = 0.5  # T_d / T_s
+    exact_park: bool = True
+    order: int = 2
+    gamma: float = 0.35
+    observer_pole: float = 0.7
+    pll_pole: float = 0.95
+    start_a: float = 10.0
+    start_rise_a_per_s: float = 750.0
+    start_align_s: float = 0.03
+    start_hz_per_s: float = 1500.0
+    handover_hz: float = 300.0
+    back_hz: float = 200.0
+    fade_a_per_s: float = 750.0
+    speed_bandwidth_hz: float = 15.0
+    weakening_lowest_a: float = 0.0
+    mtpa_ratio_a: float = 0.0
+
+
+def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -> dict[str, Value]:
+    """The parameters of vector control."""
+    clock, full_v, full_a = CLOCK_HZ, inverter.voltage_full_scale_v, inverter.current_full_scale_a
+    period = s.sample_cycles / clock
+    tick = period * s.tick_samples
+    resistance = motor.resistance_ohm + inverter.on_resistance_ohm
+    admittance = period * full_v / (motor.inductance_h * full_a)
+    volt, amp = Q25 / full_v, Q25 / full_a
+    hertz = Q36 / clock  # 2^-36 turn a clock
+    q = 1.0 - s.pll_pole
+    per_turn = Q30 / (2 * math.pi) / (s.sample_cycles * s.tick_samples)
+    bandwidth = 2 * math.pi * s.speed_bandwidth_hz
+    torque = 1.5 * motor.pole_pairs**2 * motor.psi_vs  # electrical acceleration a current, times the inertia
+    kp = bandwidth * motor.inertia_kgm2 / torque * 2 * math.pi * amp / hertz
+    scale = s.sample_cycles * 2**8
+    return {
+        "method": 1,
+        "tick_cycles": s.sample_cycles * s.tick_samples,
+        "vector_double": 0,
+        "vector_sample_cycles": s.sample_cycles,
+        "vector_tick_samples": s.tick_samples,
+        "vector_from_cycles": round((1.0 - s.delay) * s.sample_cycles),
+        "vector_length_cycles": 0,
+        "vector_resistance_q30": round(resistance / motor.inductance_h * period * Q30),
+        "vector_delay_q30": round(s.delay * Q30),
+        "vector_admittance": gain(admittance),
+        "vector_impedance": gain(1.0 / admittance),
+        "vector_park": int(s.exact_park),
+        "vector_order": s.order,
+        "vector_bandwidth_q30": round(2 * math.pi * 800.0 * period * Q30),
+        "vector_gamma_q30": round(s.gamma * Q30),
+        "vector_pole1_q30": round(s.observer_pole * Q30),
+        "vector_pole2_q30": round(s.observer_pole * Q30),
+        "vector_emf_minimum_v_q25": round(0.5 * volt),
+        "vector_pll_angle": gain(3 * q * Q32 / (2 * math.pi * Q30)),
+        "vector_pll_speed": gain(3 * q**2 * per_turn),
+        "vector_pll_acceleration": gain(q**3 * per_turn),
+        "vector_speed_max_turn_q36": round(1.3 * motor.max_speed_rpm / 60 * motor.pole_pairs * hertz),
+        "vector_start_i_q25": round(s.start_a * amp),
+        "vector_start_rise_i_q25": round(s.start_rise_a_per_s * tick * amp),
+        "vector_start_align_ticks": round(s.start_align_s / tick),
+        "vector_start_accel_turn_q44": round(s.start_hz_per_s * tick * hertz * 256),
+        "vector_start_tolerance_q32": round(Q32 / 360),
+        "vector_start_steady_ticks": 60,
+        "vector_handover_turn_q36": round(s.handover_hz * hertz),
+        "vector_back_turn_q36": round(s.back_hz * hertz),
+        "vector_fade_i_q25": round(s.fade_a_per_s * tick * amp),
+        "vector_speed_kp": gain(kp),
+        "vector_speed_ki": gain(kp * bandwidth / 4 * tick * 32),
+        "vector_rpm_to_turn": gain(motor.pole_pairs / 60 / 256 * hertz),
+        "vector_flux": gain(2 * math.pi / hertz * motor.psi_vs * volt),
+        "vector_circle_q16": round(0.97 * 2**16),
+        "vector_weakening_ki": gain(0.02 * 32 * full_v / full_a / 2),
+        "vector_weakening_share_q16": round(0.95 * 2**16),
+        "vector_weakening_lowest_i_q25": round(s.weakening_lowest_a * amp),
+        "vector_mtpa_ratio_i_q25": round(s.mtpa_ratio_a * amp),
+        "vector_scale_v": gain(scale),
+        "vector_slope": 0,
+        "vector_slope_shift": 20,
+        "vector_dead_comp_cycles": 0,
+        "vector_margin_cycles": 0,
+        "vector_miss_limit": 2,
+    }
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample period; the state is that of its beginning, the speed mechanical, the current stationary."""
+
+    time_s: float
+    state: str
+    error_deg: float
+    rpm: float
+    current_a: complex
+
+
+@dataclass
+class VectorBench:
+    """One vector drive on one machine."""
+
+    settings: VectorSettings = field(default_factory=VectorSettings)
+    motor: MotorSpec = MOTOR_1
+    inverter: InverterSpec = INVERTER_1
+    values: dict[str, Value] = field(default_factory=dict)  # over the computed ones
+    fan_nm: float = 0.015
+    fan_rpm: float = 90_000.0
+    theta: float = 0.6
+    noise_lsb: float = 0.0  # of a 12-bit converter, rms
+    locked: bool = False
+
+    def __post_init__(self) -> None:
+        s = self.settings
+        drive = DriveSpec(tick_hz=CLOCK_HZ / (s.sample_cycles * s.tick_samples))
+        self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, drive)
+        self.block.update(vector_values(self.motor, self.inverter, s))
+        self.block.update(self.values)
+        self.lib = vector_library()
+        self.fw = HostFirmware()
+        self.fw.load(self.block)
+        self.fw.boot()
+        self.machine = Subspace(
+            self.motor.resistance_ohm + self.inverter.on_resistance_ohm,
+            self.motor.inductance_h,
+            self.motor.psi_vs,
+            self.inverter.current_full_scale_a,
+            self.inverter.voltage_full_scale_v,
+            s.sample_cycles,
+            s.delay,
+        )
+        self.unit_a = Q17 / self.inverter.current_full_scale_a
+        self.unit_v = Q17 / self.inverter.voltage_full_scale_v
+        self.regulator = ComplexRegulator()
+        self.omega = 0.0  # electrical
+        self.i = 0j
+        self.u_before = 0j
+        self.nco_q36 = 0
+        self.omega_q36 = 0
+        self.samples = self.steps = 0
+        self.sum = [0, 0]
+        self.since_timer = 0  # clocks
+        self.trips = 0
+        self.sampling = True
+        self.noise = Random(SEED)
+        self.late_commits = 0  # ticks that the next set is to miss
+        self._index = {name: offset // 4 for name, offset in self.fw.offsets.items()}
+        self._take()
+        self.error_deg = 0.0
+        self.record: list[Sample] = []
+
+    def get(self, name: str, element: int = 0) -> int:
+        """Value of a register."""
+        return int(self.fw.registers[self._index[name] + element])
+
+    def signed(self, name: str, element: int = 0, bits: int = 32) -> int:
+        """Signed value of a register."""
+        value = self.get(name, element) & (2**bits - 1)
+        return value - 2**bits if value >> (bits - 1) else value
+
+    def put(self, name: str, value: int, element: int = 0) -> None:
+        """Set a register, signed values in two's complement."""
+        self.fw.registers[self._index[name] + element] = value & 0xFFFFFFFF
+
+    def _pair(self, name: str) -> Complex:
+        return Complex(self.signed(f"foc.{name}", 0, 18), self.signed(f"foc.{name}", 1, 18))
+
+    def _take(self) -> None:
+        """The update event: the settings written become those in use."""
+        control = self.get("foc.control")
+        self.enable, self.regulate = bool(control & 2), bool(control & 16)
+        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self.get("foc.shift"))
+        self.reference, self.preset = self._pair("reference"), self._pair("preset")
+        self.limit = self.get("foc.limit") & (Q17 - 1)
+        self.lead = self.get("foc.lead")
+        scale = self.get("foc.scale")
+        self.scale = (scale & (Q17 - 1)) * 2.0 ** -(scale >> 24 & 31)
+        self.omega_q36 = self.signed("foc.omega")
+        # A correction counts once; the firmware writes it before the commit that it belongs to.
+        self.nco_q36 = (self.nco_q36 + (self.get("foc.correct") << 4)) % Q36
+        self.put("foc.correct", 0)
+
+    def sample(self) -> None:
+        """One sample period: currents, regulator, voltage, and the tick if it is due."""
+        m, lib = self.machine, self.lib
+        angle = self.nco_q36 >> 4
+        frame = cmath.exp(2j * math.pi * angle / Q32)
+        rotor = cmath.exp(1j * self.theta)
+        stationary = self.i * rotor + self._noise()
+        measured = stationary / frame
+        self.error_deg = math.degrees(cmath.phase(frame / rotor))
+        i17 = Complex(round(measured.real * self.unit_a), round(measured.imag * self.unit_a))
+        if self.regulate:
+            limited = lib.complex_regulator_step(
+                byref(self.regulator), byref(self.gains), self.reference, i17, self.limit
+            )
+        else:
+            error = Complex(self.reference.re - i17.re, self.reference.im - i17.im)
+            lib.complex_regulator_preset(
+                byref(self.regulator), Complex(self.preset.re * 256, self.preset.im * 256), error
+            )
+            limited = False
+        u = self.regulator.voltage_v_q25
+        v = ((u.re + 128) >> 8, (u.im + 128) >> 8)
+        self.steps += 1
+        self.sum[0] += v[0]
+        self.sum[1] += v[1]
+        tripped = self.get("safety.trip") & 0xFF
+        gates = bool(self.get("safety.guard") & 1) and not tripped and self.enable
+        # Clocks of the modulator over its period.
+        duty = complex(*v) * self.scale / (m.period_cycles * (2 if self.get("foc.control") & 4 else 1))
+        applied = duty * self.inverter.supply_v * frame * cmath.exp(2j * math.pi * self.lead / Q32)
+        self._machine(applied if gates else None)
+        self.nco_q36 = (self.nco_q36 + self.omega_q36 * m.period_cycles) % Q36
+        self.samples += 1
+        if self.steps >= self.settings.tick_samples:
+            self._tick(i17, v, bool(limited), angle)
+        self.since_timer += m.period_cycles
+        if self.since_timer >= self.get("timer.machine_period"):
+            self.since_timer -= self.get("timer.machine_period")
+            self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
+            self.fw.poll()
+
+    def _noise(self) -> complex:
+        rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
+        return complex(self.noise.gauss(0.0, rms), self.noise.gauss(0.0, rms)) if rms else 0j
+
+    def _machine(self, u_stationary: complex | None) -> None:
+        m, p = self.machine, self.motor.pole_pairs
+        if u_stationary is None:
+            self.i, self.u_before = 0j, 1j * self.motor.psi_vs * self.omega
+            torque = 0.0
+        else:
+            u = u_stationary * cmath.exp(-1j * self.theta)
+            torque = 1.5 * p * self.motor.psi_vs * self.i.imag
+            # The voltage before was latched in the stationary frame; its model counts in the frame of its own instant.
+            step = float_model(m, self.omega).step(self.i, u, self.u_before, 1j * self.motor.psi_vs * self.omega)
+            self.i, self.u_before = step, u
+            peak = abs(self.i)
+            if peak > (self.inverter.phase_current_trip_a or math.inf):
+                self.trip(1)
+        mech = self.omega / p
+        fan = self.fan_rpm * math.pi / 30
+        load = self.fan_nm * (mech / fan) * abs(mech / fan)
+        self.theta += self.omega * m.period_s
+        self.omega += 0.0 if self.locked else p * (torque - load) / self.motor.inertia_kgm2 * m.period_s
+
+    def trip(self, causes: int) -> None:
+        """Latch trip causes and open the gates."""
+        old = self.get("safety.trip")
+        first = (old >> 16) & 0xFF or causes
+        self.put("safety.trip", (old & 0xFF) | causes | (first << 16))
+        self.put("safety.guard", self.get("safety.guard") & ~1)
+        self.trips += 1
+
+    def _tick(self, i17: Complex, v: tuple[int, int], limited: bool, angle: int) -> None:
+        put = self.put
+        if self.sampling:
+            put("sense.snap_number", self.samples)
+        vdc = round(self.inverter.supply_v * self.unit_v)
+        put("sense.snap_vdc_sum", vdc * self.steps)
+        put("sense.snap_count", self.steps)
+        emf = self.i if self.enable else 1j * self.motor.psi_vs * self.omega * cmath.exp(1j * self.theta)
+        phases = [(emf * cmath.exp(-2j * math.pi * x / 3)).real for x in range(3)]
+        for x in range(3):
+            put("sense.snap_channel", max(0, round((phases[x] - min(phases)) * self.unit_v)), x)
+        u = self.regulator.voltage_v_q25
+        for axis, (i_axis, u_axis) in enumerate(((i17.re, u.re), (i17.im, u.im))):
+            put("foc.snap_i", i_axis, axis)
+            put("foc.snap_u", u_axis, axis)
+            put("foc.snap_v", v[axis], axis)
+            put("foc.snap_v_sum", self.sum[axis], axis)
+        put("foc.snap_count", self.steps | 1 << 16 | int(limited) << 24)
+        put("foc.snap_theta_sample", angle)
+        put("foc.snap_omega", self.omega_q36)
+        self.steps, self.sum = 0, [0, 0]
+        if self.late_commits > 0:
+            self.late_commits -= 1
+        elif self.get("timer.update") & PENDING:
+            put("timer.update", 0)
+            self._take()
+        self.fw.tick()
+
+    @property
+    def now(self) -> float:
+        """Simulated time, s."""
+        return self.samples * self.machine.period_s
+
+    @property
+    def rpm(self) -> float:
+        """True mechanical speed."""
+        return self.omega / self.motor.pole_pairs * 30 / math.pi
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
+        """Run for a time or until a condition; true if the condition came."""
+        for k in range(round(seconds / self.machine.period_s)):
+            before = self.fw.state
+            self.sample()
+            self.record.append(Sample(self.now, before, self.error_deg, self.rpm, self.i * cmath.exp(1j * self.theta)))
+            if until is not None and k % 8 == 0 and until():
+                return True
+        return False
+
+    def until_state(self, state: str, seconds: float) -> bool:
+        """Run until the drive is in a state."""
+        return self.run(seconds, lambda: self.fw.state == state)
+
+    def console(self, name: str) -> str:
+        """Value of a console item."""
+        return self.fw.command(f"get {name}")[0].split(maxsplit=1)[1]
+
+    def start(self, rpm: int, seconds: float = 1.0) -> None:
+        """Boot to ready, set the speed, start; fails the test if it does not come to run."""
+        assert self.until_state("ready", 0.1), self.fw.command("status")
+        assert self.fw.command(f"set speed_rpm {rpm}") == ["ok"]
+        assert self.fw.command("start") == ["ok"]
+        assert self.until_state("running", seconds), self.fw.command("status")
