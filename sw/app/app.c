@@ -13,7 +13,7 @@
 #define UART_BIT_CYCLES 50u
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
 #define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
-#define DESIGNS_PER_SECOND 1000u
+#define DESIGNS_PER_SECOND 500u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -54,6 +54,7 @@ COLD void app_boot(app_t *app) {
   // Bytes that came before: their event is gone, and a full FIFO would never give another.
   receive_all();
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
+  app->polled = chip_now();
 }
 
 HOT static void write_guard(app_t *app) {
@@ -65,6 +66,7 @@ HOT static void write_guard(app_t *app) {
   }
 }
 
+// While running, telemetry follows the ticks that have read everything.
 HOT static void vector_control_step(app_t *app) {
   drive_t *drive = &app->drive;
   chip_snapshot_t snapshot;
@@ -72,9 +74,13 @@ HOT static void vector_control_step(app_t *app) {
   if (drive->state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }
-  drive_step(drive, &snapshot);
+  const bool whole = drive->command.vector.read_slow || drive->state != STATE_RUNNING;
+  drive_vector_step(drive, &snapshot);
   write_guard(app);
   chip_write_vector(&drive->command, drive->p);
+  if (whole || drive->state != STATE_RUNNING) {
+    telemetry_update(app->telemetry, drive);
+  }
 }
 
 HOT static void control_step(app_t *app) {
@@ -101,34 +107,39 @@ HOT static void control_step(app_t *app) {
     write_guard(app);
     chip_write(&drive->command, drive->p);
     chip_read_freewheel(&app->telemetry->freewheel);
+    telemetry_update(app->telemetry, drive);
   } else {
     drive->tick++;
+    telemetry_update(app->telemetry, drive);
   }
 }
 
+COLD static void trip_interrupt(app_t *app) {
+  const uint32_t start = chip_now();
+  // The gates are off already; the control step names the cause. Nothing to do but take the event.
+  chip_irq_clear(IRQ_TRIP);
+  if (app->drive.p != 0 && app->drive.p->method == METHOD_VECTOR) {
+    // What tripped may have ended the samples, and the ticks with them.
+    chip_tick_by_time();
+  }
+  cycles_add(&app->telemetry->handler[HANDLER_TRIP], chip_now() - start);
+}
+
 HOT void app_control_interrupt(app_t *app) {
-  telemetry_t *telemetry = app->telemetry;
-  const uint32_t entry = chip_now();
   const uint32_t pending = chip_irq_pending();
-  if ((pending & (uint32_t)IRQ_TRIP) != 0u) {
-    // The gates are off already; the control step names the cause. Nothing to do but take the event.
-    chip_irq_clear(IRQ_TRIP);
-    if (app->drive.p != 0 && app->drive.p->method == METHOD_VECTOR) {
-      // What tripped may have ended the samples, and the ticks with them.
-      chip_tick_by_time();
-    }
-    cycles_add(&telemetry->handler[HANDLER_TRIP], chip_now() - entry);
+  if (__builtin_expect((pending & (uint32_t)IRQ_TRIP) != 0u, 0)) {
+    trip_interrupt(app);
   }
   if ((pending & (uint32_t)IRQ_TICK) != 0u) {
+    telemetry_t *telemetry = app->telemetry;
     const uint32_t start = chip_now();
     const uint32_t tick_time = chip_tick_time();
     chip_irq_clear(IRQ_TICK);
     control_step(app);
-    const uint32_t committed = chip_now();
-    telemetry_update(telemetry, &app->drive);
+    const uint32_t done = chip_now();
     cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
-    cycles_add(&telemetry->handler[HANDLER_CONTROL_DONE], committed - tick_time);
-    cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
+    cycles_add(&telemetry->handler[HANDLER_CONTROL_DONE], done - tick_time);
+    cycles_add(&telemetry->handler[HANDLER_CONTROL], done - start);
   }
 }
 
@@ -157,4 +168,9 @@ void app_deferred_interrupt(app_t *app) {
   }
 }
 
-void app_poll(app_t *app) { console_poll(app); }
+void app_poll(app_t *app) {
+  const uint32_t now = chip_now();
+  cycles_add(&app->telemetry->handler[HANDLER_IDLE], now - app->polled);
+  app->polled = now;
+  console_poll(app);
+}

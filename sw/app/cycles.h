@@ -13,7 +13,19 @@ typedef struct {
 } cycles_t;
 
 void cycles_reset(cycles_t *cycles);
-void cycles_add(cycles_t *cycles, uint32_t duration);
+static inline void cycles_add(cycles_t *cycles, uint32_t duration) {
+  if (__builtin_expect(duration < cycles->min, 0)) {
+    cycles->min = duration;
+  }
+  if (__builtin_expect(duration > cycles->max, 0)) {
+    cycles->max = duration;
+  }
+  cycles->count++;
+  cycles->sum_low += duration;
+  if (__builtin_expect(cycles->sum_low < duration, 0)) {
+    cycles->sum_high++;
+  }
+}
 // Mean duration, 0 without a call.
 uint32_t cycles_mean(const cycles_t *cycles);
 

@@ -3,7 +3,7 @@
 #include "hal/cpu.h"
 #include "hal/soc/trap.h"
 
-// Rounds of an empty loop between two looks at the console: keeps the bus quiet.
+// Rounds of an idle loop between two looks at the console: keeps the bus quiet.
 #define IDLE_ROUNDS 64u
 
 static app_t app;
@@ -18,7 +18,7 @@ int main(void) {
   for (;;) {
     app_poll(&app);
     for (uint32_t i = 0; i < IDLE_ROUNDS; i++) {
-      __asm__ volatile("");
+      __asm__ volatile("nop");
     }
   }
 }

@@ -6,23 +6,23 @@
 
 static int32_t to_q30(int64_t product) { return sat_i32((product + HALF_Q30) >> 30); }
 
-SHARED complex_t complex_mul_q30(complex_t a, complex_t b_q30) {
+HOT complex_t complex_mul_q30(complex_t a, complex_t b_q30) {
   const int64_t re = (int64_t)a.re * b_q30.re - (int64_t)a.im * b_q30.im;
   const int64_t im = (int64_t)a.re * b_q30.im + (int64_t)a.im * b_q30.re;
   return (complex_t){to_q30(re), to_q30(im)};
 }
 
-SHARED complex_t complex_scale_q30(complex_t a, int32_t factor_q30) {
+HOT complex_t complex_scale_q30(complex_t a, int32_t factor_q30) {
   return (complex_t){to_q30((int64_t)a.re * factor_q30), to_q30((int64_t)a.im * factor_q30)};
 }
 
-SHARED complex_t complex_gain_apply(complex_t z, complex_gain_t g) {
+HOT complex_t complex_gain_apply(complex_t z, complex_gain_t g) {
   const int64_t re = (int64_t)z.re * g.re - (int64_t)z.im * g.im;
   const int64_t im = (int64_t)z.re * g.im + (int64_t)z.im * g.re;
   return (complex_t){sat_i32(round_shift(re, g.shift)), sat_i32(round_shift(im, g.shift))};
 }
 
-SHARED complex_gain_t complex_inverse(complex_t z) {
+HOT complex_gain_t complex_inverse(complex_t z) {
   const uint32_t size = (uint32_t)abs_sat(z.re) | (uint32_t)abs_sat(z.im);
   if (size == 0u) {
     return (complex_gain_t){ONE_Q30, 0, 30};
@@ -39,7 +39,7 @@ SHARED complex_gain_t complex_inverse(complex_t z) {
   return (complex_gain_t){re, -im, 59 - up};
 }
 
-SHARED complex_t complex_turn_small(complex_t a, int32_t x_q30) {
+HOT complex_t complex_turn_small(complex_t a, int32_t x_q30) {
   const int32_t x_q32 = x_q30 * 4;
   const int32_t drop_q32 = (int32_t)(((int64_t)x_q32 * x_q32) >> 33);
   const int32_t re = (int32_t)(((int64_t)a.im * x_q32) >> 32) - (int32_t)(((int64_t)a.re * drop_q32) >> 32);

@@ -4,8 +4,8 @@
 //   e^[k+1] = e^[k] + G2 (i[k] - i^[k])
 //   G1 = 1 + Phi - p1 - p2,   G2 = (1 - p1) (1 - p2) / Gamma_e        poles p1, p2 of the error at any signed speed
 //
-// Computed as i^[k+1] = Phi i[k] + (1 - p1 - p2) (i[k] - i^[k]) + ...: the same, with a real factor. All products of an
-// axis are summed exactly and rounded half up once. The angle of e^ against +j sgn(omega) is the error of the estimated
+// Computed as i^[k+1] = Phi i[k] + (1 - p1 - p2) (i[k] - i^[k]) + ...: the same, with a real factor. Products count
+// by their upper 32 bits, of operands with two to five bits below q25. The angle of e^ against +j sgn(omega) is the error of the estimated
 // angle (pll.h). A speed error of the model shows in i^ only.
 #ifndef FL_EMF_OBSERVER_H
 #define FL_EMF_OBSERVER_H
@@ -21,15 +21,18 @@ typedef struct {
   complex_t voltage_v_q25;  // u[k-1]
 } emf_observer_t;
 
-// phi to innovation times 2^shift, the Gammas from voltage to current of equal fraction bits.
+// Gammas from voltage to current of equal fraction bits. The shifts are what is left after the upper halves of the
+// products, either sign.
 typedef struct {
-  complex_t phi;
+  complex_t phi_q30;
   complex_t gamma1;
   complex_t gamma2;
   complex_t gamma_e;
-  int32_t innovation;  // 1 - p1 - p2
-  int32_t shift;
-  complex_gain_t emf_gain;  // G2
+  int32_t innovation_q30;  // 1 - p1 - p2
+  int32_t shift;  // of the Gammas
+  complex_t emf_gain;  // G2
+  int32_t emf_shift;
+  int32_t emf_bits;  // below q25, of the EMF
 } emf_observer_gains_t;
 
 // Gains at the speed of the model; poles 0..1. They keep 24 bits up to an admittance of 64. About 1150 clocks: not at
@@ -47,13 +50,14 @@ void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
 // The same by a small angle, -2^-5..2^-5 rad. About 120 clocks.
 void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30);
 
-// One sample: current i[k], and the voltage u[k] set in answer to it, both in the estimated frame of this instant; at
-// most eight full scales. States saturate at 16 full scales. About 480 clocks.
+// One sample: current i[k] and the voltage u[k] set in answer to it, |u| at most 1.4 full scales, both in the estimated
+// frame of this instant. The current saturates at four full scales, the EMF at eight, at two from an admittance of 1 on.
+// About 130 clocks.
 void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
                        complex_t voltage_v_q25);
 
 // For a voltage that is known only when its period is over: the step has been made without it, this adds it before the
-// next one. About 130 clocks.
+// next one. About 30 clocks.
 void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25);
 
 #endif

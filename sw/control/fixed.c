@@ -3,7 +3,7 @@
 #include "control/placement.h"
 
 // The shift works on 32-bit halves: a 64-bit shift by a variable costs three times as much.
-SHARED int32_t gain_apply(int32_t x, gain_t g) {
+HOT int32_t gain_apply(int32_t x, gain_t g) {
   const int64_t product = (int64_t)x * g.mant;
   const int32_t high = (int32_t)(product >> 32);
   int32_t twice;  // the result with one more bit, for the rounding
@@ -19,10 +19,10 @@ SHARED int32_t gain_apply(int32_t x, gain_t g) {
     }
     twice = (int32_t)(((uint32_t)high << (33 - g.shift)) | ((uint32_t)product >> (g.shift - 1)));
   }
-  return clamp_i32((twice + 1) >> 1, -PRODUCT_MAX, PRODUCT_MAX);
+  return within_i32((twice + 1) >> 1, PRODUCT_MAX);
 }
 
-SHARED int32_t mul_q16(int32_t x, int32_t factor_q16) {
+HOT int32_t mul_q16(int32_t x, int32_t factor_q16) {
   return (int32_t)(((int64_t)x * factor_q16 + 32768) >> 16);
 }
 

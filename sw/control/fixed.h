@@ -32,12 +32,23 @@ static inline int32_t clamp_i32(int32_t x, int32_t low, int32_t high) {
   return (x > high) ? high : x;
 }
 
+// x limited to +-most, 0 <= most <= 2^30: one comparison for what is within.
+static inline int32_t within_i32(int32_t x, int32_t most) {
+  if (__builtin_expect((uint32_t)x + (uint32_t)most > 2u * (uint32_t)most, 0)) {
+    return (x < 0) ? -most : most;
+  }
+  return x;
+}
+
 static inline uint32_t clamp_u32(uint32_t x, uint32_t low, uint32_t high) {
   if (x < low) {
     return low;
   }
   return (x > high) ? high : x;
 }
+
+// floor(a * b / 2^32)
+static inline int32_t mul_high_i32(int32_t a, int32_t b) { return (int32_t)(((int64_t)a * b) >> 32); }
 
 static inline int32_t abs_sat(int32_t a) { return (a >= 0) ? a : ((a == INT32_MIN) ? INT32_MAX : -a); }
 

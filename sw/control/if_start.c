@@ -7,6 +7,9 @@
 #define QUARTER_TURN ((int32_t)1 << 30)
 
 HOT int32_t fade(int32_t from, int32_t to, int32_t step) {
+  if (to == from) {
+    return to;
+  }
   if (to > from) {
     return ((int64_t)to - from > step) ? from + step : to;
   }

@@ -1,17 +1,16 @@
-// What the compiler is to know of a function: on the path of the control step while running (HOT), the same but once in
-// the image instead of inlined (SHARED), called by it on rare events only and kept out of line (COLD). SMALL_CODE_BEGIN
+// What the compiler is to know of a function: on the path of the control step while running (HOT), the same and called
+// from one place of the image (INLINED), called by it on rare events only and kept out of line (COLD). SMALL_CODE_BEGIN
 // and SMALL_CODE_END enclose functions whose time does not matter.
 #ifndef FL_PLACEMENT_H
 #define FL_PLACEMENT_H
 
 #define HOT __attribute__((hot))
-#define SHARED __attribute__((hot, noinline))
+#define INLINED __attribute__((hot, always_inline))
+#define COLD __attribute__((noinline, cold))
 #if defined(__clang__)
-#define COLD __attribute__((noinline, cold, minsize))
 #define SMALL_CODE_BEGIN _Pragma("clang attribute push(__attribute__((minsize)), apply_to = function)")
 #define SMALL_CODE_END _Pragma("clang attribute pop")
 #else
-#define COLD __attribute__((noinline, cold))
 #define SMALL_CODE_BEGIN
 #define SMALL_CODE_END
 #endif

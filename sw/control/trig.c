@@ -23,7 +23,7 @@ static inline uint32_t alternating_q32(const uint32_t *c, uint32_t count, uint32
 static const uint32_t SINE_Q32[] = {3373259426u, 346799334u, 10696163u, 157094u, 1346u, 8u};
 static const uint32_t COSINE_Q32[] = {1324675879u, 68093890u, 1400124u, 15423u, 106u};
 
-SHARED complex_t cis_q30(uint32_t angle_turn_q32) {
+HOT complex_t cis_q30(uint32_t angle_turn_q32) {
   const uint32_t quadrant = (angle_turn_q32 + EIGHTH_TURN) >> 30;
   const int32_t rest = (int32_t)(angle_turn_q32 - (quadrant << 30));
   // In eighths of a turn, 0..1; exactly 1 becomes one unit less.
@@ -58,7 +58,7 @@ static uint32_t arc_tangent_turn_q32(uint32_t n, uint32_t d) {
   return mul_high(tangent_q32, alternating_q32(ARC_TANGENT_Q32, 11, z_q32));
 }
 
-SHARED uint32_t complex_angle_turn_q32(complex_t z) {
+HOT uint32_t complex_angle_turn_q32(complex_t z) {
   uint32_t ax = (z.re < 0) ? 0u - (uint32_t)z.re : (uint32_t)z.re;
   uint32_t ay = (z.im < 0) ? 0u - (uint32_t)z.im : (uint32_t)z.im;
   const bool steep = ay > ax;
@@ -83,7 +83,7 @@ SHARED uint32_t complex_angle_turn_q32(complex_t z) {
 }
 
 // Root of the upper half first, then a quotient for the lower 16 bits of the root, too large by one at most.
-SHARED uint32_t sqrt_u64(uint64_t n) {
+HOT uint32_t sqrt_u64(uint64_t n) {
   const uint32_t top = (uint32_t)(n >> 32);
   if (top == 0u) {
     return sqrt_u32((uint32_t)n);
@@ -110,7 +110,7 @@ static const uint32_t DECAY_Q32[] = {2147483648u, 715827883u, 178956971u, 357913
                                      106522u,     11836u,     1184u,      108u,      9u,       1u};
 
 // y = x / 2 first: slope(x) = slope(y) (1 + exp(-y)) / 2.
-SHARED decay_t decay_q30(uint32_t x_q30) {
+HOT decay_t decay_q30(uint32_t x_q30) {
   const uint32_t one_q31 = 0x80000000u;
   const uint32_t y_q32 = x_q30 << 1;
   const uint32_t slope_q31 = one_q31 - (mul_high(y_q32, alternating_q32(DECAY_Q32, 12, y_q32)) >> 1);

@@ -420,22 +420,23 @@ static void stopping_step(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
-HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
+INLINED static void begin_step(drive_t *drive) {
   drive->tick++;
   drive->command.clear_trips = false;
   drive->command.start_auto_zero = false;
   drive->command.write_modes = drive->state != STATE_RUNNING;
-  if (drive->p == 0) {
-    drive->request = REQUEST_NONE;
-    return;
-  }
   if (drive->state_ticks < UINT32_MAX) {
     drive->state_ticks++;
   }
-  if (drive->p->method == METHOD_VECTOR) {
-    vector_drive_step(drive, in);
-    return;
-  }
+}
+
+INLINED void drive_vector_step(drive_t *drive, const chip_snapshot_t *in) {
+  begin_step(drive);
+  vector_drive_step(drive, in);
+}
+
+HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
+  begin_step(drive);
   measure_update(drive, in);
   drive->command.write_offsets = false;
   drive->command.write_thresholds = false;

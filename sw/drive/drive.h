@@ -172,6 +172,12 @@ typedef struct {
   emf_observer_gains_t observer;
 } vector_design_t;
 
+// 1 / count, kept.
+typedef struct {
+  uint32_t count;
+  int32_t share_q30;
+} share_t;
+
 // Vector drive (vector.h).
 typedef struct {
   // From the parameters.
@@ -204,8 +210,11 @@ typedef struct {
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
   complex_t voltage_v_q17;  // applied, of the last sample
+  share_t steps;            // regulator steps a tick
+  share_t sums;             // samples in the sums of the DC link
   complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
+  uint32_t emf_reciprocal;  // pll_error_from_q30's
   int32_t error_q30;
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
@@ -278,6 +287,8 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault);
 
 // One control step: reads the snapshot, leaves what the chip shall do in drive->command.
 void drive_step(drive_t *drive, const chip_snapshot_t *in);
+// The same with METHOD_VECTOR.
+void drive_vector_step(drive_t *drive, const chip_snapshot_t *in);
 
 // Names for people.
 const char *drive_state_name(drive_state_t state);

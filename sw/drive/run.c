@@ -213,7 +213,7 @@ COLD void run_begin(drive_t *drive) {
 }
 
 // Speed regulator straight to the voltage, between the limits of current and duty.
-SHARED static int32_t voltage_step(drive_t *drive, int32_t direction) {
+HOT static int32_t voltage_step(drive_t *drive, int32_t direction) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
   const settings_t *s = &drive->settings;
@@ -252,7 +252,7 @@ SHARED static int32_t voltage_step(drive_t *drive, int32_t direction) {
 
 // Current reference from the speed regulator or the torque target. While the voltage is at a limit, a reference beyond
 // what flows could not be followed: it stays near the measured current, and the speed regulator's integral with it.
-SHARED static void reference_step(drive_t *drive, int32_t direction, int32_t target_rpm_q8) {
+HOT static void reference_step(drive_t *drive, int32_t direction, int32_t target_rpm_q8) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
   const scheduled_t *g = &drive->scheduled;
@@ -278,7 +278,7 @@ SHARED static void reference_step(drive_t *drive, int32_t direction, int32_t tar
 }
 
 // Current regulator. The slew is one of its limits: the integral follows what is applied.
-SHARED static int32_t current_step(drive_t *drive) {
+HOT static int32_t current_step(drive_t *drive) {
   const parameters_t *p = drive->p;
   const measured_t *m = &drive->m;
   const scheduled_t *g = &drive->scheduled;

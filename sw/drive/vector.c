@@ -88,6 +88,7 @@ COLD void vector_init(drive_t *drive) {
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
   drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
+  drive->command.vector.read_steps = true;
   vector_off(drive);
   for (uint32_t k = 0; k < VECTOR_STAGES; k++) {
     vector_design(drive);
@@ -101,13 +102,13 @@ void vector_design(drive_t *drive) {
   if (p == 0 || p->method != METHOD_VECTOR || v->finished) {
     return;
   }
-  // For people; a step in between may have changed one part of a vector.
-  if (v->frame != FRAME_OFF) {
-    drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
-    drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
-  }
   vector_design_t *spare = &v->design[1u - v->used];
   if (v->stage == 0u) {
+    // For people; a step in between may have changed one part of a vector.
+    if (v->frame != FRAME_OFF) {
+      drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
+      drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
+    }
     vector_model(&v->model, &v->plant, v->speed_turn_q36);
   } else if (v->stage == 1u) {
     v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
@@ -218,45 +219,62 @@ HOT static bool descending(const drive_t *drive) {
          (drive->settings.target_rpm > 0 && drive->vector.direction < 0);
 }
 
+// 1 / count, which seldom changes.
+HOT static int32_t share_of(share_t *share, uint32_t count) {
+  if (count != share->count) {
+    share->count = count;
+    share->share_q30 = (int32_t)((uint32_t)ONE_Q30 / count);
+  }
+  return share->share_q30;
+}
+
+HOT static int32_t share(int32_t sum, int32_t share_q30) {
+  return (int32_t)(((int64_t)sum * share_q30 + ONE_Q30 / 2) >> 30);
+}
+
 // Only what the step before asked for. Ticks that follow the samples cannot miss them.
 HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
   measured_t *m = &drive->m;
+  drive->vector.angle_turn_q32 = in->vector.theta_sample_q32;
   m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
   m->last_sample = in->sample_number;
   if (in->sum_count > 0u) {
-    const int32_t count = (int32_t)in->sum_count;
-    m->vdc_v_q25 = clamp_i32(in->vdc_sum_q17 / count, 0, VOLTAGE_MAX_Q17) * 256;
-    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -VOLTAGE_MAX_Q17 - 1, VOLTAGE_MAX_Q17);
+    const int32_t share_q30 = share_of(&drive->vector.sums, in->sum_count);
+    m->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, VOLTAGE_MAX_Q17) * 256;
+    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -VOLTAGE_MAX_Q17 - 1, VOLTAGE_MAX_Q17);
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
     m->idc_q17 = m->idc_filter_q25 >> 8;
   }
 }
 
+HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
+  return (int32_t)(((int64_t)sum_v_q17 * share_q30 + (1 << 21)) >> 22);
+}
+
 // Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
 // them.
-HOT static complex_t mean_voltage_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
-  const uint32_t steps = (in->steps > 0u) ? in->steps : 1u;
+HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
+  const int32_t share_q30 = share_of(&v->steps, (in->steps > 0u) ? in->steps : 1u);
   const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], v->voltage_v_q17), in->v_q17[0]);
-  const int32_t share_q30 = (int32_t)((uint32_t)ONE_Q30 / steps);
-  return complex_gain_apply(sum, (complex_gain_t){share_q30, 0, 22});
+  return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
 }
 
 HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
-  if (drive->p->vector_tick_samples == 1) {
-    emf_observer_step(&v->observer, gains, in->i_q17[0], in->u_v_q25[0]);
-  } else {
+  complex_t voltage_v_q25 = in->u_v_q25[0];
+  if (drive->p->vector_tick_samples > 1) {
     emf_observer_voltage(&v->observer, gains, mean_voltage_v_q25(v, in));
-    emf_observer_step(&v->observer, gains, in->i_q17[0], (complex_t){0, 0});
+    voltage_v_q25 = (complex_t){0, 0};
     v->voltage_v_q17 = in->v_q17[0];
   }
+  emf_observer_step(&v->observer, gains, in->i_q17[0], voltage_v_q25);
   if (!in->taken) {
     return;
   }
   const int32_t turn_q32 = v->correct_q32;
   if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
-    const int32_t turn_rad_q30 = (int32_t)(((int64_t)turn_q32 * HALF_PI_Q30) >> 30);
+    const int32_t turn_rad_q30 = mul_high_i32(turn_q32 * 4, HALF_PI_Q30);
     emf_observer_turn_small(&v->observer, turn_rad_q30);
     v->voltage_v_q17 = complex_turn_small(v->voltage_v_q17, turn_rad_q30);
   } else {
@@ -316,18 +334,16 @@ HOT static void apply_limits(drive_t *drive) {
                                      p->brake_range);
   command->write_limits = true;
   command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
-  // scale = mant 2^-shift / vdc, the quotient first to 29 bits and more, then to the register's.
-  const uint32_t divisor = (vdc > 0) ? (uint32_t)vdc : 1u;
-  const int32_t up = __builtin_clz(divisor);
-  const uint32_t quotient = div_sat_u32((uint64_t)(uint32_t)p->vector_scale_v.mant << 30, divisor << up);
-  int32_t drop = 32 - (int32_t)SCALE_BITS - __builtin_clz(quotient | 1u);
-  int32_t shift = 30 + p->vector_scale_v.shift - up - drop;
-  if (shift > SCALE_SHIFT_MAX) {
-    drop += shift - SCALE_SHIFT_MAX;
-    shift = SCALE_SHIFT_MAX;
+  // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
+  // large by it.
+  const uint32_t vdc_q17 = (vdc > 256) ? (uint32_t)vdc >> 8 : 1u;
+  uint32_t scale = ((uint32_t)p->vector_scale_v.mant << 1) / vdc_q17;
+  int32_t shift = p->vector_scale_v.shift + 9;
+  while (scale >> SCALE_BITS != 0u || shift > SCALE_SHIFT_MAX) {
+    scale >>= 1;
+    shift--;
   }
-  // Rounded down: a voltage is never too large by it.
-  command->scale = (drop >= 32) ? 0u : ((drop > 0) ? quotient >> drop : quotient);
+  command->scale = scale;
   command->scale_shift = (uint32_t)((shift > 1) ? shift : 1);
 }
 
@@ -389,8 +405,10 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
 HOT static void track(drive_t *drive, bool taken) {
   vector_t *v = &drive->vector;
   // A correction that has not been taken yet is still in the error.
-  v->error_q30 = taken ? pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25) : 0;
-  const int32_t correct_q32 = pll_step(&v->pll, &v->pll_gains, v->per_tick.period_cycles, v->error_q30);
+  v->error_q30 = taken ? pll_error_from_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25,
+                                              &v->emf_reciprocal)
+                       : 0;
+  const int32_t correct_q32 = pll_correct(&v->pll, &v->pll_gains, v->error_q30);
   v->correct_q32 = taken ? correct_q32 : v->correct_q32;
   v->speed_turn_q36 = pll_speed_turn_q36(&v->pll);
 }
@@ -453,8 +471,13 @@ HOT static void command(drive_t *drive) {
   c->omega_turn_q36 = v->speed_turn_q36;
   c->correct_q32 = v->correct_q32;
   c->write_correct = v->correct_q32 != 0;
-  c->reference_i_q17[0] = to_q17(v->reference_i_q25);
-  c->regulate[0] = v->frame != FRAME_OFF && !v->holding;
+  const complex_t reference_i_q17 = to_q17(v->reference_i_q25);
+  c->write_reference =
+      reference_i_q17.re != c->reference_i_q17[0].re || reference_i_q17.im != c->reference_i_q17[0].im;
+  c->reference_i_q17[0] = reference_i_q17;
+  const bool regulate = v->frame != FRAME_OFF && !v->holding;
+  c->write_control = regulate != c->regulate[0] || v->frame == FRAME_OFF || drive->state == STATE_STARTING;
+  c->regulate[0] = regulate;
 }
 
 COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
@@ -470,7 +493,7 @@ COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
-HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
+INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   drive->command.vector.write_gains = false;
   drive->command.vector.write_limits = false;
@@ -481,11 +504,12 @@ HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     measure(drive, in);
   }
   v->current_i_q17 = in->vector.i_q17[0];
-  v->angle_turn_q32 = in->vector.theta_sample_q32;
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }
-  if (!drive_supervise(drive, in)) {
+  // Nothing else of what it looks at moves here.
+  const bool look = in->trip_latched != 0u || drive->m.silent_ticks > 0u;
+  if (!look || !drive_supervise(drive, in)) {
     if (v->frame == FRAME_OFF || drive->tick % VECTOR_GROUPS == GROUP_LIMITS) {
       apply_limits(drive);
     }
@@ -504,8 +528,10 @@ HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       drive->failed_starts = 0;
     }
   }
-  const bool slow_next = (drive->tick + 1u) % VECTOR_GROUPS == GROUP_SUPERVISION;
-  drive->command.vector.read_slow = v->frame == FRAME_OFF || slow_next;
+  const uint32_t next = (drive->tick + 1u) % VECTOR_GROUPS;
+  drive->command.vector.read_slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
+  drive->command.vector.read_steps =
+      drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;
   drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
   command(drive);
 }

@@ -158,7 +158,7 @@ HOT static void read_slow(chip_snapshot_t *snapshot) {
   }
 }
 
-HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {
+INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {
   chip_vector_snapshot_t *v = &snapshot->vector;
   read_trips(snapshot);
   for (uint32_t s = 0; s < SUBSPACES; s++) {
@@ -169,15 +169,16 @@ HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *comma
       v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
     }
   }
-  const uint32_t count = reg_read(REG(foc.snap_count));
-  const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
-  v->steps = BITS(FL_FOC_REGS__SNAP_COUNT__STEPS, count);
-  v->samples = (uint8_t)BITS(FL_FOC_REGS__SNAP_COUNT__SAMPLES, count);
-  v->limited[0] = (limited & 1u) != 0u;
-  v->limited[1] = (limited & 2u) != 0u;
-  v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
+  if (command->vector.read_steps) {
+    const uint32_t count = reg_read(REG(foc.snap_count));
+    const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
+    v->steps = BITS(FL_FOC_REGS__SNAP_COUNT__STEPS, count);
+    v->limited[0] = (limited & 1u) != 0u;
+    v->limited[1] = (limited & 2u) != 0u;
+  }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
   if (command->vector.read_slow) {
+    v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
     read_slow(snapshot);
   }
 }
@@ -328,9 +329,11 @@ HOT static void write_limits(const chip_vector_command_t *vector) {
   }
 }
 
-HOT void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
+INLINED void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
   const chip_vector_command_t *v = &command->vector;
-  reg_write(REG(foc.control), vector_control(v, parameters));
+  if (v->write_control) {
+    reg_write(REG(foc.control), vector_control(v, parameters));
+  }
   reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
   if (v->write_correct) {
     reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
@@ -339,7 +342,9 @@ HOT void chip_write_vector(const chip_command_t *command, const parameters_t *pa
     write_limits(v);
   }
   for (uint32_t s = 0; s < SUBSPACES; s++) {
-    write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
+    if (v->write_reference) {
+      write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
+    }
     if (!v->regulate[s]) {
       write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
     }

@@ -56,10 +56,9 @@ typedef struct {
   complex_t u_v_q25[2];    // state of the regulator
   complex_t v_sum_q17[2];  // applied ones of the steps since the tick before; with several samples a tick only
   uint32_t steps;
-  uint32_t theta_sample_q32;  // with which i was turned
+  uint32_t theta_sample_q32;  // with which i was turned; where asked for
   bool limited[2];
   bool taken;  // the set committed before took effect at this tick
-  uint8_t samples;  // averaged for i
 } chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.
@@ -119,10 +118,13 @@ typedef struct {
   int32_t lead_q32;
   int32_t omega_turn_q36;
   int32_t correct_q32;
-  bool write_correct;  // one-shot: add correct_q32 to the angle
-  bool write_gains;    // one-shot: gain, hold, shift or forward have changed
-  bool write_limits;   // one-shot: limit, lead or scale have
-  bool read_slow;      // the next snapshot shall have sums and terminal voltages
+  bool write_control;    // one-shot: enable, regulate or bypass have changed
+  bool write_reference;  // one-shot: the reference has
+  bool write_correct;    // one-shot: add correct_q32 to the angle
+  bool write_gains;      // one-shot: gain, hold, shift or forward have changed
+  bool write_limits;     // one-shot: limit, lead or scale have
+  bool read_steps;  // the next snapshot shall have steps and limited
+  bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle
   uint32_t scale;
   uint32_t scale_shift;
 } chip_vector_command_t;

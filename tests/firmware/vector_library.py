@@ -90,13 +90,15 @@ class ObserverGains(ctypes.Structure):
     """emf_observer_gains_t."""
 
     _fields_ = [
-        ("phi", Complex),
+        ("phi_q30", Complex),
         ("gamma1", Complex),
         ("gamma2", Complex),
         ("gamma_e", Complex),
-        ("innovation", I32),
+        ("innovation_q30", I32),
         ("shift", I32),
-        ("emf_gain", ComplexGain),
+        ("emf_gain", Complex),
+        ("emf_shift", I32),
+        ("emf_bits", I32),
     ]
 
 

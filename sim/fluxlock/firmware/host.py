@@ -20,7 +20,7 @@ from fluxlock.paths import GENERATED
 
 REGISTER_WORDS = 0x3400
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
-HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load", "design")
+HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (
     *(
         "magic",

@@ -30,7 +30,7 @@ TARGET_FLAGS = (
         "-fomit-frame-pointer",
     ),
     *("-ffreestanding", "-nostdlib", "-fno-builtin", "-ffunction-sections", "-fdata-sections"),
-    *("-fno-sanitize=all", "-fno-stack-protector"),
+    *("-fno-sanitize=all", "-fno-stack-protector", "-flto"),  # inlines across the layers
 )
 # -Bsymbolic: our crc32 is not to be replaced by that of a zlib which Python has loaded.
 HOST_FLAGS = (
