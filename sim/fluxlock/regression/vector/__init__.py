@@ -1,3 +1,5 @@
 """Vector cases (Yang 2020, chapter 7). Scenarios: scenarios/vector."""
 
-__all__: list[str] = []
+from fluxlock.regression.vector import chip_steps, transforms
+
+__all__ = ["chip_steps", "transforms"]

@@ -250,7 +250,7 @@ def _angle_errors(run: RunData, ground: Ground) -> FloatArray:
     return np.asarray(360.0 * (turns - np.round(turns)), dtype=np.float64)
 
 
-BEFORE, FOLLOWED = 6, 58  # samples of a step
+BEFORE, FOLLOWED = 6, 40  # samples of a step
 STEP_A = -20.0  # away from the voltage's limit at 1500 Hz
 
 
