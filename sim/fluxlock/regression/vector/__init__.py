@@ -1,5 +1,5 @@
 """Vector cases (Yang 2020, chapter 7). Scenarios: scenarios/vector."""
 
-from fluxlock.regression.vector import chip_steps, transforms
+from fluxlock.regression.vector import bandwidth, chip_steps, controllers, transforms
 
-__all__ = ["chip_steps", "transforms"]
+__all__ = ["bandwidth", "chip_steps", "controllers", "transforms"]

@@ -24,8 +24,8 @@ CHAIN: list[str | Path] = [
 LIMIT = 1.0
 MODULATOR_NOTE = (
     "compare_clocks: error of a leg's compare less half a unit of voltage, by which the rounded zero sequence shifts "
-    "all legs alike. vector_clocks: length of the difference between the vector asked for and that of the upper switches' "
-    "clocks in a carrier."
+    "all legs alike. vector_clocks: length of the difference between the vector asked for and that of the upper "
+    "switches' clocks in a carrier."
 )
 
 
