@@ -34,11 +34,18 @@ class Response:
         return np.abs(self.frequency[chosen])[order], self.h[chosen][order]
 
 
-def sines(tones: Sequence[int], amplitude_a: float) -> ComplexArray:
-    """Two periods of the tones (turns a period, signed), each of the amplitude; always the same."""
+def sines(tones: Sequence[int], amplitude_a: float, real: bool = False) -> ComplexArray:
+    """Two periods of the tones (turns a period, signed), each of the amplitude; always the same.
+
+    real: the second half of the tones are the first ones backwards, and all of it lies on d.
+    """
     rng, n = np.random.default_rng(7), np.arange(PERIOD)
     waves = np.exp(2j * np.pi * np.outer(tones, n) / PERIOD)
-    draws = [np.exp(2j * np.pi * rng.random(len(tones))) @ waves for _ in range(DRAWS)]
+    angles = rng.random((DRAWS, len(tones)))
+    if real:
+        half = len(tones) // 2
+        angles[:, half:] = -angles[:, :half]
+    draws = np.exp(2j * np.pi * angles) @ waves
     best = min(draws, key=lambda wave: float(np.abs(wave).max()))
     return np.asarray(np.tile(amplitude_a * best, 2), dtype=np.complex128)
 
@@ -58,6 +65,31 @@ def measure(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a:
         float(np.abs(played.angle_error_deg).max()),
         played.trips + rest.trips,
     )
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """P and Q of (7.32) at frequencies over f_s; trips."""
+
+    frequency: FloatArray
+    p: ComplexArray
+    q: ComplexArray
+    trips: int
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency over f_s at which |P| falls to -3 dB."""
+        return _crossing(self.frequency, np.abs(self.p), math.sqrt(0.5))
+
+
+def tracking(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a: float) -> Tracking:
+    """Play tones on i_d alone; for a delay at which the samples are free of ripple: no other run is taken off."""
+    reference = sines([*tones, *(-tone for tone in tones)], amplitude_a / 2, real=True)
+    played = play(runner, setting, reference, "sines-d")
+    span, bins = slice(PERIOD - 1, 2 * PERIOD - 1), np.array(tones)
+    asked = np.fft.fft(reference.real[span])[bins]
+    answers = [np.fft.fft(part[span])[bins] / asked for part in (played.current.real, played.current.imag)]
+    return Tracking(bins / PERIOD, np.asarray(answers[0]), np.asarray(answers[1]), played.trips)
 
 
 def _crossing(x: FloatArray, y: FloatArray, level: float) -> float:
