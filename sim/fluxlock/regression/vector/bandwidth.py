@@ -14,11 +14,11 @@ from fluxlock.regression.vector.sines import measure, phase_bandwidth, phase_mar
 
 LEAST_HZ = 5000.0
 CARRIER_HZ = 20e3
-SPEED = 0.1  # over 15 kHz: 1500 Hz
+SPEED = 0.05  # over 15 kHz: 750 Hz
 POINTS = {"shortest": (0.1, 0.45), "quarter": (0.25, 0.5), "default": (1.0, 0.35)}  # T_d over T_s, gamma
 LIMITED = ("shortest", "quarter")
 TONES = [sign * k for k in (2, 4, 5, 6, 7, 8, 9, 10, 12) for sign in (1, -1)]
-AMPLITUDE_A = 0.5
+AMPLITUDE_A = 2.0  # above the ripple that changes with the voltage, below the voltage limit
 NOTE = (
     "T_d = 1 T_s is the default with double update: sampled where the carrier has no ripple. It keeps gamma = 0.35 and "
     "is stated without a limit; 5 kHz need a shorter delay. Elsewhere the sample holds ripple of the voltage of now, "

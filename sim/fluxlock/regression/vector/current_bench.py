@@ -57,6 +57,7 @@ class Setting:
     update: str = "single"
     carrier_hz: float = 15e3
     gamma: float = GAMMA
+    compensated: bool = True  # dead time
     fs_hz: float = field(default=15e3, kw_only=True)  # that `speed` counts in
 
     @property
@@ -69,7 +70,8 @@ class Setting:
         """Of its runs."""
         delay = "shortest" if self.delay is None else f"{self.delay:g}"
         parts = [self.kind, f"{self.fundamental_hz:g}hz", f"td-{delay}", self.park, self.window, self.update]
-        return "-".join([*parts, f"{self.carrier_hz:g}", f"g-{self.gamma:g}"])
+        parts += [f"{self.carrier_hz:g}", f"g-{self.gamma:g}", *([] if self.compensated else ["plain"])]
+        return "-".join(parts)
 
     def overrides(self) -> list[str]:
         """Keys of the scenario, without its duration."""
@@ -80,6 +82,7 @@ class Setting:
             f'drive.vector.window="{self.window}"',
             f'drive.vector.regulator="{self.kind}"',
             f'drive.vector.park="{self.park}"',
+            f"drive.vector.dead_time_compensation={str(self.compensated).lower()}",
             f"initial.speed_rpm={rpm!r}",
             f"mechanics.profile=[[0.0, {rpm!r}]]",
             "window=[]",
