@@ -75,7 +75,7 @@ def test_plant_from_currents_and_voltages() -> None:
     i = np.zeros(60, dtype=np.complex128)
     for k in range(59):
         i[k + 1] = model.phi * i[k] + model.gamma1 * u[k] + model.gamma2 * (u[k - 1] if k else 0.0)
-    found = identified([Step(i, u, i, 0.0, 0)])
+    found = identified([Step(i, u, i, 0.0, 0.0, 0)])
     for name in ("phi", "gamma1", "gamma2"):
         assert complex(getattr(found, name)) == pytest.approx(complex(getattr(model, name)), rel=1e-9)
     assert math.isnan(float(found.gamma_e.real))

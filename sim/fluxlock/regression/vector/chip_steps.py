@@ -13,12 +13,15 @@ from fluxlock.regression.vector.current_bench import FOLLOWED, STEP_A, Ground, S
 from fluxlock.regression.vector.specified import FS_HZ, PEAKS_PERCENT
 
 LIMIT_PERCENT = 3.0  # of the step
+INSTANT_LIMIT_CLOCKS = 5.0  # half a dead time: the edges' middles are known to no more
 QUICK_POINTS = ((0.1, 0.5),)
 AVERAGED_DELAY = 0.75  # ripple at a single sample, and room for the window
 RIPPLE_NOTE = (
     "Away from 0.5 T_s and T_s the sample lies beside the middle of pulse and gap, and what the step changes of the "
     "voltage changes its ripple too: the run without the step takes only the rest away. peak_iq_percent_model: of the "
-    "exact model with the T_s and T_d of the chip's clocks. deviation_percent: largest distance of the current from it."
+    "exact model with the T_s and T_d of the chip's clocks. deviation_percent: largest distance of the current from it. "
+    "sample_instant_error_clocks: of the samples from where T_d puts them, against the middle of the pulses. "
+    "angle_error_deg: of the chip's angle."
 )
 AVERAGED_NOTE = (
     "ripple_a: without a step, rms around the mean, of what the regulators see of the carrier; deviation_percent: "
@@ -41,7 +44,7 @@ def chip_steps(runner: Runner) -> Iterator[Row]:
         values: dict[str, Number] = {}
         limits: dict[str, tuple[float | None, float | None]] = {}
         peaks = {}
-        trips = 0
+        trips, instants, angles = 0, [], []
         for kind in KINDS:
             setting = Setting(kind, speed, delay)
             ground, step = Ground.of(setting), id_step(runner, setting)
@@ -53,12 +56,17 @@ def chip_steps(runner: Runner) -> Iterator[Row]:
             values[f"peak_iq_percent_model.{kind}"] = 100.0 * cross_peak(exact)
             values[f"deviation_percent.{kind}"] = deviation_percent(step, ground)
             trips += step.trips
+            instants.append(step.instant_error_cycles)
+            angles.append(step.angle_error_deg)
         values |= {
+            "sample_instant_error_clocks": max(instants, key=abs),
+            "angle_error_deg": max(angles),
             "a_above_b_percent": peaks["A"] - peaks["B"],
             "b_above_c_percent": peaks["B"] - peaks["C"],
             "trips": trips,
         }
         limits |= {"a_above_b_percent": (0.0, None), "b_above_c_percent": (0.0, None), "trips": (0, 0)}
+        limits["sample_instant_error_clocks"] = (-INSTANT_LIMIT_CLOCKS, INSTANT_LIMIT_CLOCKS)
         yield Row(
             f"vector/chip-steps/{speed * FS_HZ:.0f}-hz-{100 * delay:.0f}",
             {

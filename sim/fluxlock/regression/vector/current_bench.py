@@ -30,7 +30,7 @@ from fluxlock.analysis.vector.model import (
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware.vector_compiler import VectorMachine, circle
-from fluxlock.firmware.vector_timing import VectorTiming, vector_timing
+from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import Runner
 
@@ -208,6 +208,7 @@ class Played:
     current: ComplexArray
     voltage: ComplexArray
     angle_error_deg: FloatArray  # of the chip against the rotor, at the samples
+    instant_error_cycles: float  # of the samples against the middle of the pulses, from where T_d puts them
     trips: int
 
 
@@ -226,7 +227,8 @@ def play(runner: Runner, setting: Setting, reference: ComplexArray, name: str) -
     values = _decode(run, count)
     current = (values[:, 0] + 1j * values[:, 1]) * (ground.full_scale_a / 2**FULL_BITS)
     voltage = (values[:, 2] + 1j * values[:, 3]) * (ground.full_scale_v / 2**STATE_BITS)
-    return Played(current[AFTER:], voltage[AFTER:], _angle_errors(run, ground), len(run.rows(LogKind.TRIP)))
+    trips = len(run.rows(LogKind.TRIP))
+    return Played(current[AFTER:], voltage[AFTER:], _angle_errors(run, ground), _instant_error(run, ground), trips)
 
 
 def _decode(run: RunData, count: int) -> FloatArray:
@@ -253,6 +255,22 @@ def _angle_errors(run: RunData, ground: Ground) -> FloatArray:
     return np.asarray(360.0 * (turns - np.round(turns)), dtype=np.float64)
 
 
+ALL_UPPER = 0b010101
+
+
+def _instant_error(run: RunData, ground: Ground) -> float:
+    """Mean instant of the windows, less that which belongs to T_d, against the middle of all legs' pulses (clocks)."""
+    t, gates = ground.timing, run.rows(LogKind.GATES)
+    begin = np.flatnonzero(gates[:-1, 2] == ALL_UPPER)
+    middle = (gates[begin, 0] + gates[begin + 1, 0]) / 2.0
+    instants = run.rows(LogKind.ANGLE)[:, 0].astype(np.float64)
+    before = instants[np.searchsorted(instants, middle, side="right") - 1]
+    shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    expected = shift + t.carrier_cycles / 2 - t.from_cycles - max(t.length_cycles - 1, 0) / 2
+    late = expected - (middle - before)
+    return float(np.mean((late + t.sample_cycles / 2) % t.sample_cycles) - t.sample_cycles / 2)
+
+
 BEFORE, FOLLOWED = 6, 40  # samples of a step
 STEP_A = -20.0  # away from the voltage's limit at 1500 Hz
 
@@ -275,6 +293,7 @@ class Step:
     voltage: ComplexArray
     ripple_a: ComplexArray
     angle_error_deg: float
+    instant_error_cycles: float
     trips: int
 
 
@@ -288,5 +307,6 @@ def id_step(runner: Runner, setting: Setting, step_a: float = STEP_A) -> Step:
         ((stepped.voltage - rest.voltage) / step_a)[BEFORE:],
         rest.current,
         float(np.abs(np.concatenate([stepped.angle_error_deg, rest.angle_error_deg])).max()),
+        max(stepped.instant_error_cycles, rest.instant_error_cycles, key=abs),
         stepped.trips + rest.trips,
     )
