@@ -19,8 +19,8 @@ AVERAGED_DELAY = 0.75  # ripple at a single sample, and room for the window
 RIPPLE_NOTE = (
     "Away from 0.5 T_s and T_s the sample lies beside the middle of pulse and gap, and what the step changes of the "
     "voltage changes its ripple too: the run without the step takes only the rest away. peak_iq_percent_model: of the "
-    "exact model with the T_s and T_d of the chip's clocks. deviation_percent: largest distance of the current from it. "
-    "sample_instant_error_clocks: of the samples from where T_d puts them, against the middle of the pulses. "
+    "exact model with the T_s and T_d of the chip's clocks. deviation_percent: largest distance of the current from "
+    "it. sample_instant_error_clocks: of the samples from where T_d puts them, against the middle of the pulses. "
     "angle_error_deg: of the chip's angle."
 )
 AVERAGED_NOTE = (
