@@ -9,6 +9,7 @@ import cocotb
 import pytest
 
 from cocotb_tests.foc.foc_bench import FULL_SCALE, SOURCES, TB, TURN, Pair, park, phases_of
+from cocotb_tests.measured import measured
 from fluxlock.cosim.block import run_block_test
 
 
@@ -63,6 +64,8 @@ async def transforms_are_within_one_lsb(dut: Any) -> None:
             assert abs(value - expected) <= 1.0, f"{out.voltage} instead of {voltages}: {context}, {out.applied}"
             worst_v = max(worst_v, abs(value - expected))
     dut._log.info("worst error: currents %.3f LSB, voltages %.3f LSB", worst_i, worst_v)
+    measured("current_lsb", worst_i)
+    measured("voltage_lsb", worst_v)
     assert min(worst_i, worst_v) > 0.5, "the vectors miss what happens"
 
 

@@ -14,6 +14,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 from scipy.integrate import quad
 
+from cocotb_tests.measured import measured
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
@@ -193,6 +194,7 @@ async def random_vectors(dut: Any) -> None:
             else:
                 assert s.margin <= got[x] <= s.period - s.margin
     dut._log.info("largest error %.3f clocks above half a unit of voltage", worst)
+    measured("compare_clocks", worst)
     assert clipped_seen > 100
 
 

@@ -22,6 +22,7 @@ from cocotb.triggers import FallingEdge, ReadOnly
 from numpy.typing import NDArray
 
 from cocotb_tests.foc.test_fl_modulator import FULL, Settings, pack
+from cocotb_tests.measured import measured
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 
@@ -152,6 +153,38 @@ async def vector_from_the_gates(dut: Any, period: int) -> None:
             assert abs(got - asked) <= 1.0, f"subspace {order}: {got:.2f}, asked {asked:.2f} clocks"
         checked += 1
     assert checked > 50
+
+
+def drawn(seed: int, amplitude: float, phases: int) -> Vector:
+    """Another random vector at every clock, no longer than `amplitude` of full scale."""
+
+    def at(clock: float) -> list[int]:
+        rng = random.Random(f"{seed} {clock}")
+        return rotating(amplitude * math.sqrt(rng.random()), 0.0, phases, rng.random())(clock)
+
+    return at
+
+
+@cocotb.test()
+async def random_vectors_from_the_gates(dut: Any) -> None:
+    """Random vectors of the first subspace to the edge of the polygon: rebuilt from the requests within a clock."""
+    seed = cocotb.RANDOM_SEED
+    dut._log.info("seed %d", seed)
+    tb = TB(dut)
+    period = 600
+    s = Settings(period=period, full_scale_over_vdc=1.25)
+    await tb.start(s)
+    edge = 1 / math.sqrt(3) if tb.phases == 3 else 1 / (2 * math.cos(math.radians(18)))
+    wanted = drawn(seed, 0.999 * edge / s.full_scale_over_vdc, tb.phases)
+    trace = await tb.run(120 * period, wanted)
+    starts = np.flatnonzero(trace.start).tolist()
+    errors = []
+    for before, first, after in zip(starts[2:], starts[3:], starts[4:], strict=False):
+        counts = [int(trace.leg("req_h", x)[first:after].sum()) - period / 2 for x in range(tb.phases)]
+        errors.append(abs(space_vector(counts) - space_vector([x * s.scale for x in wanted(before)])))
+    dut._log.info("worst of %d vectors: %.3f clocks", len(errors), max(errors))
+    measured("vector_clocks", max(errors))
+    assert len(errors) > 100 and max(errors) <= 1.0
 
 
 @cocotb.test()

@@ -6,7 +6,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from fluxlock.figures.blac.controllers import draw_steps
 from fluxlock.figures.command import run_figures
+from fluxlock.regression.runner import Runner
 
 
 def test_figure_from_a_run(tmp_path: Path) -> None:
@@ -22,3 +27,18 @@ def test_figure_from_a_run(tmp_path: Path) -> None:
     assert found, row
     least, most, _, ratio, carrier_us = (float(value) for value in found.groups())
     assert least >= int(ratio) - 1 and most <= int(ratio) + 1 and carrier_us >= 25.0
+
+
+def test_figure_of_steps_from_the_chip() -> None:
+    """Figure 7.9 at T_d = T_s/2: the chip's points are where the exact model's lines are, within 3 % of the step.
+
+    Verifies: FIG-07
+    """
+    drawing = draw_steps("7.9", 0.1, Runner("figures/blac/7.9", quick=True, seed=1, plots=False), (0.5,))
+    assert "no run of the chip" not in drawing.condition
+    for axes in drawing.page.axes[1], drawing.page.axes[5]:
+        lines = [np.asarray(line.get_ydata()) for line in axes.lines if len(line.get_xdata()) > 2]
+        exact, chip = lines[:3], lines[3:]
+        assert len(chip) == 3
+        for points, curve in zip(chip, exact, strict=True):
+            assert points == pytest.approx(curve, abs=0.03)

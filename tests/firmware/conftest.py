@@ -6,7 +6,7 @@ import ctypes
 
 import pytest
 
-from tests.firmware.control_library import control_library
+from fluxlock.firmware.control_library import control_library
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from tests.firmware.control_library import Gain
+from fluxlock.firmware.control_library import Gain
 
 PRODUCT_MAX = 2**29 - 1
 

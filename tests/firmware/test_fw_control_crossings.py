@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from tests.firmware.control_library import Balance, Gain
+from fluxlock.firmware.control_library import Balance, Gain
 
 
 def linear_duty(lib: ctypes.CDLL, sector: int, period: int, mean: float, tolerance: int = 655) -> float:

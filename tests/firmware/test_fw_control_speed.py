@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from tests.firmware.control_library import Gain, Limiter, PiGains, PiState, Ramp
+from fluxlock.firmware.control_library import Gain, Limiter, PiGains, PiState, Ramp
 
 
 def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:

@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from tests.firmware.control_library import Catch, Handover, Stuck
+from fluxlock.firmware.control_library import Catch, Handover, Stuck
 
 
 def test_start_sector_pulls_by_90_degrees(lib: ctypes.CDLL) -> None:

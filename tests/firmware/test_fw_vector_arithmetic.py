@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from tests.firmware.vector_library import Complex, to_complex, vector_library
+from fluxlock.firmware.vector_library import Complex, to_complex, vector_library
 
 SEED = 20
 Q30 = 2**30

@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from tests.firmware.control_library import PiGains, PiState
-from tests.firmware.test_fw_vector_observer import observer_gains, pll_gains
-from tests.firmware.vector_float import CLOCK_HZ, GAMMA, C, Subspace, float_model
-from tests.firmware.vector_library import (
+from fluxlock.firmware.control_library import PiGains, PiState
+from fluxlock.firmware.vector_library import (
     Complex,
     ComplexRegulator,
     IfSettings,
@@ -28,6 +26,8 @@ from tests.firmware.vector_library import (
     to_complex,
     vector_library,
 )
+from tests.firmware.test_fw_vector_observer import observer_gains, pll_gains
+from tests.firmware.vector_float import CLOCK_HZ, GAMMA, C, Subspace, float_model
 
 Q30, Q32, Q36 = 2**30, 2**32, 2**36
 MOTOR_1 = Subspace(delay=0.5)

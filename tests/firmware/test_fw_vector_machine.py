@@ -10,11 +10,11 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware.block import Value
+from fluxlock.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.test_fw_vector_observer import observer_gains
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
-from tests.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
 
 FAST: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": 250_000}
 TRIP_DEADLINE = 0x80

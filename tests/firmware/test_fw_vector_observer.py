@@ -11,8 +11,7 @@ from random import Random
 
 import pytest
 
-from tests.firmware.vector_float import EXACT, GAMMA, HELD, C, Subspace, float_model
-from tests.firmware.vector_library import (
+from fluxlock.firmware.vector_library import (
     Complex,
     ComplexRegulator,
     Machine,
@@ -28,6 +27,7 @@ from tests.firmware.vector_library import (
     to_complex,
     vector_library,
 )
+from tests.firmware.vector_float import EXACT, GAMMA, HELD, C, Subspace, float_model
 
 SEED = 22
 Q30 = 2**30

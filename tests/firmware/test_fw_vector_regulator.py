@@ -10,8 +10,7 @@ from random import Random
 
 import pytest
 
-from tests.firmware.vector_float import BANDWIDTH, EXACT, GAMMA, HELD, A, B, C, Subspace, float_gains, float_model
-from tests.firmware.vector_library import (
+from fluxlock.firmware.vector_library import (
     Complex,
     ComplexRegulator,
     RegulatorDesign,
@@ -21,6 +20,7 @@ from tests.firmware.vector_library import (
     to_complex,
     vector_library,
 )
+from tests.firmware.vector_float import BANDWIDTH, EXACT, GAMMA, HELD, A, B, C, Subspace, float_gains, float_model
 
 SEED = 21
 Q30 = 2**30

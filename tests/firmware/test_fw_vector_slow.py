@@ -10,9 +10,8 @@ from random import Random
 
 import pytest
 
-from tests.firmware.control_library import PiGains, PiState
-from tests.firmware.vector_float import Subspace
-from tests.firmware.vector_library import (
+from fluxlock.firmware.control_library import PiGains, PiState
+from fluxlock.firmware.vector_library import (
     Complex,
     ComplexRegulator,
     FieldWeakening,
@@ -25,6 +24,7 @@ from tests.firmware.vector_library import (
     to_complex,
     vector_library,
 )
+from tests.firmware.vector_float import Subspace
 
 SEED = 23
 Q30 = 2**30

@@ -16,9 +16,9 @@ from random import Random
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
 from fluxlock.firmware.block import Value
 from fluxlock.firmware.host import HostFirmware
+from fluxlock.firmware.vector_library import Complex, ComplexRegulator, RegulatorGains, vector_library
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 from tests.firmware.vector_float import CLOCK_HZ, Subspace, float_model
-from tests.firmware.vector_library import Complex, ComplexRegulator, RegulatorGains, vector_library
 
 Q17, Q25, Q30, Q32, Q36 = 2**17, 2**25, 2**30, 2**32, 2**36
 IRQ_MACHINE_TIMER = 4

@@ -9,7 +9,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from tests.firmware.vector_library import Machine, real_gain
+from fluxlock.firmware.vector_library import Machine, real_gain
 
 CLOCK_HZ = 50e6
 HELD, EXACT = 0, 1

@@ -109,8 +109,9 @@ def default_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, ve
 def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> VectorTiming:
     """Clocks for a carrier and a delay that fit (`shortest_delay`).
 
-    T_s is a whole number of converter periods too where a single sample lies within one after the update: the grid
-    before must not hold it up.
+    The grid of the samples restarts a whole converter period later than it could: the one before cannot hold it up, and
+    in step it has a sample at the earlier instant too. T_s is a whole number of converter periods where a single sample
+    lies within one after the update: so the grids are in step.
     """
     converter = round(inverter.sample_period_s * clock_hz)
     wanted = default_delay(clock_hz, carrier_hz, inverter, vector) if vector.delay is None else vector.delay
@@ -132,6 +133,6 @@ def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, ve
         tick_samples=tick_samples(carrier_hz, vector),
         from_cycles=first,
         length_cycles=window.span + 1 if vector.window == "carrier" else 0,
-        offset_cycles=first % converter + (converter if ts % converter else 0),
+        offset_cycles=first % converter + converter,
         delay=delay + round(wanted - delay),
     )

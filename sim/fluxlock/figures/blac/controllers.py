@@ -12,17 +12,32 @@ from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.analysis.vector.controllers import GAMMA, KINDS, Kind, cross_peak, settling_samples
 from fluxlock.analysis.vector.frequency import Loop, plant_zero, tracking_bandwidth, tracking_decoupling
-from fluxlock.analysis.vector.model import ComplexArray, coefficients
+from fluxlock.analysis.vector.model import Coefficients, ComplexArray, coefficients
 from fluxlock.analysis.vector.study import DELAYS
 from fluxlock.figures import panels
-from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, FAMILY, bench, percent
+from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, FAMILY, bench, identified, percent
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.vector.current_bench import STEP_A, Setting, id_step
+from fluxlock.regression.vector.sines import Tracking, tracking
 
 LOWEST = 1e-3  # of f_s
 SHOWN = 20  # samples of a step
+INNER_DELAYS = (0.25, 0.5, 0.75)
 WHY_Q = "Near f_s/2 both pass little of the reference; there the smaller gain of B counts"
 WHY_SIX = "The thesis names no band; 5 % of the vector here, sample 0 is that of the step"
+TONES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 25, 31)  # in 64 samples
+TONE_A = 1.5
+CHIP_STEPS = (
+    f"Lines: exact discrete model. Points: the chip with the switched inverter, i_d stepped by {STEP_A:g} A, less the "
+    "same run without the step."
+)
+CHIP_TONES = (
+    f"Lines: exact discrete model. Points: the chip with the switched inverter, {len(TONES)} sines of {TONE_A:g} A on "
+    "the reference of i_d."
+)
+WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
+WHY_ZERO = "The ripple in the sample follows the voltage of now: it adds to Γ1 and takes from Γ2"
 COUPLING = dict(zip(DELAYS, (*(3 * ["A most, B less, C least"]), "A; none with B and C"), strict=True))
 
 
@@ -32,6 +47,8 @@ def pole_zero_map(runner: Runner) -> Drawing:
     drawn, grid = panels.page("7.4: plant $(Γ_1 z + Γ_2) / (z (z − Φ))$", 1, 2, (10.0, 4.8))
     delays = np.linspace(0.0, 0.995, 40 if runner.quick else 400)
     crossing = {}
+    found: dict[tuple[float, float], complex] = {}
+    on_chip = {} if runner.quick else {speed: _identified(runner, speed) for speed in (0.05, 0.1)}
     for axes, zoomed in zip(grid[0], (False, True), strict=True):
         turn = np.linspace(0.0, 2 * np.pi, 361)
         axes.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=0.8)
@@ -42,9 +59,14 @@ def pole_zero_map(runner: Runner) -> Drawing:
             phi = complex(models[0].phi)
             axes.plot(zeros.real, zeros.imag, color=colour, label=percent(speed))
             axes.plot([phi.real, 0.0], [phi.imag, 0.0], "x", color=colour, markersize=7)
-            for delay in (0.25, 0.5, 0.75):
+            for delay in INNER_DELAYS:
                 at = complex(plant_zero(coefficients(bench().machine, bench().omega(speed), bench().sampling(delay))))
                 axes.plot([at.real], [at.imag], "o", color=colour, markersize=4, fillstyle="none")
+            for delay, model in on_chip.get(speed, {}).items():
+                at, pole = complex(plant_zero(model)), complex(model.phi)
+                axes.plot([at.real], [at.imag], "s", color=colour, markersize=5)
+                axes.plot([pole.real], [pole.imag], "+", color=colour, markersize=9)
+                found[speed, delay] = at
             crossing[speed] = float(np.interp(1.0, np.abs(zeros), delays))
         axes.set_aspect("equal")
         limit = 1.15 if zoomed else 4.0
@@ -54,14 +76,27 @@ def pole_zero_map(runner: Runner) -> Drawing:
         panels.title(axes, "poles x, zero over $T_d$ (o: 0.25, 0.5, 0.75 $T_s$)")
     panels.legend(grid[0][0], 1, "upper left")
     where = ", ".join(f"{d:.3f}" for d in crossing.values())
-    return Drawing(
-        f"Motor-I, f_s 15 kHz. {ANALYTIC}",
-        drawn,
-        (
-            Entry("zero at T_d = 0", "origin", "0"),
-            Entry("T_d / T_s at which it leaves the unit circle, f_e/f_s 0.01, 0.05, 0.1", "towards 1", where),
-        ),
+    lines = [
+        Entry("zero at T_d = 0", "origin", "0"),
+        Entry("T_d / T_s at which it leaves the unit circle, f_e/f_s 0.01, 0.05, 0.1", "towards 1", where),
+    ]
+    for speed in on_chip:
+        exact = [complex(plant_zero(coefficients(bench().machine, bench().omega(speed), bench().sampling(d))))
+                 for d in INNER_DELAYS]  # fmt: skip
+        chip = [found[speed, d] for d in INNER_DELAYS]
+        values = (", ".join(f"{abs(zero):.2f}" for zero in zeros) for zeros in (exact, chip))
+        text = "model {}; chip {}".format(*values)
+        lines.append(Entry(f"size of the zero at T_d = 0.25, 0.5, 0.75 T_s, f_e/f_s {speed:g}", "", text, WHY_ZERO))
+    identification = (
+        "Squares and +: zero and pole by least squares from currents and voltages of the steps of figures 7.8 and 7.9 "
+        "on the chip with the switched inverter."
     )
+    return Drawing(f"Motor-I, f_s 15 kHz. {ANALYTIC if runner.quick else identification}", drawn, tuple(lines))
+
+
+def _identified(runner: Runner, speed: float) -> dict[float, Coefficients]:
+    """The plant on the chip by delay, from the steps of all controllers."""
+    return {d: identified([id_step(runner, Setting(kind, speed, d)) for kind in KINDS]) for d in INNER_DELAYS}
 
 
 def _frequencies(quick: bool) -> FloatArray:
@@ -88,6 +123,7 @@ def tracking_full_delay(runner: Runner) -> Drawing:
     size, phase = grid[0]
     f = _frequencies(runner.quick)
     found, coupling = {}, 0.0
+    on_chip: dict[float, Tracking] = {}
     for number, gamma in enumerate((0.1, 0.2, 0.3, 0.4)):
         loop = bench().loop("C", 0.05, 1.0, gamma)
         p, q = tracking_decoupling(loop, f)
@@ -95,22 +131,39 @@ def tracking_full_delay(runner: Runner) -> Drawing:
         coupling = max(coupling, float(np.abs(q).max()))
         _decibel(size, f, p, f"C{number}", "-", f"γ = {gamma:g}")
         phase.semilogx(f, np.degrees(np.unwrap(np.angle(p))), color=f"C{number}", linewidth=1)
+        if not runner.quick:
+            seen = on_chip[gamma] = tracking(runner, Setting("C", 0.05, 1.0, gamma=gamma), TONES, TONE_A)
+            _points(size, seen.frequency, seen.p, f"C{number}")
+            lag = np.degrees(np.unwrap(np.angle(seen.p)))
+            phase.semilogx(seen.frequency, lag, "o", color=f"C{number}", markersize=3, fillstyle="none")
     _finish_bode(size, "P", -30.0)
     panels.legend(size, 1, "lower left")
     phase.set_xlim(LOWEST, 0.5)
     finish(phase, "f / $f_s$", "phase of P / deg")
-    return Drawing(
-        f"Motor-I, f_s 15 kHz. {ANALYTIC}",
-        drawn,
-        (
-            Entry(
-                "-3 dB bandwidth over f_s, γ = 0.1, 0.2, 0.3, 0.4",
-                "rises with γ",
-                ", ".join(f"{b:.3f}" for b in found.values()),
-            ),
-            Entry("largest |Q|", "0", f"{coupling:.1e}"),
+    lines = [
+        Entry(
+            "-3 dB bandwidth over f_s, γ = 0.1, 0.2, 0.3, 0.4",
+            "rises with γ",
+            ", ".join(f"{b:.3f}" for b in found.values()),
         ),
-    )
+        Entry("largest |Q|", "0", f"{coupling:.1e}"),
+    ]
+    if on_chip:
+        largest = max(_decibels(np.abs(seen.q).max()) for seen in on_chip.values())
+        lines += [
+            Entry("the same on the chip", "rises with γ", ", ".join(f"{s.bandwidth:.3f}" for s in on_chip.values())),
+            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", "Noise of the currents"),
+        ]
+    return Drawing(f"Motor-I, f_s 15 kHz. {CHIP_TONES if on_chip else ANALYTIC}", drawn, tuple(lines))
+
+
+def _decibels(size: float) -> float:
+    return 20 * math.log10(size)
+
+
+def _points(axes: Axes, frequency: FloatArray, value: ComplexArray, colour: str, filled: bool = False) -> None:
+    style = "full" if filled else "none"
+    axes.semilogx(frequency, 20 * np.log10(np.abs(value)), "o", color=colour, markersize=3, fillstyle=style)
 
 
 Case = tuple[str, Loop, Loop]  # label, B, C
@@ -131,6 +184,29 @@ def _compare(axes: Sequence[Axes], loops: Sequence[Case], f: FloatArray) -> list
     _finish_bode(axes[1], "Q", -80.0)
     panels.legend(axes[0], 2, "lower left")
     return sizes
+
+
+def _compare_on_chip(
+    runner: Runner, axes: Sequence[Axes], settings: Sequence[tuple[float, float]]
+) -> tuple[list[Tracking], list[Tracking]]:
+    """Measure B and C at settings (speed, gamma), T_d = T_s/2, and draw them: B filled."""
+    found: tuple[list[Tracking], list[Tracking]] = ([], [])
+    for number, (speed, gamma) in enumerate(settings):
+        for part, kind in zip(found, KINDS[1:], strict=True):
+            seen = tracking(runner, Setting(kind, speed, 0.5, gamma=gamma), TONES, TONE_A)
+            part.append(seen)
+            for panel, value in zip(axes, (seen.p, seen.q), strict=True):
+                _points(panel, seen.frequency, value, f"C{number}", kind == "B")
+    return found
+
+
+def _chip_entries(on_chip: tuple[list[Tracking], list[Tracking]]) -> list[Entry]:
+    widths = (", ".join(f"{seen.bandwidth:.3f}" for seen in part) for part in on_chip)
+    sizes = (", ".join(f"{_decibels(np.abs(seen.q).max()):.1f}" for seen in part) for part in on_chip)
+    return [
+        Entry("bandwidths of P over f_s on the chip", "", "B {}; C {}".format(*widths)),
+        Entry("largest |Q| on the chip (dB)", "", "B {}; C {}".format(*sizes)),
+    ]
 
 
 def _bandwidths(cases: Sequence[Case]) -> tuple[list[float], list[float]]:
@@ -155,17 +231,19 @@ def decoupling_over_gain(runner: Runner) -> Drawing:
         (f"γ = {g:g}", bench().loop("B", 0.05, 0.5, g), bench().loop("C", 0.05, 0.5, g)) for g in gammas
     ]
     sizes = _compare(grid[0], cases, f)
+    chip = [] if runner.quick else _chip_entries(_compare_on_chip(runner, grid[0], [(0.05, g) for g in gammas]))
     of_b, of_c = (", ".join(f"{value:.3f}" for value in part) for part in _bandwidths(cases))
     q_of_b, q_of_c = (
         ", ".join(f"{20 * math.log10(size.max()):.1f}" for size in part) for part in zip(*sizes, strict=True)
     )
     return Drawing(
-        f"Motor-I, f_s 15 kHz; γ' of B is γ / 2. {ANALYTIC}",
+        f"Motor-I, f_s 15 kHz; γ' of B is γ / 2. {CHIP_TONES if chip else ANALYTIC}",
         drawn,
         (
             Entry("-3 dB bandwidth of P over f_s, γ = 0.2, 0.3, 0.4", "rises, B and C alike", f"B {of_b}; C {of_c}"),
             Entry("largest |Q| (dB)", "rises with γ", f"B {q_of_b}; C {q_of_c}"),
             Entry("|Q| of C below that of B", "from 0 to 0.5 f_s", _smaller(sizes, f), WHY_Q),
+            *chip,
         ),
     )
 
@@ -180,9 +258,10 @@ def decoupling_over_speed(runner: Runner) -> Drawing:
         (f"$f_e$ = {s:g} $f_s$", bench().loop("B", s, 0.5, 0.4), bench().loop("C", s, 0.5, 0.4)) for s in speeds
     ]
     sizes = _compare(grid[0], cases, f)
+    chip = [] if runner.quick else _chip_entries(_compare_on_chip(runner, grid[0], [(s, 0.4) for s in speeds]))
     of_b, of_c = _bandwidths(cases)
     return Drawing(
-        f"Motor-I, f_s 15 kHz. {ANALYTIC}",
+        f"Motor-I, f_s 15 kHz. {CHIP_TONES if chip else ANALYTIC}",
         drawn,
         (
             Entry(
@@ -196,25 +275,36 @@ def decoupling_over_speed(runner: Runner) -> Drawing:
                 f"{of_c[0]:.3f} to {of_c[-1]:.3f} ({100 * (of_c[-1] / of_c[0] - 1):+.1f} %)",
             ),
             Entry("|Q| of C below that of B", "at any f_e", _smaller(sizes, f), WHY_Q),
+            *chip,
         ),
     )
 
 
-def _draw_step(axes: Sequence[Axes], kind: Kind, speed: float, delay: float) -> tuple[float, int]:
-    """Draw i_d and i_q of the exact model; peak |i_q| in per cent and samples to 5 %."""
+def _draw_step(axes: Sequence[Axes], kind: Kind, speed: float, delay: float) -> ComplexArray:
+    """Draw i_d and i_q of the exact model and return them."""
     response = bench().step(kind, speed, delay)
     shown = np.arange(SHOWN)
     for panel, part in zip(axes, (response.real, response.imag), strict=True):
-        panel.plot(shown, part[:SHOWN], ".-", color=CONTROLLER_COLOURS[kind], linewidth=0.8, markersize=4, label=kind)
-    return 100 * cross_peak(response), settling_samples(response)
+        panel.plot(shown, part[:SHOWN], "-", color=CONTROLLER_COLOURS[kind], linewidth=0.8, label=kind)
+    return response
 
 
-def _steps(number: str, speed: float) -> Drawing:
+def _draw_chip(axes: Sequence[Axes], runner: Runner, kind: Kind, speed: float, delay: float) -> ComplexArray:
+    """Draw i_d and i_q of the chip and return them over the step."""
+    step = id_step(runner, Setting(kind, speed, delay)).current
+    for panel, part in zip(axes, (step.real, step.imag), strict=True):
+        panel.plot(np.arange(SHOWN), part[:SHOWN], "o", color=CONTROLLER_COLOURS[kind], markersize=3, fillstyle="none")
+    return step
+
+
+def draw_steps(number: str, speed: float, runner: Runner, on_chip: Sequence[float]) -> Drawing:
+    """Steps at a speed over f_s; on_chip: delays at which the chip stands beside."""
     drawn, grid = panels.page(f"{number}: step of $i_d^*$ at {percent(speed)}, γ = {GAMMA:g}", 2, 4, (13.0, 5.2))
     lines: list[Entry] = []
     for column, delay in enumerate(DELAYS):
         panel = (grid[0][column], grid[1][column])
-        values = {kind: _draw_step(panel, kind, speed, delay) for kind in KINDS}
+        exact = {kind: _draw_step(panel, kind, speed, delay) for kind in KINDS}
+        chip = {kind: _draw_chip(panel, runner, kind, speed, delay) for kind in KINDS if delay in on_chip}
         panels.title(panel[0], f"$T_d$ = {delay:g} $T_s$")
         panel[0].axhline(1.0, color=GREY, linewidth=0.6)
         for axes, name in zip(panel, ("$i_d$", "$i_q$"), strict=True):
@@ -222,23 +312,24 @@ def _steps(number: str, speed: float) -> Drawing:
             finish(axes, "sample", f"{name} / step")
         panel[0].set_ylim(-0.1, 1.6)
         panel[1].set_ylim(-0.9, 0.9)
-        peaks = " / ".join(f"{peak:.1f}" for peak, _ in values.values())
-        settled = " / ".join(str(samples) for _, samples in values.values())
-        lines += [
-            Entry(f"T_d = {delay:g} T_s: peak |i_q|, A / B / C (% of the step)", COUPLING[delay], peaks),
-            Entry("samples to 5 %, A / B / C", "C within six samples", settled, WHY_SIX),
-        ]
+        peaks, seen = (" / ".join(f"{100 * cross_peak(i):.1f}" for i in part.values()) for part in (exact, chip))
+        settled = " / ".join(str(settling_samples(i)) for i in exact.values())
+        lines.append(Entry(f"T_d = {delay:g} T_s: peak |i_q|, A / B / C (% of the step)", COUPLING[delay], peaks))
+        if chip:
+            lines.append(Entry("on the chip", COUPLING[delay], seen, WHY_RIPPLE if delay in (0.25, 0.75) else ""))
+        lines.append(Entry("samples to 5 %, A / B / C", "C within six samples", settled, WHY_SIX))
     panels.legend(grid[0][0], 3, "lower right")
-    return Drawing(f"Motor-I, f_s 15 kHz, held inverse Park, currents at the samples. {ANALYTIC}", drawn, tuple(lines))
+    what = CHIP_STEPS if on_chip else ANALYTIC
+    return Drawing(f"Motor-I, f_s 15 kHz, held inverse Park, currents at the samples. {what}", drawn, tuple(lines))
 
 
 @figure(FAMILY, "7.8")
 def steps_at_750_hz(runner: Runner) -> Drawing:
     """Step of the d current at 750 Hz with controllers A, B, C."""
-    return _steps("7.8", 0.05)
+    return draw_steps("7.8", 0.05, runner, () if runner.quick else DELAYS)
 
 
 @figure(FAMILY, "7.9")
 def steps_at_1500_hz(runner: Runner) -> Drawing:
     """Step of the d current at 1500 Hz with controllers A, B, C."""
-    return _steps("7.9", 0.1)
+    return draw_steps("7.9", 0.1, runner, () if runner.quick else DELAYS)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+
+import numpy as np
 
 from fluxlock.analysis.plots import PHASE_COLOURS
 from fluxlock.analysis.vector.controllers import Kind
-from fluxlock.analysis.vector.model import SmoothMachine
+from fluxlock.analysis.vector.model import Coefficients, SmoothMachine
 from fluxlock.analysis.vector.study import Bench
 from fluxlock.config import load_motor
 from fluxlock.paths import ROOT
+from fluxlock.regression.vector.current_bench import Step
 
 FAMILY = "blac"
 MOTOR_1 = ROOT / "motors" / "motor-1.toml"
@@ -25,6 +29,19 @@ THETA = "The thesis shows θ − θ̂, here θ̂ − θ"
 def bench() -> Bench:
     """Motor-I at 15 kHz."""
     return Bench(SmoothMachine.from_motor(load_motor(MOTOR_1)), FS_HZ)
+
+
+def identified(steps: Sequence[Step]) -> Coefficients:
+    """Phi, Gamma1 and Gamma2 by least squares from currents and voltages of steps, all at one speed and delay."""
+    left, right = [], []
+    for step in steps:
+        i, u = step.current, step.voltage
+        before = np.concatenate(([0.0], u[:-1]))
+        left.append(np.column_stack([i[:-1], u[:-1], before[:-1]]))
+        right.append(i[1:])
+    found = np.linalg.lstsq(np.concatenate(left), np.concatenate(right), rcond=None)[0]
+    phi, gamma1, gamma2 = (np.asarray(value) for value in found)
+    return Coefficients(phi, gamma1, gamma2, np.asarray(np.nan))
 
 
 def percent(speed: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from fluxlock.firmware import build_host_library, gain
-from tests.firmware.control_library import Gain, PiResult
+from fluxlock.firmware.control_library import Gain, PiResult
 
 I32, U32, I64, U64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_int64, ctypes.c_uint64
 POINTER = ctypes.c_void_p

@@ -1,0 +1,312 @@
+"""References of the current, one a sample, on the whole chip: imposed rotor, regulators of the hardware, real inverter.
+
+`sw/bench/current_reference.c` plays them in place of the drive and sends what the regulators saw. The carrier's ripple
+repeats with rotor and carrier, so that the difference of two runs with different references is free of it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
+from fluxlock.analysis.vector.controllers import BANDWIDTH_HZ, GAMMA, Gains, Kind, follow, gains
+from fluxlock.analysis.vector.controllers import Regulator as FloatRegulator
+from fluxlock.analysis.vector.frequency import Loop, current_loop
+from fluxlock.analysis.vector.model import (
+    Coefficients,
+    ComplexArray,
+    Park,
+    Sampling,
+    SmoothMachine,
+    coefficients,
+    emf,
+    steady_voltage,
+)
+from fluxlock.config import Scenario, load_scenario
+from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
+from fluxlock.firmware.vector_compiler import VectorMachine, circle
+from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
+from fluxlock.paths import ROOT
+from fluxlock.regression.runner import Runner
+
+SCENARIO = "vector/id-step.toml"
+PROGRAM = "current_reference"
+RESET_CYCLES = 10  # of the simulator: the chip's time stamp is 0 there
+SETTLE = 30  # samples before the table
+AFTER = 1  # samples from a row of the table to the first one at which the regulators use its reference
+BOOT_CYCLES, TICKS = 60_000, 12  # before the regulators are switched on
+ROW_CHARACTERS, BIT_CYCLES, BITS = 17, 50, 10  # of the console's output
+DIGITS = (3, 3, 5, 5)
+FULL_BITS, STATE_BITS = 17, 25
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is set: speed and delay over f_s and T_s (delay None: the shortest), carrier (Hz), see `[drive.vector]`."""
+
+    kind: Kind
+    speed: float
+    delay: float | None
+    park: Park = "held"
+    window: str = "sample"
+    update: str = "single"
+    carrier_hz: float = 15e3
+    gamma: float = GAMMA
+    compensated: bool = True  # dead time
+    fs_hz: float = field(default=15e3, kw_only=True)  # that `speed` counts in
+
+    @property
+    def fundamental_hz(self) -> float:
+        """f_e."""
+        return self.speed * self.fs_hz
+
+    @property
+    def name(self) -> str:
+        """Of its runs."""
+        delay = "shortest" if self.delay is None else f"{self.delay:g}"
+        parts = [self.kind, f"{self.fundamental_hz:g}hz", f"td-{delay}", self.park, self.window, self.update]
+        parts += [f"{self.carrier_hz:g}", f"g-{self.gamma:g}", *([] if self.compensated else ["plain"])]
+        return "-".join(parts)
+
+    def overrides(self) -> list[str]:
+        """Keys of the scenario, without its duration."""
+        rpm = 60.0 * self.fundamental_hz
+        keys = [
+            f"drive.carrier_hz={self.carrier_hz!r}",
+            f'drive.vector.update="{self.update}"',
+            f'drive.vector.window="{self.window}"',
+            f'drive.vector.regulator="{self.kind}"',
+            f'drive.vector.park="{self.park}"',
+            f"drive.vector.dead_time_compensation={str(self.compensated).lower()}",
+            f"initial.speed_rpm={rpm!r}",
+            f"mechanics.profile=[[0.0, {rpm!r}]]",
+            "window=[]",
+        ]
+        if self.kind != "A":
+            keys.append(f"drive.vector.gamma={self.gamma!r}")
+        if self.delay is not None:
+            keys.append(f"drive.vector.delay={self.delay!r}")
+        return keys
+
+
+@dataclass(frozen=True)
+class Theory:
+    """The exact discrete model of what the chip does: its own T_s and T_d in clocks, winding with switch."""
+
+    machine: SmoothMachine
+    sampling: Sampling
+    omega: float
+    kind: Kind
+    gamma: float
+
+    @property
+    def fs_hz(self) -> float:
+        """1 / T_s."""
+        return 1.0 / self.sampling.ts_s
+
+    @cached_property
+    def model(self) -> Coefficients:
+        """At the speed."""
+        return coefficients(self.machine, self.omega, self.sampling)
+
+    @cached_property
+    def loop(self) -> Loop:
+        """Open loop in z."""
+        return current_loop(self.model, self.gains)
+
+    @property
+    def gains(self) -> Gains:
+        """Of the regulator."""
+        return gains(self.kind, self.machine, self.omega, self.sampling, gamma=self.gamma, bandwidth_hz=BANDWIDTH_HZ)
+
+    def response(self, reference: ComplexArray) -> ComplexArray:
+        """Current (A) at the samples at which the regulators use the references (A), from rest."""
+        return follow(self.model, FloatRegulator(self.gains), reference)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Scenario of a setting and what follows from it."""
+
+    setting: Setting
+    scenario: Scenario
+    timing: VectorTiming
+    machine: SmoothMachine
+
+    @staticmethod
+    def of(setting: Setting) -> Ground:
+        """Load the scenario with the setting's keys."""
+        scenario = load_scenario(ROOT / "scenarios" / SCENARIO, setting.overrides())
+        motor, inverter, drive = motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario)
+        assert drive.vector is not None
+        timing = vector_timing(CLOCK_HZ, drive.carrier_hz, inverter, drive.vector)
+        m = VectorMachine.of(motor, inverter)
+        return Ground(setting, scenario, timing, SmoothMachine(m.resistance_ohm, m.inductance_h, m.psi_vs))
+
+    @property
+    def theory(self) -> Theory:
+        """The exact model."""
+        ts = self.timing.sample_cycles / CLOCK_HZ
+        sampling = Sampling(ts, min(self.timing.delay, 1.0) * ts, self.setting.park)
+        omega = 2.0 * math.pi * self.setting.fundamental_hz
+        return Theory(self.machine, sampling, omega, self.setting.kind, self.setting.gamma)
+
+    @property
+    def full_scale_a(self) -> float:
+        """Of the currents."""
+        return self.scenario.inverter.sensing.current_full_scale_a
+
+    @property
+    def full_scale_v(self) -> float:
+        """Of the voltages."""
+        return self.scenario.inverter.sensing.voltage_full_scale_v
+
+    def table(self, reference: ComplexArray) -> bytes:
+        """The program's table for references (A)."""
+        theory, supply_v = self.theory, self.scenario.inverter.supply_v
+        turn_a_clock = self.setting.fundamental_hz / CLOCK_HZ
+        held = complex(steady_voltage(theory.model, 0.0, emf(self.machine, theory.omega)))
+        limit_v = circle(CLOCK_HZ, inverter_spec(self.scenario), self.timing) * supply_v / math.sqrt(3.0)
+        scale = self.timing.carrier_cycles * self.full_scale_v / supply_v / 2**FULL_BITS
+        shift = min(31, math.floor(math.log2((2**FULL_BITS - 1) / scale)))
+        words = [
+            round(turn_a_clock * RESET_CYCLES * 2**32),
+            round(turn_a_clock * 2**36),
+            *_pair(held / self.full_scale_v),
+            round(limit_v / self.full_scale_v * 2**FULL_BITS),
+            math.floor(scale * 2**shift),
+            shift,
+            SETTLE,
+            len(reference),
+        ]
+        for value in reference / self.full_scale_a:
+            words += _pair(complex(value))
+        return struct.pack(f"<{len(words)}i", *words)
+
+    def duration_s(self, count: int) -> float:
+        """Until everything is sent."""
+        samples = (TICKS + SETTLE + count) * self.timing.sample_cycles + TICKS * self.timing.tick_cycles
+        return (BOOT_CYCLES + samples + (count + 1) * ROW_CHARACTERS * BITS * BIT_CYCLES) / CLOCK_HZ
+
+
+def _pair(value: complex) -> tuple[int, int]:
+    return round(value.real * 2**FULL_BITS), round(value.imag * 2**FULL_BITS)
+
+
+@dataclass(frozen=True)
+class Played:
+    """What the regulators saw: currents (A) and voltages (V) at the samples that used the references, d + jq.
+
+    The first sample belongs to the second row of the table and used the first reference.
+    """
+
+    current: ComplexArray
+    voltage: ComplexArray
+    angle_error_deg: FloatArray  # of the chip against the rotor, at the samples
+    instant_error_cycles: float  # of the samples against the middle of the pulses, from where T_d puts them
+    trips: int
+
+
+def play(runner: Runner, setting: Setting, reference: ComplexArray, name: str) -> Played:
+    """Play references (A) on the chip; name: of the reference."""
+    ground = Ground.of(setting)
+    count = len(reference)
+    run = runner.program(
+        PROGRAM,
+        ground.table(reference),
+        SCENARIO,
+        f"{setting.name}-{name}",
+        *setting.overrides(),
+        f"duration_s={ground.duration_s(count)!r}",
+    )
+    values = _decode(run, count)
+    current = (values[:, 0] + 1j * values[:, 1]) * (ground.full_scale_a / 2**FULL_BITS)
+    voltage = (values[:, 2] + 1j * values[:, 3]) * (ground.full_scale_v / 2**STATE_BITS)
+    trips = len(run.rows(LogKind.TRIP))
+    return Played(current[AFTER:], voltage[AFTER:], _angle_errors(run, ground), _instant_error(run, ground), trips)
+
+
+def _decode(run: RunData, count: int) -> FloatArray:
+    """Lines of the program as signed integers [count, 4]."""
+    lines = [line for line in run.uart if len(line) == sum(DIGITS)]
+    if len(lines) != count:
+        raise ValueError(f"{len(lines)} rows came from the chip instead of {count}: {run.uart[:3]}")
+    values = np.empty((count, len(DIGITS)))
+    for k, line in enumerate(lines):
+        begin = 0
+        for column, digits in enumerate(DIGITS):
+            word = 0
+            for character in line[begin : begin + digits]:
+                word = word << 6 | ord(character) - ord("0")
+            values[k, column] = word - (1 << 6 * digits) if word >> (6 * digits - 1) else word
+            begin += digits
+    return values
+
+
+def _angle_errors(run: RunData, ground: Ground) -> FloatArray:
+    """Angle of the chip less that of the rotor at the last samples (deg)."""
+    rows = run.rows(LogKind.ANGLE)[-50:]
+    turns = rows[:, 2] / 2**32 - rows[:, 0] * (ground.setting.fundamental_hz / CLOCK_HZ)
+    return np.asarray(360.0 * (turns - np.round(turns)), dtype=np.float64)
+
+
+ALL_UPPER = 0b010101
+
+
+def _instant_error(run: RunData, ground: Ground) -> float:
+    """Mean instant of the windows, less that which belongs to T_d, against the middle of all legs' pulses (clocks)."""
+    t, gates = ground.timing, run.rows(LogKind.GATES)
+    begin = np.flatnonzero(gates[:-1, 2] == ALL_UPPER)
+    middle = (gates[begin, 0] + gates[begin + 1, 0]) / 2.0
+    instants = run.rows(LogKind.ANGLE)[:, 0].astype(np.float64)
+    before = instants[np.searchsorted(instants, middle, side="right") - 1]
+    shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    expected = shift + t.carrier_cycles / 2 - t.from_cycles - max(t.length_cycles - 1, 0) / 2
+    late = expected - (middle - before)
+    return float(np.mean((late + t.sample_cycles / 2) % t.sample_cycles) - t.sample_cycles / 2)
+
+
+BEFORE, FOLLOWED = 6, 40  # samples of a step
+STEP_A = -20.0  # away from the voltage's limit at 1500 Hz
+
+
+def step_reference(step_a: complex = STEP_A) -> ComplexArray:
+    """No current, then the step."""
+    reference = np.zeros(BEFORE + FOLLOWED + AFTER, dtype=np.complex128)
+    reference[BEFORE:] = step_a
+    return reference
+
+
+@dataclass(frozen=True)
+class Step:
+    """Response to a step of i_d: current and voltage over the step from the sample at which it begins, without ripple.
+
+    ripple_a: current that flows without the step (A), at the samples.
+    """
+
+    current: ComplexArray
+    voltage: ComplexArray
+    ripple_a: ComplexArray
+    angle_error_deg: float
+    instant_error_cycles: float
+    trips: int
+
+
+def id_step(runner: Runner, setting: Setting, step_a: float = STEP_A) -> Step:
+    """The run with the step less the same run without."""
+    reference = step_reference(step_a)
+    stepped = play(runner, setting, reference, f"step-{step_a:g}a")
+    rest = play(runner, setting, np.zeros_like(reference), "rest")
+    return Step(
+        ((stepped.current - rest.current) / step_a)[BEFORE:],
+        ((stepped.voltage - rest.voltage) / step_a)[BEFORE:],
+        rest.current,
+        float(np.abs(np.concatenate([stepped.angle_error_deg, rest.angle_error_deg])).max()),
+        max(stepped.instant_error_cycles, rest.instant_error_cycles, key=abs),
+        stepped.trips + rest.trips,
+    )

@@ -1,0 +1,123 @@
+"""Frequency response of the current loop on the chip: references that are sums of sines, in whole periods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fluxlock.analysis.rundata import FloatArray
+from fluxlock.analysis.vector.model import ComplexArray
+from fluxlock.regression.runner import Runner
+from fluxlock.regression.vector.current_bench import Setting, play
+
+PERIOD = 64  # samples
+DRAWS = 200  # of the phases; the smallest peak is taken
+
+
+@dataclass(frozen=True)
+class Response:
+    """Current over reference at frequencies over f_s, both signs, ascending; largest voltage (V), trips."""
+
+    frequency: FloatArray
+    h: ComplexArray
+    voltage_v: float
+    angle_error_deg: float
+    trips: int
+
+    def at(self, sign: int) -> tuple[FloatArray, ComplexArray]:
+        """Of one sign of the frequency, by its size."""
+        chosen = np.sign(self.frequency) == sign
+        order = np.argsort(np.abs(self.frequency[chosen]))
+        return np.abs(self.frequency[chosen])[order], self.h[chosen][order]
+
+
+def sines(tones: Sequence[int], amplitude_a: float, real: bool = False) -> ComplexArray:
+    """Two periods of the tones (turns a period, signed), each of the amplitude; always the same.
+
+    real: the second half of the tones are the first ones backwards, and all of it lies on d.
+    """
+    rng, n = np.random.default_rng(7), np.arange(PERIOD)
+    waves = np.exp(2j * np.pi * np.outer(tones, n) / PERIOD)
+    angles = rng.random((DRAWS, len(tones)))
+    if real:
+        half = len(tones) // 2
+        angles[:, half:] = -angles[:, :half]
+    draws = np.exp(2j * np.pi * angles) @ waves
+    best = min(draws, key=lambda wave: float(np.abs(wave).max()))
+    return np.asarray(np.tile(amplitude_a * best, 2), dtype=np.complex128)
+
+
+def measure(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a: float) -> Response:
+    """Play the tones; the second period less that of a run without reference."""
+    reference = sines(tones, amplitude_a)
+    played = play(runner, setting, reference, "sines")
+    rest = play(runner, setting, np.zeros_like(reference), "rest-long")
+    span = slice(PERIOD - 1, 2 * PERIOD - 1)
+    spectrum = np.fft.fft((played.current - rest.current)[span]) / np.fft.fft(reference[span])
+    ordered = sorted(tones)
+    return Response(
+        np.array(ordered, dtype=np.float64) / PERIOD,
+        np.asarray(spectrum[np.array(ordered) % PERIOD]),
+        float(np.abs(played.voltage).max()),
+        float(np.abs(played.angle_error_deg).max()),
+        played.trips + rest.trips,
+    )
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """P and Q of (7.32) at frequencies over f_s; trips."""
+
+    frequency: FloatArray
+    p: ComplexArray
+    q: ComplexArray
+    trips: int
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency over f_s at which |P| falls to -3 dB."""
+        return _crossing(self.frequency, np.abs(self.p), math.sqrt(0.5))
+
+
+def tracking(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a: float) -> Tracking:
+    """Play tones on i_d alone; for a delay at which the samples are free of ripple: no other run is taken off."""
+    reference = sines([*tones, *(-tone for tone in tones)], amplitude_a / 2, real=True)
+    played = play(runner, setting, reference, "sines-d")
+    span, bins = slice(PERIOD - 1, 2 * PERIOD - 1), np.array(tones)
+    asked = np.fft.fft(reference.real[span])[bins]
+    answers = [np.fft.fft(part[span])[bins] / asked for part in (played.current.real, played.current.imag)]
+    return Tracking(bins / PERIOD, np.asarray(answers[0]), np.asarray(answers[1]), played.trips)
+
+
+def _crossing(x: FloatArray, y: FloatArray, level: float) -> float:
+    """First x at which y falls through a level, between points linearly; nan without one."""
+    below = np.flatnonzero(y < level)
+    if not below.size or below[0] == 0:
+        return math.nan
+    k = int(below[0])
+    return float(x[k - 1] + (x[k] - x[k - 1]) * (y[k - 1] - level) / (y[k - 1] - y[k]))
+
+
+def phase_bandwidth(response: Response) -> float:
+    """Frequency over f_s at which the current lags its reference by 90 degrees; the lower of both signs."""
+    found = []
+    for sign in (1, -1):
+        f, h = response.at(sign)
+        lag = np.degrees(np.unwrap(np.angle(h))) * sign
+        found.append(_crossing(f, lag, -90.0))
+    return min(found)
+
+
+def phase_margin_deg(response: Response) -> float:
+    """Distance of the open loop's phase from 180 degrees where its size is 1; the lesser of both signs (deg)."""
+    found = []
+    for sign in (1, -1):
+        f, h = response.at(sign)
+        opened = h / (1.0 - h)
+        size, angle = np.log(np.abs(opened)), np.degrees(np.unwrap(np.angle(opened))) * sign
+        at = _crossing(f, size, 0.0)
+        found.append(180.0 + float(np.interp(at, f, angle)))
+    return min(found)
