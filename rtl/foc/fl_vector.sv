@@ -165,6 +165,7 @@ module fl_vector
       .valid_o    (foc_valid),
       .voltage_o  (voltage),
       .current_o  (foc_current),
+      .ratio_i    (settings_q.ratio[Subspaces-1:0]),
       .applied_o  (foc_applied),
       .state_o    (foc_state),
       .limited_o  (foc_limited),

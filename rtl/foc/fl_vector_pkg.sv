@@ -33,6 +33,7 @@ package fl_vector_pkg;
     vectors_t current_reference;
     vectors_t gain;
     vectors_t hold;
+    vectors_t ratio;
     vectors_t preset;
     vectors_t forward;
     logic [MaxSubspaces-1:0][4:0] shift;

@@ -69,6 +69,7 @@ module fl_foc_wb
         settings.hold[s][axis]              = hwif_out.hold[2*s+axis].mantissa.value;
         settings.preset[s][axis]            = hwif_out.preset[2*s+axis].v_q17.value;
         settings.forward[s][axis]           = hwif_out.forward[2*s+axis].v_q17.value;
+        settings.ratio[s][axis]             = hwif_out.ratio[2*s+axis].q17.value;
       end
     end
   end

@@ -127,6 +127,7 @@ COLD static void take_design(drive_t *drive) {
   const regulator_gains_t *gains = &v->design[v->used].regulator;
   command->gain[0] = gains->g;
   command->hold[0] = gains->h;
+  command->ratio_q17[0] = gains->ratio_q17;
   command->shift[0] = (uint32_t)gains->shift;
   command->write_gains = true;
   v->finished = false;

@@ -314,6 +314,7 @@ COLD static void write_vector_gains(const chip_vector_command_t *vector) {
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     write_vector(REG(foc.gain[0]), s, vector->gain[s]);
     write_vector(REG(foc.hold[0]), s, vector->hold[s]);
+    write_vector(REG(foc.ratio[0]), s, vector->ratio_q17[s]);
     write_vector(REG(foc.forward[0]), s, vector->forward_v_q17[s]);
     reg_write(REG(foc.shift[0]) + 4u * s, vector->shift[s]);
   }

@@ -112,6 +112,7 @@ typedef struct {
   complex_t reference_i_q17[2];
   complex_t gain[2];
   complex_t hold[2];
+  complex_t ratio_q17[2];  // hold / gain
   complex_t preset_v_q17[2];
   complex_t forward_v_q17[2];
   uint32_t shift[2];
@@ -120,7 +121,7 @@ typedef struct {
   int32_t omega_turn_q36;
   int32_t correct_q32;
   bool write_correct;  // one-shot: add correct_q32 to the angle
-  bool write_gains;    // one-shot: gain, hold, shift or forward have changed
+  bool write_gains;    // one-shot: gain, hold, ratio, shift or forward have changed
   bool write_limits;   // one-shot: limit, lead or scale have
   bool read_slow;      // the next snapshot shall have sums and terminal voltages
   uint32_t scale;

@@ -199,7 +199,7 @@ class VectorBench:
         """The update event: the settings written become those in use."""
         control = self.get("foc.control")
         self.enable, self.regulate = bool(control & 2), bool(control & 16)
-        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self.get("foc.shift"))
+        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self._pair("ratio"), self.get("foc.shift"))
         self.reference, self.preset = self._pair("reference"), self._pair("preset")
         self.limit = self.get("foc.limit") & (Q17 - 1)
         self.lead = self.get("foc.lead")
