@@ -19,8 +19,8 @@ from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
 from cocotb_tests.foc.foc_bench import FULL_SCALE, TURN, Pair, Regulator, pack, park, phases_of, unpack
 from cocotb_tests.foc.foc_bench import LATENCY as FOC_LATENCY
-from cocotb_tests.foc.foc_bench import SPACING as FOC_SPACING
 from cocotb_tests.foc.foc_bench import SOURCES as FOC_SOURCES
+from cocotb_tests.foc.foc_bench import SPACING as FOC_SPACING
 from cocotb_tests.foc.test_fl_modulator import Settings, widths
 from cocotb_tests.sense.test_fl_current_window import mean
 from cocotb_tests.soc.bench import request
@@ -95,6 +95,7 @@ class Snapshot:
     stamp: int
     missed: int
     overruns: int
+    encoder: int
 
 
 class TB:
@@ -288,6 +289,7 @@ class TB:
             stamp=await self.read("foc.snap_time"),
             missed=missed & 0xFFFF,
             overruns=missed >> 16,
+            encoder=await self.read("foc.snap_encoder"),
         )
 
 
@@ -310,9 +312,9 @@ def draw_regulator(rng: random.Random) -> Regulator:
     return Regulator(
         gain=pair(FULL_SCALE),
         hold=pair(FULL_SCALE),
+        ratio=pair(FULL_SCALE),
         shift=rng.randrange(10, 16),
         limit=rng.choice([FULL_SCALE - 1, rng.randrange(1000, 40_000)]),
-        ratio=pair(FULL_SCALE),
         enable=int(rng.random() < 0.8),
         preset=pair(30_000),
         reference=pair(60_000),
@@ -417,6 +419,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
             assert got.stamp == instant - delay and got.samples == max(1, case.samples)
             assert got.theta_sample == tb.angle.at(instant), f"step {step}: {got.theta_sample}, {tb.angle.at(instant)}"
             assert tb.instants[instant] == got.theta_sample
+            assert got.encoder == instant % 2**18 | (instant >> 5 & 1) << 31, f"step {step}: encoder {got.encoder:#x}"
             latest = max(t for t in tb.times["update_o"] if t + 2 <= tick)
             assert got.theta_update == tb.angle.at(latest + 1), f"step {step}: angle of the pins' change"
             assert (got.omega, got.steps, got.overruns, got.missed) == (used.omega, 1, 0, first.missed)
@@ -512,7 +515,7 @@ async def nothing_changes_without_commit(dut: Any) -> None:
         await tb.tick()
         got = await tb.snapshot()
         assert got.stamp - before.stamp == 1000 and got.samples == 1
-        before.stamp = got.stamp
+        before.stamp, before.encoder = got.stamp, got.encoder
         assert got == before, f"{got} instead of {before}"
         assert dut.source_o.value == 1 and int(dut.req_h_o.value) | int(dut.req_l_o.value) == 2**tb.phases - 1
     counts = [tb.counts[t] for t in sorted(tb.counts)[-3:]]

@@ -40,6 +40,11 @@ package fl_vector_pkg;
     logic [MaxSubspaces-1:0][16:0] limit;
   } settings_t;
 
+  typedef struct packed {
+    logic indexed;
+    logic [17:0] position;  // quarters of a line
+  } encoder_t;
+
   // A regulator step.
   typedef struct packed {
     wide_vectors_t current;
@@ -49,6 +54,7 @@ package fl_vector_pkg;
     logic [31:0] theta;    // of the currents
     stamp_t stamp;         // of the currents
     logic [7:0] samples;
+    encoder_t encoder;     // at the instant of theta
   } step_t;
 
   typedef struct packed {

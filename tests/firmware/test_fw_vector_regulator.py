@@ -125,7 +125,7 @@ def test_lead_of_the_inverse_park(lib: ctypes.CDLL) -> None:
 
 
 def test_coefficients_are_rounded_once(lib: ctypes.CDLL) -> None:
-    """A, B and C for random machines: half a unit of the mantissa and 2^-26, 17 bits used, one shift; h/g to 1.01 units.
+    """A, B and C for random machines: half a unit of the mantissa and 2^-26, 17 bits used, one shift; h/g to a unit.
 
     Verifies: VC-04
     """
@@ -259,8 +259,8 @@ def test_circle_keeps_direction_and_length(lib: ctypes.CDLL) -> None:
 def test_no_windup_in_the_circle(lib: ctypes.CDLL, delay: float, order: int) -> None:
     """From 100 samples of a current out of reach back into reach: the circle lets go at once, C settles like a step.
 
-    Motor-I at 1500 Hz, 10.5 V, i_q from 50 A to 10 A: within 5 % of it in 7 samples; without the carry
-    more than 60. A and B no later than twice their own step without limit.
+    Motor-I at 1500 Hz, 10.5 V, i_q from 50 A to 10 A: within 5 % of it in 7 samples with C, with A
+    and B in twice their own step without limit. Without the carry B and C need more than 50.
 
     Verifies: VC-05
     """
@@ -270,25 +270,30 @@ def test_no_windup_in_the_circle(lib: ctypes.CDLL, delay: float, order: int) -> 
     gains = gains_of(lib, m, order, speed)
     unit_a, unit_v = 2**17 / m.full_scale_a, 2**25 / m.full_scale_v
     limit = round(10.5 / m.full_scale_v * 2**17)
-    state, i = ComplexRegulator(), 0j
-    u = -plant.gamma_e * emf / (plant.gamma1 + plant.gamma2)
-    lib.complex_regulator_preset(byref(state), from_complex(u, unit_v), Complex(0, 0))
-    found = []
-    for k in range(200):
-        wanted = 49.9j if k < 100 else 10j
-        limited = lib.complex_regulator_step(
-            byref(state), byref(gains), from_complex(wanted, unit_a), from_complex(i, unit_a), limit
-        )
-        before, u = u, to_complex(state.voltage_v_q25, unit_v)
-        i = plant.step(i, u, before, emf)
-        assert limited or not 20 <= k < 100, k
-        if k >= 100:
-            found.append(abs(i / 10j - 1))
-    settled = max(k for k, e in enumerate(found) if e > 0.05) + 1
+    settled = {}
+    for carried in (True, False):
+        if not carried:
+            gains.ratio = Complex(0, 0)
+        state, i = ComplexRegulator(), 0j
+        u = -plant.gamma_e * emf / (plant.gamma1 + plant.gamma2)
+        lib.complex_regulator_preset(byref(state), from_complex(u, unit_v), Complex(0, 0))
+        found = []
+        for k in range(200):
+            wanted = 49.9j if k < 100 else 10j
+            limited = lib.complex_regulator_step(
+                byref(state), byref(gains), from_complex(wanted, unit_a), from_complex(i, unit_a), limit
+            )
+            before, u = u, to_complex(state.voltage_v_q25, unit_v)
+            i = plant.step(i, u, before, emf)
+            assert limited or not 20 <= k < 100, k
+            if k >= 100:
+                found.append(abs(i / 10j - 1))
+        settled[carried] = max(k for k, e in enumerate(found) if e > 0.05) + 1
     free = [abs(i - 1) for i in step_response(lib, m, order, 0.10)]
     alone = max(k for k, e in enumerate(free) if e > 0.05) + 1
-    print(f"{'ABC'[order]}, T_d {delay} T_s: {settled} samples, a step without limit {alone}")
-    assert settled <= (7 if order == C else 2 * alone)
+    print(f"{'ABC'[order]}, T_d {delay} T_s: {settled[True]} samples, without carry {settled[False]}, a step {alone}")
+    assert settled[True] <= (7 if order == C else 2 * alone)
+    assert order == A or settled[False] > 50
 
 
 def step_response(lib: ctypes.CDLL, m: Subspace, order: int, turns: float, steps: int = 60) -> list[complex]:
