@@ -5,7 +5,7 @@
 #include "fluxlock_regs.h"
 
 #define REG(address) (*(volatile uint32_t *)(uintptr_t)(address))
-#define MAILBOX ((volatile uint32_t *)0xE000u)
+#define MAILBOX ((volatile uint32_t *)0x1E000u)
 #define SCRATCH_RAM 0x8000u
 #define SCRATCH_WORDS 3072u
 #define CSR_EXTERNAL_MASK "0xBC0"
@@ -72,7 +72,7 @@ static void read_every_block(void) {
 }
 
 static void try_unmapped(void) {
-  static const uint32_t addresses[] = {0x00010000u, 0x00018000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
+  static const uint32_t addresses[] = {0x00020000u, 0x00028000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
                                        0x80000FFCu, 0x8000C200u, 0x8000D000u, 0x80010000u, 0x90000000u, 0xFFFFFFFCu};
   uint32_t sum = 0;
   REG(SCRATCH_RAM) = 0x600DF00Du;
@@ -81,7 +81,7 @@ static void try_unmapped(void) {
     sum |= REG(addresses[i]);
   }
   put(14, sum);
-  put(15, REG(SCRATCH_RAM));      // not hit through an alias (0x18000 = 0x8000 + 64 KiB)
+  put(15, REG(SCRATCH_RAM));      // not hit through an alias (0x28000 = 0x8000 + 128 KiB)
   put(16, fluxlock_regs.sys.id);  // nor the first window
 }
 
@@ -110,7 +110,7 @@ uint32_t return_cause(void);
 
 // A fetch from where no RAM is: mcause 1.
 static void try_fetch(void) {
-  static const uint32_t addresses[] = {0x00010000u, 0x0001E000u, 0x40000080u, 0x80000000u};
+  static const uint32_t addresses[] = {0x00020000u, 0x0002E000u, 0x40000080u, 0x80000000u};
   uint32_t faults = 0;
   __asm__ volatile("csrw mtvec, %0" ::"r"(&return_cause));
   for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {

@@ -2,7 +2,7 @@
   .section .start, "ax"
   .globl _start
 _start:
-  li sp, 0xF000
+  li sp, 0x1F000
   la a0, _bss
   la a1, _ebss
 0:

@@ -16,11 +16,12 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
+from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
 
 HERE = Path(__file__).parent
-CHANNELS, RAM_WORDS = 9, 16384
-MAILBOX = 0xE000 // 4
+CHANNELS = 9
+MAILBOX = 0x1E000 // 4
 DONE, TRIPS = 31, 24
 VECTOR_CODE, VECTOR_ON = 5, 30
 GOOD = 0x600D600D
@@ -89,6 +90,7 @@ class Chip:
 @cocotb.test
 async def program_sees_the_chip(dut: Any) -> None:
     chip = Chip(dut)
+    assert len(dut.u_cpu.u_ram.mem) == RAM_WORDS, "the default of the RTL is not that of fluxlock.memory"
     await chip.start()
     await chip.until_done()
     found = [chip.mailbox(i) for i in range(24)]

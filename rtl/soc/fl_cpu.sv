@@ -7,7 +7,7 @@
 // the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
 `default_nettype none
 module fl_cpu #(
-    parameter int unsigned Words = 16384,
+    parameter int unsigned Words = 32768,
     parameter string Init = "firmware.hex"
 ) (
     input logic clk_i,

@@ -5,7 +5,7 @@
 // its working directory and by synthesis from where it runs.
 `default_nettype none
 module fl_ram #(
-    parameter int unsigned Words = 16384,
+    parameter int unsigned Words = 32768,
     parameter string Init = "firmware.hex"
 ) (
     input logic clk_i,

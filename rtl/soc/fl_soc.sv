@@ -18,7 +18,7 @@ module fl_soc
 #(
     parameter  int unsigned Phases       = 3,
     parameter  int unsigned ClockHz      = 50_000_000,
-    parameter  int unsigned RamWords     = 16384,
+    parameter  int unsigned RamWords     = 32768,
     parameter  string       Init         = "firmware.hex",
     parameter  int unsigned CaptureDepth = 1024,
     localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm

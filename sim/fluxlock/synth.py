@@ -20,6 +20,7 @@ from typing import Any
 
 from fluxlock.build import generate_registers
 from fluxlock.cosim.chip import rtl_sources
+from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
@@ -30,7 +31,6 @@ WORK = BUILD / "synth"
 
 # nextpnr's option of each device.
 DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
-RAM_WORDS = 16384
 
 
 @dataclass(frozen=True)

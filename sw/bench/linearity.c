@@ -7,9 +7,6 @@
 #include "hal/cpu.h"
 #include "hal/soc/trap.h"
 
-// Behind the image, at most 20 KiB.
-#define RAM_TABLE 0xA000u
-
 typedef struct {
   uint32_t interval_cycles;  // from commutation to commutation
   uint32_t period_cycles;    // of the carrier

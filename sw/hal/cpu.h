@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-#define RAM_PARAMETER_BLOCK 0xF000u
-#define RAM_TELEMETRY 0xF800u
+#include "ram.h"
+
 
 #if defined(FL_HOST)
 static inline uint32_t critical_enter(void) { return 0; }

@@ -25,9 +25,9 @@ from fluxlock.firmware import (
     load_schema,
     write_image,
 )
-from fluxlock.firmware.block import BLOCK_ADDRESS, RAM_WORDS
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
+from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 
 
@@ -232,14 +232,14 @@ def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> Non
 
 
 def test_image_carries_the_block(tmp_path: Path) -> None:
-    """16384 words of hex: the code from the reset vector, the block at its address, telemetry area clear.
+    """All words of the RAM in hex: the code from the reset vector, the block at its address, telemetry area clear.
 
     Verifies: FW-01, FW-12
     """
     image = build_firmware()
     assert image == build_firmware()
     code = image.read_bytes()
-    assert len(code) <= BLOCK_ADDRESS - 4096, "4 KiB of stack"
+    assert len(code) <= BLOCK_ADDRESS - STACK_BYTES, "room for the stack"
     assert code[:0x80] == bytes(0x80)
     path = write_image(tmp_path / "ram.hex", image, block())
     words = [int(line, 16) for line in path.read_text().split()]
@@ -248,7 +248,7 @@ def test_image_carries_the_block(tmp_path: Path) -> None:
     assert data[: len(code)] == code
     packed = block().pack()
     assert data[BLOCK_ADDRESS : BLOCK_ADDRESS + len(packed)] == packed
-    assert not any(data[0xF800:])
+    assert not any(data[TELEMETRY_ADDRESS:])
     too_long = tmp_path / "long.bin"
     too_long.write_bytes(bytes(BLOCK_ADDRESS + 4))
     with pytest.raises(ParameterError, match="reach into the parameter block"):

@@ -15,6 +15,7 @@ import cocotb_tools.config
 
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
+from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
 
@@ -22,7 +23,6 @@ TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 CHANNELS = 9
-MEMORY_WORDS = 16384
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
     inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
-    key = content_hash(inputs, waves, profiled, env.get("CXX", ""))
+    key = content_hash(inputs, RAM_WORDS, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves)
     with file_lock(BUILD / "chip" / f"{key}.lock"):
@@ -94,7 +94,7 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
-            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={MEMORY_WORDS}",
+            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={RAM_WORDS}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
             *(trace if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),

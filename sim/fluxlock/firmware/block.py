@@ -9,11 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Parameter, Schema, load_schema
-
-RAM_WORDS = 16384
-BLOCK_ADDRESS = 0xF000
-TABLE_ADDRESS, TABLE_END = 0xA000, 0xE000  # the stack is above
-BLOCK_MAX_BYTES = 2048
+from fluxlock.memory import BLOCK_ADDRESS, BLOCK_MAX_BYTES, RAM_WORDS, TABLE_ADDRESS, TABLE_END
 
 Value = int | tuple[int, ...]
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.firmware.block import BLOCK_MAX_BYTES, ParameterBlock
+from fluxlock.firmware.block import ParameterBlock
 from fluxlock.firmware.toolchain import build_host_library
+from fluxlock.memory import BLOCK_MAX_BYTES
 from fluxlock.paths import GENERATED
 
 REGISTER_WORDS = 0x3400
@@ -38,7 +39,7 @@ _TELEMETRY_WORDS = (
 
 
 def parse_telemetry(data: bytes) -> dict[str, int]:
-    """Words of the telemetry structure (RAM from 0xF800), signed, by name."""
+    """Words of the telemetry structure (RAM from TELEMETRY_ADDRESS), signed, by name."""
     values = struct.unpack_from(f"<{len(_TELEMETRY_WORDS)}i", data)
     return dict(zip(_TELEMETRY_WORDS, values, strict=True))
 

@@ -9,14 +9,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+from fluxlock import memory
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
+from fluxlock.memory import BLOCK_ADDRESS, STACK_BYTES
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
-# Parameter block and telemetry lie from 0xF000 on; link.ld puts the state at 0xD480 at the latest and asserts 4 KiB of
-# stack above it.
-IMAGE_LIMIT_BYTES = 0xD480
+# link.ld puts the state there at the latest and asserts the stack above it.
+IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - 0xB80
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 TARGET_FLAGS = (
@@ -54,14 +55,17 @@ def _selected(excluded: tuple[str, ...], suffixes: tuple[str, ...]) -> list[str]
     return [name for name in names if not name.startswith(excluded)]
 
 
-def generate_params_header() -> Path:
-    """Write `build/generated/params.h` from the schema, only when it changed."""
-    header = GENERATED / "params.h"
-    text = c_header(load_schema())
+def _generate(name: str, text: str) -> Path:
+    header = GENERATED / name
     if not header.exists() or header.read_text() != text:
         header.parent.mkdir(parents=True, exist_ok=True)
         header.write_text(text)
     return header
+
+
+def generate_headers() -> tuple[Path, Path]:
+    """Write `params.h` (schema) and `ram.h` (memory map) below `build/generated`, only when they changed."""
+    return _generate("params.h", c_header(load_schema())), _generate("ram.h", memory.c_header())
 
 
 def _zig(arguments: list[str]) -> None:
@@ -73,9 +77,9 @@ def _zig(arguments: list[str]) -> None:
 
 def _key(*extra: object) -> str:
     generate_registers()
-    header = generate_params_header()
+    headers = generate_headers()
     names = [p.relative_to(SW).as_posix() for p in _sources()]
-    return content_hash([*_sources(), SCHEMA_FILE, header, GENERATED / "fluxlock_regs.h"], names, *extra)
+    return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
 def build_firmware(build_dir: Path | None = None) -> Path:

@@ -1,4 +1,10 @@
 # Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code.
+#include "ram.h"
+
+  .globl _stack_top, _stack_bytes
+  .set _stack_top, RAM_PARAMETER_BLOCK
+  .set _stack_bytes, STACK_BYTES
+
   .section .start, "ax"
   .globl _start
 _start:

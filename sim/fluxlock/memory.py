@@ -1,0 +1,27 @@
+"""Memory map of the soft core. The RTL's default size is held to RAM_WORDS by a test, the C headers are generated."""
+
+RAM_WORDS = 32768
+RAM_BYTES = 4 * RAM_WORDS
+# From the top down: telemetry, parameter block, stack.
+TELEMETRY_ADDRESS = RAM_BYTES - 0x800
+BLOCK_ADDRESS = RAM_BYTES - 0x1000
+BLOCK_MAX_BYTES = TELEMETRY_ADDRESS - BLOCK_ADDRESS
+STACK_BYTES = 4096
+# What a program of sw/bench reads.
+TABLE_ADDRESS = 0x18000
+TABLE_END = BLOCK_ADDRESS - STACK_BYTES
+
+
+def c_header() -> str:
+    """The generated `ram.h`, for C and assembler."""
+    return f"""// Generated from sim/fluxlock/memory.py. Do not edit.
+#ifndef FL_RAM_H
+#define FL_RAM_H
+
+#define RAM_PARAMETER_BLOCK 0x{BLOCK_ADDRESS:X}
+#define RAM_TELEMETRY 0x{TELEMETRY_ADDRESS:X}
+#define RAM_TABLE 0x{TABLE_ADDRESS:X}
+#define STACK_BYTES {STACK_BYTES}
+
+#endif
+"""
