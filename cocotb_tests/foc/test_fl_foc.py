@@ -131,6 +131,8 @@ async def limit_is_exact_everywhere(dut: Any) -> None:
 async def takes_over_without_a_step(dut: Any) -> None:
     """A regulator that is enabled continues from its preset and from the error before.
 
+    An error that stands gives no kick: with g = h nothing moves, else only its integral, (g - h) e a step.
+
     Verifies: FOC-06
     """
     tb = TB(dut)
@@ -146,6 +148,17 @@ async def takes_over_without_a_step(dut: Any) -> None:
     for _ in range(3):
         out = await tb.run([100] * tb.phases, 0)
         assert out.applied == [(30_000, -20_000)] * tb.subspaces
+    for r in tb.regulators:
+        r.enable, r.hold = 0, (59_000, 10_500)
+    await tb.run([100] * tb.phases, 0)
+    for r in tb.regulators:
+        r.enable = 1
+    for k in range(1, 4):
+        out = await tb.run([100] * tb.phases, 0)
+        # (1000 - 500j) (500 - 300j) 2^-8
+        moved = complex(k * round(350_000 / 256), k * round(-550_000 / 256))
+        wanted = (30_000 * 256 + round(moved.real), -20_000 * 256 + round(moved.imag))
+        assert out.state == [wanted] * tb.subspaces, f"step {k}"
 
 
 @cocotb.test()

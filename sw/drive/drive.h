@@ -14,6 +14,7 @@
 #include "control/complex_regulator.h"
 #include "control/csc_linearity.h"
 #include "control/emf_observer.h"
+#include "control/encoder.h"
 #include "control/field_weakening.h"
 #include "control/handover.h"
 #include "control/if_start.h"
@@ -187,6 +188,8 @@ typedef struct {
   int32_t handover_rpm_q8;
   int32_t least_rpm_q8;
   uint32_t lost_checks;
+  bool sensored;  // the frame follows the encoder
+  encoder_settings_t encoder_settings;
 
   // Background design: `used` changes in the control step only, where a finished one waits.
   vector_design_t design[2];
@@ -206,7 +209,15 @@ typedef struct {
   complex_t voltage_v_q17;  // applied, of the last sample
   complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
-  int32_t error_q30;
+  int32_t error_q30;           // that the loop was given
+  uint32_t frame_turn_q32;     // angle_turn_q32 and the turn taken since
+  uint32_t encoder_turn_q32;   // without offset
+  uint32_t encoder_offset_q32;
+  encoder_swing_t swing;
+  uint16_t encoder_invalid;    // of the last check
+  uint32_t encoder_faults;     // lost steps since boot
+  int32_t observed_ahead_q30;  // observed rotor ahead of the frame, sine
+  int32_t encoder_ahead_q30;   // encoder's rotor ahead of the frame, rad
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady

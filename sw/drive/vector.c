@@ -20,6 +20,9 @@
 #define LOST_PER_SECOND 200u
 #define LOST_ERROR_Q30 (ONE_Q30 / 2)
 
+// Clocks from a pin of the encoder to its position, besides the filter.
+#define ENCODER_LATENCY 3u
+
 enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
 
 // A gain a tick as one a round of the groups.
@@ -86,6 +89,9 @@ COLD void vector_init(drive_t *drive) {
   const int32_t stop_rpm_q8 = p->stop_rpm * 256;
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
+  v->sensored = p->vector_angle != 0;
+  v->encoder_settings =
+      (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
   drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
   vector_off(drive);
@@ -265,8 +271,38 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
     emf_observer_turn(&v->observer, rotation);
     v->voltage_v_q17 = complex_mul_q30(v->voltage_v_q17, rotation);
   }
+  v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
   v->holding = false;
+}
+
+static bool has_encoder(const drive_t *drive) { return drive->p->encoder_quarters > 1; }
+
+// Electrical angle of the rotor by the encoder.
+HOT static uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
+
+HOT static void read_encoder(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->speed_turn_q36);
+  if (in->encoder_indexed) {
+    v->encoder_offset_q32 = (uint32_t)drive->p->encoder_offset_q32;
+  }
+}
+
+// The rotor swings about the standing current.
+COLD static void watch_alignment(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  if (v->start.aligned_ticks <= 1u) {
+    encoder_swing_begin(&v->swing, v->encoder_turn_q32);
+  }
+  encoder_swing_step(&v->swing, v->encoder_turn_q32);
+}
+
+COLD static void learn_mounting(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  if (!in->encoder_indexed) {
+    v->encoder_offset_q32 = v->frame_turn_q32 - encoder_swing_middle_q32(&v->swing);
+  }
 }
 
 HOT static void speed_regulator(drive_t *drive, bool limited) {
@@ -279,7 +315,9 @@ HOT static void speed_regulator(drive_t *drive, bool limited) {
     const int32_t reached = abs_sat(v->current_i_q17.im) * 256 + limit / 8;
     driving = (reached < rest) ? reached : rest;
   }
-  const int32_t braking = (drive->brake_i_q25 < rest) ? drive->brake_i_q25 : rest;
+  // Near standstill braking feeds nothing back.
+  const bool crawling = v->sensored && v->speed_turn_q36 * v->direction < drive->p->vector_back_turn_q36;
+  const int32_t braking = (drive->brake_i_q25 < rest && !crawling) ? drive->brake_i_q25 : rest;
   const int32_t high = (v->direction > 0) ? driving : braking;
   const int32_t low = (v->direction > 0) ? -braking : -driving;
   const int32_t wanted = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn);
@@ -339,6 +377,16 @@ HOT static uint32_t rough_length(complex_t z) {
   return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
 }
 
+// Observed and encoder angle side by side, steps that the encoder lost.
+HOT static void compare_angles(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  v->observed_ahead_q30 =
+      pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25);
+  v->encoder_ahead_q30 = has_encoder(drive) ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
+  v->encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
+  v->encoder_invalid = in->encoder_invalid;
+}
+
 // Does the EMF belong to the speed, and does its angle hold still?
 HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   vector_t *v = &drive->vector;
@@ -346,8 +394,10 @@ HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
   v->state_v_q25 = voltage_v_q25;
   const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, drive->p->vector_flux));
-  const bool bad = v->emf_v_q25 < expected / 2u || v->emf_v_q25 / 2u > expected ||
-                   abs_sat(v->error_q30) > LOST_ERROR_Q30 || speed < drive->p->vector_back_turn_q36 / 2;
+  const bool weak = v->emf_v_q25 < expected / 2u || speed < drive->p->vector_back_turn_q36 / 2;
+  // A rotor that turns while its encoder stands still.
+  const uint32_t most = expected + (v->sensored ? v->start_settings.minimum_v_q25 : 0u);
+  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 || v->emf_v_q25 / 2u > most || (weak && !v->sensored);
   v->suspicion = bad ? v->suspicion + 1u : 0u;
 }
 
@@ -361,8 +411,25 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
   v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
   drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
   drive->ramp.value_rpm_q8 = drive->m.speed_rpm_q8;
-  if (drive->phase == START_ALIGN && v->start.aligned_ticks >= v->start_settings.align_ticks) {
-    enter_phase(drive, START_RAMP);
+  if (drive->phase == START_ALIGN) {
+    if (has_encoder(drive)) {
+      watch_alignment(drive);
+    }
+    if (v->start.aligned_ticks >= v->start_settings.align_ticks) {
+      enter_phase(drive, START_RAMP);
+      if (has_encoder(drive)) {
+        learn_mounting(drive, &in->vector);
+      }
+    }
+  }
+  if (v->sensored) {
+    if (drive->phase == START_RAMP) {
+      v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
+      v->turn_from_q32 = v->start.turn_q32;
+      v->start.steady_ticks = 1;
+      hand_over(drive, in);
+    }
+    return;
   }
   if (!there) {
     v->waiting_ticks = 0;
@@ -390,7 +457,12 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
 HOT static void track(drive_t *drive, bool taken) {
   vector_t *v = &drive->vector;
   // A correction that has not been taken yet is still in the error.
-  v->error_q30 = taken ? pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25) : 0;
+  v->error_q30 = 0;
+  if (taken && v->sensored) {
+    v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
+  } else if (taken) {
+    v->error_q30 = pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25);
+  }
   const int32_t correct_q32 = pll_step(&v->pll, &v->pll_gains, v->per_tick.period_cycles, v->error_q30);
   v->correct_q32 = taken ? correct_q32 : v->correct_q32;
   v->speed_turn_q36 = pll_speed_turn_q36(&v->pll);
@@ -418,6 +490,27 @@ HOT static void regulate_speed(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
+// With an encoder: the target's sign is taken through zero, zero is a target.
+HOT static void regulate_sensored(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  const bool stopping = drive->state == STATE_STOPPING;
+  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
+  drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
+  (void)ramp_step(&drive->ramp, stopping ? 0 : drive->settings.target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
+                  drive->m.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(drive, in->vector.limited[0]);
+  v->goal_i_q25 = v->weakening.current_i_q30 >> 5;
+  const int32_t speed_rpm_q8 = abs_sat(drive->m.speed_rpm_q8);
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  } else if (stopping && drive->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 / 16) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  }
+}
+
 HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const parameters_t *p = drive->p;
@@ -428,7 +521,11 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
   switch (drive->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
-      regulate_speed(drive, in);
+      if (v->sensored) {
+        regulate_sensored(drive, in);
+      } else {
+        regulate_speed(drive, in);
+      }
       break;
     case GROUP_FIELD:
       if (p->vector_weakening_lowest_i_q25 < 0) {
@@ -439,6 +536,7 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
       break;
     case GROUP_SUPERVISION:
       check_lock(drive, in->vector.u_v_q25[0]);
+      compare_angles(drive, &in->vector);
       if (v->suspicion >= v->lost_checks) {
         drive_lost_lock(drive);
       }
@@ -483,6 +581,10 @@ HOT void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   v->current_i_q17 = in->vector.i_q17[0];
   v->angle_turn_q32 = in->vector.theta_sample_q32;
+  v->frame_turn_q32 = in->vector.theta_sample_q32;
+  if (has_encoder(drive)) {
+    read_encoder(drive, &in->vector);
+  }
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }

@@ -6,6 +6,9 @@
 //   starting: align, ramp, hand-over -> running: observed -> slower than the way back with the target's sign turned:
 //   starting: ramp through zero, hand-over -> running;   stopping: observed, forced down to zero, gates off
 //
+// Sensored, the frame follows the encoder instead of the EMF: from the alignment, at which the mounting is learnt where no
+// index has told it, the observed frame is there at every speed, and nothing is handed back.
+//
 // Order at tick k: what the chip measured at sample k belongs to the frame before the tick, in which the set committed in
 // step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
 // seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.

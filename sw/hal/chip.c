@@ -90,6 +90,9 @@ COLD static void configure_vector(const parameters_t *p) {
   reg_write(REG(foc.dead_time), (uint32_t)p->vector_dead_comp_cycles);
   reg_write(REG(foc.min_pulse), (uint32_t)p->min_pulse_cycles);
   reg_write(REG(foc.margin), (uint32_t)p->vector_margin_cycles);
+  reg_write(REG(encoder.filter), (uint32_t)p->encoder_filter_cycles);
+  reg_write(REG(encoder.turn), FIELD(FL_ENCODER_REGS__TURN__LAST, p->encoder_quarters - 1) |
+                                   FIELD(FL_ENCODER_REGS__TURN__INDEX, p->encoder_index));
   write_scheduler((uint32_t)p->sample_mode, p);
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
@@ -176,9 +179,15 @@ HOT void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *comma
   v->limited[0] = (limited & 1u) != 0u;
   v->limited[1] = (limited & 2u) != 0u;
   v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
+  if (parameters->encoder_quarters > 1) {
+    const uint32_t encoder = reg_read(REG(foc.snap_encoder));
+    v->encoder_position = BITS(FL_FOC_REGS__SNAP_ENCODER__POSITION, encoder);
+    v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, encoder) != 0u;
+  }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
   if (command->vector.read_slow) {
     read_slow(snapshot);
+    v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
   }
 }
 

@@ -60,6 +60,9 @@ typedef struct {
   bool limited[2];
   bool taken;  // the set committed before took effect at this tick
   uint8_t samples;  // averaged for i
+  uint32_t encoder_position;  // at theta_sample, quarters
+  bool encoder_indexed;
+  uint16_t encoder_invalid;  // both tracks at once, wraps; with read_slow
 } chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.

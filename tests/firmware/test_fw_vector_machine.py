@@ -68,6 +68,21 @@ def test_standstill_to_full_speed_reversal_and_stop(samples: int, cycles: int) -
     assert max(onward + back) < 0.5
 
 
+@pytest.mark.parametrize(("samples", "cycles", "delay"), [(1, 2500, 0.5), (2, 1250, 0.5), (4, 625, 1.0)])
+def test_hand_over_without_a_bump(samples: int, cycles: int, delay: float) -> None:
+    """The regulators, held for a tick while the frame turns, go on: without noise at most 1 % of the start current.
+
+    Verifies: VC-15
+    """
+    bench = VectorBench(VectorSettings(cycles, samples, delay=delay), values=FAST)
+    bench.start(30_000)
+    bench.run(0.02)
+    found = jumps_a(bench.record, "starting", "running")
+    print(f"{samples} samples a tick: {found} A")
+    assert len(found) == 1
+    assert found[0] < 0.01 * bench.settings.start_a
+
+
 def test_blocked_rotor_fails_the_start() -> None:
     """A rotor that does not turn gives no EMF: start_failed after the retries, gates off.
 

@@ -48,6 +48,10 @@ class VectorSettings:
     speed_bandwidth_hz: float = 15.0
     weakening_lowest_a: float = 0.0
     mtpa_ratio_a: float = 0.0
+    sensored: bool = False
+    encoder_lines: int = 0
+    encoder_index: bool = True
+    encoder_offset_turn: float = 0.0  # electrical, of the index
 
 
 def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -> dict[str, Value]:
@@ -112,6 +116,12 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_dead_comp_cycles": 0,
         "vector_margin_cycles": 0,
         "vector_miss_limit": 2,
+        "vector_angle": int(s.sensored),
+        "encoder_quarters": 4 * s.encoder_lines if s.encoder_lines else 1,
+        "encoder_index": int(s.encoder_index),
+        "encoder_filter_cycles": 20,
+        "encoder_turn": gain(motor.pole_pairs / (8 * s.encoder_lines) * Q32) if s.encoder_lines else gain(0.0),
+        "encoder_offset_q32": round(s.encoder_offset_turn * Q32),
     }
 
 
@@ -171,6 +181,9 @@ class VectorBench:
         self.sum = [0, 0]
         self.since_timer = 0  # clocks
         self.trips = 0
+        self.encoder, self.place, self.indexed = 0, 0, False
+        self.power_up_quarter = 1234  # the position is not that of the rotor before the index
+        self.lost_quarters = 0
         self.sampling = True
         self.noise = Random(SEED)
         self.late_commits = 0  # ticks that the next set is to miss
@@ -219,6 +232,7 @@ class VectorBench:
         stationary = self.i * rotor + self._noise()
         measured = stationary / frame
         self.error_deg = math.degrees(cmath.phase(frame / rotor))
+        self._encode()
         i17 = Complex(round(measured.real * self.unit_a), round(measured.imag * self.unit_a))
         if self.regulate:
             limited = lib.complex_regulator_step(
@@ -250,6 +264,20 @@ class VectorBench:
             self.since_timer -= self.get("timer.machine_period")
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
+
+    def _encode(self) -> None:
+        """Position of the encoder now, as filter and synchronisers show it."""
+        s = self.settings
+        if not s.encoder_lines:
+            return
+        quarters = 4 * s.encoder_lines
+        seen = self.theta - self.omega * (20 + 3) / CLOCK_HZ
+        place = math.floor((seen / (2 * math.pi) - s.encoder_offset_turn) / self.motor.pole_pairs * quarters)
+        if s.encoder_index and (place // quarters != self.place // quarters or place % quarters == 0):
+            self.lost_quarters, self.indexed = 0, True
+        self.place = place
+        position = (place + (0 if self.indexed else self.power_up_quarter) + self.lost_quarters) % quarters
+        self.encoder = position | self.indexed << 31
 
     def _noise(self) -> complex:
         rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
@@ -302,6 +330,7 @@ class VectorBench:
             put("foc.snap_v_sum", self.sum[axis], axis)
         put("foc.snap_count", self.steps | 1 << 16 | int(limited) << 24)
         put("foc.snap_theta_sample", angle)
+        put("foc.snap_encoder", self.encoder)
         put("foc.snap_omega", self.omega_q36)
         self.steps, self.sum = 0, [0, 0]
         if self.late_commits > 0:

@@ -80,6 +80,16 @@ class Vector(Model):
         default=True, description="Voltage that the dead time takes is added by the sign of the measured current."
     )
 
+    angle: Literal["observer", "encoder"] = Field(
+        default="observer",
+        description="What the frame follows: the observed EMF, or the motor file's encoder, at every speed from the "
+        "alignment on.",
+    )
+    mounting: Literal["given", "learnt"] = Field(
+        default="given",
+        description="Mounting of the encoder: from the motor file if there is an index, or learnt at every alignment.",
+    )
+
     @model_validator(mode="after")
     def _regulator(self) -> Self:
         unused = "gamma" if self.regulator == "A" else "bandwidth_hz"
