@@ -177,6 +177,8 @@ typedef struct {
 typedef struct {
   // From the parameters.
   vector_plant_t plant;       // of one sample
+  vector_plant_t observed;    // the same with L_q, which the observer of a salient machine knows
+  bool salient;
   vector_machine_t per_tick;  // of the samples of a tick
   regulator_design_t order;
   pll_gains_t pll_gains;

@@ -59,8 +59,14 @@ COLD void vector_init(drive_t *drive) {
       .harmonic = 1,
       .park = (p->vector_park != 0) ? PARK_EXACT : PARK_HELD,
   };
+  vector_machine_t observed = machine;
+  observed.resistance_q30 = (uint32_t)p->vector_observer_resistance_q30;
+  observed.admittance = p->vector_observer_admittance;
+  observed.impedance = p->vector_observer_impedance;
   vector_plant(&v->plant, &machine);
-  v->per_tick = machine;
+  vector_plant(&v->observed, &observed);
+  v->salient = p->vector_mtpa_ratio_i_q25 != 0;
+  v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
   v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
   v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
@@ -117,6 +123,9 @@ void vector_design(drive_t *drive) {
     vector_model(&v->model, &v->plant, v->speed_turn_q36);
   } else if (v->stage == 1u) {
     v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
+    if (v->salient) {
+      vector_model(&v->model, &v->observed, v->speed_turn_q36);
+    }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
   } else {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);

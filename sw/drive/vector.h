@@ -27,7 +27,7 @@
 void vector_init(drive_t *drive);
 
 // One stage of a design for the present speed into the spare set, unless one still waits to be taken: deferred
-// interrupt. About 2000 clocks: with the control steps in between short enough for the UART to wait.
+// interrupt. About 2000 clocks, 2800 with a salient machine: with the control steps in between short enough for the UART to wait.
 void vector_design(drive_t *drive);
 
 // One control step in place of that of the six-step drive.

@@ -11,7 +11,7 @@ from fluxlock.firmware.specs import VectorSpec
 
 
 class Vector(Model):
-    """Settings of `method = "vector"`. Regulators and observer of a salient machine know the mean inductance."""
+    """Settings of `method = "vector"`. Regulators of a salient machine know the mean inductance, the observer L_q."""
 
     update: Literal["single", "double"] = Field(
         default="double",

@@ -251,6 +251,8 @@ def vector_parameters(
     sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
     # T_s V / (L I): current from voltage, both in parts of their full scale.
     admittance = sample_s * inverter.voltage_full_scale_v / (m.inductance_h * inverter.current_full_scale_a)
+    # Flux of a salient machine: L_q i + (psi + (L_d - L_q) i_d) exp(j theta).
+    observed = (m.inductance_h + motor.saliency_h / 2.0) / m.inductance_h
     unit_rad_s = 2.0 * math.pi * clock / Q36  # of a speed of 2^-36 turn a clock
     ampere = Q25 / inverter.current_full_scale_a
     # J/p domega/dt = T: k_p closes the loop at the bandwidth.
@@ -269,6 +271,7 @@ def vector_parameters(
         "vector_from_cycles": timing.from_cycles,
         "vector_length_cycles": timing.length_cycles,
         "vector_resistance_q30": round(m.resistance_ohm / m.inductance_h * sample_s * Q30),
+        "vector_observer_resistance_q30": round(m.resistance_ohm / (m.inductance_h * observed) * sample_s * Q30),
         "vector_delay_q30": round(min(timing.delay, 1.0) * Q30),
         "vector_park": INVERSE_PARKS.index(vector.park),
         "vector_order": REGULATORS.index(vector.regulator),
@@ -280,6 +283,8 @@ def vector_parameters(
         **_gains(
             vector_admittance=admittance,
             vector_impedance=1.0 / admittance,
+            vector_observer_admittance=admittance / observed,
+            vector_observer_impedance=observed / admittance,
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,
             vector_rpm_to_turn=p / 60.0 / Q8 / clock * Q36,
