@@ -129,6 +129,8 @@ module fl_foc_chain
       .sample_valid_i(sample_valid),
       .sample_i      (sample[2*Phases-1:Phases]),
       .sample_time_i (sample_time),
+      .encoder_position_i(now_o[17:0]),
+      .encoder_indexed_i(now_o[5]),
       .source_o,
       .update_o,
       .sync_o,

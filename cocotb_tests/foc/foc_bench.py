@@ -15,6 +15,7 @@ CLOCK_NS = 20
 FULL_SCALE = 1 << 17
 TURN = 1 << 32
 LATENCY = {3: 60, 5: 107}  # clocks, published by the module
+SPACING = {phases: latency + 3 for phases, latency in LATENCY.items()}
 SOURCES = [
     f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")
 ]
@@ -50,6 +51,7 @@ class Regulator:
 
     gain: Pair = (0, 0)
     hold: Pair = (0, 0)
+    ratio: Pair = (0, 0)
     shift: int = 0
     limit: int = FULL_SCALE - 1
     enable: int = 1
@@ -58,6 +60,7 @@ class Regulator:
     forward: Pair = (0, 0)
     state: Pair = (0, 0)
     error: Pair = (0, 0)
+    carry: Pair = (0, 0)
     limited: bool = False
 
     def step(self, current: Pair) -> None:
@@ -68,15 +71,22 @@ class Regulator:
         sums = (g_d * e_d - g_q * e_q - h_d * p_d + h_q * p_q, g_q * e_d + g_d * e_q - h_q * p_d - h_d * p_q)
         self.error = (e_d, e_q)
         if self.enable:
-            d, q = (clip(u + shift_round(x, self.shift), 28) for u, x in zip(self.state, sums, strict=True))
+            d, q = (
+                clip(u + c + shift_round(x, self.shift), 28)
+                for u, c, x in zip(self.state, self.carry, sums, strict=True)
+            )
         else:
             d, q = (p << 8 for p in self.preset)
         m = math.isqrt(shift_round(d, 8) ** 2 + shift_round(q, 8) ** 2)
         self.limited = m > self.limit
+        wanted = d, q
         if self.limited:
             factor = (self.limit << 17) // m
             d, q = shift_round(d * factor, 17), shift_round(q * factor, 17)
         self.state = (d, q)
+        b_d, b_q = ((w - u) >> 10 if self.enable else 0 for w, u in zip(wanted, self.state, strict=True))
+        r_d, r_q = self.ratio
+        self.carry = (shift_round(r_d * b_d - r_q * b_q, 7), shift_round(r_q * b_d + r_d * b_q, 7))
 
     def applied(self, bypass: int) -> Pair:
         d, q = (
@@ -121,7 +131,7 @@ class TB:
         self.dut = dut
         self.phases = len(dut.voltage_o.value) // 18
         self.subspaces = 2 if self.phases == 5 else 1
-        self.latency = LATENCY[self.phases]
+        self.latency, self.spacing = LATENCY[self.phases], SPACING[self.phases]
         self.regulators = [Regulator() for _ in range(self.subspaces)]
         self.bypass = 0
 
@@ -138,6 +148,7 @@ class TB:
             (dut.reference_i, [r.reference for r in regulators]),
             (dut.gain_i, [r.gain for r in regulators]),
             (dut.hold_i, [r.hold for r in regulators]),
+            (dut.ratio_i, [r.ratio for r in regulators]),
             (dut.preset_i, [r.preset for r in regulators]),
             (dut.forward_i, [r.forward for r in regulators]),
         ):
@@ -165,7 +176,7 @@ class TB:
         )
 
     async def run(self, currents: Sequence[int], theta: int, lead: int = 0) -> Outcome:
-        """One run; checks the latency and that phase currents and angles are taken at its start."""
+        """One run to the first clock of the next; checks the latency and when phase currents and angles are taken."""
         dut = self.dut
         self.configure()
         dut.current_i.value = pack(currents, 18)
@@ -178,5 +189,11 @@ class TB:
         await self.clocks(self.latency - 2)
         assert int(dut.valid_o.value) == 0 and int(dut.busy_o.value) == 1
         await self.clocks(1)
-        assert int(dut.valid_o.value) == 1 and int(dut.busy_o.value) == 0, f"not done after {self.latency} clocks"
-        return self.outputs()
+        assert int(dut.valid_o.value) == 1, f"not done after {self.latency} clocks"
+        out = self.outputs()
+        await self.clocks(self.spacing - self.latency - 1)
+        assert int(dut.busy_o.value) == 1
+        await self.clocks(1)
+        assert int(dut.busy_o.value) == 0, f"busy after {self.spacing} clocks"
+        assert self.outputs() == out
+        return out

@@ -72,7 +72,7 @@ async def transforms_are_within_one_lsb(dut: Any) -> None:
 @cocotb.test()
 @cocotb.parametrize(limits=[(FULL_SCALE - 1, FULL_SCALE - 1), (1, FULL_SCALE - 1)])
 async def regulators_are_exact(dut: Any, limits: tuple[int, int]) -> None:
-    """Errors, recurrence, saturation, circle limit, preset and feed-forward equal the contract in integers, bit by bit.
+    """Errors, recurrence, limit and its carry, saturation, preset, feed-forward equal the contract in integers.
 
     Verifies: FOC-04, FOC-05, FOC-06
     """
@@ -86,7 +86,7 @@ async def regulators_are_exact(dut: Any, limits: tuple[int, int]) -> None:
             for r in tb.regulators:
                 # Gains from those that hardly move the state to those that saturate it.
                 r.shift = rng.choice([0, 31, rng.randrange(32), rng.randrange(8, 18), rng.randrange(8, 18)])
-                r.gain, r.hold = pair(rng), pair(rng)
+                r.gain, r.hold, r.ratio = pair(rng), pair(rng), pair(rng)
                 r.limit = (
                     rng.choice([limits[0], limits[1], rng.randint(*limits)]) if limits[0] < limits[1] else limits[0]
                 )
@@ -134,6 +134,8 @@ async def limit_is_exact_everywhere(dut: Any) -> None:
 async def takes_over_without_a_step(dut: Any) -> None:
     """A regulator that is enabled continues from its preset and from the error before.
 
+    An error that stands gives no kick: with g = h nothing moves, else only its integral, (g - h) e a step.
+
     Verifies: FOC-06
     """
     tb = TB(dut)
@@ -149,11 +151,22 @@ async def takes_over_without_a_step(dut: Any) -> None:
     for _ in range(3):
         out = await tb.run([100] * tb.phases, 0)
         assert out.applied == [(30_000, -20_000)] * tb.subspaces
+    for r in tb.regulators:
+        r.enable, r.hold = 0, (59_000, 10_500)
+    await tb.run([100] * tb.phases, 0)
+    for r in tb.regulators:
+        r.enable = 1
+    for k in range(1, 4):
+        out = await tb.run([100] * tb.phases, 0)
+        # (1000 - 500j) (500 - 300j) 2^-8
+        moved = complex(k * round(350_000 / 256), k * round(-550_000 / 256))
+        wanted = (30_000 * 256 + round(moved.real), -20_000 * 256 + round(moved.imag))
+        assert out.state == [wanted] * tb.subspaces, f"step {k}"
 
 
 @cocotb.test()
 async def start_while_busy_is_counted(dut: Any) -> None:
-    """A start at any clock of a run changes nothing but the count; a start in the clock of valid_o is taken.
+    """A start at any clock of a run changes nothing but the count; the next is taken 3 clocks after valid_o.
 
     Verifies: FOC-07
     """
@@ -164,7 +177,7 @@ async def start_while_busy_is_counted(dut: Any) -> None:
         r.forward = (50_000, 20_000)
     currents = [30_000 - 20_000 * k for k in range(tb.phases)]
     good = await tb.run(currents, TURN // 3)
-    for after in range(1, tb.latency):
+    for after in range(1, tb.spacing):
         dut.current_i.value = sum((x & 0x3FFFF) << 18 * i for i, x in enumerate(currents))
         dut.theta_i.value, dut.lead_i.value = TURN // 3, 0
         dut.start_i.value = 1
@@ -178,14 +191,17 @@ async def start_while_busy_is_counted(dut: Any) -> None:
         dut.start_i.value = 0
         if after < tb.latency - 1:
             await tb.clocks(tb.latency - 1 - after)
-        assert int(dut.valid_o.value) == 1, f"start in clock {after}"
+            assert int(dut.valid_o.value) == 1, f"start in clock {after}"
+        if after < tb.spacing - 1:
+            await tb.clocks(tb.spacing - max(after + 1, tb.latency))
+        assert int(dut.busy_o.value) == 0
         got = tb.outputs()
         assert (got.voltage, got.current) == (good.voltage, good.current), f"start in clock {after}"
         assert int(dut.overrun_o.value) == after
     for _ in range(3):
         assert (await tb.run(currents, TURN // 3)).voltage == good.voltage
     await tb.clocks(1)
-    assert int(dut.valid_o.value) == 0 and int(dut.overrun_o.value) == tb.latency - 1
+    assert int(dut.valid_o.value) == 0 and int(dut.overrun_o.value) == tb.spacing - 1
 
 
 @pytest.mark.parametrize("phases", [3, 5])

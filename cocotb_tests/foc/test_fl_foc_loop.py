@@ -16,7 +16,7 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.foc.foc_bench import FULL_SCALE, SOURCES, TB, TURN, Pair, park, phases_of
+from cocotb_tests.foc.foc_bench import FULL_SCALE, SOURCES, TB, TURN, Pair, Regulator, park, phases_of
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 
@@ -67,6 +67,13 @@ def mantissas(g: complex, h: complex) -> tuple[Pair, Pair, int]:
     return (g_d, g_q), (h_d, h_q), shift
 
 
+def set_gains(regulator: Regulator, g: complex, h: complex) -> None:
+    """Gains g and h (V/A) and their ratio."""
+    regulator.gain, regulator.hold, regulator.shift = mantissas(g, h)
+    ratio = h / g * FULL_SCALE
+    regulator.ratio = (round(ratio.real), round(ratio.imag))
+
+
 @dataclass
 class Machine:
     """Currents of one subspace in the stationary frame; its voltage acts T_d late."""
@@ -94,7 +101,7 @@ async def response(tb: TB, subspace: int, controller: str, hertz: float, delay: 
         n = 1 + 2 * s
         g, h = gains(controller if s == subspace else "C", n * omega, delay)
         back = cmath.exp(-1j * n * lead)
-        regulator.gain, regulator.hold, regulator.shift = mantissas(g * back, h * back)
+        set_gains(regulator, g * back, h * back)
         regulator.enable, regulator.reference = 0, (0, 0)
     await tb.run([0] * tb.phases, 0)
     for s, regulator in enumerate(tb.regulators):
@@ -142,6 +149,51 @@ async def steps_reach_the_specified_peaks(dut: Any, sign: int) -> None:
                     assert max(late) < 7, f"{context}: settles at sample {max(late) + 1}"
             shown.append(f"{100 * max(abs(i.imag) for i in held):.2f}")
         dut._log.info("subspace %d, %5d Hz, T_d %.2f: peaks %s %%", subspace, sign * hertz, delay, " / ".join(shown))
+
+
+@cocotb.test()
+@cocotb.parametrize(delay=[0.5, 1.0])
+async def returns_from_the_limit_like_a_step(dut: Any, delay: float) -> None:
+    """60 samples of a current that the voltage limit does not allow, then one that it does: C settles in seven samples.
+
+    To 5 % of the way, as after a step. Without what the limit took away being carried over it takes more than 40.
+
+    Verifies: FOC-10
+    """
+    tb = TB(dut)
+    await tb.start()
+    omega = 2 * math.pi * 1500 / 3 ** (tb.subspaces - 1)
+    out_of_reach_a, reached_a = 49.0 / tb.subspaces, 10.0 / tb.subspaces
+    for carried in (True, False):
+        machines = [Machine(delay) for _ in tb.regulators]
+        errors = []
+        for s, regulator in enumerate(tb.regulators):
+            set_gains(regulator, *gains("C", omega * (1 + 2 * s), delay))
+            regulator.ratio = regulator.ratio if carried else (0, 0)
+            limit_v = 0.6 * out_of_reach_a * abs(R + 1j * omega * (1 + 2 * s) * L)
+            regulator.limit = round(limit_v / VOLTAGE_FULL_SCALE_V * FULL_SCALE)
+            regulator.enable, regulator.reference = 0, (0, 0)
+        await tb.run([0] * tb.phases, 0)
+        for regulator in tb.regulators:
+            regulator.enable = 1
+        for k in range(120):
+            angle = omega * k * T_S
+            wanted = out_of_reach_a if k < 60 else reached_a
+            for regulator in tb.regulators:
+                regulator.reference = (0, round(wanted / CURRENT_FULL_SCALE_A * FULL_SCALE))
+            currents = phases_of([m.current_a for m in machines], 0, tb.phases)
+            codes = [round(x / CURRENT_FULL_SCALE_A * FULL_SCALE) for x in currents]
+            out = await tb.run(codes, round(angle / (2 * math.pi) * TURN))
+            assert all(out.limited) or not 20 <= k < 60, k
+            turned = [m.current_a * cmath.exp(-1j * (1 + 2 * s) * angle) for s, m in enumerate(machines)]
+            errors.append([abs(i - 1j * reached_a) for i in turned])
+            for s, m in enumerate(machines):
+                m.advance(park(out.voltage, 0, 1 + 2 * s) / FULL_SCALE * VOLTAGE_FULL_SCALE_V)
+        settled = [
+            max(k for k, e in enumerate(errors) if e[s] > 0.05 * errors[60][s]) - 59 for s in range(tb.subspaces)
+        ]
+        dut._log.info("T_d %.2f, carried %s: settled after %s samples", delay, carried, settled)
+        assert max(settled) <= 7 if carried else max(settled) > 40
 
 
 @pytest.mark.parametrize("phases", [3, 5])

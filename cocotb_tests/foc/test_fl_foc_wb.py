@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cocotb
@@ -20,6 +20,7 @@ from cocotb.triggers import FallingEdge, RisingEdge, Timer
 from cocotb_tests.foc.foc_bench import FULL_SCALE, TURN, Pair, Regulator, pack, park, phases_of, unpack
 from cocotb_tests.foc.foc_bench import LATENCY as FOC_LATENCY
 from cocotb_tests.foc.foc_bench import SOURCES as FOC_SOURCES
+from cocotb_tests.foc.foc_bench import SPACING as FOC_SPACING
 from cocotb_tests.foc.test_fl_modulator import Settings, widths
 from cocotb_tests.sense.test_fl_current_window import mean
 from cocotb_tests.soc.bench import request
@@ -94,6 +95,7 @@ class Snapshot:
     stamp: int
     missed: int
     overruns: int
+    encoder: int
 
 
 class TB:
@@ -208,7 +210,7 @@ class TB:
 
     async def regulators(self, regulators: list[Regulator]) -> None:
         """Write every setting of the regulators but control.regulate."""
-        for name in ("reference", "gain", "hold", "preset", "forward"):
+        for name in ("reference", "gain", "hold", "ratio", "preset", "forward"):
             await self.vector(name, [getattr(r, name) for r in regulators])
         for s, r in enumerate(regulators):
             await self.write("foc.shift", r.shift, s)
@@ -255,7 +257,7 @@ class TB:
         while len(self.times["event_o"]) == seen:
             await self.clocks(1)
         await self.write("timer.tick_period", 0)
-        await self.clocks(FOC_LATENCY[self.phases] + 2)
+        await self.clocks(FOC_SPACING[self.phases] + 2)
 
     async def tick(self, limit: int = 20_000) -> int:
         """Wait for a tick; its time."""
@@ -287,6 +289,7 @@ class TB:
             stamp=await self.read("foc.snap_time"),
             missed=missed & 0xFFFF,
             overruns=missed >> 16,
+            encoder=await self.read("foc.snap_encoder"),
         )
 
 
@@ -309,6 +312,7 @@ def draw_regulator(rng: random.Random) -> Regulator:
     return Regulator(
         gain=pair(FULL_SCALE),
         hold=pair(FULL_SCALE),
+        ratio=pair(FULL_SCALE),
         shift=rng.randrange(10, 16),
         limit=rng.choice([FULL_SCALE - 1, rng.randrange(1000, 40_000)]),
         enable=int(rng.random() < 0.8),
@@ -376,7 +380,8 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
     await tb.start(cfg_mode_i=CARRIER, cfg_spacing_i=case.spacing, cfg_delay_i=delay)
     half = case.period // (1 + case.double)
     modulator = Settings(period=case.period, full_scale_over_vdc=1.2, dead_time=25, zone=0.02)
-    regulators = [draw_regulator(rng) for _ in range(tb.subspaces)]
+    # Nothing is carried over from a step that is not followed.
+    regulators = [replace(draw_regulator(rng), ratio=(0, 0)) for _ in range(tb.subspaces)]
     await tb.modulator(modulator)
     await tb.regulators(regulators)
     await tb.write("foc.delay", delay)
@@ -414,6 +419,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
             assert got.stamp == instant - delay and got.samples == max(1, case.samples)
             assert got.theta_sample == tb.angle.at(instant), f"step {step}: {got.theta_sample}, {tb.angle.at(instant)}"
             assert tb.instants[instant] == got.theta_sample
+            assert got.encoder == instant % 2**18 | (instant >> 5 & 1) << 31, f"step {step}: encoder {got.encoder:#x}"
             latest = max(t for t in tb.times["update_o"] if t + 2 <= tick)
             assert got.theta_update == tb.angle.at(latest + 1), f"step {step}: angle of the pins' change"
             assert (got.omega, got.steps, got.overruns, got.missed) == (used.omega, 1, 0, first.missed)
@@ -439,7 +445,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
             wanted[taken + half] = (volts, currents, step)
             tb.angle.change(tick, staged.omega, staged.correction)
             for old, new in zip(used.regulators, staged.regulators, strict=True):
-                new.state, new.error = old.state, old.error
+                new.state, new.error, new.carry = old.state, old.error, old.carry
             used = staged
         for end in [t for t in wanted if t in tb.counts]:
             volts, currents, of_step = wanted.pop(end)
@@ -487,7 +493,14 @@ async def nothing_changes_without_commit(dut: Any) -> None:
     await tb.regulators(
         [
             Regulator(
-                reference=(500, 700), gain=(99, 3), hold=(5, 6), shift=3, limit=50_000, forward=(1, 2), preset=(7, 8)
+                reference=(500, 700),
+                gain=(99, 3),
+                hold=(5, 6),
+                ratio=(7, 9),
+                shift=3,
+                limit=50_000,
+                forward=(1, 2),
+                preset=(7, 8),
             )
             for _ in regulators
         ]
@@ -502,7 +515,7 @@ async def nothing_changes_without_commit(dut: Any) -> None:
         await tb.tick()
         got = await tb.snapshot()
         assert got.stamp - before.stamp == 1000 and got.samples == 1
-        before.stamp = got.stamp
+        before.stamp, before.encoder = got.stamp, got.encoder
         assert got == before, f"{got} instead of {before}"
         assert dut.source_o.value == 1 and int(dut.req_h_o.value) | int(dut.req_l_o.value) == 2**tb.phases - 1
     counts = [tb.counts[t] for t in sorted(tb.counts)[-3:]]
@@ -597,7 +610,15 @@ async def settings_change_between_steps_only(dut: Any) -> None:
     def regulators(k: int) -> list[Regulator]:
         # Two steps with one set are told from one with each by their sums.
         return [
-            Regulator(gain=(1000 * k, 7 * k), hold=(300 * k, k), shift=4, reference=(100 * k, -50 * k), forward=(k, -k))
+            Regulator(
+                gain=(1000 * k, 7 * k),
+                hold=(300 * k, k),
+                ratio=(40_000 * k, -9_000 * k),
+                shift=4,
+                limit=FULL_SCALE - 1 if k == 1 else 20_000,
+                reference=(100 * k, -50 * k),
+                forward=(k, -k),
+            )
             for _ in range(tb.subspaces)
         ]
 
@@ -641,7 +662,7 @@ async def settings_change_between_steps_only(dut: Any) -> None:
             start = sync - foc - mod
             if start > event and model is not new:
                 for old, r in zip(model, new, strict=True):
-                    r.state, r.error = old.state, old.error
+                    r.state, r.error, r.carry = old.state, old.error, old.carry
                 model = new
             for s, r in enumerate(model):
                 r.step(current[s])
@@ -712,7 +733,7 @@ async def registers_hold_every_bit(dut: Any) -> None:
         "omega": 0xFFFF_FFFF, "correct": 0xFFFF_FFFF, "scale": 0x1F01_FFFF, "slope": 0x1F01_FFFF, "dead_time": 0x3FF,
         "min_pulse": 0xFFF, "margin": 0xFFFF,
     }  # fmt: skip
-    arrays = dict.fromkeys(("reference", "gain", "hold", "preset", "forward"), (4, 0x3FFFF))
+    arrays = dict.fromkeys(("reference", "gain", "hold", "ratio", "preset", "forward"), (4, 0x3FFFF))
     arrays |= {"shift": (2, 0x1F), "limit": (2, 0x1FFFF)}
     places = [(name, 0, mask) for name, mask in masks.items()]
     places += [(name, i, mask) for name, (count, mask) in arrays.items() for i in range(count)]

@@ -61,7 +61,7 @@ class Chip:
     async def start(self) -> None:
         for index in range(32):
             self.dut.u_cpu.u_ram.mem[MAILBOX + index].value = 0
-        await self.bench.start(adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, uart_rx_i=1)
+        await self.bench.start(adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1)
         cocotb.start_soon(self._convert())
 
     async def _convert(self) -> None:

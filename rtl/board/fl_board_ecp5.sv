@@ -22,6 +22,7 @@ module fl_board_ecp5
     output logic [Phases-1:0] gate_l_o,
     input  logic              fault_pin_i,
     input  logic [       2:0] hall_i,       // C, B, A
+    input  logic [       2:0] encoder_i,    // Z, B, A
 
     input  logic uart_rx_i,
     output logic uart_tx_o
@@ -85,6 +86,7 @@ module fl_board_ecp5
       .gate_o          (),
       .fault_pin_i,
       .hall_i,
+      .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
       .trc_valid_o     (),

@@ -3,20 +3,24 @@
 // For subspace 1 at theta, with 5 phases subspace 3 at 3 theta too (n = 1, 3; P phases; k = 0..P-1; delta = turn / P):
 //   i      = 2/P sum i_k exp(-j n (theta - k delta))      Clarke and Park in one, amplitude-invariant
 //   e[k]   = i* - i                                       saturates at +-(2^17 - 1)
-//   u[k]   = limit(u[k-1] + (g e[k] - h e[k-1]) 2^-shift) complex; h = g Phi       (Yang 2020, chapter 7)
+//   w[k]   = u[k-1] + (h/g) b[k-1] + (g e[k] - h e[k-1]) 2^-shift      complex; h = g Phi       (Yang 2020, chapter 7)
+//   u[k]   = limit(w[k]),   b[k] = w[k] - u[k]
 //   v      = u + u_ff,  or u_ff alone with bypass_i       saturates per axis
 //   v_k    = sum over n of Re(v exp(j n (theta + lead - k delta)))
 // Formats: angles 2^32 = one turn; currents and voltages signed 18 bits, 2^17 = full scale of their channel; state
 // signed 28 bits, 2^25 = full scale; g, h signed 18 bits. A complex value is {q, d}: index 0 is d.
 // The four products of an axis are summed exactly, times 2^-shift rounded half up once, added to the state, which
-// saturates at 28 bits. Limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale; if m > u_max,
+// saturates at 28 bits: w. Limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale; if m > u_max,
 // factor = floor(u_max 2^17 / m) and d, q = round(d, q * factor / 2^17); the limited state is the next u[k-1].
+// b does what e[k-1] + (u - w) / g in place of e[k-1] would do (conditioning): the error counts that the limit allowed.
+// It is w - u rounded down to 2^15 = full scale; its product with h/g is rounded half up.
 // Currents and phase voltages: within 1 LSB of the equations in exact arithmetic while the vectors of all subspaces
 // together do not exceed full scale.
 //
 // enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
-// over from an applied voltage without a step. Reset: state and errors 0.
-// Latency: start_i to valid_o Latency clocks, 60 for three phases, 107 for five, whatever the values; busy_o in between.
+// over from an applied voltage without a step; b is 0. Reset: state and errors 0.
+// Latency: start_i to valid_o Latency clocks, 60 for three phases, 107 for five, whatever the values. Starts at least
+// Spacing clocks apart, 3 more than that; busy_o until then.
 // Phase currents, theta and lead are taken at start_i; all other inputs must not change while busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
 // Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
@@ -28,7 +32,8 @@ module fl_foc
 #(
     parameter int unsigned Phases = 3,
     localparam int unsigned Subspaces = subspaces(Phases),
-    localparam int unsigned Latency = last_clock(Phases) + 2
+    localparam int unsigned Latency = last_clock(Phases) + 2,
+    localparam int unsigned Spacing = Latency + 3
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -43,6 +48,7 @@ module fl_foc
     input sample_t [Subspaces-1:0][ 1:0] reference_i,
     input sample_t [Subspaces-1:0][ 1:0] gain_i,       // g
     input sample_t [Subspaces-1:0][ 1:0] hold_i,       // h
+    input sample_t [Subspaces-1:0][ 1:0] ratio_i,      // h / g, 2^17 = 1
     input logic    [Subspaces-1:0][ 4:0] shift_i,
     input logic    [Subspaces-1:0][16:0] limit_i,      // u_max, 2^17 = full scale
     input sample_t [Subspaces-1:0][ 1:0] preset_i,
@@ -63,7 +69,7 @@ module fl_foc
   end
 
   localparam program_t Program = foc_program(Phases);
-  localparam logic [6:0] LastClock = 7'(Latency - 1);
+  localparam logic [6:0] LastClock = 7'(Spacing - 1);
   localparam int unsigned CosineBits = 21;
   localparam int unsigned SumBits = 50;
   // 2 / P, 2^20 = 1, times 2^20 / (2^20 - 1) because that is the cosines' amplitude.
@@ -71,6 +77,8 @@ module fl_foc
 
   typedef logic signed [27:0] state_t;
   typedef logic signed [SumBits-1:0] wide_t;
+
+  typedef logic signed [29:0] base_t;
 
   function automatic state_t sat_state(logic signed [39:0] x);
     return (x[39:27] == {13{x[39]}}) ? x[27:0] : {x[39], {27{!x[39]}}};
@@ -96,7 +104,7 @@ module fl_foc
     tail_q[0] <= sum_q;
     tail_q[1] <= tail_q[0];
     tail_q[2] <= tail_q[1];
-    valid_q   <= clock_q == LastClock;
+    valid_q   <= clock_q == 7'(Latency - 1);
     if (start) clock_q <= 7'd1;
     else if (clock_q == LastClock) clock_q <= '0;
     else if (clock_q != '0) clock_q <= clock_q + 7'd1;
@@ -155,8 +163,9 @@ module fl_foc
   );
 
   // Operands. Selections beyond a build's subspaces and phases do not occur in its program.
-  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q;
+  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q, back_q;
   state_t [Subspaces-1:0][1:0] work_q, state_q;
+  base_t [Subspaces-1:0][1:0] base_q;  // state and what comes back from the limit
   logic [16:0] factor;
   sample_t x;
   logic signed [CosineBits-1:0] c;
@@ -173,6 +182,7 @@ module fl_foc
       XStateHigh: x = state_q[s][step_q.x_axis][27:10];
       XStateLow:  x = {8'd0, state_q[s][step_q.x_axis][9:0]};
       XVoltage:   x = applied_q[s][step_q.x_axis];
+      XBack:      x = back_q[s][step_q.x_axis];
       default:    x = '0;
     endcase
     unique case (step_q.c)
@@ -182,6 +192,7 @@ module fl_foc
       CHold:          c = CosineBits'(hold_i[s][step_q.c_axis]);
       CSquare:        c = work_q[s][step_q.c_axis][CosineBits-1:0];
       CFactor:        c = {4'd0, factor};
+      CRatio:         c = CosineBits'(ratio_i[s][step_q.c_axis]);
       default:        c = '0;
     endcase
   end
@@ -195,6 +206,7 @@ module fl_foc
       SumProject, SumLimit: half_unit = wide_t'(1 << 16);
       SumCurrent:           half_unit = wide_t'(1 << 22);
       SumPhase:             half_unit = wide_t'(1 << 19);
+      SumBack:              half_unit = wide_t'(1 << 6);
       default:              half_unit = '0;
     endcase
   end
@@ -273,6 +285,9 @@ module fl_foc
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
+  sample_t taken;  // by the limit
+
+  assign taken = sample_t'((state_q[s1][axis1] - state_t'(sum >>> 17)) >>> 10);
 
   always_ff @(posedge clk_i) begin
     if (sum_q.last) begin
@@ -281,17 +296,22 @@ module fl_foc
         SumCurrent: current_q[s1][axis1] <= sat_sample(32'(sum >>> 23));
         SumLimit: begin
           limited_q[s1] <= less;
-          if (less) state_q[s1][axis1] <= state_t'(sum >>> 17);
+          if (less) begin
+            state_q[s1][axis1] <= state_t'(sum >>> 17);
+            if (enable_i[s1]) back_q[s1][axis1] <= taken;
+          end
         end
         SumPhase:   voltage_q[sum_q.phase] <= sat_sample(32'(sum >>> 20));
+        SumBack:    base_q[s1][axis1] <= base_t'(state_q[s1][axis1]) + base_t'(sum >>> 7);
         default:    ;
       endcase
     end
     if (tail_q[0].last && tail_q[0].kind == SumCurrent) error_q[s2][axis2] <= error_d;
     if (regulator2) delta_q <= (shifted >>> 1) + 39'($signed({1'b0, shifted[0]}));
     if (regulator3) begin
-      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(state_q[s3][axis3]) + 40'(delta_q));
+      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(base_q[s3][axis3]) + 40'(delta_q));
       else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
+      back_q[s3][axis3] <= '0;
     end
     if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
     if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
@@ -301,6 +321,8 @@ module fl_foc
     end
     if (rst_i) begin
       state_q   <= '0;
+      base_q    <= '0;
+      back_q    <= '0;
       error_q   <= '0;
       current_q <= '0;
       applied_q <= '0;

@@ -8,6 +8,7 @@
 //   g + 7      4        squares of the voltage, in two halves
 //   scale      4        state * factor of the circle limit, in two halves; square root and ratio end at g + 33
 //   inverse    2 S P    voltages * cosines, all S subspaces of a phase one after the other
+//   back       4        what the limit took away * h / g, for the next step: of the last subspace after everything else
 package fl_foc_pkg;
 
   typedef enum logic [2:0] {
@@ -17,7 +18,8 @@ package fl_foc_pkg;
     XWorkLow,    //                bits 9:0
     XStateHigh,  // state of the regulator, bits 27:10
     XStateLow,   //                         bits 9:0
-    XVoltage     // to be applied
+    XVoltage,    // to be applied
+    XBack        // taken away by the limit
   } x_e;
 
   typedef enum logic [2:0] {
@@ -26,7 +28,8 @@ package fl_foc_pkg;
     CGain,           // g
     CHold,           // h
     CSquare,         // work register
-    CFactor          // of the circle limit
+    CFactor,         // of the circle limit
+    CRatio           // h / g
   } c_e;
 
   // What is done with the sum after its last product; the kind sets the rounding of the first.
@@ -37,7 +40,8 @@ package fl_foc_pkg;
     SumRegulator,  // through the shifter to the state
     SumSquare,     // to the square root
     SumLimit,      // to the state if the limit acts
-    SumPhase       // to the phase voltage
+    SumPhase,      // to the phase voltage
+    SumBack        // to what the next step starts from
   } sum_e;
 
   // Accumulators 0 and 1: the regulator's d and q; 2: everything else.
@@ -98,6 +102,11 @@ package fl_foc_pkg;
   // Clock of the last product; its phase voltage is there two clocks later.
   function automatic int unsigned last_clock(int unsigned phases);
     return inverse_clock(phases) + 2 * subspaces(phases) * phases - 1;
+  endfunction
+
+  function automatic int unsigned back_clock(int unsigned phases, int unsigned s);
+    if (s + 1 < subspaces(phases)) return limit_clock(phases, s) + 5;
+    else return last_clock(phases) + 1;
   endfunction
 
   // Product with half of a wide operand, the high one first.
@@ -165,6 +174,21 @@ package fl_foc_pkg;
         p[gain_clock(phases, s)-4+i] = half(XWorkHigh, XWorkLow, CTwoOverPhases, SumCurrent, s, i[1], i[0]);
         p[gain_clock(phases, s)+7+i] = half(XWorkHigh, XWorkLow, CSquare, SumSquare, s, i[1], i[0]);
         p[limit_clock(phases, s)+i]  = half(XStateHigh, XStateLow, CFactor, SumLimit, s, i[1], i[0]);
+      end
+      // Back: d = r_d b_d - r_q b_q, q = r_q b_d + r_d b_q.
+      for (int unsigned i = 0; i < 4; i++) begin
+        t                = back_clock(phases, s) + i;
+        p[t].x           = XBack;
+        p[t].c           = CRatio;
+        p[t].subspace    = s != 0;
+        p[t].x_axis      = i[0];
+        p[t].c_axis      = i[0] ^ i[1];
+        p[t].accumulator = Common;
+        p[t].kind        = SumBack;
+        p[t].axis        = i[1];
+        p[t].first       = !i[0];
+        p[t].last        = i[0];
+        p[t].subtract    = i == 1;
       end
       // |u|^2 is one sum over both axes.
       p[gain_clock(phases, s)+8].last  = 1'b0;

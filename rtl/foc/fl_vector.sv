@@ -41,6 +41,7 @@ module fl_vector
     input logic                 sample_valid_i,
     input sample_t [Phases-1:0] sample_i,        // phase currents
     input stamp_t               sample_time_i,
+    input encoder_t             encoder_i,       // of this clock
 
     output logic                   source_o,    // setting in use
     output logic                   update_o,    // of the leg carriers
@@ -98,6 +99,9 @@ module fl_vector
   logic [7:0] samples;
   stamp_t [1:0] instant_time_q;  // the latest in the lowest place
   logic [31:0] older_theta_q, theta;
+  encoder_t [1:0] instant_encoder_q;
+  encoder_t encoder;
+  logic older;
 
   fl_current_window #(
       .Phases(Phases)
@@ -120,16 +124,20 @@ module fl_vector
       .samples_o   (samples)
   );
 
-  assign theta = (current_time == instant_time_q[1]) ? older_theta_q : theta_sample;
+  assign older   = current_time == instant_time_q[1];
+  assign theta   = older ? older_theta_q : theta_sample;
+  assign encoder = instant_encoder_q[older];
 
   always_ff @(posedge clk_i) begin
     if (instant) begin
-      instant_time_q <= {instant_time_q[0], now_i - stamp_t'(settings_q.delay)};
-      older_theta_q  <= theta_sample;
+      instant_time_q    <= {instant_time_q[0], now_i - stamp_t'(settings_q.delay)};
+      older_theta_q     <= theta_sample;
+      instant_encoder_q <= {instant_encoder_q[0], encoder_i};
     end
     if (rst_i) begin
-      instant_time_q <= '0;
-      older_theta_q  <= '0;
+      instant_time_q    <= '0;
+      older_theta_q     <= '0;
+      instant_encoder_q <= '0;
     end
   end
 
@@ -157,6 +165,7 @@ module fl_vector
       .reference_i(settings_q.current_reference[Subspaces-1:0]),
       .gain_i     (settings_q.gain[Subspaces-1:0]),
       .hold_i     (settings_q.hold[Subspaces-1:0]),
+      .ratio_i    (settings_q.ratio[Subspaces-1:0]),
       .shift_i    (settings_q.shift[Subspaces-1:0]),
       .limit_i    (settings_q.limit[Subspaces-1:0]),
       .preset_i   (settings_q.preset[Subspaces-1:0]),
@@ -227,6 +236,7 @@ module fl_vector
   logic [31:0] run_theta_q;
   stamp_t run_stamp_q;
   logic [7:0] run_samples_q;
+  encoder_t run_encoder_q;
 
   always_comb begin
     step_d = '0;
@@ -241,6 +251,7 @@ module fl_vector
     step_d.theta   = run_theta_q;
     step_d.stamp   = run_stamp_q;
     step_d.samples = run_samples_q;
+    step_d.encoder = run_encoder_q;
   end
 
   // Sums since the tick.
@@ -259,6 +270,7 @@ module fl_vector
       run_theta_q   <= theta;
       run_stamp_q   <= current_time;
       run_samples_q <= samples;
+      run_encoder_q <= encoder;
     end
     if (foc_valid) begin
       step_q <= step_d;
@@ -285,6 +297,7 @@ module fl_vector
       run_theta_q   <= '0;
       run_stamp_q   <= '0;
       run_samples_q <= '0;
+      run_encoder_q <= '0;
       step_q        <= '0;
       sum_q         <= '0;
       steps_q       <= '0;

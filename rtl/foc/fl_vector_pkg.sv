@@ -33,11 +33,17 @@ package fl_vector_pkg;
     vectors_t current_reference;
     vectors_t gain;
     vectors_t hold;
+    vectors_t ratio;
     vectors_t preset;
     vectors_t forward;
     logic [MaxSubspaces-1:0][4:0] shift;
     logic [MaxSubspaces-1:0][16:0] limit;
   } settings_t;
+
+  typedef struct packed {
+    logic indexed;
+    logic [17:0] position;  // quarters of a line
+  } encoder_t;
 
   // A regulator step.
   typedef struct packed {
@@ -48,6 +54,7 @@ package fl_vector_pkg;
     logic [31:0] theta;    // of the currents
     stamp_t stamp;         // of the currents
     logic [7:0] samples;
+    encoder_t encoder;     // at the instant of theta
   } step_t;
 
   typedef struct packed {

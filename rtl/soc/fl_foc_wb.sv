@@ -21,6 +21,8 @@ module fl_foc_wb
     input logic                 sample_valid_i,
     input sample_t [Phases-1:0] sample_i,        // phase currents
     input stamp_t               sample_time_i,
+    input logic [17:0]          encoder_position_i,  // of this clock, quarters
+    input logic                 encoder_indexed_i,
 
     output logic              source_o,    // 1: these requests go to the guard
     output logic              update_o,    // first clock after an update of the leg carriers
@@ -67,6 +69,7 @@ module fl_foc_wb
         settings.current_reference[s][axis] = hwif_out.reference[2*s+axis].i_q17.value;
         settings.gain[s][axis]              = hwif_out.gain[2*s+axis].mantissa.value;
         settings.hold[s][axis]              = hwif_out.hold[2*s+axis].mantissa.value;
+        settings.ratio[s][axis]             = hwif_out.ratio[2*s+axis].q17.value;
         settings.preset[s][axis]            = hwif_out.preset[2*s+axis].v_q17.value;
         settings.forward[s][axis]           = hwif_out.forward[2*s+axis].v_q17.value;
       end
@@ -89,6 +92,8 @@ module fl_foc_wb
   assign hwif_in.snap_theta_update.turn_q32.next = snapshot.theta_update;
   assign hwif_in.snap_omega.turn_q36.next        = snapshot.omega;
   assign hwif_in.snap_time.stamp.next            = snapshot.step.stamp;
+  assign hwif_in.snap_encoder.position.next      = snapshot.step.encoder.position;
+  assign hwif_in.snap_encoder.indexed.next       = snapshot.step.encoder.indexed;
   assign hwif_in.snap_missed.missed.next         = snapshot.missed;
   assign hwif_in.snap_missed.overruns.next       = snapshot.overruns;
 
@@ -108,6 +113,7 @@ module fl_foc_wb
       .sample_valid_i,
       .sample_i,
       .sample_time_i,
+      .encoder_i   ({encoder_indexed_i, encoder_position_i}),
       .source_o,
       .update_o,
       .sync_o,

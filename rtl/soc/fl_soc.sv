@@ -35,6 +35,7 @@ module fl_soc
     output logic [2*Phases-1:0] gate_o,       // before polarity: bit 2X upper, 2X+1 lower switch of leg X
     input  logic                fault_pin_i,  // asynchronous, active high
     input  logic [         2:0] hall_i,       // Hall sensors C, B, A; asynchronous, 0 where there are none
+    input  logic [         2:0] encoder_i,    // encoder Z, B, A; asynchronous, 0 where there is none
 
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
@@ -60,7 +61,7 @@ module fl_soc
   end
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 13;
+  localparam int unsigned Blocks = 14;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -74,9 +75,11 @@ module fl_soc
     Capture   = 4'd9,
     Freewheel = 4'd10,
     Hall      = 4'd11,
-    Foc       = 4'd12
+    Foc       = 4'd12,
+    Encoder   = 4'd13
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_encoder_regs_pkg::FL_ENCODER_REGS_MIN_ADDR_WIDTH),
     4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
     4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
     4'(fl_freewheel_regs_pkg::FL_FREEWHEEL_REGS_MIN_ADDR_WIDTH),
@@ -131,6 +134,8 @@ module fl_soc
   logic [Phases-1:0] vector_req_h, vector_req_l;
   logic vector_instant;
   logic [31:0] vector_theta;
+  logic [17:0] encoder_position;
+  logic encoder_indexed;
 
   // Requests of the path that drives.
   logic [Phases-1:0] req_h, req_l;
@@ -388,6 +393,8 @@ module fl_soc
       .sample_valid_i(sample_valid),
       .sample_i      (sample[2*Phases-1:Phases]),
       .sample_time_i (sample_time),
+      .encoder_position_i(encoder_position),
+      .encoder_indexed_i(encoder_indexed),
       .source_o      (vector_source),
       .update_o      (vector_update),
       .sync_o        (vector_sync),
@@ -396,6 +403,17 @@ module fl_soc
       .req_l_o       (vector_req_l),
       .instant_o     (vector_instant),
       .theta_o       (vector_theta)
+  );
+
+  fl_encoder_wb u_encoder (
+      .clk_i,
+      .rst_i,
+      .req_i     (req),
+      .stb_i     (stb[Encoder]),
+      .rdat_o    (rdat[Encoder]),
+      .encoder_i,
+      .position_o(encoder_position),
+      .indexed_o (encoder_indexed)
   );
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;

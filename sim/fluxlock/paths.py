@@ -29,6 +29,7 @@ REGISTER_BLOCKS = (
     "freewheel",
     "hall",
     "foc",
+    "encoder",
 )
 
 

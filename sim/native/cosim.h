@@ -4,12 +4,15 @@
 
 // Plant kernel: advance to t_cycle with the old gates, then take `gates`.
 // gates: bit 2X = upper, 2X+1 = lower switch of leg X, in force from now on. flags: bit 0 sample strobe, bit 1 gates changed.
-// state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault, 1..3 Hall A, B, C).
+// state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault, 1..3 Hall A, B, C),
+// [18] encoder A, B, Z in bits 0, 1, 2, [19] clocks within which the next call must come for it, 0: there is none.
 // Returns 0, else a fault code; the kernel is not called again after one.
 typedef int32_t (*plant_fn)(int64_t t_cycle, int32_t gates, int32_t flags, double* state, int32_t* io);
 
 constexpr int IO_HEARTBEAT = 16;
 constexpr int IO_PINS = 17;
+constexpr int IO_ENCODER = 18;
+constexpr int IO_ENCODER_WAIT = 19;
 
 // Kinds of log rows [cycle, kind, a, b]; stamps in b are converted to cycles of this log.
 enum log_kind : int64_t {

@@ -27,6 +27,7 @@ namespace {
 constexpr int64_t NEVER = INT64_MAX;
 constexpr int CHANNELS = COSIM_CHANNELS;
 constexpr int64_t RESET_CYCLES = 10;
+constexpr int32_t LOGGED_PINS = 0xF;  // not the encoder's
 constexpr uint64_t HALF_PERIOD = 10;  // time units (ns) in half a clock
 
 uint64_t main_time = 0;
@@ -34,7 +35,7 @@ uint64_t main_time = 0;
 // Input of the chip that does not come from the plant kernel, as recorded for replay.
 struct input_t {
     int64_t cycle;
-    int64_t kind;  // 0: console byte starts, 1: fault pin
+    int64_t kind;  // 0: console byte starts, 1: pins
     int64_t value;
 };
 
@@ -67,7 +68,8 @@ struct cosim_t {
     int tx_bit = -1;
     int64_t tx_next = NEVER;
     uint8_t tx_byte = 0;
-    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next
+    int64_t plant_at = NEVER;  // call of the plant kernel for the encoder
+    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next, plant_at
     recorder_t rec;
     bool stop = false;
 };
@@ -89,6 +91,7 @@ void plan() {
     if (C.valid_low_at < C.next) C.next = C.valid_low_at;
     if (C.rx_next < C.next) C.next = C.rx_next;
     if (C.tx_next < C.next) C.next = C.tx_next;
+    if (C.plant_at < C.next) C.next = C.plant_at;
     if (R.pin < R.pins.size() && R.pins[R.pin].cycle < C.next) C.next = R.pins[R.pin].cycle;
 }
 
@@ -170,13 +173,15 @@ void console_step(Vtop* t) {
 void drive_pins(Vtop* t, int32_t pins) {
     t->fault_pin_i = pins & 1;
     t->hall_i = pins >> 1 & 7;
+    t->encoder_i = pins >> 4 & 7;
 }
 
 void set_pins(Vtop* t, int32_t pins) {
     if (pins == C.pins) return;
+    const bool logged = (pins ^ C.pins) & LOGGED_PINS;
     C.pins = pins;
     drive_pins(t, pins);
-    log_row(LOG_PINS, pins, 0);
+    if (logged) log_row(LOG_PINS, pins & LOGGED_PINS, 0);
     if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 1, pins});
 }
 
@@ -200,13 +205,16 @@ void plant_event(Vtop* t, int32_t flags) {
             C.st.fault = r ? r : -2;
             C.st.t_fault = C.st.cycle;
             C.fn = nullptr;
+            C.plant_at = NEVER;
             return;
         }
         if (flags & 1) {
             for (int i = 0; i < CHANNELS; i++) C.codes[i] = static_cast<uint16_t>(C.io[i]);
             if (C.rec.on) C.rec.codes.insert(C.rec.codes.end(), C.codes, C.codes + CHANNELS);
         }
-        set_pins(t, C.io[IO_PINS]);
+        set_pins(t, C.io[IO_PINS] | C.io[IO_ENCODER] << 4);
+        C.plant_at = C.io[IO_ENCODER_WAIT] > 0 ? C.st.cycle + C.io[IO_ENCODER_WAIT] : NEVER;
+        plan();
     }
     if (flags & 1) C.valid_at = C.st.cycle + C.conversion, plan();
 }
@@ -222,7 +230,7 @@ void slow_step(Vtop* t) {
             R.gate_rows.push_back(C.gates);
         }
     }
-    if (flags) plant_event(t, flags);
+    if (flags || C.st.cycle >= C.plant_at) plant_event(t, flags);
     if ((flags & 1) && C.log_strobes) log_row(LOG_STROBE, 0, 0);
     if (t->trc_valid_o) {
         if (t->trc_comm_valid_o) log_row(LOG_COMMUTATION, t->trc_sector_o, unwrap(t, t->trc_comm_sched_o));
@@ -274,7 +282,10 @@ void power_up(Vtop* t) {
 double sc_time_stamp() { return static_cast<double>(main_time); }
 
 #define API extern "C" __attribute__((visibility("default"), used))
-API void cosim_attach(plant_fn fn, double* state, int32_t* io) { C.fn = fn, C.state = state, C.io = io; }
+API void cosim_attach(plant_fn fn, double* state, int32_t* io) {
+    C.fn = fn, C.state = state, C.io = io;
+    if (io[IO_ENCODER_WAIT] > 0) C.plant_at = C.st.cycle + io[IO_ENCODER_WAIT], plan();
+}
 API const cosim_status_t* cosim_status() { return &C.st; }
 API void cosim_log(int64_t* rows, int64_t capacity) { C.log = rows, C.log_capacity = capacity, C.st.log_count = 0; }
 API void cosim_configure(int64_t conversion_cycles, int64_t bit_cycles, int32_t log_strobes) {

@@ -35,6 +35,9 @@ typedef enum {
   ITEM_ID_MA,
   ITEM_IQ_MA,
   ITEM_ANGLE_DEG,
+  ITEM_OBSERVED_AHEAD_DEG,
+  ITEM_ENCODER_AHEAD_DEG,
+  ITEM_ENCODER_FAULTS,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -88,6 +91,9 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_ID_MA] = "id_ma",
     [ITEM_IQ_MA] = "iq_ma",
     [ITEM_ANGLE_DEG] = "angle_deg",
+    [ITEM_OBSERVED_AHEAD_DEG] = "observed_ahead_deg",
+    [ITEM_ENCODER_AHEAD_DEG] = "encoder_ahead_deg",
+    [ITEM_ENCODER_FAULTS] = "encoder_faults",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -178,12 +184,18 @@ static const char *freewheel(char *text, const app_t *app) {
   return text;
 }
 
+#define DEGREES_Q16 3754936  // a radian
+
 static bool with_vectors(const drive_t *d) { return d->p->method == METHOD_VECTOR; }
 
 // Settings that the vector drive knows too.
 static bool for_vectors(item_t item) {
   return item == ITEM_SPEED_RPM || item == ITEM_ACCEL_RPM_S || item == ITEM_CURRENT_LIMIT_A ||
          item == ITEM_BRAKE_LIMIT_A || item == ITEM_IRQ_LOAD;
+}
+
+static void degrees_of_radians(char *text, int32_t angle_q30) {
+  format_fixed(text, ((int64_t)angle_q30 * DEGREES_Q16) >> 16, 30, 2);
 }
 
 static void milliamperes(char *text, const parameters_t *p, int32_t current_q17) {
@@ -269,6 +281,15 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       break;
     case ITEM_ANGLE_DEG:
       format_fixed(text, (int64_t)d->vector.angle_turn_q32 * 360, 32, 1);
+      break;
+    case ITEM_OBSERVED_AHEAD_DEG:
+      degrees_of_radians(text, d->vector.observed_ahead_q30);
+      break;
+    case ITEM_ENCODER_AHEAD_DEG:
+      degrees_of_radians(text, d->vector.encoder_ahead_q30);
+      break;
+    case ITEM_ENCODER_FAULTS:
+      format_u32(text, d->vector.encoder_faults);
       break;
     case ITEM_HALL_LEARN:
       format_u32(text, s->hall_learn ? 1u : 0u);

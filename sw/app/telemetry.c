@@ -42,4 +42,7 @@ HOT void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   telemetry->d_i_q17 = drive->vector.current_i_q17.re;
   telemetry->q_i_q17 = drive->vector.current_i_q17.im;
   telemetry->emf_v_q25 = drive->vector.emf_v_q25;
+  telemetry->observed_ahead_q30 = drive->vector.observed_ahead_q30;
+  telemetry->encoder_ahead_q30 = drive->vector.encoder_ahead_q30;
+  telemetry->encoder_faults = drive->vector.encoder_faults;
 }

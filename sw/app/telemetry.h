@@ -53,6 +53,9 @@ typedef struct {
   int32_t d_i_q17;
   int32_t q_i_q17;
   uint32_t emf_v_q25;
+  int32_t observed_ahead_q30;  // of the frame: the observed rotor, sine; at every fourth tick
+  int32_t encoder_ahead_q30;   // and that of the encoder, rad
+  uint32_t encoder_faults;     // lost steps
 } telemetry_t;
 
 const char *handler_name(handler_t handler);

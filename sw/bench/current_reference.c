@@ -12,8 +12,6 @@
 #include "hal/soc/trap.h"
 #include "hal/uart.h"
 
-// Behind the image, at most 20 KiB.
-#define RAM_TABLE 0xA000u
 #define SAMPLES_MAX 512u
 #define UART_BIT_CYCLES 50u
 #define CURRENT_DIGITS 3u

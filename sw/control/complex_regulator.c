@@ -7,7 +7,7 @@
 #define VOLTAGE_MAX_Q25 ((1 << 27) - 1)
 #define VOLTAGE_MIN_Q25 (-(1 << 27))
 
-// state + sum * 2^-shift, 28 bits.
+// state + sum * 2^-shift, saturated to 28 bits.
 static int32_t accumulate(int32_t state, int64_t sum, int32_t shift) {
   const int64_t next = state + round_shift(sum, shift);
   if (next > VOLTAGE_MAX_Q25) {
@@ -34,11 +34,13 @@ HOT complex_t circle_limit_v_q25(complex_t voltage_v_q25, int32_t limit_v_q17, b
 void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_v_q25, complex_t error_i_q17) {
   regulator->voltage_v_q25 = voltage_v_q25;
   regulator->error_i_q17 = error_i_q17;
+  regulator->carry_v_q25 = (complex_t){0, 0};
 }
 
 void complex_regulator_turn(complex_regulator_t *regulator, complex_t rotation_q30) {
   regulator->voltage_v_q25 = complex_mul_q30(regulator->voltage_v_q25, rotation_q30);
   regulator->error_i_q17 = complex_mul_q30(regulator->error_i_q17, rotation_q30);
+  regulator->carry_v_q25 = complex_mul_q30(regulator->carry_v_q25, rotation_q30);
 }
 
 HOT bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains,
@@ -51,10 +53,17 @@ HOT bool complex_regulator_step(complex_regulator_t *regulator, const regulator_
   const complex_t h = gains->h;
   const int64_t d = (int64_t)g.re * now.re - (int64_t)g.im * now.im - (int64_t)h.re * last.re + (int64_t)h.im * last.im;
   const int64_t q = (int64_t)g.re * now.im + (int64_t)g.im * now.re - (int64_t)h.re * last.im - (int64_t)h.im * last.re;
-  const complex_t sum = {accumulate(regulator->voltage_v_q25.re, d, gains->shift),
-                         accumulate(regulator->voltage_v_q25.im, q, gains->shift)};
+  const complex_t base = complex_add(regulator->voltage_v_q25, regulator->carry_v_q25);
+  const complex_t wanted = {accumulate(base.re, d, gains->shift), accumulate(base.im, q, gains->shift)};
   bool limited;
-  regulator->voltage_v_q25 = circle_limit_v_q25(sum, limit_v_q17, &limited);
+  const complex_t bound = circle_limit_v_q25(wanted, limit_v_q17, &limited);
+  regulator->voltage_v_q25 = bound;
+  regulator->carry_v_q25 = (complex_t){0, 0};
+  if (limited) {
+    const complex_t taken_v_q15 = {(wanted.re - bound.re) >> 10, (wanted.im - bound.im) >> 10};
+    const complex_gain_t ratio = {gains->ratio_q17.re, gains->ratio_q17.im, 7};
+    regulator->carry_v_q25 = complex_gain_apply(taken_v_q15, ratio);
+  }
   regulator->error_i_q17 = now;
   return limited;
 }

@@ -1,10 +1,13 @@
 // Complex current regulator: incremental recurrence with a voltage circle, the reference of the hardware's regulator.
 //
-//   u[k] = limit(u[k-1] + g e[k] - h e[k-1]),   e = i* - i,   h = g Phi           (Yang 2020, ch. 7)
+//   w[k] = u[k-1] + (h/g) b[k-1] + g e[k] - h e[k-1],   e = i* - i,   h = g Phi   (Yang 2020, ch. 7)
+//   u[k] = limit(w[k]),   b[k] = w[k] - u[k]
 //
 // e saturates at +-(2^17 - 1) an axis. The four products an axis (18 x 18 bit) are summed exactly, multiplied by
 // 2^-shift and rounded half up once. The sum with u[k-1] saturates at 28 bits an axis, -2^27..2^27 - 1, which is four
-// full scales. The limited u is the state: what the circle takes away is not integrated.
+// full scales: w. The limited u is the state: what the circle takes away is not integrated. b does what e[k-1] + (u - w)/g
+// in place of e[k-1] would do (conditioning): the error counts that the circle allowed. It is rounded down to v_q15, its
+// product with h/g half up to v_q25.
 //
 // Circle, limit >= 0 in v_q17: with d, q = u >> 8, rounded half up, m = floor(sqrt(d^2 + q^2)); if m > limit,
 //   factor = floor(limit 2^17 / m),   u = u factor 2^-17, rounded half up an axis
@@ -21,12 +24,14 @@
 typedef struct {
   complex_t g;
   complex_t h;
+  complex_t ratio_q17;  // h / g, 18 bit
   int32_t shift;
 } regulator_gains_t;
 
 typedef struct {
   complex_t voltage_v_q25;
   complex_t error_i_q17;
+  complex_t carry_v_q25;  // (h/g) b
 } complex_regulator_t;
 
 // u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 < 2^18. About 380 clocks, 700 limited.

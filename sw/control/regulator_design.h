@@ -4,7 +4,8 @@
 //   B: delay left out        g = gamma (1 - t) / Gamma1, at t = T_d/T_s = 1 g = gamma / Gamma2,  h = g Phi
 //   C: exact                 g = gamma / (Gamma1 + Gamma2),                                     h = g Phi
 //
-// g and h are computed to about 28 bits and rounded once, to 18 bits with a common shift.
+// g and h are computed to about 28 bits and rounded once, to 18 bits with a common shift; h/g is Phi, with A
+// 1 / (1 + (R/L + j omega) T_s), to 18 bits.
 #ifndef FL_REGULATOR_DESIGN_H
 #define FL_REGULATOR_DESIGN_H
 

@@ -14,6 +14,7 @@
 #include "control/complex_regulator.h"
 #include "control/csc_linearity.h"
 #include "control/emf_observer.h"
+#include "control/encoder.h"
 #include "control/field_weakening.h"
 #include "control/handover.h"
 #include "control/if_start.h"
@@ -182,6 +183,8 @@ typedef struct {
 typedef struct {
   // From the parameters.
   vector_plant_t plant;       // of one sample
+  vector_plant_t observed;    // the same with L_q, which the observer of a salient machine knows
+  bool salient;
   vector_machine_t per_tick;  // of the samples of a tick
   regulator_design_t order;
   pll_gains_t pll_gains;
@@ -193,6 +196,8 @@ typedef struct {
   int32_t handover_rpm_q8;
   int32_t least_rpm_q8;
   uint32_t lost_checks;
+  bool sensored;  // the frame follows the encoder
+  encoder_settings_t encoder_settings;
 
   // Background design: `used` changes in the control step only, where a finished one waits.
   vector_design_t design[2];
@@ -215,7 +220,15 @@ typedef struct {
   complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
   uint32_t emf_reciprocal;  // pll_error_from_q30's
-  int32_t error_q30;
+  int32_t error_q30;           // that the loop was given
+  uint32_t frame_turn_q32;     // angle_turn_q32 and the turn taken since
+  uint32_t encoder_turn_q32;   // without offset
+  uint32_t encoder_offset_q32;
+  encoder_swing_t swing;
+  uint16_t encoder_invalid;    // of the last check
+  uint32_t encoder_faults;     // lost steps since boot
+  int32_t observed_ahead_q30;  // observed rotor ahead of the frame, sine
+  int32_t encoder_ahead_q30;   // encoder's rotor ahead of the frame, rad
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady

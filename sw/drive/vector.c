@@ -20,6 +20,9 @@
 #define LOST_PER_SECOND 200u
 #define LOST_ERROR_Q30 (ONE_Q30 / 2)
 
+// Clocks from a pin of the encoder to its position, besides the filter.
+#define ENCODER_LATENCY 3u
+
 enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
 
 // A gain a tick as one a round of the groups.
@@ -56,8 +59,14 @@ COLD void vector_init(drive_t *drive) {
       .harmonic = 1,
       .park = (p->vector_park != 0) ? PARK_EXACT : PARK_HELD,
   };
+  vector_machine_t observed = machine;
+  observed.resistance_q30 = (uint32_t)p->vector_observer_resistance_q30;
+  observed.admittance = p->vector_observer_admittance;
+  observed.impedance = p->vector_observer_impedance;
   vector_plant(&v->plant, &machine);
-  v->per_tick = machine;
+  vector_plant(&v->observed, &observed);
+  v->salient = p->vector_mtpa_ratio_i_q25 != 0;
+  v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
   v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
   v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
@@ -86,6 +95,9 @@ COLD void vector_init(drive_t *drive) {
   const int32_t stop_rpm_q8 = p->stop_rpm * 256;
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
+  v->sensored = p->vector_angle != 0;
+  v->encoder_settings =
+      (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
   drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
   drive->command.vector.read_steps = true;
@@ -112,6 +124,9 @@ void vector_design(drive_t *drive) {
     vector_model(&v->model, &v->plant, v->speed_turn_q36);
   } else if (v->stage == 1u) {
     v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
+    if (v->salient) {
+      vector_model(&v->model, &v->observed, v->speed_turn_q36);
+    }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
   } else {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
@@ -128,6 +143,7 @@ COLD static void take_design(drive_t *drive) {
   const regulator_gains_t *gains = &v->design[v->used].regulator;
   command->gain[0] = gains->g;
   command->hold[0] = gains->h;
+  command->ratio_q17[0] = gains->ratio_q17;
   command->shift[0] = (uint32_t)gains->shift;
   command->write_gains = true;
   v->finished = false;
@@ -282,8 +298,38 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
     emf_observer_turn(&v->observer, rotation);
     v->voltage_v_q17 = complex_mul_q30(v->voltage_v_q17, rotation);
   }
+  v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
   v->holding = false;
+}
+
+static bool has_encoder(const drive_t *drive) { return drive->p->encoder_quarters > 1; }
+
+// Electrical angle of the rotor by the encoder.
+HOT static uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
+
+HOT static void read_encoder(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->speed_turn_q36);
+  if (in->encoder_indexed) {
+    v->encoder_offset_q32 = (uint32_t)drive->p->encoder_offset_q32;
+  }
+}
+
+// The rotor swings about the standing current.
+COLD static void watch_alignment(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  if (v->start.aligned_ticks <= 1u) {
+    encoder_swing_begin(&v->swing, v->encoder_turn_q32);
+  }
+  encoder_swing_step(&v->swing, v->encoder_turn_q32);
+}
+
+COLD static void learn_mounting(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  if (!in->encoder_indexed) {
+    v->encoder_offset_q32 = v->frame_turn_q32 - encoder_swing_middle_q32(&v->swing);
+  }
 }
 
 HOT static void speed_regulator(drive_t *drive, bool limited) {
@@ -296,7 +342,9 @@ HOT static void speed_regulator(drive_t *drive, bool limited) {
     const int32_t reached = abs_sat(v->current_i_q17.im) * 256 + limit / 8;
     driving = (reached < rest) ? reached : rest;
   }
-  const int32_t braking = (drive->brake_i_q25 < rest) ? drive->brake_i_q25 : rest;
+  // Near standstill braking feeds nothing back.
+  const bool crawling = v->sensored && v->speed_turn_q36 * v->direction < drive->p->vector_back_turn_q36;
+  const int32_t braking = (drive->brake_i_q25 < rest && !crawling) ? drive->brake_i_q25 : rest;
   const int32_t high = (v->direction > 0) ? driving : braking;
   const int32_t low = (v->direction > 0) ? -braking : -driving;
   const int32_t wanted = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn);
@@ -354,6 +402,16 @@ HOT static uint32_t rough_length(complex_t z) {
   return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
 }
 
+// Observed and encoder angle side by side, steps that the encoder lost.
+HOT static void compare_angles(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  v->observed_ahead_q30 =
+      pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25);
+  v->encoder_ahead_q30 = has_encoder(drive) ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
+  v->encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
+  v->encoder_invalid = in->encoder_invalid;
+}
+
 // Does the EMF belong to the speed, and does its angle hold still?
 HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   vector_t *v = &drive->vector;
@@ -361,8 +419,10 @@ HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
   v->state_v_q25 = voltage_v_q25;
   const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, drive->p->vector_flux));
-  const bool bad = v->emf_v_q25 < expected / 2u || v->emf_v_q25 / 2u > expected ||
-                   abs_sat(v->error_q30) > LOST_ERROR_Q30 || speed < drive->p->vector_back_turn_q36 / 2;
+  const bool weak = v->emf_v_q25 < expected / 2u || speed < drive->p->vector_back_turn_q36 / 2;
+  // A rotor that turns while its encoder stands still.
+  const uint32_t most = expected + (v->sensored ? v->start_settings.minimum_v_q25 : 0u);
+  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 || v->emf_v_q25 / 2u > most || (weak && !v->sensored);
   v->suspicion = bad ? v->suspicion + 1u : 0u;
 }
 
@@ -376,8 +436,25 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
   v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
   drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
   drive->ramp.value_rpm_q8 = drive->m.speed_rpm_q8;
-  if (drive->phase == START_ALIGN && v->start.aligned_ticks >= v->start_settings.align_ticks) {
-    enter_phase(drive, START_RAMP);
+  if (drive->phase == START_ALIGN) {
+    if (has_encoder(drive)) {
+      watch_alignment(drive);
+    }
+    if (v->start.aligned_ticks >= v->start_settings.align_ticks) {
+      enter_phase(drive, START_RAMP);
+      if (has_encoder(drive)) {
+        learn_mounting(drive, &in->vector);
+      }
+    }
+  }
+  if (v->sensored) {
+    if (drive->phase == START_RAMP) {
+      v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
+      v->turn_from_q32 = v->start.turn_q32;
+      v->start.steady_ticks = 1;
+      hand_over(drive, in);
+    }
+    return;
   }
   if (!there) {
     v->waiting_ticks = 0;
@@ -405,9 +482,13 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
 HOT static void track(drive_t *drive, bool taken) {
   vector_t *v = &drive->vector;
   // A correction that has not been taken yet is still in the error.
-  v->error_q30 = taken ? pll_error_from_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25,
-                                              &v->emf_reciprocal)
-                       : 0;
+  v->error_q30 = 0;
+  if (taken && v->sensored) {
+    v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
+  } else if (taken) {
+    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25,
+                                      &v->emf_reciprocal);
+  }
   const int32_t correct_q32 = pll_correct(&v->pll, &v->pll_gains, v->error_q30);
   v->correct_q32 = taken ? correct_q32 : v->correct_q32;
   v->speed_turn_q36 = pll_speed_turn_q36(&v->pll);
@@ -435,6 +516,27 @@ HOT static void regulate_speed(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
+// With an encoder: the target's sign is taken through zero, zero is a target.
+HOT static void regulate_sensored(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  const parameters_t *p = drive->p;
+  const bool stopping = drive->state == STATE_STOPPING;
+  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
+  drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
+  (void)ramp_step(&drive->ramp, stopping ? 0 : drive->settings.target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
+                  drive->m.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(drive, in->vector.limited[0]);
+  v->goal_i_q25 = v->weakening.current_i_q30 >> 5;
+  const int32_t speed_rpm_q8 = abs_sat(drive->m.speed_rpm_q8);
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  } else if (stopping && drive->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 / 16) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  }
+}
+
 HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const parameters_t *p = drive->p;
@@ -445,7 +547,11 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
   switch (drive->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
-      regulate_speed(drive, in);
+      if (v->sensored) {
+        regulate_sensored(drive, in);
+      } else {
+        regulate_speed(drive, in);
+      }
       break;
     case GROUP_FIELD:
       if (p->vector_weakening_lowest_i_q25 < 0) {
@@ -456,6 +562,7 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
       break;
     case GROUP_SUPERVISION:
       check_lock(drive, in->vector.u_v_q25[0]);
+      compare_angles(drive, &in->vector);
       if (v->suspicion >= v->lost_checks) {
         drive_lost_lock(drive);
       }
@@ -504,6 +611,10 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     measure(drive, in);
   }
   v->current_i_q17 = in->vector.i_q17[0];
+  if (has_encoder(drive)) {
+    v->frame_turn_q32 = in->vector.theta_sample_q32;
+    read_encoder(drive, &in->vector);
+  }
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }

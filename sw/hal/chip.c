@@ -90,6 +90,9 @@ COLD static void configure_vector(const parameters_t *p) {
   reg_write(REG(foc.dead_time), (uint32_t)p->vector_dead_comp_cycles);
   reg_write(REG(foc.min_pulse), (uint32_t)p->min_pulse_cycles);
   reg_write(REG(foc.margin), (uint32_t)p->vector_margin_cycles);
+  reg_write(REG(encoder.filter), (uint32_t)p->encoder_filter_cycles);
+  reg_write(REG(encoder.turn), FIELD(FL_ENCODER_REGS__TURN__LAST, p->encoder_quarters - 1) |
+                                   FIELD(FL_ENCODER_REGS__TURN__INDEX, p->encoder_index));
   write_scheduler((uint32_t)p->sample_mode, p);
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
@@ -176,10 +179,19 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     v->limited[0] = (limited & 1u) != 0u;
     v->limited[1] = (limited & 2u) != 0u;
   }
+  const bool encoder = parameters->encoder_quarters > 1;
+  if (encoder || command->vector.read_slow) {
+    v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
+  }
+  if (encoder) {
+    const uint32_t position = reg_read(REG(foc.snap_encoder));
+    v->encoder_position = BITS(FL_FOC_REGS__SNAP_ENCODER__POSITION, position);
+    v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
+  }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
   if (command->vector.read_slow) {
-    v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
     read_slow(snapshot);
+    v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
   }
 }
 
@@ -315,6 +327,7 @@ COLD static void write_vector_gains(const chip_vector_command_t *vector) {
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     write_vector(REG(foc.gain[0]), s, vector->gain[s]);
     write_vector(REG(foc.hold[0]), s, vector->hold[s]);
+    write_vector(REG(foc.ratio[0]), s, vector->ratio_q17[s]);
     write_vector(REG(foc.forward[0]), s, vector->forward_v_q17[s]);
     reg_write(REG(foc.shift[0]) + 4u * s, vector->shift[s]);
   }

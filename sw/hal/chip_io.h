@@ -59,6 +59,9 @@ typedef struct {
   uint32_t theta_sample_q32;  // with which i was turned; where asked for
   bool limited[2];
   bool taken;  // the set committed before took effect at this tick
+  uint32_t encoder_position;  // at theta_sample, quarters
+  bool encoder_indexed;
+  uint16_t encoder_invalid;  // both tracks at once, wraps; with read_slow
 } chip_vector_snapshot_t;
 
 // One coherent set of measurements, latched by the chip at the control tick.
@@ -111,6 +114,7 @@ typedef struct {
   complex_t reference_i_q17[2];
   complex_t gain[2];
   complex_t hold[2];
+  complex_t ratio_q17[2];  // hold / gain
   complex_t preset_v_q17[2];
   complex_t forward_v_q17[2];
   uint32_t shift[2];
@@ -121,7 +125,7 @@ typedef struct {
   bool write_control;    // one-shot: enable, regulate or bypass have changed
   bool write_reference;  // one-shot: the reference has
   bool write_correct;    // one-shot: add correct_q32 to the angle
-  bool write_gains;      // one-shot: gain, hold, shift or forward have changed
+  bool write_gains;      // one-shot: gain, hold, ratio, shift or forward have changed
   bool write_limits;     // one-shot: limit, lead or scale have
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle

@@ -48,6 +48,10 @@ class VectorSettings:
     speed_bandwidth_hz: float = 15.0
     weakening_lowest_a: float = 0.0
     mtpa_ratio_a: float = 0.0
+    sensored: bool = False
+    encoder_lines: int = 0
+    encoder_index: bool = True
+    encoder_offset_turn: float = 0.0  # electrical, of the index
 
 
 def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -> dict[str, Value]:
@@ -57,6 +61,7 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
     tick = period * s.tick_samples
     resistance = motor.resistance_ohm + inverter.on_resistance_ohm
     admittance = period * full_v / (motor.inductance_h * full_a)
+    observed_h = motor.inductance_h + motor.saliency_h / 2.0
     volt, amp = Q25 / full_v, Q25 / full_a
     hertz = Q36 / clock  # 2^-36 turn a clock
     q = 1.0 - s.pll_pole
@@ -77,6 +82,9 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_delay_q30": round(s.delay * Q30),
         "vector_admittance": gain(admittance),
         "vector_impedance": gain(1.0 / admittance),
+        "vector_observer_resistance_q30": round(resistance / observed_h * period * Q30),
+        "vector_observer_admittance": gain(admittance * motor.inductance_h / observed_h),
+        "vector_observer_impedance": gain(observed_h / motor.inductance_h / admittance),
         "vector_park": int(s.exact_park),
         "vector_order": s.order,
         "vector_bandwidth_q30": round(2 * math.pi * 800.0 * period * Q30),
@@ -112,6 +120,12 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_dead_comp_cycles": 0,
         "vector_margin_cycles": 0,
         "vector_miss_limit": 2,
+        "vector_angle": int(s.sensored),
+        "encoder_quarters": 4 * s.encoder_lines if s.encoder_lines else 1,
+        "encoder_index": int(s.encoder_index),
+        "encoder_filter_cycles": 20,
+        "encoder_turn": gain(motor.pole_pairs / (8 * s.encoder_lines) * Q32) if s.encoder_lines else gain(0.0),
+        "encoder_offset_q32": round(s.encoder_offset_turn * Q32),
     }
 
 
@@ -164,13 +178,17 @@ class VectorBench:
         self.regulator = ComplexRegulator()
         self.omega = 0.0  # electrical
         self.i = 0j
-        self.u_before = 0j
+        self.u_before = self.u_stationary_before = 0j
+        self.torque_nm = 0.0
         self.nco_q36 = 0
         self.omega_q36 = 0
         self.samples = self.steps = 0
         self.sum = [0, 0]
         self.since_timer = 0  # clocks
         self.trips = 0
+        self.encoder, self.place, self.indexed = 0, 0, False
+        self.power_up_quarter = 1234  # the position is not that of the rotor before the index
+        self.lost_quarters = 0
         self.sampling = True
         self.noise = Random(SEED)
         self.late_commits = 0  # ticks that the next set is to miss
@@ -199,7 +217,7 @@ class VectorBench:
         """The update event: the settings written become those in use."""
         control = self.get("foc.control")
         self.enable, self.regulate = bool(control & 2), bool(control & 16)
-        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self.get("foc.shift"))
+        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self._pair("ratio"), self.get("foc.shift"))
         self.reference, self.preset = self._pair("reference"), self._pair("preset")
         self.limit = self.get("foc.limit") & (Q17 - 1)
         self.lead = self.get("foc.lead")
@@ -219,6 +237,7 @@ class VectorBench:
         stationary = self.i * rotor + self._noise()
         measured = stationary / frame
         self.error_deg = math.degrees(cmath.phase(frame / rotor))
+        self._encode()
         i17 = Complex(round(measured.real * self.unit_a), round(measured.imag * self.unit_a))
         if self.regulate:
             limited = lib.complex_regulator_step(
@@ -251,21 +270,65 @@ class VectorBench:
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
 
+    def _encode(self) -> None:
+        """Position of the encoder now, as filter and synchronisers show it."""
+        s = self.settings
+        if not s.encoder_lines:
+            return
+        quarters = 4 * s.encoder_lines
+        seen = self.theta - self.omega * (20 + 3) / CLOCK_HZ
+        place = math.floor((seen / (2 * math.pi) - s.encoder_offset_turn) / self.motor.pole_pairs * quarters)
+        if s.encoder_index and (place // quarters != self.place // quarters or place % quarters == 0):
+            self.lost_quarters, self.indexed = 0, True
+        self.place = place
+        position = (place + (0 if self.indexed else self.power_up_quarter) + self.lost_quarters) % quarters
+        self.encoder = position | self.indexed << 31
+
     def _noise(self) -> complex:
         rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
         return complex(self.noise.gauss(0.0, rms), self.noise.gauss(0.0, rms)) if rms else 0j
+
+    def _salient(self, u_stationary: complex, before: complex) -> None:
+        """One sample of a salient machine: flux in the stationary frame, Runge-Kutta."""
+        m, motor = self.machine, self.motor
+        l_d, l_q = (motor.inductance_h + sign * motor.saliency_h / 2.0 for sign in (-1.0, 1.0))
+
+        def current(flux: complex, theta: float) -> complex:
+            rotor = flux * cmath.exp(-1j * theta)
+            return complex((rotor.real - motor.psi_vs) / l_d, rotor.imag / l_q) * cmath.exp(1j * theta)
+
+        theta = self.theta
+        flux = complex(l_d * self.i.real + motor.psi_vs, l_q * self.i.imag) * cmath.exp(1j * theta)
+        for u, time in ((before, m.delay * m.period_s), (u_stationary, (1.0 - m.delay) * m.period_s)):
+            h = time / 6.0
+            for _ in range(6 if h > 0.0 else 0):
+                turn = self.omega * h
+                k1 = u - m.resistance_ohm * current(flux, theta)
+                k2 = u - m.resistance_ohm * current(flux + h / 2 * k1, theta + turn / 2)
+                k3 = u - m.resistance_ohm * current(flux + h / 2 * k2, theta + turn / 2)
+                k4 = u - m.resistance_ohm * current(flux + h * k3, theta + turn)
+                flux += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                theta += turn
+        # In the rotor's frame of the next sample.
+        self.i = current(flux, theta) * cmath.exp(-1j * theta)
 
     def _machine(self, u_stationary: complex | None) -> None:
         m, p = self.machine, self.motor.pole_pairs
         if u_stationary is None:
             self.i, self.u_before = 0j, 1j * self.motor.psi_vs * self.omega
+            self.u_stationary_before = self.u_before * cmath.exp(1j * self.theta)
             torque = 0.0
         else:
             u = u_stationary * cmath.exp(-1j * self.theta)
-            torque = 1.5 * p * self.motor.psi_vs * self.i.imag
+            torque = 1.5 * p * (self.motor.psi_vs - self.motor.saliency_h * self.i.real) * self.i.imag
+            self.torque_nm = torque
             # The voltage before was latched in the stationary frame; its model counts in the frame of its own instant.
-            step = float_model(m, self.omega).step(self.i, u, self.u_before, 1j * self.motor.psi_vs * self.omega)
-            self.i, self.u_before = step, u
+            if self.motor.saliency_h:
+                self._salient(u_stationary, self.u_stationary_before)
+            else:
+                step = float_model(m, self.omega).step(self.i, u, self.u_before, 1j * self.motor.psi_vs * self.omega)
+                self.i = step
+            self.u_before, self.u_stationary_before = u, u_stationary
             peak = abs(self.i)
             if peak > (self.inverter.phase_current_trip_a or math.inf):
                 self.trip(1)
@@ -302,6 +365,7 @@ class VectorBench:
             put("foc.snap_v_sum", self.sum[axis], axis)
         put("foc.snap_count", self.steps | 1 << 16 | int(limited) << 24)
         put("foc.snap_theta_sample", angle)
+        put("foc.snap_encoder", self.encoder)
         put("foc.snap_omega", self.omega_q36)
         self.steps, self.sum = 0, [0, 0]
         if self.late_commits > 0:

@@ -35,6 +35,9 @@ VALUES = (
     "id_ma",
     "iq_ma",
     "angle_deg",
+    "observed_ahead_deg",
+    "encoder_ahead_deg",
+    "encoder_faults",
 )
 SETTINGS = (
     "speed_rpm",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fluxlock.config.scenario import Scenario
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import DriveSpec, EncoderSpec, InverterSpec, MotorSpec
 
 CLOCK_HZ = 50e6
 
@@ -25,6 +25,7 @@ def motor_spec(s: Scenario) -> MotorSpec:
         max_speed_rpm=m.max_speed_rpm,
         emf=m.emf,
         emf_fundamental=m.emf_fundamental,
+        encoder=EncoderSpec(**m.encoder.model_dump()) if m.encoder else None,
         saliency_h=(m.inductance_q_h - m.inductance_h[0]) * error.inductance if m.inductance_q_h else 0.0,
     )
 

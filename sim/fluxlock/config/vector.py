@@ -11,7 +11,7 @@ from fluxlock.firmware.specs import VectorSpec
 
 
 class Vector(Model):
-    """Settings of `method = "vector"`. Regulators and observer of a salient machine know the mean inductance."""
+    """Settings of `method = "vector"`. Regulators of a salient machine know the mean inductance, the observer L_q."""
 
     update: Literal["single", "double"] = Field(
         default="double",
@@ -78,6 +78,16 @@ class Vector(Model):
     weakening: bool = Field(default=False, description="Field weakening: negative i_d where the voltage is short.")
     dead_time_compensation: bool = Field(
         default=True, description="Voltage that the dead time takes is added by the sign of the measured current."
+    )
+
+    angle: Literal["observer", "encoder"] = Field(
+        default="observer",
+        description="What the frame follows: the observed EMF, or the motor file's encoder, at every speed from the "
+        "alignment on.",
+    )
+    mounting: Literal["given", "learnt"] = Field(
+        default="given",
+        description="Mounting of the encoder: from the motor file if there is an index, or learnt at every alignment.",
     )
 
     @model_validator(mode="after")

@@ -101,6 +101,23 @@ def _times(s: Scenario) -> Iterator[Problem]:
         )
 
 
+def _encoder(s: Scenario) -> Iterator[Problem]:
+    """An encoder that the frame can follow."""
+    v, encoder, file = s.drive.vector, s.motor.encoder, s.sources.scenario
+    if v.angle == "encoder" and encoder is None:
+        yield Problem(file, "drive.vector.angle", '"encoder" needs one: the motor file has no [encoder]')
+    least = math.ceil(vector_compiler.ENCODER_QUARTERS_MIN * s.motor.pole_pairs / 4)
+    if v.angle == "encoder" and encoder is not None and encoder.lines < least:
+        yield Problem(
+            s.sources.motor,
+            "encoder.lines",
+            f'{encoder.lines} lines are too few for drive.vector.angle = "encoder", needed at least {least}: '
+            f"{vector_compiler.ENCODER_QUARTERS_MIN} edges an electrical turn",
+        )
+    if "mounting" in v.model_fields_set and v.angle != "encoder":
+        yield Problem(file, "drive.vector.mounting", 'belongs to drive.vector.angle = "encoder"')
+
+
 def _loops(s: Scenario) -> Iterator[Problem]:
     """Control tick and bandwidths."""
     file, v, tick_hz = s.sources.scenario, s.drive.vector, _tick_hz(s)
@@ -206,7 +223,7 @@ def check_vector(s: Scenario) -> list[Problem]:
     """What does not fit together with drive.method = "vector"."""
     if s.drive.method != "vector":
         return []
-    return [*_times(s), *_loops(s), *_start(s), *_console(s)]
+    return [*_times(s), *_encoder(s), *_loops(s), *_start(s), *_console(s)]
 
 
 def vector_speed(s: Scenario, speed_rpm: float) -> str | None:

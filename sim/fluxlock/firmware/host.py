@@ -18,7 +18,7 @@ from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.memory import BLOCK_MAX_BYTES
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x3400
+REGISTER_WORDS = 0x3800
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (

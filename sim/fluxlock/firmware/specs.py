@@ -20,6 +20,8 @@ ZcdSampling = Literal["continuous", "carrier"]
 CurrentWindow = Literal["sample", "carrier"]
 Regulator = Literal["A", "B", "C"]
 InversePark = Literal["held", "exact"]
+FrameAngle = Literal["observer", "encoder"]
+Mounting = Literal["given", "learnt"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
@@ -41,6 +43,15 @@ CURRENT_LOOP_LAG_TICKS = 2 + (1 << LOOP_FILTER_SHIFT)
 
 
 @dataclass(frozen=True)
+class EncoderSpec:
+    """Incremental encoder. offset_deg: mechanical angle of the rotor at which the index begins."""
+
+    lines: int
+    index: bool = True
+    offset_deg: float = 0.0
+
+
+@dataclass(frozen=True)
 class MotorSpec:
     """Machine. Phase quantities are means over the phases; inductance is self minus mutual.
 
@@ -58,6 +69,7 @@ class MotorSpec:
     emf: Emf = "sinusoidal"
     emf_fundamental: float = 1.0
     saliency_h: float = 0.0
+    encoder: EncoderSpec | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +118,8 @@ class VectorSpec:
     speed_hz: float = 20.0
     weakening: bool = False
     dead_time_compensation: bool = True
+    angle: FrameAngle = "observer"
+    mounting: Mounting = "given"
 
 
 @dataclass(frozen=True)

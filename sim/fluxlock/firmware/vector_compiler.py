@@ -58,6 +58,10 @@ RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine cou
 DEAD_TIME_RIPPLE_SHARE = 0.5
 DEAD_TIME_LSB = 8.0
 MISS_LIMIT = 2
+# Share of the shortest quarter of a line that the encoder's filter takes.
+ENCODER_FILTER_SHARE = 0.25
+ENCODER_FILTER_MAX = 50
+ENCODER_QUARTERS_MIN = 36  # an electrical turn: a coarser encoder is left aside
 
 
 @dataclass(frozen=True)
@@ -186,6 +190,30 @@ def _weakening(
     }
 
 
+def _encoder(motor: MotorSpec, drive: DriveSpec, vector: VectorSpec) -> dict[str, Value]:
+    """Encoder (sw/control/encoder.h)."""
+    if motor.encoder is None or 4 * motor.encoder.lines < ENCODER_QUARTERS_MIN * motor.pole_pairs:
+        return {
+            "vector_angle": 0,
+            "encoder_quarters": 1,
+            "encoder_index": 0,
+            "encoder_filter_cycles": 1,
+            "encoder_offset_q32": 0,
+            **_gains(encoder_turn=0.0),
+        }
+    quarters = 4 * motor.encoder.lines
+    shortest = drive.clock_hz / (quarters * OVERSPEED_RATIO * motor.max_speed_rpm / 60.0)
+    offset = motor.pole_pairs * motor.encoder.offset_deg / 360.0
+    return {
+        "vector_angle": int(vector.angle == "encoder"),
+        "encoder_quarters": quarters,
+        "encoder_index": int(motor.encoder.index and vector.mounting == "given"),
+        "encoder_filter_cycles": min(max(int(ENCODER_FILTER_SHARE * shortest), 1), ENCODER_FILTER_MAX),
+        "encoder_offset_q32": round(((offset + 0.5) % 1.0 - 0.5) * Q32 * (1.0 - 2.0**-40)),
+        **_gains(encoder_turn=motor.pole_pairs / (2 * quarters) * Q32),
+    }
+
+
 def _modulator(
     motor: MotorSpec, inverter: InverterSpec, drive: DriveSpec, vector: VectorSpec, timing: VectorTiming
 ) -> dict[str, Value]:
@@ -223,6 +251,8 @@ def vector_parameters(
     sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
     # T_s V / (L I): current from voltage, both in parts of their full scale.
     admittance = sample_s * inverter.voltage_full_scale_v / (m.inductance_h * inverter.current_full_scale_a)
+    # Flux of a salient machine: L_q i + (psi + (L_d - L_q) i_d) exp(j theta).
+    observed = (m.inductance_h + motor.saliency_h / 2.0) / m.inductance_h
     unit_rad_s = 2.0 * math.pi * clock / Q36  # of a speed of 2^-36 turn a clock
     ampere = Q25 / inverter.current_full_scale_a
     # J/p domega/dt = T: k_p closes the loop at the bandwidth.
@@ -241,6 +271,7 @@ def vector_parameters(
         "vector_from_cycles": timing.from_cycles,
         "vector_length_cycles": timing.length_cycles,
         "vector_resistance_q30": round(m.resistance_ohm / m.inductance_h * sample_s * Q30),
+        "vector_observer_resistance_q30": round(m.resistance_ohm / (m.inductance_h * observed) * sample_s * Q30),
         "vector_delay_q30": round(min(timing.delay, 1.0) * Q30),
         "vector_park": INVERSE_PARKS.index(vector.park),
         "vector_order": REGULATORS.index(vector.regulator),
@@ -252,6 +283,8 @@ def vector_parameters(
         **_gains(
             vector_admittance=admittance,
             vector_impedance=1.0 / admittance,
+            vector_observer_admittance=admittance / observed,
+            vector_observer_impedance=observed / admittance,
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,
             vector_rpm_to_turn=p / 60.0 / Q8 / clock * Q36,
@@ -260,5 +293,6 @@ def vector_parameters(
         **_pll(vector, timing, clock),
         **_start(motor, inverter, drive, vector, tick_s),
         **_weakening(motor, inverter, limit_a, vector, tick_s),
+        **_encoder(motor, drive, vector),
         **_modulator(motor, inverter, drive, vector, timing),
     }

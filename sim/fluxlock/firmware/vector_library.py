@@ -65,7 +65,7 @@ class Model(ctypes.Structure):
 class RegulatorGains(ctypes.Structure):
     """regulator_gains_t."""
 
-    _fields_ = [("g", Complex), ("h", Complex), ("shift", I32)]
+    _fields_ = [("g", Complex), ("h", Complex), ("ratio", Complex), ("shift", I32)]
 
 
 class RegulatorDesign(ctypes.Structure):
@@ -77,7 +77,7 @@ class RegulatorDesign(ctypes.Structure):
 class ComplexRegulator(ctypes.Structure):
     """complex_regulator_t."""
 
-    _fields_ = [("voltage_v_q25", Complex), ("error_i_q17", Complex)]
+    _fields_ = [("voltage_v_q25", Complex), ("error_i_q17", Complex), ("carry_v_q25", Complex)]
 
 
 class Observer(ctypes.Structure):

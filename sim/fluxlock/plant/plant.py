@@ -47,6 +47,8 @@ class Plant:
         self.mode = chosen_mode(mode)
         self.state: FloatArray = initial_state(params, seed)
         self.io: npt.NDArray[np.int32] = np.zeros(L.IO_SIZE, np.int32)
+        if params.machine.encoder is not None:
+            self.io[L.IO_ENCODER_WAIT] = 1  # its levels are there before anything else happens
         self._kernel = make_kernel(self.mode, self.state, self.io)
         self._waves = wave_buffer(self.state)
         self._zoom = zoom_buffer(self.state)
