@@ -37,6 +37,7 @@ CHIP_TONES = (
     "the reference of i_d."
 )
 WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
+WHY_OFFSET = "Offsets of the phase currents hardly decay at low load and count around f_e; dead time"
 WHY_ZERO = "The ripple in the sample follows the voltage of now: it adds to Γ1 and takes from Γ2"
 COUPLING = dict(zip(DELAYS, (*(3 * ["A most, B less, C least"]), "A; none with B and C"), strict=True))
 
@@ -151,8 +152,13 @@ def tracking_full_delay(runner: Runner) -> Drawing:
     if on_chip:
         largest = max(_decibels(np.abs(seen.q).max()) for seen in on_chip.values())
         lines += [
-            Entry("the same on the chip", "rises with γ", ", ".join(f"{s.bandwidth:.3f}" for s in on_chip.values())),
-            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", "Noise of the currents"),
+            Entry(
+                "the same on the chip",
+                "rises with γ",
+                ", ".join(f"{seen.bandwidth:.3f}" for seen in on_chip.values()),
+                WHY_OFFSET,
+            ),
+            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", WHY_OFFSET),
         ]
     return Drawing(f"Motor-I, f_s 15 kHz. {CHIP_TONES if on_chip else ANALYTIC}", drawn, tuple(lines))
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.analysis.vector.controllers import KINDS, Kind, cross_peak, settling_samples
-from fluxlock.analysis.vector.model import PARKS, ComplexArray, SmoothMachine
+from fluxlock.analysis.vector.model import PARKS, ComplexArray, Park, SmoothMachine
 from fluxlock.config import load_motor
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.firmware.vector_library import vector_library
@@ -87,6 +87,6 @@ def controllers(runner: Runner) -> Iterator[Row]:
         )
 
 
-def _apart(runs: dict[tuple[Kind, str, int], ComplexArray], kind: Kind, sign: int) -> float:
+def _apart(runs: dict[tuple[Kind, Park, int], ComplexArray], kind: Kind, sign: int) -> float:
     """Largest distance of the currents with held and exact inverse Park over the step."""
     return float(np.abs(runs[kind, "held", sign] - runs[kind, "exact", sign]).max())
