@@ -22,7 +22,7 @@ def exact_response(delay: float, gamma: float) -> tuple[frequency.Loop, Response
     setting = Setting("C", SPEED, delay, "exact", update="double", carrier_hz=CARRIER_HZ, gamma=gamma)
     loop = Ground.of(setting).theory.loop
     at = np.array(sorted(TONES)) / PERIOD
-    return loop, Response(at, loop.closed(frequency.on_circle(at)), 0.0, 0.0, 0)
+    return loop, Response(at, loop.closed(frequency.on_circle(at)), 0.0, 0)
 
 
 @pytest.mark.parametrize("name", list(POINTS))

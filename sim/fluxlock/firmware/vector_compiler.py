@@ -54,8 +54,11 @@ WEAKENING_HZ = 20.0
 WEAKENING_SHARE = 0.95
 WEAKENING_CURRENT_SHARE = 0.8
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
-# Current of the whole dead-time compensation: of the carrier's ripple V_dc T / (12 L), which smooths the sign.
+# Current of the whole dead-time compensation: of the carrier's ripple V_dc T / (12 L), which smooths the sign. Below it
+# the compensation acts as a negative resistance, at most so much of R: while the ripple turns the sign at the edges the
+# dead time itself costs nothing, and offsets of the phase currents decay by R alone, whatever the regulator.
 DEAD_TIME_RIPPLE_SHARE = 0.5
+DEAD_TIME_RESISTANCE_SHARE = 0.5
 DEAD_TIME_LSB = 8.0
 MISS_LIMIT = 2
 # Share of the shortest quarter of a line that the encoder's filter takes.
@@ -221,7 +224,12 @@ def _modulator(
     clock = drive.clock_hz
     lost = max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)) if vector.dead_time_compensation else 0
     ripple_a = inverter.supply_v * timing.carrier_cycles / clock / (12.0 * motor.inductance_h)
-    zone_a = max(DEAD_TIME_RIPPLE_SHARE * ripple_a, DEAD_TIME_LSB * inverter.current_full_scale_a / 2.0**inverter.bits)
+    lost_v = inverter.supply_v * lost / timing.carrier_cycles
+    zone_a = max(
+        DEAD_TIME_RIPPLE_SHARE * ripple_a,
+        lost_v / (DEAD_TIME_RESISTANCE_SHARE * VectorMachine.of(motor, inverter).resistance_ohm),
+        DEAD_TIME_LSB * inverter.current_full_scale_a / 2.0**inverter.bits,
+    )
     slope = lost / (zone_a * Q17 / inverter.current_full_scale_a)
     shift = 0
     while 0 < slope * 2 ** (shift + 1) < Q17 - 1 and shift < 31:

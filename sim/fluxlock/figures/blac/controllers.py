@@ -34,10 +34,11 @@ CHIP_STEPS = (
 )
 CHIP_TONES = (
     f"Lines: exact discrete model. Points: the chip with the switched inverter, {len(TONES)} sines of {TONE_A:g} A on "
-    "the reference of i_d."
+    "the reference of i_d; filled those of B."
 )
 WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
-WHY_ZERO = "The ripple in the sample follows the voltage of now: it adds to Γ1 and takes from Γ2"
+WHY_OFFSET = "Offsets of the phase currents hardly decay at low load and count around f_e; dead time"
+WHY_ZERO = "At 0.25 and 0.75 T_s ripple in the sample follows the voltage of now; at 0.5 T_s there is none"
 COUPLING = dict(zip(DELAYS, (*(3 * ["A most, B less, C least"]), "A; none with B and C"), strict=True))
 
 
@@ -151,8 +152,13 @@ def tracking_full_delay(runner: Runner) -> Drawing:
     if on_chip:
         largest = max(_decibels(np.abs(seen.q).max()) for seen in on_chip.values())
         lines += [
-            Entry("the same on the chip", "rises with γ", ", ".join(f"{s.bandwidth:.3f}" for s in on_chip.values())),
-            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", "Noise of the currents"),
+            Entry(
+                "the same on the chip",
+                "rises with γ",
+                ", ".join(f"{seen.bandwidth:.3f}" for seen in on_chip.values()),
+                WHY_OFFSET,
+            ),
+            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", WHY_OFFSET),
         ]
     return Drawing(f"Motor-I, f_s 15 kHz. {CHIP_TONES if on_chip else ANALYTIC}", drawn, tuple(lines))
 
@@ -204,8 +210,8 @@ def _chip_entries(on_chip: tuple[list[Tracking], list[Tracking]]) -> list[Entry]
     widths = (", ".join(f"{seen.bandwidth:.3f}" for seen in part) for part in on_chip)
     sizes = (", ".join(f"{_decibels(np.abs(seen.q).max()):.1f}" for seen in part) for part in on_chip)
     return [
-        Entry("bandwidths of P over f_s on the chip", "", "B {}; C {}".format(*widths)),
-        Entry("largest |Q| on the chip (dB)", "", "B {}; C {}".format(*sizes)),
+        Entry("bandwidths of P over f_s on the chip", "", "B {}; C {}".format(*widths), WHY_OFFSET),
+        Entry("largest |Q| on the chip (dB)", "", "B {}; C {}".format(*sizes), WHY_OFFSET),
     ]
 
 

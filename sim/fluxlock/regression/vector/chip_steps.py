@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from fluxlock.regression.vector.specified import FS_HZ, PEAKS_PERCENT
 LIMIT_PERCENT = 3.0  # of the step
 INSTANT_LIMIT_CLOCKS = 5.0  # half a dead time: the edges' middles are known to no more
 QUICK_POINTS = ((0.1, 0.5),)
+WINDOWS: tuple[Literal["sample", "carrier"], ...] = ("sample", "carrier")
 AVERAGED_DELAY = 0.75  # ripple at a single sample, and room for the window
 RIPPLE_NOTE = (
     "Away from 0.5 T_s and T_s the sample lies beside the middle of pulse and gap, and what the step changes of the "
@@ -90,7 +92,7 @@ def averaging(runner: Runner) -> Iterator[Row]:
     for speed in (0.1,) if runner.quick else (0.05, 0.1):
         values: dict[str, Number] = {}
         trips = 0
-        for window in ("sample", "carrier"):
+        for window in WINDOWS:
             setting = Setting("C", speed, AVERAGED_DELAY, window=window)
             ground, step = Ground.of(setting), id_step(runner, setting)
             values[f"ripple_a.{window}"] = float(np.std(step.ripple_a))

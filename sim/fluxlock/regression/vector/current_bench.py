@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from fluxlock.firmware.vector_compiler import VectorMachine, circle
 from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.vector.specified import FS_HZ
 
 SCENARIO = "vector/id-step.toml"
 PROGRAM = "current_reference"
@@ -47,31 +49,27 @@ FULL_BITS, STATE_BITS = 17, 25
 
 @dataclass(frozen=True)
 class Setting:
-    """What is set: speed and delay over f_s and T_s (delay None: the shortest), carrier (Hz), see `[drive.vector]`."""
+    """What is set: speed over 15 kHz, delay over T_s, carrier (Hz); the rest as in `[drive.vector]`."""
 
     kind: Kind
     speed: float
-    delay: float | None
+    delay: float
     park: Park = "held"
-    window: str = "sample"
-    update: str = "single"
+    window: Literal["sample", "carrier"] = "sample"
+    update: Literal["single", "double"] = "single"
     carrier_hz: float = 15e3
     gamma: float = GAMMA
-    compensated: bool = True  # dead time
-    fs_hz: float = field(default=15e3, kw_only=True)  # that `speed` counts in
 
     @property
     def fundamental_hz(self) -> float:
         """f_e."""
-        return self.speed * self.fs_hz
+        return self.speed * FS_HZ
 
     @property
     def name(self) -> str:
         """Of its runs."""
-        delay = "shortest" if self.delay is None else f"{self.delay:g}"
-        parts = [self.kind, f"{self.fundamental_hz:g}hz", f"td-{delay}", self.park, self.window, self.update]
-        parts += [f"{self.carrier_hz:g}", f"g-{self.gamma:g}", *([] if self.compensated else ["plain"])]
-        return "-".join(parts)
+        parts = [self.kind, f"{self.fundamental_hz:g}hz", f"td-{self.delay:g}", self.park, self.window, self.update]
+        return "-".join([*parts, f"{self.carrier_hz:g}", f"g-{self.gamma:g}"])
 
     def overrides(self) -> list[str]:
         """Keys of the scenario, without its duration."""
@@ -82,16 +80,12 @@ class Setting:
             f'drive.vector.window="{self.window}"',
             f'drive.vector.regulator="{self.kind}"',
             f'drive.vector.park="{self.park}"',
-            f"drive.vector.dead_time_compensation={str(self.compensated).lower()}",
+            f"drive.vector.delay={self.delay!r}",
             f"initial.speed_rpm={rpm!r}",
             f"mechanics.profile=[[0.0, {rpm!r}]]",
             "window=[]",
         ]
-        if self.kind != "A":
-            keys.append(f"drive.vector.gamma={self.gamma!r}")
-        if self.delay is not None:
-            keys.append(f"drive.vector.delay={self.delay!r}")
-        return keys
+        return keys if self.kind == "A" else [*keys, f"drive.vector.gamma={self.gamma!r}"]
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,11 @@ DRAWS = 200  # of the phases; the smallest peak is taken
 
 @dataclass(frozen=True)
 class Response:
-    """Current over reference at frequencies over f_s, both signs, ascending; largest voltage (V), trips."""
+    """Current over reference at frequencies over f_s, both signs; largest voltage (V), trips."""
 
     frequency: FloatArray
     h: ComplexArray
     voltage_v: float
-    angle_error_deg: float
     trips: int
 
     def at(self, sign: int) -> tuple[FloatArray, ComplexArray]:
@@ -62,7 +61,6 @@ def measure(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a:
         np.array(ordered, dtype=np.float64) / PERIOD,
         np.asarray(spectrum[np.array(ordered) % PERIOD]),
         float(np.abs(played.voltage).max()),
-        float(np.abs(played.angle_error_deg).max()),
         played.trips + rest.trips,
     )
 
