@@ -21,6 +21,7 @@ from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import run_program
 from fluxlock.cosim.run import ready_chip, run_scenario
 from fluxlock.firmware import build_firmware, build_program
+from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.regression.case import CASES, Row
 from fluxlock.regression.origin import kept, origin
@@ -187,8 +188,13 @@ def side_by_side(
     """Call work(name, quick, seed) for all names in `jobs` processes; done: called with every result as it comes."""
     ready_chip()  # once, before the workers ask for it
     build_firmware(BUILD / "firmware")
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        pending = {pool.submit(work, name, quick, seed): name for name in names}
+    module = getattr(work, "func", work).__module__  # of a partial function: that of the function
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (module,)) as pool:
+        hold_interrupts()
+        try:
+            pending = {pool.submit(work, name, quick, seed): name for name in names}  # begins the workers
+        finally:
+            release_interrupts()
         try:
             for future in as_completed(pending):
                 done(pending[future], future.result())
