@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
+from fluxlock.build import check_build
 from fluxlock.config import load_scenario
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
 from fluxlock.cosim.run import prepare, ready_chip
 from fluxlock.paths import BUILD, ROOT
+from fluxlock.writable import check_file, guarded
 
 WINDOW = "steady"
 
@@ -99,8 +101,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=2, help="pairs of runs (default 2)")
     options = parser.parse_args()
-    result = measure(options.repeat)
     path = BUILD / "bench.json"
+    check_build()
+    check_file(path)
+    result = measure(options.repeat)
     path.write_text(json.dumps(result, indent=2) + "\n")
     print(f"closed loop {result['closed_loop_cycles_per_s'] / 1e6:.2f} Mcycle/s, "
           f"bare {result['bare_cycles_per_s'] / 1e6:.2f} Mcycle/s, ratio {result['ratio']:.2f}, "
@@ -109,4 +113,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded(main))

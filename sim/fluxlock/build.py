@@ -16,15 +16,24 @@ from pathlib import Path
 
 from fluxlock import regblock
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
+from fluxlock.writable import check_folder, guarded
 
 REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
 IO_BASE = 0x8000_0000
 
 
+def check_build() -> None:
+    """See that the folders which builds and runs fill can be written; OSError names the one that refuses."""
+    from fluxlock.plant.build import cache_folder
+
+    for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", cache_folder()):
+        check_folder(folder)
+
+
 @contextmanager
 def file_lock(path: Path) -> Iterator[None]:
     """Hold an exclusive lock: parallel test workers share the build folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    check_folder(path.parent)
     while True:
         try:
             fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
@@ -65,7 +74,7 @@ def generate_registers(force: bool = False) -> Path:
     with file_lock(BUILD / ".regs.lock"):
         if not force and stamp.exists() and stamp.read_text() == key:
             return GENERATED
-        GENERATED.mkdir(parents=True, exist_ok=True)
+        check_folder(GENERATED)
         for block in REGISTER_BLOCKS:
             rdl = RTL / "regs" / f"fl_{block}_regs.rdl"
             _peakrdl("regblock", str(rdl), "-o", str(GENERATED), *REGBLOCK_OPTIONS)
@@ -121,4 +130,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded(main))

@@ -27,6 +27,7 @@ from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
+from fluxlock.writable import refusal
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -166,9 +167,11 @@ def run(
 def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
+    from fluxlock.build import check_build
     from fluxlock.cosim.outcome import write_outcome
     from fluxlock.cosim.run import run_scenario
 
+    check_build()
     console, messages = Console(), Console(stderr=True)
     fault: SimulationFault | None = None
     with _ProgressBar(messages, scenario.duration_s) as progress:
@@ -311,6 +314,12 @@ def main() -> None:
         code = EXIT_BAD_INPUT
     except typer.TyperException as error:
         _report_usage(error)
+        code = EXIT_BAD_INPUT
+    except OSError as error:
+        text = refusal(error)
+        if text is None:
+            raise
+        print(f"error: {text}", file=sys.stderr)
         code = EXIT_BAD_INPUT
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED

@@ -17,6 +17,7 @@ from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
 from fluxlock.synth import WORK, empty_image, load_configurations, read_slang, relative, sources
+from fluxlock.writable import guarded
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
 # Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
@@ -156,4 +157,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded(main))

@@ -22,6 +22,7 @@ from fluxlock.build import generate_registers
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
+from fluxlock.writable import guarded
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
 RESULTS = BUILD / "synth.json"
@@ -284,4 +285,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded(main))

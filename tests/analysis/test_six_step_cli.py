@@ -53,6 +53,23 @@ def test_soa(tmp_path: Path, small: None) -> None:
     assert data["load"]["ON-PWM"][0]["speed_rpm"] == pytest.approx(22_500)
 
 
+def test_soa_gives_the_circuit_of_the_regression(tmp_path: Path, small: None) -> None:
+    """The command of the page of limits gives the torques that stand in the table of the regression.
+
+    Verifies: THEORY-11
+    """
+    page = (ROOT / "docs" / "theory" / "six-step-limits.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"^\.venv/bin/fluxlock (soa .*)$", page, re.MULTILINE)
+    words = [str(ROOT / word) if word.endswith(".toml") else word for word in command.split()]
+    _, data = run(tmp_path, *words, "--speed-max", "60000")
+    table = (ROOT / "docs" / "verification" / "regression.md").read_text(encoding="utf-8")
+    for pattern, limit in data["torque_limit_nm"].items():
+        assert limit["speed_rpm"][-1] == 60_000
+        (row,) = re.findall(rf"^\| six-step/torque-limit/{pattern} \|.*", table, re.MULTILINE)
+        for name, key in (("seen", "freewheel_30_deg"), ("computed_back", "computed_back")):
+            assert f"circuit_{name}_mnm {1e3 * limit[key][-1]:.4g}," in row
+
+
 def test_soa_of_a_slow_motor(tmp_path: Path) -> None:
     """Speeds below 12 r/min stay apart in the tables.
 

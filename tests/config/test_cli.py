@@ -104,6 +104,7 @@ def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Pa
         "zoom.png",
         "simulator",
     }
+    assert "crossing error rms" in out and "zcp" not in out
     assert "commutation error rms" in out and "steady" in out and "loaded" in out
     result = json.loads((tmp_path / "o" / "result.json").read_text())
     assert result["failures"] == [] and result["trips"] == []

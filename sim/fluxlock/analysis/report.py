@@ -29,10 +29,12 @@ _SUFFIXES = ("_rpm", "_deg", "_nm", "_pp_a", "_a")
 
 
 def _label(metric: str) -> str:
-    """`zcp_error_deg.rms` -> `zcp error rms`."""
+    """`zcp_error_deg.rms` -> `crossing error rms`."""
     name, _, part = metric.partition(".")
     for suffix in _SUFFIXES:
-        name = name.removesuffix(suffix) + (" p-p" if suffix == "_pp_a" and name.endswith(suffix) else "")
+        name = name.replace("zcp_", "crossing_").removesuffix(suffix) + (
+            " p-p" if suffix == "_pp_a" and name.endswith(suffix) else ""
+        )
     return f"{name} {part}".replace("_pp", " p-p").replace("_", " ").strip()
 
 

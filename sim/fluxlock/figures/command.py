@@ -20,6 +20,7 @@ from fluxlock.figures.figure import FAMILIES, FIGURES, FigureEntry
 from fluxlock.figures.panels import save_small
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.runner import RunFailed, Runner, side_by_side
+from fluxlock.writable import refusal
 
 SCHEMA_VERSION = 1
 DOCUMENT = "figures.json"
@@ -66,8 +67,8 @@ def draw(family: str, out: Path, number: str, quick: bool, seed: int) -> dict[st
         drawing = entry.body(Runner(f"figures/{family}/{number}", quick, seed, plots=False))
     except RunFailed as error:
         return {**failure, "failure": str(error)}
-    except Exception:
-        return {**failure, "failure": traceback.format_exc()}
+    except Exception as error:
+        return {**failure, "failure": refusal(error) or traceback.format_exc()}
     save_small(drawing.page, out / image)
     return entry.as_json(drawing, image)
 
@@ -93,7 +94,7 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
     """Draw, print a table, write the document; False if a figure failed. Figures drawn before stay in the document."""
     entries = select(family, wanted)
     folder = out / family
-    prepare_folder(folder)
+    prepare_folder(folder, DOCUMENT, *(f"{entry.stem}.png" for entry in entries))
     made = origin(seed)  # before the runs: the checkout may change while they last
     found = draw_all(entries, family, folder, quick, seed, jobs)
     console = Console()

@@ -13,6 +13,7 @@ from rich.table import Table
 from fluxlock.config import ConfigError, Problem
 from fluxlock.regression.case import CASES, limit_text
 from fluxlock.regression.runner import RESULT, merge, run_cases, select
+from fluxlock.writable import check_file
 
 
 def _selected(patterns: Sequence[str]) -> list[str]:
@@ -48,6 +49,7 @@ def _add(table: Table, row: dict[str, Any]) -> None:
 def run_regression(patterns: Sequence[str], quick: bool, seed: int, jobs: int) -> bool:
     """Run, print a table, write the document; False if a row misses a limit."""
     names = _selected(patterns)
+    check_file(RESULT)
     console = Console()
     table = Table(title="regression" + (", quick" if quick else ""), title_justify="left")
     for header in ("row", "values (limits)", ""):
@@ -65,7 +67,6 @@ def run_regression(patterns: Sequence[str], quick: bool, seed: int, jobs: int) -
     console.print(table)
     failed = [row["id"] for row in document["rows"] if not row["pass"]]
     document = merge(document, names)
-    RESULT.parent.mkdir(parents=True, exist_ok=True)
     RESULT.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     console.print(f"written: {RESULT}", highlight=False, soft_wrap=True)
     for name in failed:

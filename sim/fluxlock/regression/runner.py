@@ -16,14 +16,17 @@ from typing import Any, TypeVar
 
 from fluxlock.analysis.result import tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
+from fluxlock.build import check_build
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import run_program
 from fluxlock.cosim.run import ready_chip, run_scenario
 from fluxlock.firmware import build_firmware, build_program
+from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.regression.case import CASES, Row
 from fluxlock.regression.origin import kept, origin
+from fluxlock.writable import check_folder, refusal
 
 SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
@@ -137,8 +140,9 @@ def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:
         rows.extend(CASES[case_id].body(Runner(case_id, quick, seed)))
     except RunFailed as error:
         rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, str(error)))
-    except Exception:
-        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, traceback.format_exc()))
+    except Exception as error:
+        reason = refusal(error) or traceback.format_exc()
+        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, reason))
     return [row.as_json() for row in rows]
 
 
@@ -185,10 +189,18 @@ def side_by_side(
     done: Callable[[str, Item], None],
 ) -> None:
     """Call work(name, quick, seed) for all names in `jobs` processes; done: called with every result as it comes."""
+    check_build()
+    for folder in (FOLDER, FOLDER / ("quick" if quick else "full"), KEYS):
+        check_folder(folder)
     ready_chip()  # once, before the workers ask for it
     build_firmware(BUILD / "firmware")
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        pending = {pool.submit(work, name, quick, seed): name for name in names}
+    module = getattr(work, "func", work).__module__  # of a partial function: that of the function
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (module,)) as pool:
+        hold_interrupts()
+        try:
+            pending = {pool.submit(work, name, quick, seed): name for name in names}  # begins the workers
+        finally:
+            release_interrupts()
         try:
             for future in as_completed(pending):
                 done(pending[future], future.result())

@@ -74,11 +74,17 @@ def soa(
     ] = 2e-6,
     sample: Annotated[float, typer.Option(min=0.0, max=1e-3, help="Sample period, s.")] = 1e-6,
     simulate: Annotated[bool, typer.Option(help="Also simulate the switched circuit.")] = True,
+    commutation: Annotated[
+        Literal["NSC", "CSC"], typer.Option(help="Of the periodic states: load of the file, largest torque.")
+    ] = "NSC",
+    duties: Annotated[
+        int, typer.Option(min=2, max=1000, help="Duties a speed, between which the largest torque is interpolated.")
+    ] = 33,
 ) -> None:
     """Safe operating area: freewheel angles over speed and current, at the load of the file, torque limits."""
     loaded = load_motor(motor)
     power_stage = load_inverter(inverter) if inverter else None
-    prepare_folder(out)
+    prepare_folder(out, "soa.png", "soa.json")
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step.override import SampleTiming
     from fluxlock.analysis.six_step.soa_study import Settings, study
@@ -91,6 +97,8 @@ def soa(
         late_deg=late,
         timing=SampleTiming(settle_s=settle, period_s=sample, latency_s=sample),
         simulate=simulate,
+        commutation=commutation,
+        duties=duties,
     )
     circuit = real_inverter(power_stage) if power_stage else ideal_inverter(supply)
     with progress_bars() as begin:
@@ -114,7 +122,11 @@ def _print_study(result: Study) -> None:
             values = [v[s] for x in result.limits.values() for v in (x.visible_nm, x.recovered_nm, x.supply_nm)]
             rows.append([f"{speed:.{decimals}f}", *(number(1e3 * value) for value in values)])
         headers = [f"{c} {what}" for c in result.limits for what in ("30°", "computed back", "largest")]
-        print_table("Largest mean torque of the switched circuit, mN m", ("speed r/min", *headers), rows)
+        print_table(
+            f"Largest mean torque of the switched circuit, {result.settings.commutation}, mN m",
+            ("speed r/min", *headers),
+            rows,
+        )
     if result.lines:
         rows = []
         for states in zip(*result.lines.values(), strict=False):
@@ -140,7 +152,7 @@ def stability(
     """Stability of the zero-crossing loop: boundary of the map over N against the closed form, figure 5.7."""
     if not n_min < n_max:
         raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
-    prepare_folder(out)
+    prepare_folder(out, "stability.png", "stability.json")
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import stability as theory
     from fluxlock.analysis.six_step.patterns import Commutation
@@ -219,7 +231,7 @@ def spectrum(
     if mean == 0.0:
         raise ConfigError([Problem("--mean", "", "must be above 0: there is no fundamental")])
     ratio, n_text = _ratio(speed, pole_pairs, carrier)
-    prepare_folder(out)
+    prepare_folder(out, "spectrum.png", "spectrum.json")
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step.linearity import compensated_duty
     from fluxlock.analysis.six_step.patterns import COMMUTATIONS
@@ -303,7 +315,7 @@ def recorded(
         torque = theory.torque_ripple(run, window)
     except ValueError as error:
         raise ConfigError([Problem("--from, --to", "", str(error))]) from None
-    prepare_folder(out)
+    prepare_folder(out, "recorded.png", "recorded.json")
     lines = theory.recorded_spectrum(run, window, max_order)
     own, others = theory.harmonics(lines)
     hertz, mean = window.fundamental_hz(run.clock_hz), theory.mean_excitation(run, window)
@@ -350,7 +362,7 @@ def linearity(
     """Mean of the output under CSC with and without the compensation (5.18), wrong N, shortest pulse."""
     if not n_min < n_max:
         raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
-    prepare_folder(out)
+    prepare_folder(out, "linearity.png", "linearity.json")
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step.linearity import compensated_duty, mean_output, mean_with_min_pulse
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from fluxlock.config import ConfigError, Problem
+from fluxlock.writable import check_file, check_folder
 
 # Called with a description, returns a function to be called with the finished part, 0..1.
 Begin = Callable[[str], Callable[[float], None]]
@@ -25,12 +27,17 @@ def _unwritable(path: Path, error: OSError) -> ConfigError:
     return ConfigError([Problem("--out", str(path), f"cannot be written: {reason}; name another folder")])
 
 
-def prepare_folder(out: Path) -> None:
-    """Make the output folder, before anything takes time."""
+def prepare_folder(out: Path, *files: str) -> None:
+    """Make the output folder and see that its files can be written, before anything takes time or is printed."""
+    path = out
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        check_folder(out)
+        for path in (out / name for name in files):
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "a folder is in the way")
+            check_file(path)
     except OSError as error:
-        raise _unwritable(out, error) from None
+        raise _unwritable(path, error) from None
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any JSON value

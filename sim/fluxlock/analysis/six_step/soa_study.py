@@ -13,7 +13,7 @@ from fluxlock.analysis.six_step import soa
 from fluxlock.analysis.six_step.freewheel import freewheel_angle_deg
 from fluxlock.analysis.six_step.machine import Machine
 from fluxlock.analysis.six_step.override import SampleTiming
-from fluxlock.analysis.six_step.patterns import Chopping
+from fluxlock.analysis.six_step.patterns import Chopping, Commutation
 from fluxlock.analysis.six_step.switched import SteadyState
 from fluxlock.config.motor import Motor
 from fluxlock.plant import InverterParams
@@ -27,7 +27,11 @@ LOAD_POINTS = 11
 
 @dataclass(frozen=True)
 class Settings:
-    """What to look at: speeds up to speed_max_rpm, currents up to current_max_a; late_deg: latest commutation."""
+    """What to look at: speeds up to speed_max_rpm, currents up to current_max_a; late_deg: latest commutation.
+
+    commutation: how the gates of the periodic states (load lines, torque limits) follow the carrier. duties: points a
+    speed between which the torque limits are interpolated.
+    """
 
     speed_max_rpm: float
     current_max_a: float
@@ -35,6 +39,8 @@ class Settings:
     late_deg: float
     timing: SampleTiming
     simulate: bool = True
+    commutation: Commutation = "NSC"
+    duties: int = 33
 
 
 @dataclass
@@ -77,6 +83,8 @@ class Study:
                 "motor": self.machine.name,
                 "supply_v": self.supply_v,
                 "carrier_hz": self.settings.carrier_hz,
+                "commutation": self.settings.commutation,
+                "duties": self.settings.duties,
                 "late_deg": self.settings.late_deg,
                 "settle_s": timing.settle_s,
                 "sample_s": timing.period_s,
@@ -168,6 +176,7 @@ def study(
             np.linspace(LOAD_SPEEDS[0] * top, LOAD_SPEEDS[1] * top, LOAD_POINTS),
             chopping=chopping,
             carrier_hz=carrier_hz,
+            commutation=settings.commutation,
             progress=begin(f"load of the motor file, {chopping}"),
         )
         result.lines[chopping] = [state for state in states if state is not None]
@@ -178,6 +187,8 @@ def study(
             chopping=chopping,
             carrier_hz=carrier_hz,
             timing=settings.timing,
+            commutation=settings.commutation,
+            steps=settings.duties,
             progress=begin(f"largest torque, {chopping}"),
         )
     return result

@@ -243,7 +243,7 @@ def parameters(
         text = f"{highest:g} Hz is above {LARGEST_SPEED * rate:g} Hz, a quarter of --rate; raise --rate or lower it"
         raise ConfigError([Problem("--speed-max", "", text)])
     _check_loop(loop, rate)
-    prepare_folder(out)
+    prepare_folder(out, "parameters.png", "parameters.json")
     speeds = speed_range(highest)
     loads = np.linspace(0.0, current_max or loaded.rated_current_a, 31)
     drive = Drive.usual(bench.machine, bench.sampling(delay), 0j, loop)

@@ -112,6 +112,14 @@ def csc_distortion(n: float, duty: float = 0.5) -> float:
     return weighted_distortion(analytic_lines("CSC", ratio, duty, line_numbers(ratio, 300.0)))
 
 
+def weighted_fifth(n: float) -> float:
+    """Fifth line of CSC at duty 0.5 over its order and over the fundamental, at any N (taken to a hundredth)."""
+    ratio = Fraction(n).limit_denominator(100)
+    lines = analytic_lines("CSC", ratio, 0.5, np.array([0, -1]) * ratio.denominator)
+    first, fifth = np.abs(lines.amplitude)
+    return float(fifth / 5 / first)
+
+
 def stray_line(n: float) -> float:
     """Largest line of ideal CSC gates at whole orders other than 1 + 6 k, to order 25."""
     sequence = gate_sequence("CSC", n, 0.5, turns=1)
@@ -145,6 +153,7 @@ def csc_spectrum(runner: Runner) -> Drawing:
         if not runner.quick
         else float(np.abs(np.diff(distortion)).max())
     )
+    fifth = [100 * weighted_fifth(value) for value in (3.0, 3.5, 4.0)]
     same_mean = csc_distortion(3.3, float(compensated_duty(0.5, 3.3)))
     return Drawing(
         "(5.13), (5.15): only the orders 6k ± 1 exist. Weighted distortion over the orders to 300.",
@@ -168,6 +177,12 @@ def csc_spectrum(runner: Runner) -> Drawing:
                 "falls gradually with N, no jumps",
                 f"{distortion[0]:.4f} at N = 2 to {distortion[-1]:.4f} at N = 6; largest step between points "
                 f"{step:.4f}",
+                "No jumps, but it falls from whole N to whole N only and rises before each. Whole carriers have the "
+                "same mean everywhere in the sector: low orders as without chopping, the fifth over its order and the "
+                f"fundamental {fifth[0]:.1f} and {fifth[2]:.1f} % at N = 3 and 4 (1/25 unchopped). A last carrier "
+                "cut down to its pulse raises the mean at the end of the sector, which takes the fifth to "
+                f"{fifth[1]:.1f} % at N = 3.5; as its gap grows back, the fifth returns, faster than the lines of the "
+                "carrier fall with N",
             ),
         ),
     )

@@ -192,6 +192,21 @@ def _effect(run: Outcome, disturbance: Disturbance) -> dict[str, Number]:
     return values | {"disturbed": int(disturbed)}
 
 
+def endings(disturbance: Disturbance, locked: bool, stopped: bool, noticed: bool) -> dict[str, Number]:
+    """How a run has ended: which of three ways, and whether it is a right one.
+
+    A drive that runs on with a channel that keeps its code to the end, and has neither lost a lock nor tripped, has not
+    noticed: nothing was regained. noticed: it has lost a lock or tripped.
+    """
+    unnoticed = locked and bool(disturbance.hidden) and not noticed
+    return {
+        "runs_on_unnoticed": int(unnoticed),
+        "relocked": int(locked and not unnoticed),
+        "stopped_by_name": int(stopped),
+        "right_end": int(stopped if disturbance.must_stop else locked or stopped),
+    }
+
+
 def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     window = run.metrics["end"]
     rms_deg = window["commutation_error_deg"]["rms"]
@@ -199,14 +214,13 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     locked = state == "running" and rms_deg is not None and rms_deg < LOCKED_RMS_DEG
     safety = gate_safety(run.data)
     stopped = state == "fault" and fault in disturbance.faults and not safety.on_at_end
+    lost, trips = int(console_word(run, "lost_locks") or 0), len(run.result["trips"])
     values: dict[str, Number] = {
-        "relocked": int(locked),
-        "stopped_by_name": int(stopped),
-        "right_end": int(stopped if disturbance.must_stop else locked or stopped),
+        **endings(disturbance, locked, stopped, noticed=lost > 0 or trips > 0),
         "commutation_error_deg.rms": rms_deg,
         "speed_rpm.mean": window["speed_rpm"]["mean"],
-        "lost_locks": int(console_word(run, "lost_locks") or 0),
-        "trips": len(run.result["trips"]),
+        "lost_locks": lost,
+        "trips": trips,
         "shoot_throughs": safety.shoot_throughs,
         "least_dead_time_ns": None if safety.least_dead_time_s is None else 1e9 * safety.least_dead_time_s,
     }

@@ -1,0 +1,58 @@
+"""Folders and files below `build/` that cannot be written: one line that says which and what to do, no traceback."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+EXIT_BAD_INPUT = 2
+OWN = "let this user write there, or work in a checkout of your own"
+ROOM = "make room"
+ADVICE = {
+    errno.EACCES: OWN,
+    errno.EPERM: OWN,
+    errno.EROFS: "work in a checkout that can be written",
+    errno.ENOSPC: ROOM,
+    errno.EDQUOT: ROOM,
+}
+
+
+def refusal(error: BaseException) -> str | None:
+    """What the system refused and what to do, in one line; None if the error is none of this kind."""
+    if not isinstance(error, OSError) or error.errno not in ADVICE:
+        return None
+    path = f"{error.filename}: " if error.filename else ""
+    return f"{path}{error.strerror}; {ADVICE[error.errno]}"
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder and see that files can be made in it; OSError names the folder that refuses."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(folder)) from None
+
+
+def check_file(path: Path) -> None:
+    """See that a file can be written, before what is to stand in it takes time; OSError names it or its folder."""
+    check_folder(path.parent)
+    if path.exists() and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+def guarded(main: Callable[[], int | None]) -> int:
+    """Exit code of a module's command line; 2 with a line on the error output where something cannot be written."""
+    try:
+        return main() or 0
+    except OSError as error:
+        text = refusal(error)
+        if text is None:
+            raise
+        print(f"error: {text}", file=sys.stderr)
+        return EXIT_BAD_INPUT
