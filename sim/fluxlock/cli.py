@@ -198,6 +198,39 @@ def _fail(lines: list[str]) -> NoReturn:
 
 
 @app.command()
+def identify(
+    plant: Annotated[Path, typer.Option(help="Motor file of the machine on the bench; the tool reads its name plate.")],
+    inverter: Annotated[Path, typer.Option(help="Inverter file.")],
+    out: Annotated[Path | None, typer.Option(help="Motor file to write, default build/identify/<plant>.toml.")] = None,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    current_hz: Annotated[float, typer.Option(min=1.0, max=20e3, help="Bandwidth of the current gains, Hz.")] = 800.0,
+    speed_hz: Annotated[float, typer.Option(min=0.1, max=2e3, help="Bandwidth of the speed gains, Hz.")] = 20.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Measure a machine through the chip and write its motor file.
+
+    Resistance, inductance on d and q, flux, dead-time voltage, inertia and friction. The bench is simulated; known are
+    the name plate (pole pairs, rated current, highest speed) and the inverter file.
+    """
+    from fluxlock.commission.bench import bench_of
+
+    bench = bench_of(plant, inverter)
+    path = out if out is not None else Path("build") / "identify" / f"{plant.stem}.toml"
+    if path.suffix != ".toml":
+        raise ConfigError([Problem("--out", str(path), "must be a file name that ends in .toml")])
+    if path.resolve() in (plant.resolve(), inverter.resolve()):
+        raise ConfigError([Problem("--out", str(path), "is one of the files that are read; name another file")])
+    # Simulator and Matplotlib are slow to import and not needed by the other commands.
+    from fluxlock.commission.command import identify as run_identify
+    from fluxlock.cosim.plan import ConversationError
+
+    try:
+        run_identify(bench, path, 1 if seed is None else seed, current_hz, speed_hz, as_json)
+    except (ConversationError, SimulationFault) as error:
+        _fail([f"identify: {error}"])
+
+
+@app.command()
 def regression(
     cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,

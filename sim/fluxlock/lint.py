@@ -104,12 +104,21 @@ def yosys() -> str:
 
 def c_code() -> str:
     """The firmware compiles for the core and for the host, warnings are errors."""
-    from fluxlock.firmware.toolchain import BENCH, SW, FirmwareError, build_firmware, build_host_library, build_program
+    from fluxlock.firmware.toolchain import (
+        BENCH,
+        SW,
+        FirmwareError,
+        build_commission,
+        build_firmware,
+        build_host_library,
+        build_program,
+    )
 
     folder = BUILD / "firmware"
     try:
         build_firmware(folder)
         build_host_library(folder)
+        build_commission()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)
     except FirmwareError as error:

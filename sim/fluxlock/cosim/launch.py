@@ -110,5 +110,7 @@ def _watch(plan: SessionPlan, progress: Progress | None, stop: threading.Event) 
             last = text
             line = json.loads(text)
             t_s = min(line["t_s"], duration)  # the statistics are asked after the end
-            progress(ProgressInfo(t_s, duration, line["speed_rpm"], line["rate_cycles_per_s"], "simulating"))
+            end = min(t_s / line["share"], duration) if line.get("share") else duration
+            stage = line.get("stage", "simulating")
+            progress(ProgressInfo(t_s, end, line["speed_rpm"], line["rate_cycles_per_s"], stage))
         time.sleep(0.1)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from fluxlock.plant import PlantParams
 
@@ -30,12 +31,31 @@ class Action:
     arguments: dict[str, Any]
 
 
+class ConversationError(Exception):
+    """A conversation cannot go on; the text says why."""
+
+
+class Dialogue(Protocol):
+    """Whoever talks to the chip's console and decides by its answers. Pickled into the simulator's process.
+
+    stage, share: how far it has come, in words and from 0 to 1.
+    """
+
+    stage: str
+    share: float
+
+    def conversation(self) -> Generator[str, list[str], Any]:
+        """Yields lines, gets the lines of each reply up to `ok` or `error: TEXT`, returns what JSON can hold."""
+        ...
+
+
 @dataclass(frozen=True)
 class SessionPlan:
     """One run, all in clock cycles.
 
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
-    in Python and plant events are noted. recording: also record the chip's inputs for a replay.
+    in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
+    chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
     """
 
     plant: PlantParams
@@ -51,6 +71,7 @@ class SessionPlan:
     recording: bool = False
     log_strobes: bool = False
     plant_mode: str = "jit"
+    dialogue: Dialogue | None = None
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

@@ -16,7 +16,7 @@ from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
-from fluxlock.firmware import build_firmware, write_image
+from fluxlock.firmware import ParameterBlock, build_firmware, write_image
 from fluxlock.paths import BUILD, ROOT
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
@@ -33,14 +33,15 @@ def prepare(
     log_strobes: bool = False,
     marks: tuple[int, ...] = (),
     stop_cycle: int | None = None,
+    block: ParameterBlock | None = None,
 ) -> SessionPlan:
     """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
 
     recording, log_strobes, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
+    block: parameters in place of the scenario's.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    block = parameter_block(scenario)
-    write_image(folder / IMAGE_FILE, build_firmware(BUILD / "firmware"), block)
+    write_image(folder / IMAGE_FILE, build_firmware(BUILD / "firmware"), block or parameter_block(scenario))
     sensing = scenario.inverter.sensing
     zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
     every = max(1, round(scenario.record.period_s / sensing.sample_period_s))

@@ -28,6 +28,7 @@ from fluxlock.cosim.plan import (
     RAW_FILE,
     RECORDING_FILE,
     Action,
+    ConversationError,
     SessionPlan,
 )
 from fluxlock.plant import Plant
@@ -35,6 +36,8 @@ from fluxlock.plant import Plant
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
 REPLY_S = 0.1  # simulated time allowed for a reply after the end
+LISTEN_CYCLES = 5_000  # between two looks for the end of a reply
+BOOT_CYCLES = 500_000  # before the first line of a dialogue
 PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 
 
@@ -62,6 +65,7 @@ class Session:
         # Wall time, time in Python and plant events at the marks of the plan.
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
+        self.conclusion: Any = None
         self.begin = time.perf_counter()
         self._progress_at = 0.0
 
@@ -85,11 +89,13 @@ class Session:
         if now - self._progress_at >= PROGRESS_INTERVAL_S:
             self._progress_at = now
             cycle = status.cycle
-            line = {
+            line: dict[str, float | str] = {
                 "t_s": cycle / self.plan.clock_hz,
                 "speed_rpm": self.plant.speed_rpm,
                 "rate_cycles_per_s": cycle / max(now - self.begin, 1e-9),
             }
+            if self.plan.dialogue is not None:
+                line |= {"stage": self.plan.dialogue.stage, "share": self.plan.dialogue.share}
             path = self.plan.folder / PROGRESS_FILE
             path.with_suffix(".tmp").write_text(json.dumps(line))
             path.with_suffix(".tmp").replace(path)
@@ -120,6 +126,9 @@ class Session:
         native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
         native.record(plan.recording)
+        if plan.dialogue is not None:
+            await self.converse()
+            return
         end = plan.duration_cycles
         planned = {*(a.cycle for a in plan.actions), *plan.marks, *range(plan.batch_cycles, end, plan.batch_cycles)}
         stops = [*sorted(cycle for cycle in planned if cycle < end), end]
@@ -140,6 +149,33 @@ class Session:
             native.save_recording(plan.folder / RECORDING_FILE)
         self.log_end = sum(map(len, self.logs))
         await self.ask_statistics()
+
+    async def converse(self) -> None:
+        """Lead the plan's dialogue to its end."""
+        dialogue = self.plan.dialogue
+        assert dialogue is not None
+        self.begin = time.perf_counter()
+        await self.wait_until(BOOT_CYCLES)
+        talk = dialogue.conversation()
+        try:
+            line = next(talk)
+            while True:
+                line = talk.send(await self.reply_to(line))
+        except StopIteration as end:
+            self.conclusion = end.value
+        self.wall_s = time.perf_counter() - self.begin
+
+    async def reply_to(self, line: str) -> list[str]:
+        """Send a line and wait for the last one of its reply."""
+        count, begin = len(self.replies()), len(self.text)
+        self.native.send(line)
+        while len(self.replies()) == count:
+            cycle = self.native.status.cycle
+            if cycle >= self.plan.duration_cycles:
+                raise ConversationError(f"not at the end after {cycle / self.plan.clock_hz:g} s")
+            await self.wait_until(cycle + LISTEN_CYCLES)
+            self.drain()
+        return self.text[begin:].splitlines()
 
     async def ask_statistics(self) -> None:
         """Wait for the replies to the plan's lines, then send the final commands one by one and wait for each."""
@@ -194,6 +230,7 @@ class Session:
             "replies": replies,
             "fault": fault,
             "marks": {str(k): v for k, v in self.marks.items()},
+            "conclusion": self.conclusion,
             "plant_events": int(status.events),
             "strobes": int(status.strobes),
             "edges": int(status.edges),
@@ -215,6 +252,6 @@ async def drive(dut: object) -> None:
     fault: str | None = None
     try:
         await session.run()
-    except (PlantFault, ConsoleSilent, BufferError) as error:
+    except (PlantFault, ConsoleSilent, ConversationError, BufferError) as error:
         fault = str(error)
     session.save(fault)

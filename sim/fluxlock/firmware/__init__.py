@@ -4,7 +4,13 @@ from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_
 from fluxlock.firmware.compiler import compile_parameters
 from fluxlock.firmware.schema import load_schema
 from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
-from fluxlock.firmware.toolchain import FirmwareError, build_firmware, build_host_library, build_program
+from fluxlock.firmware.toolchain import (
+    FirmwareError,
+    build_commission,
+    build_firmware,
+    build_host_library,
+    build_program,
+)
 
 __all__ = [
     "DriveSpec",
@@ -14,6 +20,7 @@ __all__ = [
     "ParameterBlock",
     "ParameterError",
     "VectorSpec",
+    "build_commission",
     "build_firmware",
     "build_host_library",
     "build_program",

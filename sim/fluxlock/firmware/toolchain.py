@@ -40,6 +40,8 @@ HOST_FLAGS = (
 TARGET_ONLY = ("app/main.c", "hal/soc/")
 HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
+COMMISSION = "commission/"  # the program that measures a machine
+PROGRAMS = (BENCH, COMMISSION)
 
 
 class FirmwareError(RuntimeError):
@@ -84,13 +86,19 @@ def _key(*extra: object) -> str:
 
 def build_firmware(build_dir: Path | None = None) -> Path:
     """Flat binary of the image for the soft core, loaded at address 0; cached by content hash."""
-    return _build_image("fluxlock", _selected((*HOST_ONLY, BENCH), (".c", ".S")), build_dir or BUILD / "firmware")
+    return _build_image("fluxlock", _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S")), build_dir or BUILD / "firmware")
 
 
 def build_program(name: str) -> Path:
     """Flat binary of `sw/bench/<name>.c` with control, drive and hal: a program of its own in place of the firmware."""
-    sources = _selected((*HOST_ONLY, BENCH, "app/"), (".c", ".S"))
+    sources = _selected((*HOST_ONLY, *PROGRAMS, "app/"), (".c", ".S"))
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
+
+
+def build_commission() -> Path:
+    """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
+    sources = _selected((*HOST_ONLY, BENCH, "app/"), (".c", ".S"))
+    return _build_image("commission", ["app/format.c", *sources], BUILD / "firmware")
 
 
 def _build_image(name: str, sources: list[str], folder: Path) -> Path:
@@ -123,7 +131,7 @@ def build_host_library(build_dir: Path | None = None) -> Path:
             return library
         folder.mkdir(parents=True, exist_ok=True)
         partial = library.with_suffix(".part")
-        sources = _selected((*TARGET_ONLY, BENCH), (".c",))
+        sources = _selected((*TARGET_ONLY, *PROGRAMS), (".c",))
         _zig(["cc", *HOST_FLAGS, *WARNINGS, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
         partial.replace(library)
     return library

@@ -10,18 +10,21 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from fluxlock import commission
 from fluxlock.analysis.result import tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
 from fluxlock.build import check_build
+from fluxlock.commission.protocol import MeasurementError
+from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import run_program
 from fluxlock.cosim.run import ready_chip, run_scenario
-from fluxlock.firmware import build_firmware, build_program
+from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.regression.case import CASES, Row
@@ -32,6 +35,7 @@ SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
 RESULT = BUILD / "regression.json"
 KEY = "key.txt"
+MEASURED = "measured.json"
 KEYS = FOLDER / "keys"  # a file a finished run, named by its key: the folder that holds it
 # Python that a run's data depend on; the metrics are computed anew from the data.
 RUN_SOURCES = ("plant", "cosim", "config", "firmware")
@@ -69,7 +73,7 @@ class Runner:
         def run(folder: Path) -> None:
             write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)
 
-        folder = self._folder(name)
+        folder = self.folder(name)
         return read_outcome(loaded, _made(folder, _key(loaded, used_seed, image), f"{name}, seed {used_seed}", run))
 
     def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
@@ -80,9 +84,25 @@ class Runner:
             save_trace(folder / TRACE, run_program(program, table, loaded, folder, self.seed))
 
         key = _key(loaded, self.seed, build_program(program), table)
-        return load_trace(_made(self._folder(name), key, name, run) / TRACE)
+        return load_trace(_made(self.folder(name), key, name, run) / TRACE)
 
-    def _folder(self, name: str) -> Path:
+    def identify(self, bench: Scenario, name: str) -> Measured:
+        """Measure the machine of a bench through the chip, or read what was measured before."""
+
+        def run(folder: Path) -> None:
+            try:
+                measured = measure(bench, folder / "simulator", self.seed)
+            except MeasurementError as error:
+                raise SimulationFault(str(error)) from error
+            (folder / MEASURED).write_text(json.dumps(asdict(measured)), encoding="utf-8")
+
+        sources = sorted(Path(commission.__file__).parent.glob("*.py"))
+        key = _key(bench, self.seed, build_commission(), content_hash(sources).encode())
+        stored = _made(self.folder(name), key, name, run) / MEASURED
+        return Measured(**json.loads(stored.read_text(encoding="utf-8")))
+
+    def folder(self, name: str) -> Path:
+        """Folder of a run."""
         return FOLDER / ("quick" if self.quick else "full") / self.case_id / name
 
 

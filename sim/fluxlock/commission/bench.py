@@ -1,0 +1,20 @@
+"""The bench of `fluxlock identify`: scenario with the files of the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fluxlock.commission.procedure import CURRENT_SHARE
+from fluxlock.config import Scenario, load_inverter, load_motor, load_scenario
+from fluxlock.paths import ROOT
+
+SCENARIO = ROOT / "scenarios" / "vector" / "identify.toml"
+
+
+def bench_of(plant: Path, inverter: Path) -> Scenario:
+    """Scenario of the bench; what does not fit raises ConfigError."""
+    motor, stage = load_motor(plant), load_inverter(inverter)
+    trip_a = stage.protection.phase_current_a
+    limit_a = min(motor.rated_current_a, CURRENT_SHARE * trip_a)
+    overrides = [f"motor={plant}", f"inverter={inverter}", f"drive.current_limit_a={limit_a}"]
+    return load_scenario(SCENARIO, overrides)

@@ -1,0 +1,108 @@
+"""`fluxlock identify`: options, progress, table, files."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from fluxlock.analysis.rundata import ProgressInfo
+from fluxlock.analysis.six_step.plots import save
+from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, write_motor
+from fluxlock.commission.simulate import Measured, measure, plate_of
+from fluxlock.config import ConfigError, Problem, Scenario
+
+
+def _table(found: list[Quantity]) -> Table:
+    table = Table(title="measured through the chip", title_justify="left")
+    for header in ("quantity", "measured", "plant", "error", "unit"):
+        table.add_column(header, justify="left" if header in ("quantity", "unit") else "right")
+    for q in found:
+        error = q.error_percent
+        table.add_row(
+            q.name,
+            f"{q.measured * q.factor:.4g}",
+            "-" if q.true is None else f"{q.true * q.factor:.4g}",
+            "-" if error is None else f"{error:+.2f} %",
+            q.unit,
+        )
+    return table
+
+
+def _gain_table(found: list[Gain]) -> Table:
+    table = Table(title="gains by bandwidth", title_justify="left")
+    for header in ("gain", "value", "unit"):
+        table.add_column(header, justify="right" if header == "value" else "left")
+    for g in found:
+        table.add_row(g.name, f"{g.value:.4g}", g.unit)
+    return table
+
+
+def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> None:
+    """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to a folder of its name."""
+    folder = out.with_suffix("")
+    _check_writable(out, folder)
+    measured = _measure(bench, folder, seed)
+    plate = plate_of(bench.motor)
+    found = quantities(measured.values, bench.inverter.on_resistance_ohm, bench.motor)
+    derived = gains(measured.values, plate, current_hz, speed_hz)
+    origin = (
+        f"Measured by fluxlock identify with the inverter {bench.inverter.name}, "
+        f"{measured.duration_s:.2f} s of chip time, seed {seed}."
+    )
+    write_motor(out, motor_file(measured.values, plate, bench.inverter, origin))
+    save(figure(measured.values, f"{plate.name} on {bench.inverter.name}"), out.with_suffix(".png"))
+    if as_json:
+        print(json.dumps(_document(measured, found, derived, seed), indent=2))
+        return
+    console = Console()
+    console.print(_table(found))
+    console.print(_gain_table(derived))
+    console.print(f"{measured.duration_s:.3f} s of chip time in {measured.wall_s:.0f} s", highlight=False)
+    console.print(f"written: {out}, {out.with_suffix('.png').name}", highlight=False, soft_wrap=True)
+
+
+def _check_writable(out: Path, folder: Path) -> None:
+    """Find out now, not after the run, what cannot be written."""
+    reason = "a folder is in the way" if out.is_dir() else ""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out.parent):
+            pass
+    except OSError as error:
+        reason = "a file is in the way" if isinstance(error, FileExistsError) else str(error.strerror)
+    if reason:
+        raise ConfigError([Problem("--out", str(out), f"cannot be written: {reason}; name another file")])
+
+
+def _measure(bench: Scenario, folder: Path, seed: int) -> Measured:
+    columns = (
+        TextColumn("{task.description:<10}"),
+        BarColumn(),
+        TextColumn("{task.fields[t_s]:.3f} s {task.fields[speed]:>8.0f} r/min"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("build", total=1.0, t_s=0.0, speed=0.0)
+
+        def show(info: ProgressInfo) -> None:
+            part = info.t_s / info.duration_s if info.duration_s else 0.0
+            bar.update(task, description=info.phase, completed=part, t_s=info.t_s, speed=info.speed_rpm)
+
+        return measure(bench, folder, seed, show)
+
+
+def _document(measured: Measured, found: list[Quantity], derived: list[Gain], seed: int) -> dict[str, Any]:
+    return {
+        "seed": seed,
+        "duration_s": measured.duration_s,
+        "measured": {k: v for k, v in measured.values.items() if k not in ("run", "lines")},
+        "plant": {q.name: q.true for q in found},
+        "error_percent": {q.name: q.error_percent for q in found},
+        "gains": {g.name: {"value": g.value, "unit": g.unit} for g in derived},
+    }
