@@ -120,7 +120,7 @@ def _print_study(result: Study) -> None:
         rows = []
         for s, speed in enumerate(result.coarse_rpm):
             values = [v[s] for x in result.limits.values() for v in (x.visible_nm, x.recovered_nm, x.supply_nm)]
-            rows.append([f"{speed:.{decimals}f}", *(number(1e3 * value) for value in values)])
+            rows.append([f"{speed:.{decimals}f}", *(number(1e3 * value, 2) for value in values)])
         headers = [f"{c} {what}" for c in result.limits for what in ("30°", "computed back", "largest")]
         print_table(
             f"Largest mean torque of the switched circuit, {result.settings.commutation}, mN m",
