@@ -526,3 +526,49 @@ def test_values_that_no_parameter_holds_are_named() -> None:
     with pytest.raises(ConfigError, match=expected) as caught:
         parameter_block(s)
     assert len(caught.value.problems) == 1
+
+
+# ---- encoder
+
+IPM = ROOT / "scenarios" / "vector" / "encoder.toml"
+
+
+def test_encoder_that_is_missing_or_too_coarse(tmp_path: Path) -> None:
+    """A frame that shall follow an encoder needs one, with edges enough; its mounting belongs to it.
+
+    Verifies: VCONF-01
+    """
+    assert errors('drive.vector.angle="encoder"') == [
+        'drive.vector.angle: "encoder" needs one: the motor file has no [encoder]'
+    ]
+    assert errors('drive.vector.mounting="learnt"') == [
+        'drive.vector.mounting: belongs to drive.vector.angle = "encoder"'
+    ]
+    text = (ROOT / "motors" / "ipm-4pp.toml").read_text(encoding="utf-8")
+    coarse = tmp_path / "coarse.toml"
+    coarse.write_text(text.replace("lines = 1024", "lines = 35"), encoding="utf-8")
+    assert errors(f'motor="{coarse}"', path=IPM) == [
+        'encoder.lines: 35 lines are too few for drive.vector.angle = "encoder", needed at least 36: 36 edges an '
+        "electrical turn"
+    ]
+
+
+def test_encoder_in_the_parameters() -> None:
+    """Quarters, filter, electrical angle of half a quarter and of the mounting; learnt, the index is left aside.
+
+    Verifies: VCONF-01
+    """
+    block = parameter_block(load_scenario(IPM))
+    assert (block.values["vector_angle"], block.values["encoder_quarters"], block.values["encoder_index"]) == (
+        1,
+        4096,
+        1,
+    )
+    assert block.gain("encoder_turn") == pytest.approx(4 / 8192 * 2**32)
+    assert block.values["encoder_offset_q32"] == round((4 * 37.0 / 360.0) * 2**32)
+    edge_cycles = CLOCK_HZ / (4096 * 1.25 * 4_000 / 60)
+    assert 1 <= int(block.values["encoder_filter_cycles"]) <= edge_cycles / 4  # type: ignore[call-overload]
+    learnt = parameter_block(load_scenario(IPM, ['drive.vector.mounting="learnt"']))
+    assert learnt.values["encoder_index"] == 0
+    observed = parameter_block(load_scenario(IPM, ['drive.vector.angle="observer"']))
+    assert (observed.values["vector_angle"], observed.values["encoder_quarters"]) == (0, 4096)

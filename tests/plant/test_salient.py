@@ -316,3 +316,25 @@ def test_refused(changes: dict[str, object], message: str) -> None:
     """
     with pytest.raises(ValueError, match=message):
         ipm(**{f"machine__{key}": value for key, value in changes.items()})
+
+
+@pytest.mark.parametrize("width", [1, 3])
+def test_starts_from_rest(width: int) -> None:
+    """Legs that switch a few clocks after one another, at rest and without current: rounding is no current.
+
+    Verifies: PLANT-18
+    """
+    plant = Plant(ipm(inverter__supply_r_ohm=0.02, mechanics__mode="free", mechanics__omega_m_rad_s=0.0), 1, "py")
+    t = 1000
+    for period in range(60):
+        for upper in (True, False):
+            for x in range(3):
+                leg = (x + period) % 3
+                plant.step(t + 2 * x * width, int(plant.state[L.GATES]) & ~(3 << 2 * leg))
+            t += 6 * width + 15
+            for x in range(3):
+                leg = (x + period) % 3
+                plant.step(t + x * width, int(plant.state[L.GATES]) | (1 if upper else 2) << 2 * leg)
+            t += 600
+    assert np.all(np.abs(plant.currents_a) < 5.0)
+    assert math.isfinite(plant.speed_rpm)

@@ -182,6 +182,10 @@ def build_series(s: Vector, h: float) -> int:
             d = f * c_inv * (constant * supply * source_g - leak_g * d - idc)
         if k == 0:
             scale_i = abs(s[L.I]) + abs(s[L.I + 1]) + abs(ia) + abs(ib) + abs(ic)
+            if TURNING:
+                # The inductance that turns is not the same in all legs: what rounding leaves of voltages that cancel
+                # drives a current.
+                scale_i += h * (gaa + gbb + gcc) * (abs(d) + 1.0)
             scale_i = scale_i * CONVERGED
         ga = curvature * ea / ((k + 1) * (k + 2))
         gb = curvature * eb / ((k + 1) * (k + 2))

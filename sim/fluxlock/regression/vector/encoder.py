@@ -26,7 +26,7 @@ CONDITIONS: dict[str, Condition] = {
 SPEED_RPM = 2_000
 MTPA_PERCENT = 2.0
 LEARNT_DEG = 5.0  # what an alignment under a swinging rotor may leave
-QUICK_END_S = 0.29
+QUICK_END_S = 0.34
 MOUNTINGS = ("given", "learnt")
 
 
@@ -62,7 +62,7 @@ def drive(runner: Runner, mounting: str) -> Outcome:
     overrides = [f'drive.vector.mounting="{mounting}"']
     if runner.quick:
         events = [event(0.01, "speed_rpm", SPEED_RPM), event(0.02, "command", "start")]
-        overrides += [*timeline(QUICK_END_S, events, [("forward", 0.25, 0.28)]), "expect=[]"]
+        overrides += [*timeline(QUICK_END_S, events, [("forward", 0.30, 0.33)]), "expect=[]"]
     return runner.drive(SCENARIO, mounting, *overrides)
 
 
