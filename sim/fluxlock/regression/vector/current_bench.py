@@ -202,7 +202,7 @@ class Played:
     current: ComplexArray
     voltage: ComplexArray
     angle_error_deg: FloatArray  # of the chip against the rotor, at the samples
-    instant_error_cycles: float  # of the samples against the middle of the pulses, from where T_d puts them
+    instant_error_cycles: float  # largest, of the samples against the middle of the pulses, from where T_d puts them
     trips: int
 
 
@@ -253,16 +253,16 @@ ALL_UPPER = 0b010101
 
 
 def _instant_error(run: RunData, ground: Ground) -> float:
-    """Mean instant of the windows, less that which belongs to T_d, against the middle of all legs' pulses (clocks)."""
+    """Instant of a window, less that which belongs to T_d, against the middle of all legs' pulses: largest (clocks)."""
     t, gates = ground.timing, run.rows(LogKind.GATES)
-    begin = np.flatnonzero(gates[:-1, 2] == ALL_UPPER)
+    begin = np.flatnonzero(gates[:-1, 2] == ALL_UPPER)[:-1]  # the last one may be cut when the gates go off
     middle = (gates[begin, 0] + gates[begin + 1, 0]) / 2.0
     instants = run.rows(LogKind.ANGLE)[:, 0].astype(np.float64)
     before = instants[np.searchsorted(instants, middle, side="right") - 1]
     shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
     expected = shift + t.carrier_cycles / 2 - t.from_cycles - max(t.length_cycles - 1, 0) / 2
     late = expected - (middle - before)
-    return float(np.mean((late + t.sample_cycles / 2) % t.sample_cycles) - t.sample_cycles / 2)
+    return float(max((late + t.sample_cycles / 2) % t.sample_cycles - t.sample_cycles / 2, key=abs))
 
 
 BEFORE, FOLLOWED = 6, 40  # samples of a step
