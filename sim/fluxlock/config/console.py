@@ -35,6 +35,7 @@ VALUES = (
     "id_ma",
     "iq_ma",
     "angle_deg",
+    "idle",
 )
 SETTINGS = (
     "speed_rpm",

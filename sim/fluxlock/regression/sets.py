@@ -1,5 +1,5 @@
 """All sets of cases: importing this registers them."""
 
-from fluxlock.regression import six_step
+from fluxlock.regression import six_step, vector
 
-__all__ = ["six_step"]
+__all__ = ["six_step", "vector"]
