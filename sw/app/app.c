@@ -13,7 +13,7 @@
 #define UART_BIT_CYCLES 50u
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
 #define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
-#define DESIGNS_PER_SECOND 500u
+#define DESIGN_STAGES_PER_SECOND 1000u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -46,7 +46,7 @@ COLD void app_boot(app_t *app) {
   if (fault == FAULT_NONE) {
     chip_configure(p);
     if (p->method == METHOD_VECTOR) {
-      chip_set_machine_timer((uint32_t)p->clock_hz / (DESIGNS_PER_SECOND * VECTOR_STAGES));
+      chip_set_machine_timer((uint32_t)p->clock_hz / DESIGN_STAGES_PER_SECOND);
     }
   }
   telemetry_update(app->telemetry, &app->drive);
@@ -54,7 +54,6 @@ COLD void app_boot(app_t *app) {
   // Bytes that came before: their event is gone, and a full FIFO would never give another.
   receive_all();
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
-  app->polled = chip_now();
 }
 
 HOT static void write_guard(app_t *app) {
@@ -170,7 +169,9 @@ void app_deferred_interrupt(app_t *app) {
 
 void app_poll(app_t *app) {
   const uint32_t now = chip_now();
-  cycles_add(&app->telemetry->handler[HANDLER_IDLE], now - app->polled);
+  if (app->polled != 0u) {
+    cycles_add(&app->telemetry->handler[HANDLER_IDLE], now - app->polled);
+  }
   app->polled = now;
   console_poll(app);
 }

@@ -12,7 +12,7 @@ typedef struct {
   telemetry_t *telemetry;
   bool gate_enable_written;
   volatile uint32_t load_period_cycles;
-  uint32_t polled;  // when the main loop came round last
+  uint32_t polled;  // when the main loop came round last, 0: not yet
 } app_t;
 
 // Check the parameter block, configure the chip, start the control tick. Interrupts are still off in the core.

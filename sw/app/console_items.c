@@ -38,6 +38,7 @@ typedef enum {
   ITEM_OBSERVED_AHEAD_DEG,
   ITEM_ENCODER_AHEAD_DEG,
   ITEM_ENCODER_FAULTS,
+  ITEM_IDLE,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
   ITEM_ADVANCE_Q16,
@@ -94,6 +95,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_OBSERVED_AHEAD_DEG] = "observed_ahead_deg",
     [ITEM_ENCODER_AHEAD_DEG] = "encoder_ahead_deg",
     [ITEM_ENCODER_FAULTS] = "encoder_faults",
+    [ITEM_IDLE] = "idle",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
     [ITEM_ADVANCE_Q16] = "advance_q16",
@@ -156,14 +158,19 @@ static void six_numbers(char *text, const int32_t values[SECTORS], int32_t scale
   text[-1] = '\0';
 }
 
-static char *put_degrees(char *text, uint64_t cycles, uint32_t sector_cycles) {
-  const uint32_t degrees_q8 = clamp_u32(div_sat_u32(cycles * (60u << 8), sector_cycles), 0, 60u << 8);
-  format_fixed(text, degrees_q8, 8, 1);
+// A blank after the text; where the next goes.
+static char *next_to(char *text) {
   while (*text != '\0') {
     text++;
   }
   *text = ' ';
   return text + 1;
+}
+
+static char *put_degrees(char *text, uint64_t cycles, uint32_t sector_cycles) {
+  const uint32_t degrees_q8 = clamp_u32(div_sat_u32(cycles * (60u << 8), sector_cycles), 0, 60u << 8);
+  format_fixed(text, degrees_q8, 8, 1);
+  return next_to(text);
 }
 
 // Mean and largest freewheel angle of the last tick that had one, and the largest one's sector; open ones count as 60.
@@ -246,6 +253,12 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_THRESHOLD_PU:
       six_numbers(text, d->command.threshold_q17, 1, 17, 4);
       break;
+    case ITEM_IDLE: {
+      const cycles_t *idle = &app->telemetry->handler[HANDLER_IDLE];
+      format_u32(text, idle->count * idle->min);
+      format_u32(next_to(text), app->polled);
+      break;
+    }
     case ITEM_CATCHES:
       format_u32(text, d->catches);
       break;

@@ -179,6 +179,13 @@ typedef struct {
   int32_t share_q30;
 } share_t;
 
+// Limit of i_q beside an i_d, kept.
+typedef struct {
+  int32_t limit_i_q25;
+  int32_t d_i_q25;
+  int32_t rest_i_q25;
+} current_rest_t;
+
 // Vector drive (vector.h).
 typedef struct {
   // From the parameters.
@@ -215,6 +222,7 @@ typedef struct {
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
   complex_t voltage_v_q17;  // applied, of the last sample
+  current_rest_t rest;
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link
   complex_t state_v_q25;    // of the regulator, at the last check

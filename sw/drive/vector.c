@@ -16,6 +16,7 @@
 #define SMALL_TURN_Q32 (1 << 24)
 #define SCALE_BITS 17u
 #define SCALE_SHIFT_MAX 31
+#define REST_PARTS 64
 // The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
 #define LOST_PER_SECOND 200u
 #define LOST_ERROR_Q30 (ONE_Q30 / 2)
@@ -332,10 +333,22 @@ COLD static void learn_mounting(drive_t *drive, const chip_vector_snapshot_t *in
   }
 }
 
+// What i_d leaves of the limit, made anew when i_d has moved by a part of it.
+HOT static int32_t current_rest(vector_t *v, int32_t limit_i_q25) {
+  const int32_t d_i_q25 = v->reference_i_q25.re;
+  if (d_i_q25 == 0) {
+    return limit_i_q25;
+  }
+  if (limit_i_q25 != v->rest.limit_i_q25 || abs_sat(d_i_q25 - v->rest.d_i_q25) > limit_i_q25 / REST_PARTS) {
+    v->rest = (current_rest_t){limit_i_q25, d_i_q25, current_rest_i_q25(limit_i_q25, d_i_q25)};
+  }
+  return v->rest.rest_i_q25;
+}
+
 HOT static void speed_regulator(drive_t *drive, bool limited) {
   vector_t *v = &drive->vector;
   const int32_t limit = current_limit_i_q25(drive);
-  const int32_t rest = (v->reference_i_q25.re == 0) ? limit : current_rest_i_q25(limit, v->reference_i_q25.re);
+  const int32_t rest = current_rest(v, limit);
   int32_t driving = rest;
   if (limited) {
     // A voltage at its limit cannot drive more current than flows.

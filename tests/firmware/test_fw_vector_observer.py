@@ -158,6 +158,21 @@ def test_pll_error_is_the_normalised_sine(lib: ctypes.CDLL) -> None:
     assert abs(lib.pll_error_q30(Complex(0, -5000), 5, 1)) == Q30
 
 
+def test_pll_error_with_a_kept_reciprocal(lib: ctypes.CDLL) -> None:
+    """EMFs that creep and jump in length, by powers of two too: as near to the sine as with a division each time.
+
+    Verifies: VC-08
+    """
+    rng = Random(SEED)
+    reciprocal, length = ctypes.c_uint32(0), 1e6
+    for k in range(5000):
+        length *= rng.choice((0.5, 2.0, 3.0, 1 / 3)) if k % 50 == 49 else 1 + rng.uniform(-0.01, 0.01)
+        length = min(max(length, 2e4), 2e8)
+        delta = rng.uniform(-0.19, 0.19)
+        got = lib.pll_error_from_q30(from_complex(1j * length * cmath.exp(1j * delta)), 1, 100, byref(reciprocal))
+        assert abs(got / Q30 - math.sin(delta)) < 2e-4, (SEED, k)
+
+
 def run_pll(
     lib: ctypes.CDLL, gains: PllGains, start_turn: float, turns: float, rise: float, steps: int, known: float = 1.0
 ) -> list[float]:

@@ -38,6 +38,7 @@ VALUES = (
     "observed_ahead_deg",
     "encoder_ahead_deg",
     "encoder_faults",
+    "idle",
 )
 SETTINGS = (
     "speed_rpm",

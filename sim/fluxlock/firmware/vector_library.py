@@ -199,6 +199,7 @@ def vector_library() -> ctypes.CDLL:
         ("emf_observer_step", None, [POINTER, POINTER, Complex, Complex]),
         ("emf_observer_voltage", None, [POINTER, POINTER, Complex]),
         ("pll_error_q30", I32, [Complex, I32, U32]),
+        ("pll_error_from_q30", I32, [Complex, I32, U32, POINTER]),
         ("pll_preset", None, [POINTER, U32, I32]),
         ("pll_angle_turn_q32", U32, [POINTER]),
         ("pll_speed_turn_q36", I32, [POINTER]),
