@@ -14,7 +14,11 @@ void segment_init(segment_t *segment, const parameters_t *parameters) {
   const uint32_t sample = (uint32_t)parameters->vector_sample_cycles;
   const uint32_t delay = (uint32_t)(((uint64_t)sample * (uint32_t)parameters->vector_delay_q30) >> 30);
   *segment = (segment_t){.lead_cycles = delay + sample / 2u};
+  // Everything is read and written at every tick: nothing else needs the time.
   segment->command.vector.read_slow = true;
+  segment->command.vector.read_steps = true;
+  segment->command.vector.write_control = true;
+  segment->command.vector.write_reference = true;
 }
 
 void segment_run(segment_t *segment, uint32_t ticks, uint32_t block) {
