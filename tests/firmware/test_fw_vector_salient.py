@@ -33,6 +33,7 @@ SETTINGS = VectorSettings(
     handover_hz=40.0,
     back_hz=25.0,
     fade_a_per_s=200.0,
+    pll_pole=0.984,  # 200 Hz
     speed_bandwidth_hz=20.0,
     encoder_lines=1024,
     encoder_offset_turn=0.3,
