@@ -37,7 +37,7 @@ CHIP_TONES = (
     "the reference of i_d; filled those of B."
 )
 WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
-WHY_OFFSET = "Offsets of the phase currents hardly decay at low load and count around f_e; dead time"
+WHY_OFFSET = "Dead time at low current; most around f_e, where the reference asks for a constant phase current"
 WHY_ZERO = "At 0.25 and 0.75 T_s ripple in the sample follows the voltage of now; at 0.5 T_s there is none"
 COUPLING = dict(zip(DELAYS, (*(3 * ["A most, B less, C least"]), "A; none with B and C"), strict=True))
 
