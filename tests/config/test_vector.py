@@ -315,6 +315,19 @@ def test_window_has_the_delay_that_the_model_has() -> None:
         assert abs(ts - wanted_ts) <= inverter.sample_period_s * CLOCK_HZ / 2 + 0.5, case
 
 
+def test_believed_delay_reaches_the_model_only() -> None:
+    """The firmware's T_d is the one that it is to believe in; samples and updates stay where they are.
+
+    Verifies: VCONF-07
+    """
+    right = parameter_block(load_scenario(START, ["drive.vector.delay=0.75"])).values
+    for believed in (0.0, 0.25, 1.0):
+        overrides = ["drive.vector.delay=0.75", f"drive.vector.believed_delay={believed}"]
+        wrong = parameter_block(load_scenario(START, overrides)).values
+        assert {name for name in right if right[name] != wrong[name]} == {"vector_delay_q30"}
+        assert wrong["vector_delay_q30"] == round(believed * 2**30)
+
+
 def test_single_sample_is_free_of_ripple() -> None:
     """Without a stated delay the sample lies in the middle of a gap or a pulse of the gates.
 
