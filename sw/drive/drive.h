@@ -215,6 +215,7 @@ typedef struct {
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
   complex_t voltage_v_q17;  // applied, of the last sample
+  complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link
   complex_t state_v_q25;    // of the regulator, at the last check

@@ -12,6 +12,7 @@
 #define ONE_OVER_SQRT3_Q16 37837
 #define HALF_PI_Q30 1686629713
 #define VOLTAGE_MAX_Q17 131071
+#define FOUR_OVER_PI_Q8 326u
 // Turns below it, 1.4 degrees: two terms of the series are enough.
 #define SMALL_TURN_Q32 (1 << 24)
 #define SCALE_BITS 17u
@@ -45,6 +46,30 @@ static int32_t current_limit_i_q25(const drive_t *drive) { return drive->setting
 
 // exp(-j turn): takes vectors into a frame that is ahead by `turn`.
 static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
+
+// The modulator adds what the dead time takes by the currents of the sample. They have turned on when it acts, by phi =
+// omega (T_d + T_s/2): with it as a vector c what acts in truth is more than the voltage by
+//
+//   c (exp(-j phi) - 1)   inverse Park exact,   c (1 - exp(j phi))   held
+//
+// which lies across the EMF: c (T_d + T_s/2) / psi at any speed. c along the current, linear up to 4/pi of a leg's
+// largest.
+COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const vector_t *v = &drive->vector;
+  const uint32_t size = complex_abs(v->reference_i_q25);
+  const uint32_t most_cycles_q8 = (uint32_t)p->vector_dead_comp_cycles * FOUR_OVER_PI_Q8;
+  const uint64_t linear_q8 = ((uint64_t)size * (uint32_t)p->vector_slope) >> p->vector_slope_shift;
+  const uint32_t cycles_q8 = (linear_q8 < most_cycles_q8) ? (uint32_t)linear_q8 : most_cycles_q8;
+  const uint32_t carrier_q8 = (uint32_t)p->vector_sample_cycles << ((p->vector_double != 0) ? 9 : 8);
+  const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)drive->m.vdc_v_q25 * cycles_q8, carrier_q8);
+  const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, (size > 0u) ? size : 1u);
+  const complex_t added = complex_scale_q30(v->reference_i_q25, sat_i32((int64_t)share_q30));
+  const bool held = v->plant.machine.park == PARK_HELD;
+  const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->speed_turn_q36);
+  const complex_t turned = complex_mul_q30(added, cis_q30(held ? turn : 0u - turn));
+  return held ? complex_sub(added, turned) : complex_sub(turned, added);
+}
 
 COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
@@ -128,10 +153,12 @@ void vector_design(drive_t *drive) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else {
+  } else if (v->stage == 2u) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
     __atomic_signal_fence(__ATOMIC_RELEASE);
     v->finished = v->fits;
+  } else {
+    v->late_v_q25 = late_compensation_v_q25(drive);
   }
   v->stage = (v->stage + 1u) % VECTOR_STAGES;
 }
@@ -158,6 +185,7 @@ COLD void vector_off(drive_t *drive) {
   v->holding = false;
   v->reference_i_q25 = (complex_t){0, 0};
   v->state_v_q25 = (complex_t){0, 0};
+  v->late_v_q25 = (complex_t){0, 0};
   v->suspicion = 0;
   command->enable = false;
   command->regulate[0] = false;
@@ -195,6 +223,7 @@ COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t t
   v->holding = true;
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
   v->goal_i_q25 = v->reference_i_q25.re;
+  v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation);
   drive->command.vector.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
 }
 
@@ -278,9 +307,9 @@ HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_
 HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
-  complex_t voltage_v_q25 = in->u_v_q25[0];
+  complex_t voltage_v_q25 = complex_add(in->u_v_q25[0], v->late_v_q25);
   if (drive->p->vector_tick_samples > 1) {
-    emf_observer_voltage(&v->observer, gains, mean_voltage_v_q25(v, in));
+    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
     voltage_v_q25 = (complex_t){0, 0};
     v->voltage_v_q17 = in->v_q17[0];
   }

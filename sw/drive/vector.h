@@ -21,7 +21,7 @@
 #include "drive/drive.h"
 
 #define VECTOR_GROUPS 4u
-#define VECTOR_STAGES 3u  // of a design
+#define VECTOR_STAGES 4u  // of a design, the last one by itself
 
 // Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
 void vector_init(drive_t *drive);
