@@ -233,6 +233,7 @@ typedef struct {
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
+  int32_t turn_middle_q32; // half the time later
   pi_state_t speed;
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque

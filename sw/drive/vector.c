@@ -12,6 +12,7 @@
 #define ONE_OVER_SQRT3_Q16 37837
 #define HALF_PI_Q30 1686629713
 #define VOLTAGE_MAX_Q17 131071
+#define CHANGE_MAX_Q32 (1 << 22)
 #define FOUR_OVER_PI_Q8 326u
 // Turns below it, 1.4 degrees: two terms of the series are enough.
 #define SMALL_TURN_Q32 (1 << 24)
@@ -231,13 +232,21 @@ COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
   v->frame = FRAME_OBSERVED;
-  // The rotor swings in the forced frame: its speed is that of the frame and of the swing.
-  const int32_t swing_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_from_q32);
-  const int32_t cycles = (int32_t)(v->start.steady_ticks * v->per_tick.period_cycles);
-  v->speed_turn_q36 += (swing_q32 / cycles) * 16;
+  // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
+  // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick.
+  const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
+  const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
+  const int32_t half = (int32_t)v->start.steady_ticks / 2;
+  const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
+  v->speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
   v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
   pll_preset(&v->pll, 0, v->speed_turn_q36);
+  if (v->pll_gains.acceleration.mant != 0) {
+    const int32_t change_q32 = (second_q32 - first_q32) / (half * half);
+    const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
+    v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
+  }
   ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
   drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
   vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, v->reference_i_q25.im);
@@ -497,6 +506,8 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
   const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
   if (v->start.steady_ticks <= 1u) {
     v->turn_from_q32 = v->start.turn_q32;
+  } else if (v->start.steady_ticks == v->start_settings.steady_ticks / 2u + 1u) {
+    v->turn_middle_q32 = v->start.turn_q32;
   }
   if (ready) {
     hand_over(drive, in);

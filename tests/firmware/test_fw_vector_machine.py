@@ -9,8 +9,12 @@ from dataclasses import replace
 
 import pytest
 
+from fluxlock.config import load_scenario
+from fluxlock.config.specs import inverter_spec, motor_spec
+from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.block import Value
 from fluxlock.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
+from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.test_fw_vector_observer import observer_gains
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
@@ -207,6 +211,28 @@ def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool) 
         assert abs(mean) < 0.05
 
 
+@pytest.mark.parametrize("theta", [-1.0, 0.6, 1.7])
+def test_rotor_that_swings_is_handed_over(theta: float) -> None:
+    """With the settings of the shipped scenario, from several angles: error at most 3.5 degrees after the hand-over.
+
+    Aligned from far off, the rotor is handed over at the end of a swing: its speed changes by a quarter in 10 ms.
+
+    Verifies: VC-15
+    """
+    s = load_scenario(ROOT / "scenarios" / "vector" / "start.toml")
+    values = parameter_block(s).values
+    settings = VectorSettings(
+        values["vector_sample_cycles"], values["vector_tick_samples"], values["vector_delay_q30"] / 2**30
+    )
+    bench = VectorBench(settings, motor_spec(s), inverter_spec(s), values, 0.020, 60_000.0, theta, 1.0)
+    bench.start(90_000)
+    bench.record.clear()
+    bench.run(0.04)
+    rms, most = errors_deg(bench.record)
+    print(f"from {theta:+.1f} rad: rms {rms:.3f}, max {most:.3f} deg")
+    assert most < 3.5
+
+
 def test_field_weakening_keeps_a_reserve_of_voltage() -> None:
     """At 15 V the EMF alone fills the circle at 80 000 r/min; at 90 000 i_d holds the voltage at 95 % of it.
 
@@ -251,7 +277,7 @@ def test_salient_machine_gets_its_share_of_i_d() -> None:
 
 
 def test_design_comes_in_short_stages() -> None:
-    """One event of the machine timer does a third of a design: the UART's interrupt, of the same line, waits no longer.
+    """One event of the machine timer does a part of a design: the UART's interrupt, of the same line, waits no longer.
 
     Verifies: VC-17
     """
@@ -264,8 +290,8 @@ def test_design_comes_in_short_stages() -> None:
         bench.fw.poll()
         bench.fw.tick()
         taken.append(bench.get("foc.gain") != 0)
-    assert sum(taken) == 4
-    assert taken[:3] == taken[3:6] == taken[6:9] == taken[9:]
+    assert sum(taken) == 3
+    assert taken[:4] == taken[4:8] == taken[8:]
 
 
 def test_settings_of_the_six_step_drive_are_refused() -> None:
