@@ -1,5 +1,27 @@
 """Vector cases (Yang 2020, chapter 7). Scenarios: scenarios/vector."""
 
-from fluxlock.regression.vector import bandwidth, chip_steps, controllers, encoder, identify, transforms
+from fluxlock.regression.vector import (
+    bandwidth,
+    chip_steps,
+    controllers,
+    encoder,
+    identify,
+    methods,
+    observer,
+    parameter_errors,
+    sequence,
+    transforms,
+)
 
-__all__ = ["bandwidth", "chip_steps", "controllers", "encoder", "identify", "transforms"]
+__all__ = [
+    "bandwidth",
+    "chip_steps",
+    "controllers",
+    "encoder",
+    "identify",
+    "methods",
+    "observer",
+    "parameter_errors",
+    "sequence",
+    "transforms",
+]
