@@ -165,7 +165,7 @@ typedef struct {
 } thresholds_t;
 
 // Frame of the vector drive.
-typedef enum { FRAME_OFF, FRAME_FORCED, FRAME_OBSERVED } frame_t;
+typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED } frame_t;
 
 // What depends on the speed.
 typedef struct {

@@ -10,6 +10,7 @@
 #include "drive/start.h"
 
 #define ONE_OVER_SQRT3_Q16 37837
+#define QUARTER_TURN ((uint32_t)1 << 30)
 #define HALF_PI_Q30 1686629713
 #define VOLTAGE_MAX_Q17 131071
 #define CHANGE_MAX_Q32 (1 << 22)
@@ -124,7 +125,6 @@ COLD void vector_init(drive_t *drive) {
   v->sensored = p->vector_angle != 0;
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
-  drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
   drive->command.vector.read_steps = true;
   vector_off(drive);
@@ -213,6 +213,57 @@ COLD void vector_begin(drive_t *drive) {
   drive->command.vector.enable = true;
   drive->command.vector.regulate[0] = true;
   enter_phase(drive, START_ALIGN);
+}
+
+COLD bool vector_catch(drive_t *drive, uint32_t angle_q32, int32_t mean_step_q32) {
+  const parameters_t *p = drive->p;
+  vector_t *v = &drive->vector;
+  const int32_t speed_turn_q36 = (mean_step_q32 / (int32_t)v->per_tick.period_cycles) * 16;
+  if (v->sensored || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
+    return false;
+  }
+  // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
+  const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
+  v->correct_q32 = (int32_t)(angle_q32 + (uint32_t)mean_step_q32 - quarter - v->angle_turn_q32);
+  v->holding = true;
+  v->speed_turn_q36 = speed_turn_q36;
+  v->direction = (speed_turn_q36 < 0) ? -1 : 1;
+  const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
+  drive->command.vector.preset_v_q17[0] = to_q17(emf_v_q25);
+  v->reference_i_q25 = (complex_t){0, 0};
+  v->goal_i_q25 = 0;
+  v->weakening.current_i_q30 = 0;
+  v->mtpa_i_q25 = 0;
+  v->waiting_ticks = 0;
+  v->suspicion = 0;
+  v->frame = FRAME_CAUGHT;
+  return true;
+}
+
+// The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
+COLD static void caught_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  if (in->vector.taken) {
+    v->correct_q32 = 0;
+    v->waiting_ticks++;
+  }
+  if (v->waiting_ticks < 2u) {
+    return;
+  }
+  const complex_t zero = {0, 0};
+  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+  emf_observer_preset(&v->observer, zero, emf_v_q25, emf_v_q25);
+  v->voltage_v_q17 = to_q17(emf_v_q25);
+  v->holding = false;
+  v->frame = FRAME_OBSERVED;
+  pll_preset(&v->pll, 0, v->speed_turn_q36);
+  ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
+  drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
+  vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, 0);
+  drive->command.gate_enable = true;
+  drive->command.vector.enable = true;
+  drive->catches++;
+  enter_phase(drive, START_HAND_OVER);
 }
 
 // The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it
@@ -666,6 +717,8 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     }
     if (v->frame == FRAME_OFF) {
       idle_step(drive, in);
+    } else if (v->frame == FRAME_CAUGHT) {
+      caught_step(drive, in);
     } else {
       observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {

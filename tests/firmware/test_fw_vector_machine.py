@@ -87,6 +87,47 @@ def test_hand_over_without_a_bump(samples: int, cycles: int, delay: float) -> No
     assert found[0] < 0.01 * bench.settings.start_a
 
 
+@pytest.mark.parametrize("rpm", [90_000, -90_000, 40_000, 24_000, -24_000])
+def test_spinning_rotor_is_caught(rpm: float) -> None:
+    """A rotor that turns when the drive is started goes on in its direction within 10 ms, without a jolt.
+
+    The angle is then right to a degree, and the current stays below that of the load and the start current.
+
+    Verifies: VC-32
+    """
+    bench = VectorBench(values=FAST, noise_lsb=1.0)
+    assert bench.until_state("ready", 0.1)
+    bench.omega = rpm * math.pi / 30
+    bench.fw.command(f"set speed_rpm {rpm:.0f}")
+    bench.fw.command("start")
+    bench.record.clear()
+    assert bench.until_state("running", 0.01)
+    bench.run(0.02)
+    after = [s.error_deg for s in bench.record if s.state == "running"][-200:]
+    peak_a = max(abs(s.current_a) for s in bench.record)
+    print(f"{rpm:.0f} r/min: {max(map(abs, after)):.2f} deg after 20 ms, {peak_a:.1f} A, now {bench.rpm:.0f} r/min")
+    assert max(map(abs, after)) < 1.0
+    assert peak_a < 25.0
+    assert bench.rpm == pytest.approx(rpm, rel=0.1)
+    assert (bench.console("catches"), bench.console("fault"), bench.trips) == ("1", "none", 0)
+
+
+def test_rotor_is_not_caught() -> None:
+    """Slower than the hand-over, or where it is not asked for: the drive waits with open gates.
+
+    Verifies: VC-32
+    """
+    for rpm, catch in ((40_000, 0), (12_000, 1)):
+        bench = VectorBench(values=FAST)
+        assert bench.until_state("ready", 0.1)
+        bench.fw.command("set speed_rpm 60000")
+        bench.fw.command(f"set catch {catch}")
+        bench.omega, bench.locked = rpm * math.pi / 30, True
+        bench.fw.command("start")
+        bench.run(0.02)
+        assert (bench.fw.state, bench.console("catches"), bench.enable) == ("starting", "0", False)
+
+
 def test_blocked_rotor_fails_the_start() -> None:
     """A rotor that does not turn gives no EMF: start_failed after the retries, gates off.
 

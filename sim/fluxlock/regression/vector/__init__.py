@@ -2,6 +2,7 @@
 
 from fluxlock.regression.vector import (
     bandwidth,
+    catching,
     chip_steps,
     controllers,
     encoder,
@@ -15,6 +16,7 @@ from fluxlock.regression.vector import (
 
 __all__ = [
     "bandwidth",
+    "catching",
     "chip_steps",
     "controllers",
     "encoder",
