@@ -21,7 +21,7 @@ from fluxlock.regression.vector.frames import angle_errors_deg, frame_changes_s
 SCENARIO = "vector/start.toml"
 TOP_RPM, QUICK_RPM = 90_000, 20_000
 ACCEL_RPM_PER_S = 350_000
-END_S, QUICK_END_S = 0.52, 0.30
+END_S, QUICK_END_S = 0.52, 0.35
 ALIGNED_S = 0.08
 SETTLED_S = 0.03  # after the hand-over: angle, and i_d gone
 BAND_RPM = 10_000
@@ -62,7 +62,7 @@ def points(run: Outcome, change: Change, from_s: float, top_rpm: float) -> list[
         error_deg = float(angle_errors_deg(run, span).mean())
         mean = complex(current[inside].mean()) * np.exp(-1j * math.radians(error_deg))
         closed = rest(replace(drive, current=mean), motor.omega_e(speed_rpm), mean).error_deg
-        found.append(Point(speed_rpm, abs(mean), error_deg, float(closed)))
+        found.append(Point(speed_rpm, float(abs(mean)), error_deg, float(closed)))
     return found
 
 

@@ -17,7 +17,7 @@ RMS_DEG, MAX_DEG = 1.0, 5.0
 SPEED_SHARE = 0.01  # of the speed at the end of the ramps
 TOP_RPM, QUICK_RPM = 90_000, 15_000
 START_S, REVERSAL_S, STOP_S, END_S = 0.02, 1.20, 3.05, 3.90
-QUICK_END_S = 0.33
+QUICK_END_S = 0.38
 # The frame is forced until the rotor is aligned, at least.
 ALIGNED_S = 0.08
 
