@@ -198,7 +198,7 @@ static bool with_vectors(const drive_t *d) { return d->p->method == METHOD_VECTO
 // Settings that the vector drive knows too.
 static bool for_vectors(item_t item) {
   return item == ITEM_SPEED_RPM || item == ITEM_ACCEL_RPM_S || item == ITEM_CURRENT_LIMIT_A ||
-         item == ITEM_BRAKE_LIMIT_A || item == ITEM_IRQ_LOAD;
+         item == ITEM_BRAKE_LIMIT_A || item == ITEM_CATCH || item == ITEM_IRQ_LOAD;
 }
 
 static void degrees_of_radians(char *text, int32_t angle_q30) {

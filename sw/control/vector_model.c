@@ -15,13 +15,14 @@ HOT int32_t vector_turn_q32(const vector_machine_t *machine, int32_t speed_turn_
   return sat_i32(round_shift((int64_t)speed_turn_q36 * cycles, 4));
 }
 
-HOT int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36) {
-  if (machine->park == PARK_HELD) {
-    return 0;
-  }
+HOT int32_t vector_action_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36) {
   const int64_t turn_q32 = vector_turn_q32(machine, speed_turn_q36);
   const int64_t periods_q30 = (int64_t)machine->delay_q30 + ONE_Q30 / 2;
   return (int32_t)(uint32_t)round_shift(turn_q32 * periods_q30, 30);
+}
+
+HOT int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36) {
+  return (machine->park == PARK_HELD) ? 0 : vector_action_turn_q32(machine, speed_turn_q36);
 }
 
 // (1 - exp(-s)) / s with Phi = exp(-s): by the series where the difference would lose too many digits.

@@ -58,7 +58,11 @@ void vector_plant(vector_plant_t *plant, const vector_machine_t *machine);
 // Angle in a sample period, 2^32 = one turn, saturated at half a turn either way. About 40 clocks.
 int32_t vector_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36);
 
-// Advance of the inverse Park: omega (T_d + T_s/2), modulo a turn; 0 for PARK_HELD. About 70 clocks.
+// From the sample to the middle of the time in which its voltage acts: omega (T_d + T_s/2), modulo a turn. About 70
+// clocks.
+int32_t vector_action_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36);
+
+// Advance of the inverse Park: that angle; 0 for PARK_HELD.
 int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_turn_q36);
 
 // The model at a signed electrical speed in 2^-36 turn a clock, below half a turn of the subspace a period. Error

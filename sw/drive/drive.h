@@ -165,7 +165,7 @@ typedef struct {
 } thresholds_t;
 
 // Frame of the vector drive.
-typedef enum { FRAME_OFF, FRAME_FORCED, FRAME_OBSERVED } frame_t;
+typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED } frame_t;
 
 // What depends on the speed.
 typedef struct {
@@ -223,6 +223,7 @@ typedef struct {
   emf_observer_t observer;
   complex_t voltage_v_q17;  // applied, of the last sample
   current_rest_t rest;
+  complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link
   complex_t state_v_q25;    // of the regulator, at the last check
@@ -240,6 +241,7 @@ typedef struct {
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
+  int32_t turn_middle_q32; // half the time later
   pi_state_t speed;
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque

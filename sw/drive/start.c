@@ -100,6 +100,9 @@ static bool caught(drive_t *drive, const int32_t v_q17[PHASES], int32_t line_emf
   if (!plausible(drive, line_emf_q17, speed_rpm_q8) || speed_rpm_q8 / 256 > p->overspeed_rpm || drive->m.vdc_v_q25 == 0) {
     return false;
   }
+  if (p->method == METHOD_VECTOR) {
+    return vector_catch(drive, drive->rotor.angle, mean_step);
+  }
   // What is written now takes effect at the next tick.
   chip_command_t *command = &drive->command;
   drive->reverse = mean_step < 0;

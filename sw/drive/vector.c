@@ -10,8 +10,11 @@
 #include "drive/start.h"
 
 #define ONE_OVER_SQRT3_Q16 37837
+#define QUARTER_TURN ((uint32_t)1 << 30)
 #define HALF_PI_Q30 1686629713
 #define VOLTAGE_MAX_Q17 131071
+#define CHANGE_MAX_Q32 (1 << 22)
+#define FOUR_OVER_PI_Q8 326u
 // Turns below it, 1.4 degrees: two terms of the series are enough.
 #define SMALL_TURN_Q32 (1 << 24)
 #define SCALE_BITS 17u
@@ -46,6 +49,30 @@ static int32_t current_limit_i_q25(const drive_t *drive) { return drive->setting
 
 // exp(-j turn): takes vectors into a frame that is ahead by `turn`.
 static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
+
+// The modulator adds what the dead time takes by the currents of the sample. They have turned on when it acts, by phi =
+// omega (T_d + T_s/2): with it as a vector c what acts in truth is more than the voltage by
+//
+//   c (exp(-j phi) - 1)   inverse Park exact,   c (1 - exp(j phi))   held
+//
+// which lies across the EMF: c (T_d + T_s/2) / psi at any speed. c along the current, linear up to 4/pi of a leg's
+// largest.
+COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const vector_t *v = &drive->vector;
+  const uint32_t size = complex_abs(v->reference_i_q25);
+  const uint32_t most_cycles_q8 = (uint32_t)p->vector_dead_comp_cycles * FOUR_OVER_PI_Q8;
+  const uint64_t linear_q8 = ((uint64_t)size * (uint32_t)p->vector_slope) >> p->vector_slope_shift;
+  const uint32_t cycles_q8 = (linear_q8 < most_cycles_q8) ? (uint32_t)linear_q8 : most_cycles_q8;
+  const uint32_t carrier_q8 = (uint32_t)p->vector_sample_cycles << ((p->vector_double != 0) ? 9 : 8);
+  const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)drive->m.vdc_v_q25 * cycles_q8, carrier_q8);
+  const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, (size > 0u) ? size : 1u);
+  const complex_t added = complex_scale_q30(v->reference_i_q25, sat_i32((int64_t)share_q30));
+  const bool held = v->plant.machine.park == PARK_HELD;
+  const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->speed_turn_q36);
+  const complex_t turned = complex_mul_q30(added, cis_q30(held ? turn : 0u - turn));
+  return held ? complex_sub(added, turned) : complex_sub(turned, added);
+}
 
 COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
@@ -99,7 +126,6 @@ COLD void vector_init(drive_t *drive) {
   v->sensored = p->vector_angle != 0;
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
-  drive->settings.catch_rotor = false;
   drive->command.vector.read_slow = true;
   drive->command.vector.read_steps = true;
   vector_off(drive);
@@ -129,10 +155,12 @@ void vector_design(drive_t *drive) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else {
+  } else if (v->stage == 2u) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
     __atomic_signal_fence(__ATOMIC_RELEASE);
     v->finished = v->fits;
+  } else {
+    v->late_v_q25 = late_compensation_v_q25(drive);
   }
   v->stage = (v->stage + 1u) % VECTOR_STAGES;
 }
@@ -159,6 +187,7 @@ COLD void vector_off(drive_t *drive) {
   v->holding = false;
   v->reference_i_q25 = (complex_t){0, 0};
   v->state_v_q25 = (complex_t){0, 0};
+  v->late_v_q25 = (complex_t){0, 0};
   v->suspicion = 0;
   command->enable = false;
   command->regulate[0] = false;
@@ -187,6 +216,57 @@ COLD void vector_begin(drive_t *drive) {
   enter_phase(drive, START_ALIGN);
 }
 
+COLD bool vector_catch(drive_t *drive, uint32_t angle_q32, int32_t mean_step_q32) {
+  const parameters_t *p = drive->p;
+  vector_t *v = &drive->vector;
+  const int32_t speed_turn_q36 = (mean_step_q32 / (int32_t)v->per_tick.period_cycles) * 16;
+  if (v->sensored || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
+    return false;
+  }
+  // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
+  const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
+  v->correct_q32 = (int32_t)(angle_q32 + (uint32_t)mean_step_q32 - quarter - v->angle_turn_q32);
+  v->holding = true;
+  v->speed_turn_q36 = speed_turn_q36;
+  v->direction = (speed_turn_q36 < 0) ? -1 : 1;
+  const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
+  drive->command.vector.preset_v_q17[0] = to_q17(emf_v_q25);
+  v->reference_i_q25 = (complex_t){0, 0};
+  v->goal_i_q25 = 0;
+  v->weakening.current_i_q30 = 0;
+  v->mtpa_i_q25 = 0;
+  v->waiting_ticks = 0;
+  v->suspicion = 0;
+  v->frame = FRAME_CAUGHT;
+  return true;
+}
+
+// The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
+COLD static void caught_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  if (in->vector.taken) {
+    v->correct_q32 = 0;
+    v->waiting_ticks++;
+  }
+  if (v->waiting_ticks < 2u) {
+    return;
+  }
+  const complex_t zero = {0, 0};
+  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+  emf_observer_preset(&v->observer, zero, emf_v_q25, emf_v_q25);
+  v->voltage_v_q17 = to_q17(emf_v_q25);
+  v->holding = false;
+  v->frame = FRAME_OBSERVED;
+  pll_preset(&v->pll, 0, v->speed_turn_q36);
+  ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
+  drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
+  vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, 0);
+  drive->command.gate_enable = true;
+  drive->command.vector.enable = true;
+  drive->catches++;
+  enter_phase(drive, START_HAND_OVER);
+}
+
 // The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it
 // remembers of the error is made anew meanwhile.
 COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
@@ -196,6 +276,7 @@ COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t t
   v->holding = true;
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
   v->goal_i_q25 = v->reference_i_q25.re;
+  v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation);
   drive->command.vector.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
 }
 
@@ -203,13 +284,21 @@ COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
   v->frame = FRAME_OBSERVED;
-  // The rotor swings in the forced frame: its speed is that of the frame and of the swing.
-  const int32_t swing_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_from_q32);
-  const int32_t cycles = (int32_t)(v->start.steady_ticks * v->per_tick.period_cycles);
-  v->speed_turn_q36 += (swing_q32 / cycles) * 16;
+  // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
+  // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick.
+  const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
+  const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
+  const int32_t half = (int32_t)v->start.steady_ticks / 2;
+  const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
+  v->speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
   v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
   pll_preset(&v->pll, 0, v->speed_turn_q36);
+  if (v->pll_gains.acceleration.mant != 0) {
+    const int32_t change_q32 = (second_q32 - first_q32) / (half * half);
+    const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
+    v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
+  }
   ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
   drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
   vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, v->reference_i_q25.im);
@@ -279,9 +368,9 @@ HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_
 HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
-  complex_t voltage_v_q25 = in->u_v_q25[0];
+  complex_t voltage_v_q25 = complex_add(in->u_v_q25[0], v->late_v_q25);
   if (drive->p->vector_tick_samples > 1) {
-    emf_observer_voltage(&v->observer, gains, mean_voltage_v_q25(v, in));
+    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
     voltage_v_q25 = (complex_t){0, 0};
     v->voltage_v_q17 = in->v_q17[0];
   }
@@ -481,6 +570,8 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
   const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
   if (v->start.steady_ticks <= 1u) {
     v->turn_from_q32 = v->start.turn_q32;
+  } else if (v->start.steady_ticks == v->start_settings.steady_ticks / 2u + 1u) {
+    v->turn_middle_q32 = v->start.turn_q32;
   }
   if (ready) {
     hand_over(drive, in);
@@ -639,6 +730,8 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     }
     if (v->frame == FRAME_OFF) {
       idle_step(drive, in);
+    } else if (v->frame == FRAME_CAUGHT) {
+      caught_step(drive, in);
     } else {
       observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {

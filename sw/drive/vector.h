@@ -3,6 +3,7 @@
 // Two frames: in the forced one the current stands on d and turns as the start wants it; in the observed one d is the
 // rotor's. Between them frame, observer and regulator are turned by the same angle, and nothing jumps in the phases:
 //
+//   starting: coast, a rotor that turns fast enough is caught -> running: observed
 //   starting: align, ramp, hand-over -> running: observed -> slower than the way back with the target's sign turned:
 //   starting: ramp through zero, hand-over -> running;   stopping: observed, forced down to zero, gates off
 //
@@ -21,7 +22,7 @@
 #include "drive/drive.h"
 
 #define VECTOR_GROUPS 4u
-#define VECTOR_STAGES 3u  // of a design
+#define VECTOR_STAGES 4u  // of a design, the last one by itself
 
 // Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
 void vector_init(drive_t *drive);
@@ -32,6 +33,11 @@ void vector_design(drive_t *drive);
 
 // One control step in place of that of the six-step drive.
 void vector_drive_step(drive_t *drive, const chip_snapshot_t *in);
+
+// A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
+// when the regulator's voltage is the EMF. False: slower than the hand-over, or
+// the encoder starts it.
+bool vector_catch(drive_t *drive, uint32_t angle_q32, int32_t mean_step_q32);
 
 // The rotor is slow enough after the coast: switch on and align.
 void vector_begin(drive_t *drive);

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fluxlock.figures.blac.controllers import draw_steps
+from fluxlock.figures.blac.observer import SAMPLES, draw_sensorless
 from fluxlock.figures.command import run_figures
 from fluxlock.regression.runner import Runner
 
@@ -42,3 +43,18 @@ def test_figure_of_steps_from_the_chip() -> None:
         assert len(chip) == 3
         for points, curve in zip(chip, exact, strict=True):
             assert points == pytest.approx(curve, abs=0.03)
+
+
+def test_figure_of_the_observer_from_the_chip() -> None:
+    """Figure 7.14 at 750 Hz: the chip's points lie on the closed form within 0.5 degrees for all three delays.
+
+    Verifies: FIG-07
+    """
+    runner = Runner("figures/blac/7.14", quick=True, seed=1, plots=False)
+    drawing = draw_sensorless("7.14", 0.5, runner, (0.05,), SAMPLES)
+    assert "no run of the chip" not in drawing.condition
+    levels = [line for line in drawing.page.axes[0].lines if line.get_linestyle() == ":"]
+    points = [line for line in drawing.page.axes[0].lines if line.get_marker() == "o"]
+    assert len(levels) == len(points) == 3
+    for level, line in zip(levels, points, strict=True):
+        assert float(np.mean(line.get_ydata())) == pytest.approx(float(level.get_ydata()[0]), abs=0.5)

@@ -54,13 +54,16 @@ def test_keys_of_six_step_with_vector() -> None:
         "speed_bandwidth_hz": "10",
         "zcd.method": "first",
         "hall.mode": "sensored",
-        "start.catch": "true",
+        "start.carrier_hz": "8000",
         "start.current_a": "5",
     }
     named = ["commutation", "sync_rect", "duty_max", "speed_bandwidth_hz", "zcd", "hall", "start.current_a"]
     found = errors(*(f"drive.{key}={value}" for key, value in given.items()))
-    assert sorted(found) == sorted(f"drive.{key}: {belongs}" for key in [*named, "start.catch"])
-    load_scenario(START, ["drive.start.retries=1", "drive.motor_error.flux=0.9", "drive.current_limit_a=35"])
+    assert sorted(found) == sorted(f"drive.{key}: {belongs}" for key in [*named, "start.carrier_hz"])
+    load_scenario(
+        START,
+        ["drive.start.retries=1", "drive.start.catch=false", "drive.motor_error.flux=0.9", "drive.current_limit_a=35"],
+    )
 
 
 def test_keys_of_vector_with_six_step() -> None:
@@ -193,7 +196,7 @@ def test_console_settings_of_six_step() -> None:
     )
     assert errors(f"event={events}") == [
         'event[0].command: "balance" is no setting of vector control, permitted: speed_rpm, accel_rpm_s, '
-        "current_limit_a, brake_limit_a, irq_load"
+        "current_limit_a, brake_limit_a, catch, irq_load"
     ]
     items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
     body = items.partition("static bool for_vectors(")[2].partition("}")[0]
@@ -313,6 +316,19 @@ def test_window_has_the_delay_that_the_model_has() -> None:
         assert slack >= 0, case
         wanted_ts = CLOCK_HZ / update_hz(carrier_hz, vector)
         assert abs(ts - wanted_ts) <= inverter.sample_period_s * CLOCK_HZ / 2 + 0.5, case
+
+
+def test_believed_delay_reaches_the_model_only() -> None:
+    """The firmware's T_d is the one that it is to believe in; samples and updates stay where they are.
+
+    Verifies: VCONF-07
+    """
+    right = parameter_block(load_scenario(START, ["drive.vector.delay=0.75"])).values
+    for believed in (0.0, 0.25, 1.0):
+        overrides = ["drive.vector.delay=0.75", f"drive.vector.believed_delay={believed}"]
+        wrong = parameter_block(load_scenario(START, overrides)).values
+        assert {name for name in right if right[name] != wrong[name]} == {"vector_delay_q30"}
+        assert wrong["vector_delay_q30"] == round(believed * 2**30)
 
 
 def test_single_sample_is_free_of_ripple() -> None:

@@ -9,8 +9,12 @@ from dataclasses import replace
 
 import pytest
 
+from fluxlock.config import load_scenario
+from fluxlock.config.specs import inverter_spec, motor_spec
+from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.block import Value
 from fluxlock.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
+from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.test_fw_vector_observer import observer_gains
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
@@ -81,6 +85,47 @@ def test_hand_over_without_a_bump(samples: int, cycles: int, delay: float) -> No
     print(f"{samples} samples a tick: {found} A")
     assert len(found) == 1
     assert found[0] < 0.01 * bench.settings.start_a
+
+
+@pytest.mark.parametrize("rpm", [90_000, -90_000, 40_000, 24_000, -24_000])
+def test_spinning_rotor_is_caught(rpm: float) -> None:
+    """A rotor that turns when the drive is started goes on in its direction within 10 ms, without a jolt.
+
+    The angle is then right to a degree, and the current stays below that of the load and the start current.
+
+    Verifies: VC-32
+    """
+    bench = VectorBench(values=FAST, noise_lsb=1.0)
+    assert bench.until_state("ready", 0.1)
+    bench.omega = rpm * math.pi / 30
+    bench.fw.command(f"set speed_rpm {rpm:.0f}")
+    bench.fw.command("start")
+    bench.record.clear()
+    assert bench.until_state("running", 0.01)
+    bench.run(0.02)
+    after = [s.error_deg for s in bench.record if s.state == "running"][-200:]
+    peak_a = max(abs(s.current_a) for s in bench.record)
+    print(f"{rpm:.0f} r/min: {max(map(abs, after)):.2f} deg after 20 ms, {peak_a:.1f} A, now {bench.rpm:.0f} r/min")
+    assert max(map(abs, after)) < 1.0
+    assert peak_a < 25.0
+    assert bench.rpm == pytest.approx(rpm, rel=0.1)
+    assert (bench.console("catches"), bench.console("fault"), bench.trips) == ("1", "none", 0)
+
+
+def test_rotor_is_not_caught() -> None:
+    """Slower than the hand-over, or where it is not asked for: the drive waits with open gates.
+
+    Verifies: VC-32
+    """
+    for rpm, catch in ((40_000, 0), (12_000, 1)):
+        bench = VectorBench(values=FAST)
+        assert bench.until_state("ready", 0.1)
+        bench.fw.command("set speed_rpm 60000")
+        bench.fw.command(f"set catch {catch}")
+        bench.omega, bench.locked = rpm * math.pi / 30, True
+        bench.fw.command("start")
+        bench.run(0.02)
+        assert (bench.fw.state, bench.console("catches"), bench.enable) == ("starting", "0", False)
 
 
 def test_blocked_rotor_fails_the_start() -> None:
@@ -178,6 +223,57 @@ def test_corrections_count_once_when_a_set_comes_late() -> None:
     assert most < 1.0
 
 
+@pytest.mark.parametrize("exact_park", [True, False])
+def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool) -> None:
+    """The dead time's compensation follows the sampled currents and acts when they have turned on.
+
+    What is left of it lies across the EMF, 127 mV turned by omega T_s: 0.36 degrees at any speed if it is not known.
+
+    Verifies: VC-31
+    """
+    inverter = replace(INVERTER_1, phase_current_trip_a=None)
+    slope = round(10 / 3.0 * inverter.current_full_scale_a / 2**17 * 2**26)  # 10 clocks from 3 A on
+    values: dict[str, Value] = {
+        **FAST,
+        "vector_dead_comp_cycles": 10,
+        "vector_slope": slope,
+        "vector_slope_shift": 26,
+    }
+    bench = VectorBench(VectorSettings(exact_park=exact_park), inverter=inverter, values=values, dead_time=True)
+    bench.start(30_000)
+    for rpm, seconds in ((30_000, 0.15), (80_000, 0.35), (-40_000, 1.0)):
+        bench.fw.command(f"set speed_rpm {rpm}")
+        bench.run(seconds)
+        assert bench.rpm == pytest.approx(rpm, rel=0.01)
+        bench.record.clear()
+        bench.run(0.02)
+        mean = sum(s.error_deg for s in bench.record) / len(bench.record)
+        print(f"{rpm} r/min: {mean:+.3f} deg, {abs(bench.i):.1f} A")
+        assert abs(mean) < 0.05
+
+
+@pytest.mark.parametrize("theta", [-1.0, 0.6, 1.7])
+def test_rotor_that_swings_is_handed_over(theta: float) -> None:
+    """With the settings of the shipped scenario, from several angles: error at most 3.5 degrees after the hand-over.
+
+    Aligned from far off, the rotor is handed over at the end of a swing: its speed changes by a quarter in 10 ms.
+
+    Verifies: VC-15
+    """
+    s = load_scenario(ROOT / "scenarios" / "vector" / "start.toml")
+    values = parameter_block(s).values
+    settings = VectorSettings(
+        values["vector_sample_cycles"], values["vector_tick_samples"], values["vector_delay_q30"] / 2**30
+    )
+    bench = VectorBench(settings, motor_spec(s), inverter_spec(s), values, 0.020, 60_000.0, theta, 1.0)
+    bench.start(90_000)
+    bench.record.clear()
+    bench.run(0.04)
+    rms, most = errors_deg(bench.record)
+    print(f"from {theta:+.1f} rad: rms {rms:.3f}, max {most:.3f} deg")
+    assert most < 3.5
+
+
 def test_field_weakening_keeps_a_reserve_of_voltage() -> None:
     """At 15 V the EMF alone fills the circle at 80 000 r/min; at 90 000 i_d holds the voltage at 95 % of it.
 
@@ -222,7 +318,7 @@ def test_salient_machine_gets_its_share_of_i_d() -> None:
 
 
 def test_design_comes_in_short_stages() -> None:
-    """One event of the machine timer does a third of a design: the UART's interrupt, of the same line, waits no longer.
+    """One event of the machine timer does a part of a design: the UART's interrupt, of the same line, waits no longer.
 
     Verifies: VC-17
     """
@@ -235,8 +331,8 @@ def test_design_comes_in_short_stages() -> None:
         bench.fw.poll()
         bench.fw.tick()
         taken.append(bench.get("foc.gain") != 0)
-    assert sum(taken) == 4
-    assert taken[:3] == taken[3:6] == taken[6:9] == taken[9:]
+    assert sum(taken) == 3
+    assert taken[:4] == taken[4:8] == taken[8:]
 
 
 def test_settings_of_the_six_step_drive_are_refused() -> None:

@@ -153,6 +153,7 @@ class VectorBench:
     theta: float = 0.6
     noise_lsb: float = 0.0  # of a 12-bit converter, rms
     locked: bool = False
+    dead_time: bool = False  # the legs lose what the modulator is told to add for a current at the time of action
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -259,6 +260,9 @@ class VectorBench:
         # Clocks of the modulator over its period.
         duty = complex(*v) * self.scale / (m.period_cycles * (2 if self.get("foc.control") & 4 else 1))
         applied = duty * self.inverter.supply_v * frame * cmath.exp(2j * math.pi * self.lead / Q32)
+        if self.dead_time:
+            later = cmath.exp(1j * self.omega * (self.settings.delay + 0.5) * m.period_s)
+            applied += self._dead_time_v(stationary) - self._dead_time_v(stationary * later)
         self._machine(applied if gates else None)
         self.nco_q36 = (self.nco_q36 + self.omega_q36 * m.period_cycles) % Q36
         self.samples += 1
@@ -283,6 +287,17 @@ class VectorBench:
         self.place = place
         position = (place + (0 if self.indexed else self.power_up_quarter) + self.lost_quarters) % quarters
         self.encoder = position | self.indexed << 31
+
+    def _dead_time_v(self, current_a: complex) -> complex:
+        """Vector of the modulator's compensation for a stationary current."""
+        slope, most = self.get("foc.slope"), self.get("foc.dead_time")
+        per_ampere = (slope & (Q17 - 1)) * 2.0 ** -(slope >> 24 & 31) * self.unit_a
+        v = 0j
+        for turn in (cmath.exp(2j * math.pi * x / 3) for x in range(3)):
+            cycles = min(max((current_a / turn).real * per_ampere, -most), most)
+            v += 2 / 3 * cycles * turn
+        periods = self.machine.period_cycles * (2 if self.get("foc.control") & 4 else 1)
+        return v * self.inverter.supply_v / periods
 
     def _noise(self) -> complex:
         rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)

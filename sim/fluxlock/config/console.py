@@ -70,7 +70,7 @@ SETTINGS = (
 )
 
 # Settings that vector control has too.
-VECTOR_SETTINGS = ("speed_rpm", "accel_rpm_s", "current_limit_a", "brake_limit_a", "irq_load")
+VECTOR_SETTINGS = ("speed_rpm", "accel_rpm_s", "current_limit_a", "brake_limit_a", "catch", "irq_load")
 
 # Values that the firmware takes whatever the drive is: words or their number (console_items.c), ranges.
 CHOICES = {

@@ -214,8 +214,8 @@ class Drive(Model):
     method: Literal["six-step", "vector"] = Field(
         default="six-step",
         description="What drives the machine. With `vector` only the keys `carrier_hz`, `current_limit_a`, "
-        "`accel_rpm_per_s`, `brake_current_limit_a`, `start.retries`, `start.restart_retries`, `motor_error` and those "
-        "of `[drive.vector]` may be given; all others belong to `six-step`.",
+        "`accel_rpm_per_s`, `brake_current_limit_a`, `start.catch`, `start.retries`, `start.restart_retries`, "
+        "`motor_error` and those of `[drive.vector]` may be given; all others belong to `six-step`.",
     )
     commutation: Literal["RSC", "NSC", "CSC"] = Field(
         default="CSC", description="When a commutation reaches the gates."

@@ -27,6 +27,15 @@ class Vector(Model):
         default=None,
         absent="the shortest that fits, of a single sample free of ripple",
     )
+    believed_delay: float | None = quantity(
+        "T_d over T_s that regulators, observer and inverse Park are told, in place of the one that sampling has: what "
+        "an unknown delay costs.",
+        "",
+        0.0,
+        1.0,
+        default=None,
+        absent="the right one",
+    )
     window: Literal["sample", "carrier"] = Field(
         default="sample",
         description="Current of one `sample`, or the mean of the samples in a T_s (`carrier`), of up to 255.",

@@ -22,7 +22,7 @@ SHARED_KEYS = {
     "start",
     "motor_error",
 }
-SHARED_START_KEYS = {"retries", "restart_retries"}
+SHARED_START_KEYS = {"catch", "retries", "restart_retries"}
 
 TURN_A_TICK = 0.25  # electrical
 TIME_CONSTANTS_A_TICK = 1.9  # the format of R T / L ends at 2

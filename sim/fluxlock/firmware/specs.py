@@ -99,10 +99,14 @@ class InverterSpec:
 
 @dataclass(frozen=True)
 class VectorSpec:
-    """What the scenario asks of the vector drive; None chooses a value from machine and inverter."""
+    """What the scenario asks of the vector drive; None chooses a value from machine and inverter.
+
+    believed_delay: T_d over T_s that the firmware is told where it is not the right one.
+    """
 
     double: bool = True
     delay: float | None = None
+    believed_delay: float | None = None
     window: CurrentWindow = "sample"
     regulator: Regulator = "C"
     park: InversePark = "exact"

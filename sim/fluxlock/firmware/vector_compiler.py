@@ -256,6 +256,7 @@ def vector_parameters(
     m = VectorMachine.of(motor, inverter)
     p, clock = motor.pole_pairs, drive.clock_hz
     timing = vector_timing(clock, drive.carrier_hz, inverter, vector)
+    delay = timing.delay if vector.believed_delay is None else vector.believed_delay
     sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
     # T_s V / (L I): current from voltage, both in parts of their full scale.
     admittance = sample_s * inverter.voltage_full_scale_v / (m.inductance_h * inverter.current_full_scale_a)
@@ -280,7 +281,7 @@ def vector_parameters(
         "vector_length_cycles": timing.length_cycles,
         "vector_resistance_q30": round(m.resistance_ohm / m.inductance_h * sample_s * Q30),
         "vector_observer_resistance_q30": round(m.resistance_ohm / (m.inductance_h * observed) * sample_s * Q30),
-        "vector_delay_q30": round(min(timing.delay, 1.0) * Q30),
+        "vector_delay_q30": round(min(delay, 1.0) * Q30),
         "vector_park": INVERSE_PARKS.index(vector.park),
         "vector_order": REGULATORS.index(vector.regulator),
         "vector_bandwidth_q30": round(2.0 * math.pi * vector.bandwidth_hz * sample_s * Q30),

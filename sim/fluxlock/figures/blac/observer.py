@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 
 from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.analysis.vector.model import emf
 from fluxlock.analysis.vector.sensorless import rest
 from fluxlock.analysis.vector.study import SPEEDS, delay_course, delay_drive
 from fluxlock.figures import panels
-from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, CURRENT_A, FAMILY, THETA, bench, percent
+from fluxlock.figures.blac.support import (
+    ANALYTIC,
+    CONTROLLER_COLOURS,
+    CURRENT_A,
+    FAMILY,
+    FS_HZ,
+    THETA,
+    bench,
+    percent,
+)
 from fluxlock.figures.figure import Drawing, Entry, figure
 from fluxlock.regression.runner import Runner
+from fluxlock.regression.vector.observer import drive_at
 
 SAMPLES = 600
 WHY_SIZE = (
@@ -20,7 +33,24 @@ WHY_SIZE = (
 )
 
 
-def _sensorless(number: str, delay: float, samples: int) -> Drawing:
+ON_CHIP = (
+    "Points: the chip with the switched inverter and 12-bit noise, imposed speed, T'_d given from the start, loop of "
+    "400 Hz: the last 12 ms of a run, at the end of the axis."
+)
+
+
+def _chip(axes: Axes, runner: Runner, speed: float, delay: float, believed: float, colour: str, end_ms: float) -> float:
+    """Draw the angle error at the chip's samples so that it ends at end_ms; its mean, deg."""
+    run = drive_at(runner, speed * FS_HZ, delay, believed)
+    span, clock_hz = run.scenario.window[0], run.data.clock_hz
+    series = run.analysis.angles.between(span.from_s * clock_hz, span.to_s * clock_hz)
+    time_ms = end_ms + 1e3 * (series.cycle / clock_hz - span.to_s)
+    axes.plot(time_ms, series.error_deg, "o", color=colour, markersize=3, markevery=6, fillstyle="none")
+    return float(series.error_deg.mean())
+
+
+def draw_sensorless(number: str, delay: float, runner: Runner, on_chip: Sequence[float], samples: int) -> Drawing:
+    """Angle and EMF with three delays in the observer; on_chip: speeds over f_s at which the chip stands beside."""
     heading = f"{number}: sensorless, $T_d$ = {delay:g} $T_s$; the observer is given $T'_d$ at t = 0"
     drawn, grid = panels.page(heading, 2, 2, (11.0, 5.6))
     lines: list[Entry] = []
@@ -28,7 +58,7 @@ def _sensorless(number: str, delay: float, samples: int) -> Drawing:
         upper, lower = grid[0][column], grid[1][column]
         true = float(np.abs(emf(bench().machine, bench().omega(speed))))
         time_ms = np.arange(samples) / bench().fs_hz * 1e3
-        found = []
+        found, chip = [], []
         for believed, colour in zip((0.0, delay, 1.0), CONTROLLER_COLOURS.values(), strict=True):
             course = delay_course(bench(), speed, delay, believed, CURRENT_A, samples)
             drive = delay_drive(bench(), speed, delay, believed, CURRENT_A)
@@ -38,12 +68,15 @@ def _sensorless(number: str, delay: float, samples: int) -> Drawing:
             upper.axhline(closed, color=colour, linewidth=0.6, linestyle=":")
             lower.plot(time_ms, size, color=colour, linewidth=1, label=label)
             found.append((float(course.error_deg[-1]), closed, float(size[-1]) / true))
+            if speed in on_chip:
+                chip.append(_chip(upper, runner, speed, delay, believed, colour, float(time_ms[-1])))
         at = f"{bench().fs_hz * speed:g} Hz, T'_d = 0 / {delay:g} / 1 T_s"
         simulated, closed_forms = (" / ".join(_signed(line[k]) for line in found) for k in (0, 1))
         sizes = " / ".join(f"{line[2]:.3f}" for line in found)
         lines += [
             Entry(f"{at}: error (deg)", "negative / none / positive", simulated, THETA),
             Entry("in closed form", "", closed_forms),
+            *([Entry("on the chip", "", " / ".join(map(_signed, chip)))] if chip else []),
             Entry("estimated over true EMF", "less / accurate / greater", sizes, WHY_SIZE),
         ]
         lower.axhline(true, color=GREY, linewidth=0.8)
@@ -55,7 +88,7 @@ def _sensorless(number: str, delay: float, samples: int) -> Drawing:
     panels.legend(grid[1][0], 3, "center right")
     condition = (
         f"Motor-I, f_s 15 kHz, i_q {CURRENT_A:g} A in the estimated frame, controller C, poles 0.7, loop of 100 Hz; "
-        f"dotted: closed form. {ANALYTIC}"
+        f"dotted: closed form. {ON_CHIP if on_chip else ANALYTIC}"
     )
     return Drawing(condition, drawn, tuple(lines))
 
@@ -67,16 +100,16 @@ def _signed(value: float) -> str:
 @figure(FAMILY, "7.13")
 def quarter_delay(runner: Runner) -> Drawing:
     """Sensorless operation at a quarter of a sample period with three delays in the observer."""
-    return _sensorless("7.13", 0.25, SAMPLES)
+    return draw_sensorless("7.13", 0.25, runner, () if runner.quick else SPEEDS, SAMPLES)
 
 
 @figure(FAMILY, "7.14")
 def half_delay(runner: Runner) -> Drawing:
     """Sensorless operation at half a sample period with three delays in the observer."""
-    return _sensorless("7.14", 0.5, SAMPLES)
+    return draw_sensorless("7.14", 0.5, runner, () if runner.quick else SPEEDS, SAMPLES)
 
 
 @figure(FAMILY, "7.15")
 def three_quarter_delay(runner: Runner) -> Drawing:
     """Sensorless operation at three quarters of a sample period with three delays in the observer."""
-    return _sensorless("7.15", 0.75, SAMPLES)
+    return draw_sensorless("7.15", 0.75, runner, () if runner.quick else SPEEDS, SAMPLES)

@@ -1,5 +1,31 @@
 """Vector cases (Yang 2020, chapter 7). Scenarios: scenarios/vector."""
 
-from fluxlock.regression.vector import bandwidth, chip_steps, controllers, core, encoder, identify, transforms
+from fluxlock.regression.vector import (
+    bandwidth,
+    catching,
+    chip_steps,
+    controllers,
+    core,
+    encoder,
+    identify,
+    methods,
+    observer,
+    parameter_errors,
+    sequence,
+    transforms,
+)
 
-__all__ = ["bandwidth", "chip_steps", "controllers", "core", "encoder", "identify", "transforms"]
+__all__ = [
+    "bandwidth",
+    "catching",
+    "chip_steps",
+    "controllers",
+    "core",
+    "encoder",
+    "identify",
+    "methods",
+    "observer",
+    "parameter_errors",
+    "sequence",
+    "transforms",
+]

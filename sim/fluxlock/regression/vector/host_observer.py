@@ -1,0 +1,94 @@
+"""The firmware's regulator, EMF observer and phase-locked loop on this computer, closed over the exact model."""
+
+from __future__ import annotations
+
+import cmath
+import ctypes
+import math
+from ctypes import byref
+
+from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients, emf
+from fluxlock.firmware.vector_library import (
+    Complex,
+    ComplexRegulator,
+    Machine,
+    Observer,
+    ObserverGains,
+    Pll,
+    PllGains,
+    RegulatorDesign,
+    RegulatorGains,
+    from_complex,
+    model_at,
+    real_gain,
+    to_complex,
+    vector_library,
+)
+
+CLOCK_HZ = 50e6
+FULL_SCALE_A, FULL_SCALE_V = 50.0, 30.0
+Q30, Q32, Q36 = 2**30, 2**32, 2**36
+ORDER_C, GAMMA, POLE, PLL_POLE = 2, 0.35, 0.7, 0.95
+SAMPLES, TAIL = 600, 50
+MINIMUM_V_Q25 = 10_000  # of the EMF
+
+
+def _firmware_machine(machine: SmoothMachine, period_cycles: int, delay: float) -> Machine:
+    """Machine with a delay (over T_s) in the firmware's units, held inverse Park."""
+    rate, period_s = machine.r_ohm / machine.l_h, period_cycles / CLOCK_HZ
+    admittance = period_s * FULL_SCALE_V / (machine.l_h * FULL_SCALE_A)
+    gains = real_gain(admittance), real_gain(1.0 / admittance)
+    return Machine(round(rate * period_s * Q30), round(delay * Q30), *gains, period_cycles, 1, 0)
+
+
+def _loop(period_cycles: int) -> PllGains:
+    """Second-order loop with both poles at PLL_POLE."""
+    q, per_turn = 1.0 - PLL_POLE, Q30 / (2 * math.pi) / period_cycles
+    angle = real_gain(2 * q * Q32 / (2 * math.pi * Q30))
+    return PllGains(angle, real_gain(q * q * per_turn), real_gain(0.0), round(0.45 / period_cycles * Q36))
+
+
+def _observe(
+    lib: ctypes.CDLL, machine: Machine, observer: Observer, speed_turn_q36: int, current: Complex, voltage: Complex
+) -> None:
+    """One step of the observer with gains for a speed."""
+    gains, model = ObserverGains(), model_at(lib, machine, speed_turn_q36)
+    lib.emf_observer_design(byref(gains), byref(machine), byref(model), round(POLE * Q30), round(POLE * Q30))
+    lib.emf_observer_step(byref(observer), byref(gains), current, voltage)
+
+
+def host_errors_deg(
+    machine: SmoothMachine, period_cycles: int, delay: float, believed: float, speed_hz: float, current: complex
+) -> list[float]:
+    """Angle errors (deg) of the last samples at a constant electrical speed (Hz, signed) and current (A, d + jq).
+
+    delay: of the plant over T_s; believed: what regulator and observer are told.
+    """
+    lib = vector_library()
+    omega, speed_q36 = 2 * math.pi * speed_hz, round(speed_hz / CLOCK_HZ * Q36)
+    plant = coefficients(machine, omega, Sampling.at(CLOCK_HZ / period_cycles, delay, "held"))
+    back = complex(emf(machine, omega))
+    unit_a, unit_v = 2**17 / FULL_SCALE_A, 2**25 / FULL_SCALE_V
+    told = _firmware_machine(machine, period_cycles, believed)
+    gains, design = RegulatorGains(), RegulatorDesign(ORDER_C, 0, round(GAMMA * Q30))
+    model = model_at(lib, told, speed_q36)
+    assert lib.regulator_design(byref(gains), byref(design), byref(told), byref(model))
+    u = complex(-plant.gamma_e * back / plant.gamma)
+    regulator, observer, pll, loop = ComplexRegulator(), Observer(), Pll(), _loop(period_cycles)
+    lib.complex_regulator_preset(byref(regulator), from_complex(u, unit_v), Complex(0, 0))
+    lib.emf_observer_preset(byref(observer), Complex(0, 0), from_complex(back, unit_v), from_complex(u, unit_v))
+    lib.pll_preset(byref(pll), 0, speed_q36)
+    reference, i, exact, errors = from_complex(current, unit_a), 0j, 0.0, []
+    for _ in range(SAMPLES):
+        ahead = (lib.pll_angle_turn_q32(byref(pll)) / Q32 - exact + 0.5) % 1.0 - 0.5
+        errors.append(360.0 * ahead)
+        turn = cmath.exp(2j * math.pi * ahead)
+        measured = from_complex(i / turn, unit_a)
+        lib.complex_regulator_step(byref(regulator), byref(gains), reference, measured, 2**17 - 1)
+        _observe(lib, told, observer, lib.pll_speed_turn_q36(byref(pll)), measured, regulator.voltage_v_q25)
+        error = lib.pll_error_q30(observer.emf_v_q25, lib.pll_speed_turn_q36(byref(pll)), MINIMUM_V_Q25)
+        lib.pll_step(byref(pll), byref(loop), period_cycles, error)
+        before, u = u, to_complex(regulator.voltage_v_q25, unit_v) * turn
+        i = complex(plant.phi * i + plant.gamma1 * u + plant.gamma2 * before + plant.gamma_e * back)
+        exact = (exact + speed_q36 * period_cycles / Q36) % 1.0
+    return errors[-TAIL:]
