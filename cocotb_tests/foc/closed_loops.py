@@ -24,6 +24,7 @@ async def closed(tb: TB, loop: dict[str, Any]) -> list[list[float]]:
     before, whole = math.exp(-rate * (period - late)), math.exp(-rate * period)
     (regulator,) = tb.regulators
     regulator.gain, regulator.hold, regulator.shift = tuple(loop["gain"]), tuple(loop["hold"]), loop["shift"]
+    regulator.ratio = tuple(loop["ratio"])
     regulator.enable, regulator.preset, regulator.reference = 0, (0, 0), (0, 0)
     await tb.run([0] * tb.phases, 0)
     regulator.enable = 1

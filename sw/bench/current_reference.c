@@ -74,6 +74,7 @@ static void design(chip_vector_command_t *command) {
   (void)regulator_design(&gains, &order, &plant.machine, &model);
   command->gain[0] = gains.g;
   command->hold[0] = gains.h;
+  command->ratio_q17[0] = gains.ratio_q17;
   command->shift[0] = (uint32_t)gains.shift;
   command->lead_q32 = vector_lead_turn_q32(&machine, command->omega_turn_q36);
 }
@@ -108,8 +109,11 @@ int main(void) {
   v->limit_v_q17[0] = table->limit_v_q17;
   v->scale = table->scale;
   v->scale_shift = table->scale_shift;
+  v->write_control = true;
+  v->write_reference = true;
   v->write_gains = true;
   v->write_limits = true;
+  v->read_slow = true;
   design(v);
   last_tick = chip_tick_time();
   chip_set_tick(tick_cycles);

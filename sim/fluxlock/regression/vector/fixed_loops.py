@@ -144,6 +144,7 @@ class FixedLoop:
             "lead_q32": lib.vector_lead_turn_q32(byref(machine), self.speed_turn_q36),
             "gain": [chosen.g.re, chosen.g.im],
             "hold": [chosen.h.re, chosen.h.im],
+            "ratio": [chosen.ratio.re, chosen.ratio.im],
             "shift": chosen.shift,
             "full_scale_a": FULL_A,
             "full_scale_v": FULL_V,
