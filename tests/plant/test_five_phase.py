@@ -29,6 +29,7 @@ from tests.plant.test_energy import ELECTRICAL_LIMIT, electrical_remainder
 
 SUPPLY_V, R_ON_OHM, CLOCK_S = 200.0, 0.02, 20e-9
 ROUNDING = 1e-13
+YU = MachineParams(9, (0.5,) * 5, (11.8e-3,) * 5, (0.098,) * 5, l_q_h=13.7e-3, phases=5, third=ThirdParams(2e-3, 2e-3))
 
 
 def tian(**changes: object) -> PlantParams:
@@ -342,6 +343,33 @@ def test_free_rotor_under_load() -> None:
     assert plant.omega_e_rad_s == pytest.approx(0.0, abs=1e-3)
     assert math.degrees(plant.theta_e_rad) % 360.0 == pytest.approx(72.0, abs=0.01)
     assert plant.rotor_currents_a[1] == pytest.approx(0.0, abs=1e-3) and plant.rotor_currents_a[0] > 10.0
+
+
+def test_rated_brake() -> None:
+    """Behind a Coulomb brake of 11 N*m a rotor stays at rest with 4.8 A, not with 5.6 A, nor as the brake is released.
+
+    Verifies: PLANT-10, PLANT-20
+    """
+
+    def braked(supply_v: float) -> Plant:
+        # A high, B to E low: a current along the axis of phase A, with the rotor a quarter of a turn behind it.
+        mechanics = MechanicsParams(5e-3, coulomb_nm=11.0, viscous_nm_s_per_rad=2e-3, theta_e_rad=-math.pi / 2)
+        plant = Plant(PlantParams(YU, InverterParams(supply_v), SensingParams(450.0, 10.0), mechanics), seed=1)
+        plant.step(0, 0b1010101001, 2)
+        plant.advance(round(0.4 / CLOCK_S))
+        return plant
+
+    plant = braked(6.0)
+    assert plant.rotor_currents_a[1] == pytest.approx(4.8, rel=1e-3)
+    assert plant.torque_nm == pytest.approx(22.5 * 0.098 * 4.8, rel=1e-3)
+    assert plant.omega_e_rad_s == 0.0
+    start = plant.theta_e_rad
+    plant.set_load(coulomb_nm=0.0, ramp_s=0.1)
+    plant.advance(plant.t_cycle + round(2e-3 / CLOCK_S))
+    assert plant.theta_e_rad == start
+    plant.advance(plant.t_cycle + round(20e-3 / CLOCK_S))
+    assert plant.theta_e_rad - start > 0.1
+    assert braked(7.0).theta_e_rad - start > 0.1
 
 
 def test_shorted_winding() -> None:
