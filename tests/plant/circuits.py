@@ -12,7 +12,9 @@ from fluxlock.plant import (
     MechanicsParams,
     PlantParams,
     RecordingParams,
+    SaturationParams,
     SensingParams,
+    ThirdParams,
 )
 
 CLOCK_S = 1e-9
@@ -92,7 +94,62 @@ def random_params(
     )
 
 
-def random_gates(rng: np.random.Generator, duration_cycles: int) -> list[tuple[int, int]]:
+def random_five_phase(
+    rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0, saturated: bool = False
+) -> PlantParams:
+    """Any five-phase circuit; saturated: with both kinds of saturation."""
+    base = random_params(rng, mechanics, divider_pole_s)
+    l_h, psi = base.machine.l_h[0], base.machine.psi_vs[0]
+    amps = base.sensing.i_full_scale_a / 5.0
+    l_q = l_h * float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
+    third = ThirdParams(
+        l_d_h=l_h * float(rng.uniform(0.15, 0.6)),
+        l_q_h=l_h * float(rng.uniform(0.15, 0.6)),
+        mutual_h=0.2 * l_h * float(rng.uniform(-1, 1)),
+        psi_vs=psi * float(rng.uniform(-0.15, 0.15)),
+    )
+    machine = MachineParams(
+        pole_pairs=base.machine.pole_pairs,
+        r_ohm=tuple(base.machine.r_ohm[0] * float(f) for f in rng.uniform(0.8, 1.2, 5)),
+        l_h=(l_h,) * 5,
+        l_q_h=l_q,
+        psi_vs=(psi,) * 5,
+        phases=5,
+        third=third,
+        saturation=random_saturation(rng, amps, l_q / l_h) if saturated else None,
+    )
+    return dataclasses.replace(base, machine=machine)
+
+
+def random_saturation(rng: np.random.Generator, amps: float, ratio: float) -> SaturationParams:
+    """Saturation of a machine with L_q / L_d = ratio that is felt at the given current."""
+    plus = float(rng.uniform(-0.2, 0.0))
+    # L_dq of a few per cent of L_q, whatever the saliency: the angle of the axes is larger where that is small.
+    angle = min(0.6, 0.08 * ratio / abs(ratio - 1.0)) * rng.uniform(-1, 1, 4) / np.array([4.0, 3.0, 6.0, 6.0])
+    return SaturationParams(
+        current_a=2.0 * amps,
+        plus=plus,
+        minus=-plus * float(rng.uniform(0.0, 0.6)),
+        angle_rad=tuple(float(a) / amps**k for k, a in enumerate(angle)),  # type: ignore[arg-type]
+        angle_current_a=amps,
+    )
+
+
+def random_saturated(
+    rng: np.random.Generator, mechanics: str = "imposed", divider_pole_s: float = 0.0, five: bool = False
+) -> PlantParams:
+    """Any circuit with a machine that saturates; five: of five phases."""
+    if five:
+        return random_five_phase(rng, mechanics, divider_pole_s, saturated=True)
+    base = random_params(rng, mechanics, divider_pole_s, salient=True)
+    m = base.machine
+    assert m.l_q_h is not None
+    saturation = random_saturation(rng, base.sensing.i_full_scale_a / 5.0, m.l_q_h / m.l_h[0])
+    machine = dataclasses.replace(m, psi_vs=(m.psi_vs[0],) * 3, emf="sinusoidal", saturation=saturation)
+    return dataclasses.replace(base, machine=machine)
+
+
+def random_gates(rng: np.random.Generator, duration_cycles: int, legs: int = 3) -> list[tuple[int, int]]:
     """Gate changes (cycle, gates): six-step chopping, arbitrary legs, coasting; with dead time."""
     t, gates = 1000, 0
     style, until = 0, 0
@@ -102,17 +159,17 @@ def random_gates(rng: np.random.Generator, duration_cycles: int) -> list[tuple[i
         if t >= until:
             style = int(rng.choice([0, 0, 0, 1, 1, 2]))
             until = t + int(rng.integers(20_000, 80_000))
-            a, b = rng.permutation(3)[:2]
+            a, b = rng.permutation(legs)[:2]
             pair = (int(a), int(b))
         if style == 0:
             on = bool(rng.random() < 0.6)
             wanted = (1 << (2 * pair[0]) if on else 0) | 2 << (2 * pair[1])
         elif style == 1:
-            wanted = sum(int(rng.integers(0, 3)) << (2 * x) for x in range(3))
+            wanted = sum(int(rng.integers(0, 3)) << (2 * x) for x in range(legs))
         else:
             wanted = 0
         reversing = 0
-        for x in range(3):
+        for x in range(legs):
             if (gates >> (2 * x) & 3) ^ (wanted >> (2 * x) & 3) == 3:
                 reversing |= 3 << (2 * x)
         if reversing:

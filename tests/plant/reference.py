@@ -1,8 +1,8 @@
 """Independent solution of the plant's circuit for the tests: nodal equations, scipy's integrator and events.
 
-Shares no formula with the kernel: unknowns are di/dt of the three phases, the star voltage and the terminal
-voltages of one 7 x 7 system a topology; the state of the diodes is found by trying every combination and
-looking ahead.
+Shares no formula with the kernel: unknowns are di/dt of the phases, the star voltage and the terminal voltages of one
+system a topology (7 x 7 with three phases, 11 x 11 with five); the state of the diodes is found by trying every
+combination and looking ahead. Five phases: inductances from winding functions, term by term in the phase axes.
 """
 
 from __future__ import annotations
@@ -13,15 +13,60 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from fluxlock.plant import PlantParams
+from fluxlock.plant import MachineParams, PlantParams
+from fluxlock.plant.magnetics import FluxMap
 
 OPEN, SWITCH_H, SWITCH_L, DIODE_L, DIODE_H = "open", "H", "L", "dL", "dH"
 LOOK_AHEAD_S = 2e-10
 LINK_BAND = 1e-10  # hysteresis of the supply diode, relative
 ZERO_SEQUENCE = 0.3  # inductance over L_d of a salient machine; no current flows that could show it
 PHASE_ANGLES = np.array([0.0, 2.0, 4.0]) * np.pi / 3
-# y = ia ib ic vdc theta omega filter_a filter_b filter_c filter_dc
-NY = 10
+
+
+def wound(m: MachineParams, theta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Inductances of a five-phase machine and their derivative by the angle, from its winding functions.
+
+    Each phase has turns that vary as cos and as cos of three times the angle. Through a gap with a wave of permeance
+    the first meet as mean and cos 2 theta, the second as mean and cos 6 theta, and both each other as cos 2 theta.
+    """
+    assert m.third is not None and m.l_q_h is not None
+    l_d, l_q, t = m.l_h[0], m.l_q_h, m.third
+    value, slope = np.zeros((5, 5)), np.zeros((5, 5))
+    terms = (  # amplitude, wave of the angle, lag of x, lag of y
+        ((l_d + l_q) / 5, 0, 1, -1),
+        ((l_d - l_q) / 5, 2, 1, 1),
+        ((t.l_d_h + t.l_q_h) / 5, 0, 3, -3),
+        ((t.l_d_h - t.l_q_h) / 5, 6, 3, 3),
+        (2 * t.mutual_h / 5, 2, -1, 3),
+        (2 * t.mutual_h / 5, 2, 3, -1),
+    )
+    for x in range(5):
+        for y in range(5):
+            for amplitude, wave, lag_x, lag_y in terms:
+                angle = wave * theta - 2 * np.pi / 5 * (lag_x * x + lag_y * y)
+                value[x, y] += amplitude * np.cos(angle)
+                slope[x, y] -= amplitude * wave * np.sin(angle)
+    return value, slope
+
+
+def saturated(m: MachineParams, theta: float, i: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Incremental inductances, flux linkages and their derivative by the angle, differenced, of the phases."""
+    flux, n = FluxMap(m), m.phases
+
+    def axes(at: float) -> np.ndarray:
+        rows = []
+        for h in (1, 3)[: n // 2]:
+            angle = h * (at - 2 * np.pi / n * np.arange(n))
+            rows += [np.cos(angle), -np.sin(angle)]
+        return np.array(rows)
+
+    def linkages(at: float) -> np.ndarray:
+        return np.asarray(flux.flux(2 / n * axes(at) @ i) @ axes(at))
+
+    a, step = axes(theta), 1e-4
+    slope = (8 * (linkages(theta + step) - linkages(theta - step)) - linkages(theta + 2 * step)) / (12 * step)
+    slope = slope + linkages(theta - 2 * step) / (12 * step)
+    return 2 / n * a.T @ flux.inductance(2 / n * a @ i) @ a, linkages(theta), slope
 
 
 @dataclass
@@ -37,20 +82,26 @@ class Reference:
     gates: int = 0
     source_on: bool = True
     chopper_on: bool = False
-    legs: tuple[str, ...] = (OPEN,) * 3
+    legs: tuple[str, ...] = ()
+    broken: tuple[int, ...] = ()
     log: list[tuple[float, str, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         m = self.p.machine
-        ab, bc, ca = m.m_h
-        la, lb, lc = m.l_h
-        self.lmat = np.array([[la, ab, ca], [ab, lb, bc], [ca, bc, lc]])
+        self.n = m.phases
+        self.legs = self.legs or (OPEN,) * self.n
+        self.lmat = np.diag(m.l_h)
+        if self.n == 3:
+            (ab, bc, ca), (la, lb, lc) = m.m_h, m.l_h
+            self.lmat = np.array([[la, ab, ca], [ab, lb, bc], [ca, bc, lc]])
         self._inverse: dict[tuple[str, ...], np.ndarray] = {}
 
     # ---------------------------------------------------------------- equations
     def inductance(self, theta: float) -> tuple[np.ndarray, np.ndarray]:
         """Inductance matrix and its derivative by the electrical angle; salient: turned from d, q and zero sequence."""
         m = self.p.machine
+        if self.n == 5:
+            return wound(m, theta)
         if m.l_q_h is None:
             return self.lmat, np.zeros((3, 3))
         axes = np.diag([m.l_h[0], m.l_q_h, ZERO_SEQUENCE * m.l_h[0]])
@@ -61,6 +112,9 @@ class Reference:
 
     def emf(self, theta: float, omega: float) -> np.ndarray:
         m = self.p.machine
+        if self.n == 5:
+            angles, third = theta - 0.4 * np.pi * np.arange(5), m.third.psi_vs if m.third else 0.0
+            return -omega * (np.array(m.psi_vs) * np.sin(angles) + 3 * third * np.sin(3 * angles))
         angles = theta - PHASE_ANGLES
         if m.emf == "sinusoidal":
             g = np.sin(angles)
@@ -81,77 +135,97 @@ class Reference:
         }[leg]
 
     def system(self, legs: tuple[str, ...], lmat: np.ndarray) -> np.ndarray:
-        """Inverse matrix for the unknowns (di_a di_b di_c v_n v_a v_b v_c)."""
+        """Inverse matrix for the unknowns (di of the phases, v_n, v of the phases)."""
         if legs not in self._inverse or lmat is not self.lmat:
-            a = np.zeros((7, 7))
-            for x in range(3):
-                a[x, 0:3] = -lmat[x]
-                a[x, 3] = -1.0
-                a[x, 4 + x] = 1.0
-                a[3 + x, x if legs[x] == OPEN else 4 + x] = 1.0
-            a[6, 0:3] = 1.0
+            n = self.n
+            a = np.zeros((2 * n + 1, 2 * n + 1))
+            for x in range(n):
+                a[x, 0:n] = -lmat[x]
+                a[x, n] = -1.0
+                a[x, n + 1 + x] = 1.0
+                a[n + x, x if legs[x] == OPEN else n + 1 + x] = 1.0
+            a[2 * n, 0:n] = 1.0
             if all(leg == OPEN for leg in legs):
-                a[6] = [0, 0, 0, 0, 1, 1, 1]  # equal sense resistors
+                a[2 * n] = [0] * (n + 1) + [1] * n  # equal sense resistors
             # Inductances are tiny beside the ones: scale di by the mean inductance.
-            scale = np.diag([1 / self.lmat[0, 0]] * 3 + [1.0] * 4)
+            scale = np.diag([1 / self.lmat[0, 0]] * n + [1.0] * (n + 1))
             self._inverse[legs] = scale @ np.linalg.inv(a @ scale)
         return self._inverse[legs]
 
     def vdc(self, y: np.ndarray, legs: tuple[str, ...]) -> float:
         q = self.p.inverter
-        return float(y[3]) if q.dc_link_c_f > 0 else q.supply_v - q.supply_r_ohm * self.idc(y, legs)
+        return float(y[self.n]) if q.dc_link_c_f > 0 else q.supply_v - q.supply_r_ohm * self.idc(y, legs)
 
     def idc(self, y: np.ndarray, legs: tuple[str, ...]) -> float:
-        return sum(float(y[x]) for x in range(3) if legs[x] in (SWITCH_H, DIODE_H))
+        return sum(float(y[x]) for x in range(self.n) if legs[x] in (SWITCH_H, DIODE_H))
 
     def solve(self, y: np.ndarray, legs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
         """di/dt and terminal voltages."""
-        e = self.emf(y[4], y[5])
+        n, (theta, omega) = self.n, y[self.n + 1 : self.n + 3]
         vdc = self.vdc(y, legs)
-        lmat, slope = self.inductance(y[4])
-        b = np.zeros(7)
-        b[0:3] = np.array(self.p.machine.r_ohm) * y[0:3] + e + y[5] * (slope @ y[0:3])
-        for x in range(3):
+        b = np.zeros(2 * n + 1)
+        if self.p.machine.saturation:
+            lmat, _, turning = saturated(self.p.machine, theta, y[:n])
+            b[0:n] = np.array(self.p.machine.r_ohm) * y[0:n] + omega * turning
+        else:
+            lmat, slope = self.inductance(theta)
+            b[0:n] = np.array(self.p.machine.r_ohm) * y[0:n] + self.emf(theta, omega) + omega * (slope @ y[0:n])
+        for x in range(n):
             if legs[x] != OPEN:
                 rail, v, r = self.leg_law(legs[x])
-                b[3 + x] = rail * vdc + v - r * y[x]
+                b[n + x] = rail * vdc + v - r * y[x]
         u = self.system(legs, lmat) @ b
-        v = u[4:7].copy()
+        v = u[n + 1 :].copy()
         if all(leg == OPEN for leg in legs):
-            v += max(0.0, -self.p.inverter.diode_drop_v - v.min())  # lower diode of the lowest terminal
-        return u[0:3], v
+            with_diodes = [v[x] for x in range(n) if x not in self.broken]
+            v += max(0.0, -self.p.inverter.diode_drop_v - min(with_diodes))  # lower diode of the lowest terminal
+        return u[0:n], v
+
+    def torque(self, theta: float, i: np.ndarray) -> float:
+        """Torque from unit-speed EMF and co-energy; saturated: from the flux linkages in rotor axes."""
+        m, n = self.p.machine, self.n
+        if not m.saturation:
+            return m.pole_pairs * float((self.emf(theta, 1.0) + 0.5 * self.inductance(theta)[1] @ i) @ i)
+        total = 0.0
+        _, flux, _ = saturated(m, theta, i)
+        for h in (1, 3)[: n // 2]:
+            turn = 2 / n * np.exp(-1j * h * (theta - 2 * np.pi / n * np.arange(n)))
+            total += h * (np.conj(turn @ flux) * (turn @ i)).imag
+        return n / 2 * m.pole_pairs * total
 
     def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
-        q, mech, m = self.p.inverter, self.p.mechanics, self.p.machine
-        d = np.zeros(NY)
-        d[0:3], v = self.solve(y, self.legs)
+        q, mech, m, n = self.p.inverter, self.p.mechanics, self.p.machine, self.n
+        d = np.zeros(2 * n + 4)
+        d[0:n], v = self.solve(y, self.legs)
         if q.dc_link_c_f > 0:
-            source = (q.supply_v - y[3]) / q.supply_r_ohm if self.source_on else 0.0
-            chopper = y[3] / q.chopper_ohm if self.chopper_on else 0.0
-            d[3] = (source - chopper - self.idc(y, self.legs)) / q.dc_link_c_f
-        d[4] = y[5]
+            source = (q.supply_v - y[n]) / q.supply_r_ohm if self.source_on else 0.0
+            chopper = y[n] / q.chopper_ohm if self.chopper_on else 0.0
+            d[n] = (source - chopper - self.idc(y, self.legs)) / q.dc_link_c_f
+        d[n + 1] = y[n + 2]
         if mech.mode == "free":
-            # Torque from unit-speed EMF and co-energy; friction as while moving forward.
-            torque = m.pole_pairs * float((self.emf(y[4], 1.0) + 0.5 * self.inductance(y[4])[1] @ y[0:3]) @ y[0:3])
-            w = y[5] / m.pole_pairs
+            # Friction as while moving forward.
+            torque = self.torque(y[n + 1], y[0:n])
+            w = y[n + 2] / m.pole_pairs
             load = mech.constant_nm + mech.viscous_nm_s_per_rad * w + mech.fan_nm_s2_per_rad2 * w * abs(w)
-            d[5] = m.pole_pairs * (torque - load - mech.coulomb_nm * np.sign(w)) / mech.inertia_kgm2
+            d[n + 2] = m.pole_pairs * (torque - load - mech.coulomb_nm * np.sign(w)) / mech.inertia_kgm2
         elif mech.profile:
             (t0, w0), (t1, w1) = mech.profile
-            d[5] = m.pole_pairs * (w1 - w0) / (t1 - t0)
+            d[n + 2] = m.pole_pairs * (w1 - w0) / (t1 - t0)
         tau = self.p.sensing.divider_pole_s
         if tau > 0:
-            d[6:9] = (v - y[6:9]) / tau
-            d[9] = (self.vdc(y, self.legs) - y[9]) / tau
+            d[n + 3 : 2 * n + 3] = (v - y[n + 3 : 2 * n + 3]) / tau
+            d[2 * n + 3] = (self.vdc(y, self.legs) - y[2 * n + 3]) / tau
         return d
 
     # ---------------------------------------------------------------- topology
     def choose_legs(self) -> None:
         """Take the combination of diode states that is least wrong a moment later."""
         options: list[tuple[str, ...]] = []
-        for x in range(3):
+        for x in range(self.n):
             g = self.gates >> (2 * x) & 3
-            if g:
+            if x in self.broken:
+                options.append((OPEN,))
+            elif g:
                 options.append((SWITCH_H,) if g == 1 else (SWITCH_L,))
             elif self.y[x] > 0:
                 options.append((DIODE_L,))
@@ -169,7 +243,7 @@ class Reference:
                 best, best_wrong = legs, wrong
         assert best is not None
         self.legs = best
-        for x in range(3):
+        for x in range(self.n):
             if self.y[x] == 0 and best[x] in (DIODE_L, DIODE_H) and old[x] != best[x]:
                 self.log.append((self.t, "on", x))
 
@@ -183,7 +257,9 @@ class Reference:
         drop, vdc = self.p.inverter.diode_drop_v, self.vdc(ahead, legs)
         volts_per_amp = self.lmat[0, 0] / LOOK_AHEAD_S
         wrong = 0.0
-        for x in range(3):
+        for x in range(self.n):
+            if x in self.broken:
+                continue
             if legs[x] == OPEN:
                 wrong += max(0.0, -drop - v[x], v[x] - vdc - drop)
             elif legs[x] == DIODE_L:
@@ -196,12 +272,13 @@ class Reference:
         q = self.p.inverter
         if q.dc_link_c_f == 0:
             return
-        if q.supply_diode and abs(self.y[3] - q.supply_v) > LINK_BAND * q.supply_v:
-            self.source_on = bool(self.y[3] < q.supply_v)
+        vdc = self.y[self.n]
+        if q.supply_diode and abs(vdc - q.supply_v) > LINK_BAND * q.supply_v:
+            self.source_on = bool(vdc < q.supply_v)
         if q.chopper_ohm > 0:
-            if self.y[3] >= q.chopper_on_v - 1e-9:
+            if vdc >= q.chopper_on_v - 1e-9:
                 self.chopper_on = True
-            elif self.y[3] <= q.chopper_off_v + 1e-9:
+            elif vdc <= q.chopper_off_v + 1e-9:
                 self.chopper_on = False
 
     # ---------------------------------------------------------------- run
@@ -213,7 +290,10 @@ class Reference:
             f.terminal, f.direction = True, -1  # type: ignore[attr-defined]
             found.append((kind, x, f))
 
-        for x in range(3):
+        n = self.n
+        for x in range(n):
+            if x in self.broken:
+                continue
             if self.legs[x] == DIODE_L:
                 add("off", x, lambda t, y, x=x: y[x])
             elif self.legs[x] == DIODE_H:
@@ -222,15 +302,16 @@ class Reference:
                 add("on", x, lambda t, y, x=x: self.solve(y, self.legs)[1][x] + drop)
                 add("on", x, lambda t, y, x=x: self.vdc(y, self.legs) + drop - self.solve(y, self.legs)[1][x])
         if all(leg == OPEN for leg in self.legs):
-            add("on", -1, lambda t, y: self.vdc(y, self.legs) + 2 * drop - np.ptp(self.emf(y[4], y[5])))
+            able = [x for x in range(n) if x not in self.broken]
+            add("on", -1, lambda t, y: self.vdc(y, self.legs) + 2 * drop - np.ptp(self.emf(*y[n + 1 : n + 3])[able]))
         if q.dc_link_c_f > 0 and q.supply_diode:
             band = LINK_BAND * q.supply_v
-            add("link", -1, lambda t, y: (q.supply_v - y[3]) * (1 if self.source_on else -1) + 2 * band)
+            add("link", -1, lambda t, y: (q.supply_v - y[n]) * (1 if self.source_on else -1) + 2 * band)
         if q.chopper_ohm > 0:
             if self.chopper_on:
-                add("link", -1, lambda t, y: y[3] - q.chopper_off_v)
+                add("link", -1, lambda t, y: y[n] - q.chopper_off_v)
             else:
-                add("link", -1, lambda t, y: q.chopper_on_v - y[3])
+                add("link", -1, lambda t, y: q.chopper_on_v - y[n])
         return found
 
     def run_to(self, t_end: float) -> None:
@@ -253,25 +334,25 @@ class Reference:
             for (kind, x, _), times in zip(events, out.t_events or (), strict=True):
                 if len(times) and out.status == 1:
                     self.finish(kind, x)
-            self.y[0:3] -= self.residue()
+            self.y[: self.n] -= self.residue()
         raise AssertionError("reference: too many events")
 
     def residue(self) -> np.ndarray:
         """Spread the rounding of the current sum over the conducting legs."""
         on = np.array([leg != OPEN and self.y[x] != 0 for x, leg in enumerate(self.legs)], float)
-        return on * self.y[0:3].sum() / max(on.sum(), 1)
+        return on * self.y[: self.n].sum() / max(on.sum(), 1)
 
     def finish(self, kind: str, x: int) -> None:
         if kind == "off":
             self.y[x] = 0.0
             self.log.append((self.t, "off", x))
             if sum(leg != OPEN for leg in self.legs) == 2:
-                for other in range(3):
+                for other in range(self.n):
                     if other != x and self.legs[other] in (DIODE_L, DIODE_H):
                         self.log.append((self.t, "off", other))
-                self.y[0:3] = 0.0
+                self.y[: self.n] = 0.0
 
     def atol(self) -> np.ndarray:
         amps = self.p.inverter.supply_v * 1e-5 / self.lmat[0, 0]
         volts = self.p.inverter.supply_v
-        return 1e-12 * np.array([amps] * 3 + [volts, 1.0, 1e3] + [volts] * 4)
+        return 1e-12 * np.array([amps] * self.n + [volts, 1.0, 1e3] + [volts] * (self.n + 1))

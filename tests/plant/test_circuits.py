@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -18,10 +20,10 @@ VOLTAGE_LIMIT = 1e-5  # of the supply
 
 
 def reference_of(params: PlantParams, plant: Plant, **options: object) -> Reference:
-    m = params.mechanics
-    y = np.zeros(10)
-    y[3:6] = params.inverter.supply_v, m.theta_e_rad, m.omega_m_rad_s * params.machine.pole_pairs
-    y[6:10] = plant.state[L.FILTERED : L.FILTERED + 4]
+    m, n = params.mechanics, params.machine.phases
+    y = np.zeros(2 * n + 4)
+    y[n : n + 3] = params.inverter.supply_v, m.theta_e_rad, m.omega_m_rad_s * params.machine.pole_pairs
+    y[n + 3 :] = plant.state[L.FILTERED : L.FILTERED + n + 1]
     return Reference(params, y, **options)  # type: ignore[arg-type]
 
 
@@ -35,13 +37,17 @@ class Comparison:
         duration: int = DURATION_CYCLES,
         pole_s: float = 0.0,
         salient: bool = False,
+        make: Callable[..., PlantParams] = random_params,
+        broken: tuple[int, ...] = (),
         **options: object,
     ) -> None:
         rng = np.random.default_rng(seed)
-        self.params = random_params(rng, mechanics, pole_s, salient)
-        rows = random_gates(rng, duration)
+        self.params = make(rng, mechanics, pole_s, salient)
+        rows = random_gates(rng, duration, self.params.machine.phases)
         self.plant = Plant(self.params, seed=seed, mode="jit")
-        self.reference = reference_of(self.params, self.plant, **options)
+        self.reference = reference_of(self.params, self.plant, broken=broken, **options)
+        if broken:
+            self.plant.inject_fault("open_phase", phases=broken)
         self.peak = self.current = self.link = self.terminal = self.filtered = self.speed = 0.0
         self.terminals_compared = 0
         for t, gates in rows:
@@ -55,18 +61,19 @@ class Comparison:
 
     def look(self) -> None:
         plant, ref, supply = self.plant, self.reference, self.params.inverter.supply_v
-        self.peak = max(self.peak, float(np.abs(ref.y[:3]).max()))
-        self.current = max(self.current, float(np.abs(plant.currents_a - ref.y[:3]).max()))
+        n = ref.n
+        self.peak = max(self.peak, float(np.abs(ref.y[:n]).max()))
+        self.current = max(self.current, float(np.abs(plant.currents_a - ref.y[:n]).max()))
         link = abs(float(plant.state[L.VDC]) - ref.vdc(ref.y, ref.legs))
-        same_legs = [MODES[leg] for leg in ref.legs] == plant.state[L.MODE : L.MODE + 3].tolist()
+        same_legs = [MODES[leg] for leg in ref.legs] == plant.state[L.MODE : L.MODE + n].tolist()
         if same_legs:
             self.link = max(self.link, link / supply)
             v = ref.solve(ref.y, ref.legs)[1]
             self.terminal = max(self.terminal, float(np.abs(plant.terminals_v - v).max()) / supply)
             self.terminals_compared += 1
-        filtered = plant.state[L.FILTERED : L.FILTERED + 4] - ref.y[6:10]
+        filtered = plant.state[L.FILTERED : L.FILTERED + n + 1] - ref.y[n + 3 :]
         self.filtered = max(self.filtered, float(np.abs(filtered).max()) / supply)
-        self.speed = max(self.speed, abs(plant.omega_e_rad_s / ref.y[5] - 1.0))
+        self.speed = max(self.speed, abs(plant.omega_e_rad_s / ref.y[n + 2] - 1.0))
 
     def plant_events(self) -> list[tuple[float, str, int]]:
         events = self.plant.events()

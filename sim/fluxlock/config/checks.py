@@ -17,6 +17,8 @@ from fluxlock.config.vector_checks import (
 )
 from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
+PHASES_OF_THE_CHIP = 3
+
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
     """Least DC voltage that holds a speed under a load torque in six-step operation.
@@ -306,8 +308,24 @@ def _hall(s: Scenario) -> list[Problem]:
     return problems
 
 
+def _phases(s: Scenario) -> list[Problem]:
+    """Machine and inverter have the chip's number of phases."""
+    if s.motor.phases != s.inverter.legs:
+        text = f"{s.inverter.legs} does not fit the motor ({s.sources.motor}), which has {s.motor.phases} phases"
+        return [s.sources.problem("inverter.legs", text)]
+    if s.motor.phases != PHASES_OF_THE_CHIP:
+        text = (
+            f"{s.motor.phases}: the chip of a scenario drives {PHASES_OF_THE_CHIP} phases; a five-phase machine runs "
+            "on the plant alone (docs/theory/five-phase-plant.md)"
+        )
+        return [s.sources.problem("motor.phases", text)]
+    return []
+
+
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
+    if problems := _phases(scenario):
+        return problems
     checks = (other_methods_keys, check_vector, _times, _power_stage, _console, _switches, _hall, _initial, _reach)
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

@@ -100,6 +100,14 @@ def _pair(value: Any) -> Any:  # noqa: ANN401
     raise PydanticCustomError("pair", "must be a pair of numbers [time in s, speed in r/min]")
 
 
+def _powers(value: Any) -> Any:  # noqa: ANN401
+    """A list of up to four coefficients becomes a tuple of four."""
+    if isinstance(value, (list, tuple)) and 1 <= len(value) <= 4:
+        return (*value, *(0.0,) * (4 - len(value)))
+    raise PydanticCustomError("powers", "must be an array of one to four numbers, the powers 0 to 3")
+
+
 ProfilePoint = Annotated[tuple[float, float], BeforeValidator(_pair)]
 PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]
+Powers = Annotated[tuple[float, float, float, float], BeforeValidator(_powers)]
 SectorValues = Annotated[tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))]

@@ -18,7 +18,7 @@ class Derived:
 
 
 def derived_values(motor: Motor) -> list[Derived]:
-    """Characteristic values of a machine in six-step operation."""
+    """Characteristic values of a machine: with three phases in six-step operation, with five under vector control."""
     resistance = sum(motor.resistance_ohm) / 3
     inductance = motor.mean_inductance_h
     inductance_q = motor.inductance_q_h or inductance
@@ -28,11 +28,13 @@ def derived_values(motor: Motor) -> list[Derived]:
     drop_v = 2 * resistance * motor.rated_current_a
     mechanical_s = motor.inertia_kgm2 * 2 * resistance / torque_per_amp**2
     accel = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
+    five = motor.phases == 5
+    current, emf = ("i_q", "largest line EMF") if five else ("DC current", "mean line EMF")
     return [
-        Derived("torque_constant_nm_per_a", "torque constant (DC current)", torque_per_amp, "N*m/A"),
+        Derived("torque_constant_nm_per_a", f"torque constant ({current})", torque_per_amp, "N*m/A"),
         Derived(
             "emf_v_per_krpm",
-            "mean line EMF per 1000 r/min",
+            f"{emf} per 1000 r/min",
             motor.line_flux_vs * motor.omega_e(1000.0),
             "V/(1000 r/min)",
         ),
@@ -52,7 +54,7 @@ def derived_values(motor: Motor) -> list[Derived]:
         Derived("electrical_time_constant_s", "electrical time constant L/R", inductance / resistance, "s"),
         Derived("mechanical_time_constant_s", "mechanical time constant", mechanical_s, "s"),
         Derived("max_electrical_hz", "frequency at max_speed_rpm", motor.electrical_hz(motor.max_speed_rpm), "Hz"),
-        Derived("line_emf_max_v", "mean line EMF at max_speed_rpm", line_v, "V"),
+        Derived("line_emf_max_v", f"{emf} at max_speed_rpm", line_v, "V"),
         Derived("supply_min_v", "least supply at max_speed_rpm and rated current", line_v + drop_v, "V"),
         Derived(
             "load_at_max_speed_nm",

@@ -80,10 +80,11 @@ class BrakeChopper(Model):
 
 
 class Inverter(Model):
-    """Three-leg inverter with its supply and its sensing."""
+    """Inverter of three or five legs with its supply and its sensing."""
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")
+    legs: int = quantity("Legs: 3 or 5, as many as the motor has phases.", "", 3, 5, default=3)
     supply_v: float = quantity("Voltage of the supply.", "V", 1, 1500)
     supply_resistance_ohm: float = quantity("Resistance of the supply.", "Ohm", 0.0, 100, default=0.0)
     dc_link_f: float = quantity(
@@ -123,6 +124,11 @@ class Inverter(Model):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if self.legs == 4:
+            raise conflict("legs", "4 is not permitted, permitted: 3, 5")
+        for key in ("divider_gain", "offset_lsb") if self.legs == 5 else ():
+            if len(set(getattr(self.sensing, key))) > 1:
+                raise conflict(f"sensing.{key}", "must be one number with legs = 5")
         if self.dc_link_f > 0 and self.supply_resistance_ohm == 0:
             raise conflict("supply_resistance_ohm", "must be above 0 Ohm with a DC-link capacitor (dc_link_f)")
         for key in ("supply_diode", "brake_chopper"):

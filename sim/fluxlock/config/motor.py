@@ -7,7 +7,8 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from fluxlock.config.fields import Model, PhaseValues, conflict, quantity
+from fluxlock.config.fields import Model, PhaseValues, Powers, conflict, quantity
+from fluxlock.plant.params import EncoderParams, MachineParams, SaturationParams, ThirdParams
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
@@ -104,11 +105,57 @@ class Encoder(Model):
     )
 
 
+class Third(Model):
+    """Third-harmonic plane of a five-phase machine, which turns three times as fast as the first."""
+
+    inductance_d_h: float = quantity("Inductance on the d axis.", "H", 1e-8, 1.0)
+    inductance_q_h: float = quantity("Inductance on the q axis.", "H", 1e-8, 1.0)
+    mutual_h: float = quantity("Inductance between the planes, d to d and q to q.", "H", -1.0, 1.0, default=0.0)
+    psi_vs: float = quantity(
+        "Flux of the magnets; its phase EMF has the peak 3 `psi_vs` ω.", "V*s/rad", -10, 10, default=0.0
+    )
+
+
+class Saturation(Model):
+    """Saturation of the first plane: incremental inductances that depend on i_d and i_q."""
+
+    current_a: float = quantity("Current on the d axis at which `plus` and `minus` hold.", "A", 0.01, 2000)
+    plus: float = quantity(
+        "Change of the incremental L_d at +`current_a`, as a share of it (usually negative).",
+        "",
+        -0.8,
+        0.8,
+        default=0.0,
+    )
+    minus: float = quantity("The same at -`current_a`.", "", -0.8, 0.8, default=0.0)
+    angle_rad: Powers = quantity(
+        "Cross-saturation: angle by which the axes of the incremental inductance turn with i_q, "
+        "½ atan(2 L_dq/(L_q - L_d)), as coefficients of the powers 0 to 3 of i_q in A.",
+        "rad",
+        -1e3,
+        1e3,
+        default=(0.0, 0.0, 0.0, 0.0),
+    )
+    angle_current_a: float | None = quantity(
+        "Largest i_q of that curve; to twice this current L_dq levels out.",
+        "A",
+        0.01,
+        2000,
+        default=None,
+        absent="`current_a`",
+    )
+
+
 class Motor(Model):
-    """A star-connected three-phase permanent-magnet machine with isolated star point."""
+    """A star-connected permanent-magnet machine of three or five phases with isolated star point.
+
+    A five-phase machine has equal phases, a sinusoidal EMF with a third harmonic, and `[third]`; so far only the plant
+    knows it (docs/theory/five-phase-plant.md), not the chip.
+    """
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")
+    phases: int = quantity("Phases: 3 or 5.", "", 3, 5, default=3)
     pole_pairs: int = quantity("Pole pairs.", "", 1, 50)
     resistance_ohm: PhaseValues = quantity(
         "Phase resistance: one number, or three for phases A, B, C.", "Ohm", 1e-5, 1e3
@@ -144,10 +191,14 @@ class Motor(Model):
         "Length of the flat top of a trapezoidal EMF, electrical.", "deg", 60, 170, default=120.0
     )
     inertia_kgm2: float = quantity("Inertia of rotor and load.", "kg*m^2", 1e-10, 10)
-    rated_current_a: float = quantity("Rated DC current through two phases.", "A", 0.01, 2000)
+    rated_current_a: float = quantity(
+        "Rated DC current through two phases; of five phases amplitude of the phase currents.", "A", 0.01, 2000
+    )
     max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
     hall: Hall | None = Field(default=None, description="Hall sensors, if there are any.")
     encoder: Encoder | None = Field(default=None, description="Incremental encoder, if there is one.")
+    third: Third | None = Field(default=None, description="Third-harmonic plane of a five-phase machine.")
+    saturation: Saturation | None = Field(default=None, description="Saturation, if there is any.")
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
 
     @model_validator(mode="after")
@@ -163,6 +214,53 @@ class Motor(Model):
             raise conflict(
                 "mutual_h", f"{listed(self.mutual_h)} H does not go with inductance_q_h; leave one of them out"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _phases(self) -> Self:
+        if self.phases == 4:
+            raise conflict("phases", "4 is not permitted, permitted: 3, 5")
+        if self.third is not None and self.phases == 3:
+            raise conflict("third", "belongs to phases = 5; leave it out, or set phases")
+        if self.third is None and self.phases == 5:
+            raise conflict("third", "required table is missing for phases = 5")
+        if self.phases == 5 and self.hall is not None:
+            raise conflict("hall", "does not go with phases = 5")
+        if self.phases == 3 and self.saturation is None:
+            return self
+        reason = "phases = 5" if self.phases == 5 else "[saturation]"
+        if self.emf != "sinusoidal":
+            raise conflict("emf", f'must be "sinusoidal" with {reason}')
+        if any(self.mutual_h):
+            raise conflict("mutual_h", f"does not go with {reason}; leave it out")
+        for key in ("inductance_h", "psi_vs", *(("resistance_ohm",) if self.phases == 5 else ())):
+            if len(set(getattr(self, key))) > 1:
+                raise conflict(key, f"{listed(getattr(self, key))} must be one number with {reason}")
+        return self
+
+    @model_validator(mode="after")
+    def _planes(self) -> Self:
+        if self.third is None:
+            return self
+        l_d, third = self.inductance_h[0], self.third
+        l_q = l_d if self.inductance_q_h is None else self.inductance_q_h
+        most = math.sqrt(min(l_d * third.inductance_d_h, l_q * third.inductance_q_h))
+        if abs(third.mutual_h) >= most:
+            raise conflict(
+                "third.mutual_h",
+                f"{third.mutual_h:g} H gives an inductance matrix that is not positive definite, permitted: less than "
+                f"{most:.3g} H, the root of the inductances that it couples",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _saturates(self) -> Self:
+        if self.saturation is None:
+            return self
+        try:
+            machine_params(self)
+        except ValueError as error:
+            raise conflict("saturation", str(error)) from None
         return self
 
     @model_validator(mode="after")
@@ -209,8 +307,10 @@ class Motor(Model):
 
     @property
     def line_flux_vs(self) -> float:
-        """Mean line EMF over a sector divided by electrical speed (mean of the phases)."""
+        """Mean line EMF over a sector divided by electrical speed (mean of the phases); of five phases the peak."""
         psi = sum(self.psi_vs) / 3
+        if self.phases == 5:
+            return psi * 2 * math.cos(math.pi / 10)
         if self.emf == "sinusoidal":
             return psi * 3 * math.sqrt(3) / math.pi
         # Both EMFs sit on their flat tops through the sector if those are at least 120 degrees long; shorter
@@ -221,6 +321,8 @@ class Motor(Model):
 
     def emf_harmonic(self, order: int) -> float:
         """Harmonic of odd order > 1 of the phase EMF over its fundamental, with the sign of sin(order * angle)."""
+        if self.third is not None and order == 3:
+            return 3 * self.third.psi_vs / self.psi_vs[0]
         if self.emf == "sinusoidal":
             return 0.0
         ramp = math.radians(180.0 - self.flat_top_deg) / 2
@@ -236,7 +338,9 @@ class Motor(Model):
 
     @property
     def torque_per_amp_nm(self) -> float:
-        """Mean torque per ampere of DC current in six-step operation."""
+        """Mean torque per ampere of DC current in six-step operation; of five phases per ampere of i_q."""
+        if self.phases == 5:
+            return 2.5 * self.pole_pairs * self.psi_vs[0]
         return self.pole_pairs * self.line_flux_vs
 
     @property
@@ -251,3 +355,35 @@ class Motor(Model):
     def electrical_hz(self, speed_rpm: float) -> float:
         """Fundamental frequency at a mechanical speed."""
         return abs(speed_rpm) / 60.0 * self.pole_pairs
+
+
+def machine_params(m: Motor) -> MachineParams:
+    """The machine as the plant knows it."""
+    n, third, saturation = m.phases, m.third, m.saturation
+
+    def of_phases(values: tuple[float, ...]) -> tuple[float, ...]:
+        return values if n == 3 else (values[0],) * n
+
+    return MachineParams(
+        pole_pairs=m.pole_pairs,
+        r_ohm=of_phases(m.resistance_ohm),
+        l_h=of_phases(m.inductance_h if m.inductance_q_h or n == 5 else m.self_inductance_h),
+        l_q_h=m.inductance_q_h,
+        m_h=m.mutual_h,
+        psi_vs=of_phases(m.psi_vs),
+        emf=m.emf,
+        flat_top_deg=m.flat_top_deg,
+        hall_offset_deg=m.hall.offset_deg if m.hall else None,
+        encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg) if m.encoder else None,
+        phases=n,
+        third=ThirdParams(third.inductance_d_h, third.inductance_q_h, third.mutual_h, third.psi_vs) if third else None,
+        saturation=SaturationParams(
+            current_a=saturation.current_a,
+            plus=saturation.plus,
+            minus=saturation.minus,
+            angle_rad=saturation.angle_rad,
+            angle_current_a=saturation.angle_current_a or saturation.current_a,
+        )
+        if saturation
+        else None,
+    )

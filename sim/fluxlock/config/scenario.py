@@ -366,13 +366,17 @@ class Mechanics(Model):
 class Fault(Model):
     """A fault of the plant."""
 
-    kind: Literal["shorted_winding", "fault_pin", "stuck_channel", "clear"] = Field(
-        description="`shorted_winding`: a part of the turns of `phases` is bridged (two phases: a short "
-        "between terminals); `fault_pin`: the gate driver reports a fault; `stuck_channel`: a converter "
-        "channel keeps one code; `clear`: all faults end."
+    kind: Literal["shorted_winding", "open_phase", "stuck_high", "stuck_low", "fault_pin", "stuck_channel", "clear"] = (
+        Field(
+            description="`shorted_winding`: a part of the turns of `phases` is bridged (two phases: a short "
+            "between terminals); `open_phase`: the legs of `phases` lose the machine, whose terminals float; "
+            "`stuck_high`, `stuck_low`: the upper or lower switch of their legs conducts for ever, and where the other "
+            "one is asked for the driver holds it off and reports a fault; `fault_pin`: the gate driver reports a "
+            "fault; `stuck_channel`: a converter channel keeps one code; `clear`: all faults end."
+        )
     )
     phases: list[Literal["A", "B", "C"]] | None = Field(
-        default=None, min_length=1, max_length=3, description="Phases of a shorted winding."
+        default=None, min_length=1, max_length=3, description="Phases that have the fault."
     )
     turns_fraction: float | None = quantity(
         "Part of the turns that still acts.",
@@ -387,11 +391,13 @@ class Fault(Model):
 
     @model_validator(mode="after")
     def _belongs(self) -> Self:
+        legs = ("open_phase", "stuck_high", "stuck_low")
         allowed = {"shorted_winding": {"phases", "turns_fraction"}, "stuck_channel": {"channel", "code"}}
+        allowed |= {kind: {"phases"} for kind in legs}
         for key in ("phases", "turns_fraction", "channel", "code"):
             if getattr(self, key) is not None and key not in allowed.get(self.kind, set()):
                 raise conflict(key, f'does not belong to kind = "{self.kind}"')
-        for kind, key in (("shorted_winding", "phases"), ("stuck_channel", "channel")):
+        for kind, key in (*((k, "phases") for k in ("shorted_winding", *legs)), ("stuck_channel", "channel")):
             if self.kind == kind and getattr(self, key) is None:
                 raise conflict(key, f'required key is missing for kind = "{kind}"')
         for phase in self.phases or ():

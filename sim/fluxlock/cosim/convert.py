@@ -6,39 +6,28 @@ import math
 from typing import Any
 
 from fluxlock.config import Scenario
-from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.config.motor import RPM_PER_RAD_S, machine_params
 from fluxlock.config.scenario import Event
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.plan import Action
 from fluxlock.plant import (
-    CHANNEL_NAMES,
-    EncoderParams,
     InverterParams,
-    MachineParams,
     MechanicsParams,
     PlantParams,
     RecordingParams,
     SensingParams,
+    channel_names,
 )
 
 
 def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ...]) -> PlantParams:
     """The plant of a scenario."""
     m, i, load = s.motor, s.inverter, s.shaft_load
-    offsets = dict(zip(("ia", "ib", "ic"), i.sensing.offset_lsb, strict=True))
+    names = channel_names(m.phases)
+    offsets = i.sensing.offset_lsb if m.phases == 3 else (i.sensing.offset_lsb[0],) * m.phases
+    by_name = dict(zip(names[m.phases : 2 * m.phases], offsets, strict=True))
     return PlantParams(
-        machine=MachineParams(
-            pole_pairs=m.pole_pairs,
-            r_ohm=m.resistance_ohm,
-            l_h=m.inductance_h if m.inductance_q_h else m.self_inductance_h,
-            l_q_h=m.inductance_q_h,
-            m_h=m.mutual_h,
-            psi_vs=m.psi_vs,
-            emf=m.emf,
-            flat_top_deg=m.flat_top_deg,
-            hall_offset_deg=m.hall.offset_deg if m.hall else None,
-            encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg) if m.encoder else None,
-        ),
+        machine=machine_params(m),
         inverter=InverterParams(
             supply_v=i.supply_v,
             r_on_ohm=i.on_resistance_ohm,
@@ -55,8 +44,8 @@ def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ..
             v_full_scale_v=i.sensing.voltage_full_scale_v,
             i_full_scale_a=i.sensing.current_full_scale_a,
             bits=i.sensing.bits,
-            divider_gain=i.sensing.divider_gain,
-            offset_lsb=tuple(offsets.get(name, 0.0) for name in CHANNEL_NAMES),
+            divider_gain=i.sensing.divider_gain if m.phases == 3 else (i.sensing.divider_gain[0],) * m.phases,
+            offset_lsb=tuple(by_name.get(name, 0.0) for name in names),
             divider_pole_s=i.sensing.divider_pole_s,
             noise_lsb_rms=i.sensing.noise_lsb,
             conversion_s=i.sensing.conversion_s,
@@ -105,6 +94,8 @@ def action_of(s: Scenario, event: Event) -> Action:
     if fault.kind == "shorted_winding":
         phases = tuple("ABC".index(p) for p in fault.phases or ())
         value = {"phases": phases, "turns_fraction": fault.turns_fraction or 0.05}
+    elif fault.phases is not None:
+        value = {"phases": tuple("ABC".index(p) for p in fault.phases)}
     elif fault.kind == "stuck_channel":
         value = {"channel": fault.channel, "code": fault.code}
     else:

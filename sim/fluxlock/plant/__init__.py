@@ -11,7 +11,10 @@ from .params import (
     MechanicsParams,
     PlantParams,
     RecordingParams,
+    SaturationParams,
     SensingParams,
+    ThirdParams,
+    channel_names,
 )
 from .plant import Drained, Plant, PlantError
 from .trajectory import EVENT_DTYPE, WAVE_DTYPE, angle_between
@@ -29,6 +32,9 @@ __all__ = [
     "PlantError",
     "PlantParams",
     "RecordingParams",
+    "SaturationParams",
     "SensingParams",
+    "ThirdParams",
     "angle_between",
+    "channel_names",
 ]

@@ -2,7 +2,8 @@
 
 A compiled loop calls the kernel through its address, as the simulator's main does, with the events of a
 six-step drive at 60 000 r/min: 12-bit samples of all channels each microsecond and gate edges of a 40 kHz
-carrier.
+carrier; and with those of five legs under vector control at 4 kHz with 2 us of dead time, for a linear and for a
+saturated machine.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from . import (
     Plant,
     PlantParams,
     RecordingParams,
+    SaturationParams,
     SensingParams,
+    ThirdParams,
 )
 from .build import CALLBACK
 
@@ -64,6 +67,45 @@ def demo_events(duration_s: float, duty: float = 0.6, strobe_cycles: int = 50) -
     return rows
 
 
+def five_phase_params(saturated: bool) -> PlantParams:
+    """Machine of nine pole pairs and 2 kW on 350 V."""
+    saturation = SaturationParams(5.0, -0.10, 0.05, (0.018, -0.025, 0.0, -0.0015), 5.0) if saturated else None
+    third = ThirdParams(2e-3, 2e-3)
+    return PlantParams(
+        MachineParams(
+            *(9, (0.5,) * 5, (11.8e-3,) * 5, (0.098,) * 5), l_q_h=13.7e-3, phases=5, third=third, saturation=saturation
+        ),
+        InverterParams(350.0, r_on_ohm=0.02),
+        SensingParams(450.0, 10.0, divider_pole_s=1e-6),
+        MechanicsParams(5e-3, omega_m_rad_s=30.0, viscous_nm_s_per_rad=2e-3),
+        RecordingParams(every_strobes=10, wave_rows=1 << 16, event_rows=1 << 16),
+    )
+
+
+def five_leg_events(duration_s: float, strobe_cycles: int = 50, dead_cycles: int = 100) -> npt.NDArray[np.int64]:
+    """Rows [t_cycle, gates, flags]: five legs about a carrier with dead time, a rotating voltage, strobes."""
+    period, cycles = round(250e-6 / CLOCK_S), round(duration_s / CLOCK_S)
+    edges: list[tuple[int, int, int]] = []  # cycle, leg, gates
+    for begin in range(0, cycles, period):
+        angle = 9 * 30.0 * begin * CLOCK_S
+        for x in range(5):
+            duty = 0.5 - 0.12 * math.sin(angle - 0.4 * math.pi * x)
+            up, down = (round(begin + 0.5 * period * (1 - side * duty)) for side in (1, -1))
+            edges += [(up, x, 0), (up + dead_cycles, x, 1), (down, x, 0), (down + dead_cycles, x, 2)]
+    now = [2] * 5
+    rows: dict[int, list[int]] = {t: [t, 0, 1] for t in range(strobe_cycles, cycles, strobe_cycles)}
+    for t, _, _ in edges:
+        rows.setdefault(t, [t, 0, 0])
+    by_time = sorted(edges)
+    k = 0
+    for t in sorted(rows):
+        while k < len(by_time) and by_time[k][0] <= t:
+            now[by_time[k][1]] = by_time[k][2]
+            k += 1
+        rows[t][1] = sum(g << (2 * x) for x, g in enumerate(now))
+    return np.array([rows[t] for t in sorted(rows)], np.int64)
+
+
 def native_seconds(params: PlantParams, rows: npt.NDArray[np.int64], repeats: int = 5) -> float:
     """CPU time of the kernel calls alone, best of some repeats."""
     numba: Any = importlib.import_module("numba")
@@ -100,6 +142,12 @@ def main() -> None:
         "ideal link, salient": demo_params(l_q_h=44e-6),
     }.items():
         print(f"{name:25s} {native_seconds(params, rows) / len(rows) * 1e6:6.3f} us per event")
+    five_legs = five_leg_events(0.1)
+    for name, params in {
+        "five phases": five_phase_params(saturated=False),
+        "five phases, saturated": five_phase_params(saturated=True),
+    }.items():
+        print(f"{name:25s} {native_seconds(params, five_legs) / len(five_legs) * 1e6:6.3f} us per event")
     plant = Plant(demo_params(), seed=1, mode="py")
     begin = time.perf_counter()
     for t, gates, flags in rows[:5000].tolist():

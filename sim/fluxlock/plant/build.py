@@ -1,9 +1,12 @@
 """Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
 
-Rules of kernel code (`circuit`, `emf`, `encoder`, `events`, `kernel`, `mechanics`, `record`, `sensing`, `series`),
-which make both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no division by
-what may be zero, state only through `s[i]`, integer products masked before they are used. The functions carry
-no decorator: for the compiled form they are cloned with the compiled clones of their callees as globals.
+Rules of kernel code (`circuit`, `emf`, `encoder`, `events`, `flux`, `kernel`, `mechanics`, `record`, `sensing`,
+`series`), which make both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no
+division by what may be zero, state only through `s[i]`, integer products masked before they are used. The functions
+carry no decorator: they are cloned with the clones of their callees as globals, which are compiled where asked for.
+
+A `Variant` gives the globals PHASES and FIELD of the clones their values. To the compiler they are constants: a
+three-phase machine of constant inductances pays nothing for what other machines need.
 """
 
 from __future__ import annotations
@@ -21,13 +24,13 @@ from typing import Any, Literal
 
 from fluxlock.paths import BUILD
 
-from . import circuit, emf, encoder, events, kernel, mechanics, record, sensing, series
+from . import circuit, emf, encoder, events, flux, kernel, mechanics, record, sensing, series
 from . import layout as L
 from .vector import int_view_of, view_of
 
 Mode = Literal["jit", "py"]
 ENVIRONMENT = "FLUXLOCK_PLANT"
-MODULES = (emf, series, circuit, events, mechanics, encoder, sensing, record, kernel)
+MODULES = (flux, emf, series, circuit, events, mechanics, encoder, sensing, record, kernel)
 
 CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int32,
@@ -37,6 +40,24 @@ CALLBACK = ctypes.CFUNCTYPE(
     ctypes.POINTER(ctypes.c_double),
     ctypes.POINTER(ctypes.c_int32),
 )
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Kernel for a number of phases; field: for a machine by its flux linkages."""
+
+    phases: int = 3
+    field: bool = False
+
+    @property
+    def constants(self) -> dict[str, int | bool]:
+        """Values of the modules' globals."""
+        return {"PHASES": self.phases, "FIELD": self.field}
+
+    @property
+    def suffix(self) -> str:
+        """Of the clones' names: code from two caches in one process is told apart by name alone."""
+        return f"_{self.phases}{'_field' if self.field else ''}"
 
 
 @dataclass
@@ -68,8 +89,36 @@ def cache_folder() -> Path:
     return BUILD / "plant" / digest.hexdigest()[:16]
 
 
-@lru_cache(maxsize=1)
-def compiled() -> Any:  # noqa: ANN401 - numba has no types
+def clones(variant: Variant, wrap: Callable[[types.FunctionType], Any]) -> dict[Callable[..., Any], Any]:
+    """All kernel functions and their wrapped clones, which call each other."""
+    done: dict[Callable[..., Any], Any] = {}
+    clone: types.FunctionType
+    for module in MODULES:
+        names = dict(vars(module))
+        constants = {k: v for k, v in variant.constants.items() if k in names}
+        names.update(constants)
+        for name, value in vars(module).items():
+            if isinstance(value, types.FunctionType):
+                if value.__module__ == module.__name__:
+                    # A function made from another one's code differs in a global; its name keys the cache.
+                    own = {k: v for k, v in value.__globals__.items() if vars(module).get(k) is not v}
+                    scope = {**names, **own} if own else names
+                    clone = types.FunctionType(value.__code__, scope, name, value.__defaults__)
+                    clone.__module__ = module.__name__
+                    clone.__qualname__ = name + variant.suffix
+                    done[value] = wrap(clone)
+                names[name] = done[value]
+    return done
+
+
+@lru_cache(maxsize=4)
+def interpreted(variant: Variant) -> dict[Callable[..., Any], Any]:
+    """The kernel functions of a variant as plain Python."""
+    return clones(variant, lambda clone: clone)
+
+
+@lru_cache(maxsize=4)
+def compiled(variant: Variant) -> Any:  # noqa: ANN401 - numba has no types
     """The kernel as a numba cfunc, from the cache if possible."""
     # Loaded by name: numba's type stubs do not cover what is used here.
     numba: Any = importlib.import_module("numba")
@@ -80,36 +129,22 @@ def compiled() -> Any:  # noqa: ANN401 - numba has no types
     numba.config.CACHE_DIR = str(folder)
     try:
         options = {"cache": True, "fastmath": False, "error_model": "numpy"}
-        done: dict[Callable[..., Any], Any] = {}
-        clone: types.FunctionType
-        for module in MODULES:
-            names = dict(vars(module))
-            for name, value in vars(module).items():
-                if isinstance(value, types.FunctionType):
-                    if value.__module__ == module.__name__:
-                        # A function made from another one's code differs in a global; its name keys the cache.
-                        own = {k: v for k, v in value.__globals__.items() if vars(module).get(k) is not v}
-                        scope = {**names, **own} if own else names
-                        clone = types.FunctionType(value.__code__, scope, name, value.__defaults__)
-                        clone.__module__ = module.__name__
-                        clone.__qualname__ = name
-                        done[value] = numba.njit(**options)(clone)
-                    names[name] = done[value]
-        take_event = done[kernel.take_event]
+        take_event = clones(variant, numba.njit(**options))[kernel.take_event]
         signature = nt.int32(nt.int64, nt.int32, nt.int32, nt.CPointer(nt.double), nt.CPointer(nt.int32))
 
         def step(t_cycle: Any, gates: Any, flags: Any, s: Any, io: Any) -> Any:  # noqa: ANN401
             return take_event(t_cycle, gates, flags, s, io)
 
+        step.__qualname__ += variant.suffix
         return numba.cfunc(signature, **options)(step)
     finally:
         numba.config.CACHE_DIR = before
 
 
-def make_kernel(mode: Mode, state: Any, io: Any) -> Kernel:  # noqa: ANN401 - numpy arrays
+def make_kernel(mode: Mode, variant: Variant, state: Any, io: Any) -> Kernel:  # noqa: ANN401 - numpy arrays
     """Bind the kernel to one plant's arrays."""
     if mode == "jit":
-        function = compiled()
+        function = compiled(variant)
         native = CALLBACK(function.address)
         s_pointer = state.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         io_pointer = io.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))
@@ -121,10 +156,11 @@ def make_kernel(mode: Mode, state: Any, io: Any) -> Kernel:  # noqa: ANN401 - nu
 
     s_view = view_of(state)
     io_view = int_view_of(io)
+    take_event = interpreted(variant)[kernel.take_event]
 
     def call(t_cycle: int, gates: int, flags: int) -> int:
         try:
-            return kernel.take_event(t_cycle, gates, flags, s_view, io_view)
+            return int(take_event(t_cycle, gates, flags, s_view, io_view))
         except Exception as error:  # ctypes would print it and return garbage
             result.error = error
             return L.FAULT_EXCEPTION

@@ -15,8 +15,10 @@ from __future__ import annotations
 import math
 
 from . import layout as L
+from .flux import flux_now
 from .vector import Vector
 
+FIELD = False
 TWO_PI = 2.0 * math.pi
 HALF_SQRT3 = math.sqrt(3.0) / 2.0
 THIRD_TURN = TWO_PI / 3.0
@@ -56,6 +58,9 @@ def piece_angle(s: Vector, phase: int, piece: int) -> float:
 
 def shape_now(s: Vector) -> None:
     """Set SHAPE, SLOPE and TORQUE for the present angle and currents."""
+    if FIELD:
+        flux_now(s)
+        return
     if s[L.TRAPEZOID] == 0.0:
         sn = math.sin(s[L.THETA])
         cs = math.cos(s[L.THETA])
@@ -132,6 +137,9 @@ def quadratic(s: Vector, matrix: int, a: float, b: float, c: float) -> float:
 
 def torque_now(s: Vector) -> None:
     """Set TORQUE (N*m) from SHAPE, L_SLOPE and the currents."""
+    if FIELD:
+        flux_now(s)
+        return
     s[L.TORQUE] = -s[L.POLE_PAIRS] * (
         s[L.PSI] * s[L.SHAPE] * s[L.I]
         + s[L.PSI + 1] * s[L.SHAPE + 1] * s[L.I + 1]

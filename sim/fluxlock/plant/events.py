@@ -12,8 +12,11 @@ from .circuit import log_event
 from .series import series_at
 from .vector import Vector
 
+PHASES = 3
+FIELD = False
 NONE = 2.0  # "no zero in 0 .. 1"
 RESOLUTION = 2e-16  # of x
+MARGIN_A = 1e-9  # beyond the edge of a piece, so that the next one is in force there
 MARGIN_V = 2.0 * L.TOLERANCE_V  # beyond the threshold of `connect`, which then finds the diode conducting
 
 
@@ -150,26 +153,50 @@ def link_zero(s: Vector, order: int, level: float, rising: bool) -> float:
     return first_zero(s, order)
 
 
+def piece_zero(s: Vector, order: int) -> float:
+    """Where i_q leaves the piece of the cross-saturation curve in force."""
+    best = NONE
+    base = L.SERIES_ROTOR + L.NK
+    piece = int(s[L.PIECE])
+    reach = 0.0
+    for k in range(1, order + 1):
+        reach += abs(s[base + k])
+    for side in range(2):
+        end = piece + side
+        sign = 1.0 - 2.0 * side
+        if end < 1 or end >= L.CROSS_PIECES:
+            continue
+        room = sign * (s[base] - s[L.CROSS_EDGE + end]) + MARGIN_A
+        if room <= reach:
+            for k in range(1, order + 1):
+                s[L.ROOT + k] = sign * s[base + k]
+            s[L.ROOT] = room
+            at = first_zero(s, order)
+            if at < best:
+                best = at
+    return best
+
+
 def next_event(s: Vector, order: int) -> float:
     """Return x of the first event (else NONE) and set EVENT_LEG to the leg whose current ends (else -1)."""
     best = NONE
     s[L.EVENT_LEG] = -1.0
-    for x in range(3):
+    for x in range(PHASES):
         mode = s[L.MODE + x]
         if mode >= L.DIODE_LOW:
             at = current_zero(s, order, x, 1.0 if mode == L.DIODE_LOW else -1.0)
             if at < best:
                 best = at
                 s[L.EVENT_LEG] = x
-        elif mode == L.OPEN and s[L.CONDUCTING] > 0:
+        elif mode == L.OPEN and s[L.CONDUCTING] > 0 and s[L.LEG_FAULT + x] != L.BROKEN:
             at = terminal_zero(s, order, x)
             if at < best:
                 best = at
                 s[L.EVENT_LEG] = -1.0
     if s[L.CONDUCTING] == 0:
-        for x in range(3):
-            for y in range(3):
-                if x != y:
+        for x in range(PHASES):
+            for y in range(PHASES):
+                if x != y and s[L.LEG_FAULT + x] != L.BROKEN and s[L.LEG_FAULT + y] != L.BROKEN:
                     at = pair_zero(s, order, x, y)
                     if at < best:
                         best = at
@@ -187,6 +214,11 @@ def next_event(s: Vector, order: int) -> float:
             if at < best:
                 best = at
                 s[L.EVENT_LEG] = -1.0
+    if FIELD and s[L.SATURATED] != 0.0:
+        at = piece_zero(s, order)
+        if at < best:
+            best = at
+            s[L.EVENT_LEG] = -1.0
     return best
 
 
@@ -213,7 +245,7 @@ def end_current(s: Vector, x: int) -> int:
     s[L.I + x] = 0.0
     code = log_event(s, s[L.T_BASE], L.EXTINCTION, x)
     if s[L.CONDUCTING] == 2:
-        for y in range(3):
+        for y in range(PHASES):
             s[L.I + y] = 0.0
             if code == L.OK and y != x and s[L.MODE + y] >= L.DIODE_LOW:
                 code = log_event(s, s[L.T_BASE], L.EXTINCTION, y)
@@ -222,18 +254,21 @@ def end_current(s: Vector, x: int) -> int:
 
 def balance(s: Vector) -> None:
     """Remove rounding: currents sum to zero, an open leg carries none, a diode never a reverse current."""
-    for x in range(3):
+    for x in range(PHASES):
         mode = s[L.MODE + x]
         current = s[L.I + x]
         if mode == L.OPEN or (mode == L.DIODE_LOW and current < 0.0) or (mode == L.DIODE_HIGH and current > 0.0):
             s[L.I + x] = 0.0
     # The leg that takes up the rest must be able to: a switch if there is one, else the largest current.
     rest = 0
-    for x in range(1, 3):
+    for x in range(1, PHASES):
         switch_x = s[L.MODE + x] == L.HIGH or s[L.MODE + x] == L.LOW
         switch_r = s[L.MODE + rest] == L.HIGH or s[L.MODE + rest] == L.LOW
         if (switch_x and not switch_r) or (switch_x == switch_r and abs(s[L.I + x]) > abs(s[L.I + rest])):
             rest = x
     y = 1 if rest == 0 else 0
-    z = 1 if rest == 2 else 2
-    s[L.I + rest] = -(s[L.I + y] + s[L.I + z])
+    total = s[L.I + y]
+    for x in range(y + 1, PHASES):
+        if x != rest:
+            total += s[L.I + x]
+    s[L.I + rest] = -total

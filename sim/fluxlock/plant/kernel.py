@@ -9,12 +9,15 @@ from .circuit import connect, couple, link_now
 from .emf import corner_limit, shape_now, turn
 from .encoder import encode
 from .events import balance, end_current, next_event, switch_link
+from .flux import build_flux_series
 from .mechanics import kick, profile_speed, ramps, step_limit
 from .record import add_energies, in_zoom, record_wave, record_zoom
 from .sensing import convert, filter_step
 from .series import build_series, build_turning_series, series_end, stretch
 from .vector import IntVector, Vector
 
+PHASES = 3
+FIELD = False
 EVENTS_MAX = 100_000  # diode, supply and chopper events in one electrical step
 
 
@@ -25,6 +28,8 @@ def finite(x: float) -> bool:
 
 def series(s: Vector, h: float) -> int:
     """Fill the series for a step of h seconds; return their order, 0 if h is too long."""
+    if FIELD:
+        return build_flux_series(s, h)
     if s[L.SALIENT] != 0.0:
         return build_turning_series(s, h)
     return build_series(s, h)
@@ -67,7 +72,7 @@ def electrical(s: Vector, gates: int, total: float) -> int:
             if s[L.ENERGY_ON] != 0.0:
                 add_energies(s, order, h)
             filter_step(s, order, h)
-            for p in range(3):
+            for p in range(PHASES):
                 s[L.I + p] = series_end(s, L.SERIES_I + p * L.NK, order)
             s[L.VDC] = series_end(s, L.SERIES_D, order)
             turn(s, s[L.OMEGA] * h)
@@ -80,7 +85,7 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         balance(s)
         link_now(s)
         shape_now(s)
-        if s[L.SALIENT] != 0.0:
+        if FIELD or s[L.SALIENT] != 0.0:
             couple(s)
         if last:
             return L.OK
@@ -122,7 +127,7 @@ def hall_pins(s: Vector) -> int:
     """Outputs of the Hall sensors A, B, C in bits 1, 2, 3: e_A > e_B and so on, each turned by its offset."""
     pins = 0
     if s[L.HALL] > 0.0:
-        for x in range(L.PHASES):
+        for x in range(PHASES):
             angle = s[L.THETA] + math.pi * (7.0 / 6.0 - 2.0 / 3.0 * x)
             if math.sin(angle - s[L.HALL_OFFSET + x]) > 0.0:
                 pins += 2 << x
@@ -142,7 +147,10 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
             return code
         s[L.T_CYCLE] = t_cycle
         s[L.T_BASE] = t_cycle
-    if not (finite(s[L.I] + s[L.I + 1]) and finite(s[L.VDC]) and finite(s[L.OMEGA])):
+    currents = s[L.I]
+    for x in range(1, PHASES - 1):
+        currents += s[L.I + x]
+    if not (finite(currents) and finite(s[L.VDC]) and finite(s[L.OMEGA])):
         return L.FAULT_NOT_FINITE
     zoom = s[L.ZOOM_N] > 0.0 and in_zoom(s)
     if flags & L.STROBE:

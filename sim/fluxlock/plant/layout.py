@@ -7,8 +7,8 @@ at run time. SI units; angles in electrical rad; time in clock cycles where the 
 
 from __future__ import annotations
 
-PHASES = 3
-CHANNELS = 9  # va vb vc ia ib ic vdc idc vsm
+LEGS = 5  # room for the phases of a machine
+CHANNELS = 2 * LEGS + 3  # room for va.. ia.. vdc idc vsm
 ORDER = 16  # highest power of a Taylor series
 NK = ORDER + 2  # room of one series
 
@@ -31,17 +31,32 @@ GATES = _take()
 
 # --- machine
 POLE_PAIRS = _take()
-R = _take(3)
-LM = _take(9)  # inductance matrix, row-major; of a salient machine at THETA
+R = _take(LEGS)
+LM = _take(LEGS * LEGS)  # inductance matrix, rows of `phases`; if it varies, the incremental one at THETA and I
 SALIENT = _take()  # 1: LM turns with the rotor; the entries below up to L_SLOPE serve such machines only
 L_MEAN = _take()  # (L_d + L_q) / 2
 L_SWING = _take()  # (L_d - L_q) / 3
-WINDING = _take(3)  # share of each winding's turns that still act
+WINDING = _take(LEGS)  # share of each winding's turns that still act
 L_WAVE = _take(9)  # LM without its mean: second harmonic of THETA
 L_SLOPE = _take(9)  # d LM / d THETA
-PSI = _take(3)  # amplitude of the phase EMF / electrical speed
+PSI = _take(LEGS)  # amplitude of the phase EMF / electrical speed
 TRAPEZOID = _take()  # 1: trapezoidal EMF
 RAMP = _take()  # half width of the trapezoid's slope, rad
+
+# --- machine by its flux linkages (`flux.py`)
+PHASOR = _take(4 * LEGS)  # cos, sin of the winding axes in plane 1, then in plane 3, times WINDING
+L_AXES = _take(5)  # L_d, L_q, then of plane 3 L_d3, L_q3 and between the planes L_13
+L_ZERO = _take()  # of the zero sequence, which only a machine with shorted turns shows
+PSI_1 = _take()  # magnet flux in plane 1
+PSI_3 = _take()
+SATURATED = _take()  # 1: the entries below up to CROSS hold
+SAT_A = _take()  # L_d falls by L_d (SAT_A v + SAT_B v^2), v = tanh(i_d / SAT_I)
+SAT_B = _take()
+SAT_I = _take()  # A
+CROSS_WIDTH = _take()  # A, of a piece of the curve L_dq(i_q)
+CROSS_PIECES = 66  # the first and the last reach to infinity
+CROSS_EDGE = _take(CROSS_PIECES)  # where a piece begins, A; of the first: where it ends
+CROSS = _take(5 * CROSS_PIECES)  # integral of L_dq from 0 to the edge, then L_dq in powers 0 .. 3 of i_q less the edge
 
 # --- inverter and link
 R_ON = _take()
@@ -54,6 +69,8 @@ SUPPLY_DIODE = _take()
 CHOPPER_ON_V = _take()
 CHOPPER_OFF_V = _take()
 CHOPPER_G = _take()  # 1 / resistance, 0 = none
+
+LEG_FAULT = _take(LEGS)  # WHOLE .. STUCK_LOW
 
 # --- mechanics
 MECHANICS = _take()  # FREE, IMPOSED, LOCKED
@@ -101,7 +118,7 @@ ZOOM_MAX = 16
 ENERGY_ON = _take()
 
 # --- physical state
-I = _take(3)  # noqa: E741
+I = _take(LEGS)  # noqa: E741
 VDC = _take()
 OMEGA = _take()  # electrical
 THETA = _take()  # 0 .. 2 pi
@@ -109,33 +126,51 @@ TURNS = _take()  # whole electrical turns
 TORQUE = _take()
 SOURCE_ON = _take()  # supply conducts
 CHOPPER_ON = _take()
-FILTERED = _take(4)  # divider outputs va vb vc vdc
+FILTERED = _take(LEGS + 1)  # divider outputs: phases, vdc
 SAMPLE = _take()  # number of the next sample
 
 # --- derived, valid at T_CYCLE
-VT = _take(3)  # terminal voltages against the negative rail; set by `terminals_now` only
+VT = _take(LEGS)  # terminal voltages against the negative rail; set by `terminals_now` only
 IDC = _take()
 SHAPE = _take(3)  # EMF of phase x = -PSI * omega * SHAPE
 SLOPE = _take(3)  # d SHAPE / d theta
+ROTOR_I = _take(4)  # id iq id3 iq3
+FLUX = _take(4)  # their flux linkages
+L_NOW = _take(3)  # incremental L_d, L_dq, L_q
+FLUX_SLOPE = _take(LEGS)  # d (flux linkage of a phase) / d theta at constant currents
+PIECE = _take()  # of CROSS, in force
 
 # --- scratch of a sub-interval
-MODE = _take(3)  # OPEN .. DIODE_HIGH
-RAIL = _take(3)  # 1: leg tied to the positive rail
-V_LEG = _take(3)  # constant part of the leg voltage
-R_LEG = _take(3)
+MODE = _take(LEGS)  # OPEN .. DIODE_HIGH
+RAIL = _take(LEGS)  # 1: leg tied to the positive rail
+V_LEG = _take(LEGS)  # constant part of the leg voltage
+R_LEG = _take(LEGS)
 CONDUCTING = _take()  # number of conducting legs
 FLOATING = _take()  # index of an open leg to check, -1 = none
 REFERENCE = _take()  # a conducting leg, -1 = none
 STAR_CLAMP = _take()  # phase whose diode clamps the star point when no leg conducts, -1 = none
 G_MASK = _take()  # conducting legs for which G holds; -1 = stale
 G = _take(6)  # d i / d t = G (v - R i - e), order aa ab ac bb bc cc
+G_FULL = _take(LEGS * LEGS)  # the same of a machine by its flux linkages, rows of `phases`
+U = _take(LEGS)  # v - R i - e of the conducting legs
+LIST = _take(LEGS)  # numbers of the conducting legs
+PIVOT = _take(LEGS * LEGS)  # work space of the elimination
 H_LIMIT = _take()  # adapts: longest series step that converges
-SERIES_I = _take(3 * NK)
-SERIES_V = _take(3 * NK)
-SERIES_E = _take(3 * NK)
+SERIES_I = _take(LEGS * NK)
+SERIES_V = _take(LEGS * NK)
+SERIES_E = _take(LEGS * NK)
 SERIES_D = _take(NK)
 SERIES_L = _take(NK)  # factor of the power of the turning inductance, over the step
-ROTATION = _take(3)  # term of the voltage that the turning inductance induces
+ROTATION = _take(LEGS)  # term of the voltage that the turning machine induces
+SERIES_TURN = _take(4 * NK)  # cos, sin of the angle, then of three times the angle
+SERIES_STATOR = _take(4 * NK)  # currents in the axes of the stator, planes 1 and 3
+SERIES_ROTOR = _take(4 * NK)  # ROTOR_I
+SERIES_FLUX = _take(4 * NK)  # FLUX
+SERIES_TANH = _take(NK)  # v = tanh(i_d / SAT_I)
+SERIES_TANH2 = _take(NK)  # its square
+SERIES_LOGCOSH = _take(NK)  # ln cosh(i_d / SAT_I)
+SERIES_Y = _take(4 * NK)  # powers 1 .. 4 of i_q less the edge of the piece
+SERIES_CROSS = _take(2 * NK)  # L_dq and its integral over i_q
 ROOT = _take(NK)
 EVENT_LEG = _take()
 DECAY_H = _take()  # step for which DECAY holds
@@ -153,13 +188,14 @@ EVENT_AT, EVENT_COUNT, EVENT_ROWS = _take(), _take(), _take()
 BUFFERS = _size  # the buffers begin here
 
 # --- columns of a waveform row and of an event row
-WAVE_COLUMNS = 13  # t_cycle theta_e omega_e ia ib ic va vb vc vdc idc torque_nm gates
+WAVE_COLUMNS = 7  # t_cycle theta_e omega_e, then i and v of the phases, vdc idc torque_nm gates
 EVENT_COLUMNS = 4  # t_cycle kind phase theta_e
 
 # --- constants
 OPEN, HIGH, LOW, DIODE_LOW, DIODE_HIGH = range(5)
 FREE, IMPOSED, LOCKED = range(3)
 EXTINCTION, DIODE_ON = 1, 2
+WHOLE, BROKEN, STUCK_HIGH, STUCK_LOW = range(4)
 STROBE = 1  # flag bit
 TOLERANCE_V = 1e-9  # a diode turns on this far beyond its threshold
 

@@ -1,6 +1,6 @@
 """Parameters of the plant: frozen records with units in their names, checked when they are made.
 
-Per-phase values are in the order A, B, C. Converter channels are in the order of `CHANNEL_NAMES`.
+Per-phase values are in the order A, B, C(, D, E). Converter channels are in the order of `channel_names`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,20 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from . import layout as L
+from .magnetics import FluxMap
 
 Triple = tuple[float, float, float]
-CHANNEL_NAMES = ("va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm")
+Phases = tuple[float, ...]
+PHASE_COUNTS = (3, 5)
+
+
+def channel_names(phases: int) -> tuple[str, ...]:
+    """Converter channels of an inverter with so many legs."""
+    letters = "abcde"[:phases]
+    return (*(f"v{x}" for x in letters), *(f"i{x}" for x in letters), "vdc", "idc", "vsm")
+
+
+CHANNEL_NAMES = channel_names(3)
 
 
 def require(condition: bool, key: str, value: object, permitted: str) -> None:
@@ -44,20 +55,79 @@ class EncoderParams:
 
 
 @dataclass(frozen=True)
+class ThirdParams:
+    """What a five-phase machine is in the plane that turns three times as fast.
+
+    mutual_h: inductance L_13 between the planes, d to d and q to q. psi_vs: magnet flux, its EMF is 3 psi_vs omega.
+    """
+
+    l_d_h: float
+    l_q_h: float
+    mutual_h: float = 0.0
+    psi_vs: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key in ("l_d_h", "l_q_h"):
+            value = getattr(self, key)
+            require(value > 0.0 and math.isfinite(value), key, value, "above 0")
+        for key in ("mutual_h", "psi_vs"):
+            require(math.isfinite(getattr(self, key)), key, getattr(self, key), "finite")
+
+
+@dataclass(frozen=True)
+class SaturationParams:
+    """Saturation of the first plane.
+
+    plus, minus: change of the incremental L_d, as a share of it, at i_d = +current_a and -current_a, i_q = 0; beyond it
+    levels out. angle_rad: powers 0 .. 3 of i_q (rad, A) of the angle by which the axes of the incremental inductance at
+    i_d = 0 turn, ½ atan(2 L_dq / (L_q - L_d)), up to |i_q| = angle_current_a; from there to twice this current L_dq
+    levels out.
+    """
+
+    current_a: float
+    plus: float = 0.0
+    minus: float = 0.0
+    angle_rad: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    angle_current_a: float = 1.0
+
+    def __post_init__(self) -> None:
+        for key in ("current_a", "angle_current_a"):
+            value = getattr(self, key)
+            require(value > 0.0 and math.isfinite(value), key, value, "above 0")
+        for key in ("plus", "minus"):
+            require(abs(getattr(self, key)) < 0.9, key, getattr(self, key), "between -0.9 and 0.9")
+        require(len(self.angle_rad) == 4, "angle_rad", self.angle_rad, "4 values")
+        currents = [self.angle_current_a * k / 100.0 for k in range(-100, 101)]
+        largest = max(abs(self.angle_at(i)) for i in currents)
+        require(largest <= 0.7, "angle_rad", self.angle_rad, "within ±0.7 rad up to angle_current_a")
+
+    def angle_at(self, i_q_a: float) -> float:
+        """Angle of the curve, rad."""
+        c0, c1, c2, c3 = self.angle_rad
+        return c0 + i_q_a * (c1 + i_q_a * (c2 + i_q_a * c3))
+
+    def angle_slope_at(self, i_q_a: float) -> float:
+        """Slope of the curve, rad/A."""
+        _, c1, c2, c3 = self.angle_rad
+        return c1 + i_q_a * (2.0 * c2 + i_q_a * 3.0 * c3)
+
+
+@dataclass(frozen=True)
 class MachineParams:
-    """Star-connected machine with isolated star point.
+    """Star-connected machine of three or five phases with isolated star point.
 
     l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. l_q_h: a salient machine's inductance on the
-    q axis; l_h is then that on the d axis, equal three times, m_h zero. None: not salient. psi_vs: peak phase EMF
+    q axis; l_h is then that on the d axis, equal for all phases, m_h zero. None: not salient. psi_vs: peak phase EMF
     divided by electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
     hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none. encoder: None:
-    there is none.
+    there is none. third: of a five-phase machine, and only of it; its l_h and psi_vs are those of the first plane.
+    saturation: None: there is none. Both need a sinusoidal EMF and equal phases but for the resistance.
     """
 
     pole_pairs: int
-    r_ohm: Triple
-    l_h: Triple
-    psi_vs: Triple
+    r_ohm: Phases
+    l_h: Phases
+    psi_vs: Phases
     m_h: Triple = (0.0, 0.0, 0.0)
     emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
     flat_top_deg: float = 120.0
@@ -65,9 +135,13 @@ class MachineParams:
     l_q_h: float | None = None
     encoder: EncoderParams | None = None
     phases: int = 3
+    third: ThirdParams | None = None
+    saturation: SaturationParams | None = None
 
     def __post_init__(self) -> None:
-        require(self.phases == L.PHASES, "phases", self.phases, "3")
+        require(self.phases in PHASE_COUNTS, "phases", self.phases, "3 or 5")
+        for key in ("r_ohm", "l_h", "psi_vs"):
+            require(len(getattr(self, key)) == self.phases, key, getattr(self, key), f"{self.phases} values")
         require(self.pole_pairs >= 1, "pole_pairs", self.pole_pairs, "at least 1")
         require(finite_at_least(0.0, *self.r_ohm), "r_ohm", self.r_ohm, "at least 0")
         require(finite_at_least(0.0, *self.psi_vs), "psi_vs", self.psi_vs, "at least 0")
@@ -79,15 +153,39 @@ class MachineParams:
             require(self.l_q_h > 0.0 and math.isfinite(self.l_q_h), "l_q_h", self.l_q_h, "above 0")
             require(len(set(self.l_h)) == 1, "l_h", self.l_h, "equal three times beside l_q_h")
             require(self.m_h == (0.0, 0.0, 0.0), "m_h", self.m_h, "zero beside l_q_h")
+        require(
+            (self.third is not None) == (self.phases == 5), "third", self.third, "given with 5 phases and only there"
+        )
+        if self.by_flux:
+            self._check_by_flux()
+            return
         (la, lb, lc), (mab, mbc, mca) = self.l_h, self.m_h
         aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
         definite = aa > 0.0 and aa * bb - ab * ab > 0.0
         require(definite, "l_h, m_h", (self.l_h, self.m_h), "a positive definite inductance matrix")
 
+    @property
+    def by_flux(self) -> bool:
+        """Whether the kernel takes the machine by its flux linkages (`flux.py`)."""
+        return self.phases != 3 or self.saturation is not None
+
+    def _check_by_flux(self) -> None:
+        for key in ("l_h", "psi_vs"):
+            require(len(set(getattr(self, key))) == 1, key, getattr(self, key), "equal for all phases")
+        require(self.l_h[0] > 0.0, "l_h", self.l_h, "above 0")
+        require(self.m_h == (0.0, 0.0, 0.0), "m_h", self.m_h, "zero with 5 phases or saturation")
+        require(self.emf == "sinusoidal", "emf", self.emf, "sinusoidal with 5 phases or saturation")
+        require(
+            self.phases == 3 or self.hall_offset_deg is None, "hall_offset_deg", self.hall_offset_deg, "None with 5"
+        )
+        least = FluxMap(self).least_inductance_h()
+        keys = "saturation" if self.third is None else "l_h, l_q_h, third" + (", saturation" if self.saturation else "")
+        require(least > 0.0, keys, f"least incremental inductance {least:.3g} H", "positive definite at any current")
+
 
 @dataclass(frozen=True)
 class InverterParams:
-    """Six switches with diodes, supply and DC link.
+    """Two switches with diodes a leg, supply and DC link.
 
     Without capacitor (dc_link_c_f = 0) the supply and its resistance feed the legs directly and take energy
     back. The chopper turns on at chopper_on_v and off at chopper_off_v; chopper_ohm = 0: there is none.
@@ -129,13 +227,16 @@ class InverterParams:
 
 @dataclass(frozen=True)
 class SensingParams:
-    """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator."""
+    """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator.
+
+    divider_gain: one value a leg, empty: all 1. offset_lsb: one a channel, empty: all 0.
+    """
 
     v_full_scale_v: float
     i_full_scale_a: float
     bits: int = 12
-    divider_gain: Triple = (1.0, 1.0, 1.0)
-    offset_lsb: tuple[float, ...] = (0.0,) * L.CHANNELS
+    divider_gain: Phases = ()
+    offset_lsb: tuple[float, ...] = ()
     divider_pole_s: float = 0.0
     noise_lsb_rms: float = 1.0
     conversion_s: float = 0.0
@@ -144,7 +245,6 @@ class SensingParams:
         require(self.v_full_scale_v > 0.0, "v_full_scale_v", self.v_full_scale_v, "above 0")
         require(self.i_full_scale_a > 0.0, "i_full_scale_a", self.i_full_scale_a, "above 0")
         require(4 <= self.bits <= 24, "bits", self.bits, "4 to 24")
-        require(len(self.offset_lsb) == L.CHANNELS, "offset_lsb", self.offset_lsb, f"{L.CHANNELS} values")
         for key in ("divider_pole_s", "noise_lsb_rms", "conversion_s"):
             require(finite_at_least(0.0, getattr(self, key)), key, getattr(self, key), "at least 0")
 
@@ -210,6 +310,10 @@ class PlantParams:
 
     def __post_init__(self) -> None:
         require(self.clock_period_s > 0.0, "clock_period_s", self.clock_period_s, "above 0")
+        phases, sensing = self.machine.phases, self.sensing
+        for key, count in (("divider_gain", phases), ("offset_lsb", len(channel_names(phases)))):
+            values = getattr(sensing, key)
+            require(len(values) in (0, count), key, values, f"{count} values, or none")
 
 
 MECHANICS_MODES = {"free": L.FREE, "imposed": L.IMPOSED, "locked": L.LOCKED}

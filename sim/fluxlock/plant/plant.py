@@ -9,20 +9,34 @@ import numpy as np
 import numpy.typing as npt
 
 from . import layout as L
-from .build import chosen_mode, make_kernel
+from .build import chosen_mode, interpreted, make_kernel
 from .circuit import terminals_now
-from .emf import torque_now
-from .params import CHANNEL_NAMES, MECHANICS_MODES, PlantParams, check_profile, require
-from .state import FloatArray, initial_state, write_machine, write_profile, write_zoom
+from .emf import shape_now, torque_now
+from .magnetics import FluxMap, axes_matrix, rotor_axes
+from .params import MECHANICS_MODES, PlantParams, channel_names, check_profile, require
+from .state import FloatArray, initial_state, variant_of, write_machine, write_profile, write_zoom
 from .trajectory import RecordArray, angle_between, event_buffer, wave_buffer, zoom_buffer
 from .vector import view_of
 
 NO_HEARTBEAT = -2  # fault code of the simulator main
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
+BREAK_ROUNDS = 20  # of Newton's method for the currents that take over those of a broken phase
 
 
 class PlantError(RuntimeError):
     """The kernel returned a fault code."""
+
+
+FAULT_KINDS = (
+    "shorted_winding",
+    "open_phase",
+    "stuck_high",
+    "stuck_low",
+    "supply",
+    "stuck_channel",
+    "fault_pin",
+    "clear",
+)
 
 
 @dataclass(frozen=True)
@@ -49,11 +63,16 @@ class Plant:
         self.io: npt.NDArray[np.int32] = np.zeros(L.IO_SIZE, np.int32)
         if params.machine.encoder is not None:
             self.io[L.IO_ENCODER_WAIT] = 1  # its levels are there before anything else happens
-        self._kernel = make_kernel(self.mode, self.state, self.io)
-        self._waves = wave_buffer(self.state)
-        self._zoom = zoom_buffer(self.state)
+        self.phases = params.machine.phases
+        self.channels = channel_names(self.phases)
+        variant = variant_of(params.machine)
+        self._kernel = make_kernel(self.mode, variant, self.state, self.io)
+        self._functions = interpreted(variant)
+        self._flux_map = FluxMap(params.machine) if params.machine.by_flux else None
+        self._waves = wave_buffer(self.state, self.phases)
+        self._zoom = zoom_buffer(self.state, self.phases)
         self._events = event_buffer(self.state)
-        self._turns = [1.0] * L.PHASES
+        self._turns = [1.0] * self.phases
 
     @property
     def address(self) -> int:
@@ -77,7 +96,7 @@ class Plant:
     def sample(self, t_cycle: int) -> npt.NDArray[np.int32]:
         """Advance to t_cycle, sample there and return the codes of all channels."""
         self.step(t_cycle, int(self.state[L.GATES]), L.STROBE)
-        return self.io[: L.CHANNELS].copy()
+        return self.io[: len(self.channels)].copy()
 
     def fault_text(self, code: int, t_cycle: int | None = None) -> str:
         """What a fault code means."""
@@ -96,13 +115,23 @@ class Plant:
     @property
     def currents_a(self) -> FloatArray:
         """Phase currents into the machine."""
-        return self.state[L.I : L.I + L.PHASES].copy()
+        return self.state[L.I : L.I + self.phases].copy()
 
     @property
     def terminals_v(self) -> FloatArray:
         """Terminal voltages against the negative rail."""
-        terminals_now(view_of(self.state))
-        return self.state[L.VT : L.VT + L.PHASES].copy()
+        self._functions[terminals_now](view_of(self.state))
+        return self.state[L.VT : L.VT + self.phases].copy()
+
+    @property
+    def rotor_currents_a(self) -> FloatArray:
+        """Currents in rotor axes: d, q, with five phases d and q of the third plane too."""
+        return rotor_axes(self.theta_e_rad, self.phases, self.currents_a)
+
+    @property
+    def torque_nm(self) -> float:
+        """Torque of the machine, before friction."""
+        return float(self.state[L.TORQUE])
 
     @property
     def theta_e_rad(self) -> float:
@@ -123,7 +152,6 @@ class Plant:
         """Energies since the start, if `RecordingParams.energies` asks for them, and what is stored now."""
         s = self.state
         e = s[L.ENERGY : L.ENERGY + L.ENERGIES]
-        i = self.currents_a
         capacitor = 0.5 * s[L.VDC] ** 2 / s[L.LINK_C_INV] if s[L.LINK_C_INV] else 0.0
         return {
             "supply": float(e[L.E_SUPPLY]),
@@ -134,10 +162,19 @@ class Plant:
             "chopper": float(e[L.E_CHOPPER]),
             "shaft": float(e[L.E_SHAFT]),
             "load": float(e[L.E_LOAD]),
-            "magnetic_now": float(0.5 * i @ s[L.LM : L.LM + 9].reshape(3, 3) @ i),
+            "magnetic_now": self._magnetic_j(),
             "capacitor_now": float(capacitor),
             "kinetic_now": float(0.5 * s[L.INERTIA] * (s[L.OMEGA] / s[L.POLE_PAIRS]) ** 2),
         }
+
+    def _inductances(self) -> FloatArray:
+        return self.state[L.LM : L.LM + self.phases**2].reshape(self.phases, self.phases)
+
+    def _magnetic_j(self) -> float:
+        i = self.currents_a
+        if self._flux_map is None or min(self._turns) < 1.0:
+            return float(0.5 * i @ self._inductances() @ i)
+        return self._flux_map.energy(self.rotor_currents_a)
 
     def _ramp(self, index: int, value: float, ramp_s: float, at_cycle: int | None) -> None:
         s = self.state
@@ -205,22 +242,34 @@ class Plant:
         flux and mutual inductance scale with it, self inductance with its square. Currents are kept; the
         energy of the lost turns is spent in the short. One phase is a short to the star point, two are a
         short between terminals.
+        "open_phase": the connections of the inverter's legs to `phases` break, beyond the voltage dividers' taps on the
+        machine's side. Their currents end at once, the other phases take them over as flux linkages demand; the energy
+        of the arc is not counted.
+        "stuck_high", "stuck_low": the upper or lower switch of the legs of `phases` conducts for ever. Where the other
+        switch of a leg is asked for, the driver sees the short, does not turn it on and sets its fault output.
         "supply": the supply goes to supply_v within ramp_s. "stuck_channel": the converter channel stays at
         `code` (None: at its present one). "fault_pin": the gate driver's fault output goes to `level`.
-        "clear": windings, channels and pin are whole again (not the supply).
+        "clear": windings, legs, channels and pin are whole again (not the supply).
         """
         s = self.state
         if kind == "shorted_winding":
             require(0.0 < turns_fraction <= 1.0, "turns_fraction", turns_fraction, "above 0, at most 1")
+            self._check_phases(phases)
             for phase in phases:
-                require(0 <= phase < L.PHASES, "phases", phases, f"numbers 0 to {L.PHASES - 1}")
                 self._turns[phase] = turns_fraction
             self._rewind()
+        elif kind == "open_phase":
+            self._check_phases(phases)
+            self._break(phases)
+        elif kind in ("stuck_high", "stuck_low"):
+            self._check_phases(phases)
+            for phase in phases:
+                s[L.LEG_FAULT + phase] = L.STUCK_HIGH if kind == "stuck_high" else L.STUCK_LOW
         elif kind == "supply":
             self.set_supply(supply_v, ramp_s)
         elif kind == "stuck_channel":
-            require(channel in CHANNEL_NAMES, "channel", channel, " or ".join(CHANNEL_NAMES))
-            index = CHANNEL_NAMES.index(channel)
+            require(channel in self.channels, "channel", channel, " or ".join(self.channels))
+            index = self.channels.index(channel)
             stuck = int(self.io[index]) if code is None else code
             require(0 <= stuck <= s[L.ADC_MAX], "code", stuck, f"0 to {s[L.ADC_MAX]:.0f}")
             s[L.STUCK + index] = stuck
@@ -228,18 +277,56 @@ class Plant:
             s[L.FAULT_PIN] = float(level)
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1 | int(level)
         elif kind == "clear":
-            self._turns = [1.0] * L.PHASES
+            self._turns = [1.0] * self.phases
             self._rewind()
+            s[L.LEG_FAULT : L.LEG_FAULT + L.LEGS] = L.WHOLE
             s[L.STUCK : L.STUCK + L.CHANNELS] = -1.0
             s[L.FAULT_PIN] = 0.0
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1
         else:
-            require(False, "kind", kind, "shorted_winding, supply, stuck_channel, fault_pin or clear")
+            require(False, "kind", kind, ", ".join(FAULT_KINDS[:-1]) + f" or {FAULT_KINDS[-1]}")
 
     def _rewind(self) -> None:
-        a, b, c = self._turns
-        write_machine(self.state, self.params.machine, (a, b, c))
-        torque_now(self.state)
+        write_machine(self.state, self.params.machine, tuple(self._turns))
+        self._functions[torque_now](view_of(self.state))
+
+    def _check_phases(self, phases: tuple[int, ...]) -> None:
+        for phase in phases:
+            require(0 <= phase < self.phases, "phases", phases, f"numbers 0 to {self.phases - 1}")
+
+    def _phase_flux(self) -> FloatArray:
+        """Flux linkages of the phases, V s, without the magnets' in a machine of constant inductances."""
+        if self._flux_map is None:
+            return np.asarray(self._inductances() @ self.currents_a)
+        axes = axes_matrix(self.theta_e_rad, self.phases) * np.array(self._turns)
+        return np.asarray(self.state[L.FLUX : L.FLUX + self.phases - 1] @ axes)
+
+    def _break(self, phases: tuple[int, ...]) -> None:
+        """Open phases: the voltage of the arc reaches the others through the star point, each with the same impulse."""
+        s, view = self.state, view_of(self.state)
+        for phase in phases:
+            s[L.LEG_FAULT + phase] = L.BROKEN
+        whole = [x for x in range(self.phases) if s[L.LEG_FAULT + x] != L.BROKEN]
+        current = s[L.I : L.I + self.phases]
+        before = self._phase_flux()[whole]
+        current[[x for x in range(self.phases) if x not in whole]] = 0.0
+        if len(whole) < 2:
+            current[:] = 0.0
+        n = len(whole)
+        for _ in range(BREAK_ROUNDS if n > 1 else 0):
+            self._functions[shape_now](view)
+            matrix = np.ones((n + 1, n + 1))
+            matrix[:n, :n] = self._inductances()[np.ix_(whole, whole)]
+            matrix[n, n] = 0.0
+            missing = np.append(before - self._phase_flux()[whole], -current.sum())
+            # Henry beside ones: the impulse, the last unknown, is of no interest.
+            matrix[:n, n] = matrix[:n, :n].max()
+            change = np.linalg.solve(matrix, missing)[:n]
+            current[whole] += change
+            if np.abs(change).max() <= 1e-13 * np.abs(current).max():
+                break
+        self._functions[shape_now](view)
+        s[L.G_MASK] = -1.0
 
     def configure_recording(self, every_strobes: int, zoom: tuple[tuple[int, int], ...] = ()) -> None:
         """Change the grid of the waveform records (0: none) and the zoom windows (first, last cycle)."""

@@ -10,6 +10,8 @@ from .emf import quadratic, theta_unwrapped
 from .series import series_at
 from .vector import Vector
 
+PHASES = 3
+FIELD = False
 # Gauss-Legendre nodes and weights on 0 .. 1, exact to degree 7.
 NODE_0, NODE_1 = 0.06943184420297371, 0.33000947820757187
 WEIGHT_0, WEIGHT_1 = 0.17392742256872692, 0.32607257743127307
@@ -21,13 +23,14 @@ def write_row(s: Vector, at: int, gates: int) -> None:
     s[at] = s[L.T_CYCLE]
     s[at + 1] = theta_unwrapped(s)
     s[at + 2] = s[L.OMEGA]
-    for x in range(3):
+    for x in range(PHASES):
         s[at + 3 + x] = s[L.I + x]
-        s[at + 6 + x] = s[L.VT + x]
-    s[at + 9] = s[L.VDC]
-    s[at + 10] = s[L.IDC]
-    s[at + 11] = s[L.TORQUE]
-    s[at + 12] = gates
+        s[at + 3 + PHASES + x] = s[L.VT + x]
+    at += 3 + 2 * PHASES
+    s[at] = s[L.VDC]
+    s[at + 1] = s[L.IDC]
+    s[at + 2] = s[L.TORQUE]
+    s[at + 3] = gates
 
 
 def record_wave(s: Vector, gates: int) -> int:
@@ -40,7 +43,7 @@ def record_wave(s: Vector, gates: int) -> int:
     s[L.WAVE_PHASE] = 0.0
     if s[L.WAVE_COUNT] >= s[L.WAVE_ROWS]:
         return L.FAULT_RECORDS_FULL
-    write_row(s, int(s[L.WAVE_AT]) + L.WAVE_COLUMNS * int(s[L.WAVE_COUNT]), gates)
+    write_row(s, int(s[L.WAVE_AT]) + (L.WAVE_COLUMNS + 2 * PHASES) * int(s[L.WAVE_COUNT]), gates)
     s[L.WAVE_COUNT] = s[L.WAVE_COUNT] + 1.0
     return L.OK
 
@@ -57,7 +60,7 @@ def record_zoom(s: Vector, gates: int) -> int:
     """Record a row in the zoom buffer."""
     if s[L.ZOOM_COUNT] >= s[L.ZOOM_ROWS]:
         return L.FAULT_RECORDS_FULL
-    write_row(s, int(s[L.ZOOM_AT]) + L.WAVE_COLUMNS * int(s[L.ZOOM_COUNT]), gates)
+    write_row(s, int(s[L.ZOOM_AT]) + (L.WAVE_COLUMNS + 2 * PHASES) * int(s[L.ZOOM_COUNT]), gates)
     s[L.ZOOM_COUNT] = s[L.ZOOM_COUNT] + 1.0
     return L.OK
 
@@ -72,6 +75,18 @@ def reluctance_power(s: Vector, order: int, x: float, h: float) -> float:
     return s[L.OMEGA] * (0.5 * slope - math.sin(angle) * quadratic(s, L.L_WAVE, a, b, c))
 
 
+def flux_power(s: Vector, order: int, x: float) -> float:
+    """Shaft power of a machine by its flux linkages at x of a step."""
+    total = 0.0
+    for plane in range(PHASES // 2):
+        d = plane * 2 * L.NK
+        q = d + L.NK
+        force = series_at(s, L.SERIES_FLUX + d, order, x) * series_at(s, L.SERIES_ROTOR + q, order, x)
+        force -= series_at(s, L.SERIES_FLUX + q, order, x) * series_at(s, L.SERIES_ROTOR + d, order, x)
+        total += (1.0 + 2.0 * plane) * force
+    return 0.5 * PHASES * s[L.OMEGA] * total
+
+
 def add_power(s: Vector, order: int, x: float, h: float, weight: float) -> None:
     """Add the powers at x of a step of h seconds, times a weight and h, to the energies."""
     weight = weight * h
@@ -81,14 +96,16 @@ def add_power(s: Vector, order: int, x: float, h: float, weight: float) -> None:
     switch = 0.0
     diode = 0.0
     shaft = 0.0
-    if s[L.SALIENT] != 0.0:
+    if FIELD:
+        shaft = flux_power(s, order, x)
+    elif s[L.SALIENT] != 0.0:
         shaft = reluctance_power(s, order, x, h)
-    for p in range(3):
+    for p in range(PHASES):
         i = series_at(s, L.SERIES_I + p * L.NK, order, x)
-        e = series_at(s, L.SERIES_E + p * L.NK, order, x)
         idc += s[L.RAIL + p] * i
         copper += s[L.R + p] * i * i
-        shaft += e * i
+        if not FIELD:
+            shaft += series_at(s, L.SERIES_E + p * L.NK, order, x) * i
         mode = s[L.MODE + p]
         if mode == L.HIGH or mode == L.LOW:
             switch += s[L.R_LEG + p] * i * i

@@ -2,7 +2,7 @@
 
 A voltage channel is unipolar: code = V * gain / (full scale / 2^bits) + offset. A current channel is offset
 binary: code = 2^(bits-1) + I / (2 full scale / 2^bits) + offset. Both then get noise, are rounded and
-clipped. The virtual star point is the mean of the three terminals behind the same pole, gain 1.
+clipped. The virtual star point is the mean of the terminals behind the same pole, gain 1.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from . import layout as L
 from .series import series_end
 from .vector import IntVector, Vector
 
+PHASES = 3
 FILTER_ORDER = 5  # of the terminal voltage in a sub-interval: (angle of the step)^6 / 720 is far below a code
 MASK32 = 0xFFFFFFFF
 
 
 def filter_input(s: Vector, channel: int) -> int:
-    """Series that feeds filter 0 .. 3 (va vb vc vdc)."""
-    return L.SERIES_D if channel == 3 else L.SERIES_V + L.NK * channel
+    """Series that feeds a filter: those of the terminals, then that of vdc."""
+    return L.SERIES_D if channel == PHASES else L.SERIES_V + L.NK * channel
 
 
 def filter_step(s: Vector, order: int, h: float) -> None:
@@ -30,7 +31,7 @@ def filter_step(s: Vector, order: int, h: float) -> None:
     """
     tau = s[L.POLE_S]
     if tau == 0.0:
-        for x in range(4):
+        for x in range(PHASES + 1):
             s[L.FILTERED + x] = series_end(s, filter_input(s, x), order)
         return
     if s[L.DECAY_H] != h:
@@ -39,7 +40,7 @@ def filter_step(s: Vector, order: int, h: float) -> None:
     decay = s[L.DECAY]
     ratio = tau / h
     top = order if order < FILTER_ORDER else FILTER_ORDER
-    for x in range(4):
+    for x in range(PHASES + 1):
         base = filter_input(s, x)
         p = s[base + top]
         end = p
@@ -90,15 +91,18 @@ def noise(s: Vector, channel: int, bits: int) -> float:
 
 def channel_value(s: Vector, channel: int) -> float:
     """Analog value of a converter channel, V or A."""
-    if channel < 3:
+    if channel < PHASES:
         return s[L.FILTERED + channel]
-    if channel < 6:
-        return s[L.I + channel - 3]
-    if channel == 6:
-        return s[L.FILTERED + 3]
-    if channel == 7:
+    if channel < 2 * PHASES:
+        return s[L.I + channel - PHASES]
+    if channel == 2 * PHASES:
+        return s[L.FILTERED + PHASES]
+    if channel == 2 * PHASES + 1:
         return s[L.IDC]
-    return (s[L.FILTERED] + s[L.FILTERED + 1] + s[L.FILTERED + 2]) / 3.0
+    total = s[L.FILTERED]
+    for x in range(1, PHASES):
+        total += s[L.FILTERED + x]
+    return total / PHASES
 
 
 def convert(s: Vector, io: IntVector) -> None:
@@ -108,7 +112,7 @@ def convert(s: Vector, io: IntVector) -> None:
     noisy = s[L.NOISE_LSB] != 0.0
     bits = sample_bits(s, sample)
     top = s[L.ADC_MAX]
-    for channel in range(L.CHANNELS):
+    for channel in range(2 * PHASES + 3):
         value = channel_value(s, channel) * s[L.CODES_PER_UNIT + channel] + s[L.CODE_ZERO + channel]
         if noisy:
             value += s[L.NOISE_LSB] * noise(s, channel, bits)

@@ -20,6 +20,8 @@ from . import layout as L
 from .emf import row_times
 from .vector import Vector
 
+PHASES = 3
+FIELD = False
 CONVERGED = 1e-17
 TURNING = False  # True in `build_turning_series`: as a constant it costs other machines nothing
 
@@ -219,11 +221,15 @@ def stretch(s: Vector, order: int, x: float) -> None:
     """Rescale all series to the shorter step x * h."""
     f = x
     for k in range(1, order + 1):
-        for p in range(3):
+        for p in range(PHASES):
             s[L.SERIES_I + p * L.NK + k] = f * s[L.SERIES_I + p * L.NK + k]
             s[L.SERIES_V + p * L.NK + k] = f * s[L.SERIES_V + p * L.NK + k]
             s[L.SERIES_E + p * L.NK + k] = f * s[L.SERIES_E + p * L.NK + k]
         s[L.SERIES_D + k] = f * s[L.SERIES_D + k]
+        if FIELD:
+            for axis in range(PHASES - 1):
+                s[L.SERIES_ROTOR + axis * L.NK + k] = f * s[L.SERIES_ROTOR + axis * L.NK + k]
+                s[L.SERIES_FLUX + axis * L.NK + k] = f * s[L.SERIES_FLUX + axis * L.NK + k]
         f = f * x
 
 

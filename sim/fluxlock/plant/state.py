@@ -9,16 +9,47 @@ import numpy as np
 import numpy.typing as npt
 
 from . import layout as L
+from .build import Variant, interpreted
 from .circuit import connect, terminals_now
 from .emf import TWO_PI, inductance_now, shape_now
-from .params import MECHANICS_MODES, MachineParams, PlantParams, SensingParams, Triple
+from .magnetics import FluxMap
+from .params import MECHANICS_MODES, MachineParams, Phases, PlantParams, SensingParams
 from .vector import view_of
 
 FloatArray = npt.NDArray[np.float64]
 
 
-def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1.0, 1.0)) -> None:
-    """Write machine parameters; `turns` are the fractions of each winding's turns that still act."""
+def variant_of(machine: MachineParams) -> Variant:
+    """Kernel that a machine needs."""
+    return Variant(machine.phases, machine.by_flux)
+
+
+def write_flux_map(s: FloatArray, machine: MachineParams, turns: Phases) -> None:
+    """Write the parameters of a machine that is taken by its flux linkages."""
+    m, flux = machine, FluxMap(machine)
+    for x in range(m.phases):
+        s[L.R + x] = m.r_ohm[x] * turns[x]
+        s[L.WINDING + x] = turns[x]
+        for plane in range(m.phases // 2):
+            angle = (1 + 2 * plane) * TWO_PI * x / m.phases
+            s[L.PHASOR + 2 * plane * L.LEGS + x] = turns[x] * math.cos(angle)
+            s[L.PHASOR + (2 * plane + 1) * L.LEGS + x] = turns[x] * math.sin(angle)
+    s[L.L_AXES : L.L_AXES + 5] = (flux.l_d, flux.l_q, flux.l_d3, flux.l_q3, flux.l_13)
+    s[L.L_ZERO] = flux.l_zero
+    s[L.PSI_1] = flux.psi_1
+    s[L.PSI_3] = flux.psi_3
+    s[L.SATURATED] = m.saturation is not None
+    if m.saturation:
+        s[L.SAT_A], s[L.SAT_B], s[L.SAT_I] = flux.sat_a, flux.sat_b, flux.sat_i
+        s[L.CROSS_WIDTH] = flux.edges[2] - flux.edges[1]
+        s[L.CROSS_EDGE : L.CROSS_EDGE + L.CROSS_PIECES] = flux.edges
+        s[L.CROSS : L.CROSS + 5 * L.CROSS_PIECES] = flux.cross.ravel()
+    interpreted(variant_of(m))[shape_now](view_of(s))
+
+
+def write_machine(s: FloatArray, machine: MachineParams, turns: Phases = ()) -> None:
+    """Write machine parameters; `turns` are the fractions of each winding's turns that still act, empty: all."""
+    turns = turns or (1.0,) * machine.phases
     s[L.POLE_PAIRS] = machine.pole_pairs
     s[L.TRAPEZOID] = machine.emf == "trapezoidal"
     s[L.HALL] = machine.hall_offset_deg is not None
@@ -28,39 +59,44 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Triple = (1.0, 1
         s[L.ENCODER_LINES] = machine.encoder.lines
         s[L.ENCODER_INDEX] = machine.encoder.index
         s[L.ENCODER_OFFSET] = machine.encoder.offset_deg / 360.0
+    if machine.by_flux:
+        write_flux_map(s, machine, turns)
+        return
     s[L.RAMP] = math.radians((180.0 - machine.flat_top_deg) / 2.0)
     mutual = {(0, 1): machine.m_h[0], (1, 2): machine.m_h[1], (0, 2): machine.m_h[2]}
-    for x in range(L.PHASES):
+    for x in range(3):
         s[L.R + x] = machine.r_ohm[x] * turns[x]
         s[L.PSI + x] = machine.psi_vs[x] * turns[x]
-        for y in range(L.PHASES):
+        for y in range(3):
             henry = machine.l_h[x] if x == y else mutual[min(x, y), max(x, y)]
-            s[L.LM + L.PHASES * x + y] = henry * turns[x] * turns[y]
+            s[L.LM + 3 * x + y] = henry * turns[x] * turns[y]
     s[L.SALIENT] = machine.l_q_h is not None
     if machine.l_q_h is not None:
         l_d, l_q = machine.l_h[0], machine.l_q_h
         s[L.L_MEAN] = 0.5 * (l_d + l_q)
         s[L.L_SWING] = (l_d - l_q) / 3.0
-        s[L.WINDING : L.WINDING + L.PHASES] = turns
+        s[L.WINDING : L.WINDING + 3] = turns
         inductance_now(view_of(s))
     s[L.G_MASK] = -1
 
 
-def write_sensing(s: FloatArray, sensing: SensingParams, seed: int) -> None:
+def write_sensing(s: FloatArray, sensing: SensingParams, phases: int, seed: int) -> None:
     """Write converter parameters and the noise keys of a seed."""
+    channels = 2 * phases + 3
     codes = 1 << sensing.bits
     s[L.POLE_S] = sensing.divider_pole_s
     s[L.ADC_MAX] = codes - 1
     s[L.NOISE_LSB] = sensing.noise_lsb_rms
     s[L.DECAY_H] = -1.0
-    gains = (*sensing.divider_gain, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-    for channel in range(L.CHANNELS):
-        bipolar = channel in (3, 4, 5, 7)
+    gains = (*(sensing.divider_gain or (1.0,) * phases), *(1.0,) * (phases + 3))
+    offsets = sensing.offset_lsb or (0.0,) * channels
+    for channel in range(channels):
+        bipolar = phases <= channel < 2 * phases or channel == 2 * phases + 1
         span = 2.0 * sensing.i_full_scale_a if bipolar else sensing.v_full_scale_v
         s[L.CODES_PER_UNIT + channel] = gains[channel] * codes / span
-        s[L.CODE_ZERO + channel] = (codes // 2 if bipolar else 0) + sensing.offset_lsb[channel]
+        s[L.CODE_ZERO + channel] = (codes // 2 if bipolar else 0) + offsets[channel]
         s[L.STUCK + channel] = -1.0
-    for key in range(1 + L.CHANNELS):
+    for key in range(1 + channels):
         digest = hashlib.sha256(f"{seed}:{key}".encode()).digest()
         s[L.NOISE_KEY + key] = int.from_bytes(digest[:4], "little")
 
@@ -77,7 +113,9 @@ def write_profile(s: FloatArray, profile: tuple[tuple[float, float], ...]) -> No
 def initial_state(params: PlantParams, seed: int) -> FloatArray:
     """State at cycle 0: all gates off, no current, link charged, dividers settled."""
     recording = params.recording
-    rows = L.WAVE_COLUMNS * (recording.wave_rows + recording.zoom_rows)
+    phases = params.machine.phases
+    columns = L.WAVE_COLUMNS + 2 * phases
+    rows = columns * (recording.wave_rows + recording.zoom_rows)
     s: FloatArray = np.zeros(L.BUFFERS + rows + L.EVENT_COLUMNS * recording.event_rows)
     s[L.CLOCK_S] = params.clock_period_s
     write_machine(s, params.machine)
@@ -115,13 +153,13 @@ def initial_state(params: PlantParams, seed: int) -> FloatArray:
     s[L.TURNS] = math.floor(mechanics.theta_e_rad / TWO_PI)
     s[L.THETA] = mechanics.theta_e_rad - TWO_PI * s[L.TURNS]
 
-    write_sensing(s, params.sensing, seed)
+    write_sensing(s, params.sensing, phases, seed)
     s[L.WAVE_EVERY] = recording.every_strobes
     s[L.ENERGY_ON] = recording.energies
     write_zoom(s, recording.zoom)
     s[L.WAVE_AT] = L.BUFFERS
     s[L.WAVE_ROWS] = recording.wave_rows
-    s[L.ZOOM_AT] = L.BUFFERS + L.WAVE_COLUMNS * recording.wave_rows
+    s[L.ZOOM_AT] = L.BUFFERS + columns * recording.wave_rows
     s[L.ZOOM_ROWS] = recording.zoom_rows
     s[L.EVENT_AT] = L.BUFFERS + rows
     s[L.EVENT_ROWS] = recording.event_rows
@@ -130,13 +168,14 @@ def initial_state(params: PlantParams, seed: int) -> FloatArray:
     s[L.SOURCE_ON] = 1.0
     s[L.H_LIMIT] = 1e-3
     view = view_of(s)
-    shape_now(view)
-    connect(view, 0)
-    terminals_now(view)
-    s[L.FILTERED : L.FILTERED + 3] = s[L.VT : L.VT + 3]
-    s[L.FILTERED + 3] = s[L.VDC]
+    kernel = interpreted(variant_of(params.machine))
+    kernel[shape_now](view)
+    kernel[connect](view, 0)
+    kernel[terminals_now](view)
+    s[L.FILTERED : L.FILTERED + phases] = s[L.VT : L.VT + phases]
+    s[L.FILTERED + phases] = s[L.VDC]
     # The first event finds and logs again what conducts from the start.
-    s[L.MODE : L.MODE + 3] = L.OPEN
+    s[L.MODE : L.MODE + phases] = L.OPEN
     s[L.G_MASK] = -1.0
     s[L.EVENT_COUNT] = 0.0
     return s

@@ -12,16 +12,18 @@ from . import layout as L
 FloatArray = npt.NDArray[np.float64]
 RecordArray = npt.NDArray[np.void]
 
+
 # Units: clock cycles (fractional for events), electrical rad (unwrapped), rad/s, A into the machine, V
 # against the negative rail, A drawn from the link, N*m. gates: bit 2X = upper, bit 2X+1 = lower switch of leg
 # X, in force before the instant (in the second of two rows of one instant: after it).
-WAVE_DTYPE = np.dtype(
-    [
-        *((name, "f8") for name in ("t_cycle", "theta_e", "omega_e", "ia", "ib", "ic", "va", "vb", "vc")),
-        *((name, "f8") for name in ("vdc", "idc", "torque_nm")),
-        ("gates", "i8"),
-    ]
-)
+def wave_dtype(phases: int) -> np.dtype[Any]:
+    """Columns of a waveform row of a machine with so many phases."""
+    letters = "abcde"[:phases]
+    names = ["t_cycle", "theta_e", "omega_e", *(f"i{x}" for x in letters), *(f"v{x}" for x in letters)]
+    return np.dtype([*((name, "f8") for name in (*names, "vdc", "idc", "torque_nm")), ("gates", "i8")])
+
+
+WAVE_DTYPE = wave_dtype(3)
 # kind: 1 = the freewheeling current of an off leg ended, 2 = a diode of a floating leg turned on.
 EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
 
@@ -77,14 +79,14 @@ def angle_between(records: RecordArray, t_cycles: npt.ArrayLike, clock_period_s:
     return np.asarray(theta[k] + x * (rise + (1.0 - x) * ((1.0 - x) * left + x * right)))
 
 
-def wave_buffer(state: FloatArray) -> Buffer:
+def wave_buffer(state: FloatArray, phases: int) -> Buffer:
     """Waveform records on the coarse grid."""
-    return Buffer(state, L.WAVE_AT, L.WAVE_COUNT, L.WAVE_COLUMNS, WAVE_DTYPE)
+    return Buffer(state, L.WAVE_AT, L.WAVE_COUNT, L.WAVE_COLUMNS + 2 * phases, wave_dtype(phases))
 
 
-def zoom_buffer(state: FloatArray) -> Buffer:
+def zoom_buffer(state: FloatArray, phases: int) -> Buffer:
     """Waveform records of the zoom windows."""
-    return Buffer(state, L.ZOOM_AT, L.ZOOM_COUNT, L.WAVE_COLUMNS, WAVE_DTYPE)
+    return Buffer(state, L.ZOOM_AT, L.ZOOM_COUNT, L.WAVE_COLUMNS + 2 * phases, wave_dtype(phases))
 
 
 def event_buffer(state: FloatArray) -> Buffer:
