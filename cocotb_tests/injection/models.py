@@ -10,10 +10,7 @@ from pathlib import Path
 FULL_SCALE = 1 << 17
 TURN = 1 << 32
 BENCHES = Path(__file__).parent
-SOURCES = [
-    "foc/fl_mac.sv",
-    *(f"injection/{name}.sv" for name in ("fl_injection_pkg", "fl_injection_mac")),
-]
+SOURCES = [f"injection/{name}.sv" for name in ("fl_injection_pkg", "fl_injection_mac")]
 
 Pair = tuple[int, int]  # d, q
 

@@ -15,7 +15,7 @@ from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, IqBits, 
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
-BUSY_CLOCKS = 6
+BUSY_CLOCKS = 7
 
 
 class TB:

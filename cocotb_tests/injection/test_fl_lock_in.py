@@ -16,8 +16,8 @@ from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injecti
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
-LATENCY = 20
-REFERENCE_LATENCY = 9
+LATENCY = 25
+REFERENCE_LATENCY = 11
 
 TIAN = HfMachine(r_ohm=1.3, ld_h=6.54e-3, lq_h=8.32e-3)
 FS_HZ, F0_HZ, LOW_HZ, K_BAND, K_LOW = 10_300.0, 257.5, 51.5, 0.45, math.sqrt(2)

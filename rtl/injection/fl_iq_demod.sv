@@ -24,7 +24,7 @@ module fl_iq_demod
     // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 1,
     // verilator lint_on UNUSEDPARAM
-    localparam int unsigned BusyClocks = 6
+    localparam int unsigned BusyClocks = 7
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -98,7 +98,7 @@ module fl_iq_demod
     end
   end
 
-  // Sums two clocks later.
+  // Sums three clocks later.
   logic signed [20:0] product;
   logic [1:0] place;
   logic sum_on, known_q, full_q, valid_q, overflow_q;
@@ -106,8 +106,8 @@ module fl_iq_demod
   logic [11:0] count_q, result_count_q;
 
   assign product = sine_i ? 21'(sum_i >>> 15) : 21'(sum_i >>> 14);
-  assign sum_on  = clock_q >= 3'd3;
-  assign place   = clock_q[1:0] - 2'd3;
+  assign sum_on  = clock_q >= 3'd4;
+  assign place   = clock_q[1:0];
 
   always_ff @(posedge clk_i) begin
     valid_q <= start && wrap && known_q && !full_q;

@@ -25,9 +25,9 @@ module fl_lock_in
   import fl_injection_pkg::*;
 #(
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned ReferenceLatency = 9,
+    localparam int unsigned ReferenceLatency = 11,
     // verilator lint_on UNUSEDPARAM
-    localparam int unsigned Latency = 20
+    localparam int unsigned Latency = 25
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -74,37 +74,37 @@ module fl_lock_in
 
   logic [4:0] clock_q;  // clocks since the start, 0: idle
   step_t step;
-  step_t [2:0] tail_q;  // [1]: its sum is there, [2]: its result is
+  step_t [3:0] tail_q;  // [2]: its sum is there, [3]: its result is
   logic start, valid_q;
   logic [15:0] overrun_q;
 
   assign start = start_i && clock_q == '0;
 
-  // A result is an operand three clocks after its step.
+  // A result is an operand four clocks after its step.
   always_comb begin
     unique case (clock_q)
       5'd1:    step = '{op: OpState, low: 1'b0, axis: 1'b0};
       5'd2:    step = '{op: OpInput, low: 1'b0, axis: 1'b0};
       5'd3:    step = '{op: OpState, low: 1'b0, axis: 1'b1};
       5'd4:    step = '{op: OpInput, low: 1'b0, axis: 1'b1};
-      5'd5:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b0};
-      5'd6:    step = '{op: OpScale, low: 1'b0, axis: 1'b0};
-      5'd7:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b1};
-      5'd8:    step = '{op: OpScale, low: 1'b0, axis: 1'b1};
-      5'd9:    step = '{op: OpMix, low: 1'b1, axis: 1'b0};
-      5'd10:   step = '{op: OpState, low: 1'b1, axis: 1'b0};
-      5'd11:   step = '{op: OpMix, low: 1'b1, axis: 1'b1};
-      5'd12:   step = '{op: OpInput, low: 1'b1, axis: 1'b0};
-      5'd13:   step = '{op: OpState, low: 1'b1, axis: 1'b1};
-      5'd14:   step = '{op: OpInput, low: 1'b1, axis: 1'b1};
-      5'd15:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b0};
-      5'd17:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b1};
+      5'd6:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b0};
+      5'd7:    step = '{op: OpScale, low: 1'b0, axis: 1'b0};
+      5'd8:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b1};
+      5'd9:    step = '{op: OpScale, low: 1'b0, axis: 1'b1};
+      5'd11:   step = '{op: OpMix, low: 1'b1, axis: 1'b0};
+      5'd12:   step = '{op: OpState, low: 1'b1, axis: 1'b0};
+      5'd13:   step = '{op: OpMix, low: 1'b1, axis: 1'b1};
+      5'd15:   step = '{op: OpInput, low: 1'b1, axis: 1'b0};
+      5'd16:   step = '{op: OpState, low: 1'b1, axis: 1'b1};
+      5'd17:   step = '{op: OpInput, low: 1'b1, axis: 1'b1};
+      5'd19:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b0};
+      5'd21:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b1};
       default: step = '{op: OpNone, low: 1'b0, axis: 1'b0};
     endcase
   end
 
   always_ff @(posedge clk_i) begin
-    tail_q  <= {tail_q[1:0], step};
+    tail_q  <= {tail_q[2:0], step};
     valid_q <= clock_q == LastClock;
     if (start) clock_q <= 5'd1;
     else if (clock_q == LastClock) clock_q <= '0;
@@ -180,8 +180,8 @@ module fl_lock_in
   sum_t scaled, result, doubled1, doubled2;
   logic clip, clip_q;
 
-  assign done  = tail_q[1];
-  assign after = tail_q[2];
+  assign done  = tail_q[2];
+  assign after = tail_q[3];
 
   always_comb begin
     unique case (done.op)
