@@ -21,6 +21,7 @@ SHARED = {
     "fl_mac": "fl_foc",
     "fl_sqrt": "fl_foc",
     "fl_ratio": "fl_foc",
+    "fl_injection_mac": "fl_lock_in",
 }
 
 

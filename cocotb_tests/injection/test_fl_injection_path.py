@@ -1,0 +1,265 @@
+"""Injection path on a machine: its own voltage makes the HF current in which each method finds the angle error."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import cocotb
+import pytest
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge, Timer
+
+from cocotb_tests.injection.models import FULL_SCALE, SOURCES, TURN, Filter, pack, unpack
+from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine
+from fluxlock.cosim.block import run_block_test
+
+CLOCK_NS = 20
+SPACING = 80  # clocks from update to update
+SAMPLE_CLOCKS = 3  # strobe to sample
+LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
+LATENCY = {LOCK_IN: 26, CONVENTIONAL: 26, IQ: 27, SEPARATOR: 2}
+BUSY_CLOCKS = 33
+U_V, VOLTAGE_SCALE_V, CURRENT_SCALE_A = 20.0, 250.0, 20.0
+TIAN = HfMachine(r_ohm=0.0, ld_h=6.54e-3, lq_h=8.32e-3)
+PATH_SOURCES = [
+    "foc/fl_sine_pkg.sv",
+    "foc/fl_sincos.sv",
+    *SOURCES,
+    *(f"injection/{name}.sv" for name in ("fl_injection", "fl_lock_in", "fl_iq_demod", "fl_separator")),
+    "injection/fl_injection_path.sv",
+]
+
+
+@dataclass
+class Settings:
+    """Fields of settings_t, the highest first."""
+
+    enable: int = 1
+    method: int = LOCK_IN
+    remove: int = 1
+    period: int = 40
+    first: int = 10
+    delay: int = 2
+    rate: int = round(TURN * 16 / (40 * SPACING))
+    amplitude: list[int] = field(default_factory=lambda: [round(U_V / VOLTAGE_SCALE_V * FULL_SCALE), 0, 0, 0])
+    lag: int = TURN // 4
+    sine: int = 1
+    band: Filter = field(default_factory=lambda: Filter.design(257.5, 10_300, 0.45))
+    low: Filter = field(default_factory=lambda: Filter.design(51.5, 10_300, math.sqrt(2)))
+    shift: int = 3
+
+    @property
+    def bits(self) -> int:
+        value = 0
+        for part, width in (
+            (self.enable, 1),
+            (self.method, 2),
+            (self.remove, 1),
+            (self.period, 12),
+            (self.first, 12),
+            (self.delay, 12),
+            (self.rate, 32),
+            (pack(self.amplitude, 18), 72),
+            (self.lag, 32),
+            (self.sine, 1),
+            (self.band.bits, 55),
+            (self.band.k & 0x3FFFF, 18),
+            (self.low.bits, 55),
+            (self.shift, 3),
+        ):
+            value = value << width | part
+        return value
+
+
+@dataclass
+class Sample:
+    """What one sample brought: complex d + jq."""
+
+    current: complex
+    regulated: complex | None
+    hf: complex
+    result: tuple[complex, complex] | None  # of d and of q, re + j im
+    count: int
+    peak: int
+
+
+class TB:
+    """The machine stands `error` ahead of the estimate; `strobes` samples an update; latencies are checked."""
+
+    def __init__(self, dut: Any, error: float, period_s: float, strobes: int = 1) -> None:
+        self.dut = dut
+        self.error = error
+        self.strobes = strobes
+        self.machine = ExactHfCurrent(TIAN, 0.0, period_s / strobes)
+        self.acting = 0.0
+        self.samples: list[Sample] = []
+
+    async def clocks(self, n: int) -> None:
+        if n:
+            await Timer(n * CLOCK_NS, "ns")
+
+    async def start(self, settings: Settings) -> None:
+        dut = self.dut
+        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
+        for port in (dut.clear_i, dut.update_i, dut.second_i, dut.strobe_i, dut.sample_valid_i, dut.current_i):
+            port.value = 0
+        dut.settings_i.value = settings.bits
+        self.settings = settings
+        dut.rst_i.value = 1
+        await FallingEdge(dut.clk_i)
+        await self.clocks(3)
+        dut.rst_i.value = 0
+        await self.clocks(1)
+
+    def voltage(self) -> float:
+        """Voltage on the estimated d axis (V); the other axes carry none."""
+        d, *others = unpack(int(self.dut.voltage_o.value), 18, len(self.dut.voltage_o.value) // 18)
+        assert not any(others)
+        return d / FULL_SCALE * VOLTAGE_SCALE_V
+
+    async def update(self, fundamental: complex = 0j) -> None:
+        """One update and its samples."""
+        dut = self.dut
+        computed = self.voltage()
+        dut.update_i.value = 1
+        await self.clocks(1)
+        dut.update_i.value = 0
+        each = SPACING // self.strobes
+        for k in range(self.strobes):
+            # A sample at the update sees what acted before it.
+            hf = self.machine.step(self.acting, -self.error, 0.0) * cmath.exp(1j * self.error)
+            if k == 0:
+                self.acting = computed
+            await self.sample(hf + fundamental, each - (k == 0))
+
+    async def sample(self, current: complex, clocks: int) -> None:
+        dut = self.dut
+        dut.strobe_i.value = 1
+        await self.clocks(1)
+        dut.strobe_i.value = 0
+        await self.clocks(SAMPLE_CLOCKS - 1)
+        codes = [round(x / CURRENT_SCALE_A * FULL_SCALE) for x in (current.real, current.imag)]
+        dut.current_i.value = pack(codes, 18)
+        dut.sample_valid_i.value = 1
+        await self.clocks(1)
+        dut.sample_valid_i.value = 0
+        dut.current_i.value = pack((0x15555, 0x15555), 18)
+        method = self.settings.method
+        found = Sample(complex(*codes), None, 0j, None, 0, 0)
+        early = SEPARATOR if method == SEPARATOR and self.settings.remove else LOCK_IN
+        for clock in range(1, BUSY_CLOCKS + 2):
+            if int(dut.current_valid_o.value):
+                assert clock == LATENCY[early], f"current after {clock} clocks"
+                found.regulated = complex(*unpack(int(dut.current_o.value), 18, 2))
+                found.hf = complex(*unpack(int(dut.hf_o.value), 18, 2))
+            if int(dut.result_valid_o.value):
+                assert clock == LATENCY[method], f"result after {clock} clocks"
+                values = unpack(int(dut.result_o.value), 32, 4)
+                found.result = (complex(values[0], values[2]), complex(values[1], values[3]))
+                found.count, found.peak = int(dut.count_o.value), int(dut.peak_o.value)
+            if clock <= LATENCY[LOCK_IN]:
+                assert int(dut.busy_o.value) == 1
+            await self.clocks(1)
+        assert int(dut.busy_o.value) == 0, "busy too long"
+        await self.clocks(clocks - SAMPLE_CLOCKS - BUSY_CLOCKS - 2)
+        self.samples.append(found)
+
+
+def expected_ratio(error: float) -> float:
+    """I_qh / I_dh in the estimated frame."""
+    return TIAN.difference_h * math.sin(2 * error) / (TIAN.sum_h + TIAN.difference_h * math.cos(2 * error))
+
+
+@cocotb.test()
+@cocotb.parametrize(case=[(LOCK_IN, 1, 1), (CONVENTIONAL, 1, 1), (IQ, 1, 1), (IQ, 0, 2)], degrees=[3.0, -8.0])
+async def methods_find_the_error(dut: Any, case: tuple[int, int, int], degrees: float) -> None:
+    """Lock-in, conventional and I/Q with sine and, oversampled, square reference beside a fundamental; removal.
+
+    Verifies: INJ-09, INJ-11
+    """
+    method, sine, strobes = case
+    error = math.radians(degrees)
+    settings = Settings(method=method, sine=sine)
+    tb = TB(dut, error, 1 / 10_300, strobes)
+    await tb.start(settings)
+    for _ in range(800 if method != IQ else 250):
+        await tb.update(fundamental=1 + 3j)
+    results = [s for s in tb.samples if s.result]
+    d, q = results[-1].result  # type: ignore[misc]
+    if method == IQ:
+        assert {s.count for s in results} == {40 * strobes} and len(results) >= 4
+        ratio = q / d
+    else:
+        assert len(results) == len(tb.samples)
+        ratio = q.real / (1 << settings.shift) / d.real + 0j
+    expected = expected_ratio(error)
+    assert abs(ratio - expected) < 0.01 * abs(expected), f"{ratio} not {expected}"
+    # In the last period: hf is the triangle's fundamental, what goes to the regulators the rest.
+    last = tb.samples[-40 * strobes :]
+    assert all(s.regulated == s.current - s.hf for s in last)
+    if strobes == 1:
+        swing = max(s.current.real for s in last) - min(s.current.real for s in last)
+        left = max(s.regulated.real for s in last) - min(s.regulated.real for s in last)  # type: ignore[union-attr]
+        assert left < 0.25 * swing, f"{left} of {swing} left"
+    assert int(dut.overrun_o.value) == 0 and int(dut.clipped_o.value) == 0
+
+
+@cocotb.test()
+@cocotb.parametrize(remove=[0, 1], degrees=[3.0, -8.0])
+async def separator_finds_the_error(dut: Any, remove: int, degrees: float) -> None:
+    """Period 4: amplitudes twice an injection period, the fundamental for the regulators.
+
+    Verifies: INJ-09, INJ-11
+    """
+    error = math.radians(degrees)
+    t_s = 125e-6
+    tb = TB(dut, error, t_s)
+    await tb.start(replace(Settings(), method=SEPARATOR, remove=remove, period=4, first=1))
+    fundamental = 1.0 + 3.0j
+    for _ in range(40):
+        await tb.update(fundamental)
+    scale = FULL_SCALE / CURRENT_SCALE_A
+    results = [s for s in tb.samples[8:] if s.result]
+    assert [s.peak for s in results] == [k % 2 ^ results[0].peak for k in range(len(results))] and len(results) == 16
+    volt_seconds = U_V * t_s
+    expected = volt_seconds * complex(
+        math.cos(error) ** 2 / TIAN.ld_h + math.sin(error) ** 2 / TIAN.lq_h,
+        math.sin(2 * error) / 2 * TIAN.difference_h / (TIAN.ld_h * TIAN.lq_h),
+    )
+    for s in results:
+        d, q = s.result  # type: ignore[misc]
+        assert abs(complex(d.real, q.real) / 2 / scale - expected) < 2 / scale, f"{d}, {q}, not {expected * scale * 2}"
+    for s in tb.samples[8:]:
+        if remove:
+            assert s.regulated is None or abs(s.regulated - fundamental * scale) < 2, f"{s}"
+        else:
+            assert s.regulated == s.current
+
+
+@cocotb.test()
+async def samples_too_close_are_counted(dut: Any) -> None:
+    """A sample while one is in work is ignored and counted; without remove the current passes unchanged.
+
+    Verifies: INJ-10
+    """
+    tb = TB(dut, 0.0, 1 / 10_300)
+    await tb.start(Settings(remove=0))
+    dut.sample_valid_i.value = 1
+    dut.current_i.value = pack((1000, -1000), 18)
+    await tb.clocks(1)
+    dut.current_i.value = 0
+    await tb.clocks(5)
+    dut.sample_valid_i.value = 0
+    await tb.clocks(LATENCY[LOCK_IN] - 6)
+    assert int(dut.current_valid_o.value) == 1
+    assert unpack(int(dut.current_o.value), 18, 2) == [1000, -1000]
+    assert int(dut.overrun_o.value) == 5
+
+
+@pytest.mark.parametrize("subspaces", [1, 2])
+def test_fl_injection_path(subspaces: int) -> None:
+    """The whole path for one and two subspaces."""
+    run_block_test("fl_injection_path", PATH_SOURCES, __name__, parameters={"Subspaces": subspaces})
