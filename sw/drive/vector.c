@@ -285,17 +285,21 @@ COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
   turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
   v->frame = FRAME_OBSERVED;
   // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
-  // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick.
-  const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
-  const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
+  // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick. By the
+  // encoder the frame is handed over at rest, without a steady time.
   const int32_t half = (int32_t)v->start.steady_ticks / 2;
-  const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
-  v->speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
+  int32_t change_q32 = 0;
+  if (half > 0) {
+    const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
+    const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
+    const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
+    v->speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
+    change_q32 = (second_q32 - first_q32) / (half * half);
+  }
   v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
   pll_preset(&v->pll, 0, v->speed_turn_q36);
   if (v->pll_gains.acceleration.mant != 0) {
-    const int32_t change_q32 = (second_q32 - first_q32) / (half * half);
     const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
     v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
   }
@@ -552,8 +556,7 @@ HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
   if (v->sensored) {
     if (drive->phase == START_RAMP) {
       v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
-      v->turn_from_q32 = v->start.turn_q32;
-      v->start.steady_ticks = 1;
+      v->start.steady_ticks = 0;
       hand_over(drive, in);
     }
     return;
