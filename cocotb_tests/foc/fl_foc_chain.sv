@@ -42,7 +42,7 @@ module fl_foc_chain
 
   logic [1:0][31:0] rdat;
   logic sample_valid;
-  sample_t [Channels-1:0] sample;
+  sample_t [Phases-1:0] sample;
   stamp_t sample_time;
   logic [Channels-1:0][17:0] offset;
   logic [Channels-1:0][15:0] gain;
@@ -100,9 +100,12 @@ module fl_foc_chain
       .az_busy_o      (),
       .az_offset_we_o (),
       .az_offset_o    (),
-      .sample_valid_o (sample_valid),
-      .sample_o       (sample),
-      .sample_time_o  (sample_time),
+      .current_valid_o(sample_valid),
+      .current_o      (sample),
+      .current_time_o (sample_time),
+      .sample_valid_o (),
+      .sample_o       (),
+      .sample_time_o  (),
       .sample_pwm_o   (),
       .sample_number_o(),
       .tick_i         (tick_o),
@@ -127,7 +130,7 @@ module fl_foc_chain
       .update_i      (event_o),
       .strobe_i      (adc_strobe_o),
       .sample_valid_i(sample_valid),
-      .sample_i      (sample[2*Phases-1:Phases]),
+      .sample_i      (sample),
       .sample_time_i (sample_time),
       .encoder_position_i(now_o[17:0]),
       .encoder_indexed_i(now_o[5]),

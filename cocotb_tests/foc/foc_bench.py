@@ -14,7 +14,7 @@ from cocotb.triggers import FallingEdge, Timer
 CLOCK_NS = 20
 FULL_SCALE = 1 << 17
 TURN = 1 << 32
-LATENCY = {3: 60, 5: 107}  # clocks, published by the module
+LATENCY = {3: 52, 5: 99}  # clocks, published by the module
 SPACING = {phases: latency + 3 for phases, latency in LATENCY.items()}
 SOURCES = [
     f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")

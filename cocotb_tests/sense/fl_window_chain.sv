@@ -28,7 +28,7 @@ module fl_window_chain
     output stamp_t                  now_o
 );
 
-  sample_t [Channels-1:0] sample;
+  sample_t [Phases-1:0] sample;
   sample_t [Phases-1:0] current;
   stamp_t now, sample_time;
   logic strobe, update, sample_valid;
@@ -96,9 +96,12 @@ module fl_window_chain
       .az_busy_o      (),
       .az_offset_we_o (),
       .az_offset_o    (),
-      .sample_valid_o (sample_valid),
-      .sample_o       (sample),
-      .sample_time_o  (sample_time),
+      .current_valid_o(sample_valid),
+      .current_o      (sample),
+      .current_time_o (sample_time),
+      .sample_valid_o (),
+      .sample_o       (),
+      .sample_time_o  (),
       .sample_pwm_o   (),
       .sample_number_o(),
       .tick_i         (1'b0),
@@ -122,7 +125,7 @@ module fl_window_chain
       .cfg_delay_i,
       .strobe_i      (strobe),
       .sample_valid_i(sample_valid),
-      .sample_i      (sample[2*Phases-1:Phases]),
+      .sample_i      (sample),
       .sample_time_i (sample_time),
       .instant_o,
       .valid_o,

@@ -64,6 +64,7 @@ class TB:
         self.channels = len(dut.az_mask_i.value)
         self.phases = (self.channels - 3) // 2
         self.latency = self.channels + 4
+        self.current_latency = self.phases + 4
         self.offsets = [0] * self.channels
         self.gains = [0x8000] * self.channels
 
@@ -173,7 +174,7 @@ async def full_scale_is_two_to_the_17(dut: Any) -> None:
 
 @cocotb.test()
 async def stamps_belong_to_the_strobe(dut: Any) -> None:
-    """Time less delay and PWM state are those of the strobe's clock; latency is constant; sets stay.
+    """Time less delay and PWM state are those of the strobe's clock; latencies are constant; sets stay.
 
     Verifies: SENSE-05, SENSE-06
     """
@@ -190,10 +191,16 @@ async def stamps_belong_to_the_strobe(dut: Any) -> None:
         await tb.strobe(now, pwm)
         await tb.clocks(rng.choice([0, 1, 30, 44]))
         await tb.valid(codes)
-        for _ in range(tb.latency - 1):
+        for clock in range(1, tb.latency):
             assert int(dut.sample_valid_o.value) == 0
             assert tb.sample() == before, "the published set changed before sample_valid"
+            assert int(dut.current_valid_o.value) == int(clock == tb.current_latency), f"clock {clock}"
+            if clock == tb.current_latency:
+                currents = unpack(int(dut.current_o.value), 18, tb.phases)
+                assert currents == tb.expected(codes)[tb.phases : 2 * tb.phases]
+                assert int(dut.current_time_o.value) == (now - delay) & MASK32
             await tb.clocks(1)
+        assert int(dut.current_valid_o.value) == 0
         assert int(dut.sample_valid_o.value) == 1
         assert tb.sample() == tb.expected(codes)
         assert int(dut.sample_time_o.value) == (now - delay) & MASK32, f"now {now}, delay {delay}"
@@ -341,7 +348,8 @@ async def auto_zero_restarts(dut: Any) -> None:
             if int(dut.az_offset_we_o.value):
                 writes.append((i, int(dut.az_offset_we_o.value), int(dut.az_offset_o.value) & 0x3FFFF))
             await tb.clocks(1)
-    assert writes == [(3, 1 << c, 16 * 100 + 24) for c in range(tb.channels)]
+    order = [*range(tb.phases, 2 * tb.phases), *range(tb.phases), *range(2 * tb.phases, tb.channels)]
+    assert writes == [(3, 1 << c, 16 * 100 + 24) for c in order]
     assert int(dut.az_busy_o.value) == 0
 
 

@@ -105,7 +105,7 @@ async def one_sample_at_any_point(dut: Any, length: int, double: int) -> None:
     dut.cfg_length_i.value = length
     await tb.run(2 * PERIOD)
     step = PERIOD // (1 + double)
-    latency = CONVERSION + tb.channels + 4 + (8 if length else 1)
+    latency = CONVERSION + tb.phases + 4 + (8 if length else 1)
     for offset in (0, 1, step // 4, step // 2, 3 * step // 4, step - 1):
         dut.cfg_offset_i.value = offset
         dut.cfg_from_i.value = offset if length else 0
@@ -140,7 +140,7 @@ async def means_have_the_instant_of_their_samples(dut: Any, spacing: int) -> Non
         updates, strobes, instants, outputs = await tb.run(4 * PERIOD)
         assert len(outputs) >= 3
         for out in outputs[1:]:
-            last = out.clock - (CONVERSION + tb.channels + 4 + 8)
+            last = out.clock - (CONVERSION + tb.phases + 4 + 8)
             inside = [last - k * spacing for k in range(n)]
             assert last in strobes and (inside[-1] - 1 - offset - updates[0]) % PERIOD == 0
             assert out.samples == n

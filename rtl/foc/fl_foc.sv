@@ -19,7 +19,7 @@
 //
 // enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
 // over from an applied voltage without a step; b is 0. Reset: state and errors 0.
-// Latency: start_i to valid_o Latency clocks, 60 for three phases, 107 for five, whatever the values. Starts at least
+// Latency: start_i to valid_o Latency clocks, 52 for three phases, 99 for five, whatever the values. Starts at least
 // Spacing clocks apart, 3 more than that; busy_o until then.
 // Phase currents, theta and lead are taken at start_i; all other inputs must not change while busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.

@@ -6,7 +6,7 @@
 //   h + 4+2P   4        * 2/P, in two halves
 //   g          4        g * error
 //   g + 7      4        squares of the voltage, in two halves
-//   scale      4        state * factor of the circle limit, in two halves; square root and ratio end at g + 33
+//   scale      4        state * factor of the circle limit, in two halves; square root and ratio end at g + 25
 //   inverse    2 S P    voltages * cosines, all S subspaces of a phase one after the other
 //   back       4        what the limit took away * h / g, for the next step: of the last subspace after everything else
 package fl_foc_pkg;
@@ -74,8 +74,8 @@ package fl_foc_pkg;
   typedef step_t [MaxSteps-1:0] program_t;
 
   localparam int unsigned LookAhead = 3;  // fl_sincos
-  localparam int unsigned RootClocks = 11;  // fl_sqrt
-  localparam int unsigned RatioClocks = 10;  // fl_ratio
+  localparam int unsigned RootClocks = 7;  // fl_sqrt
+  localparam int unsigned RatioClocks = 6;  // fl_ratio
 
   function automatic int unsigned subspaces(int unsigned phases);
     return (phases == 5) ? 2 : 1;

@@ -1,4 +1,5 @@
-// Ratio of two integers as a fraction: ratio = floor(part * 2^RatioBits / whole) for part < whole, two bits a clock.
+// Ratio of two integers as a fraction: ratio = floor(part * 2^RatioBits / whole) for part < whole, three bits
+// a clock, the first ones in that of the start.
 //
 // Restoring division. less_o tells whether part < whole held at the start; if not, ratio_o has no meaning. A start while
 // one runs replaces it.
@@ -8,7 +9,7 @@ module fl_ratio #(
     parameter  int unsigned WholeBits = 20,
     parameter  int unsigned RatioBits = 17,
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned Latency   = (RatioBits + 1) / 2 + 1
+    localparam int unsigned Latency   = (RatioBits + 2) / 3
     // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                 clk_i,
@@ -25,8 +26,9 @@ module fl_ratio #(
     $fatal(1, "fl_ratio: WholeBits and RatioBits must be at least 2 (%m)");
   end
 
-  localparam int unsigned Iterations = (RatioBits + 1) / 2;
-  localparam int unsigned Bits = 2 * Iterations;  // an odd RatioBits gets one bit more than it shows
+  localparam int unsigned BitsPerClock = 3;
+  localparam int unsigned Iterations = (RatioBits + BitsPerClock - 1) / BitsPerClock;
+  localparam int unsigned Bits = BitsPerClock * Iterations;  // RatioBits and, below them, what fills the last clock
   localparam int unsigned CountBits = fl_pkg::idx_width(Iterations + 1);
 
   typedef struct packed {
@@ -34,16 +36,16 @@ module fl_ratio #(
     logic [Bits-1:0]      ratio;
   } work_t;
 
-  logic [WholeBits-1:0] whole_q;
-  work_t work_q;
-  logic [CountBits-1:0] count_q;  // iterations to go
+  logic [WholeBits-1:0] whole, whole_q;
+  work_t work, work_q;
+  logic [CountBits-1:0] count, count_q;  // iterations to go
   logic less_q, valid_q;
 
-  function automatic work_t bit_of(work_t w, logic [WholeBits-1:0] whole);
+  function automatic work_t bit_of(work_t w, logic [WholeBits-1:0] divisor);
     logic [  WholeBits:0] doubled;
     logic [WholeBits+1:0] trial;
     doubled = {w.remainder, 1'b0};
-    trial   = {1'b0, doubled} - {2'b00, whole};
+    trial   = {1'b0, doubled} - {2'b00, divisor};
     return
     '{
         remainder: trial[WholeBits+1] ? doubled[WholeBits-1:0] : trial[WholeBits-1:0],
@@ -52,16 +54,26 @@ module fl_ratio #(
     ;
   endfunction
 
+  function automatic work_t bits_of(work_t w, logic [WholeBits-1:0] divisor);
+    work_t y;
+    y = w;
+    for (int unsigned i = 0; i < BitsPerClock; i++) y = bit_of(y, divisor);
+    return y;
+  endfunction
+
+  assign whole = start_i ? whole_i : whole_q;
+  assign work  = start_i ? '{remainder: part_i, ratio: '0} : work_q;
+  assign count = start_i ? CountBits'(Iterations) : count_q;
+
   always_ff @(posedge clk_i) begin
-    valid_q <= count_q == CountBits'(1) && !start_i;
+    valid_q <= count == CountBits'(1);
     if (start_i) begin
       whole_q <= whole_i;
-      work_q  <= '{remainder: part_i, ratio: '0};
       less_q  <= part_i < whole_i;
-      count_q <= CountBits'(Iterations);
-    end else if (count_q != '0) begin
-      work_q  <= bit_of(bit_of(work_q, whole_q), whole_q);
-      count_q <= count_q - CountBits'(1);
+    end
+    if (count != '0) begin
+      work_q  <= bits_of(work, whole);
+      count_q <= count - CountBits'(1);
     end
     if (rst_i) begin
       count_q <= '0;

@@ -1,4 +1,4 @@
-// Integer square root: root = floor(sqrt(radicand)), two result bits a clock.
+// Integer square root: root = floor(sqrt(radicand)), three result bits a clock, the first ones in that of the start.
 //
 // Digit by digit: the next two bits of the radicand join the remainder, and the trial 4 * root + 1 is taken off if it fits.
 // Unsigned integers without scaling; exact for every radicand. A start while one runs replaces it.
@@ -7,7 +7,7 @@
 module fl_sqrt #(
     parameter  int unsigned RootBits = 20,
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned Latency  = RootBits / 2 + 1
+    localparam int unsigned Latency  = (RootBits + 2) / 3
     // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                  clk_i,
@@ -18,45 +18,54 @@ module fl_sqrt #(
     output logic [  RootBits-1:0] root_o
 );
 
-  if (RootBits < 2 || RootBits % 2 != 0) begin : gen_illegal
-    $fatal(1, "fl_sqrt: RootBits must be even, at least 2 (%m)");
+  if (RootBits < 2) begin : gen_illegal
+    $fatal(1, "fl_sqrt: RootBits must be at least 2 (%m)");
   end
 
-  localparam int unsigned Iterations = RootBits / 2;
+  localparam int unsigned BitsPerClock = 3;
+  localparam int unsigned Iterations = (RootBits + BitsPerClock - 1) / BitsPerClock;
+  localparam int unsigned WorkBits = 2 * BitsPerClock * Iterations;  // the radicand with zeros above it
   localparam int unsigned CountBits = fl_pkg::idx_width(Iterations + 1);
 
   typedef struct packed {
-    logic [RootBits:0]     remainder;  // at most 2 * root
-    logic [RootBits-1:0]   root;
-    logic [2*RootBits-1:0] radicand;   // bits still to come, highest first
+    logic [RootBits:0]   remainder;  // at most 2 * root
+    logic [RootBits-1:0] root;
+    logic [WorkBits-1:0] radicand;   // bits still to come, highest first
   } work_t;
 
   function automatic work_t digit(work_t w);
     logic [RootBits+2:0] joined;
     logic [RootBits+3:0] trial;
-    joined = {w.remainder, w.radicand[2*RootBits-1-:2]};
+    joined = {w.remainder, w.radicand[WorkBits-1-:2]};
     trial  = {1'b0, joined} - {2'b00, w.root, 2'b01};
     return
     '{
         remainder: trial[RootBits+3] ? joined[RootBits:0] : trial[RootBits:0],
         root: {w.root[RootBits-2:0], !trial[RootBits+3]},
-        radicand: {w.radicand[2*RootBits-3:0], 2'b00}
+        radicand: {w.radicand[WorkBits-3:0], 2'b00}
     }
     ;
   endfunction
 
-  work_t work_q;
-  logic [CountBits-1:0] count_q;  // iterations to go
+  function automatic work_t digits(work_t w);
+    work_t y;
+    y = w;
+    for (int unsigned i = 0; i < BitsPerClock; i++) y = digit(y);
+    return y;
+  endfunction
+
+  work_t work, work_q;
+  logic [CountBits-1:0] count, count_q;  // iterations to go
   logic valid_q;
 
+  assign work  = start_i ? '{remainder: '0, root: '0, radicand: WorkBits'(radicand_i)} : work_q;
+  assign count = start_i ? CountBits'(Iterations) : count_q;
+
   always_ff @(posedge clk_i) begin
-    valid_q <= count_q == CountBits'(1) && !start_i;
-    if (start_i) begin
-      work_q  <= '{remainder: '0, root: '0, radicand: radicand_i};
-      count_q <= CountBits'(Iterations);
-    end else if (count_q != '0) begin
-      work_q  <= digit(digit(work_q));
-      count_q <= count_q - CountBits'(1);
+    valid_q <= count == CountBits'(1);
+    if (count != '0) begin
+      work_q  <= digits(work);
+      count_q <= count - CountBits'(1);
     end
     if (rst_i) begin
       count_q <= '0;

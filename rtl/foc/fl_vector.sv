@@ -13,7 +13,7 @@
 // time between them. The angle belongs to the instant of the samples' strobes: settings.delay is not taken from it.
 //
 // Latency, whatever the values: sample_valid_i of the window's last sample to compares in the shadow registers
-// 1 (one sample) or 8 (mean) + fl_foc + fl_modulator + 1 clocks: 74 or 81 for three phases, 125 or 132 for five.
+// 1 (one sample) or 8 (mean) + fl_foc + fl_modulator + 1 clocks: 66 or 73 for three phases, 117 or 124 for five.
 // sync_o is one clock before that. Least distance of two updates: what fl_foc needs (a window that comes while it runs
 // is ignored and counted).
 // Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick

@@ -18,7 +18,7 @@ module fl_auto_zero
     input  logic      [         3:0] log2_i,        // number of averaged sets
     input  logic      [Channels-1:0] mask_i,        // channels whose offset is written
     input  logic                     set_i,         // a set begins; its codes follow in the next Channels clocks
-    input  logic                     code_valid_i,  // code_i belongs to channel_i = 0, 1, ... Channels-1
+    input  logic                     code_valid_i,  // code_i belongs to channel_i, Channels - 1 the last
     input  logic      [         3:0] channel_i,
     input  adc_code_t                code_i,
     output logic                     busy_o,

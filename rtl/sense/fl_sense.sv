@@ -9,6 +9,8 @@
 // A set: strobe_i stamps time and PWM state (both of the strobe's clock), adc_valid_i hands over the codes, and
 // sample_valid_o follows Latency clocks later with sample_o, sample_time_o = strobe time - cfg_delay_i,
 // sample_pwm_o and sample_number_o (the first set after reset is 1). All stay stable until the next sample_valid_o.
+// The phase currents are corrected first: current_valid_o with current_o and current_time_o, which hold in that clock
+// only, CurrentLatency clocks after adc_valid_i.
 // One conversion is in flight: adc_valid_i belongs to the latest strobe before it (the next strobe may come in the same
 // clock); a valid without a strobe is ignored, a strobe without a valid is forgotten at the next strobe.
 // Least spacing of sets: Channels + 3 clocks (asserted; a closer one is ignored).
@@ -23,7 +25,8 @@ module fl_sense
     parameter int unsigned Phases = 3,
     localparam int unsigned Channels = 2 * Phases + 3,
     // verilator lint_off UNUSEDPARAM
-    localparam int unsigned Latency = Channels + 4  // clocks from adc_valid_i to sample_valid_o
+    localparam int unsigned Latency = Channels + 4,  // clocks from adc_valid_i to sample_valid_o
+    localparam int unsigned CurrentLatency = Phases + 4  // to current_valid_o
     // verilator lint_on UNUSEDPARAM
 ) (
     input logic clk_i,
@@ -46,6 +49,10 @@ module fl_sense
     output logic [Channels-1:0]       az_offset_we_o,
     output logic [Channels-1:0][17:0] az_offset_o,     // signed Q12.4
 
+    output logic                 current_valid_o,
+    output sample_t [Phases-1:0] current_o,
+    output stamp_t               current_time_o,
+
     output logic                      sample_valid_o,
     output sample_t    [Channels-1:0] sample_o,
     output stamp_t                    sample_time_o,
@@ -67,7 +74,19 @@ module fl_sense
 
   localparam int unsigned VdcChannel = 2 * Phases;
   localparam int unsigned IdcChannel = 2 * Phases + 1;
+  localparam logic [3:0] FirstCurrent = 4'(Phases);
+  localparam logic [3:0] LastCurrent = 4'(2 * Phases - 1);
+  localparam logic [3:0] LastVoltage = 4'(Phases - 1);
   localparam logic [3:0] LastChannel = 4'(Channels - 1);
+
+  // Order of correction: the phase currents, which the vector path waits for, before the voltages.
+  function automatic logic [3:0] after(logic [3:0] channel);
+    unique case (channel)
+      LastCurrent: return '0;
+      LastVoltage: return 4'(VdcChannel);
+      default:     return channel + 4'd1;
+    endcase
+  endfunction
 
   // Channels with zero in the middle of the converter range.
   function automatic logic is_current(logic [3:0] channel);
@@ -80,7 +99,7 @@ module fl_sense
   pwm_state_t strobe_pwm_q, set_pwm_q;
   logic accept, busy;
 
-  // Stage 0: issue one channel a clock.
+  // Stage 0: issue one channel a clock, the phase currents first.
   logic issue_q, valid1_q, valid2_q, valid3_q;  // occupied: stage 0, 1, 2, 3
   logic [3:0] channel_q;
   adc_code_t [Channels-1:0] code_q;  // channel_q's code in the lowest place
@@ -99,12 +118,12 @@ module fl_sense
     if (accept) begin
       set_time_q <= strobe_time_q;
       set_pwm_q  <= strobe_pwm_q;
-      code_q     <= adc_code_i;
-      channel_q  <= '0;
+      code_q     <= {adc_code_i[Channels-1:2*Phases], adc_code_i[Phases-1:0], adc_code_i[2*Phases-1:Phases]};
+      channel_q  <= FirstCurrent;
       issue_q    <= 1'b1;
     end else if (issue_q) begin
       code_q    <= code_q >> AdcWidth;
-      channel_q <= channel_q + 4'd1;
+      channel_q <= after(channel_q);
       issue_q   <= channel_q != LastChannel;
     end
     if (rst_i) begin
@@ -118,6 +137,7 @@ module fl_sense
 
   // Stages 1 operands, 2 difference, 3 product.
   logic last1_q, last2_q, last3_q, double1_q;
+  logic currents1_q, currents2_q, currents3_q;  // the last of the phase currents
   adc_code_t code1_q;
   logic signed [17:0] offset1_q;
   logic [15:0] gain1_q, gain2_q;
@@ -131,57 +151,69 @@ module fl_sense
   logic signed [22:0] rounded;
   sample_t corrected;
   sample_t [Channels-2:0] collect_q;  // the newest in the highest place
+  sample_t [Channels-1:0] collected;
 
   assign rounded   = 23'(product3_q >>> 14) + 23'($signed({1'b0, product3_q[13]}));
   assign corrected = sat_sample(32'(rounded));
 
-  logic sample_valid_q;
+  assign collected = {corrected, collect_q};
+
+  logic current_valid_q, sample_valid_q;
   sample_t [Channels-1:0] sample_q;
   stamp_t sample_time_q;
   pwm_state_t sample_pwm_q;
   logic [31:0] number_q;
 
   always_ff @(posedge clk_i) begin
-    valid1_q       <= issue_q;
-    valid2_q       <= valid1_q;
-    valid3_q       <= valid2_q;
-    sample_valid_q <= valid3_q && last3_q;
+    valid1_q        <= issue_q;
+    valid2_q        <= valid1_q;
+    valid3_q        <= valid2_q;
+    current_valid_q <= valid3_q && currents3_q;
+    sample_valid_q  <= valid3_q && last3_q;
     if (issue_q) begin
-      last1_q   <= channel_q == LastChannel;
+      currents1_q <= channel_q == LastCurrent;
+      last1_q <= channel_q == LastChannel;
       double1_q <= is_current(channel_q);
-      code1_q   <= code_q[0];
+      code1_q <= code_q[0];
       offset1_q <= cfg_offset_i[channel_q];
-      gain1_q   <= cfg_gain_i[channel_q];
+      gain1_q <= cfg_gain_i[channel_q];
     end
     if (valid1_q) begin
+      currents2_q <= currents1_q;
       last2_q <= last1_q;
       gain2_q <= gain1_q;
       diff2_q <= sat_sample(double1_q ? 32'(diff) <<< 1 : 32'(diff));
     end
     if (valid2_q) begin
+      currents3_q <= currents2_q;
       last3_q    <= last2_q;
       product3_q <= 36'(diff2_q) * 36'($signed({1'b0, gain2_q}));
     end
     if (valid3_q) begin
-      collect_q <= {corrected, collect_q[Channels-2:1]};
+      collect_q <= collected[Channels-1:1];
       if (last3_q) begin
-        sample_q      <= {corrected, collect_q};
+        sample_q      <= {collected[Channels-1:2*Phases], collected[Phases-1:0], collected[2*Phases-1:Phases]};
         sample_time_q <= set_time_q;
         sample_pwm_q  <= set_pwm_q;
         number_q      <= number_q + 32'd1;
       end
     end
     if (rst_i) begin
-      valid1_q       <= 1'b0;
-      valid2_q       <= 1'b0;
-      valid3_q       <= 1'b0;
-      sample_valid_q <= 1'b0;
-      sample_q       <= '0;
-      sample_time_q  <= '0;
-      sample_pwm_q   <= '0;
-      number_q       <= '0;
+      valid1_q        <= 1'b0;
+      valid2_q        <= 1'b0;
+      valid3_q        <= 1'b0;
+      current_valid_q <= 1'b0;
+      sample_valid_q  <= 1'b0;
+      sample_q        <= '0;
+      sample_time_q   <= '0;
+      sample_pwm_q    <= '0;
+      number_q        <= '0;
     end
   end
+
+  assign current_valid_o = current_valid_q;
+  assign current_o       = collect_q[Channels-2-:Phases];
+  assign current_time_o  = set_time_q;
 
   assign sample_valid_o  = sample_valid_q;
   assign sample_o        = sample_q;

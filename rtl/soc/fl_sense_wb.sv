@@ -23,6 +23,10 @@ module fl_sense_wb
     input  logic                     adc_valid_i,
     input  adc_code_t [Channels-1:0] adc_code_i,
 
+    output logic                 current_valid_o,
+    output sample_t [Phases-1:0] current_o,
+    output stamp_t               current_time_o,
+
     output logic                      sample_valid_o,
     output sample_t    [Channels-1:0] sample_o,
     output stamp_t                    sample_time_o,
@@ -75,6 +79,9 @@ module fl_sense_wb
       .az_offset_we_o (az_offset_we),
       .az_offset_o    (az_offset),
       .tick_i,
+      .current_valid_o,
+      .current_o,
+      .current_time_o,
       .sample_valid_o,
       .sample_o,
       .sample_time_o,

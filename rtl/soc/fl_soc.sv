@@ -110,9 +110,10 @@ module fl_soc
   logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
 
   // Samples and the six-step path.
-  logic sample_valid;
+  logic sample_valid, current_valid;
   sample_t [Channels-1:0] sample;
-  stamp_t sample_time;
+  sample_t [Phases-1:0] current;
+  stamp_t sample_time, current_time;
   pwm_state_t sample_pwm, pwm_state;
   logic zc_valid, zc_late, zc_back;
   stamp_t  zc_time;
@@ -245,6 +246,9 @@ module fl_soc
       .adc_strobe_o,
       .adc_valid_i,
       .adc_code_i,
+      .current_valid_o(current_valid),
+      .current_o      (current),
+      .current_time_o (current_time),
       .sample_valid_o (sample_valid),
       .sample_o       (sample),
       .sample_time_o  (sample_time),
@@ -390,9 +394,9 @@ module fl_soc
       .tick_i        (tick),
       .update_i      (update),
       .strobe_i      (adc_strobe_o),
-      .sample_valid_i(sample_valid),
-      .sample_i      (sample[2*Phases-1:Phases]),
-      .sample_time_i (sample_time),
+      .sample_valid_i(current_valid),
+      .sample_i      (current),
+      .sample_time_i (current_time),
       .encoder_position_i(encoder_position),
       .encoder_indexed_i(encoder_indexed),
       .source_o      (vector_source),

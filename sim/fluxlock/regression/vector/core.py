@@ -142,7 +142,7 @@ def core_load(runner: Runner) -> Iterator[Row]:
 
 @case("vector/latency")
 def latency(runner: Runner) -> Iterator[Row]:
-    """From the codes of the current sample to its compares in the shadow registers, whatever the core does."""
+    """From the strobe of the current sample to its compares in the shadow registers, whatever the core does."""
     for rates in RATES[:1] if runner.quick else RATES:
         run, times = _run(runner, rates)
         instants, updates = (run.data.rows(kind)[:, 0] for kind in (LogKind.ANGLE, LogKind.UPDATE))
@@ -152,10 +152,10 @@ def latency(runner: Runner) -> Iterator[Row]:
         conversion = round(run.scenario.inverter.sensing.conversion_s * CLOCK_HZ)
         load = run.result["run"]["isr"]["load"]
         values: dict[str, Number] = {
-            "latency_us.max": 1e6 * float(cycles.max() - conversion) / CLOCK_HZ,
-            "from_strobe_us.max": 1e6 * float(cycles.max()) / CLOCK_HZ,
-            "latency_cycles.min": int(cycles.min()) - conversion,
-            "latency_cycles.max": int(cycles.max()) - conversion,
+            "latency_us.max": 1e6 * float(cycles.max()) / CLOCK_HZ,
+            "from_codes_us.max": 1e6 * float(cycles.max() - conversion) / CLOCK_HZ,
+            "latency_cycles.min": int(cycles.min()),
+            "latency_cycles.max": int(cycles.max()),
             "latency_cycles.spread": int(np.ptp(cycles)),
             "samples": int(cycles.size),
             "load_interrupts": int(load["count"]),
@@ -172,7 +172,6 @@ def latency(runner: Runner) -> Iterator[Row]:
             _conditions(rates, run, times) | {"irq_load_cycles": IRQ_LOAD_CYCLES},
             values,
             limits,
-            "Of the samples with a control tick, which follows their compares; from the converter's codes on. "
-            "from_strobe_us holds its conversion too, which is not the chip's. Half of the core's time goes to the "
-            "load generator in the last window.",
+            "Of the samples with a control tick, which follows their compares; from the strobe on; from_codes_us is "
+            "without the conversion. Half of the core's time goes to the load generator in the last window.",
         )
