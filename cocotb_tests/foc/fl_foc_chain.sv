@@ -28,6 +28,7 @@ module fl_foc_chain
     output stamp_t                 now_o,
     output logic                   tick_o,
     output logic                   event_o,     // update event
+    output logic                   waiting_o,
     output logic                   source_o,
     output logic                   update_o,    // of the leg carriers
     output logic                   sync_o,
@@ -134,6 +135,7 @@ module fl_foc_chain
       .sample_time_i (sample_time),
       .encoder_position_i(now_o[17:0]),
       .encoder_indexed_i(now_o[5]),
+      .waiting_o,
       .source_o,
       .update_o,
       .sync_o,

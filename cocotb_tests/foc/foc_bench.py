@@ -16,6 +16,8 @@ FULL_SCALE = 1 << 17
 TURN = 1 << 32
 LATENCY = {3: 52, 5: 99}  # clocks, published by the module
 SPACING = {phases: latency + 3 for phases, latency in LATENCY.items()}
+WAIT_LATENCY = {3: 21, 5: 54}  # direct: from the start until it waits
+GO_LATENCY = {3: 40, 5: 83}  # direct: from the answer to the results
 SOURCES = [
     f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")
 ]
@@ -77,9 +79,13 @@ class Regulator:
             )
         else:
             d, q = (p << 8 for p in self.preset)
+        self.bound((d, q))
+
+    def bound(self, wanted: Pair) -> None:
+        """Limit of the circle and what it carries to the next step."""
+        d, q = wanted
         m = math.isqrt(shift_round(d, 8) ** 2 + shift_round(q, 8) ** 2)
         self.limited = m > self.limit
-        wanted = d, q
         if self.limited:
             factor = (self.limit << 17) // m
             d, q = shift_round(d * factor, 17), shift_round(q * factor, 17)
@@ -136,7 +142,8 @@ class TB:
         self.bypass = 0
 
     async def clocks(self, n: int) -> None:
-        await Timer(n * CLOCK_NS, "ns")
+        if n > 0:
+            await Timer(n * CLOCK_NS, "ns")
 
     def configure(self) -> None:
         dut, regulators = self.dut, self.regulators
@@ -158,6 +165,7 @@ class TB:
         dut = self.dut
         Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
         dut.start_i.value = dut.current_i.value = dut.theta_i.value = dut.lead_i.value = 0
+        dut.direct_i.value = dut.wanted_i.value = dut.go_i.value = dut.go_number_i.value = dut.abandon_i.value = 0
         self.configure()
         dut.rst_i.value = 1
         await FallingEdge(dut.clk_i)
@@ -197,3 +205,28 @@ class TB:
         assert int(dut.busy_o.value) == 0, f"busy after {self.spacing} clocks"
         assert self.outputs() == out
         return out
+
+    async def begin(self, currents: Sequence[int], theta: int, lead: int = 0) -> None:
+        """A direct run to the clock in which it waits, which is checked."""
+        dut = self.dut
+        self.configure()
+        dut.direct_i.value = 1
+        dut.current_i.value = pack(currents, 18)
+        dut.theta_i.value, dut.lead_i.value = theta % TURN, lead % TURN
+        dut.start_i.value = 1
+        await self.clocks(1)
+        dut.start_i.value = 0
+        await self.clocks(WAIT_LATENCY[self.phases] - 2)
+        assert int(dut.waiting_o.value) == 0
+        await self.clocks(1)
+        assert int(dut.waiting_o.value) == 1
+
+    async def answer(self, wanted: Sequence[Pair], number: int) -> None:
+        """Voltages of the core for one clock."""
+        dut = self.dut
+        dut.wanted_i.value = pack([x for pair in wanted for x in pair], 28)
+        dut.go_number_i.value = number & 0xFFFF
+        dut.go_i.value = 1
+        await self.clocks(1)
+        dut.go_i.value = 0
+        dut.wanted_i.value = pack([0x5555555] * 2 * self.subspaces, 28)

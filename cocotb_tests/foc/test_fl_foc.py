@@ -8,7 +8,7 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.foc.foc_bench import FULL_SCALE, SOURCES, TB, TURN, Pair, park, phases_of
+from cocotb_tests.foc.foc_bench import FULL_SCALE, GO_LATENCY, SOURCES, TB, TURN, Pair, park, phases_of
 from cocotb_tests.measured import measured
 from fluxlock.cosim.block import run_block_test
 
@@ -202,6 +202,109 @@ async def start_while_busy_is_counted(dut: Any) -> None:
         assert (await tb.run(currents, TURN // 3)).voltage == good.voltage
     await tb.clocks(1)
     assert int(dut.valid_o.value) == 0 and int(dut.overrun_o.value) == tb.spacing - 1
+
+
+@cocotb.test()
+async def core_is_the_regulator(dut: Any) -> None:
+    """Direct: the currents wait, the voltage of the core is limited, turned back and applied, however late it comes.
+
+    Regulators, their settings and presets do not count. An answer for another run is ignored.
+
+    Verifies: FOC-11
+    """
+    rng = seeded(dut)
+    tb = TB(dut)
+    await tb.start()
+    limited = 0
+    for n in range(1000):
+        for r in tb.regulators:
+            r.enable, r.limit = rng.randrange(2), rng.choice([FULL_SCALE - 1, rng.randint(1, FULL_SCALE - 1)])
+            r.shift, r.gain, r.hold, r.ratio = rng.randrange(32), pair(rng), pair(rng), pair(rng)
+            r.reference, r.preset, r.forward = pair(rng), pair(rng), pair(rng, rng.choice([18, 12]))
+        currents = [draw(rng, 18) for _ in range(tb.phases)]
+        theta, lead = rng.randrange(TURN), rng.randrange(-TURN // 8, TURN // 8)
+        await tb.begin(currents, theta, lead)
+        number = int(dut.number_o.value)
+        assert number == (n + 1) % 65536
+        got = tb.outputs().current
+        for s, value in enumerate(got):
+            exact = park(currents, theta, 1 + 2 * s)
+            for x, real in zip(value, (exact.real, exact.imag), strict=True):
+                assert abs(x - max(-FULL_SCALE, min(FULL_SCALE - 1, real))) <= 1.0, f"{got} instead of {exact}"
+        await tb.clocks(rng.choice([0, 1, rng.randrange(30)]))
+        if rng.random() < 0.3:
+            await tb.answer([pair(rng, 28) for _ in tb.regulators], number + rng.choice([-1, 1, 1 << 15]))
+            await tb.clocks(rng.randrange(5))
+        assert (int(dut.waiting_o.value), int(dut.valid_o.value)) == (1, 0)
+        wanted = [pair(rng, 28) for _ in tb.regulators]
+        await tb.answer(wanted, number)
+        assert int(dut.waiting_o.value) == 0
+        await tb.clocks(GO_LATENCY[tb.phases] - 2)
+        assert int(dut.valid_o.value) == 0
+        await tb.clocks(1)
+        assert int(dut.valid_o.value) == 1
+        out = tb.outputs()
+        for s, r in enumerate(tb.regulators):
+            r.bound(wanted[s])
+            assert (out.state[s], out.limited[s]) == (r.state, r.limited), f"run {n}: {wanted[s]}, {r}"
+            assert out.applied[s] == r.applied(0)
+            limited += r.limited
+        assert out.current == got
+        exact_v = phases_of([complex(*v) for v in out.applied], theta + lead, tb.phases)
+        for value, real in zip(out.voltage, exact_v, strict=True):
+            assert abs(value - max(-FULL_SCALE, min(FULL_SCALE - 1, real))) <= 1.0, f"{out.voltage}, {exact_v}"
+        await tb.clocks(tb.spacing - tb.latency)
+        assert int(dut.busy_o.value) == 0
+    assert limited > 200
+
+
+@cocotb.test()
+async def late_core_is_left_behind(dut: Any) -> None:
+    """A direct run that is abandoned in any clock ends without results; its answer does nothing to the next run.
+
+    Without direct_i nothing is abandoned.
+
+    Verifies: FOC-11
+    """
+    rng = seeded(dut)
+    tb = TB(dut)
+    await tb.start()
+    for r in tb.regulators:
+        r.forward = (50_000, 20_000)
+    wanted = [(1 << 20, -(1 << 21))] * tb.subspaces
+    currents = [30_000 - 20_000 * k for k in range(tb.phases)]
+    for after in [*range(GO_LATENCY[tb.phases]), None]:
+        await tb.begin(currents, TURN // 3)
+        number = int(dut.number_o.value)
+        if after is not None:
+            await tb.clocks(rng.randrange(4))
+            dut.abandon_i.value = int(after == 0)
+            await tb.answer(wanted, number)
+            if after > 0:
+                await tb.clocks(after - 1)
+                dut.abandon_i.value = 1
+                await tb.clocks(1)
+        else:
+            dut.abandon_i.value = 1
+            await tb.clocks(1)
+        dut.abandon_i.value = 0
+        assert (int(dut.busy_o.value), int(dut.valid_o.value)) == (0, 0), f"abandoned {after} clocks after the answer"
+        for _ in range(3):
+            assert int(dut.valid_o.value) == 0
+            await tb.clocks(1)
+        await tb.begin(currents, TURN // 3)
+        await tb.answer([(0, 0)] * tb.subspaces, number)
+        await tb.clocks(3)
+        assert int(dut.waiting_o.value) == 1, "an answer to the run before was taken"
+        await tb.answer(wanted, number + 1)
+        await tb.clocks(GO_LATENCY[tb.phases] - 1)
+        assert int(dut.valid_o.value) == 1 and tb.outputs().state == wanted
+        await tb.clocks(tb.spacing - tb.latency)
+    dut.direct_i.value = 0
+    tb.bypass = 1
+    dut.abandon_i.value = 1
+    out = await tb.run(currents, TURN // 3)
+    assert out.applied == [(50_000, 20_000)] * tb.subspaces
 
 
 @pytest.mark.parametrize("phases", [3, 5])

@@ -17,7 +17,7 @@ import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
-from cocotb_tests.foc.foc_bench import FULL_SCALE, TURN, Pair, Regulator, pack, park, phases_of, unpack
+from cocotb_tests.foc.foc_bench import FULL_SCALE, GO_LATENCY, TURN, Pair, Regulator, pack, park, phases_of, unpack
 from cocotb_tests.foc.foc_bench import LATENCY as FOC_LATENCY
 from cocotb_tests.foc.foc_bench import SOURCES as FOC_SOURCES
 from cocotb_tests.foc.foc_bench import SPACING as FOC_SPACING
@@ -226,7 +226,7 @@ class TB:
         await self.write("foc.margin", s.margin)
 
     async def control(self, **fields: int) -> None:
-        place = {"source": 0, "enable": 1, "double": 2, "bypass": 3, "regulate": 4, "miss_limit": 8}
+        place = {"source": 0, "enable": 1, "double": 2, "bypass": 3, "regulate": 4, "direct": 6, "miss_limit": 8}
         self.written |= fields
         await self.write("foc.control", sum(value << place[name] for name, value in self.written.items()))
 
@@ -702,6 +702,93 @@ async def missed_deadline_is_told(dut: Any) -> None:
     assert (await tb.snapshot()).missed >= good.missed + 3
 
 
+async def waiting_step(tb: TB) -> tuple[int, list[Pair]]:
+    """Number and currents of the next regulator step that waits for the core."""
+    while tb.dut.waiting_o.value == 0:
+        await tb.clocks(1)
+    run = await tb.read("foc.direct_run")
+    assert run >> 31 == 1
+    values = [signed(await tb.read("foc.direct_i", i)) for i in range(4)]
+    return run & 0xFFFF, [(values[0], values[1]), (values[2], values[3])][: tb.subspaces]
+
+
+async def answer(tb: TB, number: int, wanted: list[Pair]) -> int:
+    """The core's voltages; the clock in which they are there."""
+    for i, value in enumerate(x for pair in wanted for x in pair):
+        await tb.write("foc.direct_v", value, i)
+    await tb.write("foc.direct_go", number)
+    return tb.now - 1
+
+
+@cocotb.test()
+async def core_regulates_directly(dut: Any) -> None:
+    """Each sample waits for its voltage, which is in the shadow registers a constant time after it was written.
+
+    An answer after the update is ignored: the legs keep their compares, which is counted, and no tick comes; the next
+    sample is whole. Without answers the deadline fault rises.
+    """
+    rng = random.Random(random.randrange(1 << 32))
+    tb = TB(dut)
+    tb.current = wave(rng, tb.phases)
+    await tb.start(cfg_mode_i=ONCE, cfg_offset_i=30)
+    period = 1200
+    await tb.modulator(Settings(period=period))
+    await tb.window(30, 0, 30)
+    regulators = [Regulator(limit=60_000) for _ in range(tb.subspaces)]
+    await tb.regulators(regulators)
+    await tb.control(source=1, enable=1, direct=1, regulate=1, miss_limit=3)
+    await tb.settle()
+    await tb.write("timer.tick_samples", 1)
+    number_before = missed = None
+    for step in range(40):
+        number, currents = await waiting_step(tb)
+        strobe = tb.times["adc_strobe_o"][-1]
+        if number_before is not None:
+            assert number == (number_before + 1) & 0xFFFF
+        number_before = number
+        ticks, updates = len(tb.times["tick_o"]), len(tb.times["update_o"])
+        wanted = [(rng.randrange(-(1 << 24), 1 << 24), rng.randrange(-(1 << 24), 1 << 24)) for _ in regulators]
+        if step % 5 == 4:
+            while len(tb.times["update_o"]) == updates:
+                await tb.clocks(1)
+            await tb.clocks(1)
+            assert dut.waiting_o.value == 0
+            await answer(tb, number, wanted)
+            await tb.clocks(5)
+            assert len(tb.times["tick_o"]) == ticks, "a tick for a step without its voltage"
+            continue
+        await tb.clocks(rng.randrange(200))
+        gone = await answer(tb, number, wanted)
+        assert dut.waiting_o.value == 0
+        await tb.tick()
+        assert len(tb.times["update_o"]) == updates
+        assert tb.times["sync_o"][-1] - gone == GO_LATENCY[tb.phases] + 2 * tb.phases + 6
+        got = await tb.snapshot()
+        for s, r in enumerate(regulators):
+            r.bound(wanted[s])
+            assert (got.current[s], got.state[s]) == (currents[s], r.state), f"step {step}, subspace {s}"
+            exact = park(tb.current(strobe), got.theta_sample, 1 + 2 * s)
+            assert abs(complex(*currents[s]) - exact) <= 1.5
+        # One step in five was late, each has missed its update.
+        if missed is not None:
+            assert got.missed - missed == (1 if step % 5 == 0 else 0), f"step {step}"
+        missed = got.missed
+    assert missed is not None and dut.deadline_o.value == 0
+    # What the legs do in the carrier of a late voltage is what they did before.
+    late = 0
+    updates = tb.times["update_o"]
+    for first, second in itertools.pairwise(updates[2:]):
+        made = [t for t in tb.times["sync_o"] if first - period <= t < first]
+        if not made and second in tb.counts and first in tb.counts:
+            late += 1
+            assert tb.counts[second] == tb.counts[first], f"update {first}"
+    assert late >= 6
+    count = len(updates)
+    while dut.deadline_o.value == 0:
+        await tb.clocks(1)
+        assert len(tb.times["update_o"]) <= count + 5
+
+
 @cocotb.test()
 async def overruns_are_counted(dut: Any) -> None:
     """Currents that come while a step runs are ignored and counted; the steps that are made stay whole."""
@@ -730,12 +817,12 @@ async def registers_hold_every_bit(dut: Any) -> None:
     tb = TB(dut)
     await tb.start()
     masks = {
-        "control": 0xFF3F, "period": 0xFFFF, "window": 0xFFFF_FFFF, "delay": 0xFFFF, "lead": 0xFFFF_FFFF,
+        "control": 0xFF7F, "period": 0xFFFF, "window": 0xFFFF_FFFF, "delay": 0xFFFF, "lead": 0xFFFF_FFFF,
         "omega": 0xFFFF_FFFF, "correct": 0xFFFF_FFFF, "scale": 0x1F01_FFFF, "slope": 0x1F01_FFFF, "dead_time": 0x3FF,
-        "min_pulse": 0xFFF, "margin": 0xFFFF,
+        "min_pulse": 0xFFF, "margin": 0xFFFF, "direct_go": 0xFFFF,
     }  # fmt: skip
     arrays = dict.fromkeys(("reference", "gain", "hold", "ratio", "preset", "forward"), (4, 0x3FFFF))
-    arrays |= {"shift": (2, 0x1F), "limit": (2, 0x1FFFF)}
+    arrays |= {"shift": (2, 0x1F), "limit": (2, 0x1FFFF), "direct_v": (4, 0xFFF_FFFF)}
     places = [(name, 0, mask) for name, mask in masks.items()]
     places += [(name, i, mask) for name, (count, mask) in arrays.items() for i in range(count)]
     for salt in (0xFFFF_FFFF, 0, 0xA5C3_3C5A):
@@ -749,6 +836,6 @@ async def registers_hold_every_bit(dut: Any) -> None:
 def test_fl_foc_wb(phases: int) -> None:
     """Vector path from codes to requests.
 
-    Verifies: VPATH-01, VPATH-02, VPATH-03, VPATH-04, VPATH-05, VPATH-06
+    Verifies: VPATH-01, VPATH-02, VPATH-03, VPATH-04, VPATH-05, VPATH-06, VPATH-07
     """
     run_block_test("fl_foc_chain", SOURCES, __name__, parameters={"Phases": phases}, registers=["timer", "foc"])

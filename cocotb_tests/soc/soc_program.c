@@ -1,5 +1,6 @@
 // Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
-// sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE. What it found goes to MAILBOX, where the test reads it.
+// sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE, with voltages of the core when
+// they show DIRECT_CODE. What it found goes to MAILBOX, where the test reads it.
 #include <stdint.h>
 
 #include "fluxlock_regs.h"
@@ -14,13 +15,29 @@
 #define SOURCE_TICK 0x01u
 #define SOURCE_LOAD 0x80u
 #define VECTOR_CODE 5u
+#define DIRECT_CODE 3u
+#define MIE_CURRENT 0x8u
+#define DIRECT_TICKS 30u
 
 static volatile uint32_t ticks, loads, preempted, other_causes;
 static volatile uint32_t control_latency_max;
+static volatile uint32_t direct, currents, current_within_control, current_number, gaps;
 
 static void put(unsigned index, uint32_t value) { MAILBOX[index] = value; }
 
-// Trap: 7 = control line, 11 = deferred line. The deferred handler waits inside itself for a tick.
+// Voltages of a regulator step: 20000 along phase A whatever the currents are.
+static void answer(void) {
+  const uint32_t number = fluxlock_regs.foc.direct_run & 0xFFFFu;
+  gaps = gaps + (number != ((current_number + 1u) & 0xFFFFu));
+  current_number = number;
+  fluxlock_regs.foc.direct_v[0] = 20000u << 8;
+  fluxlock_regs.foc.direct_v[1] = 0u;
+  fluxlock_regs.foc.direct_go = number;
+  currents = currents + 1u;
+}
+
+// Trap: 3 = current line, 7 = control line, 11 = deferred line. The deferred handler waits inside itself for a tick, with
+// `direct` the control handler for a regulator step.
 __attribute__((interrupt("machine"), aligned(4))) static void trap(void) {
   uint32_t cause, epc, status;
   __asm__ volatile("csrr %0, mcause" : "=r"(cause));
@@ -31,6 +48,18 @@ __attribute__((interrupt("machine"), aligned(4))) static void trap(void) {
     }
     fluxlock_regs.irq.pending = SOURCE_TICK;
     ticks = ticks + 1u;
+    if (direct) {
+      __asm__ volatile("csrr %0, mepc\n csrr %1, mstatus" : "=r"(epc), "=r"(status));
+      __asm__ volatile("csrc mie, %0\n csrsi mstatus, 8" ::"r"(MIE_CONTROL | MIE_DEFERRED));
+      const uint32_t before = currents;
+      for (unsigned wait = 0; wait < 400u && currents == before; wait++) {
+      }
+      current_within_control = current_within_control + (currents != before);
+      __asm__ volatile("csrci mstatus, 8\n csrs mie, %0" ::"r"(MIE_CONTROL | MIE_DEFERRED));
+      __asm__ volatile("csrw mepc, %0\n csrw mstatus, %1" ::"r"(epc), "r"(status));
+    }
+  } else if (cause == 0x80000003u) {
+    answer();
   } else if (cause == 0x8000000Bu) {
     fluxlock_regs.irq.pending = SOURCE_LOAD;
     loads = loads + 1u;
@@ -156,7 +185,7 @@ static void run_six_step(void) {
 
 // A voltage along phase A at standstill: carriers of 1000 clocks, A on for 614 of them, B and C for 386, one sample 100
 // clocks after the start, a control tick every second one.
-static void run_vector(void) {
+static void run_vector(uint32_t by_core) {
   fluxlock_regs.safety.guard = 0u;
   fluxlock_regs.safety.trip_enable = 0x87u;
   fluxlock_regs.pwm.control = 0u;
@@ -164,14 +193,33 @@ static void run_vector(void) {
   fluxlock_regs.sense.scheduler = 3u | (100u << 16);
   fluxlock_regs.foc.period = 1000u;
   fluxlock_regs.foc.window = 100u;
-  fluxlock_regs.foc.forward[0] = 20000u;
+  fluxlock_regs.foc.forward[0] = by_core ? 0u : 20000u;
+  fluxlock_regs.foc.limit[0] = 0x1FFFFu;
   fluxlock_regs.foc.scale = 64000u | (23u << 24);
-  fluxlock_regs.foc.control = 1u | (1u << 1) | (1u << 3) | (3u << 8);
+  fluxlock_regs.foc.control = 1u | (1u << 1) | (by_core ? 1u << 6 : 1u << 3) | (3u << 8);
   fluxlock_regs.timer.update = 1u;
   while (fluxlock_regs.timer.update & 2u) {
   }
   fluxlock_regs.timer.tick_samples = 2u;
   fluxlock_regs.safety.guard = 1u;
+  if (by_core) {
+    loads = preempted = ticks = other_causes = 0u;
+    fluxlock_regs.irq.enable = SOURCE_TICK | SOURCE_LOAD;
+    fluxlock_regs.timer.load_period = 3001u;
+    direct = 1u;
+    __asm__ volatile("csrs mie, %0\n csrsi mstatus, 8" ::"r"(MIE_CURRENT));
+    while (currents == 0u) {
+    }
+    gaps = 0u;
+    const uint32_t from = ticks;
+    while (ticks - from < DIRECT_TICKS) {
+    }
+    put(18, ticks - from);
+    put(19, current_within_control);
+    put(20, gaps);
+    put(21, other_causes);
+    put(22, loads);
+  }
   put(30, 0x600D600Du);
 }
 
@@ -186,8 +234,9 @@ int main(void) {
   // The test trips the gates; after each trip clear, show the cause, and go on.
   unsigned vector = 0;
   for (unsigned trip = 0;;) {
-    if (!vector && (fluxlock_regs.hall.state & 7u) == VECTOR_CODE) {
-      run_vector();
+    const uint32_t code = fluxlock_regs.hall.state & 7u;
+    if (!vector && (code == VECTOR_CODE || code == DIRECT_CODE)) {
+      run_vector(code == DIRECT_CODE);
       vector = 1;
     }
     if (fluxlock_regs.safety.trip & 0xFFu) {

@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 CHANNELS = 9
 MAILBOX = 0x1E000 // 4
 DONE, TRIPS = 31, 24
-VECTOR_CODE, VECTOR_ON = 5, 30
+VECTOR_CODE, DIRECT_CODE, VECTOR_ON = 5, 3, 30
 GOOD = 0x600D600D
 MIDDLE = 0x800
 CONVERSION = 40  # clocks
@@ -231,10 +231,44 @@ async def vector_path_drives_the_gates(dut: Any) -> None:
     assert int(dut.gate_o.value) == 0 and chip.mailbox(TRIPS) == 0x80, hex(chip.mailbox(TRIPS))
 
 
+@cocotb.test
+async def core_makes_the_voltages(dut: Any) -> None:
+    """The current line interrupts the core at every sample, also within the handlers of both other lines."""
+    chip = Chip(dut)
+    await chip.start()
+    await chip.until_done()
+    dut.hall_i.value = DIRECT_CODE
+    await chip.until_done(VECTOR_ON)
+    ticks, within, gaps, other, loads = (chip.mailbox(i) for i in range(18, 23))
+    assert (ticks, gaps, other) == (30, 0, 0), f"ticks, samples lost, other causes: {ticks, gaps, other}"
+    assert within >= 30, f"{within} of {ticks} control handlers were interrupted"
+    assert loads >= 4
+    # The deferred handler waits for a tick, the control handler of the tick for a sample: all three levels.
+    period, dead, carriers = 1000, 50, 6
+    await RisingEdge(dut.vector_update)
+    on, late = [0] * 6, []
+    strobe = None
+    for clock in range(carriers * period):
+        await FallingEdge(dut.clk_i)
+        if dut.adc_valid_i.value == 1:
+            strobe = clock
+        if dut.vector_sync.value == 1 and strobe is not None:
+            late.append(clock - strobe)
+        gates = int(dut.gate_o.value)
+        for bit in range(6):
+            on[bit] += gates >> bit & 1
+    dut._log.info("codes to compares by way of the core: %s clocks", late)
+    assert len(late) == carriers and max(late) < 500
+    for leg, width in enumerate((614, 386, 386)):
+        for gate, clocks in ((0, width - dead), (1, period - width - dead)):
+            got = on[2 * leg + gate] / carriers
+            assert abs(got - clocks) <= 1.0, f"leg {leg}, gate {gate}: {got} clocks a carrier, expected {clocks}"
+
+
 def test_fl_soc() -> None:
     """A program on the core finds the chip as documented; gates follow instants and faults.
 
-    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21
+    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21, SOC-22
     """
     image = build_image()
     sources = [path for path in rtl_sources() if path.is_relative_to(RTL) or "VexRiscv" in path.name]

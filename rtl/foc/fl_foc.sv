@@ -19,8 +19,12 @@
 //
 // enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
 // over from an applied voltage without a step; b is 0. Reset: state and errors 0.
+// direct_i: the core is the regulator. A run waits with its currents, number_o of this run, until go_i for that number:
+// w = wanted_i then, from where the run goes on with the limit. A go_i for another number is ignored. abandon_i ends a
+// direct run without results, wherever it is; a go_i in the same clock comes too late.
 // Latency: start_i to valid_o Latency clocks, 52 for three phases, 99 for five, whatever the values. Starts at least
-// Spacing clocks apart, 3 more than that; busy_o until then.
+// Spacing clocks apart, 3 more than that; busy_o until then. Direct: start_i to waiting_o WaitLatency clocks (21,
+// 54), go_i to valid_o 32 clocks for three phases, 75 for five.
 // Phase currents, theta and lead are taken at start_i; all other inputs must not change while busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
 // Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
@@ -33,7 +37,8 @@ module fl_foc
     parameter int unsigned Phases = 3,
     localparam int unsigned Subspaces = subspaces(Phases),
     localparam int unsigned Latency = last_clock(Phases) + 2,
-    localparam int unsigned Spacing = Latency + 3
+    localparam int unsigned Spacing = Latency + 3,
+    localparam int unsigned WaitLatency = wait_clock(Phases)
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -54,6 +59,14 @@ module fl_foc
     input sample_t [Subspaces-1:0][ 1:0] preset_i,
     input sample_t [Subspaces-1:0][ 1:0] forward_i,    // u_ff
 
+    input  logic                                direct_i,
+    input  logic    [Subspaces-1:0][1:0][27:0] wanted_i,   // w, 2^25 = full scale, signed
+    input  logic                                go_i,
+    input  logic    [15:0]                      go_number_i,
+    input  logic                                abandon_i,
+    output logic                                waiting_o,  // direct: for go_i
+    output logic    [15:0]                      number_o,   // of the run, counts the starts, wraps
+
     output logic                               busy_o,
     output logic                               valid_o,
     output sample_t [   Phases-1:0]            voltage_o,
@@ -70,6 +83,8 @@ module fl_foc
 
   localparam program_t Program = foc_program(Phases);
   localparam logic [6:0] LastClock = 7'(Spacing - 1);
+  localparam logic [6:0] WaitClock = 7'(WaitLatency);
+  localparam logic [6:0] ResumeClock = 7'(resume_clock(Phases));
   localparam int unsigned CosineBits = 21;
   localparam int unsigned SumBits = 50;
   // 2 / P, 2^20 = 1, times 2^20 / (2^20 - 1) because that is the cosines' amplitude.
@@ -94,20 +109,32 @@ module fl_foc
   step_t step_q, sum_q;
   step_t [2:0] tail_q;
   logic start, valid_q;
-  logic [15:0] overrun_q;
+  logic waiting, go, go_q, gone_q, abandon;
+  logic [15:0] number_q, overrun_q;
 
-  assign start = start_i && clock_q == '0;
+  assign start   = start_i && clock_q == '0;
+  assign waiting = direct_i && !gone_q && clock_q == WaitClock;
+  assign go      = waiting && go_i && go_number_i == number_q;
+  assign abandon = direct_i && abandon_i && clock_q != '0;
 
+  // The clock of waiting has no step: nothing is under way when the run goes on.
   always_ff @(posedge clk_i) begin
-    step_q    <= start ? Program[1] : (clock_q == '0) ? '0 : Program[clock_q+7'd1];
+    if (start) step_q <= Program[1];
+    else if (clock_q == '0 || waiting) step_q <= '0;
+    else step_q <= Program[clock_q+7'd1];
     sum_q     <= step_q;
     tail_q[0] <= sum_q;
     tail_q[1] <= tail_q[0];
     tail_q[2] <= tail_q[1];
-    valid_q   <= clock_q == 7'(Latency - 1);
+    valid_q   <= clock_q == 7'(Latency - 1) && !abandon;
+    go_q      <= go && !abandon;
     if (start) clock_q <= 7'd1;
-    else if (clock_q == LastClock) clock_q <= '0;
-    else if (clock_q != '0) clock_q <= clock_q + 7'd1;
+    else if (clock_q == LastClock || abandon) clock_q <= '0;
+    else if (go) clock_q <= ResumeClock;
+    else if (clock_q != '0 && !waiting) clock_q <= clock_q + 7'd1;
+    if (start) gone_q <= 1'b0;
+    else if (go) gone_q <= 1'b1;
+    if (start) number_q <= number_q + 16'd1;
     if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
     if (rst_i) begin
       clock_q   <= '0;
@@ -115,6 +142,9 @@ module fl_foc
       sum_q     <= '0;
       tail_q    <= '0;
       valid_q   <= 1'b0;
+      go_q      <= 1'b0;
+      gone_q    <= 1'b0;
+      number_q  <= '0;
       overrun_q <= '0;
     end
   end
@@ -298,7 +328,7 @@ module fl_foc
           limited_q[s1] <= less;
           if (less) begin
             state_q[s1][axis1] <= state_t'(sum >>> 17);
-            if (enable_i[s1]) back_q[s1][axis1] <= taken;
+            if (enable_i[s1] && !direct_i) back_q[s1][axis1] <= taken;
           end
         end
         SumPhase:   voltage_q[sum_q.phase] <= sat_sample(32'(sum >>> 20));
@@ -308,10 +338,16 @@ module fl_foc
     end
     if (tail_q[0].last && tail_q[0].kind == SumCurrent) error_q[s2][axis2] <= error_d;
     if (regulator2) delta_q <= (shifted >>> 1) + 39'($signed({1'b0, shifted[0]}));
-    if (regulator3) begin
+    if (regulator3 && !direct_i) begin
       if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(base_q[s3][axis3]) + 40'(delta_q));
       else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
       back_q[s3][axis3] <= '0;
+    end
+    if (go && !abandon) state_q <= wanted_i;
+    for (int unsigned n = 0; n < Subspaces; n++) begin
+      for (int unsigned axis = 0; axis < 2; axis++) begin
+        if (go_q) work_q[n][axis] <= 28'(to_voltage(state_q[n][axis]));
+      end
     end
     if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
     if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
@@ -331,6 +367,8 @@ module fl_foc
     end
   end
 
+  assign waiting_o = waiting;
+  assign number_o  = number_q;
   assign busy_o    = clock_q != '0;
   assign valid_o   = valid_q;
   assign voltage_o = voltage_q;

@@ -109,6 +109,16 @@ package fl_foc_pkg;
     else return last_clock(phases) + 1;
   endfunction
 
+  // Clock in which a direct run waits for its voltages: all currents are there, no product is under way. It goes on
+  // before the first subspace's squares, with five phases through the second one's currents once more.
+  function automatic int unsigned wait_clock(int unsigned phases);
+    return gain_clock(phases, subspaces(phases) - 1) + 6;
+  endfunction
+
+  function automatic int unsigned resume_clock(int unsigned phases);
+    return gain_clock(phases, 0) + 6;
+  endfunction
+
   // Product with half of a wide operand, the high one first.
   function automatic step_t half(x_e high, x_e low, c_e c, sum_e kind, int unsigned s, logic axis, logic is_low);
     step_t y;

@@ -16,6 +16,9 @@
 // 1 (one sample) or 8 (mean) + fl_foc + fl_modulator + 1 clocks: 66 or 73 for three phases, 117 or 124 for five.
 // sync_o is one clock before that. Least distance of two updates: what fl_foc needs (a window that comes while it runs
 // is ignored and counted).
+// Direct (settings.direct): a step waits with its currents in question_o for the core's answer_i, which is not staged. A
+// step that has not ended at update_o is abandoned: the legs keep their compares, which is counted as missed, an answer
+// to it is ignored.
 // Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick
 // before (saturates at 32 bits) and their number.
 `default_nettype none
@@ -42,6 +45,9 @@ module fl_vector
     input sample_t [Phases-1:0] sample_i,        // phase currents
     input stamp_t               sample_time_i,
     input encoder_t             encoder_i,       // of this clock
+    input answer_t              answer_i,
+
+    output question_t           question_o,
 
     output logic                   source_o,    // setting in use
     output logic                   update_o,    // of the leg carriers
@@ -170,6 +176,13 @@ module fl_vector
       .limit_i    (settings_q.limit[Subspaces-1:0]),
       .preset_i   (settings_q.preset[Subspaces-1:0]),
       .forward_i  (settings_q.forward[Subspaces-1:0]),
+      .direct_i   (settings_q.direct),
+      .wanted_i   (answer_i.wanted[Subspaces-1:0]),
+      .go_i       (answer_i.go),
+      .go_number_i(answer_i.number),
+      .abandon_i  (update_o),
+      .waiting_o  (question_o.waiting),
+      .number_o   (question_o.number),
       .busy_o     (foc_busy),
       .valid_o    (foc_valid),
       .voltage_o  (voltage),
@@ -230,6 +243,13 @@ module fl_vector
   );
 
   assign source_o = settings_q.source;
+
+  always_comb begin
+    question_o.current = '0;
+    for (int unsigned s = 0; s < Subspaces; s++)
+    for (int unsigned axis = 0; axis < 2; axis++)
+    question_o.current[s][axis] = 32'($signed(foc_current[s][axis]));
+  end
 
   // The last step: complete from its end to the end of the next.
   step_t step_d, step_q;

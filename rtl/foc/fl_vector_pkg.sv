@@ -10,12 +10,14 @@ package fl_vector_pkg;
 
   typedef sample_t [MaxSubspaces-1:0][1:0] vectors_t;
   typedef logic [MaxSubspaces-1:0][1:0][31:0] wide_vectors_t;  // signed
+  typedef logic [MaxSubspaces-1:0][1:0][27:0] vectors_state_t;  // signed
 
   typedef struct packed {
     logic source;  // 1: the leg carriers' requests go to the guard
     logic enable;
     logic double_update;
     logic bypass;
+    logic direct;  // the core is the regulator
     logic [MaxSubspaces-1:0] regulate;
     logic [7:0] miss_limit;
     logic [15:0] period;
@@ -39,6 +41,20 @@ package fl_vector_pkg;
     logic [MaxSubspaces-1:0][4:0] shift;
     logic [MaxSubspaces-1:0][16:0] limit;
   } settings_t;
+
+  // Direct path, from the core and not staged.
+  typedef struct packed {
+    vectors_state_t wanted;  // 2^25 = full scale
+    logic go;
+    logic [15:0] number;     // of the run that it is for
+  } answer_t;
+
+  // Direct path, to the core: of the run that waits.
+  typedef struct packed {
+    logic waiting;
+    logic [15:0] number;
+    wide_vectors_t current;
+  } question_t;
 
   typedef struct packed {
     logic indexed;

@@ -3,8 +3,8 @@
 // Memory map (byte addresses): 0 .. 4*Words-1 RAM, 0x8000_0000 and above registers (uncached in the core), anything
 // else reads as zero and takes writes without effect. Instructions come straight from the RAM, one a clock; a fetch
 // from anywhere else is an access fault. Data pass a cache of 4 KiB, whose bursts are served at one beat a clock.
-// irq_control_i is the machine timer interrupt (cause 7), irq_deferred_i the external interrupt (cause 11, first bit of
-// the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
+// irq_current_i is the software interrupt (cause 3), irq_control_i the machine timer interrupt (cause 7), irq_deferred_i
+// the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
 `default_nettype none
 module fl_cpu #(
     parameter int unsigned Words = 32768,
@@ -13,6 +13,7 @@ module fl_cpu #(
     input logic clk_i,
     input logic rst_i,
 
+    input logic irq_current_i,
     input logic irq_control_i,
     input logic irq_deferred_i,
 
@@ -45,7 +46,7 @@ module fl_cpu #(
       .reset                 (rst_i),
       .externalResetVector   (ResetVector),
       .timerInterrupt        (irq_control_i),
-      .softwareInterrupt     (1'b0),
+      .softwareInterrupt     (irq_current_i),
       .externalInterruptArray({31'b0, irq_deferred_i}),
       .instructionMemory_EN  (i_en),
       .instructionMemory_ADR (i_adr),

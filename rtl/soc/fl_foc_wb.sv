@@ -24,6 +24,7 @@ module fl_foc_wb
     input logic [17:0]          encoder_position_i,  // of this clock, quarters
     input logic                 encoder_indexed_i,
 
+    output logic              waiting_o,   // a regulator step waits for the core's voltages
     output logic              source_o,    // 1: these requests go to the guard
     output logic              update_o,    // first clock after an update of the leg carriers
     output logic              sync_o,      // compares of a regulator step are made
@@ -38,16 +39,30 @@ module fl_foc_wb
   fl_foc_regs_pkg::fl_foc_regs__out_t hwif_out;
   fl_vector_pkg::settings_t settings;
   fl_vector_pkg::snapshot_t snapshot;
-  logic correct_written_q;
+  fl_vector_pkg::answer_t answer;
+  fl_vector_pkg::question_t question;
+  logic correct_written_q, go_written_q;
 
   // The value is there in the clock after it has been written.
-  always_ff @(posedge clk_i) correct_written_q <= hwif_out.correct.turn_q32.swmod && !rst_i;
+  always_ff @(posedge clk_i) begin
+    correct_written_q <= hwif_out.correct.turn_q32.swmod && !rst_i;
+    go_written_q      <= hwif_out.direct_go.step.swmod && !rst_i;
+  end
+
+  always_comb begin
+    answer.go     = go_written_q;
+    answer.number = hwif_out.direct_go.step.value;
+    for (int unsigned s = 0; s < 2; s++)
+    for (int unsigned axis = 0; axis < 2; axis++)
+    answer.wanted[s][axis] = hwif_out.direct_v[2*s+axis].v_q25.value;
+  end
 
   always_comb begin
     settings.source        = hwif_out.control.source.value;
     settings.enable        = hwif_out.control.enable.value;
     settings.double_update = hwif_out.control.double.value;
     settings.bypass        = hwif_out.control.bypass.value;
+    settings.direct        = hwif_out.control.direct.value;
     settings.regulate      = hwif_out.control.regulate.value;
     settings.miss_limit    = hwif_out.control.miss_limit.value;
     settings.period        = hwif_out.period.cycles.value;
@@ -78,6 +93,7 @@ module fl_foc_wb
 
   for (genvar s = 0; s < 2; s++) begin : g_subspace
     for (genvar axis = 0; axis < 2; axis++) begin : g_axis
+      assign hwif_in.direct_i[2*s+axis].i_q17.next   = question.current[s][axis];
       assign hwif_in.snap_i[2*s+axis].i_q17.next     = snapshot.step.current[s][axis];
       assign hwif_in.snap_v[2*s+axis].v_q17.next     = snapshot.step.applied[s][axis];
       assign hwif_in.snap_u[2*s+axis].v_q25.next     = snapshot.step.state[s][axis];
@@ -85,6 +101,8 @@ module fl_foc_wb
     end
   end
 
+  assign hwif_in.direct_run.step.next            = question.number;
+  assign hwif_in.direct_run.waiting.next         = question.waiting;
   assign hwif_in.snap_count.steps.next           = snapshot.steps;
   assign hwif_in.snap_count.samples.next         = snapshot.step.samples;
   assign hwif_in.snap_count.limited.next         = snapshot.step.limited;
@@ -114,6 +132,8 @@ module fl_foc_wb
       .sample_i,
       .sample_time_i,
       .encoder_i   ({encoder_indexed_i, encoder_position_i}),
+      .answer_i    (answer),
+      .question_o  (question),
       .source_o,
       .update_o,
       .sync_o,
@@ -124,6 +144,8 @@ module fl_foc_wb
       .theta_o,
       .snapshot_o  (snapshot)
   );
+
+  assign waiting_o = question.waiting;
 
   fl_foc_regs u_regs (
       .clk     (clk_i),

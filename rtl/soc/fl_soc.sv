@@ -103,7 +103,7 @@ module fl_soc
   fl_bus_pkg::bus_req_t req;
   logic [Blocks-1:0] stb;
   logic [Blocks-1:0][31:0] rdat;
-  logic irq_control, irq_deferred;
+  logic irq_current, irq_control, irq_deferred;
 
   // Events and time.
   stamp_t now;
@@ -149,6 +149,7 @@ module fl_soc
   ) u_cpu (
       .clk_i,
       .rst_i,
+      .irq_current_i (irq_current),
       .irq_control_i (irq_control),
       .irq_deferred_i(irq_deferred),
       .io_stb_o      (io_stb),
@@ -399,6 +400,7 @@ module fl_soc
       .sample_time_i (current_time),
       .encoder_position_i(encoder_position),
       .encoder_indexed_i(encoder_indexed),
+      .waiting_o     (irq_current),
       .source_o      (vector_source),
       .update_o      (vector_update),
       .sync_o        (vector_sync),

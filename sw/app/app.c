@@ -113,6 +113,15 @@ HOT static void control_step(app_t *app) {
   }
 }
 
+// The voltage first: what the step needs of the limit comes after it.
+HOT void app_current_interrupt(app_t *app) {
+  chip_direct_t direct;
+  chip_read_direct(&direct);
+  const complex_t wanted_v_q25 = vector_want(&app->drive, direct.i_q17);
+  chip_write_direct(&direct, wanted_v_q25);
+  vector_bound(&app->drive, wanted_v_q25);
+}
+
 COLD static void trip_interrupt(app_t *app) {
   const uint32_t start = chip_now();
   // The gates are off already; the control step names the cause. Nothing to do but take the event.

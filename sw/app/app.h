@@ -17,7 +17,9 @@ typedef struct {
 
 // Check the parameter block, configure the chip, start the control tick. Interrupts are still off in the core.
 void app_boot(app_t *app);
-// Work of the control line: trip first, then the control step. Not interruptible.
+// Work of the current line: the current regulator in C, if the scenario has it. Not interruptible.
+void app_current_interrupt(app_t *app);
+// Work of the control line: trip first, then the control step. Only the current line interrupts it.
 void app_control_interrupt(app_t *app);
 // Work of the deferred line: UART and load generator. The control line pre-empts it.
 void app_deferred_interrupt(app_t *app);

@@ -6,12 +6,16 @@
 static app_t app;
 
 void fl_host_boot(void);
+void fl_host_current(void);
 void fl_host_tick(void);
 void fl_host_poll(void);
 const drive_t *fl_host_drive(void);
 
 // Boot with the parameter block and registers as they are.
 void fl_host_boot(void) { app_boot(&app); }
+
+// A regulator step waits: foc.direct_run and foc.direct_i must hold it.
+void fl_host_current(void) { app_current_interrupt(&app); }
 
 // One control tick: the snapshot registers must hold the new values.
 void fl_host_tick(void) {

@@ -8,6 +8,8 @@
 
 static app_t app;
 
+void trap_current(void) { app_current_interrupt(&app); }
+
 void trap_control(void) { app_control_interrupt(&app); }
 
 void trap_deferred(void) { app_deferred_interrupt(&app); }

@@ -39,6 +39,7 @@ static parameters_t parameters;
 static uint32_t last_tick;
 
 // Nothing interrupts: no source is enabled.
+void trap_current(void) {}
 void trap_control(void) {}
 void trap_deferred(void) {}
 

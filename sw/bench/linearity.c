@@ -21,6 +21,7 @@ typedef struct {
 } table_t;
 
 // Nothing interrupts: no source is enabled.
+void trap_current(void) {}
 void trap_control(void) {}
 void trap_deferred(void) {}
 

@@ -60,6 +60,8 @@ static void control_step(void) {
   chip_write_vector(command, p);
 }
 
+void trap_current(void) {}
+
 void trap_control(void) {
   const uint32_t pending = chip_irq_pending();
   if ((pending & (uint32_t)IRQ_TRIP) != 0u) {

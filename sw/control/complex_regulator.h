@@ -34,7 +34,8 @@ typedef struct {
   complex_t carry_v_q25;  // (h/g) b
 } complex_regulator_t;
 
-// u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 < 2^18. About 380 clocks, 700 limited.
+// u limited to the circle; `limited` tells whether it was. 0 <= limit_v_q17 < 2^18. The square root is
+// taken in the limited case only.
 complex_t circle_limit_v_q25(complex_t voltage_v_q25, int32_t limit_v_q17, bool *limited);
 
 // v_q25 -> v_q17, rounded half up.
@@ -48,8 +49,14 @@ void complex_regulator_preset(complex_regulator_t *regulator, complex_t voltage_
 // Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 180 clocks.
 void complex_regulator_turn(complex_regulator_t *regulator, complex_t rotation_q30);
 
-// One step with 18-bit currents; the new voltage is in the state. Returns whether the circle bound. About 600 clocks,
-// 840 if so.
+// The two halves of a step, 18-bit currents: w, and what the circle leaves of it, which is the new state. The second
+// returns whether the circle bound.
+complex_t complex_regulator_want(complex_regulator_t *regulator, const regulator_gains_t *gains,
+                                 complex_t reference_i_q17, complex_t current_i_q17);
+bool complex_regulator_bound(complex_regulator_t *regulator, const regulator_gains_t *gains, complex_t wanted_v_q25,
+                             int32_t limit_v_q17);
+
+// One step, both halves; the new voltage is in the state.
 bool complex_regulator_step(complex_regulator_t *regulator, const regulator_gains_t *gains, complex_t reference_i_q17,
                             complex_t current_i_q17, int32_t limit_v_q17);
 

@@ -173,6 +173,15 @@ typedef struct {
   emf_observer_gains_t observer;
 } vector_design_t;
 
+// What the current regulator in C works with.
+typedef struct {
+  regulator_gains_t gains;
+  complex_t reference_i_q17;
+  complex_t preset_v_q25;
+  int32_t limit_v_q17;
+  bool regulate;
+} direct_set_t;
+
 // 1 / count, kept.
 typedef struct {
   uint32_t count;
@@ -213,6 +222,11 @@ typedef struct {
   bool fits;
   uint32_t used;
   volatile bool finished;
+
+  // Current regulator in C: `used` changes where the chip has taken the set of the step before, the other one is written.
+  direct_set_t direct[2];
+  volatile uint32_t direct_used;
+  complex_regulator_t regulator;
 
   frame_t frame;
   int32_t direction;  // of the observed frame: +1, -1

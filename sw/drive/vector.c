@@ -679,6 +679,29 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
+HOT complex_t vector_want(drive_t *drive, complex_t current_i_q17) {
+  vector_t *v = &drive->vector;
+  const direct_set_t *set = &v->direct[v->direct_used];
+  const complex_t wanted = complex_regulator_want(&v->regulator, &set->gains, set->reference_i_q17, current_i_q17);
+  return set->regulate ? wanted : set->preset_v_q25;
+}
+
+HOT void vector_bound(drive_t *drive, complex_t wanted_v_q25) {
+  vector_t *v = &drive->vector;
+  const direct_set_t *set = &v->direct[v->direct_used];
+  (void)complex_regulator_bound(&v->regulator, &set->gains, wanted_v_q25, set->limit_v_q17);
+  if (!set->regulate) {
+    v->regulator.carry_v_q25 = (complex_t){0, 0};
+  }
+}
+
+// What is committed in this step, for the regulator in C.
+HOT static void stage_direct(vector_t *v, const chip_vector_command_t *c) {
+  const complex_t preset_v_q25 = {c->preset_v_q17[0].re * 256, c->preset_v_q17[0].im * 256};
+  v->direct[1u - v->direct_used] = (direct_set_t){v->design[v->used].regulator, c->reference_i_q17[0], preset_v_q25,
+                                                  (int32_t)c->limit_v_q17[0], c->regulate[0]};
+}
+
 HOT static void command(drive_t *drive) {
   const vector_t *v = &drive->vector;
   chip_vector_command_t *c = &drive->command.vector;
@@ -709,6 +732,10 @@ COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
 
 INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
+  const bool direct = drive->p->vector_direct != 0;
+  if (direct && in->vector.taken) {
+    v->direct_used = 1u - v->direct_used;
+  }
   drive->command.vector.write_gains = false;
   drive->command.vector.write_limits = false;
   if (v->finished) {
@@ -754,4 +781,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;
   drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
   command(drive);
+  if (direct) {
+    stage_direct(v, &drive->command.vector);
+  }
 }

@@ -34,6 +34,11 @@ void vector_design(drive_t *drive);
 // One control step in place of that of the six-step drive.
 void vector_drive_step(drive_t *drive, const chip_snapshot_t *in);
 
+// The current regulator in C, with the set that the chip has in use: the voltage before the limit for the current of a
+// sample, then the state for the next one.
+complex_t vector_want(drive_t *drive, complex_t current_i_q17);
+void vector_bound(drive_t *drive, complex_t wanted_v_q25);
+
 // A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
 // when the regulator's voltage is the EMF. False: slower than the hand-over, or
 // the encoder starts it.

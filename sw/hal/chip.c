@@ -73,6 +73,7 @@ static uint32_t vector_control(const chip_vector_command_t *vector, const parame
          FIELD(FL_FOC_REGS__CONTROL__DOUBLE, p->vector_double) |
          FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__REGULATE, regulate) |
+         FIELD(FL_FOC_REGS__CONTROL__DIRECT, p->vector_direct) |
          FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, p->vector_miss_limit);
 }
 
@@ -193,6 +194,16 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     read_slow(snapshot);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
   }
+}
+
+HOT void chip_read_direct(chip_direct_t *direct) {
+  direct->number = BITS(FL_FOC_REGS__DIRECT_RUN__STEP, reg_read(REG(foc.direct_run)));
+  direct->i_q17 = read_vector(REG(foc.direct_i[0]), 0);
+}
+
+HOT void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25) {
+  write_vector(REG(foc.direct_v[0]), 0, wanted_v_q25);
+  reg_write(REG(foc.direct_go), direct->number);
 }
 
 HOT void chip_read_hall(chip_snapshot_t *snapshot) {

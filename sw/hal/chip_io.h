@@ -64,6 +64,12 @@ typedef struct {
   uint16_t encoder_invalid;  // both tracks at once, wraps; with read_slow
 } chip_vector_snapshot_t;
 
+// A regulator step that waits for its voltage: subspace 1.
+typedef struct {
+  uint32_t number;
+  complex_t i_q17;
+} chip_direct_t;
+
 // One coherent set of measurements, latched by the chip at the control tick.
 typedef struct {
   uint32_t sample_number;

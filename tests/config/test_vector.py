@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -16,10 +17,11 @@ from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spe
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import DriveSpec, InverterSpec, ParameterBlock, VectorSpec, compile_parameters
 from fluxlock.firmware.vector_timing import (
-    LATENCY_CYCLES,
     default_delay,
+    latency_cycles,
     shortest_delay,
     update_hz,
+    update_hz_max,
     vector_timing,
 )
 from fluxlock.paths import ROOT
@@ -100,6 +102,16 @@ def test_keys_of_vector_with_six_step() -> None:
             ["drive.carrier_hz=60e3"],
             'drive.carrier_hz: 60000 Hz with drive.vector.update = "double" needs 120000 regulator steps a second, '
             "permitted 100000: carrier up to 50000 Hz",
+        ),
+        (
+            ["drive.vector.current_regulator=c"],
+            'drive.carrier_hz: 20000 Hz with drive.vector.update = "double" needs 40000 regulator steps a second on '
+            'the core (drive.vector.current_regulator = "c"), permitted 25000: carrier up to 12500 Hz',
+        ),
+        (
+            ["drive.carrier_hz=10e3", "drive.vector.current_regulator=c", "drive.vector.delay=0.2"],
+            "drive.vector.delay: 0.2 is shorter than what the chip needs: window, conversion, 600 clocks and the way "
+            "to the gates take 0.250 of T_s = 50 us, permitted 0.25 to 1",
         ),
         (
             ["drive.vector.delay=0.05"],
@@ -253,10 +265,10 @@ def test_voltage_is_that_of_the_phasor_diagram() -> None:
 # ---- clocks
 
 
-def sampled_delay(t: ParameterBlock, inverter: InverterSpec, before: int) -> tuple[float, float]:
+def sampled_delay(t: ParameterBlock, inverter: InverterSpec, latency: int, before: int) -> tuple[float, float]:
     """Delay over T_s and its slack (clocks) on a time line of updates, samples and pulses, by the parameters alone.
 
-    before: clocks from the last sample of another grid to the first update.
+    latency: clocks from codes to compares; before: from the last sample of another grid to the first update.
     """
     ts, first, length = (t.number(f"vector_{name}") for name in ("sample_cycles", "from_cycles", "length_cycles"))
     offset, period = t.number("sample_offset_cycles"), t.number("sample_period_cycles")
@@ -274,7 +286,7 @@ def sampled_delay(t: ParameterBlock, inverter: InverterSpec, before: int) -> tup
     window = [x for x in strobes if begin <= x < begin + max(length, 1)]
     assert window and window[0] == begin
     assert len(window) == (1 if length == 0 else (length - 1) // period + 1)
-    ready = window[-1] + math.ceil(inverter.conversion_s * CLOCK_HZ) + LATENCY_CYCLES
+    ready = window[-1] + math.ceil(inverter.conversion_s * CLOCK_HZ) + latency
     update = ts * math.ceil(ready / ts)
     pulses = update + (inverter.driver_delay_s + inverter.dead_time_s / 2) * CLOCK_HZ
     return (pulses - sum(window) / len(window)) / ts, update - ready
@@ -296,20 +308,21 @@ def test_window_has_the_delay_that_the_model_has() -> None:
         )
         carrier_hz = 10 ** rng.uniform(3.7, 4.7)
         double, window = rng.random() < 0.5, rng.choice(["sample", "carrier"])
-        vector = VectorSpec(double=double, window=window)
+        place = rng.choice(["rtl", "c"])
+        vector = VectorSpec(double=double, window=window, current_regulator=place)
         shortest = shortest_delay(CLOCK_HZ, carrier_hz, inverter, vector)
         count = CLOCK_HZ / update_hz(carrier_hz, vector) / (inverter.sample_period_s * CLOCK_HZ)
-        if shortest > 0.99 or count > 255 or update_hz(carrier_hz, vector) > 100e3:
+        if shortest > 0.99 or count > 255 or update_hz(carrier_hz, vector) > update_hz_max(vector):
             continue
         seen += 1
         delay = rng.choice([None, 1.0, rng.uniform(shortest + 0.01, 1.0)])
-        vector = VectorSpec(double=double, window=window, delay=delay)
+        vector = replace(vector, delay=delay)
         drive = DriveSpec(carrier_hz=carrier_hz, vector=vector)
         block = compile_parameters(MOTORS[0], inverter, drive)
-        found, slack = sampled_delay(block, inverter, rng.randrange(1, 26))
+        found, slack = sampled_delay(block, inverter, latency_cycles(vector), rng.randrange(1, 26))
         wanted = default_delay(CLOCK_HZ, carrier_hz, inverter, vector) if delay is None else delay
         ts = block.number("vector_sample_cycles")
-        case = (SEED, seen, carrier_hz, double, window, delay)
+        case = (SEED, seen, carrier_hz, double, window, place, delay)
         assert found == pytest.approx(block.number("vector_delay_q30") / 2**30, abs=1.0 / ts), case
         # T_s may be rounded to whole converter periods, and the window begins at a clock.
         assert found == pytest.approx(wanted, abs=0.03), case
@@ -329,6 +342,20 @@ def test_believed_delay_reaches_the_model_only() -> None:
         wrong = parameter_block(load_scenario(START, overrides)).values
         assert {name for name in right if right[name] != wrong[name]} == {"vector_delay_q30"}
         assert wrong["vector_delay_q30"] == round(believed * 2**30)
+
+
+def test_regulator_on_the_core_reaches_the_parameters() -> None:
+    """One flag; with the delay given nothing else changes.
+
+    Verifies: VCONF-08
+    """
+    common = ["drive.carrier_hz=10e3", "drive.vector.delay=0.5", "drive.vector.observer_every=1"]
+    rtl, core = (
+        parameter_block(load_scenario(START, [*common, f"drive.vector.current_regulator={place}"])).values
+        for place in ("rtl", "c")
+    )
+    assert (rtl["vector_direct"], core["vector_direct"]) == (0, 1)
+    assert {name for name in rtl if rtl[name] != core[name]} == {"vector_direct"}
 
 
 def test_single_sample_is_free_of_ripple() -> None:

@@ -195,6 +195,42 @@ def test_missed_deadlines_trip_by_name() -> None:
     assert bench.get("timer.tick_samples") == 1
 
 
+@pytest.mark.parametrize(("samples", "cycles"), [(1, 2500), (2, 2500)])
+def test_regulator_in_c_does_what_the_hardware_does(samples: int, cycles: int) -> None:
+    """A run with the regulator in C is the same, current for current, as with the hardware's, and so is every state.
+
+    Through start, hand-over, voltage limit, a set that comes late, reversal and stop, and with a rotor that is caught.
+
+    Verifies: VC-33
+    """
+    short: dict[str, Value] = {**FAST, "vector_circle_q16": round(0.65 * 2**16)}
+    records = []
+    for direct in (False, True):
+        bench = VectorBench(VectorSettings(cycles, samples, direct=direct), values=short, noise_lsb=1.0)
+        bench.start(90_000)
+        bench.run(0.45)
+        bench.late_commits = 1
+        bench.fw.command("set speed_rpm -20000")
+        bench.run(0.6)
+        bench.fw.command("stop")
+        assert bench.until_state("ready", 0.8)
+        bench.omega = 40_000 * math.pi / 30
+        bench.fw.command("set speed_rpm 40000")
+        bench.fw.command("start")
+        assert bench.until_state("running", 0.02)
+        bench.run(0.01)
+        assert (bench.console("catches"), bench.console("fault")) == ("1", "none")
+        records.append(bench.record)
+        if direct:
+            print(f"{bench.direct_steps} steps, {bench.direct_limited} at the limit")
+            assert bench.direct_steps == bench.samples
+            assert bench.direct_limited > 100
+            assert bench.direct_differences == 0
+        else:
+            assert bench.direct_steps == 0
+    assert records[0] == records[1]
+
+
 def test_missing_samples_are_a_fault() -> None:
     """Without samples, while running and at boot.
 

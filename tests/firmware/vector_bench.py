@@ -7,6 +7,7 @@ and tick as the registers describe them. Machine: exact from sample to sample, m
 from __future__ import annotations
 
 import cmath
+import ctypes
 import math
 from collections.abc import Callable
 from ctypes import byref
@@ -52,6 +53,7 @@ class VectorSettings:
     encoder_lines: int = 0
     encoder_index: bool = True
     encoder_offset_turn: float = 0.0  # electrical, of the index
+    direct: bool = False  # the regulator in C is the drive's
 
 
 def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -> dict[str, Value]:
@@ -74,6 +76,7 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "method": 1,
         "tick_cycles": s.sample_cycles * s.tick_samples,
         "vector_double": 0,
+        "vector_direct": int(s.direct),
         "vector_sample_cycles": s.sample_cycles,
         "vector_tick_samples": s.tick_samples,
         "vector_from_cycles": round((1.0 - s.delay) * s.sample_cycles),
@@ -184,6 +187,7 @@ class VectorBench:
         self.nco_q36 = 0
         self.omega_q36 = 0
         self.samples = self.steps = 0
+        self.direct_steps = self.direct_limited = self.direct_differences = 0
         self.sum = [0, 0]
         self.since_timer = 0  # clocks
         self.trips = 0
@@ -250,6 +254,8 @@ class VectorBench:
                 byref(self.regulator), Complex(self.preset.re * 256, self.preset.im * 256), error
             )
             limited = False
+        if self.get("foc.control") & 64:
+            limited = self._direct(i17)
         u = self.regulator.voltage_v_q25
         v = ((u.re + 128) >> 8, (u.im + 128) >> 8)
         self.steps += 1
@@ -273,6 +279,25 @@ class VectorBench:
             self.since_timer -= self.get("timer.machine_period")
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
+
+    def _direct(self, current: Complex) -> bool:
+        """The firmware's regulator; counts where the state is not the one that the hardware's would have."""
+        number = self.samples & 0xFFFF
+        self.put("foc.direct_run", number | 1 << 31)
+        self.put("foc.direct_i", current.re, 0)
+        self.put("foc.direct_i", current.im, 1)
+        self.put("foc.direct_go", ~number & 0xFFFF)
+        self.fw.lib.fl_host_current()
+        assert self.get("foc.direct_go") == number, "no answer"
+        wanted = Complex(self.signed("foc.direct_v", 0, 28), self.signed("foc.direct_v", 1, 28))
+        limited = ctypes.c_bool()
+        bound = self.lib.circle_limit_v_q25(wanted, self.limit, byref(limited))
+        hardware = self.regulator.voltage_v_q25
+        self.direct_steps += 1
+        self.direct_limited += limited.value
+        self.direct_differences += (bound.re, bound.im) != (hardware.re, hardware.im)
+        self.regulator.voltage_v_q25 = bound
+        return limited.value
 
     def _encode(self) -> None:
         """Position of the encoder now, as filter and synchronisers show it."""

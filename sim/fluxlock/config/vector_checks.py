@@ -64,13 +64,15 @@ def _times(s: Scenario) -> Iterator[Problem]:
     v = s.drive.vector.spec()
     update_hz = vector_timing.update_hz(carrier_hz, v)
     updates = f'{with_unit(carrier_hz, "Hz")} with drive.vector.update = "{s.drive.vector.update}"'
-    if update_hz > vector_timing.UPDATE_HZ_MAX:
-        most = with_unit(vector_timing.UPDATE_HZ_MAX * carrier_hz / update_hz, "Hz")
+    most_hz = vector_timing.update_hz_max(v)
+    if update_hz > most_hz:
+        most = with_unit(most_hz * carrier_hz / update_hz, "Hz")
+        where = ' on the core (drive.vector.current_regulator = "c")' if v.current_regulator == "c" else ""
         yield Problem(
             file,
             "drive.carrier_hz",
-            f"{updates} needs {update_hz:.0f} regulator steps a second, permitted "
-            f"{vector_timing.UPDATE_HZ_MAX:.0f}: carrier up to {most}",
+            f"{updates} needs {update_hz:.0f} regulator steps a second{where}, permitted {most_hz:.0f}: carrier up to "
+            f"{most}",
         )
         return
     count = vector_timing.window_samples(CLOCK_HZ, carrier_hz, inverter, v)
@@ -83,7 +85,7 @@ def _times(s: Scenario) -> Iterator[Problem]:
         )
         return
     shortest = vector_timing.shortest_delay(CLOCK_HZ, carrier_hz, inverter, v)
-    what = f"window, conversion, {vector_timing.LATENCY_CYCLES} clocks and the way to the gates"
+    what = f"window, conversion, {vector_timing.latency_cycles(v)} clocks and the way to the gates"
     if shortest > 1.0:
         hint = ', drive.vector.window = "sample"' if v.window == "carrier" else ""
         yield Problem(

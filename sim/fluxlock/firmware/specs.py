@@ -21,6 +21,7 @@ CurrentWindow = Literal["sample", "carrier"]
 Regulator = Literal["A", "B", "C"]
 InversePark = Literal["held", "exact"]
 FrameAngle = Literal["observer", "encoder"]
+RegulatorPlace = Literal["rtl", "c"]
 Mounting = Literal["given", "learnt"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
@@ -109,6 +110,7 @@ class VectorSpec:
     believed_delay: float | None = None
     window: CurrentWindow = "sample"
     regulator: Regulator = "C"
+    current_regulator: RegulatorPlace = "rtl"
     park: InversePark = "exact"
     bandwidth_hz: float = 800.0
     gamma: float = 0.35

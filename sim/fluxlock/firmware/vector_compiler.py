@@ -275,6 +275,7 @@ def vector_parameters(
         "sample_offset_cycles": timing.offset_cycles,
         "trip_enable": 0xFF,
         "vector_double": int(vector.double),
+        "vector_direct": int(vector.current_regulator == "c"),
         "vector_sample_cycles": timing.sample_cycles,
         "vector_tick_samples": timing.tick_samples,
         "vector_from_cycles": timing.from_cycles,

@@ -12,14 +12,16 @@ from dataclasses import dataclass
 
 from fluxlock.firmware.specs import InverterSpec, VectorSpec
 
-# Last codes of a window to compares in the shadow registers, clocks.
+# Last codes of a window to compares in the shadow registers, clocks: regulators in hardware, on the core.
 LATENCY_CYCLES = 100
+CORE_LATENCY_CYCLES = 600
 WINDOW_SAMPLES_MAX = 255
 SAMPLE_CYCLES_MAX = 65535
 TICK_SAMPLES_MAX = 255
 TICK_HZ = 20e3
 TICK_HZ_MAX = 25e3
 UPDATE_HZ_MAX = 100e3
+CORE_UPDATE_HZ_MAX = 25e3  # the rest of the core's time belongs to the control step
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,16 @@ def update_hz(carrier_hz: float, vector: VectorSpec) -> float:
     return 2 * carrier_hz if vector.double else carrier_hz
 
 
+def update_hz_max(vector: VectorSpec) -> float:
+    """Largest 1 / T_s that the regulators keep up with."""
+    return CORE_UPDATE_HZ_MAX if vector.current_regulator == "c" else UPDATE_HZ_MAX
+
+
+def latency_cycles(vector: VectorSpec) -> int:
+    """Clocks from the last codes of a window to compares in the shadow registers for which the delay leaves room."""
+    return CORE_LATENCY_CYCLES if vector.current_regulator == "c" else LATENCY_CYCLES
+
+
 def tick_samples(carrier_hz: float, vector: VectorSpec) -> int:
     """Samples a control tick: what is asked for, else as few as keep the tick at or below 20 kHz."""
     return vector.observer_every or max(1, math.ceil(update_hz(carrier_hz, vector) / TICK_HZ - 1e-9))
@@ -89,7 +101,9 @@ def output_shift_cycles(clock_hz: float, inverter: InverterSpec) -> float:
 def shortest_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
     """Least T_d / T_s: rest of the window after its mean instant, conversion, latency, way to the gates."""
     window = _Window.of(clock_hz, carrier_hz, inverter, vector)
-    after = math.ceil(inverter.conversion_s * clock_hz) + LATENCY_CYCLES + output_shift_cycles(clock_hz, inverter)
+    after = (
+        math.ceil(inverter.conversion_s * clock_hz) + latency_cycles(vector) + output_shift_cycles(clock_hz, inverter)
+    )
     return (window.span / 2 + after) / window.sample_cycles
 
 

@@ -1,9 +1,10 @@
-# One trap entry. Saves what a C function may change plus mepc and mstatus, because the deferred handler is
-# interrupted itself. An exception stops the core with the gates opened: it can only come from broken code.
-#define MCAUSE_TIMER 7
+# One trap entry. Saves what a C function may change; of the handlers that are interrupted themselves also mepc, mstatus
+# and mie. An exception stops the core with the gates opened: it can only come from broken code.
+#define MCAUSE_SOFTWARE 3
 #define MCAUSE_EXTERNAL 11
 #define MIE_EXTERNAL 0x800
-#define MIE_BOTH 0x880
+#define MIE_CONTROL 0x880
+#define MIE_ALL 0x888
 #define MSTATUS_MIE 8
 #define CSR_EXTERNAL_MASK 0xBC0
 #define SAFETY_GUARD 0x80008000
@@ -32,27 +33,40 @@ trap_entry:
   csrr a0, mcause
   bgez a0, exception
   andi a0, a0, 15
-  li a1, MCAUSE_EXTERNAL
-  beq a0, a1, deferred
-  call trap_control
+  li a1, MCAUSE_SOFTWARE
+  bne a0, a1, interrupted
+  call trap_current
   j restore
 
+interrupted:
+  csrr a2, mepc
+  csrr a3, mstatus
+  csrr a4, mie
+  sw a2, 64(sp)
+  sw a3, 68(sp)
+  sw a4, 72(sp)
+  li a1, MCAUSE_EXTERNAL
+  beq a0, a1, deferred
+  li a2, MIE_CONTROL
+  csrc mie, a2
+  csrsi mstatus, MSTATUS_MIE
+  call trap_control
+  j back
+
 deferred:
-  csrr a0, mepc
-  csrr a1, mstatus
-  sw a0, 64(sp)
-  sw a1, 68(sp)
   li a2, MIE_EXTERNAL
   csrc mie, a2
   csrsi mstatus, MSTATUS_MIE
   call trap_deferred
+
+back:
   csrci mstatus, MSTATUS_MIE
-  li a2, MIE_EXTERNAL
-  csrs mie, a2
-  lw a0, 64(sp)
-  lw a1, 68(sp)
-  csrw mepc, a0
-  csrw mstatus, a1
+  lw a2, 64(sp)
+  lw a3, 68(sp)
+  lw a4, 72(sp)
+  csrw mepc, a2
+  csrw mstatus, a3
+  csrw mie, a4
 
 restore:
   lw ra, 0(sp)
@@ -84,7 +98,7 @@ exception:
 trap_enable:
   li a0, 1
   csrw CSR_EXTERNAL_MASK, a0
-  li a0, MIE_BOTH
+  li a0, MIE_ALL
   csrs mie, a0
   csrsi mstatus, MSTATUS_MIE
   ret

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.config.specs import CLOCK_HZ
@@ -17,6 +18,8 @@ from fluxlock.regression.six_step.measures import Limits, event, timeline
 
 LOAD_PERCENT = 60.0
 LATENCY_US = 2.0
+CORE_LATENCY_US = 10.0
+CORE_LATENCY_PERCENT = 99.9
 TICK_HZ = 20_000
 # Handler of the deferred line that burns half of its time, and lines of the console meanwhile.
 IRQ_LOAD_CYCLES = 20_000
@@ -31,6 +34,7 @@ class Rates:
     carrier_hz: int
     update: str
     observer_every: int
+    regulator: str = "rtl"
 
     @property
     def sample_hz(self) -> int:
@@ -43,6 +47,7 @@ RATES = (
     Rates("20khz-single", 20_000, "single", 1),
     Rates("100khz-single", 100_000, "single", 5),
 )
+ON_CORE = Rates("20khz-single-c", 20_000, "single", 1, "c")
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
         f"drive.carrier_hz={rates.carrier_hz}",
         f"drive.vector.update={rates.update}",
         f"drive.vector.observer_every={rates.observer_every}",
+        f"drive.vector.current_regulator={rates.regulator}",
         "expect=[]",
         *timeline(times.duration_s, events, times.windows),
     )
@@ -86,6 +92,7 @@ def _conditions(rates: Rates, run: Outcome, times: Times) -> dict[str, Condition
         "carrier_hz": rates.carrier_hz,
         "sample_hz": rates.sample_hz,
         "tick_hz": rates.sample_hz // rates.observer_every,
+        "current_regulator": rates.regulator,
         "speed_rpm": times.speed_rpm,
         "delay": run.scenario.drive.vector.delay or 0.0,
     }
@@ -140,15 +147,52 @@ def core_load(runner: Runner) -> Iterator[Row]:
         )
 
 
+def _latencies(run: Outcome, times: Times) -> tuple[NDArray[np.int64], int]:
+    """Clocks from strobe to compares of the samples whose tick took new settings over; number of all samples."""
+    instants, updates = (run.data.rows(kind)[:, 0] for kind in (LogKind.ANGLE, LogKind.UPDATE))
+    begin, end = times.windows[0][1] * CLOCK_HZ, times.windows[-1][2] * CLOCK_HZ
+    updates = updates[(updates >= begin) & (updates < end)]
+    cycles = updates - instants[np.searchsorted(instants, updates, side="right") - 1]
+    return cycles, int(np.sum((instants >= begin) & (instants < end)))
+
+
+def _latency_on_core(runner: Runner) -> Row:
+    """With the regulators in C: share within the limit, a sample without new compares counts as beyond it."""
+    run, times = _run(runner, ON_CORE)
+    cycles, samples = _latencies(run, times)
+    within = int(np.sum(cycles <= CORE_LATENCY_US * 1e-6 * CLOCK_HZ))
+    values: dict[str, Number] = {
+        "within_10us_percent": 100.0 * min(within / samples, 1.0),
+        "latency_us.max": 1e6 * float(cycles.max()) / CLOCK_HZ,
+        "latency_us.median": 1e6 * float(np.median(cycles)) / CLOCK_HZ,
+        "latency_us.min": 1e6 * float(cycles.min()) / CLOCK_HZ,
+        "without_update": max(samples - int(cycles.size), 0),
+        "samples": samples,
+        "load_interrupts": int(run.result["run"]["isr"]["load"]["count"]),
+        "trips": len(run.result["trips"]),
+    }
+    limits: Limits = {
+        "within_10us_percent": (CORE_LATENCY_PERCENT, None),
+        "load_interrupts": (1, None),
+        "trips": (0, 0),
+    }
+    return Row(
+        f"vector/latency/{ON_CORE.name}",
+        _conditions(ON_CORE, run, times) | {"irq_load_cycles": IRQ_LOAD_CYCLES},
+        values,
+        limits,
+        "The current regulator in C, a control tick a sample; from the strobe on, the worst is max. "
+        "A sample whose tick took no settings over (without_update) has no latency and counts as beyond the limit.",
+    )
+
+
 @case("vector/latency")
 def latency(runner: Runner) -> Iterator[Row]:
     """From the strobe of the current sample to its compares in the shadow registers, whatever the core does."""
+    yield _latency_on_core(runner)
     for rates in RATES[:1] if runner.quick else RATES:
         run, times = _run(runner, rates)
-        instants, updates = (run.data.rows(kind)[:, 0] for kind in (LogKind.ANGLE, LogKind.UPDATE))
-        span = times.windows[0][1] * CLOCK_HZ, times.windows[-1][2] * CLOCK_HZ
-        updates = updates[(updates >= span[0]) & (updates < span[1])]
-        cycles = updates - instants[np.searchsorted(instants, updates, side="right") - 1]
+        cycles, _ = _latencies(run, times)
         conversion = round(run.scenario.inverter.sensing.conversion_s * CLOCK_HZ)
         load = run.result["run"]["isr"]["load"]
         values: dict[str, Number] = {
