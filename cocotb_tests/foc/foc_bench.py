@@ -17,7 +17,7 @@ TURN = 1 << 32
 LATENCY = {3: 52, 5: 99}  # clocks, published by the module
 SPACING = {phases: latency + 3 for phases, latency in LATENCY.items()}
 WAIT_LATENCY = {3: 21, 5: 54}  # direct: from the start until it waits
-GO_LATENCY = {3: 40, 5: 83}  # direct: from the answer to the results
+GO_LATENCY = {3: 32, 5: 75}  # direct: from the answer to the results
 SOURCES = [
     f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")
 ]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fluxlock.firmware.specs import InverterSpec, VectorSpec
 
 # Last codes of a window to compares in the shadow registers, clocks: regulators in hardware, on the core.
-LATENCY_CYCLES = 100
+LATENCY_CYCLES = 80
 CORE_LATENCY_CYCLES = 600
 WINDOW_SAMPLES_MAX = 255
 SAMPLE_CYCLES_MAX = 65535
