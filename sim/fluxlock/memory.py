@@ -2,10 +2,16 @@
 
 RAM_WORDS = 32768
 RAM_BYTES = 4 * RAM_WORDS
+# The data cache is direct-mapped. What a control step touches has lines of its own there: parameter block from 0, the
+# drive's state, telemetry, and below 0x1000 the stack.
+CACHE_BYTES = 4096
+STATE_OFFSET = 0x400
+TELEMETRY_OFFSET = 0xC00
 # From the top down: telemetry, parameter block, stack.
-TELEMETRY_ADDRESS = RAM_BYTES - 0x800
-BLOCK_ADDRESS = RAM_BYTES - 0x1000
-BLOCK_MAX_BYTES = TELEMETRY_ADDRESS - BLOCK_ADDRESS
+BLOCK_ADDRESS = RAM_BYTES - CACHE_BYTES
+BLOCK_MAX_BYTES = STATE_OFFSET
+TELEMETRY_ADDRESS = BLOCK_ADDRESS + TELEMETRY_OFFSET
+TELEMETRY_MAX_BYTES = RAM_BYTES - TELEMETRY_ADDRESS
 STACK_BYTES = 4096
 # What a program of sw/bench reads.
 TABLE_ADDRESS = 0x18000
@@ -22,6 +28,8 @@ def c_header() -> str:
 #define RAM_TELEMETRY 0x{TELEMETRY_ADDRESS:X}
 #define RAM_TABLE 0x{TABLE_ADDRESS:X}
 #define STACK_BYTES {STACK_BYTES}
+#define STATE_OFFSET 0x{STATE_OFFSET:X}
+#define TELEMETRY_OFFSET 0x{TELEMETRY_OFFSET:X}
 
 #endif
 """

@@ -13,6 +13,8 @@ typedef struct {
   bool gate_enable_written;
   volatile uint32_t load_period_cycles;
   uint32_t polled;  // when the main loop came round last, 0: not yet
+  uint32_t quiet_round_cycles;  // of the main loop's last round that nothing interrupted
+  uint32_t idle_cycles;         // that the rounds took without what interrupted them; wraps
 } app_t;
 
 // Check the parameter block, configure the chip, start the control tick. Interrupts are still off in the core.

@@ -15,12 +15,12 @@ SMALL_CODE_BEGIN
 
 // Receive ring between the UART's handler (head) and the main loop (tail), and the line being collected.
 static struct {
-  uint8_t ring[RING_LENGTH];
   volatile uint32_t head;
   volatile uint32_t tail;
-  char line[LINE_LENGTH];
   uint32_t length;
   bool too_long;
+  char line[LINE_LENGTH];
+  uint8_t ring[RING_LENGTH];
 } console;
 
 void console_init(void) {

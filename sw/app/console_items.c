@@ -253,12 +253,10 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_THRESHOLD_PU:
       six_numbers(text, d->command.threshold_q17, 1, 17, 4);
       break;
-    case ITEM_IDLE: {
-      const cycles_t *idle = &app->telemetry->handler[HANDLER_IDLE];
-      format_u32(text, idle->count * idle->min);
+    case ITEM_IDLE:
+      format_u32(text, app->idle_cycles);
       format_u32(next_to(text), app->polled);
       break;
-    }
     case ITEM_CATCHES:
       format_u32(text, d->catches);
       break;

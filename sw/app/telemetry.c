@@ -4,7 +4,7 @@
 
 const char *handler_name(handler_t handler) {
   static const char *const names[HANDLER_COUNT] = {
-      [HANDLER_CONTROL] = "control", [HANDLER_CONTROL_ENTRY] = "control_entry", [HANDLER_CONTROL_DONE] = "control_done",
+      [HANDLER_CONTROL] = "control", [HANDLER_CONTROL_ENTRY] = "control_entry",
       [HANDLER_TRIP] = "trip",       [HANDLER_UART] = "uart",                   [HANDLER_LOAD] = "load",
       [HANDLER_DESIGN] = "design",   [HANDLER_IDLE] = "idle",
   };

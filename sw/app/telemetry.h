@@ -9,13 +9,11 @@
 
 #define TELEMETRY_MAGIC 0x464C5854u  // "FLXT"
 
-// Measured handlers. CONTROL_ENTRY is the time from the tick to the first instruction of the control step,
-// CONTROL_DONE from the tick to behind its commit, IDLE from one round of the main loop to the next: the shortest is one
-// that nothing interrupted, and count times it the time that the core had nothing to do.
+// Measured handlers. CONTROL_ENTRY is the time from the tick to the first instruction of the control step, IDLE from one
+// round of the main loop to the next.
 typedef enum {
   HANDLER_CONTROL,
   HANDLER_CONTROL_ENTRY,
-  HANDLER_CONTROL_DONE,
   HANDLER_TRIP,
   HANDLER_UART,
   HANDLER_LOAD,

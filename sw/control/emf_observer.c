@@ -77,13 +77,11 @@ INLINED void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_
 }
 
 // Products are rounded down; those that are not subtracted from each other would add up to a bias.
-INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
-                           complex_t voltage_v_q25) {
+INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17) {
   const complex_t current = {current_i_q17.re * 256, current_i_q17.im * 256};
   const complex_t measured = fine(current, MEASURED_BITS);
   const complex_t error = fine(complex_sub(current, observer->current_i_q25), ERROR_BITS);
   const complex_t before = fine(observer->voltage_v_q25, VOLTAGE_BITS);
-  const complex_t now = fine(voltage_v_q25, VOLTAGE_BITS);
   const int32_t emf_weight = 1 << (VOLTAGE_BITS - gains->emf_bits);
   const int32_t emf_most = 1 << (30 - gains->emf_bits);
   const complex_t old = observer->emf_v_q25;
@@ -91,17 +89,14 @@ INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gain
   // q27: phi and innovation have 30 bits.
   const int32_t own_re = high_re(measured, gains->phi_q30) + 2 * mul_high_i32(error.re, gains->innovation_q30) + 1;
   const int32_t own_im = high_im(measured, gains->phi_q30) + 2 * mul_high_i32(error.im, gains->innovation_q30) + 2;
-  const int32_t driven_re =
-      high_re(now, gains->gamma1) + high_re(before, gains->gamma2) + high_re(emf, gains->gamma_e) * emf_weight;
-  const int32_t driven_im = high_im(now, gains->gamma1) + high_im(before, gains->gamma2) + 2 +
-                            (high_im(emf, gains->gamma_e) + 1) * emf_weight;
+  const int32_t driven_re = high_re(before, gains->gamma2) + high_re(emf, gains->gamma_e) * emf_weight;
+  const int32_t driven_im = high_im(before, gains->gamma2) + 1 + (high_im(emf, gains->gamma_e) + 1) * emf_weight;
   const int32_t re = ((own_re + 2) >> 2) + shifted(driven_re, gains->shift, CURRENT_MAX);
   const int32_t im = ((own_im + 2) >> 2) + shifted(driven_im, gains->shift, CURRENT_MAX);
   observer->current_i_q25 = (complex_t){within_i32(re, CURRENT_MAX), within_i32(im, CURRENT_MAX)};
   const int32_t change_re = shifted(high_re(error, gains->emf_gain), gains->emf_shift, emf_most);
   const int32_t change_im = shifted(high_im(error, gains->emf_gain) + 1, gains->emf_shift, emf_most);
   observer->emf_v_q25 = (complex_t){within_i32(old.re + change_re, emf_most), within_i32(old.im + change_im, emf_most)};
-  observer->voltage_v_q25 = voltage_v_q25;
 }
 
 INLINED void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {

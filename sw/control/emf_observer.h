@@ -50,14 +50,12 @@ void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
 // The same by a small angle, -2^-5..2^-5 rad. About 120 clocks.
 void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30);
 
-// One sample: current i[k] and the voltage u[k] set in answer to it, |u| at most 1.4 full scales, both in the estimated
-// frame of this instant. The current saturates at four full scales, the EMF at eight, at two from an admittance of 1 on.
-// About 130 clocks.
-void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
-                       complex_t voltage_v_q25);
+// One sample: current i[k] in the estimated frame of this instant. The current saturates at four full scales, the EMF at
+// eight, at two from an admittance of 1 on. About 110 clocks.
+void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17);
 
-// For a voltage that is known only when its period is over: the step has been made without it, this adds it before the
-// next one. About 30 clocks.
+// The voltage u[k], |u| at most 1.4 full scales, set in answer to the sample of the last step; before the next step, in
+// the frame of the last one. It may come when its period is over. About 30 clocks.
 void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25);
 
 #endif

@@ -91,14 +91,18 @@ int32_t pll_speed_turn_q36(const pll_t *pll) { return (int32_t)round_shift(pll->
 
 INLINED int32_t pll_correct(pll_t *pll, const pll_gains_t *gains, int32_t error_q30) {
   const int32_t correction_q32 = (int32_t)scale(error_q30, gains->angle);
-  const int64_t most = (int64_t)gains->speed_max_turn_q36 * (1 << SPEED_BITS);
   int64_t speed = pll->speed_turn_q60 + pll->acceleration_turn_q60 + scale(error_q30, gains->speed);
   if (gains->acceleration.mant != 0) {
     pll->acceleration_turn_q60 += scale(error_q30, gains->acceleration);
   }
-  if (__builtin_expect(speed > most || speed < -most, 0)) {
-    speed = (speed > most) ? most : -most;
-    pll->acceleration_turn_q60 = 0;
+  // Upper halves first.
+  const int32_t below = gains->speed_max_turn_q36 >> (32 - SPEED_BITS);
+  if (__builtin_expect((uint32_t)(int32_t)(speed >> 32) + (uint32_t)below >= 2u * (uint32_t)below, 0)) {
+    const int64_t most = (int64_t)gains->speed_max_turn_q36 * (1 << SPEED_BITS);
+    if (speed > most || speed < -most) {
+      speed = (speed > most) ? most : -most;
+      pll->acceleration_turn_q60 = 0;
+    }
   }
   pll->speed_turn_q60 = speed;
   return correction_q32;

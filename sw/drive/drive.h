@@ -235,7 +235,6 @@ typedef struct {
   int32_t correct_q32;      // turn of the frame that has been written and not taken yet
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
-  complex_t voltage_v_q17;  // applied, of the last sample
   current_rest_t rest;
   complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
   share_t steps;            // regulator steps a tick

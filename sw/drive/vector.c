@@ -204,7 +204,6 @@ COLD void vector_begin(drive_t *drive) {
   const complex_t zero = {0, 0};
   if_begin(&v->start);
   emf_observer_preset(&v->observer, zero, zero, zero);
-  v->voltage_v_q17 = zero;
   v->weakening.current_i_q30 = 0;
   v->mtpa_i_q25 = 0;
   v->waiting_ticks = 0;
@@ -254,7 +253,6 @@ COLD static void caught_step(drive_t *drive, const chip_snapshot_t *in) {
   const complex_t zero = {0, 0};
   const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
   emf_observer_preset(&v->observer, zero, emf_v_q25, emf_v_q25);
-  v->voltage_v_q17 = to_q17(emf_v_q25);
   v->holding = false;
   v->frame = FRAME_OBSERVED;
   pll_preset(&v->pll, 0, v->speed_turn_q36);
@@ -362,23 +360,25 @@ HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
 }
 
 // Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
-// them.
+// them. The observer kept that first one.
 HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
   const int32_t share_q30 = share_of(&v->steps, (in->steps > 0u) ? in->steps : 1u);
-  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], v->voltage_v_q17), in->v_q17[0]);
+  const complex_t first_v_q17 = to_q17(v->observer.voltage_v_q25);
+  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], first_v_q17), in->v_q17[0]);
   return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
 }
 
 HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
-  complex_t voltage_v_q25 = complex_add(in->u_v_q25[0], v->late_v_q25);
   if (drive->p->vector_tick_samples > 1) {
     emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
-    voltage_v_q25 = (complex_t){0, 0};
-    v->voltage_v_q17 = in->v_q17[0];
+    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
+  } else {
+    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    emf_observer_voltage(&v->observer, gains, complex_add(in->u_v_q25[0], v->late_v_q25));
   }
-  emf_observer_step(&v->observer, gains, in->i_q17[0], voltage_v_q25);
   if (!in->taken) {
     return;
   }
@@ -386,11 +386,9 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
     const int32_t turn_rad_q30 = mul_high_i32(turn_q32 * 4, HALF_PI_Q30);
     emf_observer_turn_small(&v->observer, turn_rad_q30);
-    v->voltage_v_q17 = complex_turn_small(v->voltage_v_q17, turn_rad_q30);
   } else {
     const complex_t rotation = rotation_q30(turn_q32);
     emf_observer_turn(&v->observer, rotation);
-    v->voltage_v_q17 = complex_mul_q30(v->voltage_v_q17, rotation);
   }
   v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
@@ -511,8 +509,9 @@ HOT static uint32_t rough_length(complex_t z) {
 // Observed and encoder angle side by side, steps that the encoder lost.
 HOT static void compare_angles(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
-  v->observed_ahead_q30 =
-      pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25);
+  v->observed_ahead_q30 = v->sensored ? pll_error_q30(v->observer.emf_v_q25, v->speed_turn_q36,
+                                                      v->start_settings.minimum_v_q25)
+                                      : v->error_q30;
   v->encoder_ahead_q30 = has_encoder(drive) ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
   v->encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
   v->encoder_invalid = in->encoder_invalid;
@@ -672,6 +671,9 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
       compare_angles(drive, &in->vector);
       if (v->suspicion >= v->lost_checks) {
         drive_lost_lock(drive);
+      } else if (drive->state == STATE_RUNNING && drive->state_ticks >= (uint32_t)p->restart_clear_ticks) {
+        drive->restarts = 0;
+        drive->failed_starts = 0;
       }
       break;
     default:
@@ -769,10 +771,6 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       } else {
         observed_step(drive, in);
       }
-    }
-    if (drive->state == STATE_RUNNING && drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
-      drive->restarts = 0;
-      drive->failed_starts = 0;
     }
   }
   const uint32_t next = (drive->tick + 1u) % VECTOR_GROUPS;

@@ -6,18 +6,8 @@ import pytest
 
 from fluxlock.regression import CASES, Row, Runner, sets
 
-# Known misses, each to be mended: the test fails as soon as one holds.
-MISSES = {
-    "vector/core-load": "65 % where 60 are asked for: the observer's share for late dead time costs 120 clocks a step"
-}
 
-
-def _cases() -> list[object]:
-    known = {name: [pytest.mark.xfail(reason=why, strict=True)] for name, why in MISSES.items()}
-    return [pytest.param(name, marks=known.get(name, [])) for name in CASES]
-
-
-@pytest.mark.parametrize("name", _cases())
+@pytest.mark.parametrize("name", list(CASES))
 def test_quick_case(name: str) -> None:
     """Every row of the case keeps its limits.
 

@@ -171,7 +171,7 @@ def test_statistics_and_load(ready: Bench) -> None:
     ready.put("irq.overrun", (3 << 16) | 5)
     lines = ready.fw.command("stats")
     handlers = {line.split()[1]: [int(x) for x in line.split()[2:]] for line in lines if line.startswith("isr")}
-    assert {"control", "control_entry", "control_done", "uart"} <= handlers.keys()
+    assert {"control", "control_entry", "uart"} <= handlers.keys()
     minimum, mean, maximum, count = handlers["control_entry"]
     assert minimum <= mean <= maximum == 20
     assert count == ready.ticks
@@ -204,3 +204,34 @@ def test_freewheel_angle(ready: Bench) -> None:
     assert ready.fw.telemetry()["freewheel_count"] == 2
     assert tick(0, 0, 0, 0, 0) == pytest.approx([15.0, 18.0, 5.0], abs=0.2)
     assert tick(sector * 0.5, 0xFFFFFF, 0, 1, 1) == pytest.approx([45.0, 60.0, 1.0], abs=0.2)
+
+
+def test_idle_time_leaves_out_what_interrupts(ready: Bench) -> None:
+    """Rounds of the main loop count as the last quiet one, whatever an interrupt adds to them.
+
+    Verifies: FW-24
+    """
+
+    now = 1_000_000
+
+    def poll(*rounds: int) -> None:
+        nonlocal now
+        for cycles in rounds:
+            now += cycles
+            ready.put("sys.time_now", now)
+            ready.fw.poll()
+
+    def idle() -> tuple[int, int]:
+        nonlocal now
+        now += 310
+        ready.put("sys.time_now", now)
+        first, second = ready.fw.command("get idle")[0].split()[1:]
+        return int(first), int(second)
+
+    poll(0, 290, 300, 310)
+    before, start = idle()
+    assert start == now
+    poll(310, 1700, 305, 2500)
+    after, end = idle()
+    assert end - start == 310 + 1700 + 305 + 2500 + 310
+    assert after - before == 310 + 310 + 305 + 305 + 310

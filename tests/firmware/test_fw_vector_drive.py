@@ -158,7 +158,8 @@ class Drive:
         )
         u = self.regulator.voltage_v_q25
         gains = observer_gains(lib, self.machine, speed, 0.7, 0.7)
-        lib.emf_observer_step(byref(self.observer), byref(gains), measured, u)
+        lib.emf_observer_step(byref(self.observer), byref(gains), measured)
+        lib.emf_observer_voltage(byref(self.observer), byref(gains), u)
         emf = self.observer.emf_v_q25
         if self.forced:
             ready = bool(lib.if_ready(byref(self.start), byref(self.settings), emf))

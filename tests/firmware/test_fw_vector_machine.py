@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from ctypes import byref
 from dataclasses import replace
@@ -13,10 +12,9 @@ from fluxlock.config import load_scenario
 from fluxlock.config.specs import inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.block import Value
-from fluxlock.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
+from fluxlock.firmware.vector_library import model_at, to_complex, vector_library
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
-from tests.firmware.test_fw_vector_observer import observer_gains
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
 
@@ -413,22 +411,3 @@ def test_joined_model_is_that_many_steps_of_one(periods: int) -> None:
         ):
             got = to_complex(getattr(model, name), 2**30)
             assert abs(got - want) < 1e-8 * (4 + periods), (name, hz)
-
-
-def test_late_voltage_gives_the_same_observer() -> None:
-    """The step without voltage and the voltage afterwards: the current of one step with it, to two units.
-
-    Verifies: VC-07
-    """
-    lib = vector_library()
-    m = Subspace()
-    gains = observer_gains(lib, m.machine(), m.speed_turn_q36(0.05))
-    one, two = Observer(), Observer()
-    for k in range(50):
-        i = from_complex(20_000 * cmath.exp(0.3j * k))
-        u = from_complex(5_000_000 * cmath.exp(-0.2j * k))
-        lib.emf_observer_step(byref(one), byref(gains), i, u)
-        lib.emf_observer_step(byref(two), byref(gains), i, Complex(0, 0))
-        lib.emf_observer_voltage(byref(two), byref(gains), u)
-        assert abs(to_complex(one.current_i_q25) - to_complex(two.current_i_q25)) < 20
-        assert abs(to_complex(one.emf_v_q25) - to_complex(two.emf_v_q25)) < 20

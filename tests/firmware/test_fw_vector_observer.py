@@ -107,7 +107,8 @@ def test_observer_follows_its_float_model(lib: ctypes.CDLL) -> None:
             i17 = Complex(rng.randint(-60_000, 60_000), rng.randint(-60_000, 60_000))
             u25 = Complex(rng.randint(-most_v, most_v), rng.randint(-most_v, most_v))
             i, u = to_complex(i17, unit_a / 256), to_complex(u25, unit_v)
-            lib.emf_observer_step(byref(observer), byref(gains), i17, u25)
+            lib.emf_observer_step(byref(observer), byref(gains), i17)
+            lib.emf_observer_voltage(byref(observer), byref(gains), u25)
             error = i - i_hat
             i_hat, e_hat = exact.step(i_hat, u, u_before, e_hat) + g1 * error, e_hat + g2 * error
             u_before = u
@@ -136,7 +137,7 @@ def test_observer_poles_are_the_chosen_ones(lib: ctypes.CDLL) -> None:
                 left = abs(to_complex(observer.emf_v_q25, 2**25 / m.full_scale_v) - emf) / abs(emf)
                 assert left == pytest.approx(pole**n * (1 + n * (1 - pole) / pole), abs=2e-4), (turns, pole, n)
                 i17 = from_complex(i, 2**17 / m.full_scale_a)
-                lib.emf_observer_step(byref(observer), byref(gains), i17, Complex(0, 0))
+                lib.emf_observer_step(byref(observer), byref(gains), i17)
                 i = plant.step(i, 0j, 0j, emf)
 
 
@@ -299,7 +300,8 @@ def run_sensorless(
         measured = from_complex(i / turn, unit_a)
         lib.complex_regulator_step(byref(regulator), byref(regulator_gains), reference, measured, 2**17 - 1)
         gains = observer_gains(lib, machine_observed, lib.pll_speed_turn_q36(byref(pll)))
-        lib.emf_observer_step(byref(observer), byref(gains), measured, regulator.voltage_v_q25)
+        lib.emf_observer_step(byref(observer), byref(gains), measured)
+        lib.emf_observer_voltage(byref(observer), byref(gains), regulator.voltage_v_q25)
         error = lib.pll_error_q30(observer.emf_v_q25, lib.pll_speed_turn_q36(byref(pll)), 10_000)
         lib.pll_step(byref(pll), byref(loop), m.period_cycles, error)
         before, u = u, to_complex(regulator.voltage_v_q25, unit_v) * turn

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from fluxlock.firmware.block import ParameterBlock
 from fluxlock.firmware.toolchain import build_host_library
-from fluxlock.memory import BLOCK_MAX_BYTES
+from fluxlock.memory import BLOCK_MAX_BYTES, TELEMETRY_MAX_BYTES
 from fluxlock.paths import GENERATED
 
 REGISTER_WORDS = 0x3800
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
-HANDLERS = ("control", "control_entry", "control_done", "trip", "uart", "load", "design", "idle")
+HANDLERS = ("control", "control_entry", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (
     *(
         "magic",
@@ -85,7 +85,7 @@ class HostFirmware:
         self.registers: NDArray[np.uint32] = np.ctypeslib.as_array(self.lib.fl_host_registers(), (REGISTER_WORDS,))
         self.auto_zero_offsets: NDArray[np.int32] = np.ctypeslib.as_array(self.lib.fl_host_auto_zero_offsets(), (13,))
         self._block = np.ctypeslib.as_array(self.lib.fl_host_parameter_block(), (BLOCK_MAX_BYTES,))
-        self._telemetry = np.ctypeslib.as_array(self.lib.fl_host_telemetry(), (BLOCK_MAX_BYTES,))
+        self._telemetry = np.ctypeslib.as_array(self.lib.fl_host_telemetry(), (TELEMETRY_MAX_BYTES,))
 
     def index(self, register: str, element: int = 0) -> int:
         """Index of a register in `registers`."""

@@ -17,7 +17,7 @@ from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
 # link.ld puts the state there at the latest and asserts the stack above it.
-IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - 0xB80
+IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - 0xD00
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 TARGET_FLAGS = (

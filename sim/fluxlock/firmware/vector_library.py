@@ -196,7 +196,7 @@ def vector_library() -> ctypes.CDLL:
         ("regulator_design", ctypes.c_bool, [POINTER, POINTER, POINTER, POINTER]),
         ("emf_observer_design", None, [POINTER, POINTER, POINTER, I32, I32]),
         ("emf_observer_preset", None, [POINTER, Complex, Complex, Complex]),
-        ("emf_observer_step", None, [POINTER, POINTER, Complex, Complex]),
+        ("emf_observer_step", None, [POINTER, POINTER, Complex]),
         ("emf_observer_voltage", None, [POINTER, POINTER, Complex]),
         ("pll_error_q30", I32, [Complex, I32, U32]),
         ("pll_error_from_q30", I32, [Complex, I32, U32, POINTER]),

@@ -4,6 +4,9 @@
   .globl _stack_top, _stack_bytes
   .set _stack_top, RAM_PARAMETER_BLOCK
   .set _stack_bytes, STACK_BYTES
+  .globl _state_offset, _telemetry_offset
+  .set _state_offset, STATE_OFFSET
+  .set _telemetry_offset, TELEMETRY_OFFSET
 
   .section .start, "ax"
   .globl _start

@@ -54,7 +54,8 @@ def _observe(
     """One step of the observer with gains for a speed."""
     gains, model = ObserverGains(), model_at(lib, machine, speed_turn_q36)
     lib.emf_observer_design(byref(gains), byref(machine), byref(model), round(POLE * Q30), round(POLE * Q30))
-    lib.emf_observer_step(byref(observer), byref(gains), current, voltage)
+    lib.emf_observer_step(byref(observer), byref(gains), current)
+    lib.emf_observer_voltage(byref(observer), byref(gains), voltage)
 
 
 def host_errors_deg(
