@@ -231,7 +231,7 @@ async def separator_finds_the_error(dut: Any, remove: int, degrees: float) -> No
         math.cos(error) ** 2 / TIAN.ld_h + math.sin(error) ** 2 / TIAN.lq_h,
         math.sin(2 * error) / 2 * TIAN.difference_h / (TIAN.ld_h * TIAN.lq_h),
     )
-    for s, (d, q) in results:
+    for _, (d, q) in results:
         assert abs(complex(d.real, q.real) / 2 / scale - expected) < 2 / scale, f"{d}, {q}, not {expected * scale * 2}"
     for s in tb.samples[8:]:
         if remove:
