@@ -13,10 +13,17 @@ from fluxlock.config import load_scenario
 from fluxlock.config.specs import inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.block import Value
-from fluxlock.firmware.vector_library import Complex, Observer, from_complex, model_at, to_complex, vector_library
+from fluxlock.firmware.vector_library import (
+    Complex,
+    Observer,
+    from_complex,
+    model_at,
+    observer_gains,
+    to_complex,
+    vector_library,
+)
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
-from tests.firmware.test_fw_vector_observer import observer_gains
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
 
