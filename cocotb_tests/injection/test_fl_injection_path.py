@@ -9,14 +9,12 @@ from typing import Any
 
 import cocotb
 import pytest
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import FULL_SCALE, SOURCES, TURN, Filter, pack, unpack
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 SPACING = 80  # clocks from update to update
 SAMPLE_CLOCKS = 3  # strobe to sample
 LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
@@ -86,33 +84,21 @@ class Sample:
     peak: int
 
 
-class TB:
+class TB(Bench):
     """The machine stands `error` ahead of the estimate; `strobes` samples an update; latencies are checked."""
 
     def __init__(self, dut: Any, error: float, period_s: float, strobes: int = 1) -> None:
-        self.dut = dut
+        super().__init__(dut)
         self.error = error
         self.strobes = strobes
         self.machine = ExactHfCurrent(TIAN, 0.0, period_s / strobes)
         self.acting = 0.0
         self.samples: list[Sample] = []
 
-    async def clocks(self, n: int) -> None:
-        if n:
-            await Timer(n * CLOCK_NS, "ns")
-
     async def start(self, settings: Settings) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        for port in (dut.clear_i, dut.update_i, dut.second_i, dut.strobe_i, dut.sample_valid_i, dut.current_i):
-            port.value = 0
-        dut.settings_i.value = settings.bits
         self.settings = settings
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await self.clocks(3)
-        dut.rst_i.value = 0
-        await self.clocks(1)
+        ports = ("clear_i", "update_i", "second_i", "strobe_i", "sample_valid_i", "current_i")
+        await self.reset(*ports, settings_i=settings.bits)
 
     def voltage(self) -> float:
         """Voltage on the estimated d axis (V); the other axes carry none."""
