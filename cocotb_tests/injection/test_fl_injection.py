@@ -7,43 +7,28 @@ from typing import Any
 
 import cocotb
 import pytest
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import FULL_SCALE, TURN, pack, square, unpack
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 SOURCES = ["injection/fl_injection_pkg.sv", "injection/fl_injection.sv"]
 
 
-class TB:
+class TB(Bench):
     """Updates with `spacing` clocks between them; `double`: every second one is a carrier's middle."""
 
     def __init__(self, dut: Any) -> None:
-        self.dut = dut
+        super().__init__(dut)
         self.axes = len(dut.voltage_o.value) // 18
         self.amplitude = [0] * self.axes
         self.double = 0
         self.second = 1
         self.spacing = 6
 
-    async def clocks(self, n: int) -> None:
-        if n:
-            await Timer(n * CLOCK_NS, "ns")
-
     async def start(self) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        for port in (dut.update_i, dut.second_i, dut.strobe_i, dut.enable_i, dut.first_i, dut.delay_i, dut.rate_i):
-            port.value = 0
-        dut.period_i.value = 2
-        dut.amplitude_i.value = 0
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await self.clocks(3)
-        dut.rst_i.value = 0
-        await self.clocks(1)
+        ports = ("update_i", "second_i", "strobe_i", "enable_i", "first_i", "delay_i", "rate_i", "amplitude_i")
+        await self.reset(*ports, period_i=2)
 
     def configure(self, period: int, first: int, delay: int = 0, rate: int = 0) -> None:
         dut = self.dut
@@ -204,6 +189,6 @@ def test_bad_settings_are_asserted(capfd: pytest.CaptureFixture[str]) -> None:
 
     Verifies: INJ-10
     """
-    with pytest.raises(BaseException):  # noqa: B017 - whatever the runner makes of a simulator that stopped
+    with pytest.raises(AssertionError):
         run_block_test("fl_injection", SOURCES, "cocotb_tests.injection.bad_settings", parameters={"Subspaces": 1})
     assert "period from 2, first and delay below it" in "".join(capfd.readouterr())

@@ -9,14 +9,12 @@ from typing import Any
 
 import cocotb
 import pytest
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import FULL_SCALE, SOURCES, TURN, Filter, pack, unpack
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 SPACING = 80  # clocks from update to update
 SAMPLE_CLOCKS = 3  # strobe to sample
 LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
@@ -86,33 +84,21 @@ class Sample:
     peak: int
 
 
-class TB:
+class TB(Bench):
     """The machine stands `error` ahead of the estimate; `strobes` samples an update; latencies are checked."""
 
     def __init__(self, dut: Any, error: float, period_s: float, strobes: int = 1) -> None:
-        self.dut = dut
+        super().__init__(dut)
         self.error = error
         self.strobes = strobes
         self.machine = ExactHfCurrent(TIAN, 0.0, period_s / strobes)
         self.acting = 0.0
         self.samples: list[Sample] = []
 
-    async def clocks(self, n: int) -> None:
-        if n:
-            await Timer(n * CLOCK_NS, "ns")
-
     async def start(self, settings: Settings) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        for port in (dut.clear_i, dut.update_i, dut.second_i, dut.strobe_i, dut.sample_valid_i, dut.current_i):
-            port.value = 0
-        dut.settings_i.value = settings.bits
         self.settings = settings
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await self.clocks(3)
-        dut.rst_i.value = 0
-        await self.clocks(1)
+        ports = ("clear_i", "update_i", "second_i", "strobe_i", "sample_valid_i", "current_i")
+        await self.reset(*ports, settings_i=settings.bits)
 
     def voltage(self) -> float:
         """Voltage on the estimated d axis (V); the other axes carry none."""
@@ -187,10 +173,10 @@ async def methods_find_the_error(dut: Any, case: tuple[int, int, int], degrees: 
     await tb.start(settings)
     for _ in range(800 if method != IQ else 250):
         await tb.update(fundamental=1 + 3j)
-    results = [s for s in tb.samples if s.result]
-    d, q = results[-1].result  # type: ignore[misc]
+    results = [(s.count, s.result) for s in tb.samples if s.result is not None]
+    d, q = results[-1][1]
     if method == IQ:
-        assert {s.count for s in results} == {40 * strobes} and len(results) >= 4
+        assert {count for count, _ in results} == {40 * strobes} and len(results) >= 4
         ratio = q / d
     else:
         assert len(results) == len(tb.samples)
@@ -199,10 +185,11 @@ async def methods_find_the_error(dut: Any, case: tuple[int, int, int], degrees: 
     assert abs(ratio - expected) < 0.01 * abs(expected), f"{ratio} not {expected}"
     # In the last period: hf is the triangle's fundamental, what goes to the regulators the rest.
     last = tb.samples[-40 * strobes :]
-    assert all(s.regulated == s.current - s.hf for s in last)
+    regulated = [s.regulated for s in last if s.regulated is not None]
+    assert regulated == [s.current - s.hf for s in last]
     if strobes == 1:
         swing = max(s.current.real for s in last) - min(s.current.real for s in last)
-        left = max(s.regulated.real for s in last) - min(s.regulated.real for s in last)  # type: ignore[union-attr]
+        left = max(i.real for i in regulated) - min(i.real for i in regulated)
         assert left < 0.25 * swing, f"{left} of {swing} left"
     assert int(dut.overrun_o.value) == 0 and int(dut.clipped_o.value) == 0
 
@@ -222,15 +209,15 @@ async def separator_finds_the_error(dut: Any, remove: int, degrees: float) -> No
     for _ in range(40):
         await tb.update(fundamental)
     scale = FULL_SCALE / CURRENT_SCALE_A
-    results = [s for s in tb.samples[8:] if s.result]
-    assert [s.peak for s in results] == [k % 2 ^ results[0].peak for k in range(len(results))] and len(results) == 16
+    results = [(s, s.result) for s in tb.samples[8:] if s.result is not None]
+    peaks = [s.peak for s, _ in results]
+    assert peaks == [k % 2 ^ peaks[0] for k in range(16)]
     volt_seconds = U_V * t_s
     expected = volt_seconds * complex(
         math.cos(error) ** 2 / TIAN.ld_h + math.sin(error) ** 2 / TIAN.lq_h,
         math.sin(2 * error) / 2 * TIAN.difference_h / (TIAN.ld_h * TIAN.lq_h),
     )
-    for s in results:
-        d, q = s.result  # type: ignore[misc]
+    for _, (d, q) in results:
         assert abs(complex(d.real, q.real) / 2 / scale - expected) < 2 / scale, f"{d}, {q}, not {expected * scale * 2}"
     for s in tb.samples[8:]:
         if remove:

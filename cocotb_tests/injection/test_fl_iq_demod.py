@@ -8,40 +8,18 @@ import random
 from typing import Any
 
 import cocotb
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, IqBits, Pair, pack, unpack
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 BUSY_CLOCKS = 7
 
 
-class TB:
-    def __init__(self, dut: Any) -> None:
-        self.dut = dut
-
-    async def clocks(self, n: int) -> None:
-        if n:
-            await Timer(n * CLOCK_NS, "ns")
-
+class TB(Bench):
     async def start(self) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        for port in (dut.start_i, dut.clear_i, dut.current_i, dut.phase_i, dut.cosine_i, dut.sine_value_i, dut.sine_i):
-            port.value = 0
-        dut.period_i.value = 4
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await self.clocks(3)
-        dut.rst_i.value = 0
-        await self.clocks(1)
-
-    async def clear(self) -> None:
-        self.dut.clear_i.value = 1
-        await self.clocks(1)
-        self.dut.clear_i.value = 0
+        ports = ("start_i", "clear_i", "current_i", "phase_i", "cosine_i", "sine_value_i", "sine_i")
+        await self.reset(*ports, period_i=4)
 
     async def sample(
         self, current: Pair, phase: int, cosine: int = 0, sine: int = 0, gap: int = 0

@@ -8,14 +8,12 @@ import random
 from typing import Any
 
 import cocotb
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, Filter, LockInBits, Pair, pack, unpack
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, LockIn
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 LATENCY = 25
 REFERENCE_LATENCY = 11
 
@@ -24,14 +22,7 @@ FS_HZ, F0_HZ, LOW_HZ, K_BAND, K_LOW = 10_300.0, 257.5, 51.5, 0.45, math.sqrt(2)
 CURRENT_SCALE_A = 20.0
 
 
-class TB:
-    def __init__(self, dut: Any) -> None:
-        self.dut = dut
-
-    async def clocks(self, n: int) -> None:
-        if n:
-            await Timer(n * CLOCK_NS, "ns")
-
+class TB(Bench):
     def configure(self, model: LockInBits) -> None:
         dut = self.dut
         dut.sine_i.value = model.sine
@@ -41,20 +32,8 @@ class TB:
         dut.shift_i.value = model.shift
 
     async def start(self, model: LockInBits) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        dut.start_i.value = dut.clear_i.value = dut.current_i.value = dut.reference_i.value = 0
         self.configure(model)
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await self.clocks(3)
-        dut.rst_i.value = 0
-        await self.clocks(1)
-
-    async def clear(self) -> None:
-        self.dut.clear_i.value = 1
-        await self.clocks(1)
-        self.dut.clear_i.value = 0
+        await self.reset("start_i", "clear_i", "current_i", "reference_i")
 
     async def run(self, current: Pair, reference: int = 0) -> tuple[Pair, int, int]:
         """One sample: hf, error, magnitude; checks the latency and when the inputs are taken."""

@@ -6,39 +6,22 @@ import random
 from typing import Any
 
 import cocotb
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, Timer
 
+from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import FULL_SCALE, Pair, pack, unpack
 from fluxlock.cosim.block import run_block_test
 
-CLOCK_NS = 20
 
-
-class TB:
-    def __init__(self, dut: Any) -> None:
-        self.dut = dut
-
+class TB(Bench):
     async def start(self) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        dut.valid_i.value = dut.clear_i.value = dut.current_i.value = dut.phase_i.value = 0
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await Timer(3 * CLOCK_NS, "ns")
-        dut.rst_i.value = 0
-
-    async def clear(self) -> None:
-        self.dut.clear_i.value = 1
-        await Timer(CLOCK_NS, "ns")
-        self.dut.clear_i.value = 0
+        await self.reset("valid_i", "clear_i", "current_i", "phase_i")
 
     async def sample(self, current: Pair, phase: int) -> tuple[list[int], list[int], int] | None:
         """One sample; hf, amplitude and peak if it brings new ones. Checks the fundamental."""
         dut = self.dut
         before = unpack(int(dut.fundamental_o.value), 18, 2)
         dut.current_i.value, dut.phase_i.value, dut.valid_i.value = pack(current, 18), phase, 1
-        await Timer(CLOCK_NS, "ns")
+        await self.clocks(1)
         dut.valid_i.value = 0
         fundamental = unpack(int(dut.fundamental_o.value), 18, 2)
         assert int(dut.fundamental_valid_o.value) == (phase % 2 == 0)
@@ -68,7 +51,7 @@ async def separation_is_exact(dut: Any) -> None:
             await tb.clear()
             history.clear()
         if rng.random() < 0.1:
-            await Timer(rng.randrange(1, 4) * CLOCK_NS, "ns")
+            await tb.clocks(rng.randrange(1, 4))
         phase = (phase + (1 if rng.random() < 0.95 else rng.randrange(4))) % 4
         current = (draw(rng), draw(rng))
         if history and phase != (history[-1][0] + 1) % 4:

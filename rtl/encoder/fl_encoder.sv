@@ -9,9 +9,7 @@
 // Latency: pin to position_o cfg_filter_i (at least 1) + Latency clocks. Tracks closer than cfg_filter_i are one change.
 `default_nettype none
 module fl_encoder #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3  // and the filter
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic        clk_i,
     input logic        rst_i,

@@ -8,9 +8,7 @@
 module fl_ratio #(
     parameter  int unsigned WholeBits = 20,
     parameter  int unsigned RatioBits = 17,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency   = (RatioBits + 2) / 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                 clk_i,
     input  logic                 rst_i,

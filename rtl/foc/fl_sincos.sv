@@ -11,9 +11,7 @@ module fl_sincos
   import fl_sine_pkg::*;
 #(
     parameter  int unsigned Width   = 18,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                    clk_i,
     input  logic                    rst_i,

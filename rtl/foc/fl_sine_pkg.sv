@@ -7,7 +7,6 @@ package fl_sine_pkg;
     logic [13:0] rise;
   } sine_line_t;
 
-  // verilator lint_off UNUSEDPARAM
   localparam logic [35:0] SineLines[512] = '{
     36'h000003244, 36'h00c913244, 36'h019223244, 36'h025b2f243, 36'h03243f243, 36'h03ed47242, 36'h04b64f241,
     36'h057f57241, 36'h064857240, 36'h07115723e, 36'h07da5323d, 36'h08a34723c, 36'h096c3723a, 36'h0a351f239,
@@ -84,6 +83,5 @@ package fl_sine_pkg;
     36'hffec4c128, 36'hfff0ec101, 36'hfff4f00d9, 36'hfff8540b2, 36'hfffb1c08a, 36'hfffd44063, 36'hfffed003b,
     36'hffffbc010
   };
-  // verilator lint_on UNUSEDPARAM
 
 endpackage

@@ -6,9 +6,7 @@
 `default_nettype none
 module fl_sqrt #(
     parameter  int unsigned RootBits = 20,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency  = (RootBits + 2) / 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                  clk_i,
     input  logic                  rst_i,

@@ -9,9 +9,7 @@
 module fl_injection_mac
   import fl_injection_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic clk_i,
     input  logic rst_i,

@@ -25,12 +25,10 @@ module fl_injection_path
   import fl_injection_pkg::*;
 #(
     parameter int unsigned Subspaces = 2,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned LockInLatency = 26,
     localparam int unsigned IqLatency = 27,
     localparam int unsigned SeparatorLatency = 2,
     localparam int unsigned BusyClocks = 33
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic clk_i,
     input logic rst_i,

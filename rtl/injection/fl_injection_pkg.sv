@@ -6,9 +6,7 @@ package fl_injection_pkg;
   import fl_pkg::sample_t;
 
   localparam int unsigned PhaseBits = 12;
-  // verilator lint_off UNUSEDPARAM
   localparam int unsigned FineShift = 5;
-  // verilator lint_on UNUSEDPARAM
 
   typedef logic [PhaseBits-1:0] phase_t;  // updates since the rising edge of the square wave
   typedef logic signed [23:0] state_t;

@@ -21,9 +21,7 @@ module fl_iq_demod
   import fl_pkg::sample_t;
   import fl_injection_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 1,
-    // verilator lint_on UNUSEDPARAM
     localparam int unsigned BusyClocks = 7
 ) (
     input logic clk_i,

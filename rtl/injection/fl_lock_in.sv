@@ -24,9 +24,7 @@ module fl_lock_in
   import fl_pkg::sat_sample;
   import fl_injection_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned ReferenceLatency = 11,
-    // verilator lint_on UNUSEDPARAM
     localparam int unsigned Latency = 25
 ) (
     input logic clk_i,

@@ -13,9 +13,7 @@
 module fl_separator
   import fl_pkg::sample_t;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 1
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic clk_i,
     input logic rst_i,

@@ -23,9 +23,7 @@
 `default_nettype none
 module fl_leg_carrier #(
     parameter int unsigned Phases = 3,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned ValidToUpdateCycles = 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                    clk_i,
     input  logic                    rst_i,

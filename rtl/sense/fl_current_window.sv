@@ -23,11 +23,9 @@ module fl_current_window
   import fl_pkg::*;
 #(
     parameter int unsigned Phases = 3,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned StartToWindowCycles = 1,
     localparam int unsigned MeanLatency = 8,
     localparam int unsigned SingleLatency = 1
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                  clk_i,
     input  logic                  rst_i,

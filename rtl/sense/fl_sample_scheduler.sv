@@ -12,9 +12,7 @@
 module fl_sample_scheduler
   import fl_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned StartToStrobeCycles = 1
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic               clk_i,
     input  logic               rst_i,

@@ -24,10 +24,8 @@ module fl_sense
 #(
     parameter int unsigned Phases = 3,
     localparam int unsigned Channels = 2 * Phases + 3,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = Channels + 4,  // clocks from adc_valid_i to sample_valid_o
     localparam int unsigned CurrentLatency = Phases + 4  // to current_valid_o
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic clk_i,
     input logic rst_i,

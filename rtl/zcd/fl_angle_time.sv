@@ -14,10 +14,8 @@
 // replaces it (the divider is aborted with it).
 `default_nettype none
 module fl_angle_time #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency          = 25,
     localparam int unsigned SaturatedLatency = 6
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic        clk_i,
     input  logic        rst_i,

@@ -46,11 +46,9 @@
 module fl_commutation_timer
   import fl_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned CrossingLatency   = 7,
     localparam int unsigned CorrectionLatency = 10,
     localparam int unsigned HallLatency       = 10
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic   clk_i,
     input logic   rst_i,

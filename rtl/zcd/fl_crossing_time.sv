@@ -18,10 +18,8 @@
 module fl_crossing_time
   import fl_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned BackLatency    = 27,
     localparam int unsigned AverageLatency = 20 + 8 * 27 + 2
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic   clk_i,
     input logic   rst_i,

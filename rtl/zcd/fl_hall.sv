@@ -16,9 +16,7 @@
 module fl_hall
   import fl_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3  // and the filter
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic               clk_i,
     input logic               rst_i,

@@ -9,9 +9,7 @@
 module fl_interpolator #(
     parameter  int unsigned TimeBits  = 16,
     parameter  int unsigned ValueBits = 17,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency   = TimeBits + 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                 clk_i,
     input  logic                 rst_i,

@@ -21,9 +21,7 @@
 module fl_interval_meter
   import fl_pkg::*;
 #(
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned Latency = 3
-    // verilator lint_on UNUSEDPARAM
 ) (
     input  logic                 clk_i,
     input  logic                 rst_i,

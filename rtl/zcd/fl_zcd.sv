@@ -35,12 +35,10 @@ module fl_zcd
 #(
     parameter  int unsigned Phases              = 3,
     localparam int unsigned Channels            = 2 * Phases + 3,
-    // verilator lint_off UNUSEDPARAM
     localparam int unsigned DirectLatency       = 5,
     localparam int unsigned InterpolatedLatency = 23,
     localparam int unsigned BackLatency         = 30,
     localparam int unsigned MeanLatency         = 2
-    // verilator lint_on UNUSEDPARAM
 ) (
     input logic   clk_i,
     input logic   rst_i,

@@ -211,7 +211,6 @@ def test_idle_time_leaves_out_what_interrupts(ready: Bench) -> None:
 
     Verifies: FW-24
     """
-
     now = 1_000_000
 
     def poll(*rounds: int) -> None:

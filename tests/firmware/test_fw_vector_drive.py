@@ -22,11 +22,12 @@ from fluxlock.firmware.vector_library import (
     RegulatorGains,
     from_complex,
     model_at,
+    observer_gains,
+    pll_gains,
     real_gain,
     to_complex,
     vector_library,
 )
-from tests.firmware.test_fw_vector_observer import observer_gains, pll_gains
 from tests.firmware.vector_float import CLOCK_HZ, GAMMA, C, Subspace, float_model
 
 Q30, Q32, Q36 = 2**30, 2**32, 2**36

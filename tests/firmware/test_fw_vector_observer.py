@@ -14,16 +14,15 @@ import pytest
 from fluxlock.firmware.vector_library import (
     Complex,
     ComplexRegulator,
-    Machine,
     Observer,
-    ObserverGains,
     Pll,
     PllGains,
     RegulatorDesign,
     RegulatorGains,
     from_complex,
     model_at,
-    real_gain,
+    observer_gains,
+    pll_gains,
     to_complex,
     vector_library,
 )
@@ -33,7 +32,6 @@ SEED = 22
 Q30 = 2**30
 Q32 = 2**32
 MOTOR_1 = Subspace()
-POLE = 0.7
 # Delay of the plant, delay in the observer, error theta^ - theta in degrees at 750 and 1500 Hz, forward.
 WRONG_DELAYS = (
     (0.25, 0.0, 4.63, 9.06),
@@ -49,29 +47,6 @@ WRONG_DELAYS = (
 def lib() -> ctypes.CDLL:
     """The host library with the prototypes of the vector functions."""
     return vector_library()
-
-
-def observer_gains(
-    lib: ctypes.CDLL, machine: Machine, speed: int, pole1: float = POLE, pole2: float = POLE
-) -> ObserverGains:
-    """Gains of the observer for two real poles."""
-    gains = ObserverGains()
-    model = model_at(lib, machine, speed)
-    lib.emf_observer_design(byref(gains), byref(machine), byref(model), round(pole1 * Q30), round(pole2 * Q30))
-    return gains
-
-
-def pll_gains(pole: float, period_cycles: int, order: int = 2) -> PllGains:
-    """All poles of the loop at `pole`, order 2 or 3."""
-    q = 1 - pole
-    k_p, k_i, k_a = (2 * q, q**2, 0.0) if order == 2 else (3 * q, 3 * q**2, q**3)
-    per_turn = Q30 / (2 * math.pi) / period_cycles
-    return PllGains(
-        real_gain(k_p * Q32 / (2 * math.pi * Q30)),
-        real_gain(k_i * per_turn),
-        real_gain(k_a * per_turn),
-        round(0.45 / period_cycles * 2**36),
-    )
 
 
 def angle_error_deg(estimate_q32: int, exact_turn: float) -> float:

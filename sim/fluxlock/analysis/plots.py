@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -279,64 +280,47 @@ def _save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=DPI, metadata={"Software": None})
 
 
-def _stack(title: str, heights: tuple[float, ...], height: float) -> tuple[Figure, list[Any]]:
+def _draw(page: _Page, title: str, height: float, *panels: tuple[float, Callable[[Axes, _Page], None]]) -> Figure:
+    """Panels with their relative heights above one another, over time."""
     figure = Figure(figsize=(13, height), layout="constrained")
     figure.suptitle(title)
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    return figure, [figure.add_subplot(grid[i]) for i in range(len(heights))]
+    grid = figure.add_gridspec(len(panels), 1, height_ratios=[share for share, _ in panels])
+    for i, (_, draw) in enumerate(panels):
+        draw(figure.add_subplot(grid[i]), page)
+    figure.axes[-1].set_xlabel("time / ms")
+    return figure
 
 
 def overview_page(analysis: Analysis, scenario: Scenario) -> Figure:
     """Speed and errors of the whole run, then voltages, currents and gates of the zoomed span."""
     page = _Page(analysis, scenario)
-    figure, axes = _stack(_title(page), (1.1, 1.0, 1.3, 1.1, 1.0), 17)
-    _speed(axes[0], page)
-    _errors(axes[1], page)
-    _voltages(axes[2], page)
-    _currents(axes[3], page)
-    _gates(axes[4], page)
-    axes[4].set_xlabel("time / ms")
-    axes[2].set_title("zoomed span; dotted lines: commutations", fontsize=10, loc="left")
+    panels = (1.1, _speed), (1.0, _errors), (1.3, _voltages), (1.1, _currents), (1.0, _gates)
+    figure = _draw(page, _title(page), 17, *panels)
+    figure.axes[2].set_title("zoomed span; dotted lines: commutations", fontsize=10, loc="left")
     return figure
 
 
 def zoom_page(analysis: Analysis, scenario: Scenario) -> Figure:
     """The zoomed span: each terminal voltage, currents, torque, gates."""
     page = _Page(analysis, scenario)
-    figure, axes = _stack(f"{_title(page)}, zoomed span", (1.0, 1.0, 1.0, 1.3, 0.8, 1.2), 18)
-    for phase in range(3):
-        _voltages(axes[phase], page, (phase,))
-    _currents(axes[3], page)
-    _torque(axes[4], page)
-    _gates(axes[5], page)
-    axes[5].set_xlabel("time / ms")
-    return figure
+    voltages = [(1.0, partial(_voltages, phases=(phase,))) for phase in range(3)]
+    return _draw(page, f"{_title(page)}, zoomed span", 18, *voltages, (1.3, _currents), (0.8, _torque), (1.2, _gates))
 
 
 def vector_overview_page(analysis: Analysis, scenario: Scenario) -> Figure:
     """Speed, angle error, i_d and i_q of the whole run, then the phase currents of the zoomed span."""
     page = _Page(analysis, scenario)
-    figure, axes = _stack(_title(page), (1.1, 1.0, 1.0, 1.1), 14)
-    _speed(axes[0], page)
-    _angle_errors(axes[1], page)
-    _dq_of_run(axes[2], page)
-    _currents(axes[3], page)
-    axes[3].set_xlabel("time / ms")
-    axes[3].set_title("zoomed span", fontsize=10, loc="left")
+    panels = (1.1, _speed), (1.0, _angle_errors), (1.0, _dq_of_run), (1.1, _currents)
+    figure = _draw(page, _title(page), 14, *panels)
+    figure.axes[3].set_title("zoomed span", fontsize=10, loc="left")
     return figure
 
 
 def vector_zoom_page(analysis: Analysis, scenario: Scenario) -> Figure:
     """The zoomed span: angle error, phase currents, i_d and i_q, torque, gates."""
     page = _Page(analysis, scenario)
-    figure, axes = _stack(f"{_title(page)}, zoomed span", (1.0, 1.3, 1.1, 0.8, 1.2), 16)
-    _angle_errors_zoomed(axes[0], page)
-    _currents(axes[1], page)
-    _dq_zoomed(axes[2], page)
-    _torque(axes[3], page)
-    _gates(axes[4], page)
-    axes[4].set_xlabel("time / ms")
-    return figure
+    panels = (1.0, _angle_errors_zoomed), (1.3, _currents), (1.1, _dq_zoomed), (0.8, _torque), (1.2, _gates)
+    return _draw(page, f"{_title(page)}, zoomed span", 16, *panels)
 
 
 def write_plots(out_dir: Path, analysis: Analysis, scenario: Scenario) -> list[Path]:

@@ -38,9 +38,9 @@ def first_guess(plate: NamePlate, inverter: Inverter) -> Motor:
     return Motor(
         name=plate.name,
         pole_pairs=plate.pole_pairs,
-        resistance_ohm=RESISTANCE_SHARE * impedance,  # type: ignore[arg-type]
-        inductance_h=REACTANCE_SHARE * impedance / plate.omega_max,  # type: ignore[arg-type]
-        psi_vs=psi,  # type: ignore[arg-type]
+        resistance_ohm=(RESISTANCE_SHARE * impedance,) * 3,
+        inductance_h=(REACTANCE_SHARE * impedance / plate.omega_max,) * 3,
+        psi_vs=(psi,) * 3,
         emf="sinusoidal",
         inertia_kgm2=torque * START_S / (plate.omega_max / plate.pole_pairs),
         rated_current_a=plate.rated_current_a,

@@ -36,7 +36,7 @@ def run_block_test(
     seed: int | None = None,
     waves: bool = False,
 ) -> None:
-    """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails.
+    """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails or the RTL stops.
 
     sources: RTL files relative to `rtl/` (or absolute); `rtl/pkg/fl_pkg.sv` comes first by itself.
     test_module: dotted name below the repository root, e.g. `cocotb_tests.zcd.test_fl_zcd` (usually `__name__`).
@@ -84,23 +84,26 @@ def run_block_test(
                 )
                 (build_dir / ".done").touch()
         runner = get_runner("verilator")
-        results = runner.test(
-            test_module=test_module,
-            hdl_toplevel=toplevel,
-            hdl_toplevel_lang="verilog",
-            build_dir=build_dir,
-            test_dir=run_dir,
-            testcase=testcase,
-            seed=seed,
-            waves=waves,
-            timescale=("1ns", "1ns"),
-            results_xml=str(run_dir / "results.xml"),
-            extra_env={
-                "PYTHONPATH": str(ROOT),
-                "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
-                **(extra_env or {}),
-            },
-        )
+        try:
+            results = runner.test(
+                test_module=test_module,
+                hdl_toplevel=toplevel,
+                hdl_toplevel_lang="verilog",
+                build_dir=build_dir,
+                test_dir=run_dir,
+                testcase=testcase,
+                seed=seed,
+                waves=waves,
+                timescale=("1ns", "1ns"),
+                results_xml=str(run_dir / "results.xml"),
+                extra_env={
+                    "PYTHONPATH": str(ROOT),
+                    "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
+                    **(extra_env or {}),
+                },
+            )
+        except (SystemExit, RuntimeError) as stop:
+            raise AssertionError(f"{test_module} failed, or its simulation stopped: {stop}") from stop
     finally:
         os.environ.clear()
         os.environ.update(saved)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 
 from fluxlock.firmware import build_host_library, gain
 from fluxlock.firmware.control_library import Gain, PiResult
@@ -173,6 +174,29 @@ def model_at(lib: ctypes.CDLL, machine: Machine, speed_turn_q36: int) -> Model:
     lib.vector_plant(ctypes.byref(plant), ctypes.byref(machine))
     lib.vector_model(ctypes.byref(model), ctypes.byref(plant), speed_turn_q36)
     return model
+
+
+def observer_gains(
+    lib: ctypes.CDLL, machine: Machine, speed_turn_q36: int, pole1: float = 0.7, pole2: float = 0.7
+) -> ObserverGains:
+    """The firmware's gains of the observer for two real poles."""
+    gains, model = ObserverGains(), model_at(lib, machine, speed_turn_q36)
+    poles = round(pole1 * 2**30), round(pole2 * 2**30)
+    lib.emf_observer_design(ctypes.byref(gains), ctypes.byref(machine), ctypes.byref(model), *poles)
+    return gains
+
+
+def pll_gains(pole: float, period_cycles: int, order: int = 2) -> PllGains:
+    """Phase-locked loop with all its poles at `pole`, order 2 or 3; its speed is limited to 0.45 turns a period."""
+    q = 1 - pole
+    k_p, k_i, k_a = (2 * q, q**2, 0.0) if order == 2 else (3 * q, 3 * q**2, q**3)
+    per_turn = 2**30 / (2 * math.pi) / period_cycles
+    return PllGains(
+        real_gain(k_p * 2**32 / (2 * math.pi * 2**30)),
+        real_gain(k_i * per_turn),
+        real_gain(k_a * per_turn),
+        round(0.45 / period_cycles * 2**36),
+    )
 
 
 def vector_library() -> ctypes.CDLL:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import ctypes
 import math
 from ctypes import byref
 
@@ -13,13 +12,13 @@ from fluxlock.firmware.vector_library import (
     ComplexRegulator,
     Machine,
     Observer,
-    ObserverGains,
     Pll,
-    PllGains,
     RegulatorDesign,
     RegulatorGains,
     from_complex,
     model_at,
+    observer_gains,
+    pll_gains,
     real_gain,
     to_complex,
     vector_library,
@@ -41,23 +40,6 @@ def _firmware_machine(machine: SmoothMachine, period_cycles: int, delay: float) 
     return Machine(round(rate * period_s * Q30), round(delay * Q30), *gains, period_cycles, 1, 0)
 
 
-def _loop(period_cycles: int) -> PllGains:
-    """Second-order loop with both poles at PLL_POLE."""
-    q, per_turn = 1.0 - PLL_POLE, Q30 / (2 * math.pi) / period_cycles
-    angle = real_gain(2 * q * Q32 / (2 * math.pi * Q30))
-    return PllGains(angle, real_gain(q * q * per_turn), real_gain(0.0), round(0.45 / period_cycles * Q36))
-
-
-def _observe(
-    lib: ctypes.CDLL, machine: Machine, observer: Observer, speed_turn_q36: int, current: Complex, voltage: Complex
-) -> None:
-    """One step of the observer with gains for a speed."""
-    gains, model = ObserverGains(), model_at(lib, machine, speed_turn_q36)
-    lib.emf_observer_design(byref(gains), byref(machine), byref(model), round(POLE * Q30), round(POLE * Q30))
-    lib.emf_observer_step(byref(observer), byref(gains), current)
-    lib.emf_observer_voltage(byref(observer), byref(gains), voltage)
-
-
 def host_errors_deg(
     machine: SmoothMachine, period_cycles: int, delay: float, believed: float, speed_hz: float, current: complex
 ) -> list[float]:
@@ -75,7 +57,7 @@ def host_errors_deg(
     model = model_at(lib, told, speed_q36)
     assert lib.regulator_design(byref(gains), byref(design), byref(told), byref(model))
     u = complex(-plant.gamma_e * back / plant.gamma)
-    regulator, observer, pll, loop = ComplexRegulator(), Observer(), Pll(), _loop(period_cycles)
+    regulator, observer, pll, loop = ComplexRegulator(), Observer(), Pll(), pll_gains(PLL_POLE, period_cycles)
     lib.complex_regulator_preset(byref(regulator), from_complex(u, unit_v), Complex(0, 0))
     lib.emf_observer_preset(byref(observer), Complex(0, 0), from_complex(back, unit_v), from_complex(u, unit_v))
     lib.pll_preset(byref(pll), 0, speed_q36)
@@ -86,7 +68,9 @@ def host_errors_deg(
         turn = cmath.exp(2j * math.pi * ahead)
         measured = from_complex(i / turn, unit_a)
         lib.complex_regulator_step(byref(regulator), byref(gains), reference, measured, 2**17 - 1)
-        _observe(lib, told, observer, lib.pll_speed_turn_q36(byref(pll)), measured, regulator.voltage_v_q25)
+        observing = observer_gains(lib, told, lib.pll_speed_turn_q36(byref(pll)), POLE, POLE)
+        lib.emf_observer_step(byref(observer), byref(observing), measured)
+        lib.emf_observer_voltage(byref(observer), byref(observing), regulator.voltage_v_q25)
         error = lib.pll_error_q30(observer.emf_v_q25, lib.pll_speed_turn_q36(byref(pll)), MINIMUM_V_Q25)
         lib.pll_step(byref(pll), byref(loop), period_cycles, error)
         before, u = u, to_complex(regulator.voltage_v_q25, unit_v) * turn
