@@ -768,7 +768,8 @@ async def core_regulates_directly(dut: Any) -> None:
             r.bound(wanted[s])
             assert (got.current[s], got.state[s]) == (currents[s], r.state), f"step {step}, subspace {s}"
             exact = park(tb.current(strobe), got.theta_sample, 1 + 2 * s)
-            assert abs(complex(*currents[s]) - exact) <= 1.5
+            for value, real in zip(currents[s], (exact.real, exact.imag), strict=True):
+                assert abs(value - max(-FULL_SCALE, min(FULL_SCALE - 1, real))) <= 1.1
         # One step in five was late, each has missed its update.
         if missed is not None:
             assert got.missed - missed == (1 if step % 5 == 0 else 0), f"step {step}"

@@ -211,7 +211,7 @@ async def vector_path_drives_the_gates(dut: Any) -> None:
     assert times["vector_update"] == updates
     # The pins follow one clock after the update, the samples lie 100 clocks after the pins.
     assert times["adc_strobe_o"] == [t + 101 for t in updates]
-    ticks = [t + 101 + CONVERSION + 87 for t in updates]
+    ticks = [t + 101 + CONVERSION + 73 for t in updates]
     assert times["tick"] in (ticks[0::2], ticks[1::2]), f"{times['tick']}, every second of {ticks}"
     for leg, width in enumerate((614, 386, 386)):
         for gate, clocks in ((0, width - dead), (1, period - width - dead)):
