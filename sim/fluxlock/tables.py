@@ -66,11 +66,9 @@ package fl_sine_pkg;
     logic [13:0] rise;
   }} sine_line_t;
 
-  // verilator lint_off UNUSEDPARAM
   localparam logic [35:0] SineLines[{SINE_LINES}] = '{{
 {body}
   }};
-  // verilator lint_on UNUSEDPARAM
 
 endpackage
 """

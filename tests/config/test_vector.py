@@ -115,13 +115,13 @@ def test_keys_of_vector_with_six_step() -> None:
         ),
         (
             ["drive.vector.delay=0.05"],
-            "drive.vector.delay: 0.05 is shorter than what the chip needs: window, conversion, 100 clocks and the way "
-            "to the gates take 0.100 of T_s = 25 us, permitted 0.1 to 1",
+            "drive.vector.delay: 0.05 is shorter than what the chip needs: window, conversion, 80 clocks and the way "
+            "to the gates take 0.084 of T_s = 25 us, permitted 0.084 to 1",
         ),
         (
             ["drive.vector.window=carrier", "drive.vector.delay=0.55"],
-            "drive.vector.delay: 0.55 is shorter than what the chip needs: window, conversion, 100 clocks and the way "
-            "to the gates take 0.580 of T_s = 25 us, permitted 0.58 to 1",
+            "drive.vector.delay: 0.55 is shorter than what the chip needs: window, conversion, 80 clocks and the way "
+            "to the gates take 0.564 of T_s = 25 us, permitted 0.564 to 1",
         ),
         (
             ["drive.carrier_hz=1500", "drive.vector.window=carrier", "event=[]"],
@@ -131,7 +131,7 @@ def test_keys_of_vector_with_six_step() -> None:
         (
             ["drive.carrier_hz=50e3", "inverter.sensing.conversion_s=10e-6", "inverter.sensing.sample_period_s=10e-6"],
             'drive.carrier_hz: 50000 Hz with drive.vector.update = "double" leaves no room for a delay of at most T_s: '
-            "window, conversion, 100 clocks and the way to the gates take 12.1 us, T_s is 10 us; lower the carrier or "
+            "window, conversion, 80 clocks and the way to the gates take 11.7 us, T_s is 10 us; lower the carrier or "
             "take single update",
         ),
         (

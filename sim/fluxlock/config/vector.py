@@ -19,7 +19,7 @@ class Vector(Model):
     )
     delay: float | None = quantity(
         "T_d over T_s: from the mean instant of the current samples to the update at which their voltage acts. The "
-        "shortest leaves room for the conversion and 100 clocks, 600 with the regulator on the core. A single sample "
+        "shortest leaves room for the conversion and 80 clocks, 600 with the regulator on the core. A single sample "
         "is free of the carrier's ripple at 1, with `single` update at 0.5 too; elsewhere ripple counts as current.",
         "",
         0.0,
