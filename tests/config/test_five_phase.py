@@ -53,11 +53,12 @@ def test_plant_of_five_legs(motor: Path, inverter: Path) -> None:
 
     Verifies: FRONT-44
     """
-    changes = {"motor": load_motor(motor), "inverter": load_inverter(inverter)}
-    params = plant_params(load_scenario(DEMO).model_copy(update=changes), 1, ())
+    machine, converter = load_motor(motor), load_inverter(inverter)
+    changed = load_scenario(DEMO).model_copy(update={"motor": machine, "inverter": converter})
+    params = plant_params(changed, 1, ())
     assert params.sensing.divider_gain == (1.0,) * 5 and len(params.sensing.offset_lsb) == 13
     assert params.inverter.supply_v < params.sensing.v_full_scale_v
-    assert changes["motor"].rated_current_a < changes["inverter"].protection.phase_current_a  # type: ignore[union-attr]
+    assert machine.rated_current_a < converter.protection.phase_current_a
 
 
 @pytest.mark.parametrize(

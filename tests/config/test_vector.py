@@ -15,7 +15,7 @@ from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware import DriveSpec, InverterSpec, ParameterBlock, VectorSpec, compile_parameters
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, VectorSpec, compile_parameters
 from fluxlock.firmware.vector_timing import (
     default_delay,
     latency_cycles,
@@ -529,13 +529,13 @@ def test_salient_machine_and_trapezoid() -> None:
 
 @pytest.mark.parametrize("motor", MOTORS)
 @pytest.mark.parametrize("inverter", INVERTERS)
-def test_every_machine_compiles(motor: object, inverter: InverterSpec) -> None:
+def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> None:
     """Blocks of very different machines are within the schema with either update.
 
     Verifies: VCONF-03
     """
     for vector in (VectorSpec(), VectorSpec(double=False, weakening=True, window="carrier")):
-        block = compile_parameters(motor, inverter, DriveSpec(carrier_hz=20e3, vector=vector))  # type: ignore[arg-type]
+        block = compile_parameters(motor, inverter, DriveSpec(carrier_hz=20e3, vector=vector))
         assert len(block.pack()) <= 2048
         assert 0 < block.number("vector_back_turn_q36") < block.number("vector_handover_turn_q36")
         over = block.number("vector_handover_turn_q36")
@@ -610,7 +610,7 @@ def test_encoder_in_the_parameters() -> None:
     assert block.gain("encoder_turn") == pytest.approx(4 / 8192 * 2**32)
     assert block.values["encoder_offset_q32"] == round((4 * 37.0 / 360.0) * 2**32)
     edge_cycles = CLOCK_HZ / (4096 * 1.25 * 4_000 / 60)
-    assert 1 <= int(block.values["encoder_filter_cycles"]) <= edge_cycles / 4  # type: ignore[call-overload]
+    assert 1 <= block.number("encoder_filter_cycles") <= edge_cycles / 4
     learnt = parameter_block(load_scenario(IPM, ['drive.vector.mounting="learnt"']))
     assert learnt.values["encoder_index"] == 0
     observed = parameter_block(load_scenario(IPM, ['drive.vector.angle="observer"']))

@@ -91,7 +91,7 @@ def test_index_sets_a_wrong_mounting_right() -> None:
     assert worst_deg(bench, 0.1) < RESOLUTION_DEG
 
 
-def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock() -> None:
+def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Invalid changes are shown; an encoder that stands still while the rotor turns ends the run.
 
     Verifies: ENC-04
@@ -105,8 +105,8 @@ def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock() -> None:
     assert bench.console("encoder_faults") == "3"
     assert bench.fw.state == "running"
     frozen = bench.encoder
-    bench._encode = lambda: setattr(bench, "encoder", frozen)  # type: ignore[method-assign]
-    assert bench.run(0.1, lambda: bench.fw.state != "running")
+    monkeypatch.setattr(bench, "_encode", lambda: setattr(bench, "encoder", frozen))
+    assert bench.run(0.1, bench.left_running)
     assert bench.console("fault") == "lost_lock"
 
 

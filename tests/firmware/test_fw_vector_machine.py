@@ -151,7 +151,7 @@ def test_rotor_that_stops_is_a_lost_lock() -> None:
         bench.start(30_000)
         bench.run(0.1)
         bench.omega, bench.locked = 0.0, True
-        assert bench.run(0.02, lambda b=bench: b.fw.state != "running")  # type: ignore[misc]
+        assert bench.run(0.02, bench.left_running)
         assert bench.console("fault") == fault
         assert bench.console("lost_locks") == "1"
         bench.locked = False

@@ -425,6 +425,10 @@ class VectorBench:
         """True mechanical speed."""
         return self.omega / self.motor.pole_pairs * 30 / math.pi
 
+    def left_running(self) -> bool:
+        """The drive is in another state than running."""
+        return self.fw.state != "running"
+
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
         """Run for a time or until a condition; true if the condition came."""
         for k in range(round(seconds / self.machine.period_s)):

@@ -20,7 +20,7 @@ class Model(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _check_range(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401
+    def _check_range(cls, value: object, info: ValidationInfo) -> object:
         extra = cls.model_fields[info.field_name or ""].json_schema_extra
         if value is None or not isinstance(extra, dict) or "min" not in extra:
             return value
@@ -84,7 +84,7 @@ def quantity(
     return Field(default, description=description, json_schema_extra=extra)
 
 
-def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
+def _expand(count: int, value: object) -> object:
     """One number becomes `count` equal ones; a list of the right length becomes a tuple."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return (value,) * count
@@ -93,14 +93,14 @@ def _expand(count: int, value: Any) -> Any:  # noqa: ANN401
     raise PydanticCustomError("per_phase", "must be a number or an array of {count} numbers", {"count": count})
 
 
-def _pair(value: Any) -> Any:  # noqa: ANN401
+def _pair(value: object) -> object:
     """A list of two becomes a tuple."""
     if isinstance(value, (list, tuple)) and len(value) == 2:
         return tuple(value)
     raise PydanticCustomError("pair", "must be a pair of numbers [time in s, speed in r/min]")
 
 
-def _powers(value: Any) -> Any:  # noqa: ANN401
+def _powers(value: object) -> object:
     """A list of up to four coefficients becomes a tuple of four."""
     if isinstance(value, (list, tuple)) and 1 <= len(value) <= 4:
         return (*value, *(0.0,) * (4 - len(value)))

@@ -56,7 +56,7 @@ def controllers(runner: Runner) -> Iterator[Row]:
                 specified = PEAKS_PERCENT[speed, delay][kind]
                 peaks = [100.0 * cross_peak(i) for (k, park, _), i in runs.items() if k == kind and park == "held"]
                 name = f"peak_iq_percent.{kind}.{where}"
-                values[name] = max(peaks, key=lambda peak, s=specified: abs(peak - s))  # type: ignore[misc]
+                values[name] = max((abs(peak - specified), peak) for peak in peaks)[1]
                 limits[name] = (specified - PEAK_LIMIT_PERCENT, specified + PEAK_LIMIT_PERCENT)
             settled = [settling_samples(i) for (k, _, _), i in runs.items() if k == "C"]
             apart = [_apart(runs, kind, sign) for kind, park, sign in runs if park == "exact"]

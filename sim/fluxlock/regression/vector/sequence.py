@@ -46,7 +46,8 @@ def _limits() -> Limits:
 
 
 def _around(speed_rpm: float) -> tuple[float, float]:
-    return tuple(sorted((speed_rpm * (1 - SPEED_SHARE), speed_rpm * (1 + SPEED_SHARE))))  # type: ignore[return-value]
+    share = SPEED_SHARE * abs(speed_rpm)
+    return speed_rpm - share, speed_rpm + share
 
 
 @case("vector/sequence", long=True)
