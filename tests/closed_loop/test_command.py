@@ -84,7 +84,7 @@ def test_build_broken_off_leaves_no_compiler(tmp_path: Path) -> None:
         time.sleep(0.05)
     grandchild = int(pid_file.read_text())
     build.send_signal(signal.SIGINT)
-    build.wait(timeout=20)
+    build.wait(timeout=120)
     assert gone(grandchild), "the compiler runs on"
 
 
@@ -125,7 +125,7 @@ def test_no_process_is_left(tmp_path: Path, number: signal.Signals, code: int) -
     assert progress.exists() and run.poll() is None
     (simulator,) = children_of(run.pid)
     os.kill(run.pid, number)
-    _, err = run.communicate(timeout=20)
+    _, err = run.communicate(timeout=120)
     assert run.returncode == code and "Traceback" not in err
     word = {signal.SIGINT: "interrupted\n", signal.SIGTERM: "terminated\n", signal.SIGKILL: ""}[number]
     assert err.endswith(word)

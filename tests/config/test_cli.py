@@ -396,7 +396,7 @@ def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text(text.replace("inductance_h = 22e-6", "inductance_h = -22e-6").replace("emf =", "enf ="))
     command = [sys.executable, "-m", "fluxlock.cli", "motor", "check", str(bad)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2 and done.stdout == ""
     assert sorted(done.stderr.splitlines()) == [
         f"error: {bad}: emf: required key is missing",

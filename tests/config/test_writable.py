@@ -38,7 +38,7 @@ def call(build: Path, program: str) -> tuple[int, str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=20,
+        timeout=120,
     )
     return done.returncode, done.stderr
 
