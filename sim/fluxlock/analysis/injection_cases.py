@@ -288,9 +288,10 @@ def yu_compensation() -> list[Row]:
     return rows
 
 
-def yu_start(settings: Settings, dead_time_s: float, brake_nm: float) -> Course:
+def yu_start(settings: Settings, dead_time_s: float, brake_nm: float, moved: bool = True) -> Course:
     """Step to 50 r/min at 0.3 s."""
     loop = yu(settings, dead_time_s)
+    loop = replace(loop, inverter=replace(loop.inverter, model=moved))
     t = loop.times(2.3)
     return loop.run(Schedule(2.3, speed_rad_s=np.where(t > 0.3, loop.motor.omega_e(50.0), 0.0), coulomb_nm=brake_nm))
 
@@ -373,6 +374,86 @@ def ipm_rows() -> list[Row]:
     return rows
 
 
+def _standstill(loop: Loop) -> float:
+    """Largest mean error (deg) over six rest angles, i_q 0 and 0.3 A."""
+    courses = [
+        loop.run(Schedule(0.5, imposed_rad_s=0.0, i_q_a=i_q, theta_rad=float(theta)))
+        for theta in np.arange(6) * math.pi / 30
+        for i_q in (0.0, 0.3)
+    ]
+    return _mean_sizes(courses, 0.25)[0]
+
+
+def tian_variants() -> list[Row]:
+    """What each part of Tian's best scheme is worth: one of them changed."""
+    rows = []
+    extrapolated = tian(TIAN_BEST, DEAD_TIME_S, moved=False)
+    extrapolated = replace(extrapolated, inverter=replace(extrapolated.inverter, predict=1.5))
+    for text, loop in (
+        ("HF current moved", tian(TIAN_BEST, DEAD_TIME_S)),
+        ("extrapolated by 1.5 samples", extrapolated),
+        ("sampled currents", tian(TIAN_BEST, DEAD_TIME_S, moved=False)),
+        ("HF current moved, n = 40, 20 V", tian(replace(TIAN_BEST, period=40, amplitude_v=20.0), DEAD_TIME_S)),
+    ):
+        rows.append(Row(f"tian standstill, dead time 2 us, compensation {text}", _standstill(loop), "deg"))
+    lock_in = replace(LOCK_IN, sequence="exact", remove=True)
+    for text, settings in (
+        ("best as it is", TIAN_BEST),
+        ("best, inverse Park at the angle of the sample", replace(TIAN_BEST, sequence="held-tian")),
+        ("best, HF current left in the regulators", replace(TIAN_BEST, remove=False)),
+        ("best, R believed 20 % too large", replace(TIAN_BEST, machine_r_ohm=1.2 * 1.3)),
+        ("lock-in, n = 40, 20 V, exact, HF removed", lock_in),
+        ("the same, 8 samples a period", replace(lock_in, over=8)),
+        ("conventional, current regulators of 60 Hz", replace(CONVENTIONAL, current_hz=60.0)),
+        ("lock-in as printed, current regulators of 60 Hz", replace(LOCK_IN, current_hz=60.0)),
+    ):
+        found = tian_steady(settings, 0.0, 100.0).statistics(2.0).degrees().mean
+        rows.append(Row(f"tian 100 r/min, {text}", found, "deg"))
+    for text, settings in (
+        ("as it is", TIAN_BEST),
+        ("current regulators of 120 Hz", replace(TIAN_BEST, current_hz=120.0)),
+        ("n = 20, 40 V", replace(TIAN_BEST, period=20, amplitude_v=40.0)),
+        ("second-order loop", replace(TIAN_BEST, pll=designed_pll(2, 50.0, TIAN_TS))),
+    ):
+        course, at = tian_event(settings, 0.0, "torque reversal")
+        rows.append(Row(f"tian torque reversal, best: {text}", math.degrees(course.largest_mean(at - 0.1)), "deg"))
+    return rows
+
+
+def yu_variants() -> list[Row]:
+    """The same for Yu's machine and the three-phase one."""
+    rows = []
+    motor = machine("five-phase-yu")
+
+    for brake, text in ((0.0, "no load"), (11.0, "rated brake")):
+        value = yu_start(YU_BEST, DEAD_TIME_S, brake, moved=False).largest_mean(0.2)
+        rows.append(Row(f"yu 0 to 50 r/min {text}, 2 us, compensation by sampled currents", value, "rad"))
+    for text, settings in (
+        ("as it is", YU_BEST),
+        ("frame does not follow the curve", replace(YU_BEST, compensation="on")),
+        ("second-order loop", replace(YU_BEST, pll=designed_pll(2, 90.0, YU_TS))),
+        ("60 Hz", replace(YU_BEST, pll=designed_pll(3, 60.0, YU_TS))),
+    ):
+        rows.append(Row(f"yu brake on and off, best: {text}", yu_loaded(settings, 0.0).largest_mean(0.6), "rad"))
+    for average in (1, 16):
+        loop = yu(YU_BEST)
+        loop = replace(loop, inverter=replace(loop.inverter, average=average))
+        found = loop.run(Schedule(1.5, imposed_rad_s=motor.omega_e(150.0))).statistics(0.5)
+        rows.append(Row(f"yu 150 r/min no load, best, {average} converter samples a current: rms", found.rms, "rad"))
+    loop = yu(replace(YU_PRINTED, sequence="held-tian"), saturated=False)
+    found = loop.run(Schedule(2.0, imposed_rad_s=motor.omega_e(50.0))).statistics(0.6, raw=True)
+    rows.append(Row("yu 50 r/min, inverse Park at the angle of the sample (lead 0): raw", found.mean, "rad"))
+    three = ipm(IPM_BEST, DEAD_TIME_S)
+    t = three.times(1.6)
+    top = 0.1 * three.motor.omega_e(three.motor.max_speed_rpm)
+    reversal = Schedule(1.6, speed_rad_s=top * np.interp(t, [0.0, 0.2, 0.5, 0.7], [0.0, 1.0, 1.0, -1.0]))
+    for text, predict in (("by sampled currents", 0.0), ("extrapolated by 1.5 samples", 1.5)):
+        drive = replace(three, inverter=replace(three.inverter, model=False, predict=predict))
+        value = math.degrees(drive.run(reversal).largest_mean(0.05))
+        rows.append(Row(f"ipm speed reversal, 2 us, compensation {text}", value, "deg"))
+    return rows
+
+
 SUBJECTS: Mapping[str, Callable[[], list[Row]]] = {
     "tian-curves": tian_curves,
     "tian-best": tian_best,
@@ -384,6 +465,8 @@ SUBJECTS: Mapping[str, Callable[[], list[Row]]] = {
     "yu-slow": yu_slow,
     "yu-leakage": yu_leakage,
     "ipm": ipm_rows,
+    "tian-variants": tian_variants,
+    "yu-variants": yu_variants,
 }
 
 
@@ -409,12 +492,11 @@ def curves_of(folder: Path) -> None:
     title = "Tian, torque reversal from 2 A to -2 A at 2 s"
     save(curves_figure(title, curves, "time / s", "error, 5 ms mean / deg el."), folder / "tian-reversal.png")
     curves = {}
-    for name, settings in (("printed loop", replace(YU_PRINTED, compensation="on")), ("best", YU_BEST)):
-        course = yu_loaded(settings, DEAD_TIME_S)
-        error = running_mean(course.error(), round(5e-3 / course.ts_s))
-        curves[name] = (course.time_s, np.clip(error, -0.5, 0.5))
-    title = "Yu, rated brake on from 0.7 s and off from 1.8 s, 150 r/min, dead time 2 us"
-    save(curves_figure(title, curves, "time / s", "error, 5 ms mean / rad (cut at 0.5)"), folder / "yu-brake.png")
+    for text, moved in (("HF current moved to the action", True), ("sampled currents", False)):
+        course = yu_start(YU_BEST, DEAD_TIME_S, 0.0, moved)
+        curves[text] = (course.time_s, running_mean(course.error(), round(5e-3 / course.ts_s)))
+    title = "Yu, 0 to 50 r/min at 0.3 s, no load, dead time 2 us compensated by"
+    save(curves_figure(title, curves, "time / s", "error, 5 ms mean / rad"), folder / "yu-start.png")
 
 
 def main() -> None:
