@@ -223,8 +223,8 @@ def test_printed_methods_are_worse() -> None:
     assert found[0] > 1.5 * found[1] > 15 * found[2]
 
 
-def test_hold_and_curve() -> None:
-    """A frame that does not follow the curve, or no curve, is worse under a changing load.
+def test_curve_under_a_changing_load() -> None:
+    """The limit holds with the curve and does not without.
 
     Verifies: INJT-07
     """
