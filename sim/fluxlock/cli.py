@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
@@ -48,6 +49,7 @@ motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=T
 app.add_typer(motor_app, name="motor")
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector")
+app.add_typer(injection_app)
 
 
 class _ProgressBar:

@@ -1,0 +1,76 @@
+"""Command `fluxlock injection MOTOR`: feasible injection frequencies as table, map and JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from fluxlock.analysis.six_step.output import prepare_folder, print_table, write_figure
+from fluxlock.config import ConfigError, Problem, load_motor
+
+app = typer.Typer()
+CARRIER_HZ = 10_300.0
+FIRST_N = 8  # shown in the table; then those about the two limits
+AROUND = 3
+
+
+def _mark(accepted: bool) -> str:
+    return "yes" if accepted else "no"
+
+
+@app.command()
+def injection(
+    motor: Annotated[Path, typer.Argument(help="Motor file (TOML) with inductance_q_h.")],
+    carrier_hz: Annotated[
+        float, typer.Option(min=100.0, max=1e6, help="Carrier frequency f_sw, Hz; that of Tian 2019 without.")
+    ] = CARRIER_HZ,
+    speed_rpm: Annotated[
+        float | None, typer.Option(min=0.0, max=2e6, help="Highest speed with injection, r/min; default the motor's.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for PNG and JSON.")] = Path("build/injection"),
+) -> None:
+    """Feasible frequencies of the injection, f_sw / n, by Tian's rule: nominal, and strict over its errors."""
+    from fluxlock.analysis import injection_frequency as theory
+
+    loaded = load_motor(motor)
+    try:
+        rule = theory.Rule.from_motor(loaded)
+    except ValueError as error:
+        raise ConfigError([Problem(str(motor), "", str(error))]) from None
+    speed = loaded.max_speed_rpm if speed_rpm is None else speed_rpm
+    found = theory.feasible(rule, carrier_hz, speed, loaded.pole_pairs)
+    if found.largest_n(strict=False) == 0:
+        text = (
+            f"{carrier_hz:g} Hz is below the least injection frequency of {found.nominal_hz:.0f} Hz at {speed:g} "
+            "r/min; raise it or lower --speed-rpm"
+        )
+        raise ConfigError([Problem("--carrier-hz", "", text)])
+    prepare_folder(out, "injection.png", "injection.json")
+    limits = (found.largest_n(strict=True), found.largest_n(strict=False))
+    shown = [c for c in found.choices if c.n <= FIRST_N or any(abs(c.n - n) <= AROUND for n in limits)]
+    rows = [[str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict)] for c in shown]
+    title = f"{loaded.name}: f_sw / n of {carrier_hz:g} Hz, to {speed:g} r/min"
+    print_table(title, ("n", "Hz", f"nominal {found.nominal_hz:.0f} Hz", f"strict {found.strict_hz:.0f} Hz"), rows)
+    Console().print(
+        f"largest n: {limits[1]} nominal, {limits[0]} strict (inductances within 10 %, angle within 10 deg)",
+        highlight=False,
+    )
+    from fluxlock.analysis.injection_plots import frequency_figure
+
+    bounds = theory.bound_map(rule, loaded.omega_e(speed))
+    data = {
+        "carrier_hz": carrier_hz,
+        "speed_rpm": speed,
+        "nominal_hz": found.nominal_hz,
+        "strict_hz": found.strict_hz,
+        "choices": [{"n": c.n, "hz": c.hz, "nominal": c.nominal, "strict": c.strict} for c in found.choices],
+        "map": {
+            "angle_deg": bounds.angle_deg,
+            "inductance_percent": bounds.inductance_percent,
+            "bound_hz": bounds.bound_hz,
+        },
+    }
+    write_figure(out, "injection", frequency_figure(title, found, bounds), data)
