@@ -180,8 +180,6 @@ def _latency_on_core(runner: Runner) -> Row:
     }
     for name, load in zip(("ramp", "steady"), load_percent(run.console(), 2), strict=True):
         values[f"load_percent.{name}"] = load
-        values[f"late_commits.{name}"] = late_commits(run, name, round(CLOCK_HZ / TICK_HZ))
-        limits[f"late_commits.{name}"] = (0, 0)
     return Row(
         f"vector/latency/{ON_CORE.name}",
         _conditions(ON_CORE, run, times) | {"irq_load_cycles": IRQ_LOAD_CYCLES},
