@@ -13,7 +13,7 @@
 #define UART_BIT_CYCLES 50u
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
 #define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
-#define DESIGN_STAGES_PER_SECOND 800u
+#define DESIGN_STAGES_PER_SECOND 1000u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -113,10 +113,13 @@ HOT static void control_step(app_t *app) {
   }
 }
 
-// The voltage first: what the step needs of the limit comes after it.
+// The voltage first: what the step needs of the limit comes after it. An update during the entry has ended the step, and
+// the next one may not have its currents yet.
 HOT void app_current_interrupt(app_t *app) {
   chip_direct_t direct;
-  chip_read_direct(&direct);
+  if (!chip_read_direct(&direct)) {
+    return;
+  }
   const complex_t wanted_v_q25 = vector_want(&app->drive, direct.i_q17);
   chip_write_direct(&direct, wanted_v_q25);
   vector_bound(&app->drive, wanted_v_q25);

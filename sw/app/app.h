@@ -23,7 +23,7 @@ void app_boot(app_t *app);
 void app_current_interrupt(app_t *app);
 // Work of the control line: trip first, then the control step. Only the current line interrupts it.
 void app_control_interrupt(app_t *app);
-// Work of the deferred line: UART and load generator. The control line pre-empts it.
+// Work of the deferred line: UART, design of the gains and load generator. The other lines pre-empt it.
 void app_deferred_interrupt(app_t *app);
 // One round of the main loop: the console.
 void app_poll(app_t *app);

@@ -2,7 +2,7 @@
 //
 //   init -> ready -> starting -> running -> stopping -> ready;   any -> fault -> init
 //
-// Knows no register: app/control_task.c carries snapshot and command to and from the chip.
+// Knows no register: app/app.c carries snapshot and command to and from the chip.
 #ifndef FL_DRIVE_H
 #define FL_DRIVE_H
 

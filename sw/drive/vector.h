@@ -14,7 +14,7 @@
 // step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
 // seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.
 //
-// Regulator gains and observer gains follow the speed by vector_design, at 333 Hz outside of the control step.
+// Regulator gains and observer gains follow the speed by vector_design, 250 times a second outside of the control step.
 // What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision.
 #ifndef FL_VECTOR_H
 #define FL_VECTOR_H

@@ -196,9 +196,11 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
   }
 }
 
-HOT void chip_read_direct(chip_direct_t *direct) {
-  direct->number = BITS(FL_FOC_REGS__DIRECT_RUN__STEP, reg_read(REG(foc.direct_run)));
+HOT bool chip_read_direct(chip_direct_t *direct) {
+  const uint32_t run = reg_read(REG(foc.direct_run));
+  direct->number = BITS(FL_FOC_REGS__DIRECT_RUN__STEP, run);
   direct->i_q17 = read_vector(REG(foc.direct_i[0]), 0);
+  return BITS(FL_FOC_REGS__DIRECT_RUN__WAITING, run) != 0u;
 }
 
 HOT void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25) {

@@ -56,8 +56,8 @@ void chip_read_freewheel(chip_freewheel_t *freewheel);
 // Write every shadowed setting and commit the set for the next tick.
 void chip_write(const chip_command_t *command, const parameters_t *parameters);
 void chip_write_vector(const chip_command_t *command, const parameters_t *parameters);
-// The regulator step that waits, and its voltage before the limit, which acts at once.
-void chip_read_direct(chip_direct_t *direct);
+// The regulator step that waits, false if none does, and its voltage before the limit, which acts at once.
+bool chip_read_direct(chip_direct_t *direct);
 void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
 void chip_write_guard(const chip_command_t *command, const parameters_t *parameters);

@@ -15,7 +15,8 @@ void *cpu_telemetry(void);
 #else
 #define MSTATUS_MIE 8u
 
-// No interrupt until critical_leave gets the returned state. Delays the control step, never an edge.
+// No interrupt until critical_leave gets the returned state. Delays the control step, and with the
+// current regulator in C its voltage; never an edge.
 static inline uint32_t critical_enter(void) {
   uint32_t state;
   __asm__ volatile("csrrci %0, mstatus, 8" : "=r"(state) : : "memory");

@@ -19,7 +19,7 @@ class Vector(Model):
     )
     delay: float | None = quantity(
         "T_d over T_s: from the mean instant of the current samples to the update at which their voltage acts. The "
-        "shortest leaves room for the conversion and 80 clocks, 600 with the regulator on the core. A single sample "
+        "shortest leaves room for the conversion and 83 clocks, 600 with the regulator on the core. A single sample "
         "is free of the carrier's ripple at 1, with `single` update at 0.5 too; elsewhere ripple counts as current.",
         "",
         0.0,
@@ -47,7 +47,7 @@ class Vector(Model):
     current_regulator: Literal["rtl", "c"] = Field(
         default="rtl",
         description="Where the current regulator runs: in hardware, or on the core (`c`), with the same voltages bit "
-        "for bit 10 us later. It takes the core's time at every sample: up to 25 000 a second.",
+        "for bit 10 us later. It takes the core's time at every sample: up to 20 000 a second.",
     )
     park: Literal["held", "exact"] = Field(
         default="exact",

@@ -12,12 +12,12 @@ from pathlib import Path
 from fluxlock import memory
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
-from fluxlock.memory import BLOCK_ADDRESS, STACK_BYTES
+from fluxlock.memory import BLOCK_ADDRESS, CACHE_BYTES, STACK_BYTES, STATE_OFFSET
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
-# link.ld puts the state there at the latest and asserts the stack above it.
-IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - 0xD00
+# link.ld puts the state into the lines of the cache behind it and asserts the stack above.
+IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - (CACHE_BYTES - STATE_OFFSET)
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 TARGET_FLAGS = (

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 from fluxlock.firmware.specs import InverterSpec, VectorSpec
 
-# Last codes of a window to compares in the shadow registers, clocks: regulators in hardware, on the core.
-LATENCY_CYCLES = 80
+# Last codes of a window to the pins of the update at which their voltage acts, clocks: regulators in hardware (of a
+# mean; 76 of one sample), on the core.
+LATENCY_CYCLES = 83
 CORE_LATENCY_CYCLES = 600
 WINDOW_SAMPLES_MAX = 255
 SAMPLE_CYCLES_MAX = 65535
@@ -21,7 +22,7 @@ TICK_SAMPLES_MAX = 255
 TICK_HZ = 20e3
 TICK_HZ_MAX = 25e3
 UPDATE_HZ_MAX = 100e3
-CORE_UPDATE_HZ_MAX = 25e3  # the rest of the core's time belongs to the control step
+CORE_UPDATE_HZ_MAX = 20e3  # the rest of the core's time belongs to the control step
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def update_hz_max(vector: VectorSpec) -> float:
 
 
 def latency_cycles(vector: VectorSpec) -> int:
-    """Clocks from the last codes of a window to compares in the shadow registers for which the delay leaves room."""
+    """Clocks from the last codes of a window to the pins for which the delay leaves room."""
     return CORE_LATENCY_CYCLES if vector.current_regulator == "c" else LATENCY_CYCLES
 
 

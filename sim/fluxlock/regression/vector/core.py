@@ -169,13 +169,17 @@ def _latency_on_core(runner: Runner) -> Row:
         "without_update": max(samples - int(cycles.size), 0),
         "samples": samples,
         "load_interrupts": int(run.result["run"]["isr"]["load"]["count"]),
+        "overruns": run.result["run"]["overruns"],
         "trips": len(run.result["trips"]),
     }
     limits: Limits = {
         "within_10us_percent": (CORE_LATENCY_PERCENT, None),
         "load_interrupts": (1, None),
+        "overruns": (0, 0),
         "trips": (0, 0),
     }
+    for name, load in zip(("ramp", "steady"), load_percent(run.console(), 2), strict=True):
+        values[f"load_percent.{name}"] = load
     return Row(
         f"vector/latency/{ON_CORE.name}",
         _conditions(ON_CORE, run, times) | {"irq_load_cycles": IRQ_LOAD_CYCLES},
