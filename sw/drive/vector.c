@@ -142,27 +142,28 @@ void vector_design(drive_t *drive) {
     return;
   }
   vector_design_t *spare = &v->design[1u - v->used];
-  if (v->stage == 0u) {
+  const uint32_t stage = v->stage % VECTOR_STAGES;
+  if (v->stage == VECTOR_STAGES * VECTOR_DESIGNS) {
+    v->late_v_q25 = late_compensation_v_q25(drive);
+  } else if (stage == 0u) {
     // For people; a step in between may have changed one part of a vector.
     if (v->frame != FRAME_OFF) {
       drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
       drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
     }
     vector_model(&v->model, &v->plant, v->speed_turn_q36);
-  } else if (v->stage == 1u) {
+  } else if (stage == 1u) {
     v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
     if (v->salient) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else if (v->stage == 2u) {
+  } else {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
     __atomic_signal_fence(__ATOMIC_RELEASE);
     v->finished = v->fits;
-  } else {
-    v->late_v_q25 = late_compensation_v_q25(drive);
   }
-  v->stage = (v->stage + 1u) % VECTOR_STAGES;
+  v->stage = (v->stage + 1u) % (VECTOR_STAGES * VECTOR_DESIGNS + 1u);
 }
 
 COLD static void take_design(drive_t *drive) {

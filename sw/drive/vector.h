@@ -14,7 +14,7 @@
 // step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
 // seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.
 //
-// Regulator gains and observer gains follow the speed by vector_design, 250 times a second outside of the control step.
+// Regulator gains and observer gains follow the speed by vector_design, 300 times a second outside of the control step.
 // What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision.
 #ifndef FL_VECTOR_H
 #define FL_VECTOR_H
@@ -22,7 +22,8 @@
 #include "drive/drive.h"
 
 #define VECTOR_GROUPS 4u
-#define VECTOR_STAGES 4u  // of a design, the last one by itself
+#define VECTOR_STAGES 3u  // of a design
+#define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
 
 // Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
 void vector_init(drive_t *drive);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from ctypes import byref
 from dataclasses import replace
@@ -359,14 +360,17 @@ def test_design_comes_in_short_stages() -> None:
     bench = VectorBench()
     assert bench.until_state("ready", 0.1)
     taken = []
-    for _ in range(12):
+    for _ in range(26):
         bench.put("foc.gain", 0)
         bench.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
         bench.fw.poll()
         bench.fw.tick()
         taken.append(bench.get("foc.gain") != 0)
-    assert sum(taken) == 3
-    assert taken[:4] == taken[4:8] == taken[8:]
+    # Three parts make a design; after four of them comes what follows the current.
+    assert sum(taken) == 8
+    assert taken[:13] == taken[13:]
+    when = [k for k, new in enumerate(taken) if new]
+    assert sorted(later - first for first, later in itertools.pairwise(when)) == [3] * 5 + [4] * 2
 
 
 def test_settings_of_the_six_step_drive_are_refused() -> None:
