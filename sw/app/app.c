@@ -183,7 +183,7 @@ void app_poll(app_t *app) {
     cycles_t *idle = &app->telemetry->handler[HANDLER_IDLE];
     const uint32_t round_cycles = now - app->polled;
     cycles_add(idle, round_cycles);
-    // The shortest ever is too short for the others: branches are predicted better where nothing interrupts.
+    // The shortest round ever is shorter than the usual one, 284 of 310 clocks with a vector drive.
     if (round_cycles <= idle->min + idle->min / 8u) {
       app->quiet_round_cycles = round_cycles;
     }
