@@ -60,6 +60,7 @@ static void control_step(void) {
   chip_write_vector(command, p);
 }
 
+// Never raised: the regulator is the hardware's, refusal().
 void trap_current(void) {}
 
 void trap_control(void) {
@@ -244,14 +245,24 @@ static const char *execute(char *text) {
   return tell();
 }
 
+// Why nothing can be measured by these parameters; 0: it can. A regulator step that waits for the core would wait, and
+// interrupt it, until the update; the tick after it never comes.
+static const char *refusal(const parameter_block_t *block) {
+  const fault_t fault = parameters_check(block);
+  if (fault != FAULT_NONE) {
+    return fault_name(fault);
+  }
+  return (block->parameters.vector_direct != 0) ? "vector_direct is 1; the hardware's regulator measures, set it to 0" : 0;
+}
+
 int main(void) {
   const parameter_block_t *block = cpu_parameter_block();
-  const fault_t fault = parameters_check(block);
+  const char *refused = refusal(block);
   uint32_t length = 0;
   p = &block->parameters;
   chip_gates_off();
   uart_configure(UART_BIT_CYCLES);
-  if (fault == FAULT_NONE) {
+  if (refused == 0) {
     chip_configure(p);
     segment_init(&segment, p);
     chip_irq_configure((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP, 0);
@@ -270,7 +281,7 @@ int main(void) {
     }
     line[length] = '\0';
     length = 0;
-    const char *error = (fault == FAULT_NONE) ? execute(line) : fault_name(fault);
+    const char *error = (refused == 0) ? execute(line) : refused;
     put((error != 0) ? "error: " : "ok");
     put((error != 0) ? error : "");
     put("\n");

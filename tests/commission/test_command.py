@@ -11,6 +11,7 @@ import pytest
 
 from fluxlock import cli
 from fluxlock.analysis.rundata import ProgressInfo
+from fluxlock.commission import bench as bench_module
 from fluxlock.commission import command
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, known_of
@@ -88,3 +89,21 @@ def test_bad_input_is_refused(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, t
     code, _, err = invoke("--plant", PLANT, "--inverter", INVERTER, "--out", str(out))
     assert code == 1 and "failed: identify: the rotor does not come to rest" in err
     assert not out.exists()
+
+
+def test_regulator_on_the_core_is_refused(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The program on the chip answers no regulator step: file, key and remedy in a line, and nothing is written.
+
+    Verifies: IDENT-09
+    """
+    scenario = tmp_path / "bench.toml"
+    text = bench_module.SCENARIO.read_text(encoding="utf-8").replace('"../../', f'"{ROOT}/')
+    scenario.write_text(text.replace("delay = 1.0\n", 'delay = 1.0\ncurrent_regulator = "c"\n'), encoding="utf-8")
+    monkeypatch.setattr(bench_module, "SCENARIO", scenario)
+    monkeypatch.setattr(command, "measure", averaged)
+    out = tmp_path / "found.toml"
+    code, _, err = invoke("--plant", PLANT, "--inverter", INVERTER, "--out", str(out))
+    assert code == 2, err
+    assert f'{scenario}: drive.vector.current_regulator: "c"' in err and 'set it to "rtl"' in err, err
+    assert "Traceback" not in err
+    assert sorted(tmp_path.iterdir()) == [scenario]

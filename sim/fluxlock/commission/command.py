@@ -14,7 +14,7 @@ from rich.table import Table
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.six_step.plots import save
 from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, write_motor
-from fluxlock.commission.simulate import Measured, measure, plate_of
+from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
 
 
@@ -45,6 +45,7 @@ def _gain_table(found: list[Gain]) -> Table:
 
 def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> None:
     """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to a folder of its name."""
+    known_of(bench)  # refuses a bench before anything is written
     folder = out.with_suffix("")
     _check_writable(out, folder)
     measured = _measure(bench, folder, seed)

@@ -11,7 +11,7 @@ from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.commission.plate import NamePlate, first_guess
 from fluxlock.commission.procedure import Commissioning
 from fluxlock.commission.protocol import MeasurementError
-from fluxlock.config import Motor, Scenario
+from fluxlock.config import ConfigError, Motor, Problem, Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
@@ -34,7 +34,14 @@ def plate_of(motor: Motor) -> NamePlate:
 
 
 def known_of(bench: Scenario) -> tuple[Commissioning, ParameterBlock]:
-    """What the measurement is told of a bench, and what its program: name plate and inverter, no more."""
+    """What the measurement is told of a bench, and what its program: name plate and inverter, no more.
+
+    Raises ConfigError where the bench has a drive that the program is not made for.
+    """
+    vector = bench.drive.vector
+    if vector is not None and vector.current_regulator == "c":
+        text = '"c" cannot be measured with: the commissioning program answers no regulator step; set it to "rtl"'
+        raise ConfigError([Problem(bench.sources.scenario, "drive.vector.current_regulator", text)])
     plate = plate_of(bench.motor)
     block = parameter_block(bench.model_copy(update={"motor": first_guess(plate, bench.inverter)}))
     carrier, tick = block.number("vector_sample_cycles"), block.number("tick_cycles")
@@ -46,7 +53,7 @@ def measure(
 ) -> Measured:
     """Run the commissioning on a bench. Its motor goes to the plant; the measurement gets the name plate.
 
-    Raises MeasurementError, or SimulationFault if the simulator broke off.
+    Raises ConfigError (see known_of), MeasurementError, or SimulationFault if the simulator broke off.
     """
     dialogue, block = known_of(bench)
     if progress is not None:

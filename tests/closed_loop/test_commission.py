@@ -1,0 +1,32 @@
+"""The commissioning program on the chip, with parameters that it cannot measure by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from fluxlock.commission.bench import bench_of
+from fluxlock.commission.simulate import known_of
+from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.launch import run_plan
+from fluxlock.cosim.run import IMAGE_FILE, prepare, ready_chip
+from fluxlock.firmware import build_commission, write_image
+from fluxlock.paths import ROOT
+
+MOTOR, INVERTER = ROOT / "motors" / "motor-1.toml", ROOT / "inverters" / "bench-25v.toml"
+TIME_S = 0.03  # 10 ms of it the boot
+
+
+def test_program_refuses_the_regulator_on_the_core(tmp_path: Path) -> None:
+    """Nobody would answer a regulator step there: the program says so instead of being interrupted for ever.
+
+    Verifies: IDENT-09
+    """
+    bench = bench_of(MOTOR, INVERTER)
+    dialogue, block = known_of(bench)
+    block.update({"vector_direct": 1})
+    plan = prepare(bench, tmp_path, 1, stop_cycle=round(TIME_S * CLOCK_HZ), block=block)
+    write_image(plan.folder / IMAGE_FILE, build_commission(), block)
+    meta = run_plan(replace(plan, dialogue=dialogue, final_commands=()), ready_chip())
+    assert "vector_direct is 1" in meta["fault"] and "set it to 0" in meta["fault"], meta["fault"]
+    assert all(line.startswith("error: vector_direct") for line in meta["uart"].splitlines()), meta["uart"]
