@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import itertools
 import math
 from ctypes import byref
@@ -228,6 +229,72 @@ def test_regulator_in_c_does_what_the_hardware_does(samples: int, cycles: int) -
         else:
             assert bench.direct_steps == 0
     assert records[0] == records[1]
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+@pytest.mark.parametrize("kind", ["late_answers", "masked_steps"])
+def test_ignored_answer_leaves_the_state_of_the_hardware(kind: str, samples: int) -> None:
+    """Answers that come after the update, or steps that are over before the core looks: the legs keep their compares.
+
+    All later voltages are those of the hardware's regulator, bit for bit: at rest, during the start, at speed, at the
+    voltage limit and while set and frame change. The drive runs on.
+
+    Verifies: VC-34
+    """
+    short: dict[str, Value] = {**FAST, "vector_circle_q16": round(0.65 * 2**16)}
+    disturbed = VectorBench(VectorSettings(2500, samples, direct=True), values=short)
+
+    def ignore(times: int, every_s: float, in_a_row: int = 1) -> None:
+        for _ in range(times):
+            setattr(disturbed, kind, in_a_row)
+            disturbed.run(every_s)
+
+    assert disturbed.until_state("ready", 0.1), disturbed.fw.command("status")
+    ignore(5, 0.0011, in_a_row=2)
+    disturbed.fw.command("set speed_rpm 90000")
+    disturbed.fw.command("start")
+    ignore(60, 0.0053)
+    assert disturbed.fw.state == "running"
+    disturbed.run(0.2)
+    limited = disturbed.direct_limited
+    ignore(20, 0.0053)
+    assert disturbed.direct_limited > limited + 100
+    disturbed.late_commits = 1
+    disturbed.fw.command("set speed_rpm -20000")
+    ignore(130, 0.0053)
+    assert (disturbed.fw.state, disturbed.console("fault"), disturbed.trips) == ("running", "none", 0)
+    assert disturbed.missed == 220
+    assert disturbed.direct_steps == disturbed.samples - disturbed.missed
+    print(f"{disturbed.direct_steps} answers, {disturbed.direct_differences} other than the hardware's")
+    assert disturbed.direct_differences == 0
+
+
+@pytest.mark.parametrize("kind", ["late_answers", "masked_steps"])
+def test_ignored_answer_moves_the_current_once(kind: str) -> None:
+    """At 60 000 r/min the current departs by no more than the voltage that stood still for a period makes of it.
+
+    That is psi omega |1 - exp(-j omega T_s)| T_s / L. 5 ms later it is back to a twentieth of it.
+
+    Verifies: VC-34
+    """
+    currents = []
+    for ignored in (0, 1):
+        bench = VectorBench(VectorSettings(direct=True), values=FAST)
+        bench.start(60_000)
+        bench.run(0.6)
+        bench.record.clear()
+        setattr(bench, kind, ignored)
+        bench.run(0.01)
+        assert bench.missed == ignored and bench.fw.state == "running"
+        currents.append([s.current_a for s in bench.record])
+    departed = [abs(a - b) for a, b in zip(*currents, strict=True)]
+    m = bench.machine
+    turned = abs(1.0 - cmath.exp(-1j * bench.omega * m.period_s))
+    most_a = bench.motor.psi_vs * bench.omega * turned * m.period_s / bench.motor.inductance_h
+    late = max(departed[len(departed) // 2 :])
+    print(f"largest {max(departed):.2f} A of {most_a:.2f} A, after 5 ms {late:.3f} A")
+    assert 0.5 * most_a < max(departed) <= most_a
+    assert late < most_a / 20
 
 
 def test_missing_samples_are_a_fault() -> None:

@@ -188,6 +188,10 @@ class VectorBench:
         self.omega_q36 = 0
         self.samples = self.steps = 0
         self.direct_steps = self.direct_limited = self.direct_differences = 0
+        self.late_answers = 0  # direct steps whose answer is to come after their update
+        self.masked_steps = 0  # direct steps whose update is to pass before the core has looked at them
+        self.missed = 0  # updates without new compares
+        self.kept = 0j  # voltage of the compares in use, stationary
         self.sum = [0, 0]
         self.since_timer = 0  # clocks
         self.trips = 0
@@ -235,7 +239,7 @@ class VectorBench:
 
     def sample(self) -> None:
         """One sample period: currents, regulator, voltage, and the tick if it is due."""
-        m, lib = self.machine, self.lib
+        m = self.machine
         angle = self.nco_q36 >> 4
         frame = cmath.exp(2j * math.pi * angle / Q32)
         rotor = cmath.exp(1j * self.theta)
@@ -244,35 +248,36 @@ class VectorBench:
         self.error_deg = math.degrees(cmath.phase(frame / rotor))
         self._encode()
         i17 = Complex(round(measured.real * self.unit_a), round(measured.imag * self.unit_a))
-        if self.regulate:
-            limited = lib.complex_regulator_step(
-                byref(self.regulator), byref(self.gains), self.reference, i17, self.limit
-            )
-        else:
-            error = Complex(self.reference.re - i17.re, self.reference.im - i17.im)
-            lib.complex_regulator_preset(
-                byref(self.regulator), Complex(self.preset.re * 256, self.preset.im * 256), error
-            )
-            limited = False
-        if self.get("foc.control") & 64:
-            limited = self._direct(i17)
+        direct = bool(self.get("foc.control") & 64)
+        masked = direct and self.masked_steps > 0
+        late = direct and not masked and self.late_answers > 0
+        limited = False if masked else self._regulate(i17)
+        if direct:
+            limited = self._direct(i17, masked, late)
         u = self.regulator.voltage_v_q25
         v = ((u.re + 128) >> 8, (u.im + 128) >> 8)
-        self.steps += 1
-        self.sum[0] += v[0]
-        self.sum[1] += v[1]
+        if masked or late:
+            self.masked_steps -= masked
+            self.late_answers -= late
+            self.missed += 1
+        else:
+            self.steps += 1
+            self.sum[0] += v[0]
+            self.sum[1] += v[1]
         tripped = self.get("safety.trip") & 0xFF
         gates = bool(self.get("safety.guard") & 1) and not tripped and self.enable
         # Clocks of the modulator over its period.
         duty = complex(*v) * self.scale / (m.period_cycles * (2 if self.get("foc.control") & 4 else 1))
-        applied = duty * self.inverter.supply_v * frame * cmath.exp(2j * math.pi * self.lead / Q32)
+        if not (masked or late):
+            self.kept = duty * self.inverter.supply_v * frame * cmath.exp(2j * math.pi * self.lead / Q32)
+        applied = self.kept
         if self.dead_time:
             later = cmath.exp(1j * self.omega * (self.settings.delay + 0.5) * m.period_s)
             applied += self._dead_time_v(stationary) - self._dead_time_v(stationary * later)
         self._machine(applied if gates else None)
         self.nco_q36 = (self.nco_q36 + self.omega_q36 * m.period_cycles) % Q36
         self.samples += 1
-        if self.steps >= self.settings.tick_samples:
+        if self.steps >= self.settings.tick_samples and not (masked or late):
             self._tick(i17, v, bool(limited), angle)
         self.since_timer += m.period_cycles
         if self.since_timer >= self.get("timer.machine_period"):
@@ -280,15 +285,35 @@ class VectorBench:
             self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
             self.fw.poll()
 
-    def _direct(self, current: Complex) -> bool:
-        """The firmware's regulator; counts where the state is not the one that the hardware's would have."""
+    def _regulate(self, current: Complex) -> bool:
+        """The hardware's regulator; returns whether the limit acted."""
+        if self.regulate:
+            regulator, gains = byref(self.regulator), byref(self.gains)
+            return bool(self.lib.complex_regulator_step(regulator, gains, self.reference, current, self.limit))
+        error = Complex(self.reference.re - current.re, self.reference.im - current.im)
+        preset = Complex(self.preset.re * 256, self.preset.im * 256)
+        self.lib.complex_regulator_preset(byref(self.regulator), preset, error)
+        return False
+
+    def _direct(self, current: Complex, masked: bool, late: bool) -> bool:
+        """The firmware's regulator; counts where the state is not the one that the hardware's would have.
+
+        An answer that comes late is ignored: the step is abandoned, as one is that the core was not let look at. The
+        hardware's regulator keeps the state of a step whose compares miss their update, and makes none for a current
+        that it has to ignore.
+        """
         number = self.samples & 0xFFFF
-        self.put("foc.direct_run", number | 1 << 31)
+        self.put("foc.direct_run", number | (not masked) << 31)
         self.put("foc.direct_i", current.re, 0)
         self.put("foc.direct_i", current.im, 1)
         self.put("foc.direct_go", ~number & 0xFFFF)
         self.fw.lib.fl_host_current()
+        if masked:
+            assert self.get("foc.direct_go") == ~number & 0xFFFF, "an answer to no step"
+            return False
         assert self.get("foc.direct_go") == number, "no answer"
+        if late:
+            return False
         wanted = Complex(self.signed("foc.direct_v", 0, 28), self.signed("foc.direct_v", 1, 28))
         limited = ctypes.c_bool()
         bound = self.lib.circle_limit_v_q25(wanted, self.limit, byref(limited))
