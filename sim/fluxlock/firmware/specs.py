@@ -102,7 +102,8 @@ class InverterSpec:
 class VectorSpec:
     """What the scenario asks of the vector drive; None chooses a value from machine and inverter.
 
-    believed_delay: T_d over T_s that the firmware is told where it is not the right one.
+    believed_delay: T_d over T_s that regulators, observer and inverse Park are told where it is not the right one;
+    samples and updates keep the right one.
     """
 
     double: bool = True
