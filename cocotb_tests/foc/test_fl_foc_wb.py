@@ -221,6 +221,7 @@ class TB:
         await self.write("foc.period", s.period)
         await self.write("foc.scale", scale | scale_shift << 24)
         await self.write("foc.slope", slope | slope_shift << 24)
+        await self.write("foc.band", s.band_register())
         await self.write("foc.dead_time", s.dead_time)
         await self.write("foc.min_pulse", s.min_pulse)
         await self.write("foc.margin", s.margin)
@@ -380,7 +381,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
     delay = 9
     await tb.start(cfg_mode_i=CARRIER, cfg_spacing_i=case.spacing, cfg_delay_i=delay)
     half = case.period // (1 + case.double)
-    modulator = Settings(period=case.period, full_scale_over_vdc=1.2, dead_time=25, zone=0.02)
+    modulator = Settings(period=case.period, full_scale_over_vdc=1.2, dead_time=25, zone=0.02, band=0.01)
     # Nothing is carried over from a step that is not followed.
     regulators = [replace(draw_regulator(rng), ratio=(0, 0)) for _ in range(tb.subspaces)]
     await tb.modulator(modulator)
@@ -474,7 +475,7 @@ async def nothing_changes_without_commit(dut: Any) -> None:
     tb = TB(dut)
     await tb.start(cfg_mode_i=ONCE, cfg_offset_i=100)
     tb.current = lambda strobe: [6400 * (x + 1) for x in range(tb.phases)]
-    modulator = Settings(period=1000, dead_time=20, zone=0.1)
+    modulator = Settings(period=1000, dead_time=20, zone=0.1, band=0.02)
     regulators = [
         Regulator(forward=(9000, -4000), preset=(3000, 5000), enable=0, limit=100_000) for _ in range(tb.subspaces)
     ]
@@ -820,7 +821,7 @@ async def registers_hold_every_bit(dut: Any) -> None:
     masks = {
         "control": 0xFF7F, "period": 0xFFFF, "window": 0xFFFF_FFFF, "delay": 0xFFFF, "lead": 0xFFFF_FFFF,
         "omega": 0xFFFF_FFFF, "correct": 0xFFFF_FFFF, "scale": 0x1F01_FFFF, "slope": 0x1F01_FFFF, "dead_time": 0x3FF,
-        "min_pulse": 0xFFF, "margin": 0xFFFF, "direct_go": 0xFFFF,
+        "band": 0x1FFFF, "min_pulse": 0xFFF, "margin": 0xFFFF, "direct_go": 0xFFFF,
     }  # fmt: skip
     arrays = dict.fromkeys(("reference", "gain", "hold", "ratio", "preset", "forward"), (4, 0x3FFFF))
     arrays |= {"shift": (2, 0x1F), "limit": (2, 0x1FFFF), "direct_v": (4, 0xFFF_FFFF)}

@@ -39,12 +39,13 @@ def mantissa_and_shift(value: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings in physical terms. Clocks; dead_time_clocks is reached at zone of the current's full scale."""
+    """Settings in physical terms. Clocks; band and zone are of the current's full scale, dead_time is reached at both."""
 
     period: int = 2500
     full_scale_over_vdc: float = 1.2
     dead_time: int = 0
     zone: float = 0.01
+    band: float = 0.0
     min_pulse: int = 0
     margin: int = 0
 
@@ -53,6 +54,9 @@ class Settings:
 
     def slope_registers(self) -> tuple[int, int]:
         return mantissa_and_shift(self.dead_time / (self.zone * FULL)) if self.dead_time else (0, 0)
+
+    def band_register(self) -> int:
+        return round(self.band * FULL)
 
     @property
     def scale(self) -> float:
@@ -66,11 +70,17 @@ class Settings:
         mantissa, shift = self.slope_registers()
         return mantissa / 2.0**shift
 
+    def gained(self, current: int) -> float:
+        """Compensation of a leg with edges, clocks."""
+        beyond = math.copysign(max(abs(current) - self.band_register(), 0), current)
+        return max(-self.dead_time, min(self.dead_time, beyond * self.slope))
+
     def registers(self) -> dict[str, int]:
         return {
             "cfg_period_i": self.period,
             "cfg_scale_i": self.scale_registers()[0],
             "cfg_scale_shift_i": self.scale_registers()[1],
+            "cfg_band_i": self.band_register(),
             "cfg_slope_i": self.slope_registers()[0],
             "cfg_slope_shift_i": self.slope_registers()[1],
             "cfg_dead_time_i": self.dead_time,
@@ -85,8 +95,8 @@ def widths(s: Settings, v: Sequence[int], i: Sequence[int]) -> list[tuple[float,
     found = []
     for voltage, current in zip(v, i, strict=True):
         raw = s.period / 2 + (voltage - zero) * s.scale
-        loss = max(-s.dead_time, min(s.dead_time, current * s.slope)) if 0 < raw < s.period else 0.0
-        found.append((raw, max(s.margin, min(s.period - s.margin, raw + loss))))
+        gained = s.gained(current) if 0 < raw < s.period else 0.0
+        found.append((raw, max(s.margin, min(s.period - s.margin, raw + gained))))
     return found
 
 
@@ -165,6 +175,7 @@ async def random_vectors(dut: Any) -> None:
             full_scale_over_vdc=math.exp(rng.uniform(math.log(0.5), math.log(8.0))),
             dead_time=rng.choice([0, rng.randrange(1, min(1024, period // 4))]),
             zone=math.exp(rng.uniform(math.log(0.002), 0.0)),
+            band=rng.choice([0.0, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.999)]),
             margin=rng.choice([0, 0, rng.randrange(1, period // 2)]),
         )
         tb.set(s)
@@ -174,7 +185,8 @@ async def random_vectors(dut: Any) -> None:
             v = [rng.choice([-FULL, FULL - 1]) for _ in range(tb.phases)]
         i = [rng.randrange(-FULL, FULL) for _ in range(tb.phases)]
         if rng.random() < 0.5:
-            i = [round(x * s.zone * 1.5) % FULL - (FULL if x < 0 else 0) for x in i]
+            reach = min(1.0, s.band + s.zone * 1.5)
+            i = [max(-FULL, min(FULL - 1, round(x * reach))) for x in i]
         got = await tb.convert(v, i)
         # Half a clock a rounding, half a unit for the zero sequence.
         tolerance = 0.5 + 0.5 * s.scale + (0.5 if s.dead_time else 0.0) + 1e-6
@@ -217,8 +229,8 @@ async def zero_sequence_is_common(dut: Any) -> None:
 async def settings_are_of_the_valid_clock(dut: Any) -> None:
     """Settings that change while a vector is in work do not touch it; outputs stay until the next valid."""
     tb = TB(dut)
-    a = Settings(period=1000, dead_time=30, zone=0.5, min_pulse=20, margin=50)
-    b = Settings(period=777, full_scale_over_vdc=3.0, dead_time=10, min_pulse=5)
+    a = Settings(period=1000, dead_time=30, zone=0.5, band=0.03, min_pulse=20, margin=50)
+    b = Settings(period=777, full_scale_over_vdc=3.0, dead_time=10, band=0.2, min_pulse=5)
     await tb.start(a)
     v, i = rotating(0.3, 0.3, tb.phases), rotating(0.2, 1.0, tb.phases)
     expected = await tb.convert(v, i)
@@ -290,10 +302,11 @@ async def check_minimum(tb: TB, period: int, min_pulse: int, margin: int) -> Non
 
 
 @cocotb.test()
-async def dead_time_has_a_linear_zone(dut: Any) -> None:
-    """The width grows by i * slope up to the dead time either way, on legs with edges only."""
+@cocotb.parametrize(band=[0.0, 0.008])
+async def dead_time_has_a_band_and_a_linear_zone(dut: Any, band: float) -> None:
+    """Nothing within the band; beyond it the width grows by slope up to the dead time either way, on legs with edges."""
     tb = TB(dut)
-    s = Settings(period=2000, dead_time=40, zone=0.02)
+    s = Settings(period=2000, dead_time=40, zone=0.012, band=band)
     plain = Settings(period=2000)
     await tb.start(s)
     for raw in range(-3000, 3001, 150):
@@ -304,8 +317,11 @@ async def dead_time_has_a_linear_zone(dut: Any) -> None:
         i = [raw if x % 2 else -raw for x in range(tb.phases)]
         got = await tb.convert(v, i)
         for x in range(tb.phases):
-            exact = max(-40.0, min(40.0, i[x] * s.slope))
-            assert abs(got[x] - without[x] - exact) <= 0.5, f"leg {x} at {i[x]}: {got[x]} instead of {without[x]}"
+            size = abs(i[x]) / FULL
+            exact = math.copysign(40.0 * max(0.0, min(1.0, (size - band) / 0.012)), i[x])
+            assert abs(got[x] - without[x] - exact) <= 0.5 + 0.5 * s.slope + 1e-3, (
+                f"leg {x} at {i[x]}: {got[x]} instead of {without[x]}"
+            )
     # A leg that rests has no dead time to make up for.
     v = rotating(0.99, 0.0, tb.phases)
     got = await tb.convert(v, [FULL // 2] * tb.phases)
@@ -384,6 +400,7 @@ async def spacing_and_saturation(dut: Any) -> None:
     dut.cfg_period_i.value = 65535
     dut.cfg_scale_i.value = FULL - 1
     dut.cfg_scale_shift_i.value = 0
+    dut.cfg_band_i.value = 0
     dut.cfg_slope_i.value = FULL - 1
     dut.cfg_slope_shift_i.value = 0
     dut.cfg_dead_time_i.value = 1023
@@ -396,6 +413,9 @@ async def spacing_and_saturation(dut: Any) -> None:
         assert got == [65535 if x == high else 0 for x in range(tb.phases)]
     got = await tb.convert([0] * tb.phases, [FULL - 1, -FULL] + [0] * (tb.phases - 2))
     assert got == [32768 + 1023, 32768 - 1023] + [32768] * (tb.phases - 2)
+    dut.cfg_band_i.value = FULL - 1
+    got = await tb.convert([0] * tb.phases, [FULL - 1, -FULL] + [0] * (tb.phases - 2))
+    assert got == [32768, 32768 - 1023] + [32768] * (tb.phases - 2)
 
 
 @pytest.mark.parametrize("phases", [3, 5])

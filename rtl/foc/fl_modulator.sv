@@ -3,7 +3,8 @@
 //
 //   z       = floor((max(v) + min(v)) / 2)          the same for all legs (space-vector modulation with three of them)
 //   raw     = period/2 + (v - z) * scale            rounded half up, once
-//   comp    = clamp(i * slope, -dead_time, dead_time)   rounded half up; 0 where raw <= 0 or raw >= period: no edges
+//   comp    = clamp(beyond(i, band) * slope, -dead_time, dead_time)   rounded half up; 0 where raw <= 0 or
+//             raw >= period: no edges.  beyond(i, band) = sign(i) max(|i| - band, 0)
 //   compare = clamp(raw + comp, margin, period - margin), below min_pulse 0, above period - min_pulse period
 //
 // scale = period * full_scale / vdc / 2^17 = cfg_scale_i * 2^-cfg_scale_shift_i in clocks a unit, slope likewise; a
@@ -34,6 +35,7 @@ module fl_modulator
     input  logic    [      15:0]       cfg_period_i,       // clocks
     input  logic    [      16:0]       cfg_scale_i,        // mantissa
     input  logic    [       4:0]       cfg_scale_shift_i,
+    input  logic    [      16:0]       cfg_band_i,         // currents up to it are not compensated, unit of i
     input  logic    [      16:0]       cfg_slope_i,        // mantissa
     input  logic    [       4:0]       cfg_slope_shift_i,
     input  logic    [       9:0]       cfg_dead_time_i,    // clocks that a leg loses a carrier, 0: no compensation
@@ -53,13 +55,21 @@ module fl_modulator
 
   // Settings of the vector in work.
   logic [15:0] period_q, margin_in_q, margin_q, high_q, min_q;
-  logic [16:0] scale_q, slope_q;
+  logic [16:0] scale_q, band_q, slope_q;
   logic [4:0] scale_shift_q, slope_shift_q;  // one less than the setting: products are in half clocks
   logic [9:0] dead_time_q;
   logic [11:0] min_in_q;
 
   function automatic logic [4:0] half_clock_shift(logic [4:0] shift);
     return (shift == '0) ? '0 : shift - 5'd1;
+  endfunction
+
+  function automatic sample_t beyond(sample_t i, logic [16:0] band);
+    sample_t size;
+    size = $signed({1'b0, band});
+    if (i > size) return i - size;
+    if (i < -size) return i + size;
+    return '0;
   endfunction
 
   // Steps: the currents' products, beside them the search for the extremes; then the voltages' products.
@@ -127,6 +137,7 @@ module fl_modulator
       period_q      <= cfg_period_i;
       margin_in_q   <= cfg_margin_i;
       scale_q       <= cfg_scale_i;
+      band_q        <= cfg_band_i;
       slope_q       <= cfg_slope_i;
       scale_shift_q <= half_clock_shift(cfg_scale_shift_i);
       slope_shift_q <= half_clock_shift(cfg_slope_shift_i);
@@ -153,7 +164,7 @@ module fl_modulator
     voltage_q <= {voltage_q[Stages-2:1], step_on_q && on_voltage};
     last_q    <= {last_q[Stages-2:1], step_on_q && step_q == LastStep};
 
-    operand_q <= on_voltage ? sat_sample(32'(v_q[0]) - 32'(zero)) : i_q[0];
+    operand_q <= on_voltage ? sat_sample(32'(v_q[0]) - 32'(zero)) : beyond(i_q[0], band_q);
     factor_q  <= $signed({1'b0, on_voltage ? scale_q : slope_q});
     shift_q   <= on_voltage ? scale_shift_q : slope_shift_q;
     product_q <= 36'(operand_q) * 36'(factor_q);

@@ -208,6 +208,7 @@ module fl_vector
       .cfg_period_i     (settings_q.period),
       .cfg_scale_i      (settings_q.scale),
       .cfg_scale_shift_i(settings_q.scale_shift),
+      .cfg_band_i       (settings_q.band),
       .cfg_slope_i      (settings_q.slope),
       .cfg_slope_shift_i(settings_q.slope_shift),
       .cfg_dead_time_i  (settings_q.dead_time),

@@ -27,6 +27,7 @@ package fl_vector_pkg;
     logic [31:0] lead;
     logic [16:0] scale;
     logic [4:0] scale_shift;
+    logic [16:0] band;
     logic [16:0] slope;
     logic [4:0] slope_shift;
     logic [9:0] dead_time;

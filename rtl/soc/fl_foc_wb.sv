@@ -72,6 +72,7 @@ module fl_foc_wb
     settings.lead          = hwif_out.lead.turn_q32.value;
     settings.scale         = hwif_out.scale.mantissa.value;
     settings.scale_shift   = hwif_out.scale.shift.value;
+    settings.band          = hwif_out.band.i_q17.value;
     settings.slope         = hwif_out.slope.mantissa.value;
     settings.slope_shift   = hwif_out.slope.shift.value;
     settings.dead_time     = hwif_out.dead_time.cycles.value;

@@ -22,6 +22,7 @@ typedef struct {
   int32_t omega_turn_q36;
   complex_t preset_v_q17;  // until the regulators are switched on
   uint32_t limit_v_q17;    // circle
+  uint32_t band_i_q17;     // without dead-time compensation
   uint32_t scale;          // of the modulator
   uint32_t scale_shift;
   uint32_t settle;  // samples with the first reference before the table begins
@@ -108,6 +109,7 @@ int main(void) {
   v->omega_turn_q36 = table->omega_turn_q36;
   v->preset_v_q17[0] = table->preset_v_q17;
   v->limit_v_q17[0] = table->limit_v_q17;
+  v->band_i_q17 = table->band_i_q17;
   v->scale = table->scale;
   v->scale_shift = table->scale_shift;
   v->write_control = true;

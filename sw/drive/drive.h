@@ -236,6 +236,8 @@ typedef struct {
   bool holding;             // the regulator's state is held at its preset for a tick
   emf_observer_t observer;
   current_rest_t rest;
+  uint32_t band_i_q17;         // currents up to it get no dead-time compensation
+  uint32_t zone_i_q17;         // beyond it, in which the compensation grows to the whole
   complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link

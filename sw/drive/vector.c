@@ -12,7 +12,7 @@
 #define ONE_OVER_SQRT3_Q16 37837
 #define QUARTER_TURN ((uint32_t)1 << 30)
 #define HALF_PI_Q30 1686629713
-#define VOLTAGE_MAX_Q17 131071
+#define SAMPLE_MAX_Q17 131071
 #define CHANGE_MAX_Q32 (1 << 22)
 #define FOUR_OVER_PI_Q8 326u
 // Turns below it, 1.4 degrees: two terms of the series are enough.
@@ -55,18 +55,36 @@ static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)
 //
 //   c (exp(-j phi) - 1)   inverse Park exact,   c (1 - exp(j phi))   held
 //
-// which lies across the EMF: c (T_d + T_s/2) / psi at any speed. c along the current, linear up to 4/pi of a leg's
-// largest.
+// which lies across the EMF: c (T_d + T_s/2) / psi at any speed. c along the current I: the fundamental of what grows
+// from the band B over the zone Z (describing function),
+//
+//   slope I (F((B + Z)/I) - F(B/I)),   F(x) = 2/pi (asin x + x sqrt(1 - x^2)), x < 1; 1 beyond
+//
+// F as 4/pi x - (4/pi - 1) x^3: to 1 % of the largest.
+COLD static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
+  if (current_i_q17 >= size_i_q17) {
+    return 1u << 16;
+  }
+  const uint32_t x_q14 = (current_i_q17 << 14) / size_i_q17;
+  const uint32_t cube_q14 = (((x_q14 * x_q14) >> 14) * x_q14) >> 14;
+  return (x_q14 * FOUR_OVER_PI_Q8 - cube_q14 * (FOUR_OVER_PI_Q8 - 256u)) >> 6;
+}
+
 COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
   const parameters_t *p = drive->p;
   const vector_t *v = &drive->vector;
   const uint32_t size = complex_abs(v->reference_i_q25);
-  const uint32_t most_cycles_q8 = (uint32_t)p->vector_dead_comp_cycles * FOUR_OVER_PI_Q8;
+  const uint32_t size_i_q17 = size >> 8;
+  if (size_i_q17 <= v->band_i_q17) {
+    return (complex_t){0, 0};
+  }
+  const uint32_t grown_q16 =
+      reached_q16(v->band_i_q17 + v->zone_i_q17, size_i_q17) - reached_q16(v->band_i_q17, size_i_q17);
   const uint64_t linear_q8 = ((uint64_t)size * (uint32_t)p->vector_slope) >> p->vector_slope_shift;
-  const uint32_t cycles_q8 = (linear_q8 < most_cycles_q8) ? (uint32_t)linear_q8 : most_cycles_q8;
+  const uint32_t cycles_q8 = (uint32_t)((linear_q8 * grown_q16) >> 16);
   const uint32_t carrier_q8 = (uint32_t)p->vector_sample_cycles << ((p->vector_double != 0) ? 9 : 8);
   const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)drive->m.vdc_v_q25 * cycles_q8, carrier_q8);
-  const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, (size > 0u) ? size : 1u);
+  const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, size);
   const complex_t added = complex_scale_q30(v->reference_i_q25, sat_i32((int64_t)share_q30));
   const bool held = v->plant.machine.park == PARK_HELD;
   const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->speed_turn_q36);
@@ -96,6 +114,11 @@ COLD void vector_init(drive_t *drive) {
   v->salient = p->vector_mtpa_ratio_i_q25 != 0;
   v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
+  if (p->vector_slope > 0) {
+    const uint32_t zone = div_sat_u32((uint64_t)(uint32_t)p->vector_dead_comp_cycles << p->vector_slope_shift,
+                                      (uint32_t)p->vector_slope);
+    v->zone_i_q17 = (zone < SAMPLE_MAX_Q17) ? zone : SAMPLE_MAX_Q17;
+  }
   v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
   v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
                                p->vector_speed_max_turn_q36};
@@ -146,9 +169,11 @@ void vector_design(drive_t *drive) {
   if (v->stage == VECTOR_STAGES * VECTOR_DESIGNS) {
     v->late_v_q25 = late_compensation_v_q25(drive);
   } else if (stage == 0u) {
-    // For people; a step in between may have changed one part of a vector.
+    // A step in between may have changed one part of a vector.
+    const int32_t voltage_v_q25 = (int32_t)complex_abs(v->state_v_q25);
+    v->band_i_q17 = (uint32_t)clamp_i32(gain_apply(voltage_v_q25, p->vector_band), 0, SAMPLE_MAX_Q17);
     if (v->frame != FRAME_OFF) {
-      drive->u_v_q25 = (int32_t)complex_abs(v->state_v_q25);
+      drive->u_v_q25 = voltage_v_q25;
       drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
     }
     vector_model(&v->model, &v->plant, v->speed_turn_q36);
@@ -175,6 +200,7 @@ COLD static void take_design(drive_t *drive) {
   command->hold[0] = gains->h;
   command->ratio_q17[0] = gains->ratio_q17;
   command->shift[0] = (uint32_t)gains->shift;
+  command->band_i_q17 = v->band_i_q17;
   command->write_gains = true;
   v->finished = false;
 }
@@ -349,8 +375,8 @@ HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
   m->last_sample = in->sample_number;
   if (in->sum_count > 0u) {
     const int32_t share_q30 = share_of(&drive->vector.sums, in->sum_count);
-    m->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, VOLTAGE_MAX_Q17) * 256;
-    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -VOLTAGE_MAX_Q17 - 1, VOLTAGE_MAX_Q17);
+    m->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
+    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -SAMPLE_MAX_Q17 - 1, SAMPLE_MAX_Q17);
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
     m->idc_q17 = m->idc_filter_q25 >> 8;
   }
@@ -482,7 +508,7 @@ HOT static void apply_limits(drive_t *drive) {
   chip_vector_command_t *command = &drive->command.vector;
   const int32_t vdc = drive->m.vdc_v_q25;
   const int32_t circle_v_q25 = mul_q16(mul_q16(vdc, ONE_OVER_SQRT3_Q16), p->vector_circle_q16);
-  command->limit_v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, VOLTAGE_MAX_Q17);
+  command->limit_v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, SAMPLE_MAX_Q17);
   drive->brake_i_q25 = brake_current(drive->brake_i_q25, drive->settings.brake_limit_i_q25, vdc, p->brake_vdc_v_q25,
                                      p->brake_range);
   command->write_limits = true;

@@ -337,6 +337,7 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
 }
 
 COLD static void write_vector_gains(const chip_vector_command_t *vector) {
+  reg_write(REG(foc.band), vector->band_i_q17);
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     write_vector(REG(foc.gain[0]), s, vector->gain[s]);
     write_vector(REG(foc.hold[0]), s, vector->hold[s]);

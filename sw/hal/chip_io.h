@@ -125,13 +125,14 @@ typedef struct {
   complex_t forward_v_q17[2];
   uint32_t shift[2];
   uint32_t limit_v_q17[2];
+  uint32_t band_i_q17;  // without dead-time compensation
   int32_t lead_q32;
   int32_t omega_turn_q36;
   int32_t correct_q32;
   bool write_control;    // one-shot: enable, regulate or bypass have changed
   bool write_reference;  // one-shot: the reference has
   bool write_correct;    // one-shot: add correct_q32 to the angle
-  bool write_gains;      // one-shot: gain, hold, ratio, shift or forward have changed
+  bool write_gains;      // one-shot: gain, hold, ratio, shift, forward or band have changed
   bool write_limits;     // one-shot: limit, lead or scale have
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle

@@ -478,8 +478,19 @@ def test_speeds_currents_and_voltages() -> None:
     assert (off.gain("vector_weakening_ki"), off.number("vector_weakening_lowest_i_q25")) == (0.0, 0)
 
 
+def ripple_at_own_edge(share: float) -> float:
+    """Ripple of phase A's current at its leg's edge, phase voltages share * (0, -sin 60, sin 60), in vdc T / L.
+
+    Legs switched on around the middle of the carrier; the middle of the pause has no ripple.
+    """
+    legs = [0.5 + share * math.sin(math.radians(angle)) for angle in (0, -120, 120)]
+    rise = [(1.0 - leg) / 2.0 for leg in legs]
+    on_before = sum(max(rise[0] - edge, 0.0) for edge in rise)
+    return on_before / 3.0  # against the star point, which goes along with a third of each leg
+
+
 def test_modulator() -> None:
-    """A voltage becomes its share of the carrier; the lost time is given back beyond half of the ripple, not steeply.
+    """A voltage becomes its share of the carrier; the lost time is given back beyond the carrier's ripple, not steeply.
 
     Verifies: VCONF-03
     """
@@ -489,15 +500,20 @@ def test_modulator() -> None:
     assert carrier == 2500
     vdc_v_q25, v_q17 = 25.0 / 30 * 2**25, 6.0 / 30 * 2**17
     assert v_q17 * block.gain("vector_scale_v") / vdc_v_q25 == pytest.approx(6.0 / 25 * carrier)
-    slope = block.number("vector_slope") * 2.0 ** -block.number("vector_slope_shift")
-    whole_a = block.number("vector_dead_comp_cycles") / slope / 2**17 * 50
     assert block.number("vector_dead_comp_cycles") == 10
     assert block.number("vector_slope") >= 2**15, "no bits given away"
-    # The lost 0.1 V over that current undo half of the winding's and the switch's resistance, no more.
-    assert whole_a == pytest.approx(10 / carrier * 25 / (0.5 * 0.022), rel=1e-4)
-    ripple = parameter_block(load_scenario(START, ["motor.inductance_h=5e-6"]))
-    slope = ripple.number("vector_slope") * 2.0 ** -ripple.number("vector_slope_shift")
-    assert 10 / slope / 2**17 * 50 == pytest.approx(0.5 * 25 / (12 * 5e-6 * 20e3), rel=1e-4)
+    for inductance_h in (5e-6, 22e-6):
+        changed = parameter_block(load_scenario(START, [f"motor.inductance_h={inductance_h}"]))
+        slope = changed.number("vector_slope") * 2.0 ** -changed.number("vector_slope_shift")
+        zone_a = 10 / slope / 2**17 * 50
+        assert zone_a == pytest.approx(0.25 * 25 / (12 * inductance_h * 20e3), rel=1e-4)
+        for voltage_v in (0.5, 5.0, 14.0):
+            band_a = changed.gain("vector_band") * voltage_v / 30 * 2**25 / 2**17 * 50
+            ripple_a = ripple_at_own_edge(voltage_v / 25.0) * 25 / 20e3 / inductance_h
+            assert band_a == pytest.approx(ripple_a, rel=1e-4)
+    fine = compile_parameters(replace(motor_spec(s), inductance_h=1e-3), inverter_spec(s), drive_spec(s))
+    slope = fine.number("vector_slope") * 2.0 ** -fine.number("vector_slope_shift")
+    assert 10 / slope / 2**17 * 50 == pytest.approx(8 * 50 / 2**12, rel=1e-4), "not within the converter's noise"
     margin = block.number("vector_margin_cycles")
     assert margin == 10 + 20  # dead time and shortest pulse
     assert block.number("vector_circle_q16") / 2**16 == pytest.approx(1 - 2 * margin / carrier, abs=2**-16)

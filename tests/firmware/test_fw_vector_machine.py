@@ -13,7 +13,7 @@ import pytest
 from fluxlock.config import load_scenario
 from fluxlock.config.specs import inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware.block import Value
+from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.vector_library import model_at, to_complex, vector_library
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
@@ -325,8 +325,8 @@ def test_corrections_count_once_when_a_set_comes_late() -> None:
     assert most < 1.0
 
 
-@pytest.mark.parametrize("exact_park", [True, False])
-def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool) -> None:
+@pytest.mark.parametrize(("exact_park", "band_a_per_v"), [(True, 0.0), (False, 0.0), (True, 0.5), (False, 0.5)])
+def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool, band_a_per_v: float) -> None:
     """The dead time's compensation follows the sampled currents and acts when they have turned on.
 
     What is left of it lies across the EMF, 127 mV turned by omega T_s: 0.36 degrees at any speed if it is not known.
@@ -338,6 +338,7 @@ def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool) 
     values: dict[str, Value] = {
         **FAST,
         "vector_dead_comp_cycles": 10,
+        "vector_band": gain(band_a_per_v * inverter.voltage_full_scale_v / inverter.current_full_scale_a / 256),
         "vector_slope": slope,
         "vector_slope_shift": 26,
     }

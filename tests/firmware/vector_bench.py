@@ -118,6 +118,7 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_weakening_lowest_i_q25": round(s.weakening_lowest_a * amp),
         "vector_mtpa_ratio_i_q25": round(s.mtpa_ratio_a * amp),
         "vector_scale_v": gain(scale),
+        "vector_band": gain(0.0),
         "vector_slope": 0,
         "vector_slope_shift": 20,
         "vector_dead_comp_cycles": 0,
@@ -342,9 +343,12 @@ class VectorBench:
         """Vector of the modulator's compensation for a stationary current."""
         slope, most = self.get("foc.slope"), self.get("foc.dead_time")
         per_ampere = (slope & (Q17 - 1)) * 2.0 ** -(slope >> 24 & 31) * self.unit_a
+        band = self.get("foc.band") / self.unit_a
         v = 0j
         for turn in (cmath.exp(2j * math.pi * x / 3) for x in range(3)):
-            cycles = min(max((current_a / turn).real * per_ampere, -most), most)
+            current = (current_a / turn).real
+            beyond = math.copysign(max(abs(current) - band, 0.0), current)
+            cycles = min(max(beyond * per_ampere, -most), most)
             v += 2 / 3 * cycles * turn
         periods = self.machine.period_cycles * (2 if self.get("foc.control") & 4 else 1)
         return v * self.inverter.supply_v / periods

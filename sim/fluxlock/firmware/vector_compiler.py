@@ -54,11 +54,8 @@ WEAKENING_HZ = 20.0
 WEAKENING_SHARE = 0.95
 WEAKENING_CURRENT_SHARE = 0.8
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
-# Current of the whole dead-time compensation: of the carrier's ripple V_dc T / (12 L), which smooths the sign. Below it
-# the compensation acts as a negative resistance, at most so much of R: while the ripple turns the sign at the edges the
-# dead time itself costs nothing, and offsets of the phase currents decay by R alone, whatever the regulator.
-DEAD_TIME_RIPPLE_SHARE = 0.5
-DEAD_TIME_RESISTANCE_SHARE = 0.5
+# Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
+DEAD_TIME_ZONE_SHARE = 0.25
 DEAD_TIME_LSB = 8.0
 MISS_LIMIT = 2
 # Share of the shortest quarter of a line that the encoder's filter takes.
@@ -127,6 +124,15 @@ def margin_cycles(clock_hz: float, inverter: InverterSpec) -> int:
 def circle(clock_hz: float, inverter: InverterSpec, timing: VectorTiming) -> float:
     """Largest voltage without distortion over vdc / sqrt(3): what the margins leave."""
     return 1.0 - 2.0 * margin_cycles(clock_hz, inverter) / timing.carrier_cycles
+
+
+def ripple_a_per_v(motor: MotorSpec, timing: VectorTiming, clock_hz: float) -> float:
+    """Carrier ripple of a phase's current at its leg's edges, where its voltage is zero, over the phase voltage (A/V).
+
+    Half of the peak to peak value, single or double update; docs/theory/vector.md, Dead time. While the current is
+    smaller its sign at the edges is such that the dead time costs nothing.
+    """
+    return timing.carrier_cycles / clock_hz / (4.0 * math.sqrt(3.0) * motor.inductance_h)
 
 
 def _gains(**factors: float) -> dict[str, Value]:
@@ -223,13 +229,12 @@ def _modulator(
     """Scale, dead time and margins (rtl/foc/fl_modulator.sv)."""
     clock = drive.clock_hz
     lost = max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)) if vector.dead_time_compensation else 0
-    ripple_a = inverter.supply_v * timing.carrier_cycles / clock / (12.0 * motor.inductance_h)
-    lost_v = inverter.supply_v * lost / timing.carrier_cycles
+    ripple = ripple_a_per_v(motor, timing, clock)
     zone_a = max(
-        DEAD_TIME_RIPPLE_SHARE * ripple_a,
-        lost_v / (DEAD_TIME_RESISTANCE_SHARE * VectorMachine.of(motor, inverter).resistance_ohm),
+        DEAD_TIME_ZONE_SHARE * ripple * inverter.supply_v / math.sqrt(3.0),
         DEAD_TIME_LSB * inverter.current_full_scale_a / 2.0**inverter.bits,
     )
+    band = ripple * (Q17 / inverter.current_full_scale_a) * (inverter.voltage_full_scale_v / Q25)
     slope = lost / (zone_a * Q17 / inverter.current_full_scale_a)
     shift = 0
     while 0 < slope * 2 ** (shift + 1) < Q17 - 1 and shift < 31:
@@ -237,7 +242,7 @@ def _modulator(
     return {
         "vector_circle_q16": round(circle(clock, inverter, timing) * Q16),
         # Clocks a unit of v_q17 are N V / vdc 2^-17; vdc counts in v_q25.
-        **_gains(vector_scale_v=timing.carrier_cycles * Q8),
+        **_gains(vector_scale_v=timing.carrier_cycles * Q8, vector_band=band),
         "vector_slope": min(round(slope * 2**shift), int(Q17) - 1),
         "vector_slope_shift": shift,
         "vector_dead_comp_cycles": lost,

@@ -30,7 +30,7 @@ from fluxlock.analysis.vector.model import (
 )
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
-from fluxlock.firmware.vector_compiler import VectorMachine, circle
+from fluxlock.firmware.vector_compiler import VectorMachine, circle, ripple_a_per_v
 from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import Runner
@@ -167,12 +167,14 @@ class Ground:
         held = complex(steady_voltage(theory.model, 0.0, emf(self.machine, theory.omega)))
         limit_v = circle(CLOCK_HZ, inverter_spec(self.scenario), self.timing) * supply_v / math.sqrt(3.0)
         scale = self.timing.carrier_cycles * self.full_scale_v / supply_v / 2**FULL_BITS
+        band_a = ripple_a_per_v(motor_spec(self.scenario), self.timing, CLOCK_HZ) * abs(held)
         shift = min(31, math.floor(math.log2((2**FULL_BITS - 1) / scale)))
         words = [
             round(turn_a_clock * RESET_CYCLES * 2**32),
             round(turn_a_clock * 2**36),
             *_pair(held / self.full_scale_v),
             round(limit_v / self.full_scale_v * 2**FULL_BITS),
+            round(band_a / self.full_scale_a * 2**FULL_BITS),
             math.floor(scale * 2**shift),
             shift,
             SETTLE,
