@@ -39,7 +39,7 @@ def mantissa_and_shift(value: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings in physical terms. Clocks; band and zone are of the current's full scale, dead_time is reached at both."""
+    """Settings in physical terms, clocks; band and zone over the current's full scale, dead_time reached at their sum."""
 
     period: int = 2500
     full_scale_over_vdc: float = 1.2
@@ -304,7 +304,7 @@ async def check_minimum(tb: TB, period: int, min_pulse: int, margin: int) -> Non
 @cocotb.test()
 @cocotb.parametrize(band=[0.0, 0.008])
 async def dead_time_has_a_band_and_a_linear_zone(dut: Any, band: float) -> None:
-    """Nothing within the band; beyond it the width grows by slope up to the dead time either way, on legs with edges."""
+    """Nothing within the band; beyond it the width grows by slope up to the dead time, on legs with edges."""
     tb = TB(dut)
     s = Settings(period=2000, dead_time=40, zone=0.012, band=band)
     plain = Settings(period=2000)

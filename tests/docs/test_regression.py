@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import fluxlock.regression.sets  # noqa: F401  (registers the cases)
+from fluxlock.docs.parameter_map import parameter_map
 from fluxlock.docs.regression import PAGE, page
 from fluxlock.regression import origin, runner
 from fluxlock.regression.case import CASES
@@ -97,3 +98,25 @@ def test_page_names_the_revisions() -> None:
         "\nRevision aaa, seed 1: six-step/hall/before.\n\nRevision unknown, seed unknown: six-step/hall/after.\n"
         in mixed
     )
+
+
+def test_parameter_map_has_a_line_a_change() -> None:
+    """Error and closed form over the speeds in their order; the summary of the case and single points are left out.
+
+    Verifies: DOC-05
+    """
+    values = {"angle_error_deg.max": 9.0, "speed_rpm.end": 1.0}
+    for speed, error, closed in ((90000, 3.0, 2.5), (20000, 1.0, 0.5)):
+        values |= {f"angle_error_deg.{speed}": error, f"closed_form_deg.{speed}": closed}
+    course = row("vector/parameter-errors/L-30%") | {
+        "conditions": {"machine_against_file": "L -30 %"},
+        "values": values,
+    }
+    short = {"angle_error_deg.20000": 1.0, "closed_form_deg.20000": 1.0}
+    single = row("vector/parameter-errors/R+50%") | {"conditions": {"machine_against_file": "R +50 %"}, "values": short}
+    worst = row("vector/parameter-errors/worst") | {"conditions": {"machine_against_file": "L -30 %"}}
+    assert parameter_map([single, worst, row("vector/catch")]) is None
+    figure = parameter_map([course, single, worst])
+    assert figure is not None
+    lines = [[list(map(tuple, line.get_xydata()))] for line in figure.axes[0].get_lines()]
+    assert lines == [[[(20.0, 1.0), (90.0, 3.0)]], [[(20.0, 0.5), (90.0, 2.5)]]]

@@ -1,4 +1,4 @@
-"""Table of the regression for the documentation: `python -m fluxlock.docs.regression` after `make regression`."""
+"""Table and chart of the regression for the docs: `python -m fluxlock.docs.regression` after `make regression`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from fluxlock.analysis.six_step.plots import save
+from fluxlock.docs.parameter_map import parameter_map
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.case import limit_text
 from fluxlock.regression.origin import common_origin, origin_text
 
 PAGE = ROOT / "docs" / "verification" / "regression.md"
+PARAMETER_MAP = ROOT / "docs" / "images" / "vector-parameters-chip.png"
 RESULT = BUILD / "regression.json"
 
 HEAD = """# Regression
@@ -62,12 +65,16 @@ def page(document: dict[str, Any]) -> str:
 
 
 def main(result: Path = RESULT) -> int:
-    """Write the page; exit code 1 without results."""
+    """Write the page, and the chart if its rows are there; exit code 1 without results."""
     if not result.exists():
         print(f"error: {result} is missing; run make regression", file=sys.stderr)
         return 1
-    PAGE.write_text(page(json.loads(result.read_text(encoding="utf-8"))), encoding="utf-8")
+    document = json.loads(result.read_text(encoding="utf-8"))
+    PAGE.write_text(page(document), encoding="utf-8")
     print(f"written: {PAGE}")
+    if chart := parameter_map(document["rows"]):
+        save(chart, PARAMETER_MAP)
+        print(f"written: {PARAMETER_MAP}")
     return 0
 
 
