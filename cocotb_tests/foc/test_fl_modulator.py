@@ -39,7 +39,7 @@ def mantissa_and_shift(value: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings in physical terms, clocks; band and zone over the current's full scale, dead_time reached at their sum."""
+    """Settings, clocks; band and zone over the current's full scale, dead_time is reached at their sum."""
 
     period: int = 2500
     full_scale_over_vdc: float = 1.2
