@@ -29,7 +29,7 @@ demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in 
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
 test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
-	@$(PY) -m pytest -n $(JOBS) --dist loadgroup
+	@$(PY) -m pytest -n $(JOBS) --dist loadgroup --durations 25
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
 	@$(PY) -m fluxlock.lint
