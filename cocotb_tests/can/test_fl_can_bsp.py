@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 
-from cocotb_tests.can.bench import BENCHES, BSP_SOURCES, CLOCK_NS, pack, unpack
+from cocotb_tests.can.bench import BENCHES, BSP_SOURCES, CLOCK_NS, pack, told_apart, unpack
 from fluxlock.can.frame import Frame, wire
 from fluxlock.can.mac import Fault, Mac
 from fluxlock.cosim.block import run_block_test
@@ -139,12 +138,6 @@ async def frames_of_every_kind(dut: Any) -> None:
         others = [frame for i in range(3) if i != number for frame in wanted[i]]
         assert sorted(map(str, node.received)) == sorted(map(str, others))
     assert not any(node.faults for node in nodes)
-
-
-def told_apart(frame: Frame, number: int) -> Frame:
-    """The frame with the sender's number in its identifier: two senders of one identifier would fight for ever."""
-    shift = 18 if frame.ext else 0
-    return replace(frame, id=frame.id & ~(3 << shift) | number << shift)
 
 
 async def traffic(tb: TB, rng: random.Random, bits: int, disturb: Disturb | None, alone: bool = False) -> None:

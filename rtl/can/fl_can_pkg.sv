@@ -18,6 +18,25 @@ package fl_can_pkg;
     logic [63:0] data;  // first byte in bits 7..0; bytes beyond the length are 0 when received
   } can_frame_t;
 
+  // Acceptance filter: a frame matches where every bit of mask that is 1 is equal in it and here.
+  typedef struct packed {
+    logic        enable;
+    logic        match_ext;
+    logic        ext;
+    logic        match_rtr;
+    logic        rtr;
+    logic [28:0] mask;
+    logic [28:0] id;
+  } can_filter_t;
+
+  // What the receive FIFO keeps of a frame.
+  typedef struct packed {
+    logic        lost;    // frames between the one before and this were lost to a full FIFO
+    logic [2:0]  filter;  // the first that matched
+    logic [31:0] stamp;   // sample point of the start of frame, clocks
+    can_frame_t  frame;
+  } can_entry_t;
+
   typedef enum logic [2:0] {
     CanNone  = 3'd0,
     CanBit   = 3'd1,  // sent one level, saw the other
