@@ -2,7 +2,7 @@
 //
 // Reset is held for 2^16 clocks after configuration and after the button is released (1.3 ms: converters and gate
 // drivers are up). The gate pins are off in the polarity of the registers meanwhile; gate drivers need their own
-// pull-down for the time before configuration.
+// pull-down for the time before configuration. Faults of the converters act like the gate drivers' fault pin.
 `default_nettype none
 module fl_board_ecp5
   import fl_pkg::*;
@@ -56,11 +56,15 @@ module fl_board_ecp5
     rst_q <= !reset_released_q;
   end
 
-  logic adc_strobe, adc_valid;
+  logic adc_strobe, adc_valid, adc_missed, adc_fault;
   adc_code_t [Channels-1:0] adc_code;
+  logic [Channels-1:0] adc_bad;
+  logic [2*Phases-1:0] gate;
 
   fl_adc_serial #(
-      .Channels(Channels)
+      .Channels     (Channels),
+      .FrameBits    (16),
+      .ReleaseCycles(10)
   ) u_adc (
       .clk_i,
       .rst_i   (rst_q),
@@ -69,7 +73,23 @@ module fl_board_ecp5
       .sclk_o  (adc_sclk_o),
       .sdata_i (adc_sdata_i),
       .valid_o (adc_valid),
-      .code_o  (adc_code)
+      .code_o  (adc_code),
+      .bad_o   (adc_bad),
+      .missed_o(adc_missed)
+  );
+
+  fl_adc_fault #(
+      .Channels(Channels)
+  ) u_adc_fault (
+      .clk_i,
+      .rst_i    (rst_q),
+      .valid_i  (adc_valid),
+      .bad_i    (adc_bad),
+      .missed_i (adc_missed),
+      .gate_on_i(gate != '0),
+      .fault_o  (adc_fault),
+      .cause_o  (),
+      .seen_o   ()
   );
 
   fl_soc #(
@@ -83,8 +103,8 @@ module fl_board_ecp5
       .adc_code_i      (adc_code),
       .gate_h_o,
       .gate_l_o,
-      .gate_o          (),
-      .fault_pin_i,
+      .gate_o          (gate),
+      .fault_pin_i     (fault_pin_i || adc_fault),
       .hall_i,
       .encoder_i,
       .uart_rx_i,

@@ -48,17 +48,18 @@ def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = Non
     return verdict.group(1)
 
 
-@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip", "fl_leg_carrier", "fl_encoder"])
+@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip", "fl_leg_carrier", "fl_encoder", "fl_adc_fault"])
 def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10,
-    VPWM-06, ENC-04
+    VPWM-06, ENC-04, BRD-04
     """
     assert prove(name, name) == "PASS"
 
 
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
+ADC = "fl_adc_fault.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -106,6 +107,10 @@ BROKEN = {
     "lost steps not counted": ("fl_encoder", ENCODER, "step == 2'd2) invalid_q", "step == 2'd2 && z_q) invalid_q"),
     "lost steps move": ("fl_encoder", ENCODER, "ready && step == 2'd3", "ready && step[1]"),
     "turn one quarter long": ("fl_encoder", ENCODER, "here >= cfg_last_i", "here > cfg_last_i"),
+    "late one clock later": ("fl_adc_fault", ADC, ">= 21'(LateCycles - 1)", ">= 21'(LateCycles)"),
+    "late with the gates off": ("fl_adc_fault", ADC, "valid_i || !gate_on_i", "valid_i"),
+    "bad channel ignored": ("fl_adc_fault", ADC, "bad_i != '0;", "&bad_i;"),
+    "missed strobe forgotten": ("fl_adc_fault", ADC, "missed_q && !(valid_i && bad_i == '0)", "missed_q && !valid_i"),
     "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 
