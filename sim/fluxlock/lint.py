@@ -32,6 +32,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_vector": [{"Phases": 3}, {"Phases": 5}],
     "fl_foc_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
+    "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
 }
 
