@@ -59,8 +59,12 @@ def now_ns() -> float:
 class SerialConverters:
     """All converters of a board: `codes` is what each would convert at its next hold."""
 
-    def __init__(self, dut: Any, channels: int, paths: Paths, table: TimingTable = TABLE) -> None:
-        self.dut, self.channels, self.paths, self.table = dut, channels, paths, table
+    def __init__(self, dut: Any, channels: int, paths: Paths, table: TimingTable = TABLE, prefix: str = "") -> None:
+        """`prefix`: that of the pins' names at the top of the bench."""
+        self.channels, self.paths, self.table = channels, paths, table
+        self.select = getattr(dut, f"{prefix}cs_no")
+        self.clock = getattr(dut, f"{prefix}sclk_o")
+        self.data = getattr(dut, f"{prefix}sdata_i")
         self.codes = [0] * channels
         self._stuck: dict[int, int] = {}
         self.trailing = [0] * channels  # what a part sends after its code: 0 in a sound one
@@ -79,7 +83,7 @@ class SerialConverters:
 
     def _drive(self, bits: list[int]) -> None:
         self._lines = bits
-        self.dut.sdata_i.value = sum(self._stuck.get(i, bit) << i for i, bit in enumerate(bits))
+        self.data.value = sum(self._stuck.get(i, bit) << i for i, bit in enumerate(bits))
 
     async def _set_later(self, invalid_ns: float, valid_ns: float, bits: list[int]) -> None:
         """Right bits hold until `invalid_ns` from now, random ones until `valid_ns`."""
@@ -115,29 +119,29 @@ class SerialConverters:
         assert quiet >= t.quiet, f"tQUIET: {quiet} ns"
         acquired = now - self._acquiring_at
         assert acquired >= t.acquire + self.paths.skew, f"acquisition: {acquired} ns"
-        assert self.dut.sclk_o.value == 1, "clock low when the converters are selected"
+        assert self.clock.value == 1, "clock low when the converters are selected"
 
     async def _run(self) -> None:
         # Levels before the controller's reset mean nothing.
-        while self.dut.cs_no.value != 1 or self.dut.sclk_o.value != 1:
-            await First(ValueChange(self.dut.sclk_o), ValueChange(self.dut.cs_no))
+        while self.select.value != 1 or self.clock.value != 1:
+            await First(ValueChange(self.clock), ValueChange(self.select))
         while True:
-            while self.dut.cs_no.value != 0:
-                await ValueChange(self.dut.cs_no)
+            while self.select.value != 0:
+                await ValueChange(self.select)
             if self.checked:
                 self._check_select()
             await self._frame()
 
     async def _frame(self) -> None:
-        t, dut = self.table, self.dut
+        t = self.table
         held, falls, selected, fell, rose = list(self.codes), 0, now_ns(), 0.0, 0.0
         self._answer(0.0, t.enable, self._bits(held, 0))
         while True:
-            await First(ValueChange(dut.sclk_o), ValueChange(dut.cs_no))
+            await First(ValueChange(self.clock), ValueChange(self.select))
             now = now_ns()
-            if dut.cs_no.value == 1:
+            if self.select.value == 1:
                 break
-            if dut.sclk_o.value == 0:
+            if self.clock.value == 0:
                 falls += 1
                 if falls == 1:
                     setup = now - selected - self.paths.skew
