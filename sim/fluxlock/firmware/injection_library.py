@@ -1,0 +1,110 @@
+"""The injection's algorithms of the firmware, called on the host: structures, prototypes, settings from SI units."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+from fluxlock.firmware.block import gain
+from fluxlock.firmware.control_library import Gain
+from fluxlock.firmware.toolchain import build_host_library
+from fluxlock.firmware.vector_library import I32, POINTER, U32, Complex, real_gain
+
+LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
+SEQUENCES = ("held-tian", "held", "half-step", "exact")
+Q16, Q17, Q25, Q29, Q32 = 2**16, 2**17, 2**25, 2**29, 2**32
+SEPARATOR_FULL_SCALE = 2**18
+
+
+class Amplitude(ctypes.Structure):
+    """injection_amplitude_t."""
+
+    _fields_ = (("d", Complex), ("q", Complex), ("count", U32))
+
+
+class ErrorSettings(ctypes.Structure):
+    """injection_error_settings_t."""
+
+    _fields_ = (
+        ("method", ctypes.c_int),
+        ("ratio", Gain),
+        ("loss", Gain),
+        ("expected", Gain),
+        ("shift", I32),
+        ("minimum_i_q17", U32),
+    )
+
+
+class Leads(ctypes.Structure):
+    """angle_sequence_leads_t."""
+
+    _fields_ = (("lead_q32", I32), ("report_q32", I32))
+
+
+class CrossCouplingSettings(ctypes.Structure):
+    """cross_coupling_settings_t."""
+
+    _fields_ = (("c_q32", I32 * 4), ("current", Gain), ("filter_q16", I32), ("following", ctypes.c_bool))
+
+
+class CrossCoupling(ctypes.Structure):
+    """cross_coupling_t."""
+
+    _fields_ = (("i_q25", I32), ("c_q32", I32))
+
+
+def error_settings(
+    method: int,
+    l_d_h: float,
+    l_q_h: float,
+    *,
+    r_ohm: float = 0.0,
+    injection_hz: float = 1.0,
+    expected_volt_seconds: float = 0.0,
+    full_scale_a: float = 1.0,
+    shift: int = 0,
+    minimum_a: float = 0.0,
+) -> ErrorSettings:
+    """Settings of the angle error; expected_volt_seconds: T_h U_h for the separator by its expected size, else 0."""
+    difference = l_q_h - l_d_h
+    expected = gain(0.0)
+    if expected_volt_seconds:
+        k_per_a = 4 * l_d_h * l_q_h / (expected_volt_seconds * difference)
+        expected = gain(k_per_a * full_scale_a / SEPARATOR_FULL_SCALE * Q29)
+    return ErrorSettings(
+        method,
+        real_gain(l_q_h / difference),
+        Gain(*gain(r_ohm / (2 * math.pi * injection_hz * difference))),
+        Gain(*expected),
+        shift,
+        round(minimum_a / full_scale_a * Q17),
+    )
+
+
+def cross_coupling_settings(
+    angle_rad: tuple[float, ...], most_a: float, full_scale_a: float, filter_share: float = 1.0, following: bool = False
+) -> CrossCouplingSettings:
+    """Curve of a motor file, coefficients in powers of A, held beyond +-most_a."""
+    turns = [angle_rad[k] * most_a**k / (2 * math.pi) if k < len(angle_rad) else 0.0 for k in range(4)]
+    return CrossCouplingSettings(
+        (I32 * 4)(*(round(turn * Q32) for turn in turns)),
+        real_gain(Q29 / (most_a / full_scale_a * Q25)),
+        round(filter_share * Q16),
+        following,
+    )
+
+
+def injection_library() -> ctypes.CDLL:
+    """The host library with the prototypes of the injection's functions."""
+    library = ctypes.CDLL(str(build_host_library()))
+    for name, result, arguments in (
+        ("injection_magnitude_i_q17", U32, [POINTER, POINTER]),
+        ("injection_error_q30", I32, [POINTER, POINTER]),
+        ("angle_sequence_leads", Leads, [ctypes.c_int, POINTER, I32]),
+        ("cross_coupling_curve_q32", I32, [POINTER, I32]),
+        ("cross_coupling_begin", None, [POINTER, POINTER, I32]),
+        ("cross_coupling_step", I32, [POINTER, POINTER, I32]),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
