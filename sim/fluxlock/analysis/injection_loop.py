@@ -138,36 +138,16 @@ class Loop:
     def run(self, schedule: Schedule, seed: int = 1) -> Course:
         """Follow the drive."""
         from fluxlock.analysis import injection_kernel as kernel
+        from fluxlock.analysis.injection_machine import InverterSet, machine_set
         from fluxlock.plant.magnetics import FluxMap
 
         s, motor, inv = self.settings, self.motor, self.inverter
         params = machine_params(motor)
         flux = FluxMap(params)
-        five = motor.phases == 5
-        load, ts = motor.load, s.ts_s
-        cross = np.concatenate([flux.edges[:, None], flux.cross], axis=1)
+        ts = s.ts_s
         saturation = params.saturation
-        machine = kernel.MachineSet(
-            phases=motor.phases,
-            pole_pairs=float(motor.pole_pairs),
-            r=params.r_ohm[0],
-            l_d=flux.l_d,
-            l_q=flux.l_q,
-            psi=flux.psi_1,
-            l_d3=flux.l_d3 if five else 1.0,
-            l_q3=flux.l_q3 if five else 1.0,
-            l_13=flux.l_13,
-            psi_3=flux.psi_3,
-            sat_on=int(self.saturated and saturation is not None),
-            sat_a=flux.sat_a,
-            sat_b=flux.sat_b,
-            sat_i=flux.sat_i,
-            cross=np.ascontiguousarray(cross),
-            inertia=motor.inertia_kgm2,
-            viscous=load.viscous_nm_s_per_rad if self.viscous is None else self.viscous,
-            fan=load.fan_nm_s2_per_rad2,
-        )
-        inverter = kernel.InverterSet(
+        machine = machine_set(motor, self.saturated, self.viscous)
+        inverter = InverterSet(
             vdc=inv.supply_v,
             dead_vs=inv.supply_v * inv.dead_time_s,
             zone=inv.zone_a,
