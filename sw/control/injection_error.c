@@ -1,11 +1,16 @@
 #include "control/injection_error.h"
 
+#include <stdbool.h>
+
 #include "control/placement.h"
 #include "control/trig.h"
 
 #define RATIO_BITS 28
 #define LOCK_IN_BITS 4    // of its amplitudes below i_q17
 #define SEPARATOR_BITS 1
+// In units of 2^-21 of full scale: amplitude a sample of the I/Q sums, of the separator.
+#define IQ_UNITS 8
+#define SEPARATOR_UNITS 8
 
 HOT static int32_t unit_q30(int64_t error_q30) {
   return (int32_t)((error_q30 > ONE_Q30) ? ONE_Q30 : (error_q30 < -ONE_Q30) ? -ONE_Q30 : error_q30);
@@ -31,6 +36,35 @@ HOT uint32_t injection_magnitude_i_q17(const injection_error_settings_t *setting
     case INJECTION_CONVENTIONAL:
     default:
       return (uint32_t)abs_sat(amplitude->d.re) >> LOCK_IN_BITS;
+  }
+}
+
+// |d| and Re(q conj(d)) / |d|, a sample.
+static complex_t iq_vector_i_q21(const injection_amplitude_t *amplitude) {
+  const uint32_t length = complex_abs(amplitude->d);
+  if (amplitude->count == 0u || length == 0u) {
+    return (complex_t){0, 0};
+  }
+  const int64_t along = (int64_t)amplitude->q.re * amplitude->d.re + (int64_t)amplitude->q.im * amplitude->d.im;
+  const uint64_t size = (along < 0) ? 0u - (uint64_t)along : (uint64_t)along;
+  const int32_t q = sat_i32((int64_t)div_sat_u32(size, length));
+  const int32_t d = sat_i32((int64_t)length);
+  const int32_t count = (int32_t)amplitude->count;
+  return (complex_t){d / count * IQ_UNITS, ((along < 0) ? -q : q) / count * IQ_UNITS};
+}
+
+complex_t injection_vector_i_q21(const injection_error_settings_t *settings, const injection_amplitude_t *amplitude) {
+  const bool turned = amplitude->d.re < 0;
+  const complex_t z = {abs_sat(amplitude->d.re), turned ? -amplitude->q.re : amplitude->q.re};
+  switch (settings->method) {
+    case INJECTION_IQ:
+      return iq_vector_i_q21(amplitude);
+    case INJECTION_SEPARATOR:
+      return (complex_t){z.re * SEPARATOR_UNITS, z.im * SEPARATOR_UNITS};
+    case INJECTION_LOCK_IN:
+    case INJECTION_CONVENTIONAL:
+    default:
+      return (complex_t){z.re, z.im >> settings->shift};
   }
 }
 

@@ -39,6 +39,10 @@ typedef struct {
 // h_d times the reference. 0 for I/Q without samples. About 430 clocks for I/Q, else 10.
 uint32_t injection_magnitude_i_q17(const injection_error_settings_t *settings, const injection_amplitude_t *amplitude);
 
+// The amplitudes along each other, 2^21 = full scale: re of I_d, positive, im of I_q with its sign against it, both
+// real. Zero without samples. About 1000 clocks for I/Q, else 20.
+complex_t injection_vector_i_q21(const injection_error_settings_t *settings, const injection_amplitude_t *amplitude);
+
 // e. About 1100 clocks for I/Q, else 250.
 int32_t injection_error_q30(const injection_error_settings_t *settings, const injection_amplitude_t *amplitude);
 

@@ -19,8 +19,11 @@ from fluxlock.analysis.injection_machine import (
     advance,
     axis_tables,
     compiled,
+    converted,
+    leg_voltages,
     phase_current,
     scratch,
+    triangle,
 )
 from fluxlock.analysis.rundata import FloatArray
 
@@ -92,13 +95,6 @@ def biquad(g: float, k: float, state: FloatArray, at: int, x: float) -> float:
 
 
 @compiled
-def triangle(turns: float) -> float:
-    """HF current over its peak, turns after the rising edge of the voltage."""
-    x = turns - math.floor(turns)
-    return 4 * x - 1 if x < 0.5 else 3 - 4 * x
-
-
-@compiled
 def curve_at(c: ControlSet, i_q: float) -> float:
     """Angle of the cross-coupling curve."""
     x = min(max(i_q, -c.curve_limit), c.curve_limit)
@@ -140,6 +136,7 @@ def run(
     legs_next = np.zeros(n)
     seen_i = np.zeros(n)
     last_i = np.zeros(n)  # a sample before
+    vector = np.zeros(4)
     filters = np.zeros(12)
     sums = np.zeros(4)
     sums_known = False
@@ -207,14 +204,7 @@ def run(
             # Converter and demodulation: `over` samples a period, the last one at its end.
             part = (piece + 1) * sub_over / c.substeps if step > 0 else 1.0
             for x in range(n):
-                current = phase_current(i, theta, planes, cosine, sine, x)
-                if inv.lsb > 0.0:
-                    total = 0.0
-                    for _ in range(inv.average):
-                        code = current / inv.lsb + inv.noise_lsb * np.random.normal()
-                        total += min(max(math.floor(code + 0.5), -inv.full_scale), inv.full_scale)
-                    current = total * inv.lsb / inv.average
-                seen_i[x] = current
+                seen_i[x] = converted(inv, phase_current(i, theta, planes, cosine, sine, x))
             park = estimate - (1 - part) * speed * c.ts if step > 0 else estimate
             alpha = 0.0
             beta = 0.0
@@ -348,28 +338,17 @@ def run(
         third = 3 * (act + curve)
         alpha3 = math.cos(third) * held[2] - math.sin(third) * held[3]
         beta3 = math.sin(third) * held[2] + math.cos(third) * held[3]
-        low, high = 1e9, -1e9
         move = 0.0
         if inv.model:
             peak_now = c.amplitude * c.ts * c.period / (4 * c.l_d)
             turns = (step + c.period // 4) / c.period
             move = peak_now * (triangle(turns + 1.5 / c.period) - triangle(turns))
-        for x in range(n):
-            legs[x] = legs_next[x]
-            u = cosine[0, x] * alpha + sine[0, x] * beta
-            if n == 5:
-                u += cosine[1, x] * alpha3 + sine[1, x] * beta3
-            legs_next[x] = u
-            low, high = min(low, u), max(high, u)
-        for x in range(n):
-            u = legs_next[x] - 0.5 * (low + high)
-            if inv.compensate:
-                ahead = seen_i[x] + inv.predict * (seen_i[x] - last_i[x])
-                ahead += move * (math.cos(estimate) * cosine[0, x] + math.sin(estimate) * sine[0, x])
-                zone = min(max(ahead / inv.compensation_zone, -1.0), 1.0)
-                u += zone * inv.dead_vs / (c.ts * (2 if inv.double else 1))
-            legs_next[x] = min(max(u, -0.5 * inv.vdc), 0.5 * inv.vdc)
-            last_i[x] = seen_i[x]
+        legs[:] = legs_next
+        vector[0] = alpha
+        vector[1] = beta
+        vector[2] = alpha3
+        vector[3] = beta3
+        leg_voltages(inv, vector, seen_i, last_i, move, estimate, c.ts, cosine, sine, legs_next)
         # Firmware: loop of the angle, compensation, speed.
         estimate += delta
         if step % c.tick == 0:

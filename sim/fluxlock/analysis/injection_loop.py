@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 
+from fluxlock.analysis.injection_machine import InverterSet, machine_set
 from fluxlock.analysis.injection_theory import LEAD_AND_REPORT, LoopSequence
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Motor
@@ -51,6 +52,23 @@ class Inverter:
     bits: int = 12
     noise_lsb: float = 1.0
     average: int = 1
+
+    def kernel_set(self, double: bool) -> InverterSet:
+        """The same as the kernel takes it; double: two updates a carrier."""
+        return InverterSet(
+            vdc=self.supply_v,
+            dead_vs=self.supply_v * self.dead_time_s,
+            zone=self.zone_a,
+            compensate=int(self.compensate and self.dead_time_s > 0.0),
+            compensation_zone=self.compensation_zone_a,
+            predict=self.predict,
+            model=int(self.model),
+            double=int(double),
+            lsb=self.current_full_scale_a / 2.0 ** (self.bits - 1),
+            full_scale=2.0 ** (self.bits - 1) - 1.0,
+            noise_lsb=self.noise_lsb,
+            average=self.average,
+        )
 
 
 @dataclass(frozen=True)
@@ -138,7 +156,6 @@ class Loop:
     def run(self, schedule: Schedule, seed: int = 1) -> Course:
         """Follow the drive."""
         from fluxlock.analysis import injection_kernel as kernel
-        from fluxlock.analysis.injection_machine import InverterSet, machine_set
         from fluxlock.plant.magnetics import FluxMap
 
         s, motor, inv = self.settings, self.motor, self.inverter
@@ -147,20 +164,7 @@ class Loop:
         ts = s.ts_s
         saturation = params.saturation
         machine = machine_set(motor, self.saturated, self.viscous)
-        inverter = InverterSet(
-            vdc=inv.supply_v,
-            dead_vs=inv.supply_v * inv.dead_time_s,
-            zone=inv.zone_a,
-            compensate=int(inv.compensate and inv.dead_time_s > 0.0),
-            compensation_zone=inv.compensation_zone_a,
-            predict=inv.predict,
-            model=int(inv.model),
-            double=int(s.double),
-            lsb=inv.current_full_scale_a / 2.0 ** (inv.bits - 1),
-            full_scale=2.0 ** (inv.bits - 1) - 1.0,
-            noise_lsb=inv.noise_lsb,
-            average=inv.average,
-        )
+        inverter = inv.kernel_set(s.double)
         substeps = s.over * math.ceil(SUBSTEPS / s.over / 4) * (4 if s.over % 4 else 1)
         substeps = substeps if substeps % 4 == 0 else substeps * 4
         fs = s.over / ts

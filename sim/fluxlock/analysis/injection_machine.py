@@ -296,3 +296,59 @@ def advance(
     state[THETA_AT] = theta
     state[OMEGA_AT] = omega
     state[TORQUE_AT] = torque
+
+
+@compiled
+def converted(inv: InverterSet, current: float) -> float:
+    """Current as the converter gives it, mean of its samples."""
+    if inv.lsb > 0.0:
+        total = 0.0
+        for _ in range(inv.average):
+            code = current / inv.lsb + inv.noise_lsb * np.random.normal()
+            total += min(max(math.floor(code + 0.5), -inv.full_scale), inv.full_scale)
+        current = total * inv.lsb / inv.average
+    return current
+
+
+@compiled
+def triangle(turns: float) -> float:
+    """HF current over its peak, turns after the rising edge of the voltage."""
+    x = turns - math.floor(turns)
+    return 4 * x - 1 if x < 0.5 else 3 - 4 * x
+
+
+@compiled
+def leg_voltages(
+    inv: InverterSet,
+    vector: FloatArray,
+    seen_i: FloatArray,
+    last_i: FloatArray,
+    move: float,
+    angle: float,
+    ts: float,
+    cosine: FloatArray,
+    sine: FloatArray,
+    legs: FloatArray,
+) -> None:
+    """Legs' mean voltages of a vector in two planes, with what compensates the dead time.
+
+    seen_i, last_i: sampled currents of now and of the period before; last_i becomes seen_i. move: HF current (A) on the
+    d axis at `angle` from the sample to the effect.
+    """
+    n = legs.size
+    low, high = 1e9, -1e9
+    for x in range(n):
+        u = cosine[0, x] * vector[0] + sine[0, x] * vector[1]
+        if n == 5:
+            u += cosine[1, x] * vector[2] + sine[1, x] * vector[3]
+        legs[x] = u
+        low, high = min(low, u), max(high, u)
+    for x in range(n):
+        u = legs[x] - 0.5 * (low + high)
+        if inv.compensate:
+            ahead = seen_i[x] + inv.predict * (seen_i[x] - last_i[x])
+            ahead += move * (math.cos(angle) * cosine[0, x] + math.sin(angle) * sine[0, x])
+            zone = min(max(ahead / inv.compensation_zone, -1.0), 1.0)
+            u += zone * inv.dead_vs / (ts * (2 if inv.double else 1))
+        legs[x] = min(max(u, -0.5 * inv.vdc), 0.5 * inv.vdc)
+        last_i[x] = seen_i[x]

@@ -53,6 +53,45 @@ class CrossCoupling(ctypes.Structure):
     _fields_ = (("i_q25", I32), ("c_q32", I32))
 
 
+REST_PHASES = ("first", "second", "lock", "plus", "minus", "release", "found", "not sure", "no signal")
+
+
+class RestSettings(ctypes.Structure):
+    """rest_position_settings_t."""
+
+    _fields_ = (
+        ("settle", U32),
+        ("frame_count", U32),
+        ("lock", U32),
+        ("current_settle", U32),
+        ("current_count", U32),
+        ("current_i_q25", I32),
+        ("rise_i_q25", I32),
+        ("sure_q16", I32),
+        ("minimum_i_q21", I32),
+    )
+
+
+class RestPosition(ctypes.Structure):
+    """rest_position_t."""
+
+    _fields_ = (
+        ("phase", ctypes.c_int),
+        ("results", U32),
+        ("sum_i_q21", ctypes.c_int64),
+        ("first_i_q21", I32),
+        ("plus_i_q21", I32),
+        ("minus_i_q21", I32),
+        ("current_i_q25", I32),
+    )
+
+
+class RestCommand(ctypes.Structure):
+    """rest_position_command_t."""
+
+    _fields_ = (("turn_q32", I32), ("current_i_q25", I32), ("track", ctypes.c_bool))
+
+
 def error_settings(
     method: int,
     l_d_h: float,
@@ -100,7 +139,10 @@ def injection_library() -> ctypes.CDLL:
     for name, result, arguments in (
         ("injection_magnitude_i_q17", U32, [POINTER, POINTER]),
         ("injection_error_q30", I32, [POINTER, POINTER]),
+        ("injection_vector_i_q21", Complex, [POINTER, POINTER]),
         ("angle_sequence_leads", Leads, [ctypes.c_int, POINTER, I32]),
+        ("rest_position_begin", None, [POINTER]),
+        ("rest_position_step", RestCommand, [POINTER, POINTER, ctypes.c_bool, Complex]),
         ("cross_coupling_curve_q32", I32, [POINTER, I32]),
         ("cross_coupling_begin", None, [POINTER, POINTER, I32]),
         ("cross_coupling_step", I32, [POINTER, POINTER, I32]),
