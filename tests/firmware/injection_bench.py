@@ -74,6 +74,7 @@ class Command:
     curve_q32: int = 0  # by which subspace 3 is ahead of the frame, before it is tripled
     reference_a: complex = 0j
     third_a: complex = 0j
+    inject: bool = True
 
 
 @dataclass
@@ -90,7 +91,6 @@ class InjectionBench:
     imposed_rad_s: float = math.nan  # electrical
     amplitude: Amplitude | None = None  # of this sample
     current_a: complex = 0j  # for the regulators, chip's frame
-    results: int = 0
 
     def __post_init__(self) -> None:
         s, motor = self.loop.settings, self.loop.motor
@@ -120,7 +120,8 @@ class InjectionBench:
         self.peak_phase = 0
         self.sums, self.sums_known, self.last_phase = [0j, 0j], False, -1
         self.filters = [0j, 0j]
-        self.hf = 0j
+        self.injecting = False
+        self.whole = 0  # samples since the wave began
         seed_noise(self.seed)
 
     @property
@@ -161,23 +162,34 @@ class InjectionBench:
             self._separate(sampled, phase)
         else:
             self._sum(sampled, phase)
+        # The first results of a wave that has just begun hold samples from before.
+        self.whole = min(self.whole + 1, 3 * s.period) if self.injecting else 0
+        if self.whole < 3 * s.period:
+            self.amplitude = None
         curve = self.command.curve_q32 / Q32 * TURN
         self._regulate(phase, frame + curve)
         act = frame + self.command.lead_q32 / Q32 * TURN
-        inject = s.amplitude_v if (self.step + 1 + s.period // 4) % s.period < s.period // 2 else -s.amplitude_v
+        inject = self._wave((self.step + 1 + s.period // 4) % s.period)
         first = (self.held + inject) * cmath.exp(1j * act)
         third = self.held_3 * cmath.exp(3j * (act + curve))
         self.vector[:] = first.real, first.imag, third.real, third.imag
         move = 0.0
         if self.inv.model:
             turns = (self.step + s.period // 4) / s.period
-            peak = s.amplitude_v * s.ts_s * s.period / (4 * self.m.l_d)
+            peak = s.amplitude_v * s.ts_s * s.period / (4 * self.m.l_d) if self.injecting else 0.0
             move = peak * (triangle(turns + 1.5 / s.period) - triangle(turns))
         self.legs, self.next_legs = self.next_legs, np.zeros(n)
         leg_voltages(
             self.inv, self.vector, self.seen, self.last, move, frame, s.ts_s, self.cosine, self.sine, self.next_legs
         )
         self.step += 1
+
+    def _wave(self, phase: int) -> float:
+        """Voltage; it starts and ends where its current crosses zero."""
+        s = self.loop.settings
+        if phase == s.period // 4:
+            self.injecting = self.command.inject
+        return 0.0 if not self.injecting else s.amplitude_v if phase < s.period // 2 else -s.amplitude_v
 
     def _separate(self, sampled: complex, phase: int) -> None:
         if phase % 2:
@@ -189,7 +201,6 @@ class InjectionBench:
             hf = (self.peak - sum(self.zeros) / 2) * (1 if self.peak_phase == 1 else -1)
             unit = SEPARATOR_FULL_SCALE / self.loop.inverter.current_full_scale_a
             self.amplitude = Amplitude(Complex(round(hf.real * unit), 0), Complex(round(hf.imag * unit), 0), 0)
-            self.results += 1
 
     def _sum(self, sampled: complex, phase: int) -> None:
         s = self.loop.settings
@@ -198,7 +209,6 @@ class InjectionBench:
                 unit = 2**19 / self.loop.inverter.current_full_scale_a
                 d, q = (Complex(round(z.real * unit), round(z.imag * unit)) for z in self.sums)
                 self.amplitude = Amplitude(d, q, s.period)
-                self.results += 1
             self.sums_known, self.sums = True, [0j, 0j]
         self.last_phase = phase
         kernel = cmath.exp(-1j * TURN * (self.step + s.period // 4) / s.period)

@@ -92,6 +92,54 @@ class RestCommand(ctypes.Structure):
     _fields_ = (("turn_q32", I32), ("current_i_q25", I32), ("track", ctypes.c_bool))
 
 
+class HandoverSettings(ctypes.Structure):
+    """injection_handover_settings_t."""
+
+    _fields_ = (("up_turn_q36", I32), ("down_turn_q36", I32), ("step_q16", I32), ("results", U32))
+
+
+class InjectionHandover(ctypes.Structure):
+    """injection_handover_t."""
+
+    _fields_ = (("share_q16", I32), ("emf", ctypes.c_bool), ("inject", ctypes.c_bool), ("results", U32))
+
+
+VERDICTS = ("good", "derated", "no_signal", "noise", "no_saliency")
+
+
+class ValiditySettings(ctypes.Structure):
+    """injection_validity_settings_t."""
+
+    _fields_ = (
+        ("minimum_i_q21", I32),
+        ("expected_i_q21", I32),
+        ("saliency_q16", U32),
+        ("derate_ratio_q16", U32),
+        ("fault_ratio_q16", U32),
+        ("noise_factor_q16", U32),
+        ("derate_noise_q16", U32),
+        ("fault_noise_q16", U32),
+        ("filter_shift", I32),
+        ("fault_results", U32),
+    )
+
+
+class Validity(ctypes.Structure):
+    """injection_validity_t."""
+
+    _fields_ = (
+        ("mean_i_q37", ctypes.c_int64),
+        ("scatter_i_q37", ctypes.c_int64),
+        ("last_i_q21", Complex),
+        ("seen", U32),
+        ("bad", U32),
+        ("noise_q16", U32),
+        ("ratio_q16", U32),
+        ("share_q16", U32),
+        ("verdict", ctypes.c_int),
+    )
+
+
 def error_settings(
     method: int,
     l_d_h: float,
@@ -143,6 +191,13 @@ def injection_library() -> ctypes.CDLL:
         ("angle_sequence_leads", Leads, [ctypes.c_int, POINTER, I32]),
         ("rest_position_begin", None, [POINTER]),
         ("rest_position_step", RestCommand, [POINTER, POINTER, ctypes.c_bool, Complex]),
+        ("injection_handover_begin", None, [POINTER, ctypes.c_bool]),
+        ("injection_handover_step", None, [POINTER, POINTER, I32, ctypes.c_bool, ctypes.c_bool]),
+        ("injection_handover_error_q30", I32, [POINTER, I32, I32]),
+        ("injection_handover_curve_q32", I32, [POINTER, I32]),
+        ("injection_validity_begin", None, [POINTER]),
+        ("injection_validity_step", None, [POINTER, POINTER, Complex]),
+        ("injection_verdict_name", ctypes.c_char_p, [ctypes.c_int]),
         ("cross_coupling_curve_q32", I32, [POINTER, I32]),
         ("cross_coupling_begin", None, [POINTER, POINTER, I32]),
         ("cross_coupling_step", I32, [POINTER, POINTER, I32]),
