@@ -113,7 +113,7 @@ class InjectionBench:
         self.integral = [0.0] * 4
         self.held = 0j
         self.held_3 = 0j
-        self.nco_q36 = 0
+        self.nco_q36 = self.omega_q36 = 0
         self.step = 0
         self.zeros: list[complex] = []
         self.peak = 0j
@@ -148,10 +148,11 @@ class InjectionBench:
                 *(self.m, self.inv, self.state, self.legs, s.ts_s, rising),
                 *(self.loads, self.cosine, self.sine, self.room, self.seen),
             )
-            # What the firmware set after the sample before acts from the update on.
-            self.nco_q36 += (self.command.turn_q32 << 4) + self.command.speed_turn_q36 * self.cycles
+            # What the firmware set after the sample before acts from the update on, which is now.
+            self.nco_q36 += (self.command.turn_q32 << 4) + self.omega_q36 * self.cycles
             self.nco_q36 %= int(Q36)
             self.command.turn_q32 = 0
+        self.omega_q36 = self.command.speed_turn_q36
         frame = self.frame_rad
         turn = cmath.exp(1j * frame)
         sampled = complex(self.planes[0] @ self.seen) / turn

@@ -30,10 +30,10 @@ class Setting:
     rise_a_per_s: float
     least_a: float  # of the saliency's amplitude
     settle: int = 8
-    frame_count: int = 8
+    frame_count: int = 16
     lock: int = 24
-    current_settle: int = 8
-    current_count: int = 16
+    current_settle: int = 6
+    current_count: int = 8
     sure: float = 0.012
 
     def firmware(self) -> il.RestSettings:
@@ -139,7 +139,7 @@ def test_three_phases_with_sums(count: int = 10) -> None:
 
     Verifies: INJC-05
     """
-    setting = Setting(ipm(IPM_BEST), 10.0, 4000.0, 0.1, settle=6, lock=20, current_settle=6, current_count=8)
+    setting = Setting(ipm(IPM_BEST), 10.0, 4000.0, 0.1, settle=6, frame_count=8, lock=20)
     found = trials(setting, count)
     show("IPM", found)
     for outcome in found:

@@ -6,9 +6,9 @@ import ctypes
 import math
 
 from fluxlock.firmware.block import gain
-from fluxlock.firmware.control_library import Gain
+from fluxlock.firmware.control_library import Gain, PiGains, PiState
 from fluxlock.firmware.toolchain import build_host_library
-from fluxlock.firmware.vector_library import I32, POINTER, U32, Complex, real_gain
+from fluxlock.firmware.vector_library import I32, POINTER, U32, Complex, Machine, Pll, PllGains, real_gain
 
 LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
 SEQUENCES = ("held-tian", "held", "half-step", "exact")
@@ -140,6 +140,74 @@ class Validity(ctypes.Structure):
     )
 
 
+class FrameSettings(ctypes.Structure):
+    """injection_frame_settings_t."""
+
+    _fields_ = (
+        ("error", ErrorSettings),
+        ("rest", RestSettings),
+        ("handover", HandoverSettings),
+        ("validity", ValiditySettings),
+        ("pll", PllGains),
+        ("sequence", ctypes.c_int),
+        ("machine", Machine),
+        ("coupling", CrossCouplingSettings),
+        ("speed", PiGains),
+        ("speed_filter_q16", I32),
+        ("third_q16", I32),
+        ("limit_i_q25", I32),
+    )
+
+
+class FrameInput(ctypes.Structure):
+    """injection_frame_input_t."""
+
+    _fields_ = (
+        ("fresh", ctypes.c_bool),
+        ("amplitude", Amplitude),
+        ("current_i_q25", Complex),
+        ("emf_error_q30", I32),
+        ("emf_there", ctypes.c_bool),
+        ("by_speed", ctypes.c_bool),
+        ("speed_turn_q36", I32),
+        ("current_wanted_i_q25", Complex),
+    )
+
+
+class FrameCommand(ctypes.Structure):
+    """injection_frame_command_t."""
+
+    _fields_ = (
+        ("turn_q32", I32),
+        ("speed_turn_q36", I32),
+        ("lead_q32", I32),
+        ("report_q32", I32),
+        ("curve_q32", I32),
+        ("reference_i_q25", Complex * 2),
+        ("inject", ctypes.c_bool),
+    )
+
+
+class Frame(ctypes.Structure):
+    """injection_frame_t."""
+
+    _fields_ = (
+        ("resting", ctypes.c_bool),
+        ("rest", RestPosition),
+        ("handover", InjectionHandover),
+        ("validity", Validity),
+        ("pll", Pll),
+        ("coupling", CrossCoupling),
+        ("speed", PiState),
+        ("filtered_q52", ctypes.c_int64),
+        ("error_q30", I32),
+        ("curve_q32", I32),
+        ("turn_q30", Complex),
+        ("wanted_i_q25", I32),
+        ("limited", ctypes.c_bool),
+    )
+
+
 def error_settings(
     method: int,
     l_d_h: float,
@@ -198,6 +266,8 @@ def injection_library() -> ctypes.CDLL:
         ("injection_validity_begin", None, [POINTER]),
         ("injection_validity_step", None, [POINTER, POINTER, Complex]),
         ("injection_verdict_name", ctypes.c_char_p, [ctypes.c_int]),
+        ("injection_frame_begin", None, [POINTER, POINTER, ctypes.c_bool, I32]),
+        ("injection_frame_step", FrameCommand, [POINTER, POINTER, POINTER]),
         ("cross_coupling_curve_q32", I32, [POINTER, I32]),
         ("cross_coupling_begin", None, [POINTER, POINTER, I32]),
         ("cross_coupling_step", I32, [POINTER, POINTER, I32]),
