@@ -23,7 +23,7 @@ VERIBLE_RULES = RTL / "verible_lint.rules"
 # Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
 NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 
-# Blocks that no top contains yet, with the parameters of each build.
+# Builds of blocks beside those that the tops contain, with their parameters.
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
@@ -33,6 +33,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_foc_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
+    "fl_soc": [{"Phases": 5}],
 }
 
 
@@ -93,7 +94,9 @@ def yosys() -> str:
     builds: list[tuple[str, str, dict[str, int | str]]] = [
         (config.name, config.top, {**config.parameters, "Init": image}) for config in load_configurations().values()
     ]
-    builds += [(f"{block}-{i}", block, values) for block, all_ in BLOCKS.items() for i, values in enumerate(all_)]
+    for block, all_ in BLOCKS.items():
+        memory: dict[str, int | str] = {"Init": image} if block == "fl_soc" else {}
+        builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
     found = []
     for name, top, parameters in builds:
         script = WORK / f"lint-{name}.ys"
