@@ -26,7 +26,7 @@ NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 # Tops that are linted; Yosys reads those that `make synth` does not build as well.
 TOPS = ("fl_board_ulx3s", "fl_board_arty", "fl_soc")
 
-# Blocks that no top contains yet, with the parameters of each build.
+# Builds of blocks beside those that the tops contain, with their parameters.
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
@@ -38,6 +38,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
     "fl_can": [{}],
+    "fl_soc": [{"Phases": 5}],
 }
 
 
@@ -100,7 +101,9 @@ def yosys() -> str:
     ]
     built = {top for _, top, _ in builds}
     builds += [(top, top, {"Init": image}) for top in TOPS if top not in built]
-    builds += [(f"{block}-{i}", block, values) for block, all_ in BLOCKS.items() for i, values in enumerate(all_)]
+    for block, all_ in BLOCKS.items():
+        memory: dict[str, int | str] = {"Init": image} if block == "fl_soc" else {}
+        builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
     found = []
     for name, top, parameters in builds:
         script = WORK / f"lint-{name}.ys"
