@@ -13,6 +13,8 @@ from tests.firmware.firmware_bench import Bench
 
 NODE = 5
 STEP_US = 1000
+# Synchronous rectification: it can brake.
+DRIVE = DriveSpec(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
 # State by the statusword's bits 0..3, 5, 6.
 STATES = {
     0x00: "not ready",
@@ -34,7 +36,7 @@ class NodeBench:
     """Motor, drive and node. Time goes on with `run` only."""
 
     def __init__(self, blank: bool = True, **keys: Any) -> None:
-        drive = keys.pop("drive", None) or DriveSpec(accel_rpm_per_s=400_000.0, current_limit_a=22.5)
+        drive = keys.pop("drive", DRIVE)
         self.bench = Bench(drive=drive, library=build_canopen_library(), **keys)
         self.node = HostNode(self.bench.fw.lib, NODE)
         if blank:
