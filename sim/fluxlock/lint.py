@@ -119,10 +119,12 @@ def c_code() -> str:
         BENCH,
         SW,
         FirmwareError,
+        build_canopen_library,
         build_commission,
         build_firmware,
         build_host_library,
         build_program,
+        check_canopen,
     )
 
     folder = BUILD / "firmware"
@@ -130,6 +132,8 @@ def c_code() -> str:
         build_firmware(folder)
         build_host_library(folder)
         build_commission()
+        check_canopen()
+        build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)
     except FirmwareError as error:
