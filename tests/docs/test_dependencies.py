@@ -26,7 +26,6 @@ def test_modules_import_only_what_make_demo_installs() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module and not node.level else []
-            for top in {name.partition(".")[0].lower() for name in names} - sys.stdlib_module_names - {"fluxlock"}:
-                if SHIPPED_WITH.get(top, top) not in installed:
-                    wrong.append(f"{path.relative_to(ROOT)}: {top}")
+            tops = {name.partition(".")[0].lower() for name in names} - sys.stdlib_module_names - {"fluxlock"}
+            wrong += [f"{path.relative_to(ROOT)}: {top}" for top in tops if SHIPPED_WITH.get(top, top) not in installed]
     assert not wrong, wrong

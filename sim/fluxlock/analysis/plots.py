@@ -131,7 +131,7 @@ def _errors(axes: Axes, page: _Page) -> None:
 
 
 def _angle_errors(axes: Axes, page: _Page) -> None:
-    """Error of the estimated angle over the whole run; the axis fits the windows, what lies beyond is marked at its edge."""
+    """Error of the estimated angle over the whole run; what lies beyond the windows' range is marked at the edge."""
     angles = page.analysis.angles
     limit = _error_limit(page, (angles,))
     time_s = angles.cycle / page.clock
