@@ -23,6 +23,7 @@ SHARED = {
     "fl_ratio": "fl_foc",
     "fl_injection_mac": "fl_lock_in",
     "fl_can_confinement": "fl_can_bsp",
+    "fl_six_step": "fl_soc",
 }
 
 

@@ -48,7 +48,16 @@ def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = Non
     return verdict.group(1)
 
 
-PROOFS = ["fl_gate_guard", "fl_trip", "fl_leg_carrier", "fl_encoder", "fl_can", "fl_can_rx", "fl_can_tx"]
+PROOFS = [
+    "fl_gate_guard",
+    "fl_trip",
+    "fl_leg_carrier",
+    "fl_encoder",
+    "fl_adc_fault",
+    "fl_can",
+    "fl_can_rx",
+    "fl_can_tx",
+]
 
 
 @pytest.mark.parametrize("name", PROOFS)
@@ -56,13 +65,14 @@ def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10,
-    VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21
+    VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert prove(name, name) == "PASS"
 
 
 CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl_can_tx.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
+ADC = "fl_adc_fault.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -124,6 +134,10 @@ BROKEN = {
     "abort takes the frame off the bus": ("fl_can_tx", CAN_TX, "&& !stop_i && enable_i) abort", "&& stop_i) abort"),
     "choice changes on the bus": ("fl_can_tx", CAN_TX, "(chosen_q != '0) ? chosen_q[x] : best[x]", "best[x]"),
     "a put overwrites": ("fl_can_tx", CAN_TX, "if (put_i[x] && !pending_q[x]) begin", "if (put_i[x]) begin"),
+    "late one clock later": ("fl_adc_fault", ADC, ">= 21'(LateCycles - 1)", ">= 21'(LateCycles)"),
+    "late with the gates off": ("fl_adc_fault", ADC, "valid_i || !gate_on_i", "valid_i"),
+    "bad channel ignored": ("fl_adc_fault", ADC, "bad_i != '0;", "&bad_i;"),
+    "missed strobe forgotten": ("fl_adc_fault", ADC, "missed_q && !(valid_i && bad_i == '0)", "missed_q && !valid_i"),
     "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 
