@@ -16,6 +16,7 @@ from cocotb.triggers import Timer
 from systemrdl import RDLCompiler
 from systemrdl.node import AddrmapNode, RegNode
 
+from cocotb_tests.can.bench import CAN_SOURCES
 from cocotb_tests.foc.test_fl_foc_wb import SOURCES as FOC_SOURCES
 from cocotb_tests.pwm.chain import SOURCES as PWM_SOURCES
 from cocotb_tests.soc.bench import CLOCK_NS, Bench, request
@@ -24,6 +25,7 @@ from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import RTL
 
 SOURCES = {
+    "can": CAN_SOURCES,
     "capture": ["soc/fl_capture.sv"],
     "comm": ["zcd/fl_interval_meter.sv", "zcd/fl_commutation_timer.sv"],
     "encoder": ["safety/fl_sync.sv", "encoder/fl_encoder.sv"],
