@@ -1,4 +1,4 @@
-"""Small averaged model of chip, inverter and six-step machine, in floating point, for the host tests.
+"""Small averaged model of chip, inverter and six-step machine, in floating point.
 
 Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once
 (its volt-seconds act as 3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field
@@ -215,7 +215,7 @@ def crossing_level(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np
     shift = -0.5 * drive * (high - low) / (high + low)
     slope = 1.0 if m[M_TRAPEZOID] > 0.0 else 1.5
     wanted = c[C_THRESHOLD + sector] * m[M_VDC] / m[M_DIVIDER + OPEN[sector]]
-    return (wanted - 0.5 * m[M_VDC] - shift) / slope
+    return float((wanted - 0.5 * m[M_VDC] - shift) / slope)
 
 
 @numba.njit(cache=True)
@@ -263,13 +263,13 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
     if c[C_SEQ] == SEQ_SIX:
         sector = int(s[SECTOR])
         pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
-        return k * pair * s[I_LINE]
+        return float(k * pair * s[I_LINE])
     total = 0.0
     for x in range(3):
         a = 2.0943951023931953 * x
         current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
         total += current * emf_shape(s[THETA], x, m[M_TRAPEZOID])
-    return k * total
+    return float(k * total)
 
 
 @numba.njit(cache=True)
@@ -353,7 +353,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
 
 @dataclass
 class Load:
-    """Load torques of the test: fan at a speed, Coulomb friction."""
+    """Load torques: fan at a speed, Coulomb friction."""
 
     fan_torque_nm: float = 0.0
     fan_speed_rpm: float = 1.0
@@ -362,7 +362,7 @@ class Load:
 
 @dataclass
 class AveragedMotor:
-    """State and parameters of the model, with the quantities that tests look at."""
+    """State and parameters of the model, with the quantities to look at."""
 
     motor: MotorSpec
     inverter: InverterSpec
