@@ -33,7 +33,8 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_foc_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
-    "fl_soc": [{"Phases": 5}],
+    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}],
+    "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 
 
