@@ -104,7 +104,7 @@ static void read_every_block(void) {
 
 static void try_unmapped(void) {
   static const uint32_t addresses[] = {0x00020000u, 0x00028000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
-                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E000u, 0x80010000u, 0x90000000u,
+                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E100u, 0x80010000u, 0x90000000u,
                                        0xFFFFFFFCu};
   uint32_t sum = 0;
   REG(SCRATCH_RAM) = 0x600DF00Du;

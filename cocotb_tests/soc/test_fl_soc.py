@@ -289,7 +289,7 @@ def run(phases: int, testcase: list[str] | None = None) -> None:
         "fl_soc",
         [path for path in sources if path.parent.name != "pkg"],
         __name__,
-        parameters={"Init": f'"{image}"', "Phases": phases},
+        parameters={"Init": f'"{image}"', "Phases": phases, "Injection": 1},
         registers=REGISTER_BLOCKS,
         testcase=testcase,
     )

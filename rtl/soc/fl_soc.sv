@@ -5,7 +5,7 @@
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
 // order below (docs: register reference). With five phases there is no six-step path: its windows read 0, its signals on
-// the trace port stay 0. The trace port shows what happens inside to a test bench or a logic analyser;
+// the trace port stay 0. Injection = 1: with the injection path. The trace port shows what happens inside to a test bench or a logic analyser;
 // nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
@@ -22,6 +22,7 @@ module fl_soc
     parameter  int unsigned RamWords     = 32768,
     parameter  string       Init         = "firmware.hex",
     parameter  int unsigned CaptureDepth = 1024,
+    parameter  bit          Injection    = 0,
     localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_i,
@@ -64,7 +65,7 @@ module fl_soc
   localparam bit SixStep = Phases == 3;
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 14;
+  localparam int unsigned Blocks = 15;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -79,9 +80,11 @@ module fl_soc
     Freewheel = 4'd10,
     Hall      = 4'd11,
     Foc       = 4'd12,
-    Encoder   = 4'd13
+    Encoder   = 4'd13,
+    Inject    = 4'd14
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_injection_regs_pkg::FL_INJECTION_REGS_MIN_ADDR_WIDTH),
     4'(fl_encoder_regs_pkg::FL_ENCODER_REGS_MIN_ADDR_WIDTH),
     4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
     4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
@@ -100,7 +103,8 @@ module fl_soc
 
   localparam logic [15:0] SixStepBlocks =
       16'(1) << Zcd | 16'(1) << Comm | 16'(1) << Pwm | 16'(1) << Freewheel | 16'(1) << Hall;
-  localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks);
+  localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks) &
+      ~(Injection ? 16'd0 : 16'(1) << Inject);
 
   // Core and register bus.
   logic io_stb, io_we, io_ack;
@@ -137,6 +141,8 @@ module fl_soc
   logic [Phases-1:0] vector_req_h, vector_req_l;
   logic vector_instant;
   logic [31:0] vector_theta;
+  fl_vector_pkg::tap_t vector_tap;
+  fl_vector_pkg::injection_t injection;
   logic [17:0] encoder_position;
   logic encoder_indexed;
 
@@ -318,6 +324,8 @@ module fl_soc
       .sample_time_i (current_time),
       .encoder_position_i(encoder_position),
       .encoder_indexed_i(encoder_indexed),
+      .injection_i   (injection),
+      .tap_o         (vector_tap),
       .waiting_o     (irq_current),
       .source_o      (vector_source),
       .update_o      (vector_update),
@@ -328,6 +336,26 @@ module fl_soc
       .instant_o     (vector_instant),
       .theta_o       (vector_theta)
   );
+
+  if (Injection) begin : g_injection
+    fl_injection_wb #(
+        .Phases(Phases)
+    ) u_injection (
+        .clk_i,
+        .rst_i,
+        .req_i      (req),
+        .stb_i      (stb[Inject]),
+        .rdat_o     (rdat[Inject]),
+        .tick_i     (tick),
+        .tap_i      (vector_tap),
+        .injection_o(injection)
+    );
+  end else begin : g_no_injection
+    assign rdat[Inject] = '0;
+    assign injection    = '0;
+    logic unused;
+    assign unused = &{1'b0, stb[Inject], vector_tap};
+  end
 
   fl_encoder_wb u_encoder (
       .clk_i,

@@ -30,6 +30,7 @@ REGISTER_BLOCKS = (
     "hall",
     "foc",
     "encoder",
+    "injection",
     "can",
 )
 

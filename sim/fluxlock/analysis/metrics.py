@@ -19,6 +19,7 @@ from fluxlock.analysis.angles import (
     commutation_error_deg,
     crossing_error_deg,
     dq_current,
+    phase_currents,
     wrap_deg,
 )
 from fluxlock.analysis.rundata import (
@@ -269,10 +270,10 @@ def _extremes(values: FloatArray) -> dict[str, Number]:
 
 
 def _peak_to_peak(records: np.ndarray) -> Number:
-    """Largest minus smallest current in the window, mean of the three phases."""
+    """Largest minus smallest current in the window, mean of the phases."""
     if not records.size:
         return None
-    return float(np.mean([np.ptp(records[name]) for name in ("ia", "ib", "ic")]))
+    return float(np.mean([np.ptp(records[name]) for name in phase_currents(records)]))
 
 
 def _torque(records: np.ndarray) -> dict[str, Number]:
