@@ -12,7 +12,7 @@ UNNOTICED, RELOCKED, STOPPED = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 @pytest.mark.parametrize(
     ("name", "locked", "stopped", "noticed", "end", "right"),
     [
-        *((f"stuck-{channel}", True, False, False, UNNOTICED, 1) for channel in ("vdc", "ia", "ic-zero", "idc")),
+        *((f"stuck-{channel}", True, False, False, UNNOTICED, 1) for channel in ("vdc-low", "ia", "ic-zero", "idc")),
         ("stuck-ia", True, False, True, RELOCKED, 1),
         ("stuck-ia", False, False, True, (0, 0, 0), 0),
         ("stuck-va-5ms", True, False, True, RELOCKED, 1),
