@@ -117,8 +117,9 @@ def test_reasons_fit_survivors() -> None:
     mutants = [survivor("rtl/x/b.sv:10.3", "w[2]"), survivor("rtl/x/b.sv:11.3", "")]
     result = {**base, "goal_percent": 70.0, "cpu_s": 3.0, "yosys": "Y", "mutants": mutants}
     fits = {"source": "rtl/x/b.sv:10.", "wire": "w", "reason": "it is so"}
-    text, stale = mutation_page.page([result], {"b": [fits, fits | {"wire": "v"}]})
+    wrong = [fits | change for change in ({"wire": "v"}, {"port": "D"}, {"kind": "stuck at 0"})]
+    text, stale = mutation_page.page([result], {"b": [*wrong, fits | {"port": "Q[0]", "kind": "inverted"}]})
     assert "| b.sv:10.3 | Q[0] | w[2] | inverted | it is so |" in text
     assert "| b.sv:11.3 | Q[0] | - | inverted | not explained |" in text
-    assert len(stale) == 1 and "rtl/x/b.sv:10." in stale[0]
+    assert len(stale) == 3 and all("rtl/x/b.sv:10." in line for line in stale)
     assert mutation_page.page([result], {"other": [fits]})[1] == []

@@ -1,8 +1,8 @@
 """Mutation score for the docs: `python -m fluxlock.docs.mutation` after `make mutation`.
 
 Why a survivor is none that a test ought to find stands in `docs/verification/survivors.toml`: a table a block, entries
-with `source` (beginning of file:line.column), optionally `wire` (name, with or without the bit), and `reason`. A reason
-that fits no survivor is an error, so that none stays behind when a test or the RTL changes.
+with `source` (beginning of file:line.column), `reason`, if need be `wire` and `port` (name, with or without the bit)
+and `kind`. A reason that fits no survivor is an error, so that none stays behind when a test or the RTL changes.
 """
 
 from __future__ import annotations
@@ -31,13 +31,16 @@ register by register, are *equal*. Score = killed / (mutants - equal).
 """
 
 
+def _names(name: str, wanted: str) -> bool:
+    """True for no wish, the name itself, and a bit of it."""
+    return not wanted or name == wanted or name.startswith(f"{wanted}[")
+
+
 def reason_of(row: dict[str, Any], reasons: list[dict[str, str]]) -> dict[str, str] | None:
     """First reason that fits a survivor."""
     for reason in reasons:
-        wire = reason.get("wire", "")
-        if row["source"].startswith(reason["source"]) and row["wire"] in (wire, *([] if wire else [row["wire"]])):
-            return reason
-        if wire and row["source"].startswith(reason["source"]) and row["wire"].startswith(f"{wire}["):
+        named = all(_names(row[key], reason.get(key, "")) for key in ("wire", "port", "kind"))
+        if named and row["source"].startswith(reason["source"]):
             return reason
     return None
 
