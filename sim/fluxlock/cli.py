@@ -282,6 +282,23 @@ def figures(
         raise typer.Exit(EXIT_FAILED)
 
 
+@app.command()
+def mutate(
+    blocks: Annotated[list[str] | None, typer.Argument(metavar="BLOCK", help="RTL blocks; all without.")] = None,
+    count: Annotated[int, typer.Option(min=1, help="Mutants a block.")] = 300,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of choice and tests.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
+) -> None:
+    """Put defects into RTL blocks, one at a time, and see how many the block tests find: build/mutate/BLOCK.json.
+
+    `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
+    """
+    from fluxlock.mutation.command import mutate as run_mutate
+
+    if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
 @motor_app.command("check")
 def motor_check(file: Annotated[Path, typer.Argument(help="Motor file (TOML).")]) -> None:
     """Check a motor file."""
