@@ -68,21 +68,25 @@ def _compiler_is_gcc(env: dict[str, str]) -> bool:
 
 
 def build_chip(
-    waves: bool = False, train: Callable[[Chip], None] | None = None, jobs: int | None = None, phases: int = PHASES
+    waves: bool = False,
+    train: Callable[[Chip], None] | None = None,
+    jobs: int | None = None,
+    phases: int = PHASES,
+    can: bool = False,
 ) -> Chip:
     """Build the chip's simulator below `build/chip`, with injection; does nothing when nothing it is made of changed.
 
-    phases: 3, or 5 without the six-step path. waves: also able to write an FST; compiled quickly, somewhat slower.
-    train: runs the chip for a moment; with GCC the simulator is then compiled a second time with what was learnt of its
-    branches (1.1 to 1.3 times faster).
+    phases: 3, or 5 without the six-step path. can: with the CAN controller, which costs speed. waves: also able to
+    write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment; with GCC the simulator is then
+    compiled a second time with what was learnt of its branches (1.1 to 1.3 times faster).
     """
     generate_registers()
     sources = rtl_sources()
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
-    key = content_hash(inputs, RAM_WORDS, phases, waves, profiled, env.get("CXX", ""))
+    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
+    key = content_hash(inputs, RAM_WORDS, phases, can, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves, phases)
     with file_lock(BUILD / "chip" / f"{key}.lock"):
@@ -95,7 +99,7 @@ def build_chip(
         trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
-            f"-GPhases={phases}", "-GInjection=1",
+            f"-GPhases={phases}", "-GInjection=1", f"-GCan={int(can)}",
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",

@@ -25,7 +25,8 @@ def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed
 
     Plant and parameter block are the scenario's. Raises SimulationFault if the run broke off.
     """
-    plan = prepare(scenario, out_dir / "simulator", seed)
+    # There is no console to ask.
+    plan = replace(prepare(scenario, out_dir / "simulator", seed), final_commands=())
     write_image(plan.folder / IMAGE_FILE, build_program(name), parameter_block(scenario), table)
     return _run(plan, scenario.motor.phases, scenario.motor.pole_pairs)
 
@@ -35,13 +36,10 @@ def wait(ticks: int) -> tuple[str, int, int]:
     return "", 0, ticks
 
 
-def run_script(
+def script_plan(
     rows: Sequence[tuple[str, int, int]], plant: PlantParams, duration_s: float, out_dir: Path, seed: int
-) -> RunData:
-    """Write registers in order (`block.register`, index in an array, value) or `wait`; for a time, on a plant.
-
-    The chip has the machine's number of phases. Raises SimulationFault if the run broke off.
-    """
+) -> SessionPlan:
+    """Plan of a run that writes registers in order (`block.register`, index in an array, value) or does `wait`."""
     offsets = register_offsets(generate_registers() / "fluxlock_regs.h")
     addresses = [IO_BASE + offsets[name] + 4 * index if name else 0 for name, index, _ in rows]
     words = [
@@ -51,22 +49,32 @@ def run_script(
     folder.mkdir(parents=True, exist_ok=True)
     table = struct.pack(f"<{1 + len(words)}I", len(rows), *words)
     write_image(folder / IMAGE_FILE, build_program("script"), None, table)
-    plan = SessionPlan(
+    return SessionPlan(
         plant=plant,
         seed=seed,
         clock_hz=CLOCK_HZ,
         duration_cycles=round(duration_s * CLOCK_HZ),
         conversion_cycles=max(1, round(plant.sensing.conversion_s * CLOCK_HZ)),
         bit_cycles=BIT_CYCLES,
+        # There is no console to ask.
+        final_commands=(),
         folder=folder.resolve(),
     )
+
+
+def run_script(
+    rows: Sequence[tuple[str, int, int]], plant: PlantParams, duration_s: float, out_dir: Path, seed: int
+) -> RunData:
+    """Run the plan of a script, for a time, on a plant.
+
+    The chip has the machine's number of phases. Raises SimulationFault if the run broke off.
+    """
+    plan = script_plan(rows, plant, duration_s, out_dir, seed)
     return _run(plan, plant.machine.phases, plant.machine.pole_pairs)
 
 
 def _run(plan: SessionPlan, phases: int, pole_pairs: int) -> RunData:
     try:
-        # There is no console to ask.
-        plan = replace(plan, final_commands=())
         meta = run_plan(plan, ready_chip(phases=phases))
     except (SimulatorError, RuntimeError) as error:
         raise SimulationFault(str(error)) from error

@@ -61,13 +61,13 @@ def prepare(
     )
 
 
-def ready_chip(waves: bool = False, phases: int = PHASES) -> Chip:
+def ready_chip(waves: bool = False, phases: int = PHASES, can: bool = False) -> Chip:
     """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
 
-    The demo has three phases: a chip with another number is not trained.
+    The demo has three phases and no CAN: another chip is not trained.
     """
-    if phases != PHASES:
-        return build_chip(waves, phases=phases)
+    if phases != PHASES or can:
+        return build_chip(waves, phases=phases, can=can)
 
     def train(chip: Chip) -> None:
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
