@@ -125,8 +125,7 @@ def write_image(path_hex: Path, image: Path, params: ParameterBlock | None, tabl
     """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
 
     `image` is the flat binary of the firmware; it must end below the parameter block. params: None for a program that
-    reads none. table: what a program of
-    `sw/bench` reads from TABLE_ADDRESS on.
+    reads none. table: what a program of `sw/bench` reads from TABLE_ADDRESS on.
     """
     code = image.read_bytes()
     if len(code) > (TABLE_ADDRESS if table else BLOCK_ADDRESS):
