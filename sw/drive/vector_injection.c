@@ -177,8 +177,9 @@ HOT static void follow_target(drive_t *drive) {
   const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   const int32_t target_rpm_q8 = (drive->state == STATE_RUNNING) ? drive->settings.target_rpm * 256 : 0;
   drive->m.speed_rpm_q8 = rpm_q8(drive, drive->vector.speed_turn_q36);
+  // The ramp need not wait for the speed: the regulator does not wind up.
   (void)ramp_step(&drive->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, drive->m.speed_rpm_q8,
-                  p->ramp_window_rpm * 256);
+                  p->speed_max_rpm * 256);
   const int32_t speed_rpm_q8 = abs_sat(drive->m.speed_rpm_q8);
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
     drive_enter_fault(drive, FAULT_OVERSPEED);
