@@ -82,9 +82,14 @@ class ParameterBlock:
             self.values[name] = value
 
     def _default(self, p: Parameter) -> Value | None:
-        """Value of a parameter that the six-step method does not need."""
-        if p.default is None or self.values.get("method", 0) != 0:
+        """Value of a parameter that the six-step method, or a vector drive without injection, does not need."""
+        needed = self.values.get("method", 0) != 0
+        if p.name.startswith("injection"):
+            needed = self.values.get("injection", 0) != 0
+        if p.default is None or needed:
             return None
+        if p.count > 1:
+            return (p.default,) * p.count
         return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
 
     def words(self) -> list[int]:
