@@ -258,7 +258,13 @@ def figures(
     out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
         "build/figures"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Short runs, fewer points.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Short runs, fewer points; what needs the chip's long runs is left out and the caption says so.",
+        ),
+    ] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,

@@ -26,7 +26,7 @@ NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 # Tops that are linted; Yosys reads those that `make synth` does not build as well.
 TOPS = ("fl_board_ulx3s", "fl_board_arty", "fl_soc")
 
-# Blocks that no top contains yet, with the parameters of each build.
+# Builds of blocks beside those that the tops contain, with their parameters.
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
@@ -37,6 +37,8 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
+    "fl_can": [{}],
+    "fl_soc": [{"Phases": 5}],
 }
 
 
@@ -99,7 +101,9 @@ def yosys() -> str:
     ]
     built = {top for _, top, _ in builds}
     builds += [(top, top, {"Init": image}) for top in TOPS if top not in built]
-    builds += [(f"{block}-{i}", block, values) for block, all_ in BLOCKS.items() for i, values in enumerate(all_)]
+    for block, all_ in BLOCKS.items():
+        memory: dict[str, int | str] = {"Init": image} if block == "fl_soc" else {}
+        builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
     found = []
     for name, top, parameters in builds:
         script = WORK / f"lint-{name}.ys"
@@ -115,10 +119,12 @@ def c_code() -> str:
         BENCH,
         SW,
         FirmwareError,
+        build_canopen_library,
         build_commission,
         build_firmware,
         build_host_library,
         build_program,
+        check_canopen,
     )
 
     folder = BUILD / "firmware"
@@ -126,6 +132,8 @@ def c_code() -> str:
         build_firmware(folder)
         build_host_library(folder)
         build_commission()
+        check_canopen()
+        build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)
     except FirmwareError as error:

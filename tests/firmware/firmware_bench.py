@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -73,6 +74,7 @@ class Bench:
     speed_rpm: float = 0.0
     model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
     hall_offset_deg: tuple[float, float, float] | None = None  # sensors A, B, C; None: there are none
+    library: Path | None = None  # of the firmware, if it holds more
     cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
@@ -86,7 +88,7 @@ class Bench:
             self.speed_rpm,
             self.hall_offset_deg,
         )
-        self.fw = HostFirmware()
+        self.fw = HostFirmware(self.library)
         self.fw.load(self.block)
         self.fw.boot()
         self.ticks = 0

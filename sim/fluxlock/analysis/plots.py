@@ -131,10 +131,17 @@ def _errors(axes: Axes, page: _Page) -> None:
 
 
 def _angle_errors(axes: Axes, page: _Page) -> None:
-    """Error of the estimated angle over the whole run; where it is far from the windows' it leaves the panel."""
+    """Error of the estimated angle over the whole run; what lies beyond the windows' range is marked at the edge."""
     angles = page.analysis.angles
     limit = _error_limit(page, (angles,))
-    axes.plot(angles.cycle / page.clock, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
+    time_s = angles.cycle / page.clock
+    axes.plot(time_s, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
+    beyond = np.abs(angles.error_deg) > limit
+    if beyond.any():
+        edge, most = 0.97 * limit * np.sign(angles.error_deg[beyond]), np.abs(angles.error_deg[beyond]).max()
+        label = f"beyond the axis, up to {most:.0f} deg"
+        axes.plot(time_s[beyond], edge, "x", color=LATE_COLOUR, markersize=3, label=label, rasterized=True)
+        axes.legend(loc="upper right", fontsize=9)
     for window in page.scenario.window:
         axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
     axes.axhline(0, color="#888888", linewidth=0.8)

@@ -36,7 +36,7 @@ class Chip:
 
 def rtl_sources() -> list[Path]:
     """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core."""
-    folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "soc")
+    folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "can", "soc")
     blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
     blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
     return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, soft_core()]

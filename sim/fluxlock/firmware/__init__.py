@@ -6,6 +6,7 @@ from fluxlock.firmware.schema import load_schema
 from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
 from fluxlock.firmware.toolchain import (
     FirmwareError,
+    build_canopen_library,
     build_commission,
     build_firmware,
     build_host_library,
@@ -20,6 +21,7 @@ __all__ = [
     "ParameterBlock",
     "ParameterError",
     "VectorSpec",
+    "build_canopen_library",
     "build_commission",
     "build_firmware",
     "build_host_library",
