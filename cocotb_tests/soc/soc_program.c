@@ -1,6 +1,7 @@
 // Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
 // sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE, with voltages of the core when
-// they show DIRECT_CODE. What it found goes to MAILBOX, where the test reads it.
+// they show DIRECT_CODE. A chip of five phases has the vector path only, which goes at once. What it found goes to
+// MAILBOX, where the test reads it.
 #include <stdint.h>
 
 #include "fluxlock_regs.h"
@@ -92,6 +93,7 @@ static void read_every_block(void) {
   put(10, fluxlock_regs.safety.dead_time);
   put(11, fluxlock_regs.capture.lanes);
   put(29, fluxlock_regs.foc.period);
+  put(32, fluxlock_regs.sys.blocks);
   fluxlock_regs.sys.scratch = 0x12345678u;
   *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // byte lane of scratch
   put(12, fluxlock_regs.sys.scratch);
@@ -102,7 +104,7 @@ static void read_every_block(void) {
 
 static void try_unmapped(void) {
   static const uint32_t addresses[] = {0x00020000u, 0x00028000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
-                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E000u, 0x80010000u, 0x90000000u,
+                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E100u, 0x80010000u, 0x90000000u,
                                        0xFFFFFFFCu};
   uint32_t sum = 0;
   REG(SCRATCH_RAM) = 0x600DF00Du;
@@ -184,7 +186,7 @@ static void run_six_step(void) {
 }
 
 // A voltage along phase A at standstill: carriers of 1000 clocks, A on for 614 of them, B and C for 386, one sample 100
-// clocks after the start, a control tick every second one.
+// clocks after the start, a control tick every second one. Five phases: 638, 533, 362, 362, 533.
 static void run_vector(uint32_t by_core) {
   fluxlock_regs.safety.guard = 0u;
   fluxlock_regs.safety.trip_enable = 0x87u;
@@ -229,10 +231,15 @@ int main(void) {
   try_ram();
   try_fetch();
   try_interrupts();
-  run_six_step();
+  const uint32_t five = ((fluxlock_regs.sys.build >> 16) & 0xFu) == 5u;
+  if (five) {
+    run_vector(0);
+  } else {
+    run_six_step();
+  }
   put(31, 0x600D600Du);
   // The test trips the gates; after each trip clear, show the cause, and go on.
-  unsigned vector = 0;
+  unsigned vector = five;
   for (unsigned trip = 0;;) {
     const uint32_t code = fluxlock_regs.hall.state & 7u;
     if (!vector && (code == VECTOR_CODE || code == DIRECT_CODE)) {

@@ -287,7 +287,13 @@ def figures(
     out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
         "build/figures"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Short runs, fewer points.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Short runs, fewer points; what needs the chip's long runs is left out and the caption says so.",
+        ),
+    ] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
@@ -302,6 +308,23 @@ def figures(
     if list_:
         list_figures(family, numbers or [])
     elif not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def mutate(
+    blocks: Annotated[list[str] | None, typer.Argument(metavar="BLOCK", help="RTL blocks; all without.")] = None,
+    count: Annotated[int, typer.Option(min=1, help="Mutants a block.")] = 300,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of choice and tests.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
+) -> None:
+    """Put defects into RTL blocks, one at a time, and see how many the block tests find: build/mutate/BLOCK.json.
+
+    `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
+    """
+    from fluxlock.mutation.command import mutate as run_mutate
+
+    if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
         raise typer.Exit(EXIT_FAILED)
 
 

@@ -1,7 +1,8 @@
-"""Synthesis: `python -m fluxlock.synth [NAME...]` takes the RTL through Yosys and nextpnr for an ECP5.
+"""Synthesis: `python -m fluxlock.synth [NAME...]` takes the RTL through Yosys and nextpnr for an ECP5, to a bitstream.
 
-Configurations stand in `constraints/configurations.toml`. The step fails if a latch is inferred or if the
-clock is not reached. Results go to `build/synth.json` and as a table into `docs/reference/synthesis.md`.
+Configurations stand in `constraints/configurations.toml`. The step fails if a latch is inferred, if the clock is not
+reached or if a way between pad and flip-flop is too long. Results go to `build/synth.json` and as a table into
+`docs/reference/synthesis.md`.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ class Configuration:
     speed_grade: int
     clock_mhz: float
     constraints: str
+    pad_output_ns: float  # flip-flop to pad, most
+    pad_input_ns: float  # pad to flip-flop, most
     parameters: dict[str, int] = field(default_factory=dict)
 
 
@@ -58,6 +61,8 @@ class Result:
     speed_grade: int
     clock_mhz: float
     fmax_mhz: float
+    pad_output_ns: float
+    pad_input_ns: float
     latches: int
     lut4: int
     carry: int
@@ -91,7 +96,11 @@ def sources() -> list[Path]:
     WORK.mkdir(parents=True, exist_ok=True)
     generate_registers()
     files = []
-    for path in [*rtl_sources(), *sorted((RTL / "board").glob("*.sv"))]:
+    for path in [
+        *rtl_sources(),
+        *sorted((RTL / "board" / "vendor").glob("*.sv")),
+        *sorted((RTL / "board").glob("*.sv")),
+    ]:
         if not path.is_relative_to(ROOT / "rtl") and not path.is_relative_to(BUILD):
             path = Path(shutil.copy(path, WORK / path.name))
         files.append(path)
@@ -165,7 +174,7 @@ def place_and_route(config: Configuration, folder: Path, seed: int) -> dict[str,
         "--speed", str(config.speed_grade), "--freq", str(config.clock_mhz), "--seed", str(seed),
         "--json", relative(folder / "netlist.json"),
         "--lpf", relative(ROOT / "constraints" / config.constraints),
-        "--lpf-allow-unconstrained", "--timing-allow-fail", "--report", relative(report),
+        "--timing-allow-fail", "--report", relative(report),
         "--textcfg", relative(folder / "placed.config"),
     ]  # fmt: skip
     run_tool(command, folder / "nextpnr.log")
@@ -187,6 +196,30 @@ def critical_path(report: dict[str, Any]) -> list[str]:
     return steps
 
 
+def pad_delays(report: dict[str, Any]) -> tuple[float, float]:
+    """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns."""
+
+    def longest(from_pad: bool) -> float:
+        return max(
+            (
+                sum(float(step["delay"]) for step in path["path"])
+                for path in report["critical_paths"]
+                if (path["from"] == "<async>") == from_pad and (path["to"] == "<async>") != from_pad
+            ),
+            default=0.0,
+        )
+
+    return longest(False), longest(True)
+
+
+def pack(folder: Path) -> Path:
+    """ecppack: the bitstream; its RAM is empty, the firmware is put in where it is loaded."""
+    bitstream = folder / "board.bit"
+    command = ["yowasp-ecppack", "--compress", relative(folder / "placed.config"), relative(bitstream)]
+    run_tool(command, folder / "ecppack.log")
+    return bitstream
+
+
 def tool_version(tool: str) -> str:
     """First line that a tool prints for its version."""
     done = subprocess.run([tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False)
@@ -201,6 +234,8 @@ def build(config: Configuration, seed: int = 1) -> Result:
     cells = synthesize(config, folder)
     report = place_and_route(config, folder, seed)
     fmax = min(float(clock["achieved"]) for clock in report["fmax"].values())
+    pad_output, pad_input = pad_delays(report)
+    pack(folder)
     used = {
         name: round(100.0 * u["used"] / u["available"], 1) for name, u in report["utilization"].items() if u["used"]
     }
@@ -210,6 +245,8 @@ def build(config: Configuration, seed: int = 1) -> Result:
         speed_grade=config.speed_grade,
         clock_mhz=config.clock_mhz,
         fmax_mhz=round(fmax, 1),
+        pad_output_ns=round(pad_output, 2),
+        pad_input_ns=round(pad_input, 2),
         latches=0,
         lut4=cells.get("LUT4", 0),
         carry=cells.get("CCU2C", 0),
@@ -226,10 +263,12 @@ def build(config: Configuration, seed: int = 1) -> Result:
 
 def table(results: dict[str, dict[str, Any]]) -> str:
     """The results as a Markdown table."""
-    head = ["configuration", "device", "Fmax / MHz", "target / MHz", "LUT4", "carry (CCU2C)", "FF"]
+    head = ["configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns"]
+    head += ["LUT4", "carry (CCU2C)", "FF"]
     head += ["LUT RAM (DPR16X4)", "block RAM (18 kbit)", "DSP (18 x 18)", "latches"]
     rows = [
         [name, f"{r['device']}-{r['speed_grade']}", f"{r['fmax_mhz']:.1f}", f"{r['clock_mhz']:.0f}"]
+        + [f"{r['pad_output_ns']:.1f}", f"{r['pad_input_ns']:.1f}"]
         + [str(r[key]) for key in ("lut4", "carry", "ff", "lut_ram", "block_ram", "dsp", "latches")]
         for name, r in results.items()
     ]
@@ -275,6 +314,14 @@ def main() -> int:
             path = "\n  ".join(result.critical_path)
             print(f"{name}: {result.fmax_mhz} MHz, below {result.clock_mhz} MHz\n  {path}", file=sys.stderr)
             failures.append(name)
+        config = configurations[name]
+        for way, reached, limit in [
+            ("flip-flop to pad", result.pad_output_ns, config.pad_output_ns),
+            ("pad to flip-flop", result.pad_input_ns, config.pad_input_ns),
+        ]:
+            if reached > limit:
+                print(f"{name}: {way} {reached} ns, above {limit} ns", file=sys.stderr)
+                failures.append(name)
     results = {name: results[name] for name in configurations if name in results}
     RESULTS.write_text(json.dumps(results, indent=2) + "\n")
     print(table(results))
