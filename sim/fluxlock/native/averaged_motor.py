@@ -9,17 +9,13 @@ on, each turned by its offset; its edges commutate at offset and advance after t
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field
-
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.paths import BUILD
-
-os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
 
 STEP_S = 5e-6
 
