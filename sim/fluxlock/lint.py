@@ -38,7 +38,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
     "fl_can": [{}],
-    "fl_soc": [{"Phases": 5}],
+    "fl_soc": [{"Phases": 5}, {"Vector": 0}],
 }
 
 
