@@ -249,7 +249,7 @@ void slow_step(Vtop* t) {
         if (t->trc_zc_valid_o) log_row(LOG_CROSSING, t->trc_zc_sector_o | t->trc_zc_late_o << 4, unwrap(t, t->trc_zc_time_o));
         if (t->trc_trip_o) log_row(LOG_TRIP, t->trc_trip_cause_o, 0);
         if (t->trc_update_o) log_row(LOG_UPDATE, 0, 0);
-        if (t->trc_angle_valid_o) log_row(LOG_ANGLE, t->trc_angle_o, 0);
+        if (t->trc_angle_valid_o) log_row(LOG_ANGLE, t->trc_angle_o, memory[COSIM_PUBLISHED_WORD]);
     }
     if (t->can_tx_o != C.can_sent || C.st.cycle >= C.can.next) can_step(t);
     if (C.tx_bit < 0 && !t->uart_tx_o) {

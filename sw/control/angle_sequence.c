@@ -2,6 +2,8 @@
 
 #include "control/placement.h"
 
+SMALL_CODE_BEGIN
+
 HOT angle_sequence_leads_t angle_sequence_leads(angle_sequence_t sequence, const vector_machine_t *machine,
                                                 int32_t speed_turn_q36) {
   const int32_t action_q32 = vector_action_turn_q32(machine, speed_turn_q36);
@@ -18,3 +20,5 @@ HOT angle_sequence_leads_t angle_sequence_leads(angle_sequence_t sequence, const
       return (angle_sequence_leads_t){0, 0};
   }
 }
+
+SMALL_CODE_END

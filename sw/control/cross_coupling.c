@@ -2,6 +2,8 @@
 
 #include "control/placement.h"
 
+SMALL_CODE_BEGIN
+
 HOT static int32_t times_q29(int32_t c_q32, int32_t x_q29) {
   return (int32_t)round_shift((int64_t)c_q32 * x_q29, 29);
 }
@@ -26,3 +28,5 @@ HOT int32_t cross_coupling_step(cross_coupling_t *state, const cross_coupling_se
   state->c_q32 = cross_coupling_curve_q32(settings, state->i_q25);
   return settings->following ? before_q32 - state->c_q32 : 0;
 }
+
+SMALL_CODE_END

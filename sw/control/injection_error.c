@@ -12,6 +12,8 @@
 #define IQ_UNITS 8
 #define SEPARATOR_UNITS 8
 
+SMALL_CODE_BEGIN
+
 HOT static int32_t unit_q30(int64_t error_q30) {
   return (int32_t)((error_q30 > ONE_Q30) ? ONE_Q30 : (error_q30 < -ONE_Q30) ? -ONE_Q30 : error_q30);
 }
@@ -94,3 +96,5 @@ HOT int32_t injection_error_q30(const injection_error_settings_t *settings, cons
   const int32_t ratio_q28 = real_ratio_q28(amplitude->q.re, amplitude->d.re, more);
   return unit_q30((int64_t)gain_apply(ratio_q28, settings->ratio) * 4);
 }
+
+SMALL_CODE_END

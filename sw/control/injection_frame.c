@@ -6,6 +6,13 @@
 
 #define FILTER_BITS 16
 
+SMALL_CODE_BEGIN
+
+static void turn_references(injection_frame_t *state) {
+  state->turn_q30 = cis_q30((uint32_t)state->curve_q32);
+  state->third_turn_q30 = cis_q30(3u * (uint32_t)state->curve_q32);
+}
+
 void injection_frame_begin(injection_frame_t *state, const injection_frame_settings_t *settings, bool resting,
                            int32_t speed_turn_q36) {
   *state = (injection_frame_t){.resting = resting};
@@ -15,7 +22,7 @@ void injection_frame_begin(injection_frame_t *state, const injection_frame_setti
   pll_preset(&state->pll, 0, speed_turn_q36);
   cross_coupling_begin(&state->coupling, &settings->coupling, 0);
   state->curve_q32 = state->coupling.c_q32;
-  state->turn_q30 = cis_q30((uint32_t)state->curve_q32);
+  turn_references(state);
   state->filtered_q52 = (int64_t)speed_turn_q36 * (1 << FILTER_BITS);
 }
 
@@ -49,7 +56,7 @@ HOT static int32_t follow_curve(injection_frame_t *state, const injection_frame_
   const int32_t before_q32 = state->curve_q32;
   state->curve_q32 = injection_handover_curve_q32(&state->handover, state->coupling.c_q32);
   if (state->curve_q32 != before_q32) {
-    state->turn_q30 = cis_q30((uint32_t)state->curve_q32);
+    turn_references(state);
   }
   return settings->coupling.following ? before_q32 - state->curve_q32 : 0;
 }
@@ -84,7 +91,8 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     command.turn_q32 = turned(command.turn_q32, follow_curve(state, settings, in->current_i_q25));
     const complex_t wanted = {in->current_wanted_i_q25.re, state->wanted_i_q25};
     command.reference_i_q25[0] = complex_mul_q30(wanted, state->turn_q30);
-    command.reference_i_q25[1] = (complex_t){0, mul_q16(state->wanted_i_q25, settings->third_q16)};
+    const complex_t third = {0, mul_q16(state->wanted_i_q25, settings->third_q16)};
+    command.reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);
     command.inject = state->handover.inject;
   }
   command.speed_turn_q36 = pll_speed_turn_q36(&state->pll);
@@ -95,3 +103,5 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
   command.curve_q32 = state->curve_q32;
   return command;
 }
+
+SMALL_CODE_END

@@ -5,7 +5,7 @@
 //   e          (1 - s) e_injection + s e_EMF, into one loop; e_injection holds from result to result
 //   frame      on the saliency axis: Park at its angle, inverse Park `lead` further
 //   published  frame + report + c,  c = (1 - s) c(i_q)
-//   i*         (i_d* + j i_q*) exp(j c),   third subspace (j k i_q*), in the frame turned by 3 c
+//   i*         (i_d* + j i_q*) exp(j c),   third subspace j k i_q* exp(3 j c)
 //   i_q*       speed regulator on the speed behind a low-pass (Tian's LPF3), or given; at most the limit that the
 //              validity leaves
 //
@@ -75,6 +75,7 @@ typedef struct {
   int32_t error_q30;      // e_injection
   int32_t curve_q32;      // c in use
   complex_t turn_q30;     // exp(j c)
+  complex_t third_turn_q30;  // exp(3 j c)
   int32_t wanted_i_q25;   // i_q*
   bool limited;           // by the current
 } injection_frame_t;

@@ -6,6 +6,8 @@
 
 #define WHOLE_Q16 ((int32_t)1 << 16)
 
+SMALL_CODE_BEGIN
+
 void injection_handover_begin(injection_handover_t *state, bool emf) {
   *state = (injection_handover_t){.share_q16 = emf ? WHOLE_Q16 : 0, .emf = emf, .inject = !emf};
 }
@@ -39,3 +41,5 @@ HOT int32_t injection_handover_error_q30(const injection_handover_t *state, int3
 int32_t injection_handover_curve_q32(const injection_handover_t *state, int32_t c_q32) {
   return mul_q16(c_q32, WHOLE_Q16 - state->share_q16);
 }
+
+SMALL_CODE_END

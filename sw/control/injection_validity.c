@@ -8,6 +8,8 @@
 #define WHOLE_Q16 ((uint32_t)1 << 16)
 #define MORE_BITS 16
 
+SMALL_CODE_BEGIN
+
 void injection_validity_begin(injection_validity_t *state) { *state = (injection_validity_t){.share_q16 = WHOLE_Q16}; }
 
 // 0 at `from` to 1 at `to`, from < to.
@@ -73,3 +75,5 @@ const char *injection_verdict_name(injection_verdict_t verdict) {
   static const char *const names[] = {"good", "derated", "no_signal", "noise", "no_saliency"};
   return names[verdict];
 }
+
+SMALL_CODE_END

@@ -8,6 +8,7 @@
 #include "control/trig.h"
 #include "control/vector_speed.h"
 #include "drive/start.h"
+#include "drive/vector_injection.h"
 #include "drive/vector_parts.h"
 
 #define ONE_OVER_SQRT3_Q16 37837
@@ -168,6 +169,9 @@ HOT static void apply_limits(drive_t *drive) {
                                      p->brake_range);
   command->write_limits = true;
   command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
+  if (drive->vector.injection != 0) {
+    vector_injection_limits(drive);
+  }
   // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
   // large by it.
   const uint32_t vdc_q17 = (vdc > 256) ? (uint32_t)vdc >> 8 : 1u;
@@ -345,6 +349,9 @@ HOT static void command(drive_t *drive) {
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
   c->write_control = regulate != c->regulate[0] || v->frame == FRAME_OFF || drive->state == STATE_STARTING;
   c->regulate[0] = regulate;
+  if (v->frame == FRAME_INJECTED) {
+    vector_injection_command(drive);
+  }
 }
 
 COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
@@ -368,6 +375,8 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.vector.write_gains = false;
   drive->command.vector.write_limits = false;
+  drive->command.vector.write_forward = false;
+  drive->command.vector.write_injection = false;
   if (v->finished) {
     vector_take_design(drive);
   }
@@ -392,6 +401,8 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       idle_step(drive, in);
     } else if (v->frame == FRAME_CAUGHT) {
       vector_caught_step(drive, in);
+    } else if (v->frame == FRAME_INJECTED) {
+      vector_injection_step(drive, in);
     } else {
       observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {

@@ -1,6 +1,7 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/trig.h"
+#include "drive/vector_injection.h"
 #include "drive/vector_parts.h"
 
 #define FOUR_OVER_PI_Q8 326u
@@ -63,7 +64,7 @@ COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
   vector_t *v = &drive->vector;
   const uint32_t samples = (uint32_t)p->vector_tick_samples;
-  const vector_machine_t machine = {
+  vector_machine_t machine = {
       .resistance_q30 = (uint32_t)p->vector_resistance_q30,
       .delay_q30 = (uint32_t)p->vector_delay_q30,
       .admittance = p->vector_admittance,
@@ -76,6 +77,11 @@ COLD void vector_init(drive_t *drive) {
   observed.resistance_q30 = (uint32_t)p->vector_observer_resistance_q30;
   observed.admittance = p->vector_observer_admittance;
   observed.impedance = p->vector_observer_impedance;
+  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
+                               p->vector_speed_max_turn_q36};
+  if (p->injection != 0) {
+    vector_injection_init(drive, &machine);
+  }
   vector_plant(&v->plant, &machine);
   vector_plant(&v->observed, &observed);
   v->salient = p->vector_mtpa_ratio_i_q25 != 0;
@@ -87,8 +93,6 @@ COLD void vector_init(drive_t *drive) {
     v->zone_i_q17 = (zone < SAMPLE_MAX_Q17) ? zone : SAMPLE_MAX_Q17;
   }
   v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
-  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
-                               p->vector_speed_max_turn_q36};
   v->start_settings = (if_settings_t){
       .current_i_q25 = p->vector_start_i_q25,
       .rise_i_q25 = p->vector_start_rise_i_q25,
@@ -150,6 +154,10 @@ void vector_design(drive_t *drive) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
+  } else if (v->injection != 0) {
+    const bool third_fits = vector_injection_design(drive);
+    __atomic_signal_fence(__ATOMIC_RELEASE);
+    v->finished = v->fits && third_fits;
   } else {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
     __atomic_signal_fence(__ATOMIC_RELEASE);
@@ -168,6 +176,9 @@ COLD void vector_take_design(drive_t *drive) {
   command->ratio_q17[0] = gains->ratio_q17;
   command->shift[0] = (uint32_t)gains->shift;
   command->band_i_q17 = v->band_i_q17;
+  if (v->injection != 0) {
+    vector_injection_take_design(drive);
+  }
   command->write_gains = true;
   v->finished = false;
 }

@@ -3,6 +3,7 @@
 #include "control/trig.h"
 #include "control/vector_speed.h"
 #include "drive/start.h"
+#include "drive/vector_injection.h"
 #include "drive/vector_parts.h"
 
 #define QUARTER_TURN ((uint32_t)1 << 30)
@@ -22,6 +23,9 @@ COLD void vector_off(drive_t *drive) {
   command->enable = false;
   command->regulate[0] = false;
   command->preset_v_q17[0] = (complex_t){0, 0};
+  if (v->injection != 0) {
+    vector_injection_off(drive);
+  }
 }
 
 COLD static void enter_phase(drive_t *drive, phase_t phase) {
@@ -31,6 +35,10 @@ COLD static void enter_phase(drive_t *drive, phase_t phase) {
 
 COLD void vector_begin(drive_t *drive) {
   vector_t *v = &drive->vector;
+  if (v->injection != 0) {
+    vector_injection_begin(drive);
+    return;
+  }
   const complex_t zero = {0, 0};
   if_begin(&v->start);
   emf_observer_preset(&v->observer, zero, zero, zero);

@@ -21,7 +21,7 @@ from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import CanSide
-from fluxlock.cosim.program import script_plan, wait
+from fluxlock.cosim.program import Row, script_plan, wait
 from fluxlock.cosim.run import ready_chip
 from fluxlock.paths import ROOT
 from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
@@ -53,13 +53,13 @@ class Peer:
         return {"taken": [repr(frame) for frame in self.taken], "state": self.state}
 
 
-def commands(frame: Frame, buffer: int) -> list[tuple[str, int, int]]:
+def commands(frame: Frame, buffer: int) -> list[Row]:
     data = int.from_bytes(frame.data, "little")
     return [
-        ("can.tx_id", 0, frame.ext << 31 | frame.rtr << 30 | frame.id),
-        ("can.tx_data", 0, data & 0xFFFF_FFFF),
-        ("can.tx_data", 1, data >> 32),
-        ("can.tx_command", 0, 1 << buffer | frame.dlc << 8),
+        Row("can.tx_id", 0, frame.ext << 31 | frame.rtr << 30 | frame.id),
+        Row("can.tx_data", 0, data & 0xFFFF_FFFF),
+        Row("can.tx_data", 1, data >> 32),
+        Row("can.tx_command", 0, 1 << buffer | frame.dlc << 8),
     ]
 
 
@@ -75,8 +75,8 @@ def test_frames_both_ways(tmp_path: Path) -> None:
     mine, others = ([told_apart(Frame.draw(rng), x) for _ in range(FRAMES)] for x in range(2))
     timing = MEGABIT
     word = timing.brp - 1 | (timing.prop + timing.ps1 - 1) << 8 | (timing.ps2 - 1) << 16 | (timing.sjw - 1) << 24
-    rows = [("can.bit_timing", 0, word), ("can.filter_mask", 0, 1 << 29), ("can.control", 0, 1)]
-    rows += [("timer.tick_period", 0, TICK), wait(2)]
+    rows = [Row("can.bit_timing", 0, word), Row("can.filter_mask", 0, 1 << 29), Row("can.control", 0, 1)]
+    rows += [Row("timer.tick_period", 0, TICK), wait(2)]
     for i, frame in enumerate(mine):
         rows += [*commands(frame, i % 3), wait(2)]
     motor = load_motor(ROOT / "motors" / "motor-1.toml")

@@ -289,7 +289,7 @@ def test_queue_keeps_room_for_answers(bench: NodeBench) -> None:
     bench.nmt(1)
     for k in range(40):
         bench.node.lib.fl_can_receive(0x300 + NODE, 0, 3, bytes([0, 0, 3 if k % 2 else 9]))
-        bench.now_us += 1000
+        bench.drive.now_us += 1000
         bench.node.step(bench.now_us)
     bench.node.lib.fl_can_receive(0x600 + NODE, 0, 8, bytes.fromhex("4041600000000000"))
     bench.collect()

@@ -71,7 +71,6 @@ class Command:
     turn_q32: int = 0
     speed_turn_q36: int = 0
     lead_q32: int = 0
-    curve_q32: int = 0  # by which subspace 3 is ahead of the frame, before it is tripled
     reference_a: complex = 0j
     third_a: complex = 0j
     inject: bool = True
@@ -167,12 +166,11 @@ class InjectionBench:
         self.whole = min(self.whole + 1, 3 * s.period) if self.injecting else 0
         if self.whole < 3 * s.period:
             self.amplitude = None
-        curve = self.command.curve_q32 / Q32 * TURN
-        self._regulate(phase, frame + curve)
+        self._regulate(phase, frame)
         act = frame + self.command.lead_q32 / Q32 * TURN
         inject = self._wave((self.step + 1 + s.period // 4) % s.period)
         first = (self.held + inject) * cmath.exp(1j * act)
-        third = self.held_3 * cmath.exp(3j * (act + curve))
+        third = self.held_3 * cmath.exp(3j * act)
         self.vector[:] = first.real, first.imag, third.real, third.imag
         move = 0.0
         if self.inv.model:

@@ -187,7 +187,7 @@ class FrameBench:
                 made = self.lib.injection_frame_step(byref(self.state), byref(self.settings), byref(given))
                 c = chip.command
                 c.turn_q32, c.speed_turn_q36 = made.turn_q32, made.speed_turn_q36
-                c.lead_q32, c.curve_q32, c.inject = made.lead_q32, made.curve_q32, made.inject
+                c.lead_q32, c.inject = made.lead_q32, made.inject
                 c.reference_a, c.third_a = (complex(z.re, z.im) / ampere for z in made.reference_i_q25)
                 self.report = made.report_q32 / Q32 * TURN
             self.time_s.append(t)

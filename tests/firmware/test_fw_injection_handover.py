@@ -123,7 +123,6 @@ def test_loaded_machine_is_handed_over_both_ways(lib: ctypes.CDLL, direction: in
         command.lead_q32 = round(1.5 * command.speed_turn_q36 * bench.cycles / 16)
         ahead = c_now / Q32 * TURN
         command.reference_a = i_q * 1j * complex(math.cos(ahead), math.sin(ahead))
-        command.curve_q32 = c_now
         command.inject = bool(state.inject)
         published.append(math.degrees(bench.error_rad(ahead)))
         torques.append(float(bench.state[6]))

@@ -176,11 +176,11 @@ class Analysis:
 
     @cached_property
     def angles(self) -> Series:
-        """Estimated angle at every current sample of the vector path."""
+        """Published angle at every current sample of the vector path: that of the frame and what firmware adds."""
         rows = self.data.rows(LogKind.ANGLE)
         cycle, none = rows[:, 0].astype(np.float64), np.zeros(len(rows), dtype=np.int64)
         theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
-        error = wrap_deg(np.asarray(rows[:, 2] * (360.0 / 2**32) - np.degrees(theta), dtype=np.float64))
+        error = wrap_deg(np.asarray((rows[:, 2] + rows[:, 3]) * (360.0 / 2**32) - np.degrees(theta)))
         return Series(cycle, none, theta, direction, error, none.astype(np.bool_))
 
     def freewheel_deg(self, low: float, high: float) -> FloatArray:

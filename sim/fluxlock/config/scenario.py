@@ -56,6 +56,10 @@ DriveFault = Literal[
     "hall_sensor",
     "voltage_channel",
     "deadline",
+    "polarity_unsure",
+    "injection_signal",
+    "injection_noise",
+    "no_saliency",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 

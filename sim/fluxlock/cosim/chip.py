@@ -15,7 +15,7 @@ import cocotb_tools.config
 
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
-from fluxlock.memory import RAM_WORDS
+from fluxlock.memory import PUBLISHED_ADDRESS, RAM_WORDS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
 
@@ -103,7 +103,8 @@ def build_chip(
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
-            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS}",
+            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
+            f"-DCOSIM_PUBLISHED_WORD={PUBLISHED_ADDRESS // 4}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
             *(trace if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),

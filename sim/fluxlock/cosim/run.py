@@ -41,7 +41,8 @@ def prepare(
     block: parameters in place of the scenario's.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_image(folder / IMAGE_FILE, build_firmware(BUILD / "firmware"), block or parameter_block(scenario))
+    image = build_firmware(BUILD / "firmware", scenario.motor.phases)
+    write_image(folder / IMAGE_FILE, image, block or parameter_block(scenario))
     sensing = scenario.inverter.sensing
     zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
     every = max(1, round(scenario.record.period_s / sensing.sample_period_s))

@@ -82,9 +82,14 @@ class ParameterBlock:
             self.values[name] = value
 
     def _default(self, p: Parameter) -> Value | None:
-        """Value of a parameter that the six-step method does not need."""
-        if p.default is None or self.values.get("method", 0) != 0:
+        """Value of a parameter that the six-step method, or a vector drive without injection, does not need."""
+        needed = self.values.get("method", 0) != 0
+        if p.name.startswith("injection"):
+            needed = self.values.get("injection", 0) != 0
+        if p.default is None or needed:
             return None
+        if p.count > 1:
+            return (p.default,) * p.count
         return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
 
     def words(self) -> list[int]:
@@ -107,8 +112,11 @@ class ParameterBlock:
         return result
 
     def pack(self) -> bytes:
-        """The block as bytes, little endian."""
-        payload = struct.pack(f"<{self.schema.words}i", *self.words())
+        """The block as bytes, little endian; without an injection it ends before the parameters of one."""
+        words = self.words()
+        if self.values.get("injection", 0) == 0:
+            words = words[: self.schema.offsets["injection"]]
+        payload = struct.pack(f"<{len(words)}i", *words)
         header = struct.pack(f"<{HEADER_WORDS}I", MAGIC, self.schema.version_word, len(payload), zlib.crc32(payload))
         block = header + payload
         if len(block) > BLOCK_MAX_BYTES:

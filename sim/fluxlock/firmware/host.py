@@ -18,13 +18,14 @@ from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.memory import BLOCK_MAX_BYTES, TELEMETRY_MAX_BYTES
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x3800
+REGISTER_WORDS = 0x3C00
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (
     *(
         "magic",
         "length_bytes",
+        "published_q32",
         "tick",
         "state",
         "phase",

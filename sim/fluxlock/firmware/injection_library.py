@@ -203,6 +203,7 @@ class Frame(ctypes.Structure):
         ("error_q30", I32),
         ("curve_q32", I32),
         ("turn_q30", Complex),
+        ("third_turn_q30", Complex),
         ("wanted_i_q25", I32),
         ("limited", ctypes.c_bool),
     )

@@ -91,9 +91,11 @@ def _key(*extra: object) -> str:
     return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
-def build_firmware(build_dir: Path | None = None) -> Path:
-    """Flat binary of the image for the soft core, loaded at address 0; cached by content hash."""
-    return _build_image("fluxlock", _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S")), build_dir or BUILD / "firmware")
+def build_firmware(build_dir: Path | None = None, phases: int = 3) -> Path:
+    """Flat binary of the image for the soft core of a chip with 3 or 5 phases, at address 0; cached by content hash."""
+    sources = _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S"))
+    name, defined = ("fluxlock", ()) if phases == 3 else (f"fluxlock-{phases}", (f"-DPHASES={phases}",))
+    return _build_image(name, sources, build_dir or BUILD / "firmware", defined)
 
 
 def build_program(name: str) -> Path:
@@ -130,7 +132,7 @@ def check_canopen() -> None:
             _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, "-c", name, "-o", f"{folder}/{Path(name).stem}.o"])
 
 
-def _build_image(name: str, sources: list[str], folder: Path) -> Path:
+def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str, ...] = ()) -> Path:
     with file_lock(BUILD / ".firmware.lock"):
         image = folder / f"{name}-{_key('target', WARNINGS, TARGET_FLAGS)}.bin"
         if image.exists():
@@ -140,7 +142,7 @@ def _build_image(name: str, sources: list[str], folder: Path) -> Path:
         partial = image.with_suffix(".part")
         includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
         link = ["-T", "hal/soc/link.ld", "-Wl,--gc-sections", "-o", str(elf)]
-        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, *sources, *link])
+        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *defined, *includes, *sources, *link])
         _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
         # The image starts at the reset vector; the file is to start at address 0.
         data = bytes(0x80) + partial.read_bytes()

@@ -9,17 +9,13 @@ on, each turned by its offset; its edges commutate at offset and advance after t
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field
-
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.paths import BUILD
-
-os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
 
 STEP_S = 5e-6
 
@@ -49,7 +45,8 @@ M_UNEQUAL = 18  # three phase inductances over their mean
 M_HALL = 21  # 1: there are Hall sensors; three offsets in rad; three stuck outputs, -1: free
 M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
 M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
-MACHINE = 30
+(M_VISCOUS, M_CONSTANT) = 30, 31
+MACHINE = 32
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
@@ -335,6 +332,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
         before = before if rising else -before
         currents(s, c, m, h)
         load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
+        load += m[M_VISCOUS] * s[OMEGA] + m[M_CONSTANT]
         torque = torque_of(s, c, m)
         if m[M_LOCKED] == 0.0:
             s[OMEGA] += h * (torque - load) / m[M_J]
@@ -353,11 +351,13 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
 
 @dataclass
 class Load:
-    """Load torques: fan at a speed, Coulomb friction."""
+    """Load torques: fan at a speed, Coulomb friction, proportional to speed, one that always acts against forward."""
 
     fan_torque_nm: float = 0.0
     fan_speed_rpm: float = 1.0
     coulomb_nm: float = 0.0
+    viscous_nm_s: float = 0.0
+    constant_nm: float = 0.0
 
 
 @dataclass
@@ -412,7 +412,7 @@ class AveragedMotor:
     def set_load(self, load: Load) -> None:
         """Change the load."""
         self.m[M_FAN] = load.fan_torque_nm / (load.fan_speed_rpm * math.pi / 30.0) ** 2
-        self.m[M_COULOMB] = load.coulomb_nm
+        self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s, load.constant_nm
 
     @property
     def rpm(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,8 +11,20 @@ from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native import averaged_motor as am
 from fluxlock.native.averaged_motor import AveragedMotor, Load
-
-SAMPLING_ONCE = 3
+from fluxlock.native.registers import (
+    FREE,
+    K_CLOCK_HZ,
+    K_CUT_PULSES,
+    K_HALL,
+    K_I_UNIT,
+    K_NUMBERS,
+    K_SAMPLES,
+    K_V_UNIT,
+    places,
+    show_crossings,
+    show_samples,
+    take_settings,
+)
 
 
 @dataclass
@@ -55,8 +66,14 @@ class AveragedChip:
         self.computed_back = 0
         self.clock = self.drive.clock_hz
         self.tick_s = 1.0 / self.drive.tick_hz
-        self._was_timer = 0
-        self._was_seq = 0
+        self._places = places(self.fw.offsets)
+        self._samples = round(self.tick_s / self.inverter.sample_period_s)
+        self._scales = np.zeros(K_NUMBERS)
+        self._scales[[K_CLOCK_HZ, K_SAMPLES]] = self.clock, self._samples
+        self._scales[K_V_UNIT] = 2**17 / self.inverter.voltage_full_scale_v
+        self._scales[K_I_UNIT] = 2**17 / self.inverter.current_full_scale_a
+        self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.hall_offset_deg is not None
+        self._free = np.full(3, FREE)
         self._reg = {name: self.fw.offsets[name] // 4 for name in self.fw.offsets}
 
     # Registers as integers.
@@ -68,128 +85,29 @@ class AveragedChip:
         """Set a register, signed values in two's complement."""
         self.fw.registers[self._reg[name] + element] = value & 0xFFFFFFFF
 
-    def _mean(self, duty: float, period: int) -> float:
-        """Mean over a sector: whole carriers and a cut one, if the bench looks so closely."""
-        carriers = self.model.s[am.INTERVAL] * self.clock / period
-        if not self.cut_pulses or carriers <= 0.0:
-            return duty
-        whole = math.floor(carriers)
-        return float((whole * duty + min(duty, carriers - whole)) / carriers)
+    def _snapshot(self) -> None:
+        """Measurements of the period that ends at this tick."""
+        model, registers = self.model, self.fw.registers
+        if self.sampling:
+            self.samples += self._samples
+        stuck = self._free
+        if self.stuck:
+            stuck = np.array([self.stuck.get(channel, FREE) for channel in range(3)])
+        show_samples(registers, self._places, self._scales, model.s, model.c, model.m, stuck, self.idc_offset_a)
+        show_crossings(registers, self._places, self._scales, model.s, model.c)
+        self.put("sense.snap_number", self.samples)
+        self.put("sense.snap_count", self._samples if self.sampling else 0)
+        self.put("zcd.counters", ((int(model.s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
+        self.put("zcd.method_counters", self.computed_back & 0xFFFF)
+        if model.s[am.TRIPS] > 0.0:
+            self.trip(int(model.s[am.TRIPS]))
+            model.s[am.TRIPS] = 0.0
 
     def _update(self) -> None:
         """The update event: committed settings become active."""
-        if not self.get("timer.update") & 2:
-            return
-        self.put("timer.update", 0)
-        s, c = self.model.s, self.model.c
-        control = self.get("pwm.control")
-        seq, timer = control & 3, self.get("comm.control") & 3
-        sync = bool(control & 0x1000)
-        period = self.get("pwm.period")
-        dead = self.get("safety.dead_time") if sync and seq != am.SEQ_OFF else 0
-        pulse = self.get("pwm.duty") / 256.0
-        c[am.C_DUTY] = self._mean(min(1.0, max(0.0, pulse - dead) / period), period)
-        c[am.C_SYNC] = float(sync)
-        c[am.C_REVERSE] = float(bool(control & 0x2000))
-        c[am.C_FORCED] = self.get("comm.forced_interval") / self.clock
-        delay = self.get("comm.delay")
-        advance = ((delay >> 16) ^ 0x8000) - 0x8000
-        c[am.C_DELAY] = ((delay & 0xFFFF) - advance) / 65536.0
-        c[am.C_TIMEOUT] = self.get("comm.timeout") / 4096.0
-        c[am.C_FORCE] = float(bool(self.get("comm.control") & 16))
-        c[am.C_MISS_LIMIT] = (self.get("comm.control") >> 8) & 0xFF
-        c[am.C_ZCD] = float(self.get("zcd.control") & 1)
-        for sector in range(6):
-            c[am.C_THRESHOLD + sector] = self.get("zcd.threshold", sector) / 2**17
-        manual = self.get("pwm.manual")
-        for x in range(3):
-            c[am.C_LEG + x] = (manual >> (4 * x)) & 7
-        for sector in range(6):
-            offset = self.get("comm.hall_offset", sector)
-            c[am.C_HALL_OFFSET + sector] = ((offset ^ 0x8000) - 0x8000) / 65536.0
-        if seq == am.SEQ_SIX and self._was_seq != am.SEQ_SIX:
-            s[am.SECTOR] = (control >> 16) & 7
-            if control & 1 << 19 and s[am.H_POSITION] >= 0.0:
-                s[am.SECTOR] = (s[am.H_POSITION] + 3 * c[am.C_REVERSE]) % 6
-            s[am.T_COMM] = s[am.T]
-            s[am.I_LINE] = math.hypot(s[am.I_ALPHA], s[am.I_BETA]) * 0.75
-        if timer != am.TIMER_OFF and self._was_timer == am.TIMER_OFF:
-            s[[am.CROSSINGS, am.LATE, am.COMMUTATIONS, am.MISSES, am.TIMEOUTS, am.FOUND, am.ARMED]] = 0.0
-            s[am.T_ZC] = 0.0
-            s[am.INTERVAL] = c[am.C_FORCED]
-            s[am.T_SCHED] = s[am.T] + c[am.C_FORCED] if timer == am.TIMER_FORCED else 1e30
-            s[[am.H_TIME, am.H_KNOWN]] = 0.0
-        elif timer == am.TIMER_HALL and self._was_timer == am.TIMER_ZCD:
-            # The intervals go on, the sensors' sector is driven.
-            s[am.H_TIME], s[am.H_KNOWN], s[am.H_LOAD] = 0.0, 6.0, (s[am.H_POSITION] + 3 * c[am.C_REVERSE]) % 6
-            s[am.T_SCHED] = s[am.T]
-        elif timer == am.TIMER_ZCD and self._was_timer == am.TIMER_HALL:
-            s[am.T_ZC] = s[am.T_FOUND]
-        c[am.C_SEQ], c[am.C_TIMER] = seq, timer
-        self._was_seq, self._was_timer = seq, timer
-
-    def _snapshot(self) -> None:
-        """Measurements of the period that ends at this tick."""
-        s, c, m = self.model.s, self.model.c, self.model.m
-        v_unit = 2**17 / self.inverter.voltage_full_scale_v
-        i_unit = 2**17 / self.inverter.current_full_scale_a
-        count = round(self.tick_s / self.inverter.sample_period_s)
-        if self.sampling:
-            self.samples += count
-        idc = s[am.IDC_SUM] / max(s[am.SUM_TIME], 1e-12) + self.idc_offset_a
-        if self.get("sense.scheduler") & 3 == SAMPLING_ONCE:
-            idc = s[am.I_LINE] + self.idc_offset_a  # a sample in the pulse
-        s[am.IDC_SUM] = s[am.SUM_TIME] = 0.0
-        self.put("sense.snap_number", self.samples)
-        self.put("sense.snap_vdc_sum", round(m[am.M_VDC] * v_unit) * count)
-        self.put("sense.snap_idc_sum", round(idc * i_unit) * count)
-        self.put("sense.snap_count", count if self.sampling else 0)
-        omega_e = s[am.OMEGA] * m[am.M_P]
-        emf = np.array([am.emf_shape(s[am.THETA], x, m[am.M_TRAPEZOID]) for x in range(3)]) * m[am.M_PSI] * omega_e
-        # Gates off: the terminals sum to zero, a diode holds the lowest one; the converter shows nothing negative.
-        terminal = emf - emf.min()
-        if c[am.C_SEQ] == am.SEQ_OFF or c[am.C_GATES] == 0.0:
-            terminal = np.maximum(emf - emf.mean() + max(0.0, emf.mean() - emf.min() - m[am.M_DIODE]), 0.0)
-        current = np.zeros(3)
-        if c[am.C_SEQ] == am.SEQ_SIX:
-            sector = int(s[am.SECTOR])
-            current[am.HIGH[sector]], current[am.LOW[sector]] = s[am.I_LINE], -s[am.I_LINE]
-        else:
-            angles = 2.0 * np.pi / 3.0 * np.arange(3)
-            current = s[am.I_ALPHA] * np.cos(angles) + s[am.I_BETA] * np.sin(angles)
-        for x in range(3):
-            self.put("sense.snap_channel", self.stuck.get(x, round(float(terminal[x]) * v_unit)), x)
-            self.put("sense.snap_channel", round(float(current[x]) * i_unit), 3 + x)
-        self.put("comm.snap_interval", min(0xFFFFFF, round(s[am.INTERVAL] * self.clock)))
-        period = float(s[am.RING_FIRST : am.RING_FIRST + 6].sum())
-        self.put("comm.snap_period", min(0x7FFFFFF, round(period * self.clock)))
-        # Ring entry k is the interval that ended k crossings after the ring began; its next entry is the oldest.
-        for back in range(6):
-            sector = int(s[am.ZC_SECTOR] - back * (-1 if c[am.C_REVERSE] > 0.0 else 1)) % 6
-            interval = s[am.RING_FIRST + int(s[am.RING_AT] - 1 - back) % 6]
-            self.put("comm.snap_sector_interval", min(0xFFFFFF, round(float(interval) * self.clock)), sector)
-        counters = (int(s[am.CROSSINGS]) & 0xFFFF) | (min(255, int(s[am.MISSES])) << 16)
-        self.put("comm.snap_counters", counters | ((int(s[am.LATE]) & 0xFF) << 24))
-        self.put("zcd.counters", ((int(s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
-        self.put("zcd.method_counters", self.computed_back & 0xFFFF)
-        if self.hall_offset_deg is not None:
-            self._hall_registers()
-        events = (int(s[am.COMMUTATIONS]) & 0xFFFF) | ((int(s[am.TIMEOUTS]) & 0xFF) << 24)
-        self.put("comm.snap_events", events)
-        if s[am.TRIPS] > 0.0:
-            self.trip(int(s[am.TRIPS]))
-            s[am.TRIPS] = 0.0
-
-    def _hall_registers(self) -> None:
-        s, reverse = self.model.s, self.model.c[am.C_REVERSE] > 0.0
-        valid = am.HALL_MAP[int(s[am.H_CODE])] < 6
-        sector = int(s[am.H_POSITION] + 3 * reverse) % 6
-        state = sector << 8 | int(valid) << 12 | int(s[am.H_BACKWARD]) << 13
-        self.put("hall.state", state)
-        counters = int(s[am.H_EDGES]) & 0xFFFF | (int(s[am.H_INVALID]) & 0xFF) << 16
-        self.put("hall.counters", counters | (int(s[am.H_SKIPPED]) & 0xFF) << 24)
-        for k in range(6):
-            self.put("hall.phase", min(0xFFFFFF, round(float(s[am.H_PHASE + k]) * self.clock)), k)
+        if self.get("timer.update") & 2:
+            self.put("timer.update", 0)
+            take_settings(self.fw.registers, self._places, self._scales, self.model.s, self.model.c)
 
     def trip(self, causes: int, now: int = 0) -> None:
         """Latch trip causes and open the gates, as the hardware does."""
