@@ -11,7 +11,7 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "vector/ipm-injection.toml"
 RATED_A, BEYOND_RPM = 10.0, 300.0
-POINTS = ((400.0, RATED_A), (0.0, RATED_A), (200.0, -RATED_A))
+POINTS = ((400.0, RATED_A), (200.0, -RATED_A))
 MEAN_DEG, RMS_DEG, PEAK_DEG = 0.5, 1.0, 5.0
 TOP_RPM = 400.0
 SETTLED_S, END_S = 0.17, 0.21
