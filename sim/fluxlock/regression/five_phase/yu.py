@@ -16,7 +16,7 @@ from fluxlock.regression.six_step.measures import Limits
 
 SCENARIO = "five-phase/yu.toml"
 SAMPLE_S = 125e-6
-SETTLED_S, END_S = 0.17, 0.22
+SETTLED_S, END_S = 0.19, 0.23
 SPEEDS_RPM = (600.0,)
 FORM_PERCENT = 3.0
 EXACT_RAD = 0.005
