@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can lint regression bench synth formal docs setup clean distclean
+.PHONY: help demo test can lint regression mutation bench synth formal docs setup clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -48,6 +48,10 @@ synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json and the table in
 
 formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
 	@$(PY) -m pytest tests/formal
+
+mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests or not: build/mutate (BLOCKS=...: some)
+	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
+	@$(PY) -m fluxlock.docs.mutation
 
 docs: $(TEST) ## register reference, schema pages, verification matrix
 	@$(PY) -m fluxlock.build html

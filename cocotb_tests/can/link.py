@@ -1,4 +1,4 @@
-"""Two controllers of the test bench on a bus model in continuous time. Python wakes at edges and ends of bits only."""
+"""The pins of controllers on a bus model in continuous time. Python wakes at edges and ends of bits only."""
 
 from __future__ import annotations
 
@@ -41,20 +41,16 @@ def accept(identifier: int = 0, mask: int = 0, ext: bool | None = None, rtr: boo
     return ACCEPT_ALL | kinds | mask << 29 | identifier
 
 
-class Link:
-    """Clock, controllers, bus. `received[x]` fills by itself while `reading[x]`."""
+class Wire:
+    """A bus model on the pins `rx_i` and `tx_o` of one or more controllers, a bit each."""
 
-    def __init__(self, dut: Any, timing: BitTiming, delay_ns: float = 0.0) -> None:
+    def __init__(self, dut: Any, timing: BitTiming, count: int, delay_ns: float = 0.0) -> None:
         self.dut, self.timing = dut, timing
         self.bus = Bus()
-        self.levels = 0b11  # on the controllers' inputs
-        self.ports = [self.bus.port(delay_ns, lambda now, level, x=x: self._deliver(x, level)) for x in range(2)]  # type: ignore[misc]
+        self.levels = self.tx = (1 << count) - 1  # on the controllers' inputs, their outputs
+        self.ports = [self.bus.port(delay_ns, lambda now, level, x=x: self._deliver(x, level)) for x in range(count)]  # type: ignore[misc]
         self.armed = inf
-        self.putting = Lock()  # both controllers share the lines
-        self.received: list[list[Entry]] = [[], []]
-        self.reading = [True, True]
-        self.resumed = Event()
-        self.edges = [0, 0]  # of the controllers' outputs
+        self.edges = [0] * count  # of the controllers' outputs
 
     @property
     def bit_ns(self) -> float:
@@ -65,25 +61,10 @@ class Link:
         quantum_ns = self.timing.brp * CLOCK_NS / (1 + clock_error)
         return self.bus.node(self.timing, quantum_ns, delay_ns, get_sim_time("ns") + start_ns)
 
-    async def start(self, filter_word: int = ACCEPT_ALL, **inputs: int) -> None:
-        dut = self.dut
-        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
-        idle = ("listen_i", "loopback_i", "put_i", "put_frame_i", "put_priority_i", "abort_i", "rx_pop_i")
-        values = dict.fromkeys(idle, 0) | {"enable_i": 0b11} | inputs
-        for name, value in values.items():
-            getattr(dut, name).value = value
-        dut.rx_i.value, dut.timing_i.value, dut.filter_i.value = 0b11, self.timing.packed, filter_word
-        dut.rst_i.value = 1
-        await FallingEdge(dut.clk_i)
-        await Timer(3 * CLOCK_NS, "ns")
-        dut.rst_i.value = 0
-        self.zero_ns = get_sim_time("ns")  # when the time stamps' clock was 0
-        self.tx = 0b11
+    def join(self) -> None:
+        """From now on the pins are on the bus; the outputs must be recessive."""
         cocotb.start_soon(self._watch())
         cocotb.start_soon(self._sleep())
-        cocotb.start_soon(self._read())
-
-    # The bus.
 
     def _deliver(self, x: int, level: int) -> None:
         self.levels = self.levels & ~(1 << x) | level << x
@@ -119,7 +100,35 @@ class Link:
             self.armed = min(self.bus.wake_at, now + 10 * self.bit_ns)
             await Timer(max(1, ceil(self.armed - now)), "ns")
 
-    # The controllers' users.
+    async def bits(self, count: float) -> None:
+        await Timer(round(count * self.bit_ns), "ns")
+
+
+class Link(Wire):
+    """Two controllers of `fl_can_bench` with clock and bus. `received[x]` fills by itself while `reading[x]`."""
+
+    def __init__(self, dut: Any, timing: BitTiming, delay_ns: float = 0.0) -> None:
+        super().__init__(dut, timing, 2, delay_ns)
+        self.putting = Lock()  # both controllers share the lines
+        self.received: list[list[Entry]] = [[], []]
+        self.reading = [True, True]
+        self.resumed = Event()
+
+    async def start(self, filter_word: int = ACCEPT_ALL, **inputs: int) -> None:
+        dut = self.dut
+        Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
+        idle = ("listen_i", "loopback_i", "put_i", "put_frame_i", "put_priority_i", "abort_i", "rx_pop_i")
+        values = dict.fromkeys(idle, 0) | {"enable_i": 0b11} | inputs
+        for name, value in values.items():
+            getattr(dut, name).value = value
+        dut.rx_i.value, dut.timing_i.value, dut.filter_i.value = 0b11, self.timing.packed, filter_word
+        dut.rst_i.value = 1
+        await FallingEdge(dut.clk_i)
+        await Timer(3 * CLOCK_NS, "ns")
+        dut.rst_i.value = 0
+        self.zero_ns = get_sim_time("ns")  # when the time stamps' clock was 0
+        self.join()
+        cocotb.start_soon(self._read())
 
     async def _read(self) -> None:
         dut = self.dut
@@ -165,9 +174,6 @@ class Link:
             await self.put(x, 0, frame)
             while int(self.dut.pending_o.value) >> 3 * x & 1:
                 await self.dut.pending_o.value_change
-
-    async def bits(self, count: float) -> None:
-        await Timer(round(count * self.bit_ns), "ns")
 
     async def rest(self, limit_bits: int = 100_000) -> None:
         """Until nothing waits to be sent, and a little longer."""

@@ -16,7 +16,7 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, ReadOnly
+from cocotb.triggers import FallingEdge, ReadOnly, Timer
 from numpy.typing import NDArray
 
 from cocotb_tests.pwm.chain import Drive, add
@@ -64,6 +64,24 @@ class TB:
         if drive.get(handed.clock + 1, {}).get("compare_valid_i") != 1:
             # Nothing but the clock of the valid may matter.
             add(drive, handed.clock + 1, compare_valid_i=0, compare_i=0x5A5A, period_i=77)
+
+    async def skip(self, cycles: int) -> None:
+        """Let clocks pass without a record."""
+        if cycles:
+            await Timer(20 * cycles - 10, "ns")
+            await FallingEdge(self.dut.clk_i)
+
+    async def to_start(self, limit: int = 200) -> None:
+        """Wait for the first clock of a carrier."""
+        for _ in range(limit):
+            if int(self.dut.carrier_start_o.value):
+                return
+            await self.skip(1)
+        raise AssertionError(f"no carrier started in {limit} clocks")
+
+    def read(self) -> dict[str, int]:
+        """All outputs now."""
+        return {name: int(getattr(self.dut, name).value) for name in SIGNALS}
 
     async def run(self, cycles: int, drive: Drive) -> dict[str, Levels]:
         """Element i of the record: registers after i rising edges of this run, inputs of edge i + 1."""
@@ -191,6 +209,92 @@ async def every_width_is_exact(dut: Any, period: int) -> None:
             centre = (on[0] + on[-1] + 1) / 2
             assert abs(centre - period / 2) <= 0.5, f"{n} clocks around {centre} in a carrier of {period}"
     check(trace, handed, period, tb.phases)
+
+
+@cocotb.test()
+async def long_carriers(dut: Any) -> None:
+    """Periods and compares of all 16 bits; looked at where something changes, just before, and in between.
+
+    In the first carriers nothing is enabled and cfg_period_i rules, then the period that comes with the compares.
+    """
+    dut._log.info("seed %d", cocotb.RANDOM_SEED)
+    rng = random.Random(cocotb.RANDOM_SEED)
+    tb = TB(dut)
+    period = 40
+    await tb.start(cfg_period_i=period, enable_i=0)
+    await tb.to_start()
+    compares: tuple[int, ...] | None = None
+    single = [0, MIN_PERIOD - 1, *(1 << bit for bit in range(16))]
+    several = [0xFFFF, 0x5555, 0xAAAA, *(rng.randrange(1 << bits, 2 << bits) for bits in range(8, 15))]
+    disabled = [*single, *rng.sample(several, 4)]
+    idle = len(disabled)
+    for carrier, asked in enumerate([*disabled, *several, *single, *rng.sample(several, 3)]):
+        new_period = max(MIN_PERIOD, asked)
+        drawn = [rng.randrange(new_period), 1 << rng.randrange(16), new_period ^ 1 << rng.randrange(16)]
+        new = tuple(rng.choice([*drawn, new_period, 0, 0xFFFF]) for _ in range(tb.phases))
+        middle = period // 2
+        edges = [0, middle, *(e for c in compares or () for e in (middle - c // 2, middle + (c + 1) // 2))]
+        change = rng.randrange(1, period - 4)
+        instants = {t + d for t in edges for d in (-1, 0)} | {change, change + 1, *rng.sample(range(period), 4)}
+        clock = 0
+        for t in sorted(t for t in instants if 0 <= t < period):
+            await tb.skip(t - clock)
+            clock = t
+            got = tb.read()
+            high = 0
+            for x, c in enumerate(compares or ()):
+                high |= (c >= period or middle - c // 2 <= t < middle + (c + 1) // 2) << x
+            everyone = 0 if compares is None else (1 << tb.phases) - 1
+            expected = (t == 0, t == 0, t >= middle, t, compares is not None, 0, 0, high, everyone & ~high)
+            if (carrier, t > change) != (idle, True):  # active_o is a register before the requests
+                assert tuple(got.values()) == expected, f"clock {t} of {period}, compares {compares}"
+            if t == change and carrier < idle:
+                dut.cfg_period_i.value = asked
+            elif t == change:
+                dut.enable_i.value = 1
+                dut.compare_valid_i.value, dut.period_i.value = 1, asked
+                dut.compare_i.value = sum(c << 16 * x for x, c in enumerate(new))
+            elif t == change + 1:
+                dut.compare_valid_i.value, dut.period_i.value, dut.compare_i.value = 0, rng.randrange(1 << 16), 0x5A5A
+        await tb.skip(period - clock)
+        period, compares = new_period, new if carrier >= idle else None
+
+
+@cocotb.test()
+async def every_bit_of_the_limit(dut: Any) -> None:
+    """A fault at the limit's miss and not before, again after compares in between; the count of all misses goes on."""
+    tb = TB(dut)
+    period, total = MIN_PERIOD, 0
+    await tb.start(cfg_period_i=period)
+
+    async def compares() -> None:
+        """In time for the next update, which is the last of tb.skip(period)."""
+        drive: Drive = {}
+        tb.hand_over(drive, Handed(0, period, (5,) * tb.phases))
+        await tb.run(2, drive)
+        await tb.skip(period - 2)
+
+    await tb.to_start()
+    await tb.skip(3)
+    for limit in (1, 2, 3, 4, 8, 16, 32, 64, 85, 128, 170, 255, 0):
+        dut.cfg_miss_limit_i.value = limit
+        for misses in (limit - 1, limit) if limit else (300,):
+            await compares()
+            for miss in range(1, misses + 1):
+                await tb.skip(period)
+                total += 1
+                got = int(dut.missed_o.value), int(dut.fault_o.value)
+                assert got == (total, limit and miss >= limit), f"limit {limit}, {miss} misses: {got}"
+        dut.enable_i.value = 0
+        await tb.skip(1)
+        dut.enable_i.value = 1
+        await tb.skip(period - 1)
+        assert int(dut.fault_o.value) == 0
+    await compares()
+    for chunk in (257, 1025, 4097, 8193, 20001):  # odd: a wrong bit that changes with every miss does not come back
+        await tb.skip(chunk * period)
+        total += chunk
+        assert int(dut.missed_o.value) == total
 
 
 @cocotb.test()

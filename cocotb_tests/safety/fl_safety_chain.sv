@@ -41,7 +41,8 @@ module fl_safety_chain
 
   logic [Phases-1:0] gate_h, gate_l;
 
-  always_ff @(posedge clk_i) now_o <= rst_i ? 32'hFFFF_FF00 : now_o + 1;
+  // Not a counter: every bit of the stamp differs between any two trips.
+  always_ff @(posedge clk_i) now_o <= rst_i ? 32'hFFFF_FF00 : now_o * 32'd1664525 + 32'd1013904223;
 
   fl_trip #(
       .Phases(Phases)

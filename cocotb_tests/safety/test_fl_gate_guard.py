@@ -121,7 +121,8 @@ async def dead_time_is_exact(dut: Dut) -> None:
     everything = (1 << tb.phases) - 1
     await tb.step(req_h_i=everything, dead_time_i=7)
     await tb.idle(RESET_WAIT)
-    for dead in (0, 1, 2, 3, 10, 255, 1023):
+    # Every bit alone, patterns in which bits above and below differ, the longest.
+    for dead in (0, 1, 3, 10, *(1 << bit for bit in range(1, 10)), 255, 341, 644, 682, 1023):
         await tb.step(dead_time_i=dead)
         for upper in (False, True):
             changes = {"req_h_i": everything * upper, "req_l_i": everything * (not upper)}
@@ -169,6 +170,30 @@ async def reset_turns_off_and_waits(dut: Dut) -> None:
 
 
 @cocotb.test()
+async def reset_forgets_which_gate_was_on(dut: Dut) -> None:
+    """Also the gate that was on before waits the longest dead time; pins go off in the polarity at the ports."""
+    tb = GuardTb(dut)
+    await tb.start()
+    everything = (1 << tb.phases) - 1
+    for upper in (True, False):
+        requests = {"req_h_i": everything * upper, "req_l_i": everything * (not upper)}
+        await tb.step(enable_i=0, high_active_low_i=0, low_active_low_i=0)
+        await tb.step(enable_i=1, **requests)
+        await tb.idle(RESET_WAIT)
+        assert int(dut.gate_o.value) != 0, "no gate is on before the reset"
+        for high, low in ((0, 1), (1, 0)):
+            tb.inputs |= {"high_active_low_i": high, "low_active_low_i": low}
+            dut.high_active_low_i.value, dut.low_active_low_i.value = high, low
+            await tb.release()
+            pins = int(dut.gate_h_o.value), int(dut.gate_l_o.value)
+            assert pins == (everything * high, everything * low), f"pins {pins} with polarity {(high, low)}"
+        await tb.idle(RESET_WAIT - 1)
+        assert int(dut.gate_o.value) == 0, "on again before the longest dead time"
+        await tb.step()
+        assert int(dut.gate_o.value) != 0
+
+
+@cocotb.test()
 async def assertion_is_alive(dut: Dut) -> None:
     """Both gate registers forced on: the assertion beside the logic ends the simulation."""
     tb = GuardTb(dut)
@@ -192,6 +217,7 @@ def test_fl_gate_guard(phases: int) -> None:
         "dead_time_is_exact",
         "trip_and_enable_act_at_once",
         "reset_turns_off_and_waits",
+        "reset_forgets_which_gate_was_on",
     ]
     run_block_test(
         "fl_gate_guard",

@@ -20,7 +20,13 @@ PHASE, DC, PIN, LOST, OVER, UNDER, SOFT, DEADLINE = (1 << i for i in range(8))
 ALL = 0xFF
 CHANNELS = 9
 MIDDLE = 2048
+PULSES = {"lost_i": LOST, "software_i": SOFT, "deadline_i": DEADLINE}
 QUIET = [100, 200, 300, MIDDLE, MIDDLE, MIDDLE, 2000, MIDDLE, 50]  # v0..2, i0..2, vdc, idc, vsm
+
+
+def code_of(deviation: int, rng: random.Random) -> int:
+    """Code of this deviation from the middle, of either sign; 2048 is there downwards only."""
+    return MIDDLE + (deviation if rng.random() < 0.5 and deviation < MIDDLE else -deviation)
 
 
 class TripTb:
@@ -64,10 +70,21 @@ class TripTb:
         self.dut.adc_valid_i.value = 0
         self.dut.adc_code_i.value = random.getrandbits(12 * CHANNELS)
 
-    async def pulse(self, name: str) -> None:
-        getattr(self.dut, name).value = 1
+    async def pulse(self, *names: str) -> None:
+        for name in names:
+            getattr(self.dut, name).value = 1
         await self.clocks(1)
-        getattr(self.dut, name).value = 0
+        for name in names:
+            getattr(self.dut, name).value = 0
+
+    async def hold(self, cause: int) -> None:
+        """From now on this cause alone is present; 0: none."""
+        for name, bit in PULSES.items():
+            getattr(self.dut, name).value = int(cause == bit)
+        self.dut.fault_pin_i.value = int(cause == PIN)
+        codes = {PHASE: {"c4": 0}, DC: {"c7": 4095}, OVER: {"c6": 4000}, UNDER: {"c6": 500}}
+        await self.sample(**codes.get(cause, {}))
+        await self.clocks(4)
 
     async def until_off(self, limit: int = 10) -> int:
         """Clock edges from now to the first with all gates off."""
@@ -116,6 +133,30 @@ async def codes_trip_at_their_limits(dut: Dut) -> None:
 
 
 @cocotb.test()
+async def codes_against_random_limits(dut: Dut) -> None:
+    """Limits of any value; codes that lie at them, beside them, or differ from them in a single bit."""
+    rng = random.Random(11)
+    tb = TripTb(dut)
+    await tb.start()
+    steps = [0, 1, -1, *(sign << bit for bit in range(12) for sign in (-1, 1))]
+
+    def beside(value: int, low: int, high: int) -> int:
+        return min(max(value + rng.choice(steps), low), high)
+
+    for _ in range(1500):
+        phase, dc = rng.randrange(MIDDLE), rng.randrange(MIDDLE)
+        over, under = rng.randrange(4096), rng.randrange(4096)
+        currents = [rng.randrange(phase + 1) for _ in range(3)]
+        currents[rng.randrange(3)] = beside(phase, 0, MIDDLE)
+        vdc, idc = beside(rng.choice([over, under]), 0, 4095), beside(dc, 0, MIDDLE)
+        dut.cfg_phase_lsb_i.value, dut.cfg_dc_lsb_i.value = phase, dc
+        dut.cfg_over_lsb_i.value, dut.cfg_under_lsb_i.value = over, under
+        await tb.sample(**{f"c{3 + x}": code_of(c, rng) for x, c in enumerate(currents)}, c6=vdc, c7=code_of(idc, rng))
+        expected = PHASE * (max(currents) > phase) | DC * (idc > dc) | OVER * (vdc > over) | UNDER * (vdc < under)
+        assert tb.get("present_o") == expected, f"{currents}, {phase}; {idc}, {dc}; {vdc}, {over}, {under}"
+
+
+@cocotb.test()
 async def other_channels_do_not_trip(dut: Dut) -> None:
     tb = TripTb(dut)
     await tb.start()
@@ -157,7 +198,7 @@ async def fault_pin_acts_at_the_third_edge(dut: Dut) -> None:
 async def pulses_trip_at_the_next_edge(dut: Dut) -> None:
     tb = TripTb(dut)
     await tb.start()
-    for name, cause in (("lost_i", LOST), ("software_i", SOFT), ("deadline_i", DEADLINE)):
+    for name, cause in PULSES.items():
         await tb.pulse(name)
         assert tb.gates() == 0, f"{name}: gates on after one edge"
         assert tb.get("latched_o") == cause
@@ -246,17 +287,40 @@ async def first_cause_and_count(dut: Dut) -> None:
     await tb.sample()
     assert await tb.clear() == 0
     assert tb.get("first_o") == 0
-    await tb.pulse("lost_i")
-    assert tb.get("first_o") == LOST
+    count = 2
+    for name, cause in PULSES.items():
+        await tb.pulse(name)
+        count += 1
+        await tb.clocks(2)
+        assert tb.get("first_o") == cause and tb.get("count_o") == count
+        assert await tb.clear() == 0
+        assert tb.get("first_o") == 0
+    # It stays until the last cause is cleared, whichever that is.
+    for bit in range(8):
+        other = "lost_i" if 1 << bit == SOFT else "software_i"
+        await tb.pulse(other)
+        await tb.hold(1 << bit)
+        for _ in range(2):
+            assert await tb.clear() == 1 << bit
+            assert tb.get("first_o") == PULSES[other]
+        await tb.hold(0)
+        assert await tb.clear() == 0
+        assert tb.get("first_o") == 0
+        count += 2
     for _ in range(300):
-        await tb.clear()
         await tb.pulse("lost_i")
-    assert tb.get("count_o") == 255, "the count does not saturate"
+        count = min(count + 1, 255)  # saturates
+        assert tb.get("count_o") == count and tb.get("first_o") == LOST
+        await tb.clear()
 
 
 @cocotb.test()
 async def log_of_eight(dut: Dut) -> None:
-    """Random trips: the log holds the last eight with time, cause, and the phase with the largest current."""
+    """Random trips: the log holds the last eight with time, causes, and the phase with the largest current.
+
+    Deviations are apart, equal, or differ in a single bit. What trips is said by the limits: of each code that is
+    to trip it lies one below, of the others at the code.
+    """
     rng = random.Random(7)
     tb = TripTb(dut)
     await tb.start()
@@ -274,25 +338,70 @@ async def log_of_eight(dut: Dut) -> None:
             else:
                 assert tb.get("log_valid_o") == 0, f"entry {index} of {len(entries)} is valid"
 
+    def draw() -> list[int]:
+        largest = rng.choice([rng.randrange(1, MIDDLE), rng.randrange(1, MIDDLE), MIDDLE])
+        second = rng.choice([largest, largest % MIDDLE ^ 1 << rng.randrange(11), rng.randrange(1, MIDDLE)])
+        deviations = [largest, second, rng.choice([largest, second, rng.randrange(max(largest, second) + 1)])]
+        rng.shuffle(deviations)
+        return [code_of(deviation, rng) for deviation in deviations]
+
     await check()
-    for _ in range(30):
-        codes = [MIDDLE + rng.choice([-1, 1]) * rng.randrange(1, 900) for _ in range(3)]
-        cause = rng.choice([PHASE, SOFT, LOST])
-        if cause == PHASE:
-            codes[rng.randrange(3)] = rng.choice([rng.randrange(1040), rng.randrange(3060, 4096)])
-        await tb.sample(**{f"c{3 + x}": c for x, c in enumerate(codes)})
-        if cause != PHASE:
+    for _ in range(400):
+        codes = draw()
+        largest = max(range(3), key=lambda x: abs(codes[x] - MIDDLE))
+        pulses = rng.sample(sorted(PULSES), rng.choice([0, 0, 1, 2, 3]))
+        cause = sum(PULSES[name] for name in pulses) or rng.choice([PHASE, DC, PHASE | DC, PHASE | OVER, UNDER])
+        vdc = {OVER: 3001, UNDER: 999}.get(cause & (OVER | UNDER), 2000)
+        dut.cfg_phase_lsb_i.value = abs(codes[largest] - MIDDLE) - bool(cause & PHASE)
+        await tb.sample(**{f"c{3 + x}": c for x, c in enumerate(codes)}, c6=vdc, c7=MIDDLE + 501 * bool(cause & DC))
+        if pulses:
             await tb.clocks(rng.randrange(4))
         # A pulse is stamped with its clock, a code with the clock after its valid: both are `now` here.
         stamp = tb.get("now_o")
-        largest = max(range(3), key=lambda x: abs(codes[x] - MIDDLE))
-        if cause != PHASE:
-            await tb.pulse("software_i" if cause == SOFT else "lost_i")
+        if pulses:
+            await tb.pulse(*pulses)
         entries.append((stamp, cause, largest, codes[largest]))
         await tb.clocks(1)
         await tb.sample()
         assert await tb.clear() == 0
         await check()
+
+
+@cocotb.test()
+async def reset_forgets_all(dut: Dut) -> None:
+    """After trips by every source and a full log: nothing latched, present, counted or logged, nothing enabled."""
+    tb = TripTb(dut)
+    await tb.start()
+    await tb.sample(c3=0, c6=4000, c7=0)
+    await tb.pulse(*PULSES)
+    for _ in range(10):
+        await tb.clear()
+        await tb.pulse(*PULSES)
+    await tb.sample(c3=0, c6=500, c7=0)
+    dut.fault_pin_i.value = 1
+    await tb.clocks(5)
+    assert tb.get("latched_o") == ALL and tb.get("log_valid_o") == 1
+    await tb.sample(c3=0, c6=4000, c7=0)
+    for vdc, cause in ((4000, OVER), (500, UNDER)):
+        await tb.sample(c3=0, c6=vdc, c7=0)
+        await tb.clear()
+        assert tb.get("present_o") == PHASE | DC | PIN | cause
+        dut.rst_i.value, dut.deadline_i.value = 1, 1
+        await tb.clocks(1)
+        assert tb.get("event_o") == 0 and tb.get("first_o") == 0
+        dut.deadline_i.value = 0
+        await tb.clocks(1)
+        dut.rst_i.value = 0
+        names = ("present_o", "latched_o", "first_o", "count_o", "event_o", "trip_o", "log_valid_o")
+        assert [tb.get(name) for name in names] == [0] * len(names)
+        for index in range(8):
+            dut.log_index_i.value = index
+            await tb.clocks(1)
+            assert tb.get("log_valid_o") == 0, f"entry {index} is valid after the reset"
+        await tb.sample(c3=0, c6=vdc, c7=0)
+        await tb.pulse(*PULSES)
+        await tb.clocks(5)
+        assert tb.get("latched_o") == 0 and tb.get("present_o") == PHASE | DC | PIN | cause, "enabled after the reset"
 
 
 @cocotb.test()

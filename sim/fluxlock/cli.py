@@ -233,6 +233,35 @@ def identify(
 
 
 @app.command()
+def native(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML); its motor, inverter, drive and load.")],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+    ] = None,
+    can: Annotated[
+        str, typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can, for instance socketcan:vcan0.")
+    ] = "udp_multicast:239.74.163.2",
+    node: Annotated[int, typer.Option(min=1, max=127, help="CANopen node-ID.")] = 1,
+    speed: Annotated[float, typer.Option(min=0.0, help="Simulated over real time; 0: as fast as it goes.")] = 1.0,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Simulated time to run; without it until Ctrl-C.")
+    ] = None,
+) -> None:
+    """Run the firmware as a program of this machine: averaged motor, CANopen node on a bus, console on stdin.
+
+    No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
+    windows of the scenario do not count.
+    """
+    from fluxlock.cosim.parameters import check_parameters
+    from fluxlock.native.program import run_native
+
+    loaded = load_scenario(scenario, set_ or ())
+    check_parameters(loaded)
+    run_native(loaded, can, node, speed or None, seconds)
+
+
+@app.command()
 def regression(
     cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
@@ -279,6 +308,23 @@ def figures(
     if list_:
         list_figures(family, numbers or [])
     elif not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def mutate(
+    blocks: Annotated[list[str] | None, typer.Argument(metavar="BLOCK", help="RTL blocks; all without.")] = None,
+    count: Annotated[int, typer.Option(min=1, help="Mutants a block.")] = 300,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of choice and tests.")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
+) -> None:
+    """Put defects into RTL blocks, one at a time, and see how many the block tests find: build/mutate/BLOCK.json.
+
+    `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
+    """
+    from fluxlock.mutation.command import mutate as run_mutate
+
+    if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
         raise typer.Exit(EXIT_FAILED)
 
 

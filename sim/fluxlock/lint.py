@@ -37,8 +37,8 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
-    "fl_can": [{}],
-    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}],
+    "fl_can_wb": [{}],
+    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}, {"Vector": 0}],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 

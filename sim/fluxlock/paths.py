@@ -31,6 +31,7 @@ REGISTER_BLOCKS = (
     "foc",
     "encoder",
     "injection",
+    "can",
 )
 
 

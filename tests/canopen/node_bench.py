@@ -7,12 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 from fluxlock.canopen.dictionary import Entry
-from fluxlock.canopen.host import Frame, HostNode
+from fluxlock.canopen.host import Frame
 from fluxlock.firmware import DriveSpec, build_canopen_library
+from fluxlock.native.drive import STEP_US, NativeDrive
 from tests.firmware.firmware_bench import Bench
 
 NODE = 5
-STEP_US = 1000
 # Synchronous rectification: it can brake.
 DRIVE = DriveSpec(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
 # State by the statusword's bits 0..3, 5, 6.
@@ -35,16 +35,21 @@ class Aborted(Exception):
 class NodeBench:
     """Motor, drive and node. Time goes on with `run` only."""
 
-    def __init__(self, blank: bool = True, **keys: Any) -> None:
+    def __init__(self, **keys: Any) -> None:
         drive = keys.pop("drive", DRIVE)
         self.bench = Bench(drive=drive, library=build_canopen_library(), **keys)
-        self.node = HostNode(self.bench.fw.lib, NODE)
-        if blank:
-            self.node.memory = bytes(len(self.node.memory))
-            self.node.fail_memory(False)
+        self.drive = NativeDrive(self.bench, NODE)
+        self.node = self.drive.node
         self.frames: list[Frame] = []
-        self.now_us = 0
+        # What another test has stored.
+        self.node.memory = bytes(len(self.node.memory))
+        self.node.fail_memory(False)
         self.node.boot(self.now_us)
+
+    @property
+    def now_us(self) -> int:
+        """Simulated time."""
+        return self.drive.now_us
 
     def send(self, can_id: int, data: bytes = b"", flags: int = 0) -> None:
         """A frame to the node; what it answers at once is collected."""
@@ -64,9 +69,7 @@ class NodeBench:
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
         """Motor, drive and node for a time or until a condition; true if it came."""
         for _ in range(round(seconds * 1e6 / STEP_US)):
-            self.bench.run(STEP_US / 1e6)
-            self.now_us += STEP_US
-            self.node.step(self.now_us)
+            self.drive.step()
             self.collect()
             if until is not None and until():
                 return True
@@ -75,7 +78,7 @@ class NodeBench:
     def idle(self, seconds: float) -> None:
         """Only the node's time: the drive does not move."""
         for _ in range(round(seconds * 1e6 / STEP_US)):
-            self.now_us += STEP_US
+            self.drive.now_us += STEP_US
             self.node.step(self.now_us)
             self.collect()
 

@@ -275,6 +275,9 @@ def test_fault_that_stays(bench: NodeBench) -> None:
     bench.write("controlword", 0x80)
     bench.run(0.05)
     assert bench.state == "fault"
+    assert bench.bench.fw.command("clear") == ["ok"]
+    bench.run(0.05)
+    assert (bench.state, bench.bench.fw.state) == ("fault", "ready"), "the console does not reset the profile's fault"
     bench.write("controlword", 0x00)
     bench.write("controlword", 0x80)
     assert bench.until("disabled", 0.1)

@@ -243,14 +243,16 @@ def test_refused_pdos(bench: NodeBench) -> None:
     bench.idle(0.002)
     assert emcy(bench) == [(0x8200, 0x11, 0, 0x60FF0003)]
     assert bench.state == "disabled"
+    bench.send(0x300 + NODE, struct.pack("<Hb", 6, 10))  # torque without the current loop
     bench.send(0x400 + NODE, struct.pack("<Hih", 6, 777, -1))
     bench.idle(0.002)
+    assert bench.node.value("modes_of_operation") == 3
     assert emcy(bench) == [(0x8220, 0x11, 0, 3)]
     assert (bench.state, bench.node.value("target_velocity")) == ("ready", 777)
     bench.send(0x400 + NODE, struct.pack("<Hi", 0, 0))
     bench.idle(0.002)
     assert emcy(bench) == [(0, 0, 0, 0)]
-    assert bench.read("counter_pdos_refused") == 4
+    assert bench.read("counter_pdos_refused") == 5
     assert [bench.read(f"error_field_error_{k}") for k in (1, 2, 3)] == [0x8220, 0x8200, 0x8210]
     bench.write("error_field_count", 0)
     assert [bench.read(f"error_field_error_{k}") for k in (1, 2, 3)] == [0, 0, 0]
@@ -287,7 +289,7 @@ def test_queue_keeps_room_for_answers(bench: NodeBench) -> None:
     bench.nmt(1)
     for k in range(40):
         bench.node.lib.fl_can_receive(0x300 + NODE, 0, 3, bytes([0, 0, 3 if k % 2 else 9]))
-        bench.now_us += 1000
+        bench.drive.now_us += 1000
         bench.node.step(bench.now_us)
     bench.node.lib.fl_can_receive(0x600 + NODE, 0, 8, bytes.fromhex("4041600000000000"))
     bench.collect()

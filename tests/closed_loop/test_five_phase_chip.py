@@ -8,16 +8,13 @@ import shutil
 import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
-from fluxlock.config import load_inverter, load_motor
-from fluxlock.config.motor import machine_params
+from fluxlock.config import Inverter, load_inverter, load_motor
 from fluxlock.config.specs import CLOCK_HZ
-from fluxlock.cosim.convert import inverter_params, sensing_params
-from fluxlock.cosim.program import run_script, wait
+from fluxlock.cosim.program import Row, run_script, wait
 from fluxlock.paths import BUILD, ROOT
-from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
+from tests.closed_loop.five_phase_bench import PHASES, bypassed, locked_plant, voltage_q17
 
-PHASES = 5
-PERIOD, OFFSET, DEAD = 2500, 100, 2  # clocks
+PERIOD, OFFSET = 2500, 100  # clocks
 FIELD_HZ = 500.0
 LARGEST = 0.5257  # amplitude over V_dc up to which the modulation is linear
 RATIOS = (0.05, 0.3, 0.5, LARGEST)
@@ -26,28 +23,11 @@ SECTOR = math.pi / 5
 SEED = 1
 
 
-def script(full_scale_v: float, vdc_v: float) -> list[tuple[str, int, int]]:
+def script(inverter: Inverter) -> list[Row]:
     """A vector of each ratio, turning at FIELD_HZ, on the first subspace; the regulators are bypassed."""
-    shift = 22
-    scale = round(PERIOD * full_scale_v / vdc_v / 2**17 * 2**shift)
-    assert scale < 2**17
-    rows = [("sense.offset", PHASES + x, 2048 << 4) for x in range(PHASES)]
-    rows += [
-        ("sense.scheduler", 0, 3 | OFFSET << 16),
-        ("foc.period", 0, PERIOD),
-        ("foc.window", 0, OFFSET),
-        ("foc.scale", 0, scale | shift << 24),
-        ("foc.omega", 0, round(FIELD_HZ / CLOCK_HZ * 2**36)),
-        ("foc.control", 0, 1 | 1 << 1 | 1 << 3),  # source, enable, bypass
-        ("safety.trip_enable", 0, 0),
-        ("safety.dead_time", 0, DEAD),
-        ("timer.tick_period", 0, 1000),
-        wait(2),
-        ("timer.tick_samples", 0, 1),
-        ("safety.guard", 0, 1),
-    ]
+    rows = bypassed(PERIOD, OFFSET, inverter, FIELD_HZ)
     for ratio in RATIOS:
-        rows += [("foc.forward", 0, round(ratio * vdc_v / full_scale_v * 2**17)), wait(CARRIERS)]
+        rows += [Row("foc.forward", 0, voltage_q17(ratio * inverter.supply_v, inverter)), wait(CARRIERS)]
     return rows
 
 
@@ -91,19 +71,10 @@ def test_modulator_drives_the_five_phase_plant() -> None:
     """
     motor = load_motor(ROOT / "motors" / "five-phase-yu.toml")
     inverter = load_inverter(ROOT / "inverters" / "five-leg-350v.toml")
-    plant = PlantParams(
-        machine=machine_params(motor),
-        inverter=inverter_params(inverter),
-        sensing=sensing_params(inverter, motor.phases),
-        mechanics=MechanicsParams(motor.inertia_kgm2, mode="locked"),
-        recording=RecordingParams(every_strobes=1),
-        clock_period_s=1.0 / CLOCK_HZ,
-    )
     folder = BUILD / "closed_loop" / "five-phase-chip"
     shutil.rmtree(folder, ignore_errors=True)
-    rows = script(inverter.sensing.voltage_full_scale_v, inverter.supply_v)
     duration_s = (len(RATIOS) * CARRIERS + 10) * PERIOD / CLOCK_HZ
-    data = run_script(rows, plant, duration_s, folder, SEED)
+    data = run_script(script(inverter), locked_plant(motor, inverter), duration_s, folder, SEED)
     assert not data.rows(LogKind.TRIP).size
     instants = data.rows(LogKind.ANGLE)
     assert len(instants) > len(RATIOS) * CARRIERS and set(np.diff(instants[5:, 0])) == {PERIOD}

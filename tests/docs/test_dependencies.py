@@ -10,7 +10,13 @@ import tomllib
 from fluxlock.paths import ROOT
 
 # Packages that come with one of the group, and modules named otherwise than their package.
-SHIPPED_WITH = {"cocotb_tools": "cocotb", "find_libpython": "cocotb", "pil": "matplotlib", "pydantic_core": "pydantic"}
+SHIPPED_WITH = {
+    "can": "python_can",
+    "cocotb_tools": "cocotb",
+    "find_libpython": "cocotb",
+    "pil": "matplotlib",
+    "pydantic_core": "pydantic",
+}
 
 
 def test_modules_import_only_what_make_demo_installs() -> None:

@@ -546,6 +546,11 @@ class Sources:
             return Problem(self.motor if part == "motor" else self.inverter, below, message)
         return Problem(self.scenario, key, message)
 
+    def charged(self, problem: Problem) -> Problem:
+        """The problem of motor or inverter file, charged to `--set` if its value comes from there."""
+        key = {self.motor: "motor.", self.inverter: "inverter."}.get(problem.file, "") + problem.key
+        return Problem(SET_OPTION, key, problem.message) if self.is_override(key) else problem
+
 
 class Scenario(Model):
     """One closed-loop run. The files of motor and inverter are read and checked with it."""

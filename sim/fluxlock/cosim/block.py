@@ -35,6 +35,7 @@ def run_block_test(
     extra_env: Mapping[str, str] | None = None,
     seed: int | None = None,
     waves: bool = False,
+    log: Path | None = None,
 ) -> None:
     """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails or the RTL stops.
 
@@ -43,6 +44,7 @@ def run_block_test(
     parameters: module parameters of this build; each set of parameters and sources has a build folder of its own.
     registers: register blocks (`"zcd"`, ...) whose generated sources are compiled too.
     testcase: cocotb test name(s), default all. extra_env: passed to the simulation. seed: cocotb's random seed.
+    log: file for what the simulation prints, default the terminal.
     """
     if registers:
         generate_registers()
@@ -96,6 +98,7 @@ def run_block_test(
                 waves=waves,
                 timescale=("1ns", "1ns"),
                 results_xml=str(run_dir / "results.xml"),
+                log_file=log,
                 extra_env={
                     "PYTHONPATH": str(ROOT),
                     "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",

@@ -1,10 +1,10 @@
-"""Run a program of `sw/bench`, or a list of register writes, on the whole chip in place of the firmware."""
+"""Run a program of `sw/bench`, or a list of register accesses, on the whole chip in place of the firmware."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fluxlock.analysis.rundata import RunData, SimulationFault
@@ -30,27 +30,47 @@ def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed
     return _run(plan, scenario.motor.phases, scenario.motor.pole_pairs)
 
 
-def wait(ticks: int) -> tuple[str, int, int]:
-    """A row of `run_script`: commit the shadowed registers, wait for control ticks."""
-    return "", 0, ticks
+@dataclass(frozen=True)
+class Row:
+    """What `run_script` does next.
+
+    name: `block.register`, with an index in an array, to write; "": commit the shadowed registers, wait for `value`
+    control ticks. read: the register is read, see `reads`.
+    """
+
+    name: str
+    index: int = 0
+    value: int = 0
+    read: bool = False
 
 
-def run_script(
-    rows: Sequence[tuple[str, int, int]], plant: PlantParams, duration_s: float, out_dir: Path, seed: int
-) -> RunData:
-    """Write registers in order (`block.register`, index in an array, value) or `wait`; for a time, on a plant.
+def wait(ticks: int) -> Row:
+    """Commit the shadowed registers, wait for control ticks."""
+    return Row("", value=ticks)
+
+
+def read(name: str, index: int = 0) -> Row:
+    """Read a register."""
+    return Row(name, index, read=True)
+
+
+def reads(data: RunData) -> list[int]:
+    """The values that a script has read, in order; signed 32 bits. Each takes 90 us of the console."""
+    return [(int(line, 16) ^ 1 << 31) - (1 << 31) for line in data.uart]
+
+
+def run_script(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_dir: Path, seed: int) -> RunData:
+    """Carry out rows in order, for a time, on a plant.
 
     The chip has the machine's number of phases. Raises SimulationFault if the run broke off.
     """
     offsets = register_offsets(generate_registers() / "fluxlock_regs.h")
-    addresses = [IO_BASE + offsets[name] + 4 * index if name else 0 for name, index, _ in rows]
-    words = [
-        word for address, (*_, value) in zip(addresses, rows, strict=True) for word in (address, value & 2**32 - 1)
-    ]
+    words = [len(rows)]
+    for row in rows:
+        words += [IO_BASE + offsets[row.name] + 4 * row.index + row.read if row.name else 0, row.value & 2**32 - 1]
     folder = out_dir / "simulator"
     folder.mkdir(parents=True, exist_ok=True)
-    table = struct.pack(f"<{1 + len(words)}I", len(rows), *words)
-    write_image(folder / IMAGE_FILE, build_program("script"), None, table)
+    write_image(folder / IMAGE_FILE, build_program("script"), None, struct.pack(f"<{len(words)}I", *words))
     plan = SessionPlan(
         plant=plant,
         seed=seed,

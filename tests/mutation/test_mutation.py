@@ -1,0 +1,125 @@
+"""Mutation score: choice of mutants, outcome of each, proof of equality, page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fluxlock.docs import mutation as mutation_page
+from fluxlock.mutation.blocks import BLOCKS, Block
+from fluxlock.mutation.equivalence import proved_equal
+from fluxlock.mutation.netlist import SELECTOR, make_netlist, parse_list, with_selector
+from fluxlock.mutation.score import measure, score_percent
+from fluxlock.paths import ROOT, RTL
+
+HERE = Path(__file__).parent
+SMALL = Block(
+    name="fl_small",
+    sources=(str(HERE / "fl_small.sv"),),
+    test_modules=("tests.mutation.small_bench",),
+    goal_percent=50.0,
+    left_out=("left_out",),
+)
+COUNT = 16
+
+
+@pytest.fixture(scope="module")
+def result() -> dict[str, Any]:
+    return measure(SMALL, COUNT, 1, 1, lambda _: None)
+
+
+def test_outcome_of_each_mutant(result: dict[str, Any]) -> None:
+    """A stuck register is found, a reset that nothing looks at is not, what changes nothing is proved equal.
+
+    Verifies: MUT-01, MUT-02
+    """
+    assert result["count"] == len(result["mutants"]) == COUNT
+    by_result: dict[str, list[str]] = {"killed": [], "equal": [], "survived": []}
+    for row in result["mutants"]:
+        by_result[row["result"]].append(f"{row['source'].rpartition(':')[2]} {row['port']} {row['kind']}")
+    assert result["killed"] == len(by_result["killed"]), by_result
+    assert all(by_result.values()), by_result
+    assert all(text.endswith(" SRST[0] stuck at 0") for text in by_result["survived"]), by_result
+    # `a | b` is what changes nothing: any defect of b's bit, the sum stuck at 1.
+    harmless = ("12.19-12.28 ", "12.12-12.29 B[0] stuck at 1")
+    assert all(text.startswith(harmless) for text in by_result["equal"]), by_result
+    assert any(" Q[0] stuck at 1" in text for text in by_result["killed"]), by_result
+    assert list(result["tests"]) == ["tests.mutation.small_bench.delays_by_a_clock"]
+
+
+def test_same_seed_same_mutants() -> None:
+    """Seed and sources fix the mutants, another seed gives others.
+
+    Verifies: MUT-01
+    """
+    first, again, other = ([m.options for m in make_netlist(BLOCKS["fl_gate_guard"], 20, s).mutants] for s in (1, 1, 2))
+    assert len(first) == 20 and first == again != other
+
+
+def test_list_is_read() -> None:
+    text = (
+        "mutate -ctrl s 4 0 -mode none\n"
+        "mutate -ctrl s 4 3 -mode cnot1 -module m -cell $1 -port A -portbit 9 -ctrlbit 2 -wire w -wirebit 4 "
+        "-src rtl/a.sv:1.2 -src rtl/a.sv:49.17-49.35\n"
+    )
+    (mutant,) = parse_list(text)
+    assert (mutant.number, mutant.cell, mutant.port, mutant.wire) == (3, "$1", "A[9]", "w[4]")
+    assert (mutant.kind, mutant.source) == ("inverted while bit 2 is 1", "rtl/a.sv:49.17-49.35")
+    assert mutant.options.startswith("-mode cnot1 -module m -cell $1 ")
+
+
+def test_selector_becomes_a_register() -> None:
+    netlist = f"module m(a, {SELECTOR});\n  input a;\n  input [3:0] {SELECTOR};\n  wire [3:0] {SELECTOR};\nendmodule\n"
+    assert with_selector(netlist, "m", {"Phases": 3}) == (
+        f"module m #(parameter Phases = 3) (a);\n  input a;\n  reg [3:0] {SELECTOR};\nendmodule\n"
+    )
+    with pytest.raises(ValueError, match="the netlist has no"):
+        with_selector("module n(a);", "m", {})
+
+
+def test_proofs_are_read_by_mutant() -> None:
+    part = "\nmutant under proof: {}\nFound 9 $equiv cells in equiv:\n"
+    part += "  Of those cells {} are proven and {} are unproven.\n"
+    log = part.format(4, 3, 6)
+    log += part.format(4, 9, 0) + part.format(7, 8, 1) + "\nmutant under proof: 8\nERROR\n"
+    assert proved_equal(log) == {4}
+
+
+def test_score() -> None:
+    assert score_percent(90, 110, 10) == 90.0
+    assert score_percent(0, 3, 3) == 100.0
+
+
+def test_blocks_name_what_there_is() -> None:
+    """Sources, benches and test modules exist.
+
+    Verifies: MUT-01
+    """
+    for block in BLOCKS.values():
+        for name in (*block.sources, *block.bench_sources):
+            assert (ROOT if name.startswith("cocotb_tests/") else RTL).joinpath(name).exists(), name
+        for module in block.test_modules:
+            assert (ROOT / f"{module.replace('.', '/')}.py").exists(), module
+
+
+def survivor(source: str, wire: str) -> dict[str, Any]:
+    return {"source": source, "wire": wire, "port": "Q[0]", "kind": "inverted", "result": "survived"}
+
+
+def test_reasons_fit_survivors() -> None:
+    """A reason applies to source and net; one that fits nothing is reported.
+
+    Verifies: MUT-03
+    """
+    base = {"block": "b", "seed": 1, "count": 9, "killed": 7, "equal": 0, "survived": 2, "score_percent": 77.8}
+    mutants = [survivor("rtl/x/b.sv:10.3", "w[2]"), survivor("rtl/x/b.sv:11.3", "")]
+    result = {**base, "goal_percent": 70.0, "cpu_s": 3.0, "yosys": "Y", "mutants": mutants}
+    fits = {"source": "rtl/x/b.sv:10.", "wire": "w", "reason": "it is so"}
+    wrong = [fits | change for change in ({"wire": "v"}, {"port": "D"}, {"kind": "stuck at 0"})]
+    text, stale = mutation_page.page([result], {"b": [*wrong, fits | {"port": "Q[0]", "kind": "inverted"}]})
+    assert "| b.sv:10.3 | Q[0] | w[2] | inverted | it is so |" in text
+    assert "| b.sv:11.3 | Q[0] | - | inverted | not explained |" in text
+    assert len(stale) == 3 and all("rtl/x/b.sv:10." in line for line in stale)
+    assert mutation_page.page([result], {"other": [fits]})[1] == []
