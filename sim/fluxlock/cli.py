@@ -247,6 +247,9 @@ def native(
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Simulated time to run; without it until Ctrl-C.")
     ] = None,
+    memory: Annotated[
+        Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
+    ] = None,
 ) -> None:
     """Run the firmware as a program of this machine: averaged motor, CANopen node on a bus, console on stdin.
 
@@ -258,7 +261,7 @@ def native(
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
-    run_native(loaded, can, node, speed or None, seconds)
+    run_native(loaded, can, node, speed or None, seconds, memory)
 
 
 @app.command()

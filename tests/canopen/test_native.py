@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import can
 import pytest
@@ -13,6 +14,7 @@ from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.native.can_bus import open_bus
 from fluxlock.native.drive import drive_of_scenario
+from fluxlock.native.program import MemoryFile
 from fluxlock.native.serve import FRAMES_A_STEP, serve
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE, NodeBench
@@ -73,6 +75,29 @@ def test_no_such_drive() -> None:
     """
     with pytest.raises(ConfigError, match=r"drive\.method: the averaged motor"):
         drive_of_scenario(load_scenario(ROOT / "scenarios" / "vector" / "encoder.toml"), NODE)
+
+
+def test_memory_file(tmp_path: Path) -> None:
+    """What is stored by 0x1010 is in the file at once and holds in the next program; another file is refused.
+
+    Verifies: CO-18
+    """
+    path = tmp_path / "drive.bin"
+    bench = NodeBench()
+    file = MemoryFile(path, bench.drive)
+    empty = path.read_bytes()
+    bench.write("velocity_window", 77)
+    bench.write("store_parameters_save_all", 0x65766173)
+    file.keep()
+    assert path.read_bytes() == bench.node.memory != empty
+    again = NodeBench()
+    assert again.read("velocity_window") == 300
+    MemoryFile(path, again.drive)
+    assert again.read("velocity_window") == 77
+    path.write_bytes(b"other")
+    with pytest.raises(ConfigError, match=r"--memory: .*: is no memory of this drive: 5 bytes"):
+        MemoryFile(path, again.drive)
+    assert [p.name for p in tmp_path.iterdir()] == ["drive.bin"]
 
 
 def test_same_drive_as_the_scenario() -> None:
