@@ -10,9 +10,9 @@ from pathlib import Path
 import can
 import pytest
 
+from fluxlock.can_bus import open_bus
 from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.native.can_bus import open_bus
 from fluxlock.native.drive import drive_of_scenario
 from fluxlock.native.program import MemoryFile
 from fluxlock.native.serve import FRAMES_A_STEP, serve
@@ -146,14 +146,14 @@ def test_pace_and_room() -> None:
     assert bench.now_us == 40_000
 
 
-def test_refused_frames_stay_out() -> None:
+def test_refused_frames_stay_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames of CAN FD and error frames do not reach the node; extended ones are told apart.
 
     Verifies: CO-18
     """
     bench = NodeBench()
     seen: list[Frame] = []
-    bench.node.receive = seen.append  # type: ignore[method-assign]
+    monkeypatch.setattr(bench.node, "receive", seen.append)
     with open_bus("virtual:kinds") as bus, can.Bus(interface="virtual", channel="kinds") as peer:
         for keys in ({"is_fd": True}, {"is_error_frame": True}, {}, {"is_remote_frame": True, "dlc": 0}):
             peer.send(can.Message(arbitration_id=5, is_extended_id=not keys, **keys))

@@ -8,8 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.native.can_bus import open_bus
 from fluxlock.native.drive import NativeDrive, drive_of_scenario
 from fluxlock.native.serve import serve
 
