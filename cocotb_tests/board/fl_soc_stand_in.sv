@@ -6,6 +6,7 @@ module fl_soc
   import fl_pkg::*;
 #(
     parameter  int unsigned Phases   = 3,
+    parameter  bit          Vector   = 1'b1,
     parameter  string       Init     = "",
     localparam int unsigned Channels = 2 * Phases + 3
 ) (

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge, ReadOnly
+from cocotb.triggers import FallingEdge, ReadOnly, Timer
 from numpy.typing import NDArray
 
 from fluxlock.paths import ROOT
@@ -49,6 +49,8 @@ FIELDS = {
     "dropped": 16,
     "leg_cmd": 9,
     "now": 32,
+    "last_length": 17,  # of the carrier before, from the second clock of a carrier on
+    "last_on": 17,
 }
 
 Levels = NDArray[np.int64]
@@ -127,6 +129,13 @@ class Chain:
         pulse(drive, [0], "update_i")
         await self.run(2, drive)
 
+    async def skip(self, cycles: int) -> None:
+        """Let clocks pass without a record."""
+        if cycles:
+            await Timer(20 * cycles - 10, "ns")
+            await FallingEdge(self.dut.clk_i)
+            self.now += cycles
+
     async def run(self, cycles: int, drive: Drive) -> Trace:
         """Run a number of clocks; inputs change at the falling edge, the record is of just after that.
 
@@ -136,7 +145,8 @@ class Chain:
         for i in range(cycles):
             for name, value in drive.get(i, {}).items():
                 getattr(self.dut, name).value = value
-            await ReadOnly()
+            if not i or i in drive:  # otherwise nothing has changed since the rising edge
+                await ReadOnly()
             words.append(int(self.dut.trace_o.value))
             await FallingEdge(self.dut.clk_i)
         for signals in (v for k, v in sorted(drive.items()) if k >= cycles):

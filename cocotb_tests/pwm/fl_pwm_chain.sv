@@ -120,10 +120,23 @@ module fl_pwm_chain
       .state_o       (state)
   );
 
+  // The last whole carrier: its clocks, and those of them with the pulse on.
+  logic [16:0] length_q, on_q, last_length_q, last_on_q;
+  always_ff @(posedge clk_i) begin
+    length_q <= start ? 17'd1 : length_q + 17'd1;
+    on_q     <= start ? 17'(pulse) : on_q + 17'(pulse);
+    if (start) begin
+      last_length_q <= length_q;
+      last_on_q     <= on_q;
+    end
+  end
+
   // The field order of chain.py, from bit 0 upwards.
   assign trace_o = 256'({
     gate_l,
     gate_h,
+    last_on_q,
+    last_length_q,
     now,
     leg_cmd,
     dropped,

@@ -67,6 +67,110 @@ async def fraction_carries_over(dut: Dut) -> None:
         assert np.ptp(error) < 1.0 + 1e-9, f"duty {duty}: accumulated error spans {np.ptp(error)} clocks"
 
 
+def planned(length: int, duty_q8: int, minimum: int, owed_q8: int) -> int:
+    """Clocks of the pulse of a carrier that begins with this owed to the load."""
+    want = (owed_q8 + duty_q8) >> 8
+    if duty_q8 == 0 or want <= 0 or want < minimum:
+        return 0
+    return length if duty_q8 >> 8 >= length or want + minimum > length else want
+
+
+def draw_duty(rng: random.Random, length: int, minimum: int) -> int:
+    """Q16.8, of any size or at the limits of the minimum-pulse rule."""
+    whole, rule = length << 8, minimum + 1 << 8
+    ends = [0, whole - 1, whole, 0xFFFFFF, rng.randrange(rule), whole - 1 - rng.randrange(rule)]
+    return rng.choice([rng.randrange(whole), rng.randrange(whole), 1 << rng.randrange(24), *rng.sample(ends, 2)])
+
+
+@cocotb.test()
+async def any_period_duty_and_minimum(dut: Dut) -> None:
+    """Settings of all their bits: length, on-time and count of changes of every carrier.
+
+    What is owed follows from what was measured. Where pulse or duty reach into the last clocks of a carrier, the next
+    pulse may differ by those clocks.
+    """
+    dut._log.info("seed %d", cocotb.RANDOM_SEED)
+    rng = random.Random(cocotb.RANDOM_SEED)
+    tb = Chain(dut)
+    await tb.start(period=PERIOD)
+    await align(tb, PERIOD)
+    await tb.skip(2)
+    row = await tb.run(1, {})
+    at, dropped, changed = tb.now - 1, int(row.dropped[0]), 0  # at: clock 2 of the running carrier
+    length, duty, minimum, owed, late = PERIOD, 0, 0, 0, 0
+    bits = [*range(6, 12), *range(6, 16)]
+    for period in [0xFFFF, 0x5555, 0xAAAA, *(rng.randrange(1 << b, 2 << b) for b in bits)]:
+        new_minimum = rng.choice(
+            [0, 1 << rng.randrange(12), rng.randrange(4096), *[period // rng.randrange(17, 99)] * 3]
+        )
+        new_length = max(period, 4 * new_minimum)
+        new_duty = draw_duty(rng, new_length, new_minimum)
+        for carrier in range(4):
+            if carrier == 0:
+                await tb.update(period=period, duty_q8=new_duty, min_pulse=new_minimum)
+            at += length
+            await tb.skip(at - tb.now)
+            row = await tb.run(1, {})
+            on = int(row.last_on[0])
+            where = f"period {length}, duty {duty / 256}, minimum {minimum}, owed {owed / 256}: {on} clocks"
+            assert (int(row.count[0]), int(row.last_length[0])) == (2, length), where
+            plans = {planned(length, duty, minimum, owed + (d << 8)) for d in range(-late, late + 1)}
+            assert on in plans, f"{where}, not one of {sorted(plans)}"
+            pinned = duty == 0 or duty >> 8 >= length
+            assert changed == (not pinned and on in (0, length)), f"{where}: {changed} changes counted"
+            changed, dropped = (int(row.dropped[0]) - dropped) % 65536, int(row.dropped[0])
+            late = 4 if max(on, duty >> 8) > length - 4 else 0
+            owed = 0 if pinned else owed + duty - (on << 8)
+            length, duty, minimum = new_length, new_duty, new_minimum
+
+
+@cocotb.test()
+async def any_minimum_before_a_commutation(dut: Dut) -> None:
+    """NSC, a commutation after a carrier's start: the pulse begins there if it gets its minimum, else with it.
+
+    A commutation that is far ahead holds nothing back, one that is overdue does.
+    """
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=NSC)
+    await align(tb, PERIOD)
+    start, length = tb.now, PERIOD
+
+    async def announced(instant: int, ahead: int) -> int:
+        """Level of the pulse at the start of the next carrier, with a commutation announced for that time after it.
+
+        ahead: clocks before the start at which it is announced.
+        """
+        nonlocal start
+        start += length
+        await tb.skip(start - ahead - tb.now)
+        await tb.run(1, {0: {"sched_valid_i": 1, "comm_sched_i": (start + instant) % (1 << 32)}})
+        await tb.skip(start - tb.now)
+        row = await tb.run(1, {})
+        assert row.start[0] == 1
+        return int(row.pulse[0])
+
+    for minimum in (*(1 << bit for bit in range(2, 12)), 0x555, 0xAAA, 0xFFF):
+        await tb.update(period=4 * minimum + 48, min_pulse=minimum, duty_q8=2 * minimum << 8)
+        start += length
+        await tb.skip(start - tb.now)
+        length = 4 * minimum + 48
+        for lasts in (minimum - 1, minimum):
+            # pulse_o changes a clock before the gates.
+            assert await announced(lasts + 1, 3 * minimum) == (lasts == minimum), f"{lasts} clocks of {minimum}"
+            await tb.skip(lasts - 2)
+            drive: Drive = {0: {"comm_valid_i": 1}, 1: {"comm_valid_i": 0, "sched_valid_i": 0}}
+            trace = await tb.run(3, drive)
+            assert trace.pulse.tolist() == [lasts == minimum, 1, 1], f"{lasts} clocks of {minimum}"
+    await tb.update(period=64, min_pulse=4, duty_q8=20 << 8)
+    start += length
+    await tb.skip(start - tb.now)
+    length = 64
+    for bit in range(5, 31):
+        for sign in (1, -1):
+            assert await announced(sign << bit, 8) == (sign > 0), f"announced for {sign << bit} clocks after the start"
+            await tb.run(1, {0: {"sched_valid_i": 0}})
+
+
 @cocotb.test()
 async def pulse_is_at_the_start(dut: Dut) -> None:
     tb = Chain(dut)

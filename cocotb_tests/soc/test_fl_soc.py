@@ -23,6 +23,7 @@ HERE = Path(__file__).parent
 MAILBOX, MAILBOX_WORDS = 0x1E000 // 4, 33
 DONE, TRIPS = 31, 24
 SIX_STEP_WINDOWS = [REGISTER_BLOCKS.index(name) for name in ("zcd", "comm", "pwm", "freewheel", "hall")]
+VECTOR_WINDOWS = [REGISTER_BLOCKS.index(name) for name in ("foc", "encoder")]
 VECTOR_CODE, DIRECT_CODE, VECTOR_ON = 5, 3, 30
 GOOD = 0x600D600D
 MIDDLE = 0x800
@@ -30,6 +31,11 @@ CONVERSION = 40  # clocks
 CODES_TO_TICK = {3: 73, 5: 126}  # clocks
 WIDTHS = {3: (614, 386, 386), 5: (638, 533, 362, 362, 533)}  # of the voltage that the program asks for, clocks
 FIVE_PHASE_TESTS = ["program_sees_the_chip", "vector_path_drives_the_gates"]
+SIX_STEP_TESTS = [
+    "program_sees_the_chip",
+    "commutation_reaches_the_gates_at_its_instant",
+    "faults_turn_the_gates_off",
+]
 
 
 def build_image() -> Path:
@@ -103,11 +109,12 @@ async def program_sees_the_chip(dut: Any) -> None:
     found = [chip.mailbox(i) for i in range(24)]
     assert found[0] == 0x464C5558 and found[2] == 50_000_000, f"identity {found[0]:#x}, clock {found[2]}"
     assert found[1] & 0xFFFF == 1 and found[1] >> 16 == chip.phases | chip.channels << 8, f"build {found[1]:#x}"
-    five = chip.phases == 5
+    five, vector = chip.phases == 5, bool(dut.Vector.value)
     six_step = [0, 0, 0] if five else [4096, 0xFFFFFF, 1250]
     assert found[3:12] == [3, 0, 50, 50, *six_step, 50, 0x06020100], [hex(x) for x in found[3:12]]
-    assert chip.mailbox(29) == 1250
-    absent = sum(1 << window for window in SIX_STEP_WINDOWS) if five else 0
+    assert chip.mailbox(29) == (1250 if vector else 0)
+    windows = [*(SIX_STEP_WINDOWS if five else []), *([] if vector else VECTOR_WINDOWS)]
+    absent = sum(1 << window for window in windows)
     assert chip.mailbox(32) == (1 << len(REGISTER_BLOCKS)) - 1 - absent, f"blocks {chip.mailbox(32):#x}"
     assert found[12] == 0x12AB5678, f"byte write: {found[12]:#x}"
     assert 2 <= found[13] <= 60, f"{found[13]} clocks between two reads of the time"
@@ -281,7 +288,7 @@ async def core_makes_the_voltages(dut: Any) -> None:
             assert abs(got - clocks) <= 1.0, f"leg {leg}, gate {gate}: {got} clocks a carrier, expected {clocks}"
 
 
-def run(phases: int, testcase: list[str] | None = None) -> None:
+def run(phases: int, testcase: list[str] | None = None, vector: bool = True) -> None:
     """Build the chip with the program in its RAM and run the named tests, or all."""
     image = build_image()
     sources = [path for path in rtl_sources() if path.is_relative_to(RTL) or "VexRiscv" in path.name]
@@ -289,7 +296,7 @@ def run(phases: int, testcase: list[str] | None = None) -> None:
         "fl_soc",
         [path for path in sources if path.parent.name != "pkg"],
         __name__,
-        parameters={"Init": f'"{image}"', "Phases": phases, "Injection": 1},
+        parameters={"Init": f'"{image}"', "Phases": phases, "Vector": int(vector), "Injection": int(vector)},
         registers=REGISTER_BLOCKS,
         testcase=testcase,
     )
@@ -309,3 +316,11 @@ def test_fl_soc_five_phases() -> None:
     Verifies: SOC-15, SOC-21, SOC-23
     """
     run(5, FIVE_PHASE_TESTS)
+
+
+def test_fl_soc_six_step_only() -> None:
+    """The same program on the chip without vector path: its blocks, commutation and faults to the gates.
+
+    Verifies: SOC-15, SOC-17, SOC-26
+    """
+    run(3, SIX_STEP_TESTS, vector=False)

@@ -12,6 +12,7 @@ module fl_board
   import fl_pkg::*;
 #(
     parameter  int unsigned Phases      = 3,
+    parameter  bit          Vector      = 1'b1,
     parameter  string       Init        = "firmware.hex",
     parameter  int unsigned ResetCycles = 65536,           // 2..2^20
     localparam int unsigned Channels    = 2 * Phases + 3
@@ -109,6 +110,7 @@ module fl_board
 
   fl_soc #(
       .Phases(Phases),
+      .Vector(Vector),
       .Init  (Init)
   ) u_soc (
       .clk_i,

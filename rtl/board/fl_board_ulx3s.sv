@@ -4,7 +4,8 @@
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_ulx3s #(
-    parameter string Init = "firmware.hex"
+    parameter bit    Vector = 1'b1,
+    parameter string Init   = "firmware.hex"
 ) (
     input logic clk_25mhz_i,
     input logic reset_button_i,
@@ -45,6 +46,7 @@ module fl_board_ulx3s #(
 
   fl_board #(
       .Phases(3),
+      .Vector(Vector),
       .Init  (Init)
   ) u_board (
       .clk_i   (clk),

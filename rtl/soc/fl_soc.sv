@@ -4,8 +4,9 @@
 //                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
-// order below (docs: register reference). With five phases there is no six-step path: its windows read 0, its signals on
-// the trace port stay 0. Injection = 1: with the injection path. The trace port shows what happens inside to a test bench or a logic analyser;
+// order below (docs: register reference). With five phases there is no six-step path, and without Vector neither vector
+// path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection path,
+// which needs Vector. The trace port shows what happens inside to a test bench or a logic analyser;
 // nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
@@ -18,6 +19,7 @@ module fl_soc
   import fl_pkg::*;
 #(
     parameter  int unsigned Phases       = 3,
+    parameter  bit          Vector       = 1'b1,            // 0: six-step only, three phases
     parameter  int unsigned ClockHz      = 50_000_000,
     parameter  int unsigned RamWords     = 32768,
     parameter  string       Init         = "firmware.hex",
@@ -61,6 +63,9 @@ module fl_soc
   if (Phases != 3 && Phases != 5) begin : g_check
     $fatal(1, "fl_soc: Phases must be 3 or 5 (%m)");
   end
+  if (Phases != 3 && !Vector) begin : g_check_vector
+    $fatal(1, "fl_soc: five phases need Vector (%m)");
+  end
 
   localparam bit SixStep = Phases == 3;
 
@@ -103,8 +108,9 @@ module fl_soc
 
   localparam logic [15:0] SixStepBlocks =
       16'(1) << Zcd | 16'(1) << Comm | 16'(1) << Pwm | 16'(1) << Freewheel | 16'(1) << Hall;
+  localparam logic [15:0] VectorBlocks = 16'(1) << Foc | 16'(1) << Encoder;
   localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks) &
-      ~(Injection ? 16'd0 : 16'(1) << Inject);
+      ~(Vector ? 16'd0 : VectorBlocks) & ~(Vector && Injection ? 16'd0 : 16'(1) << Inject);
 
   // Core and register bus.
   logic io_stb, io_we, io_ack;
@@ -141,10 +147,6 @@ module fl_soc
   logic [Phases-1:0] vector_req_h, vector_req_l;
   logic vector_instant;
   logic [31:0] vector_theta;
-  fl_vector_pkg::tap_t vector_tap;
-  fl_vector_pkg::injection_t injection;
-  logic [17:0] encoder_position;
-  logic encoder_indexed;
 
   // Requests of the path that drives.
   logic [Phases-1:0] req_h, req_l;
@@ -307,66 +309,80 @@ module fl_soc
     assign unused = &{1'b0, stb[Hall], stb[Freewheel], stb[Pwm], stb[Comm], stb[Zcd], hall_i, sample_time, sample_pwm};
   end
 
-  fl_foc_wb #(
-      .Phases(Phases)
-  ) u_foc (
-      .clk_i,
-      .rst_i,
-      .req_i         (req),
-      .stb_i         (stb[Foc]),
-      .rdat_o        (rdat[Foc]),
-      .now_i         (now),
-      .tick_i        (tick),
-      .update_i      (update),
-      .strobe_i      (adc_strobe_o),
-      .sample_valid_i(current_valid),
-      .sample_i      (current),
-      .sample_time_i (current_time),
-      .encoder_position_i(encoder_position),
-      .encoder_indexed_i(encoder_indexed),
-      .injection_i   (injection),
-      .tap_o         (vector_tap),
-      .waiting_o     (irq_current),
-      .source_o      (vector_source),
-      .update_o      (vector_update),
-      .sync_o        (vector_sync),
-      .deadline_o    (vector_deadline),
-      .req_h_o       (vector_req_h),
-      .req_l_o       (vector_req_l),
-      .instant_o     (vector_instant),
-      .theta_o       (vector_theta)
-  );
+  if (Vector) begin : g_vector
+    fl_vector_pkg::tap_t vector_tap;
+    fl_vector_pkg::injection_t injection;
+    logic [17:0] encoder_position;
+    logic encoder_indexed;
 
-  if (Injection) begin : g_injection
-    fl_injection_wb #(
+    fl_foc_wb #(
         .Phases(Phases)
-    ) u_injection (
+    ) u_foc (
         .clk_i,
         .rst_i,
-        .req_i      (req),
-        .stb_i      (stb[Inject]),
-        .rdat_o     (rdat[Inject]),
-        .tick_i     (tick),
-        .tap_i      (vector_tap),
-        .injection_o(injection)
+        .req_i         (req),
+        .stb_i         (stb[Foc]),
+        .rdat_o        (rdat[Foc]),
+        .now_i         (now),
+        .tick_i        (tick),
+        .update_i      (update),
+        .strobe_i      (adc_strobe_o),
+        .sample_valid_i(current_valid),
+        .sample_i      (current),
+        .sample_time_i (current_time),
+        .encoder_position_i(encoder_position),
+        .encoder_indexed_i(encoder_indexed),
+        .injection_i   (injection),
+        .tap_o         (vector_tap),
+        .waiting_o     (irq_current),
+        .source_o      (vector_source),
+        .update_o      (vector_update),
+        .sync_o        (vector_sync),
+        .deadline_o    (vector_deadline),
+        .req_h_o       (vector_req_h),
+        .req_l_o       (vector_req_l),
+        .instant_o     (vector_instant),
+        .theta_o       (vector_theta)
     );
-  end else begin : g_no_injection
-    assign rdat[Inject] = '0;
-    assign injection    = '0;
-    logic unused;
-    assign unused = &{1'b0, stb[Inject], vector_tap};
-  end
 
-  fl_encoder_wb u_encoder (
-      .clk_i,
-      .rst_i,
-      .req_i     (req),
-      .stb_i     (stb[Encoder]),
-      .rdat_o    (rdat[Encoder]),
-      .encoder_i,
-      .position_o(encoder_position),
-      .indexed_o (encoder_indexed)
-  );
+    if (Injection) begin : g_injection
+      fl_injection_wb #(
+          .Phases(Phases)
+      ) u_injection (
+          .clk_i,
+          .rst_i,
+          .req_i      (req),
+          .stb_i      (stb[Inject]),
+          .rdat_o     (rdat[Inject]),
+          .tick_i     (tick),
+          .tap_i      (vector_tap),
+          .injection_o(injection)
+      );
+    end else begin : g_no_injection
+      assign rdat[Inject] = '0;
+      assign injection    = '0;
+      logic unused;
+      assign unused = &{1'b0, stb[Inject], vector_tap};
+    end
+
+    fl_encoder_wb u_encoder (
+        .clk_i,
+        .rst_i,
+        .req_i     (req),
+        .stb_i     (stb[Encoder]),
+        .rdat_o    (rdat[Encoder]),
+        .encoder_i,
+        .position_o(encoder_position),
+        .indexed_o (encoder_indexed)
+    );
+  end else begin : g_no_vector
+    assign {rdat[Foc], rdat[Inject], rdat[Encoder]}                     = '0;
+    assign {irq_current, vector_source, vector_update, vector_sync}     = '0;
+    assign {vector_deadline, vector_req_h, vector_req_l}                = '0;
+    assign {vector_instant, vector_theta}                               = '0;
+    logic unused;
+    assign unused = &{1'b0, stb[Foc], stb[Inject], stb[Encoder], encoder_i, current_valid, current, current_time};
+  end
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;
   assign req_l = vector_source ? vector_req_l : seq_req_l;

@@ -38,7 +38,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
     "fl_can_wb": [{}],
-    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}],
+    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}, {"Vector": 0}],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 

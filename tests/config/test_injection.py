@@ -9,6 +9,7 @@ import pytest
 
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.parameters import parameter_block
+from fluxlock.firmware.schema import HEADER_WORDS
 from fluxlock.memory import BLOCK_MAX_BYTES, STATE_OFFSET
 from fluxlock.paths import ROOT
 
@@ -84,3 +85,4 @@ def test_none() -> None:
     names = [p.name for p in block.schema.parameters]
     first = block.schema.offsets[names[names.index("injection")]]
     assert block.words()[first] == 0
+    assert len(block.pack()) == 4 * (HEADER_WORDS + first), "the block ends before it"

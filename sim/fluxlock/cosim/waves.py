@@ -60,8 +60,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "vector": (
         "b vector_source",
         "b vector_update",
-        "b u_foc.u_vector.instant",
-        "d u_foc.u_vector.theta[31:0]",
+        "b g_vector.u_foc.u_vector.instant",
+        "d g_vector.u_foc.u_vector.theta[31:0]",
         "b vector_sync",
         "b vector_deadline",
     ),

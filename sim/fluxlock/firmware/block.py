@@ -112,8 +112,11 @@ class ParameterBlock:
         return result
 
     def pack(self) -> bytes:
-        """The block as bytes, little endian."""
-        payload = struct.pack(f"<{self.schema.words}i", *self.words())
+        """The block as bytes, little endian; without an injection it ends before the parameters of one."""
+        words = self.words()
+        if self.values.get("injection", 0) == 0:
+            words = words[: self.schema.offsets["injection"]]
+        payload = struct.pack(f"<{len(words)}i", *words)
         header = struct.pack(f"<{HEADER_WORDS}I", MAGIC, self.schema.version_word, len(payload), zlib.crc32(payload))
         block = header + payload
         if len(block) > BLOCK_MAX_BYTES:
