@@ -43,8 +43,8 @@ regression: $(TEST) ## the long sets with their limits: build/regression.json (Q
 bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
 	@$(PY) -m fluxlock.bench
 
-synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json and the table in docs
-	@$(PY) -m fluxlock.synth
+synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json, tables in docs (ONLY=...: some)
+	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
 
 formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
 	@$(PY) -m pytest tests/formal

@@ -16,7 +16,8 @@ from pathlib import Path
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
-from fluxlock.synth import WORK, empty_image, load_configurations, read_slang, relative, sources
+from fluxlock.synth.configurations import load_configurations
+from fluxlock.synth.tools import WORK, empty_image, read_slang, relative, sources
 from fluxlock.writable import guarded
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
