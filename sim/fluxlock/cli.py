@@ -26,6 +26,7 @@ from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
+from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.writable import refusal
@@ -241,11 +242,14 @@ def native(
     ] = None,
     can: Annotated[
         str, typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can, for instance socketcan:vcan0.")
-    ] = "udp_multicast:239.74.163.2",
+    ] = DEFAULT_BUS,
     node: Annotated[int, typer.Option(min=1, max=127, help="CANopen node-ID.")] = 1,
     speed: Annotated[float, typer.Option(min=0.0, help="Simulated over real time; 0: as fast as it goes.")] = 1.0,
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Simulated time to run; without it until Ctrl-C.")
+    ] = None,
+    memory: Annotated[
+        Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
     ] = None,
 ) -> None:
     """Run the firmware as a program of this machine: averaged motor, CANopen node on a bus, console on stdin.
@@ -258,7 +262,7 @@ def native(
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
-    run_native(loaded, can, node, speed or None, seconds)
+    run_native(loaded, can, node, speed or None, seconds, memory)
 
 
 @app.command()

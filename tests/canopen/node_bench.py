@@ -41,10 +41,7 @@ class NodeBench:
         self.drive = NativeDrive(self.bench, NODE)
         self.node = self.drive.node
         self.frames: list[Frame] = []
-        # What another test has stored.
-        self.node.memory = bytes(len(self.node.memory))
         self.node.fail_memory(False)
-        self.node.boot(self.now_us)
 
     @property
     def now_us(self) -> int:

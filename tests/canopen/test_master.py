@@ -45,8 +45,6 @@ def native() -> Iterator[Target]:
     """The native program in a thread, as fast as it goes."""
     found = Target("virtual", f"native-{next(CHANNELS)}", NODE)
     drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NODE)
-    drive.node.memory = bytes(len(drive.node.memory))
-    drive.node.boot()
     end = threading.Event()
     with can.Bus(interface=found.interface, channel=found.channel) as bus:
         thread = threading.Thread(target=serve, args=(drive, bus, end.is_set, None))

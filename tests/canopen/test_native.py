@@ -5,14 +5,16 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import can
 import pytest
 
+from fluxlock.can_bus import open_bus
 from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.native.can_bus import open_bus
 from fluxlock.native.drive import drive_of_scenario
+from fluxlock.native.program import MemoryFile
 from fluxlock.native.serve import FRAMES_A_STEP, serve
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE, NodeBench
@@ -75,6 +77,29 @@ def test_no_such_drive() -> None:
         drive_of_scenario(load_scenario(ROOT / "scenarios" / "vector" / "encoder.toml"), NODE)
 
 
+def test_memory_file(tmp_path: Path) -> None:
+    """What is stored by 0x1010 is in the file at once and holds in the next program; another file is refused.
+
+    Verifies: CO-18
+    """
+    path = tmp_path / "drive.bin"
+    bench = NodeBench()
+    file = MemoryFile(path, bench.drive)
+    empty = path.read_bytes()
+    bench.write("velocity_window", 77)
+    bench.write("store_parameters_save_all", 0x65766173)
+    file.keep()
+    assert path.read_bytes() == bench.node.memory != empty
+    again = NodeBench()
+    assert again.read("velocity_window") == 300
+    MemoryFile(path, again.drive)
+    assert again.read("velocity_window") == 77
+    path.write_bytes(b"other")
+    with pytest.raises(ConfigError, match=r"--memory: .*: is no memory of this drive: 5 bytes"):
+        MemoryFile(path, again.drive)
+    assert [p.name for p in tmp_path.iterdir()] == ["drive.bin"]
+
+
 def test_same_drive_as_the_scenario() -> None:
     """Motor, limits and load are those of the scenario.
 
@@ -121,14 +146,14 @@ def test_pace_and_room() -> None:
     assert bench.now_us == 40_000
 
 
-def test_refused_frames_stay_out() -> None:
+def test_refused_frames_stay_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames of CAN FD and error frames do not reach the node; extended ones are told apart.
 
     Verifies: CO-18
     """
     bench = NodeBench()
     seen: list[Frame] = []
-    bench.node.receive = seen.append  # type: ignore[method-assign]
+    monkeypatch.setattr(bench.node, "receive", seen.append)
     with open_bus("virtual:kinds") as bus, can.Bus(interface="virtual", channel="kinds") as peer:
         for keys in ({"is_fd": True}, {"is_error_frame": True}, {}, {"is_remote_frame": True, "dlc": 0}):
             peer.send(can.Message(arbitration_id=5, is_extended_id=not keys, **keys))

@@ -22,6 +22,8 @@ class NativeDrive:
         self.node = HostNode(chip.fw.lib, node_id)
         self.now_us = 0
         self._ticks = round(STEP_US / 1e6 / chip.tick_s)
+        # The library keeps it for the process: a new drive has stored nothing.
+        self.node.memory = bytes(len(self.node.memory))
         self.node.boot(self.now_us)
 
     def step(self) -> None:

@@ -6,9 +6,10 @@ import os
 import select
 import sys
 import time
+from pathlib import Path
 
-from fluxlock.config import Scenario
-from fluxlock.native.can_bus import open_bus
+from fluxlock.can_bus import open_bus
+from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.native.drive import NativeDrive, drive_of_scenario
 from fluxlock.native.serve import serve
 
@@ -31,13 +32,48 @@ class Terminal:
                     print(reply, flush=True)
 
 
-def run_native(scenario: Scenario, bus_name: str, node_id: int, speed: float | None, seconds: float | None) -> None:
-    """Run for a simulated time, or until Ctrl-C; says at the end how fast it was."""
+class MemoryFile:
+    """The drive's non-volatile memory in a file, written whenever it changes."""
+
+    def __init__(self, path: Path, drive: NativeDrive) -> None:
+        self._path, self._node = path, drive.node
+        if path.exists():
+            data = path.read_bytes()
+            if len(data) != len(self._node.memory):
+                text = f"is no memory of this drive: {len(data)} bytes, not {len(self._node.memory)}; name another file"
+                raise ConfigError([Problem("--memory", str(path), text)])
+            self._node.memory = data
+            self._node.boot()
+        self._kept = b""
+        self.keep()
+
+    def keep(self) -> None:
+        """Write what has changed; a program that is killed meanwhile leaves the file before it."""
+        if self._node.memory == self._kept:
+            return
+        self._kept = self._node.memory
+        partial = self._path.with_name(f"{self._path.name}.part")
+        partial.write_bytes(self._kept)
+        partial.replace(self._path)
+
+
+def run_native(
+    scenario: Scenario,
+    bus_name: str,
+    node_id: int,
+    speed: float | None = 1.0,
+    seconds: float | None = None,
+    memory: Path | None = None,
+) -> None:
+    """Run for a simulated time, or until Ctrl-C; says at the end how fast it was. speed: None: as fast as it goes."""
     drive = drive_of_scenario(scenario, node_id)
     terminal = Terminal(drive)
+    file = MemoryFile(memory, drive) if memory is not None else None
 
     def stop() -> bool:
         terminal.poll()
+        if file is not None:
+            file.keep()
         return seconds is not None and drive.now_us >= 1e6 * seconds
 
     with open_bus(bus_name) as bus:

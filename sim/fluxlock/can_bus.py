@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
-
-import can
+from typing import TYPE_CHECKING
 
 from fluxlock.config import ConfigError, Problem
+
+if TYPE_CHECKING:
+    import can
 
 OPTION = "--can"
 DEFAULT = "udp_multicast:239.74.163.2"
@@ -14,6 +16,9 @@ DEFAULT = "udp_multicast:239.74.163.2"
 
 def open_bus(name: str) -> can.BusABC:
     """The bus; ConfigError with what to do if it is not to be had."""
+    # Slow to import, and not needed by other commands.
+    import can
+
     interface, _, channel = name.partition(":")
     if interface not in can.VALID_INTERFACES or not channel:
         raise ConfigError([Problem(OPTION, name, "must be INTERFACE:CHANNEL, for instance socketcan:vcan0")])
