@@ -23,6 +23,8 @@ module fl_soc
     input  logic      [         2:0] encoder_i,
     input  logic                     uart_rx_i,
     output logic                     uart_tx_o,
+    input  logic                     can_rx_i,
+    output logic                     can_tx_o,
     output logic                     trc_valid_o,
     output stamp_t                   trc_now_o,
     output logic                     trc_zc_valid_o,
@@ -103,6 +105,7 @@ module fl_soc
   );
 
   assign uart_tx_o         = uart_rx_i;
+  assign can_tx_o          = can_rx_i;
   assign trc_trip_cause_o  = event_cause;
   assign trc_comm_valid_o  = rst_i;
   assign trc_valid_o       = 1'b0;

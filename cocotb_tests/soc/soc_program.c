@@ -15,6 +15,7 @@
 #define MIE_DEFERRED 0x800u
 #define SOURCE_TICK 0x01u
 #define SOURCE_LOAD 0x80u
+#define SOURCE_CAN 0x200u
 #define VECTOR_CODE 5u
 #define DIRECT_CODE 3u
 #define MIE_CURRENT 0x8u
@@ -172,6 +173,30 @@ static void try_interrupts(void) {
   fluxlock_regs.irq.enable = 0u;
 }
 
+// A frame in loop-back, with its interrupt; then one on the pins, where nobody acknowledges it. 16 clocks a bit.
+static void try_can(void) {
+  fluxlock_regs.can.bit_timing = (11u << 8) | (2u << 16) | (1u << 24);
+  fluxlock_regs.can.filter_mask[7] = 1u << 29;
+  fluxlock_regs.can.event_enable = 1u;
+  fluxlock_regs.can.control = 1u | 4u;
+  fluxlock_regs.can.tx_id = (1u << 31) | 0x12345678u;
+  fluxlock_regs.can.tx_data[0] = 0x44332211u;
+  fluxlock_regs.can.tx_command = (1u << 2) | (4u << 8);
+  for (unsigned wait = 0; wait < 1000u && !(fluxlock_regs.irq.pending & SOURCE_CAN); wait++) {
+  }
+  put(33, fluxlock_regs.irq.pending & SOURCE_CAN);
+  put(34, fluxlock_regs.can.rx_id);
+  put(35, fluxlock_regs.can.rx_data[0]);
+  put(36, fluxlock_regs.sys.time_now - fluxlock_regs.can.rx_time);
+  fluxlock_regs.can.control = 0u;
+  fluxlock_regs.can.control = 1u;
+  fluxlock_regs.can.tx_command = 1u | (4u << 8);
+  for (unsigned wait = 0; wait < 1000u && !fluxlock_regs.can.error; wait++) {
+  }
+  put(37, fluxlock_regs.can.error);
+  fluxlock_regs.can.control = 0u;
+}
+
 // Forced commutation every 3000 clocks under CSC, 30 % duty, samples every 50 clocks, phase over-current trip on.
 static void run_six_step(void) {
   fluxlock_regs.sense.scheduler = 1u;
@@ -231,6 +256,7 @@ int main(void) {
   try_ram();
   try_fetch();
   try_interrupts();
+  try_can();
   const uint32_t five = ((fluxlock_regs.sys.build >> 16) & 0xFu) == 5u;
   if (five) {
     run_vector(0);

@@ -20,10 +20,10 @@ from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
 
 HERE = Path(__file__).parent
-MAILBOX, MAILBOX_WORDS = 0x1E000 // 4, 33
+MAILBOX, MAILBOX_WORDS = 0x1E000 // 4, 38
 DONE, TRIPS = 31, 24
 SIX_STEP_WINDOWS = [REGISTER_BLOCKS.index(name) for name in ("zcd", "comm", "pwm", "freewheel", "hall")]
-VECTOR_WINDOWS = [REGISTER_BLOCKS.index(name) for name in ("foc", "encoder")]
+VECTOR_WINDOWS = [REGISTER_BLOCKS.index(name) for name in ("foc", "encoder", "injection")]
 VECTOR_CODE, DIRECT_CODE, VECTOR_ON = 5, 3, 30
 GOOD = 0x600D600D
 MIDDLE = 0x800
@@ -72,8 +72,17 @@ class Chip:
     async def start(self) -> None:
         for index in range(MAILBOX_WORDS):
             self.dut.u_cpu.u_ram.mem[MAILBOX + index].value = 0
-        await self.bench.start(adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1)
+        await self.bench.start(
+            adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1, can_rx_i=1
+        )
         cocotb.start_soon(self._convert())
+        cocotb.start_soon(self._listen())
+
+    async def _listen(self) -> None:
+        """An empty CAN bus: the chip sees what it sends."""
+        while True:
+            await self.dut.can_tx_o.value_change
+            self.dut.can_rx_i.value = self.dut.can_tx_o.value
 
     async def _convert(self) -> None:
         while True:
@@ -127,6 +136,10 @@ async def program_sees_the_chip(dut: Any) -> None:
     assert loads == preempted and loads >= 4, f"{preempted} of {loads} deferred interrupts were pre-empted"
     # 13 clocks to the first instruction, and what it finds in the pipeline and out of the data cache.
     assert latency < 60, f"control interrupt {latency} clocks late"
+    pending, identifier, data, age, error = (chip.mailbox(i) for i in range(33, 38))
+    assert (pending, identifier, data, error) == (0x200, 0x9234_5678, 0x4433_2211, 4), "CAN controller"
+    # 99 bits and stuff bits.
+    assert 99 * 16 <= age <= 130 * 16, f"CAN frame {age} clocks old"
 
 
 @cocotb.test
@@ -296,7 +309,13 @@ def run(phases: int, testcase: list[str] | None = None, vector: bool = True) -> 
         "fl_soc",
         [path for path in sources if path.parent.name != "pkg"],
         __name__,
-        parameters={"Init": f'"{image}"', "Phases": phases, "Vector": int(vector), "Injection": int(vector)},
+        parameters={
+            "Init": f'"{image}"',
+            "Phases": phases,
+            "Vector": int(vector),
+            "Injection": int(vector),
+            "Can": 1,
+        },
         registers=REGISTER_BLOCKS,
         testcase=testcase,
     )
@@ -305,7 +324,7 @@ def run(phases: int, testcase: list[str] | None = None, vector: bool = True) -> 
 def test_fl_soc() -> None:
     """A program on the core finds the chip as documented; gates follow instants and faults.
 
-    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21, SOC-22
+    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21, SOC-22, SOC-27
     """
     run(3)
 

@@ -126,6 +126,8 @@ module fl_board
       .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
+      .can_rx_i         (1'b1),
+      .can_tx_o         (),
       .trc_valid_o      (),
       .trc_now_o        (),
       .trc_zc_valid_o   (),

@@ -6,8 +6,8 @@
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
 // order below (docs: register reference). With five phases there is no six-step path, and without Vector neither vector
 // path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection path,
-// which needs Vector. The trace port shows what happens inside to a test bench or a logic analyser;
-// nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
+// which needs Vector. Can = 1: with the CAN controller. The trace port shows what happens inside to a test bench or a
+// logic analyser; nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
 //   trc_update_o      the update event: new settings act from the next clock
@@ -25,6 +25,7 @@ module fl_soc
     parameter  string       Init         = "firmware.hex",
     parameter  int unsigned CaptureDepth = 1024,
     parameter  bit          Injection    = 0,
+    parameter  bit          Can          = 0,
     localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_i,
@@ -43,6 +44,9 @@ module fl_soc
 
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
+
+    input  logic can_rx_i,  // asynchronous
+    output logic can_tx_o,  // 0 is dominant
 
     output logic    trc_valid_o,       // any pulse of the trace port
     output stamp_t  trc_now_o,
@@ -70,7 +74,7 @@ module fl_soc
   localparam bit SixStep = Phases == 3;
 
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 15;
+  localparam int unsigned Blocks = 16;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -86,9 +90,11 @@ module fl_soc
     Hall      = 4'd11,
     Foc       = 4'd12,
     Encoder   = 4'd13,
-    Inject    = 4'd14
+    Inject    = 4'd14,
+    CanBus    = 4'd15
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_can_regs_pkg::FL_CAN_REGS_MIN_ADDR_WIDTH),
     4'(fl_injection_regs_pkg::FL_INJECTION_REGS_MIN_ADDR_WIDTH),
     4'(fl_encoder_regs_pkg::FL_ENCODER_REGS_MIN_ADDR_WIDTH),
     4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
@@ -110,7 +116,8 @@ module fl_soc
       16'(1) << Zcd | 16'(1) << Comm | 16'(1) << Pwm | 16'(1) << Freewheel | 16'(1) << Hall;
   localparam logic [15:0] VectorBlocks = 16'(1) << Foc | 16'(1) << Encoder;
   localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks) &
-      ~(Vector ? 16'd0 : VectorBlocks) & ~(Vector && Injection ? 16'd0 : 16'(1) << Inject);
+      ~(Vector ? 16'd0 : VectorBlocks) & ~(Vector && Injection ? 16'd0 : 16'(1) << Inject) &
+      ~(Can ? 16'd0 : 16'(1) << CanBus);
 
   // Core and register bus.
   logic io_stb, io_we, io_ack;
@@ -124,7 +131,7 @@ module fl_soc
 
   // Events and time.
   stamp_t now;
-  logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
+  logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event, can_event;
 
   // Samples and the six-step path.
   logic sample_valid, current_valid;
@@ -211,7 +218,8 @@ module fl_soc
       .stb_i(stb[Irq]),
       .rdat_o(rdat[Irq]),
       .event_i({
-        hall_event, load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick
+        can_event, hall_event, load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event,
+        trip_event, tick
       }),
       .irq_control_o(irq_control),
       .irq_deferred_o(irq_deferred)
@@ -382,6 +390,26 @@ module fl_soc
     assign {vector_instant, vector_theta}                               = '0;
     logic unused;
     assign unused = &{1'b0, stb[Foc], stb[Inject], stb[Encoder], encoder_i, current_valid, current, current_time};
+  end
+
+  if (Can) begin : g_can
+    fl_can_wb u_can (
+        .clk_i,
+        .rst_i,
+        .req_i  (req),
+        .stb_i  (stb[CanBus]),
+        .rdat_o (rdat[CanBus]),
+        .now_i  (now),
+        .rx_i   (can_rx_i),
+        .tx_o   (can_tx_o),
+        .event_o(can_event)
+    );
+  end else begin : g_no_can
+    logic unused;
+    assign unused       = stb[CanBus] || can_rx_i;
+    assign rdat[CanBus] = '0;
+    assign can_tx_o     = 1'b1;
+    assign can_event    = 1'b0;
   end
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;

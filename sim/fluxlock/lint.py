@@ -16,7 +16,8 @@ from pathlib import Path
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
-from fluxlock.synth import WORK, empty_image, load_configurations, read_slang, relative, sources
+from fluxlock.synth.configurations import load_configurations
+from fluxlock.synth.tools import WORK, empty_image, read_slang, relative, sources
 from fluxlock.writable import guarded
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
@@ -37,8 +38,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
-    "fl_can_wb": [{}],
-    "fl_soc": [{"Injection": 1}, {"Phases": 5, "Injection": 1}, {"Vector": 0}],
+    "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0}],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 

@@ -26,6 +26,15 @@ enum log_kind : int64_t {
     LOG_ANGLE = 8,        // instant of a current sample of the vector path; a: angle of the frame there, b: what firmware publishes beyond it, 2^32 = one turn
 };
 
+// A node on the CAN bus beside the chip.
+struct can_state_t {
+    int64_t waiting;  // frames in its queue
+    int64_t sent;     // and acknowledged
+    int64_t errors;   // found on the bus
+    int64_t tec, rec;
+    int64_t bus_off;
+};
+
 struct cosim_status_t {
     int64_t cycle;      // rising edges so far
     int64_t log_count;  // rows written since the last cosim_log()

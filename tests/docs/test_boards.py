@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from fluxlock.paths import ROOT, RTL
-from fluxlock.synth import pad_delays
 
 BOARDS = {"fl_board_ulx3s": "ulx3s.lpf", "fl_board_arty": "arty-a7-35.xdc"}
 # Ball of the package: row, column.
@@ -113,18 +112,3 @@ def test_pin_table(module: str) -> None:
     section = page.read_text().split("## Pins")[1].split("## Limits")[0]
     rows = re.findall(r"^\| `([^`]+)` \| (\w+) \| [^|]+ \| [^|]+ \|$", section, re.MULTILINE)
     assert rows == located(module)
-
-
-def test_pad_delays() -> None:
-    """The longest ways between pads and flip-flops are found in nextpnr's report, other ways do not count.
-
-    Verifies: BRD-07
-    """
-
-    def way(start: str, end: str, *delays: float) -> dict[str, object]:
-        return {"from": start, "to": end, "path": [{"delay": delay} for delay in delays]}
-
-    clock, pads = "posedge clk", "<async>"
-    paths = [way(clock, clock, 17.0), way(pads, clock, 1.5, 2.0), way(clock, pads, 0.5, 3.0, 1.0), way(pads, pads, 9.0)]
-    assert pad_delays({"critical_paths": paths}) == (4.5, 3.5)
-    assert pad_delays({"critical_paths": paths[:1]}) == (0.0, 0.0)

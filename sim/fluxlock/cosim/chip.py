@@ -33,6 +33,7 @@ class Chip:
     key: str
     waves: bool
     phases: int = PHASES
+    injection: bool = False
 
 
 def rtl_sources() -> list[Path]:
@@ -68,23 +69,29 @@ def _compiler_is_gcc(env: dict[str, str]) -> bool:
 
 
 def build_chip(
-    waves: bool = False, train: Callable[[Chip], None] | None = None, jobs: int | None = None, phases: int = PHASES
+    waves: bool = False,
+    train: Callable[[Chip], None] | None = None,
+    jobs: int | None = None,
+    phases: int = PHASES,
+    injection: bool = False,
+    can: bool = False,
 ) -> Chip:
-    """Build the chip's simulator below `build/chip`, with injection; does nothing when nothing it is made of changed.
+    """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
-    phases: 3, or 5 without the six-step path. waves: also able to write an FST; compiled quickly, somewhat slower.
-    train: runs the chip for a moment; with GCC the simulator is then compiled a second time with what was learnt of its
-    branches (1.1 to 1.3 times faster).
+    phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
+    every run. waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment;
+    with GCC the simulator is then compiled a second time with what was learnt of its branches, 1.1 to 1.3 times faster.
     """
     generate_registers()
     sources = rtl_sources()
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
-    key = content_hash(inputs, RAM_WORDS, phases, waves, profiled, env.get("CXX", ""))
+    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
+    key = content_hash(inputs, RAM_WORDS, phases, injection, can, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
-    chip = Chip(folder / TOP, key, waves, phases)
+    chip = Chip(folder / TOP, key, waves, phases, injection)
+    made = {"key": key, "phases": phases, "injection": injection, "waves": waves}
     with file_lock(BUILD / "chip" / f"{key}.lock"):
         if (folder / ".done").exists():
             return chip
@@ -95,7 +102,7 @@ def build_chip(
         trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
-            f"-GPhases={phases}", "-GInjection=1",
+            f"-GPhases={phases}", f"-GInjection={int(injection)}", f"-GCan={int(can)}",
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
@@ -118,5 +125,5 @@ def build_chip(
             _run([*make, "OPT_FAST=-O1", "LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"], log, env)
         else:
             _run([*make, "OPT_FAST=-O3"], log, env)
-        (folder / ".done").write_text(json.dumps({"key": key, "phases": phases, "waves": waves, "profiled": profiled}))
+        (folder / ".done").write_text(json.dumps({**made, "profiled": profiled}))
     return chip

@@ -62,19 +62,24 @@ def prepare(
     )
 
 
-def ready_chip(waves: bool = False, phases: int = PHASES) -> Chip:
+def ready_chip(waves: bool = False, phases: int = PHASES, injection: bool = False, can: bool = False) -> Chip:
     """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
 
-    The demo has three phases: a chip with another number is not trained.
+    The demo has three phases and no CAN: another chip is not trained.
     """
-    if phases != PHASES:
-        return build_chip(waves, phases=phases)
+    if phases != PHASES or can:
+        return build_chip(waves, phases=phases, injection=injection, can=can)
 
     def train(chip: Chip) -> None:
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
         run_plan(prepare(scenario, BUILD / "chip" / "training", 1, stop_cycle=TRAINING_CYCLES), chip)
 
-    return build_chip(waves, train)
+    return build_chip(waves, train, injection=injection)
+
+
+def chip_of(scenario: Scenario, waves: bool = False) -> Chip:
+    """The chip that a scenario runs on: its motor's phases, with the injection path if the drive injects."""
+    return ready_chip(waves, scenario.motor.phases, scenario.drive.vector.injection is not None)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
@@ -132,7 +137,7 @@ def run_scenario(
     if progress is not None:
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
     try:
-        chip = ready_chip(waves, scenario.motor.phases)
+        chip = chip_of(scenario, waves)
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
         meta = run_plan(plan, chip, progress)
     except (SimulatorError, RuntimeError) as error:
