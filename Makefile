@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint regression mutation bench synth formal docs setup clean distclean
+.PHONY: help demo test can lint regression mutation bench synth formal docs setup clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -31,6 +31,9 @@ demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in 
 test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
 	@$(PY) -m pytest -n $(JOBS) --dist loadgroup --durations 25
 
+can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
+	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
+
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
 	@$(PY) -m fluxlock.lint
 
@@ -40,8 +43,8 @@ regression: $(TEST) ## the long sets with their limits: build/regression.json (Q
 bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
 	@$(PY) -m fluxlock.bench
 
-synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json and the table in docs
-	@$(PY) -m fluxlock.synth
+synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json, tables in docs (ONLY=...: some)
+	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
 
 formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
 	@$(PY) -m pytest tests/formal

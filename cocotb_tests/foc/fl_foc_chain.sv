@@ -1,5 +1,5 @@
-// Test wrapper: timer, sample scheduler, sensing and vector path wired as on the chip; the registers of timer and vector
-// path behind one bus port; counters of the requests between two updates.
+// Test wrapper: timer, sample scheduler, sensing, vector path and injection wired as on the chip; the registers of timer,
+// vector path and injection behind one bus port; counters of the requests between two updates.
 `default_nettype none
 module fl_foc_chain
   import fl_pkg::*;
@@ -11,7 +11,7 @@ module fl_foc_chain
     input logic clk_i,
     input logic rst_i,
 
-    input  logic            block_i,  // 0 timer, 1 foc
+    input  logic     [ 1:0] block_i,  // 0 timer, 1 foc, 2 injection
     input  bus_req_t        req_i,
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
@@ -41,7 +41,9 @@ module fl_foc_chain
     output logic   [16*Phases-1:0] low_o
 );
 
-  logic [1:0][31:0] rdat;
+  logic [2:0][31:0] rdat;
+  fl_vector_pkg::tap_t tap;
+  fl_vector_pkg::injection_t injection;
   logic sample_valid;
   sample_t [Phases-1:0] sample;
   stamp_t sample_time;
@@ -62,7 +64,7 @@ module fl_foc_chain
       .clk_i,
       .rst_i,
       .req_i,
-      .stb_i    (stb_i && !block_i),
+      .stb_i    (stb_i && block_i == 2'd0),
       .rdat_o   (rdat[0]),
       .sync_i   (sync_o),
       .now_o,
@@ -124,7 +126,7 @@ module fl_foc_chain
       .clk_i,
       .rst_i,
       .req_i,
-      .stb_i         (stb_i && block_i),
+      .stb_i         (stb_i && block_i == 2'd1),
       .rdat_o        (rdat[1]),
       .now_i         (now_o),
       .tick_i        (tick_o),
@@ -135,6 +137,8 @@ module fl_foc_chain
       .sample_time_i (sample_time),
       .encoder_position_i(now_o[17:0]),
       .encoder_indexed_i(now_o[5]),
+      .injection_i   (injection),
+      .tap_o         (tap),
       .waiting_o,
       .source_o,
       .update_o,
@@ -144,6 +148,19 @@ module fl_foc_chain
       .req_l_o,
       .instant_o,
       .theta_o
+  );
+
+  fl_injection_wb #(
+      .Phases(Phases)
+  ) u_injection (
+      .clk_i,
+      .rst_i,
+      .req_i,
+      .stb_i      (stb_i && block_i == 2'd2),
+      .rdat_o     (rdat[2]),
+      .tick_i     (tick_o),
+      .tap_i      (tap),
+      .injection_o(injection)
   );
 
   always_ff @(posedge clk_i) begin

@@ -165,6 +165,7 @@ class TB:
         dut = self.dut
         Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
         dut.start_i.value = dut.current_i.value = dut.theta_i.value = dut.lead_i.value = 0
+        dut.park_i.value = dut.pause_i.value = dut.skip_i.value = dut.filtered_i.value = dut.inject_i.value = 0
         dut.direct_i.value = dut.wanted_i.value = dut.go_i.value = dut.go_number_i.value = dut.abandon_i.value = 0
         self.configure()
         dut.rst_i.value = 1

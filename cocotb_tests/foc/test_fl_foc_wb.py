@@ -22,6 +22,7 @@ from cocotb_tests.foc.foc_bench import LATENCY as FOC_LATENCY
 from cocotb_tests.foc.foc_bench import SOURCES as FOC_SOURCES
 from cocotb_tests.foc.foc_bench import SPACING as FOC_SPACING
 from cocotb_tests.foc.test_fl_modulator import Settings, widths
+from cocotb_tests.injection.test_fl_injection_path import PATH_SOURCES
 from cocotb_tests.sense.test_fl_current_window import mean
 from cocotb_tests.soc.bench import request
 from fluxlock.build import generate_registers
@@ -31,7 +32,8 @@ from fluxlock.paths import ROOT
 
 CLOCK_NS = 20
 CONTINUOUS, CARRIER, ONCE = 1, 2, 3  # fl_pkg::sched_mode_e
-TIMER_BLOCK = 0x2000
+CHAIN_REGISTERS = ["timer", "foc", "injection"]
+CHAIN_WINDOWS = [0x2, 0xC, 0xE]
 SOURCES = [
     "soc/fl_bus_pkg.sv",
     "soc/fl_interval.sv",
@@ -47,7 +49,9 @@ SOURCES = [
     "pwm/fl_leg_carrier.sv",
     "foc/fl_vector_pkg.sv",
     "foc/fl_vector.sv",
+    *(name for name in PATH_SOURCES if name not in FOC_SOURCES),
     "soc/fl_foc_wb.sv",
+    "soc/fl_injection_wb.sv",
     ROOT / "cocotb_tests" / "foc" / "fl_foc_chain.sv",
 ]
 
@@ -183,7 +187,7 @@ class TB:
 
     def _select(self, name: str, index: int) -> int:
         offset = self.offsets[name] + 4 * index
-        self.dut.block_i.value = int(offset >> 12 != TIMER_BLOCK >> 12)
+        self.dut.block_i.value = CHAIN_WINDOWS.index(offset >> 12)
         return offset & 0xFFF
 
     async def write(self, name: str, value: int, index: int = 0) -> None:
@@ -820,6 +824,7 @@ async def registers_hold_every_bit(dut: Any) -> None:
     await tb.start()
     masks = {
         "control": 0xFF7F, "period": 0xFFFF, "window": 0xFFFF_FFFF, "delay": 0xFFFF, "lead": 0xFFFF_FFFF,
+        "park": 0xFFFF_FFFF,
         "omega": 0xFFFF_FFFF, "correct": 0xFFFF_FFFF, "scale": 0x1F01_FFFF, "slope": 0x1F01_FFFF, "dead_time": 0x3FF,
         "band": 0x1FFFF, "min_pulse": 0xFFF, "margin": 0xFFFF, "direct_go": 0xFFFF,
     }  # fmt: skip
@@ -840,4 +845,4 @@ def test_fl_foc_wb(phases: int) -> None:
 
     Verifies: VPATH-01, VPATH-02, VPATH-03, VPATH-04, VPATH-05, VPATH-06, VPATH-07
     """
-    run_block_test("fl_foc_chain", SOURCES, __name__, parameters={"Phases": phases}, registers=["timer", "foc"])
+    run_block_test("fl_foc_chain", SOURCES, __name__, parameters={"Phases": phases}, registers=CHAIN_REGISTERS)

@@ -1,6 +1,7 @@
 // Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
 // sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE, with voltages of the core when
-// they show DIRECT_CODE. What it found goes to MAILBOX, where the test reads it.
+// they show DIRECT_CODE. A chip of five phases has the vector path only, which goes at once. What it found goes to
+// MAILBOX, where the test reads it.
 #include <stdint.h>
 
 #include "fluxlock_regs.h"
@@ -14,6 +15,7 @@
 #define MIE_DEFERRED 0x800u
 #define SOURCE_TICK 0x01u
 #define SOURCE_LOAD 0x80u
+#define SOURCE_CAN 0x200u
 #define VECTOR_CODE 5u
 #define DIRECT_CODE 3u
 #define MIE_CURRENT 0x8u
@@ -92,6 +94,7 @@ static void read_every_block(void) {
   put(10, fluxlock_regs.safety.dead_time);
   put(11, fluxlock_regs.capture.lanes);
   put(29, fluxlock_regs.foc.period);
+  put(32, fluxlock_regs.sys.blocks);
   fluxlock_regs.sys.scratch = 0x12345678u;
   *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // byte lane of scratch
   put(12, fluxlock_regs.sys.scratch);
@@ -102,7 +105,7 @@ static void read_every_block(void) {
 
 static void try_unmapped(void) {
   static const uint32_t addresses[] = {0x00020000u, 0x00028000u, 0x40000000u, 0x7FFFFFFCu, 0x80000020u,
-                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E000u, 0x80010000u, 0x90000000u,
+                                       0x80000FFCu, 0x8000C200u, 0x8000D010u, 0x8000E100u, 0x80010000u, 0x90000000u,
                                        0xFFFFFFFCu};
   uint32_t sum = 0;
   REG(SCRATCH_RAM) = 0x600DF00Du;
@@ -170,6 +173,30 @@ static void try_interrupts(void) {
   fluxlock_regs.irq.enable = 0u;
 }
 
+// A frame in loop-back, with its interrupt; then one on the pins, where nobody acknowledges it. 16 clocks a bit.
+static void try_can(void) {
+  fluxlock_regs.can.bit_timing = (11u << 8) | (2u << 16) | (1u << 24);
+  fluxlock_regs.can.filter_mask[7] = 1u << 29;
+  fluxlock_regs.can.event_enable = 1u;
+  fluxlock_regs.can.control = 1u | 4u;
+  fluxlock_regs.can.tx_id = (1u << 31) | 0x12345678u;
+  fluxlock_regs.can.tx_data[0] = 0x44332211u;
+  fluxlock_regs.can.tx_command = (1u << 2) | (4u << 8);
+  for (unsigned wait = 0; wait < 1000u && !(fluxlock_regs.irq.pending & SOURCE_CAN); wait++) {
+  }
+  put(33, fluxlock_regs.irq.pending & SOURCE_CAN);
+  put(34, fluxlock_regs.can.rx_id);
+  put(35, fluxlock_regs.can.rx_data[0]);
+  put(36, fluxlock_regs.sys.time_now - fluxlock_regs.can.rx_time);
+  fluxlock_regs.can.control = 0u;
+  fluxlock_regs.can.control = 1u;
+  fluxlock_regs.can.tx_command = 1u | (4u << 8);
+  for (unsigned wait = 0; wait < 1000u && !fluxlock_regs.can.error; wait++) {
+  }
+  put(37, fluxlock_regs.can.error);
+  fluxlock_regs.can.control = 0u;
+}
+
 // Forced commutation every 3000 clocks under CSC, 30 % duty, samples every 50 clocks, phase over-current trip on.
 static void run_six_step(void) {
   fluxlock_regs.sense.scheduler = 1u;
@@ -184,7 +211,7 @@ static void run_six_step(void) {
 }
 
 // A voltage along phase A at standstill: carriers of 1000 clocks, A on for 614 of them, B and C for 386, one sample 100
-// clocks after the start, a control tick every second one.
+// clocks after the start, a control tick every second one. Five phases: 638, 533, 362, 362, 533.
 static void run_vector(uint32_t by_core) {
   fluxlock_regs.safety.guard = 0u;
   fluxlock_regs.safety.trip_enable = 0x87u;
@@ -229,10 +256,16 @@ int main(void) {
   try_ram();
   try_fetch();
   try_interrupts();
-  run_six_step();
+  try_can();
+  const uint32_t five = ((fluxlock_regs.sys.build >> 16) & 0xFu) == 5u;
+  if (five) {
+    run_vector(0);
+  } else {
+    run_six_step();
+  }
   put(31, 0x600D600Du);
   // The test trips the gates; after each trip clear, show the cause, and go on.
-  unsigned vector = 0;
+  unsigned vector = five;
   for (unsigned trip = 0;;) {
     const uint32_t code = fluxlock_regs.hall.state & 7u;
     if (!vector && (code == VECTOR_CODE || code == DIRECT_CODE)) {

@@ -33,16 +33,15 @@ async def against_model(dut: Any) -> None:
     expect_b: int | None = None
     await bench.clocks()
     for step in range(4000):
-        a_en, b_en, a_adr, b_adr = random.getrandbits(1), random.getrandbits(1), random.randrange(WORDS), 0
+        a_en, a_adr = random.getrandbits(1), random.randrange(WORDS)
         b_adr, data = random.randrange(WORDS), random.getrandbits(32)
-        lanes = random.getrandbits(4) if random.random() < 0.4 else 0
+        lanes = random.getrandbits(4) if random.random() < 0.3 else 0
         # One word is never read and written in the same clock (no bypass).
-        if b_en and lanes and a_adr == b_adr:
+        if lanes and a_adr == b_adr:
             a_en = 0
         for name, value in (
             ("a_en", a_en),
             ("a_adr", a_adr),
-            ("b_en", b_en),
             ("b_adr", b_adr),
             ("b_wdat", data),
         ):
@@ -51,9 +50,9 @@ async def against_model(dut: Any) -> None:
         await bench.clocks()
         if a_en:
             expect_a = model[a_adr]
-        if b_en and not lanes:
+        if not lanes:
             expect_b = model[b_adr]
-        elif b_en:
+        else:
             mask = sum(0xFF << 8 * i for i in range(4) if lanes >> i & 1)
             model[b_adr] = model[b_adr] & ~mask | data & mask
             expect_b = None
@@ -64,7 +63,7 @@ async def against_model(dut: Any) -> None:
 
 
 def test_fl_ram() -> None:
-    """Contents from the image, byte lanes, hold of a port that is not enabled.
+    """Contents from the image, byte lanes, port a keeps its output while it is not enabled.
 
     Verifies: SOC-09
     """

@@ -16,19 +16,24 @@ from cocotb.triggers import Timer
 from systemrdl import RDLCompiler
 from systemrdl.node import AddrmapNode, RegNode
 
+from cocotb_tests.can.bench import CAN_SOURCES
 from cocotb_tests.foc.test_fl_foc_wb import SOURCES as FOC_SOURCES
+from cocotb_tests.injection.test_fl_injection_path import PATH_SOURCES as INJECTION_SOURCES
 from cocotb_tests.pwm.chain import SOURCES as PWM_SOURCES
 from cocotb_tests.soc.bench import CLOCK_NS, Bench, request
 from cocotb_tests.zcd.zcd_bench import ZCD_SOURCES
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import RTL
 
+FOC_TYPES = ["foc/fl_foc_pkg.sv", "foc/fl_vector_pkg.sv"]
 SOURCES = {
+    "can": CAN_SOURCES,
     "capture": ["soc/fl_capture.sv"],
     "comm": ["zcd/fl_interval_meter.sv", "zcd/fl_commutation_timer.sv"],
     "encoder": ["safety/fl_sync.sv", "encoder/fl_encoder.sv"],
     "foc": [name for name in FOC_SOURCES if isinstance(name, str) and not name.startswith("soc/")],
     "freewheel": ["zcd/fl_interpolator.sv", "zcd/fl_freewheel.sv"],
+    "injection": [*FOC_TYPES, *INJECTION_SOURCES],
     "hall": ["safety/fl_sync.sv", "zcd/fl_hall.sv"],
     "irq": ["soc/fl_irq.sv"],
     "pwm": PWM_SOURCES[:3],

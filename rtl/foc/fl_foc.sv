@@ -1,12 +1,12 @@
 // Current control of a machine with 3 or 5 phases: phase currents in, phase voltages out, on one shared multiplier.
 //
 // For subspace 1 at theta, with 5 phases subspace 3 at 3 theta too (n = 1, 3; P phases; k = 0..P-1; delta = turn / P):
-//   i      = 2/P sum i_k exp(-j n (theta - k delta))      Clarke and Park in one, amplitude-invariant
+//   i      = 2/P sum i_k exp(-j n (theta + park - k delta))   Clarke and Park in one, amplitude-invariant
 //   e[k]   = i* - i                                       saturates at +-(2^17 - 1)
 //   w[k]   = u[k-1] + (h/g) b[k-1] + (g e[k] - h e[k-1]) 2^-shift      complex; h = g Phi       (Yang 2020, chapter 7)
 //   u[k]   = limit(w[k]),   b[k] = w[k] - u[k]
 //   v      = u + u_ff,  or u_ff alone with bypass_i       saturates per axis
-//   v_k    = sum over n of Re(v exp(j n (theta + lead - k delta)))
+//   v_k    = sum over n of Re((v + v_inject) exp(j n (theta + lead - k delta)))    v + v_inject saturates per axis
 // Formats: angles 2^32 = one turn; currents and voltages signed 18 bits, 2^17 = full scale of their channel; state
 // signed 28 bits, 2^25 = full scale; g, h signed 18 bits. A complex value is {q, d}: index 0 is d.
 // The four products of an axis are summed exactly, times 2^-shift rounded half up once, added to the state, which
@@ -22,10 +22,14 @@
 // direct_i: the core is the regulator. A run waits with its currents, number_o of this run, until go_i for that number:
 // w = wanted_i then, from where the run goes on with the limit. A go_i for another number is ignored. abandon_i ends a
 // direct run without results, wherever it is; a go_i in the same clock comes too late.
-// Latency: start_i to valid_o Latency clocks, 52 for three phases, 99 for five, whatever the values. Starts at least
-// Spacing clocks apart, 3 more than that; busy_o until then. Direct: start_i to waiting_o WaitLatency clocks (21,
-// 54), go_i to valid_o 32 clocks for three phases, 75 for five.
-// Phase currents, theta and lead are taken at start_i; all other inputs must not change while busy_o. A start while busy
+// Injection: first_o tells that i of subspace 1 is there, FirstLatency clocks after start_i. With pause_i = n above 0 the
+// run stops there, and n clocks after first_o filtered_i takes the place of this i, in the regulator and at current_o.
+// skip_i: the regulator of subspace 1 does not run, its state and what it keeps for the next step stay (not if direct).
+// Latency: start_i to valid_o Latency clocks, 52 for three phases, 99 for five, whatever the values, with a pause
+// n + PauseClocks more. Starts at least Spacing clocks apart, 3 more than the latency; busy_o until then. Direct: start_i
+// to waiting_o WaitLatency clocks (21, 54), go_i to valid_o 32 clocks for three phases, 75 for five.
+// Phase currents, theta, park, lead, pause, skip and inject are taken at start_i; all other inputs must not change while
+// busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
 // Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
 `default_nettype none
@@ -38,7 +42,9 @@ module fl_foc
     localparam int unsigned Subspaces = subspaces(Phases),
     localparam int unsigned Latency = last_clock(Phases) + 2,
     localparam int unsigned Spacing = Latency + 3,
-    localparam int unsigned WaitLatency = wait_clock(Phases)
+    localparam int unsigned WaitLatency = wait_clock(Phases),
+    localparam int unsigned FirstLatency = pause_clock(Phases) + 2,
+    localparam int unsigned PauseClocks = 3
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -46,6 +52,7 @@ module fl_foc
     input logic                 start_i,
     input sample_t [Phases-1:0] current_i,
     input logic    [      31:0] theta_i,    // of the currents
+    input logic    [      31:0] park_i,     // signed: Park at theta + park
     input logic    [      31:0] lead_i,     // signed: inverse Park at theta + lead
 
     input logic    [Subspaces-1:0]       enable_i,
@@ -58,6 +65,12 @@ module fl_foc
     input logic    [Subspaces-1:0][16:0] limit_i,      // u_max, 2^17 = full scale
     input sample_t [Subspaces-1:0][ 1:0] preset_i,
     input sample_t [Subspaces-1:0][ 1:0] forward_i,    // u_ff
+
+    input  logic    [ 4:0]                pause_i,    // clocks, 0: none
+    input  logic                          skip_i,     // the regulator of subspace 1
+    input  sample_t [ 1:0]                filtered_i, // in place of i of subspace 1
+    input  sample_t [Subspaces-1:0][ 1:0] inject_i,   // v_inject
+    output logic                          first_o,    // pulse: current_o of subspace 1 is there
 
     input  logic                                direct_i,
     input  logic    [Subspaces-1:0][1:0][27:0] wanted_i,   // w, 2^25 = full scale, signed
@@ -84,6 +97,7 @@ module fl_foc
   localparam program_t Program = foc_program(Phases);
   localparam logic [6:0] LastClock = 7'(Spacing - 1);
   localparam logic [6:0] WaitClock = 7'(WaitLatency);
+  localparam logic [6:0] PauseClock = 7'(pause_clock(Phases));
   localparam logic [6:0] ResumeClock = 7'(resume_clock(Phases));
   localparam int unsigned CosineBits = 21;
   localparam int unsigned SumBits = 50;
@@ -117,10 +131,23 @@ module fl_foc
   assign go      = waiting && go_i && go_number_i == number_q;
   assign abandon = direct_i && abandon_i && clock_q != '0;
 
+  // The pause counts from its first clock, whose step is the last one of the current.
+  logic [5:0] pause_q;
+  logic pausing, resume;
+
+  assign pausing = clock_q == PauseClock && pause_q != '0;
+  assign resume  = pausing && pause_q == 6'd1;
+
+  always_ff @(posedge clk_i) begin
+    if (start) pause_q <= (pause_i == '0) ? '0 : {1'b0, pause_i} + 6'(PauseClocks);
+    else if (pausing) pause_q <= pause_q - 6'd1;
+    if (rst_i) pause_q <= '0;
+  end
+
   // The clock of waiting has no step: nothing is under way when the run goes on.
   always_ff @(posedge clk_i) begin
     if (start) step_q <= Program[1];
-    else if (clock_q == '0 || waiting) step_q <= '0;
+    else if (clock_q == '0 || waiting || pausing) step_q <= '0;
     else step_q <= Program[clock_q+7'd1];
     sum_q     <= step_q;
     tail_q[0] <= sum_q;
@@ -131,7 +158,7 @@ module fl_foc
     if (start) clock_q <= 7'd1;
     else if (clock_q == LastClock || abandon) clock_q <= '0;
     else if (go) clock_q <= ResumeClock;
-    else if (clock_q != '0 && !waiting) clock_q <= clock_q + 7'd1;
+    else if (clock_q != '0 && !waiting && !pausing) clock_q <= clock_q + 7'd1;
     if (start) gone_q <= 1'b0;
     else if (go) gone_q <= 1'b1;
     if (start) number_q <= number_q + 16'd1;
@@ -152,12 +179,17 @@ module fl_foc
   // Inputs of this run, angles with and without lead.
   sample_t [Phases-1:0] phase_current_q;
   logic [1:0][31:0] angle_q;
+  sample_t [Subspaces-1:0][1:0] inject_q;
+  logic skip_q;
 
   always_ff @(posedge clk_i) begin
     if (start) begin
       phase_current_q <= current_i;
-      angle_q         <= {theta_i + lead_i, theta_i};
+      angle_q         <= {theta_i + lead_i, theta_i + park_i};
+      inject_q        <= inject_i;
+      skip_q          <= skip_i && !direct_i;
     end
+    if (rst_i) skip_q <= 1'b0;
   end
 
   // n k delta
@@ -193,7 +225,7 @@ module fl_foc
   );
 
   // Operands. Selections beyond a build's subspaces and phases do not occur in its program.
-  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q, back_q;
+  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q, voltage_vector_q, back_q;
   state_t [Subspaces-1:0][1:0] work_q, state_q;
   base_t [Subspaces-1:0][1:0] base_q;  // state and what comes back from the limit
   logic [16:0] factor;
@@ -211,7 +243,7 @@ module fl_foc
       XWorkLow:   x = {8'd0, work_q[s][step_q.x_axis][9:0]};
       XStateHigh: x = state_q[s][step_q.x_axis][27:10];
       XStateLow:  x = {8'd0, state_q[s][step_q.x_axis][9:0]};
-      XVoltage:   x = applied_q[s][step_q.x_axis];
+      XVoltage:   x = voltage_vector_q[s][step_q.x_axis];
       XBack:      x = back_q[s][step_q.x_axis];
       default:    x = '0;
     endcase
@@ -291,7 +323,7 @@ module fl_foc
 
   // Sums to their destinations; the regulator's go through shifter, state and rounding, a clock each.
   logic signed [38:0] shifted, delta_q;
-  sample_t error_d;
+  sample_t applied_d;
   logic s1, s2, s3, s4, axis1, axis2, axis3, axis4;
   logic regulator2, regulator3, regulator4;
 
@@ -305,13 +337,21 @@ module fl_foc
 
   assign shifted = $signed({accumulator[axis2][37:0], 1'b0}) >>> shift_i[s2];
 
-  always_comb begin
+  function automatic sample_t error_of(sample_t wanted, sample_t i);
     logic signed [18:0] difference;
-    difference = 19'(reference_i[s2][axis2]) - 19'(current_q[s2][axis2]);
-    if (difference > 19'sd131071) error_d = 18'sd131071;
-    else if (difference < -19'sd131071) error_d = -18'sd131071;
-    else error_d = sample_t'(difference);
-  end
+    difference = 19'(wanted) - 19'(i);
+    if (difference > 19'sd131071) return 18'sd131071;
+    else if (difference < -19'sd131071) return -18'sd131071;
+    else return sample_t'(difference);
+  endfunction
+
+  // The regulator of a subspace takes its step in this run.
+  function automatic logic runs(logic subspace);
+    return subspace || !skip_q;
+  endfunction
+
+  assign applied_d =
+      sat_sample(32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2]))));
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
@@ -324,7 +364,8 @@ module fl_foc
       unique case (sum_q.kind)
         SumProject: work_q[s1][axis1] <= state_t'(sum >>> 17);
         SumCurrent: current_q[s1][axis1] <= sat_sample(32'(sum >>> 23));
-        SumLimit: begin
+        SumLimit:
+        if (runs(s1)) begin
           limited_q[s1] <= less;
           if (less) begin
             state_q[s1][axis1] <= state_t'(sum >>> 17);
@@ -336,9 +377,16 @@ module fl_foc
         default:    ;
       endcase
     end
-    if (tail_q[0].last && tail_q[0].kind == SumCurrent) error_q[s2][axis2] <= error_d;
+    if (tail_q[0].last && tail_q[0].kind == SumCurrent && runs(s2)) begin
+      error_q[s2][axis2] <= error_of(reference_i[s2][axis2], current_q[s2][axis2]);
+    end
+    if (resume) begin
+      current_q[0] <= filtered_i;
+      for (int unsigned axis = 0; axis < 2; axis++)
+      if (runs(1'b0)) error_q[0][axis] <= error_of(reference_i[0][axis], filtered_i[axis]);
+    end
     if (regulator2) delta_q <= (shifted >>> 1) + 39'($signed({1'b0, shifted[0]}));
-    if (regulator3 && !direct_i) begin
+    if (regulator3 && !direct_i && runs(s3)) begin
       if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(base_q[s3][axis3]) + 40'(delta_q));
       else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
       back_q[s3][axis3] <= '0;
@@ -352,8 +400,8 @@ module fl_foc
     if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
     if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
     if (tail_q[0].last && tail_q[0].kind == SumLimit) begin
-      applied_q[s2][axis2] <=
-          sat_sample(32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2]))));
+      applied_q[s2][axis2]        <= applied_d;
+      voltage_vector_q[s2][axis2] <= sat_sample(32'(applied_d) + 32'(inject_q[s2][axis2]));
     end
     if (rst_i) begin
       state_q   <= '0;
@@ -362,11 +410,13 @@ module fl_foc
       error_q   <= '0;
       current_q <= '0;
       applied_q <= '0;
+      voltage_vector_q <= '0;
       voltage_q <= '0;
       limited_q <= '0;
     end
   end
 
+  assign first_o   = tail_q[0].last && tail_q[0].kind == SumCurrent && !s2 && axis2;
   assign waiting_o = waiting;
   assign number_o  = number_q;
   assign busy_o    = clock_q != '0;

@@ -109,6 +109,11 @@ package fl_foc_pkg;
     else return last_clock(phases) + 1;
   endfunction
 
+  // Clock of the last product of the first subspace's currents: a run may pause there.
+  function automatic int unsigned pause_clock(int unsigned phases);
+    return gain_clock(phases, 0) - 1;
+  endfunction
+
   // Clock in which a direct run waits for its voltages: all currents are there, no product is under way. It goes on
   // before the first subspace's squares, with five phases through the second one's currents once more.
   function automatic int unsigned wait_clock(int unsigned phases);

@@ -52,18 +52,35 @@ module fl_sqrt #(
     return y;
   endfunction
 
-  work_t work, work_q;
-  logic [CountBits-1:0] count, count_q;  // iterations to go
+  // The first digits, of the highest bits alone: a table, so that no chain of carries lies behind the radicand's logic.
+  function automatic work_t first_digits(logic [WorkBits-1:0] radicand);
+    logic [2*BitsPerClock-1:0] high, square;
+    work_t y;
+    high   = radicand[WorkBits-1-:2*BitsPerClock];
+    square = '0;
+    y      = '{remainder: '0, root: '0, radicand: radicand << 2 * BitsPerClock};
+    for (int unsigned root = 1; root < 2 ** BitsPerClock; root++) begin
+      if (high >= (2 * BitsPerClock)'(root * root)) begin
+        y.root = RootBits'(root);
+        square = (2 * BitsPerClock)'(root * root);
+      end
+    end
+    y.remainder = (RootBits + 1)'(high - square);
+    return y;
+  endfunction
+
+  work_t work_q;
+  logic [CountBits-1:0] count_q;  // clocks to go
   logic valid_q;
 
-  assign work  = start_i ? '{remainder: '0, root: '0, radicand: WorkBits'(radicand_i)} : work_q;
-  assign count = start_i ? CountBits'(Iterations) : count_q;
-
   always_ff @(posedge clk_i) begin
-    valid_q <= count == CountBits'(1);
-    if (count != '0) begin
-      work_q  <= digits(work);
-      count_q <= count - CountBits'(1);
+    valid_q <= start_i ? Iterations == 1 : count_q == CountBits'(1);
+    if (start_i) begin
+      work_q  <= first_digits(WorkBits'(radicand_i));
+      count_q <= CountBits'(Iterations - 1);
+    end else if (count_q != '0) begin
+      work_q  <= digits(work_q);
+      count_q <= count_q - CountBits'(1);
     end
     if (rst_i) begin
       count_q <= '0;

@@ -19,6 +19,8 @@
 // Direct (settings.direct): a step waits with its currents in question_o for the core's answer_i, which is not staged. A
 // step that has not ended at update_o is abandoned: the legs keep their compares, which is counted as missed, an answer
 // to it is ignored.
+// Injection: injection_i is made from tap_o by fl_injection_path; what it pauses comes on top of the latency. The voltages
+// of steps and sums are those of the regulators, without the injected one.
 // Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick
 // before (saturates at 32 bits) and their number.
 `default_nettype none
@@ -46,7 +48,9 @@ module fl_vector
     input stamp_t               sample_time_i,
     input encoder_t             encoder_i,       // of this clock
     input answer_t              answer_i,
+    input injection_t           injection_i,
 
+    output tap_t                tap_o,       // for the injection path
     output question_t           question_o,
 
     output logic                   source_o,    // setting in use
@@ -150,6 +154,7 @@ module fl_vector
   assign instant_o = instant;
 
   // Regulators.
+  logic [31:0] run_theta_q;  // of the step
   logic foc_valid;
   sample_t [Phases-1:0] voltage;
   sample_t [Subspaces-1:0][1:0] foc_current, foc_applied;
@@ -165,6 +170,7 @@ module fl_vector
       .start_i    (foc_start),
       .current_i  (current),
       .theta_i    (theta),
+      .park_i     (settings_q.park),
       .lead_i     (settings_q.lead),
       .enable_i   (settings_q.regulate[Subspaces-1:0]),
       .bypass_i   (settings_q.bypass),
@@ -176,6 +182,11 @@ module fl_vector
       .limit_i    (settings_q.limit[Subspaces-1:0]),
       .preset_i   (settings_q.preset[Subspaces-1:0]),
       .forward_i  (settings_q.forward[Subspaces-1:0]),
+      .pause_i    (injection_i.pause),
+      .skip_i     (injection_i.skip),
+      .filtered_i (injection_i.current),
+      .inject_i   (injection_i.voltage[Subspaces-1:0]),
+      .first_o    (tap_o.sample_valid),
       .direct_i   (settings_q.direct),
       .wanted_i   (answer_i.wanted[Subspaces-1:0]),
       .go_i       (answer_i.go),
@@ -234,7 +245,7 @@ module fl_vector
       .period_i        (period),
       .update_o,
       .carrier_start_o (),
-      .second_o        (),
+      .second_o        (tap_o.second),
       .count_o         (),
       .active_o        (),
       .missed_o        (missed),
@@ -243,7 +254,11 @@ module fl_vector
       .req_l_o
   );
 
-  assign source_o = settings_q.source;
+  assign source_o      = settings_q.source;
+  assign tap_o.update  = update_o;
+  assign tap_o.strobe  = instant;
+  assign tap_o.current = foc_current[0];
+  assign tap_o.theta   = run_theta_q;
 
   always_comb begin
     question_o.current = '0;
@@ -254,7 +269,6 @@ module fl_vector
 
   // The last step: complete from its end to the end of the next.
   step_t step_d, step_q;
-  logic [31:0] run_theta_q;
   stamp_t run_stamp_q;
   logic [7:0] run_samples_q;
   encoder_t run_encoder_q;

@@ -25,6 +25,7 @@ package fl_vector_pkg;
     logic [15:0] length;
     logic [15:0] delay;
     logic [31:0] lead;
+    logic [31:0] park;
     logic [16:0] scale;
     logic [4:0] scale_shift;
     logic [16:0] band;
@@ -61,6 +62,24 @@ package fl_vector_pkg;
     logic indexed;
     logic [17:0] position;  // quarters of a line
   } encoder_t;
+
+  // To the injection path.
+  typedef struct packed {
+    logic update;            // of the leg carriers
+    logic second;            // the carrier's second half begins with it
+    logic strobe;            // instant of a window
+    logic sample_valid;      // the current of the latest instant is there
+    sample_t [1:0] current;  // d, q of subspace 1
+    logic [31:0] theta;      // of that sample, 2^32 = one turn, without park
+  } tap_t;
+
+  // From the injection path; all 0: none.
+  typedef struct packed {
+    logic [4:0] pause;       // clocks from sample_valid to current, 0: the regulators take what they measure
+    sample_t [1:0] current;  // in place of the measured one
+    logic skip;              // the regulators of subspace 1 do not run in this step
+    vectors_t voltage;       // added to the voltage
+  } injection_t;
 
   // A regulator step.
   typedef struct packed {

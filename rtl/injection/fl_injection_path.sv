@@ -10,8 +10,9 @@
 //   separator     re: amplitudes of fl_separator, 2^18 = full scale             twice an injection period
 // For a wave U square(phase) the voltage's fundamental is 4/pi U sin(angle); the current of an inductance lags by a
 // quarter: lag = 2^30 + the delay of the chain makes its reference. The band-pass runs with every method.
-// current_o: i - h with remove (band-passed part, saturated), with the separator the latest zero-crossing sample;
-// without remove i itself. current_valid_o when it is there.
+// current_o: i - h with remove (band-passed part, saturated), with the separator the latest zero-crossing sample, i
+// itself before the first one; without remove i itself. current_valid_o with each one that is new. current_delay_o: clocks
+// from a sample that comes now to its current_o, 0 while the wave does not run or without remove.
 //
 // strobe_i latches phase and angle, sample_valid_i brings the current of that strobe: before the next one.
 // Latency of sample_valid_i, in clocks: current_valid_o and the results of lock-in and conventional LockInLatency, I/Q
@@ -49,6 +50,8 @@ module fl_injection_path
 
     output logic                 current_valid_o,
     output sample_t [ 1:0]       current_o,
+    output logic          [ 4:0] current_delay_o,
+    output phase_t               sample_phase_o,  // of the sample in work, else of the latest
     output sample_t [ 1:0]       hf_o,
     output logic                 result_valid_o,
     output result_t              result_o,
@@ -207,11 +210,16 @@ module fl_injection_path
       .overrun_o   ()
   );
 
-  logic fundamental_valid, separator_valid, separate;
+  logic fundamental_valid, separator_valid, separate, fundamental_known_q;
   sample_t [1:0] fundamental;
   logic [1:0][19:0] amplitude;
 
   assign separate = settings_i.method == MethodSeparator;
+
+  always_ff @(posedge clk_i) begin
+    if (fundamental_valid) fundamental_known_q <= 1'b1;
+    if (clear_i || !active_o || rst_i) fundamental_known_q <= 1'b0;
+  end
 
   fl_separator u_separator (
       .clk_i,
@@ -231,7 +239,9 @@ module fl_injection_path
   always_comb begin
     for (int unsigned axis = 0; axis < 2; axis++) begin
       if (!settings_i.remove) current_o[axis] = current_q[axis];
-      else if (separate) current_o[axis] = fundamental[axis];
+      else if (separate) begin
+        current_o[axis] = (fundamental_valid || fundamental_known_q) ? fundamental[axis] : current_q[axis];
+      end
       else current_o[axis] = sat_sample(32'(current_q[axis]) - 32'(hf_o[axis]));
     end
   end
@@ -256,6 +266,13 @@ module fl_injection_path
 
   assign current_valid_o = (separate && settings_i.remove) ? fundamental_valid : lock_in_valid;
   assign overrun_o       = overrun_q;
+  assign sample_phase_o  = phase_q;
+
+  always_comb begin
+    if (!active_o || !settings_i.remove) current_delay_o = '0;
+    else if (separate) current_delay_o = 5'(SeparatorLatency);
+    else current_delay_o = 5'(LockInLatency);
+  end
 
   always_comb begin
     unique case (settings_i.method)

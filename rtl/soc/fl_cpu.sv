@@ -113,8 +113,7 @@ module fl_cpu #(
       .a_en_i  (i_en),
       .a_adr_i (i_adr[AddressWidth-1:0]),
       .a_rdat_o(i_rdat),
-      .b_en_i  (d_memory && d_ram),
-      .b_we_i  ({4{d_we}} & d_sel),
+      .b_we_i  ({4{d_memory && d_ram && d_we}} & d_sel),
       .b_adr_i (d_we ? d_adr[AddressWidth-1:0] : d_ram_adr),
       .b_wdat_i(d_wdat),
       .b_rdat_o(d_ram_rdat)

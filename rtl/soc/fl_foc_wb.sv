@@ -23,7 +23,9 @@ module fl_foc_wb
     input stamp_t               sample_time_i,
     input logic [17:0]          encoder_position_i,  // of this clock, quarters
     input logic                 encoder_indexed_i,
+    input fl_vector_pkg::injection_t injection_i,
 
+    output fl_vector_pkg::tap_t tap_o,     // for the injection path
     output logic              waiting_o,   // a regulator step waits for the core's voltages
     output logic              source_o,    // 1: these requests go to the guard
     output logic              update_o,    // first clock after an update of the leg carriers
@@ -70,6 +72,7 @@ module fl_foc_wb
     settings.length        = hwif_out.window.length_cycles.value;
     settings.delay         = hwif_out.delay.cycles.value;
     settings.lead          = hwif_out.lead.turn_q32.value;
+    settings.park          = hwif_out.park.turn_q32.value;
     settings.scale         = hwif_out.scale.mantissa.value;
     settings.scale_shift   = hwif_out.scale.shift.value;
     settings.band          = hwif_out.band.i_q17.value;
@@ -134,6 +137,8 @@ module fl_foc_wb
       .sample_time_i,
       .encoder_i   ({encoder_indexed_i, encoder_position_i}),
       .answer_i    (answer),
+      .injection_i,
+      .tap_o,
       .question_o  (question),
       .source_o,
       .update_o,

@@ -10,7 +10,7 @@ module fl_irq_wb
     input  logic            stb_i,
     output logic     [31:0] rdat_o,
 
-    input  logic [8:0] event_i,        // pulses
+    input  logic [9:0] event_i,        // pulses
     output logic       irq_control_o,
     output logic       irq_deferred_o
 );
@@ -18,10 +18,11 @@ module fl_irq_wb
   fl_irq_regs_pkg::fl_irq_regs__in_t hwif_in;
   fl_irq_regs_pkg::fl_irq_regs__out_t hwif_out;
 
-  logic [8:0] pending;
+  logic [9:0] pending;
 
   // Bit order: fl_irq_regs.
   assign {
+    hwif_in.pending.can.next,
     hwif_in.pending.hall.next,
     hwif_in.pending.load.next,
     hwif_in.pending.crossing.next,
@@ -34,6 +35,7 @@ module fl_irq_wb
   } = event_i;
 
   assign pending = {
+    hwif_out.pending.can.value,
     hwif_out.pending.hall.value,
     hwif_out.pending.load.value,
     hwif_out.pending.crossing.value,
@@ -46,7 +48,7 @@ module fl_irq_wb
   };
 
   fl_irq #(
-      .Sources(9)
+      .Sources(10)
   ) u_irq (
       .clk_i,
       .rst_i,

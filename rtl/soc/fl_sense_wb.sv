@@ -36,6 +36,7 @@ module fl_sense_wb
   fl_sense_regs_pkg::fl_sense_regs__in_t  hwif_in;
   fl_sense_regs_pkg::fl_sense_regs__out_t hwif_out;
 
+  localparam int unsigned MaxChannels = $size(hwif_out.gain);
   logic [Channels-1:0][17:0] offset, az_offset;
   logic [Channels-1:0][15:0] gain;
   logic [Channels-1:0] az_offset_we;
@@ -47,6 +48,13 @@ module fl_sense_wb
     assign hwif_in.offset[i].lsb_q4.we        = az_offset_we[i];
     assign hwif_in.offset[i].lsb_q4.next      = az_offset[i];
     assign hwif_in.snap_channel[i].value.next = 32'(snap_sample[i]);
+  end
+
+  // Registers of channels that this build does not have.
+  for (genvar i = Channels; i < MaxChannels; i++) begin : g_no_channel
+    assign hwif_in.offset[i].lsb_q4.we        = 1'b0;
+    assign hwif_in.offset[i].lsb_q4.next      = '0;
+    assign hwif_in.snap_channel[i].value.next = '0;
   end
 
   fl_sample_scheduler u_scheduler (

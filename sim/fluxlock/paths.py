@@ -30,6 +30,8 @@ REGISTER_BLOCKS = (
     "hall",
     "foc",
     "encoder",
+    "injection",
+    "can",
 )
 
 

@@ -23,7 +23,16 @@ enum log_kind : int64_t {
     LOG_UPDATE = 5,       // committed settings took effect
     LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
     LOG_PINS = 7,         // a: pins driven by the plant (bit 0 gate-driver fault, 1..3 Hall A, B, C), from after this edge on
-    LOG_ANGLE = 8,        // instant of a current sample of the vector path; a: estimated angle there, 2^32 = one turn
+    LOG_ANGLE = 8,        // instant of a current sample of the vector path; a: angle of the frame there, b: what firmware publishes beyond it, 2^32 = one turn
+};
+
+// A node on the CAN bus beside the chip.
+struct can_state_t {
+    int64_t waiting;  // frames in its queue
+    int64_t sent;     // and acknowledged
+    int64_t errors;   // found on the bus
+    int64_t tec, rec;
+    int64_t bus_off;
 };
 
 struct cosim_status_t {

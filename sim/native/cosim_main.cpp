@@ -18,6 +18,7 @@
 #if VM_TRACE
 #include "verilated_fst_c.h"
 #endif
+#include "can_bus.h"
 #include "cosim.h"
 #include "verilated.h"
 #include "verilated_vpi.h"
@@ -69,7 +70,10 @@ struct cosim_t {
     int64_t tx_next = NEVER;
     uint8_t tx_byte = 0;
     int64_t plant_at = NEVER;  // call of the plant kernel for the encoder
-    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next, plant_at
+    can_bus_t can;
+    std::vector<can_node_t*> can_nodes;
+    int can_sent = 1;      // by the chip
+    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next, plant_at, can.next
     recorder_t rec;
     bool stop = false;
 };
@@ -92,6 +96,7 @@ void plan() {
     if (C.rx_next < C.next) C.next = C.rx_next;
     if (C.tx_next < C.next) C.next = C.tx_next;
     if (C.plant_at < C.next) C.next = C.plant_at;
+    if (C.can.next < C.next) C.next = C.can.next;
     if (R.pin < R.pins.size() && R.pins[R.pin].cycle < C.next) C.next = R.pins[R.pin].cycle;
 }
 
@@ -170,6 +175,13 @@ void console_step(Vtop* t) {
     }
 }
 
+void can_step(Vtop* t) {
+    if (t->can_tx_o != C.can_sent) C.can_sent = t->can_tx_o, C.can.chip(C.st.cycle, C.can_sent);
+    C.can.run(C.st.cycle);
+    t->can_rx_i = static_cast<uint8_t>(C.can.level);
+    plan();
+}
+
 void drive_pins(Vtop* t, int32_t pins) {
     t->fault_pin_i = pins & 1;
     t->hall_i = pins >> 1 & 7;
@@ -237,8 +249,9 @@ void slow_step(Vtop* t) {
         if (t->trc_zc_valid_o) log_row(LOG_CROSSING, t->trc_zc_sector_o | t->trc_zc_late_o << 4, unwrap(t, t->trc_zc_time_o));
         if (t->trc_trip_o) log_row(LOG_TRIP, t->trc_trip_cause_o, 0);
         if (t->trc_update_o) log_row(LOG_UPDATE, 0, 0);
-        if (t->trc_angle_valid_o) log_row(LOG_ANGLE, t->trc_angle_o, 0);
+        if (t->trc_angle_valid_o) log_row(LOG_ANGLE, t->trc_angle_o, memory[COSIM_PUBLISHED_WORD]);
     }
+    if (t->can_tx_o != C.can_sent || C.st.cycle >= C.can.next) can_step(t);
     if (C.tx_bit < 0 && !t->uart_tx_o) {
         C.tx_bit = 0;
         C.tx_next = C.st.cycle + C.bit_time / 2;
@@ -262,7 +275,7 @@ void slow_step(Vtop* t) {
 inline void after_edge(Vtop* t) {
     C.st.cycle++;
     if (__builtin_expect((t->gate_o != C.gates) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
-                             ((C.tx_bit < 0) & !t->uart_tx_o), 0))
+                             (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
         slow_step(t);
 }
 
@@ -273,6 +286,7 @@ void power_up(Vtop* t) {
     t->adc_valid_i = 0;
     drive_pins(t, 0);
     t->uart_rx_i = 1;
+    t->can_rx_i = 1;
     put_codes(t);
     t->eval();
 }
@@ -307,6 +321,34 @@ API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {  // c
     if (!memory || (address & 3) || count < 0 || address / 4 + static_cast<uint32_t>(count) > COSIM_MEMORY_WORDS) return -1;
     memcpy(words, memory + address / 4, 4u * static_cast<uint32_t>(count));
     return 0;
+}
+// A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum.
+API int32_t cosim_can_open(int32_t brp, int32_t prop, int32_t ps1, int32_t ps2, int32_t sjw) {
+    C.can_nodes.push_back(C.can.open(C.st.cycle, {brp, prop, ps1, ps2, sjw}));
+    plan();
+    return static_cast<int32_t>(C.can_nodes.size()) - 1;
+}
+// head: identifier, extended, remote, length code; data: 8 bytes.
+API void cosim_can_send(int32_t node, const uint32_t* head, const uint8_t* data) {
+    can_frame_t frame;
+    frame.id = head[0];
+    frame.ext = head[1] != 0, frame.rtr = head[2] != 0;
+    frame.dlc = static_cast<uint8_t>(head[3]);
+    memcpy(frame.data, data, sizeof frame.data);
+    C.can_nodes[static_cast<size_t>(node)]->queue.push_back(frame);
+}
+API int32_t cosim_can_take(int32_t node, uint32_t* head, uint8_t* data) {  // 0: there is none
+    auto& received = C.can_nodes[static_cast<size_t>(node)]->received;
+    if (received.empty()) return 0;
+    const can_frame_t frame = received.front();
+    received.pop_front();
+    head[0] = frame.id, head[1] = frame.ext, head[2] = frame.rtr, head[3] = frame.dlc;
+    memcpy(data, frame.data, sizeof frame.data);
+    return 1;
+}
+API void cosim_can_state(int32_t node, can_state_t* state) {
+    const can_node_t& n = *C.can_nodes[static_cast<size_t>(node)];
+    *state = {static_cast<int64_t>(n.queue.size()), n.sent, n.errors, n.tec, n.rec, n.bus_off};
 }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes

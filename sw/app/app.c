@@ -73,7 +73,7 @@ HOT static void vector_control_step(app_t *app) {
   if (drive->state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }
-  const bool whole = drive->command.vector.read_slow || drive->state != STATE_RUNNING;
+  const bool whole = drive->command.vector.read_slow || drive->state != STATE_RUNNING || drive->vector.injection != 0;
   drive_vector_step(drive, &snapshot);
   write_guard(app);
   chip_write_vector(&drive->command, drive->p);

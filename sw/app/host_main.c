@@ -10,6 +10,7 @@ void fl_host_current(void);
 void fl_host_tick(void);
 void fl_host_poll(void);
 const drive_t *fl_host_drive(void);
+app_t *fl_host_app(void);
 
 // Boot with the parameter block and registers as they are.
 void fl_host_boot(void) { app_boot(&app); }
@@ -30,3 +31,6 @@ void fl_host_poll(void) {
 }
 
 const drive_t *fl_host_drive(void) { return &app.drive; }
+
+// For what else of the firmware is in the library.
+app_t *fl_host_app(void) { return &app; }

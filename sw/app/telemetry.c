@@ -1,6 +1,12 @@
 #include "app/telemetry.h"
 
+#include <stddef.h>
+
 #include "control/placement.h"
+#include "drive/vector.h"
+#include "ram.h"
+
+_Static_assert(RAM_TELEMETRY + offsetof(telemetry_t, published_q32) == RAM_PUBLISHED, "the simulator reads it there");
 
 const char *handler_name(handler_t handler) {
   static const char *const names[HANDLER_COUNT] = {
@@ -45,4 +51,5 @@ HOT void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   telemetry->observed_ahead_q30 = drive->vector.observed_ahead_q30;
   telemetry->encoder_ahead_q30 = drive->vector.encoder_ahead_q30;
   telemetry->encoder_faults = drive->vector.encoder_faults;
+  telemetry->published_q32 = vector_published_q32(drive);
 }

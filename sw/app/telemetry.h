@@ -25,6 +25,7 @@ typedef enum {
 typedef struct {
   uint32_t magic;
   uint32_t length_bytes;
+  uint32_t published_q32;  // by which the published angle is ahead of the frame's; of use with an injection
   uint32_t tick;
   uint32_t state;  // drive_state_t
   uint32_t phase;  // phase_t

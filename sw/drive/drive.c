@@ -30,7 +30,7 @@ const char *drive_state_name(drive_state_t state) {
 
 const char *drive_phase_name(phase_t phase) {
   static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp",
-                                      "lock",  "hall",      "align",       "hand_over"};
+                                      "lock",  "hall",      "align",       "hand_over",    "search"};
   return names[phase];
 }
 

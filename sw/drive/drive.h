@@ -41,6 +41,7 @@ typedef enum {
   START_HALL,
   START_ALIGN,  // vector drive
   START_HAND_OVER,
+  START_SEARCH,  // for the rotor at rest, by injection
 } phase_t;
 
 typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQUEST_CLEAR } request_t;
@@ -165,7 +166,9 @@ typedef struct {
 } thresholds_t;
 
 // Frame of the vector drive.
-typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED } frame_t;
+typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED, FRAME_INJECTED } frame_t;
+
+typedef struct vector_injection vector_injection_t;  // vector_injection.h
 
 // What depends on the speed.
 typedef struct {
@@ -265,6 +268,7 @@ typedef struct {
   complex_t current_i_q17;
   uint32_t angle_turn_q32;  // of the frame at the sample
   uint32_t emf_v_q25;
+  vector_injection_t *injection;  // 0: none
 } vector_t;
 
 typedef struct {

@@ -25,6 +25,10 @@ const char *fault_name(fault_t fault) {
       [FAULT_HALL_SENSOR] = "hall_sensor",
       [FAULT_VOLTAGE_CHANNEL] = "voltage_channel",
       [FAULT_DEADLINE] = "deadline",
+      [FAULT_POLARITY_UNSURE] = "polarity_unsure",
+      [FAULT_INJECTION_SIGNAL] = "injection_signal",
+      [FAULT_INJECTION_NOISE] = "injection_noise",
+      [FAULT_NO_SALIENCY] = "no_saliency",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }

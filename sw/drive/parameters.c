@@ -1,6 +1,7 @@
 #include "drive/parameters.h"
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "control/crc32.h"
 
@@ -9,14 +10,21 @@ fault_t parameters_check(const parameter_block_t *block) {
   if (block->magic != PARAMETER_MAGIC) {
     return FAULT_PARAMETER_MAGIC;
   }
-  if (block->version != PARAMETER_VERSION || block->length_bytes != sizeof(parameters_t)) {
+  // Without an injection its parameters, which are the last ones, may be left out: a boot of that much less time.
+  const bool whole = block->length_bytes == sizeof(parameters_t);
+  const uint32_t short_bytes = offsetof(parameters_t, injection);
+  if (block->version != PARAMETER_VERSION || (!whole && block->length_bytes != short_bytes)) {
     return FAULT_PARAMETER_VERSION;
   }
-  if (crc32((const uint8_t *)&block->parameters, sizeof(parameters_t)) != block->crc) {
+  if (crc32((const uint8_t *)&block->parameters, block->length_bytes) != block->crc) {
     return FAULT_PARAMETER_CRC;
   }
+  if (!whole && block->parameters.injection != 0) {
+    return FAULT_PARAMETER_RANGE;
+  }
   const int32_t *word = (const int32_t *)&block->parameters;
-  for (uint32_t i = 0; i < PARAMETER_VALUES; i++) {
+  const int32_t *end = word + block->length_bytes / sizeof(int32_t);
+  for (uint32_t i = 0; word < end; i++) {
     const bool is_gain = ranges[i].min > ranges[i].max;
     const int32_t low = is_gain ? ranges[i].max : ranges[i].min;
     const int32_t high = is_gain ? ranges[i].min : ranges[i].max;

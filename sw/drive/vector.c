@@ -8,345 +8,22 @@
 #include "control/trig.h"
 #include "control/vector_speed.h"
 #include "drive/start.h"
+#include "drive/vector_injection.h"
+#include "drive/vector_parts.h"
 
 #define ONE_OVER_SQRT3_Q16 37837
-#define QUARTER_TURN ((uint32_t)1 << 30)
 #define HALF_PI_Q30 1686629713
-#define SAMPLE_MAX_Q17 131071
-#define CHANGE_MAX_Q32 (1 << 22)
-#define FOUR_OVER_PI_Q8 326u
 // Turns below it, 1.4 degrees: two terms of the series are enough.
 #define SMALL_TURN_Q32 (1 << 24)
 #define SCALE_BITS 17u
 #define SCALE_SHIFT_MAX 31
 #define REST_PARTS 64
-// The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
-#define LOST_PER_SECOND 200u
+// The estimate is lost where the error stays beyond 30 degrees.
 #define LOST_ERROR_Q30 (ONE_Q30 / 2)
-
-// Clocks from a pin of the encoder to its position, besides the filter.
-#define ENCODER_LATENCY 3u
 
 enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
 
-// A gain a tick as one a round of the groups.
-static gain_t per_round(gain_t g) {
-  if (g.shift >= 6) {
-    g.shift -= 2;
-  }
-  return g;
-}
-
-static int32_t rpm_q8(const drive_t *drive, int32_t speed_turn_q36) {
-  return gain_apply(speed_turn_q36, drive->vector.to_rpm);
-}
-
-static complex_t to_q17(complex_t z_q25) {
-  return (complex_t){(z_q25.re + 128) >> 8, (z_q25.im + 128) >> 8};
-}
-
 static int32_t current_limit_i_q25(const drive_t *drive) { return drive->settings.current_limit_q17 * 256; }
-
-// exp(-j turn): takes vectors into a frame that is ahead by `turn`.
-static complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
-
-// The modulator adds what the dead time takes by the currents of the sample. They have turned on when it acts, by phi =
-// omega (T_d + T_s/2): with it as a vector c what acts in truth is more than the voltage by
-//
-//   c (exp(-j phi) - 1)   inverse Park exact,   c (1 - exp(j phi))   held
-//
-// which lies across the EMF: c (T_d + T_s/2) / psi at any speed. c along the current I: the fundamental of what grows
-// from the band B over the zone Z (describing function),
-//
-//   slope I (F((B + Z)/I) - F(B/I)),   F(x) = 2/pi (asin x + x sqrt(1 - x^2)), x < 1; 1 beyond
-//
-// F as 4/pi x - (4/pi - 1) x^3: to 1 % of the largest.
-COLD static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
-  if (current_i_q17 >= size_i_q17) {
-    return 1u << 16;
-  }
-  const uint32_t x_q14 = (current_i_q17 << 14) / size_i_q17;
-  const uint32_t cube_q14 = (((x_q14 * x_q14) >> 14) * x_q14) >> 14;
-  return (x_q14 * FOUR_OVER_PI_Q8 - cube_q14 * (FOUR_OVER_PI_Q8 - 256u)) >> 6;
-}
-
-COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
-  const parameters_t *p = drive->p;
-  const vector_t *v = &drive->vector;
-  const uint32_t size = complex_abs(v->reference_i_q25);
-  const uint32_t size_i_q17 = size >> 8;
-  if (size_i_q17 <= v->band_i_q17) {
-    return (complex_t){0, 0};
-  }
-  const uint32_t grown_q16 =
-      reached_q16(v->band_i_q17 + v->zone_i_q17, size_i_q17) - reached_q16(v->band_i_q17, size_i_q17);
-  const uint64_t linear_q8 = ((uint64_t)size * (uint32_t)p->vector_slope) >> p->vector_slope_shift;
-  const uint32_t cycles_q8 = (uint32_t)((linear_q8 * grown_q16) >> 16);
-  const uint32_t carrier_q8 = (uint32_t)p->vector_sample_cycles << ((p->vector_double != 0) ? 9 : 8);
-  const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)drive->m.vdc_v_q25 * cycles_q8, carrier_q8);
-  const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, size);
-  const complex_t added = complex_scale_q30(v->reference_i_q25, sat_i32((int64_t)share_q30));
-  const bool held = v->plant.machine.park == PARK_HELD;
-  const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->speed_turn_q36);
-  const complex_t turned = complex_mul_q30(added, cis_q30(held ? turn : 0u - turn));
-  return held ? complex_sub(added, turned) : complex_sub(turned, added);
-}
-
-COLD void vector_init(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  vector_t *v = &drive->vector;
-  const uint32_t samples = (uint32_t)p->vector_tick_samples;
-  const vector_machine_t machine = {
-      .resistance_q30 = (uint32_t)p->vector_resistance_q30,
-      .delay_q30 = (uint32_t)p->vector_delay_q30,
-      .admittance = p->vector_admittance,
-      .impedance = p->vector_impedance,
-      .period_cycles = (uint32_t)p->vector_sample_cycles,
-      .harmonic = 1,
-      .park = (p->vector_park != 0) ? PARK_EXACT : PARK_HELD,
-  };
-  vector_machine_t observed = machine;
-  observed.resistance_q30 = (uint32_t)p->vector_observer_resistance_q30;
-  observed.admittance = p->vector_observer_admittance;
-  observed.impedance = p->vector_observer_impedance;
-  vector_plant(&v->plant, &machine);
-  vector_plant(&v->observed, &observed);
-  v->salient = p->vector_mtpa_ratio_i_q25 != 0;
-  v->per_tick = observed;
-  vector_machine_join(&v->per_tick, samples);
-  if (p->vector_slope > 0) {
-    const uint32_t zone = div_sat_u32((uint64_t)(uint32_t)p->vector_dead_comp_cycles << p->vector_slope_shift,
-                                      (uint32_t)p->vector_slope);
-    v->zone_i_q17 = (zone < SAMPLE_MAX_Q17) ? zone : SAMPLE_MAX_Q17;
-  }
-  v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
-  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
-                               p->vector_speed_max_turn_q36};
-  v->start_settings = (if_settings_t){
-      .current_i_q25 = p->vector_start_i_q25,
-      .rise_i_q25 = p->vector_start_rise_i_q25,
-      .align_ticks = (uint32_t)p->vector_start_align_ticks,
-      .acceleration_turn_q44 = p->vector_start_accel_turn_q44,
-      .minimum_v_q25 = (uint32_t)p->vector_emf_minimum_v_q25,
-      .tolerance_turn_q32 = p->vector_start_tolerance_q32,
-      .steady_ticks = (uint32_t)p->vector_start_steady_ticks,
-  };
-  v->speed_gains = (pi_gains_t){p->vector_speed_kp, per_round(p->vector_speed_ki)};
-  v->weakening_ki = per_round(p->vector_weakening_ki);
-  // numerator * 2^-36, the numerator to 30 bits.
-  uint64_t numerator = drive->speed_numerator_q8;
-  v->to_rpm.shift = 36;
-  while (numerator > (uint64_t)INT32_MAX) {
-    numerator >>= 1;
-    v->to_rpm.shift--;
-  }
-  v->to_rpm.mant = (int32_t)numerator;
-  v->back_rpm_q8 = rpm_q8(drive, p->vector_back_turn_q36);
-  v->handover_rpm_q8 = rpm_q8(drive, p->vector_handover_turn_q36);
-  const int32_t stop_rpm_q8 = p->stop_rpm * 256;
-  v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
-  v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
-  v->sensored = p->vector_angle != 0;
-  v->encoder_settings =
-      (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
-  drive->command.vector.read_slow = true;
-  drive->command.vector.read_steps = true;
-  vector_off(drive);
-  for (uint32_t k = 0; k < VECTOR_STAGES; k++) {
-    vector_design(drive);
-  }
-  v->design[0] = v->design[1];
-}
-
-void vector_design(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  vector_t *v = &drive->vector;
-  if (p == 0 || p->method != METHOD_VECTOR || v->finished) {
-    return;
-  }
-  vector_design_t *spare = &v->design[1u - v->used];
-  const uint32_t stage = v->stage % VECTOR_STAGES;
-  if (v->stage == VECTOR_STAGES * VECTOR_DESIGNS) {
-    v->late_v_q25 = late_compensation_v_q25(drive);
-  } else if (stage == 0u) {
-    // A step in between may have changed one part of a vector.
-    const int32_t voltage_v_q25 = (int32_t)complex_abs(v->state_v_q25);
-    v->band_i_q17 = (uint32_t)clamp_i32(gain_apply(voltage_v_q25, p->vector_band), 0, SAMPLE_MAX_Q17);
-    if (v->frame != FRAME_OFF) {
-      drive->u_v_q25 = voltage_v_q25;
-      drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
-    }
-    vector_model(&v->model, &v->plant, v->speed_turn_q36);
-  } else if (stage == 1u) {
-    v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
-    if (v->salient) {
-      vector_model(&v->model, &v->observed, v->speed_turn_q36);
-    }
-    vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else {
-    emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
-    __atomic_signal_fence(__ATOMIC_RELEASE);
-    v->finished = v->fits;
-  }
-  v->stage = (v->stage + 1u) % (VECTOR_STAGES * VECTOR_DESIGNS + 1u);
-}
-
-COLD static void take_design(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  chip_vector_command_t *command = &drive->command.vector;
-  v->used = 1u - v->used;
-  const regulator_gains_t *gains = &v->design[v->used].regulator;
-  command->gain[0] = gains->g;
-  command->hold[0] = gains->h;
-  command->ratio_q17[0] = gains->ratio_q17;
-  command->shift[0] = (uint32_t)gains->shift;
-  command->band_i_q17 = v->band_i_q17;
-  command->write_gains = true;
-  v->finished = false;
-}
-
-COLD void vector_off(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  chip_vector_command_t *command = &drive->command.vector;
-  v->frame = FRAME_OFF;
-  v->speed_turn_q36 = 0;
-  v->correct_q32 = 0;
-  v->holding = false;
-  v->reference_i_q25 = (complex_t){0, 0};
-  v->state_v_q25 = (complex_t){0, 0};
-  v->late_v_q25 = (complex_t){0, 0};
-  v->suspicion = 0;
-  command->enable = false;
-  command->regulate[0] = false;
-  command->preset_v_q17[0] = (complex_t){0, 0};
-}
-
-COLD static void enter_phase(drive_t *drive, phase_t phase) {
-  drive->phase = phase;
-  drive->state_ticks = 0;
-}
-
-COLD void vector_begin(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  const complex_t zero = {0, 0};
-  if_begin(&v->start);
-  emf_observer_preset(&v->observer, zero, zero, zero);
-  v->weakening.current_i_q30 = 0;
-  v->mtpa_i_q25 = 0;
-  v->waiting_ticks = 0;
-  v->frame = FRAME_FORCED;
-  drive->brake_i_q25 = 0;
-  drive->command.gate_enable = true;
-  drive->command.vector.enable = true;
-  drive->command.vector.regulate[0] = true;
-  enter_phase(drive, START_ALIGN);
-}
-
-COLD bool vector_catch(drive_t *drive, uint32_t angle_q32, int32_t mean_step_q32) {
-  const parameters_t *p = drive->p;
-  vector_t *v = &drive->vector;
-  const int32_t speed_turn_q36 = (mean_step_q32 / (int32_t)v->per_tick.period_cycles) * 16;
-  if (v->sensored || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
-    return false;
-  }
-  // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
-  const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
-  v->correct_q32 = (int32_t)(angle_q32 + (uint32_t)mean_step_q32 - quarter - v->angle_turn_q32);
-  v->holding = true;
-  v->speed_turn_q36 = speed_turn_q36;
-  v->direction = (speed_turn_q36 < 0) ? -1 : 1;
-  const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
-  drive->command.vector.preset_v_q17[0] = to_q17(emf_v_q25);
-  v->reference_i_q25 = (complex_t){0, 0};
-  v->goal_i_q25 = 0;
-  v->weakening.current_i_q30 = 0;
-  v->mtpa_i_q25 = 0;
-  v->waiting_ticks = 0;
-  v->suspicion = 0;
-  v->frame = FRAME_CAUGHT;
-  return true;
-}
-
-// The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
-COLD static void caught_step(drive_t *drive, const chip_snapshot_t *in) {
-  vector_t *v = &drive->vector;
-  if (in->vector.taken) {
-    v->correct_q32 = 0;
-    v->waiting_ticks++;
-  }
-  if (v->waiting_ticks < 2u) {
-    return;
-  }
-  const complex_t zero = {0, 0};
-  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
-  emf_observer_preset(&v->observer, zero, emf_v_q25, emf_v_q25);
-  v->holding = false;
-  v->frame = FRAME_OBSERVED;
-  pll_preset(&v->pll, 0, v->speed_turn_q36);
-  ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
-  drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
-  vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, 0);
-  drive->command.gate_enable = true;
-  drive->command.vector.enable = true;
-  drive->catches++;
-  enter_phase(drive, START_HAND_OVER);
-}
-
-// The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it
-// remembers of the error is made anew meanwhile.
-COLD static void turn_frame(drive_t *drive, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
-  vector_t *v = &drive->vector;
-  const complex_t rotation = rotation_q30(turn_q32);
-  v->correct_q32 = turn_q32;
-  v->holding = true;
-  v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
-  v->goal_i_q25 = v->reference_i_q25.re;
-  v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation);
-  drive->command.vector.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
-}
-
-COLD static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
-  vector_t *v = &drive->vector;
-  turn_frame(drive, in, v->start.turn_q32, v->reference_i_q25);
-  v->frame = FRAME_OBSERVED;
-  // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
-  // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick. By the
-  // encoder the frame is handed over at rest, without a steady time.
-  const int32_t half = (int32_t)v->start.steady_ticks / 2;
-  int32_t change_q32 = 0;
-  if (half > 0) {
-    const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
-    const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
-    const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
-    v->speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
-    change_q32 = (second_q32 - first_q32) / (half * half);
-  }
-  v->direction = (v->speed_turn_q36 < 0) ? -1 : 1;
-  v->suspicion = 0;
-  pll_preset(&v->pll, 0, v->speed_turn_q36);
-  if (v->pll_gains.acceleration.mant != 0) {
-    const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
-    v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
-  }
-  ramp_preset(&drive->ramp, rpm_q8(drive, v->speed_turn_q36));
-  drive->brake_i_q25 = drive->settings.brake_limit_i_q25;
-  vector_speed_preset(&v->speed, &v->speed_gains, v->speed_turn_q36, v->speed_turn_q36, v->reference_i_q25.im);
-  enter_phase(drive, START_HAND_OVER);
-}
-
-// The current lies on d again: of the same length, so that nothing jumps.
-COLD static void hand_back(drive_t *drive, const chip_snapshot_t *in) {
-  vector_t *v = &drive->vector;
-  const complex_t current = v->reference_i_q25;
-  turn_frame(drive, in, if_turn_back_q32(current), current);
-  if_resume(&v->start, &v->start_settings, v->speed_turn_q36, complex_abs(current));
-  v->waiting_ticks = 0;
-  v->frame = FRAME_FORCED;
-  if (drive->state == STATE_RUNNING) {
-    drive_enter(drive, STATE_STARTING);
-    enter_phase(drive, START_RAMP);
-  }
-}
 
 // The target asks for the other direction, or for none.
 HOT static bool descending(const drive_t *drive) {
@@ -422,32 +99,11 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   v->holding = false;
 }
 
-static bool has_encoder(const drive_t *drive) { return drive->p->encoder_quarters > 1; }
-
-// Electrical angle of the rotor by the encoder.
-HOT static uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
-
 HOT static void read_encoder(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->speed_turn_q36);
   if (in->encoder_indexed) {
     v->encoder_offset_q32 = (uint32_t)drive->p->encoder_offset_q32;
-  }
-}
-
-// The rotor swings about the standing current.
-COLD static void watch_alignment(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  if (v->start.aligned_ticks <= 1u) {
-    encoder_swing_begin(&v->swing, v->encoder_turn_q32);
-  }
-  encoder_swing_step(&v->swing, v->encoder_turn_q32);
-}
-
-COLD static void learn_mounting(drive_t *drive, const chip_vector_snapshot_t *in) {
-  vector_t *v = &drive->vector;
-  if (!in->encoder_indexed) {
-    v->encoder_offset_q32 = v->frame_turn_q32 - encoder_swing_middle_q32(&v->swing);
   }
 }
 
@@ -513,6 +169,9 @@ HOT static void apply_limits(drive_t *drive) {
                                      p->brake_range);
   command->write_limits = true;
   command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
+  if (drive->vector.injection != 0) {
+    vector_injection_limits(drive);
+  }
   // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
   // large by it.
   const uint32_t vdc_q17 = (vdc > 256) ? (uint32_t)vdc >> 8 : 1u;
@@ -558,60 +217,6 @@ HOT static void check_lock(drive_t *drive, complex_t voltage_v_q25) {
   v->suspicion = bad ? v->suspicion + 1u : 0u;
 }
 
-HOT static void forced_step(drive_t *drive, const chip_snapshot_t *in) {
-  vector_t *v = &drive->vector;
-  const parameters_t *p = drive->p;
-  const bool stopping = drive->state == STATE_STOPPING;
-  const int32_t target = (drive->settings.target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
-  const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
-  v->speed_turn_q36 = if_speed_turn_q36(&v->start);
-  v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
-  drive->m.speed_rpm_q8 = rpm_q8(drive, v->speed_turn_q36);
-  drive->ramp.value_rpm_q8 = drive->m.speed_rpm_q8;
-  if (drive->phase == START_ALIGN) {
-    if (has_encoder(drive)) {
-      watch_alignment(drive);
-    }
-    if (v->start.aligned_ticks >= v->start_settings.align_ticks) {
-      enter_phase(drive, START_RAMP);
-      if (has_encoder(drive)) {
-        learn_mounting(drive, &in->vector);
-      }
-    }
-  }
-  if (v->sensored) {
-    if (drive->phase == START_RAMP) {
-      v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
-      v->start.steady_ticks = 0;
-      hand_over(drive, in);
-    }
-    return;
-  }
-  if (!there) {
-    v->waiting_ticks = 0;
-    return;
-  }
-  if (stopping) {
-    drive_gates_off(drive);
-    drive_enter(drive, STATE_READY);
-    return;
-  }
-  const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
-  if (v->start.steady_ticks <= 1u) {
-    v->turn_from_q32 = v->start.turn_q32;
-  } else if (v->start.steady_ticks == v->start_settings.steady_ticks / 2u + 1u) {
-    v->turn_middle_q32 = v->start.turn_q32;
-  }
-  if (ready) {
-    hand_over(drive, in);
-    return;
-  }
-  v->waiting_ticks++;
-  if (v->waiting_ticks > (uint32_t)p->lock_timeout_ticks + v->start_settings.steady_ticks) {
-    start_failed(drive);
-  }
-}
-
 HOT static void track(drive_t *drive, bool taken) {
   vector_t *v = &drive->vector;
   // A correction that has not been taken yet is still in the error.
@@ -645,7 +250,7 @@ HOT static void regulate_speed(drive_t *drive, const chip_snapshot_t *in) {
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
     drive_enter_fault(drive, FAULT_OVERSPEED);
   } else if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
-    hand_back(drive, in);
+    vector_hand_back(drive, in);
   }
 }
 
@@ -744,6 +349,9 @@ HOT static void command(drive_t *drive) {
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
   c->write_control = regulate != c->regulate[0] || v->frame == FRAME_OFF || drive->state == STATE_STARTING;
   c->regulate[0] = regulate;
+  if (v->frame == FRAME_INJECTED) {
+    vector_injection_command(drive);
+  }
 }
 
 COLD static void idle_step(drive_t *drive, const chip_snapshot_t *in) {
@@ -767,8 +375,10 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   drive->command.vector.write_gains = false;
   drive->command.vector.write_limits = false;
+  drive->command.vector.write_forward = false;
+  drive->command.vector.write_injection = false;
   if (v->finished) {
-    take_design(drive);
+    vector_take_design(drive);
   }
   if (drive->command.vector.read_slow) {
     measure(drive, in);
@@ -790,11 +400,13 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     if (v->frame == FRAME_OFF) {
       idle_step(drive, in);
     } else if (v->frame == FRAME_CAUGHT) {
-      caught_step(drive, in);
+      vector_caught_step(drive, in);
+    } else if (v->frame == FRAME_INJECTED) {
+      vector_injection_step(drive, in);
     } else {
       observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {
-        forced_step(drive, in);
+        vector_forced_step(drive, in);
       } else {
         observed_step(drive, in);
       }

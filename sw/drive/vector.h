@@ -48,6 +48,9 @@ bool vector_catch(drive_t *drive, uint32_t angle_q32, int32_t mean_step_q32);
 // The rotor is slow enough after the coast: switch on and align.
 void vector_begin(drive_t *drive);
 
+// By which the published angle is ahead of the frame's: cross-coupling and what the angle sequence leaves. 2^32 = one turn.
+uint32_t vector_published_q32(const drive_t *drive);
+
 // Legs, regulator and frame off.
 void vector_off(drive_t *drive);
 

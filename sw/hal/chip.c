@@ -9,7 +9,17 @@
 #define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define CLEAR_KEY 0xA5u
 
-static const uint8_t current_channel[CURRENT_CHANNELS] = {3, 4, 5, 7};
+// Channels: voltages and currents of the phases, DC link's voltage and current, star point.
+static uint32_t current_channel(uint32_t i) { return (i < PHASES) ? PHASES + i : 2u * PHASES + 1u; }
+
+// Gains are given for the channels of three phases; equal phases have the first one's.
+static uint32_t gain_of(uint32_t channel) {
+#if PHASES == 3
+  return channel;
+#else
+  return (channel < PHASES) ? 0u : ((channel < 2u * PHASES) ? 3u : channel - 2u * PHASES + 6u);
+#endif
+}
 
 bool chip_is_known(void) {
   const uint32_t build = reg_read(REG(sys.build));
@@ -35,11 +45,11 @@ COLD static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
   for (uint32_t c = 0; c < CHANNELS; c++) {
-    reg_write(REG(sense.gain[0]) + 4u * c, (uint32_t)p->gain_q15[c]);
+    reg_write(REG(sense.gain[0]) + 4u * c, (uint32_t)p->gain_q15[gain_of(c)]);
     reg_write(REG(sense.offset[0]) + 4u * c, 0);
   }
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-    reg_write(REG(sense.offset[0]) + 4u * current_channel[i], CURRENT_OFFSET_Q4);
+    reg_write(REG(sense.offset[0]) + 4u * current_channel(i), CURRENT_OFFSET_Q4);
   }
   write_scheduler(SAMPLING_CONTINUOUS, p);
 }
@@ -108,6 +118,9 @@ COLD void chip_configure(const parameters_t *parameters) {
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
   if (parameters->method == METHOD_VECTOR) {
     configure_vector(parameters);
+    if (parameters->injection != 0) {
+      chip_configure_injection(parameters);
+    }
   }
 }
 
@@ -190,6 +203,9 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
   }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
+  if (parameters->injection != 0) {
+    chip_read_injection(&snapshot->injection);
+  }
   if (command->vector.read_slow) {
     read_slow(snapshot);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
@@ -234,7 +250,7 @@ COLD void chip_read_offsets(chip_snapshot_t *snapshot) {
   snapshot->auto_zero_busy = BITS(FL_SENSE_REGS__AUTO_ZERO__BUSY, reg_read(REG(sense.auto_zero))) != 0u;
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     snapshot->current_code_offset_q4[i] =
-        (uint16_t)(reg_read(REG(sense.offset[0]) + 4u * current_channel[i]) & 0xFFFFu);
+        (uint16_t)(reg_read(REG(sense.offset[0]) + 4u * current_channel(i)) & 0xFFFFu);
   }
 }
 
@@ -312,7 +328,7 @@ HOT static void write_loop(const chip_command_t *command, const parameters_t *p)
 COLD static void start_auto_zero(const parameters_t *p) {
   uint32_t mask = 0;
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-    mask |= 1u << current_channel[i];
+    mask |= 1u << current_channel(i);
   }
   reg_write(REG(sense.auto_zero), FIELD(FL_SENSE_REGS__AUTO_ZERO__START, 1) |
                                       FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, p->auto_zero_log2) |
@@ -378,6 +394,14 @@ INLINED void chip_write_vector(const chip_command_t *command, const parameters_t
   }
   if (v->write_gains) {
     write_vector_gains(v);
+  }
+  if (v->write_forward) {
+    for (uint32_t s = 0; s < SUBSPACES; s++) {
+      write_vector(REG(foc.forward[0]), s, v->forward_v_q17[s]);
+    }
+  }
+  if (v->write_injection) {
+    chip_write_injection(command, parameters);
   }
   if (command->write_modes) {
     const int32_t samples = v->tick_by_samples ? parameters->vector_tick_samples : 0;

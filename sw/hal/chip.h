@@ -31,6 +31,8 @@ uint32_t chip_tick_time(void);
 
 // Static configuration of sensing, crossing detection, timers and protections; gates stay off.
 void chip_configure(const parameters_t *parameters);
+// Settings of the injection, which stays off.
+void chip_configure_injection(const parameters_t *parameters);
 // Period of the control tick; 0 stops it.
 void chip_set_tick(uint32_t cycles);
 // Period of the machine timer's interrupt; 0 stops it.
@@ -44,6 +46,7 @@ void chip_set_load(uint32_t cycles);
 void chip_read(chip_snapshot_t *snapshot);
 // The same for METHOD_VECTOR, as the command of before asked for it.
 void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters);
+void chip_read_injection(chip_injection_snapshot_t *snapshot);
 // The parts of it that are seldom needed: current offsets, intervals of the sectors, phases of the
 // Hall edges.
 void chip_read_offsets(chip_snapshot_t *snapshot);
@@ -56,6 +59,7 @@ void chip_read_freewheel(chip_freewheel_t *freewheel);
 // Write every shadowed setting and commit the set for the next tick.
 void chip_write(const chip_command_t *command, const parameters_t *parameters);
 void chip_write_vector(const chip_command_t *command, const parameters_t *parameters);
+void chip_write_injection(const chip_command_t *command, const parameters_t *parameters);
 // The regulator step that waits, false if none does, and its voltage before the limit, which acts at once.
 bool chip_read_direct(chip_direct_t *direct);
 void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25);

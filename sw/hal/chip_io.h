@@ -7,9 +7,11 @@
 
 #include "control/complex_fixed.h"
 
-#define PHASES 3
+#ifndef PHASES
+#define PHASES 3  // or 5, by the build
+#endif
 #define SUBSPACES ((PHASES + 1) / 2 - 1)  // of the vector path; its arrays have room for those of five phases
-#define CURRENT_CHANNELS 4  // ia, ib, ic, idc
+#define CURRENT_CHANNELS (PHASES + 1)  // of the phases, idc
 
 typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
@@ -64,6 +66,15 @@ typedef struct {
   uint16_t encoder_invalid;  // both tracks at once, wraps; with read_slow
 } chip_vector_snapshot_t;
 
+// Latest result of the injection (injection_error.h has the units), and its wave.
+typedef struct {
+  complex_t d;
+  complex_t q;
+  uint32_t count;
+  uint16_t results;  // since reset, wraps
+  bool active;
+} chip_injection_snapshot_t;
+
 // A regulator step that waits for its voltage: subspace 1.
 typedef struct {
   uint32_t number;
@@ -102,6 +113,7 @@ typedef struct {
   bool auto_zero_busy;
   uint16_t current_code_offset_q4[CURRENT_CHANNELS];  // offsets in use, converter codes Q12.4
   chip_vector_snapshot_t vector;  // with METHOD_VECTOR only, which reads no crossings and sectors
+  chip_injection_snapshot_t injection;  // with an injection only
 } chip_snapshot_t;
 
 // Freewheel measurements of a tick, in the chip's own words.
@@ -134,6 +146,9 @@ typedef struct {
   bool write_correct;    // one-shot: add correct_q32 to the angle
   bool write_gains;      // one-shot: gain, hold, ratio, shift, forward or band have changed
   bool write_limits;     // one-shot: limit, lead or scale have
+  bool inject;           // the wave runs
+  bool write_injection;  // one-shot: that has changed
+  bool write_forward;    // one-shot: forward has
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle
   uint32_t scale;

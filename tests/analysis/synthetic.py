@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, PlantEventKind, RunData
+from fluxlock.plant.trajectory import wave_dtype
 
 CLOCK_HZ = 50e6
 PAIRS = ((0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1))  # upper and lower phase of sectors I..VI
@@ -216,15 +217,34 @@ def _records(
     return records
 
 
+def _five_phases(rows: np.ndarray) -> np.ndarray:
+    """The same rows with the columns of a five-phase machine."""
+    wide = np.zeros(rows.size, wave_dtype(5))
+    for name in rows.dtype.names or ():
+        wide[name] = rows[name]
+    return wide
+
+
 def make_vector_run(
-    drive: Drive, errors_deg: np.ndarray, d_a: float = 0.0, q_a: float = 10.0, sample_hz: float = 40e3
+    drive: Drive,
+    errors_deg: np.ndarray,
+    d_a: float = 0.0,
+    q_a: float = 10.0,
+    sample_hz: float = 40e3,
+    phases: int = 3,
+    third_a: float = 0.0,
 ) -> RunData:
-    """Vector control: sinusoidal currents and a sample every 1 / sample_hz, the errors of the angle by turns."""
+    """Vector control: sinusoidal currents and a sample every 1 / sample_hz, the errors of the angle by turns.
+
+    third_a: with five phases the current of subspace 3 on its q axis.
+    """
     data = make_run(replace(drive, freewheel_deg=None))
+    if phases == 5:
+        data = replace(data, records=_five_phases(data.records), zoom=_five_phases(data.zoom))
     for rows in (data.records, data.zoom):
-        for phase, name in enumerate("abc"):
-            angle = rows["theta_e"] - phase * 2 * np.pi / 3
-            rows[f"i{name}"] = d_a * np.cos(angle) - q_a * np.sin(angle)
+        for phase, name in enumerate("abcde"[:phases]):
+            angle = rows["theta_e"] - phase * 2 * np.pi / phases
+            rows[f"i{name}"] = d_a * np.cos(angle) - q_a * np.sin(angle) - third_a * np.sin(3 * angle)
     cycles = np.arange(500, data.cycles, round(CLOCK_HZ / sample_hz))
     error = np.radians(np.resize(errors_deg, cycles.size))
     turns = (np.asarray(drive.theta(cycles / CLOCK_HZ)) + error) / (2 * np.pi)

@@ -14,6 +14,7 @@ import pytest
 
 from fluxlock.analysis import injection_cases as cases
 from fluxlock.analysis import injection_kernel as kernel
+from fluxlock.analysis import injection_machine
 from fluxlock.analysis.injection_cases import TIAN_BEST, TIAN_TS, YU_BEST, YU_PRINTED, Row, machine, tian, yu
 from fluxlock.analysis.injection_loop import Course, Inverter, Loop, Schedule, Settings, designed_pll
 from fluxlock.config.motor import machine_params
@@ -47,7 +48,7 @@ def test_magnetics(monkeypatch: pytest.MonkeyPatch) -> None:
     flux = FluxMap(machine_params(YU))
     m, out = machine_set(monkeypatch, yu(YU_BEST)), np.zeros(7)
     for i in np.random.default_rng(3).uniform(-9, 9, (200, 4)):
-        kernel.flux_now(m, *i, out)
+        injection_machine.flux_now(m, *i, out)
         assert out[:4] == pytest.approx(flux.flux(i), abs=1e-12)
         inductance = flux.inductance(i)
         assert out[4:] == pytest.approx([inductance[0, 0], inductance[0, 1], inductance[1, 1]], abs=1e-12)
@@ -67,7 +68,7 @@ def test_currents_solve_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
             i = rng.uniform(-4, 4, 4) * (1, 1, five, five)
             v = rng.uniform(-40, 40, 4) * (1, 1, five, five)
             theta, omega, h = rng.uniform(0, 6), rng.uniform(-200, 200), 1e-7
-            kernel.slope_now(m, i, v, theta, omega, work, slope)
+            injection_machine.slope_now(m, i, v, theta, omega, work, slope)
             axes = 4 if five else 2
 
             def stationary(current: Any, angle: float, flux: FluxMap = flux, axes: int = axes) -> Any:
@@ -242,7 +243,7 @@ def test_command() -> None:
     assert "limit 10   ok" in done.stdout
     wrong = subprocess.run([*command, "nothing"], capture_output=True, text=True, cwd=ROOT, check=False)
     assert wrong.returncode == 2 and "nothing" in wrong.stderr and "Traceback" not in wrong.stderr
-    assert Path(kernel.FOLDER).exists()
+    assert Path(injection_machine.FOLDER).exists()
 
 
 def test_pll_designs() -> None:

@@ -303,6 +303,20 @@ def test_currents_of_the_rotors_frame(speed: float) -> None:
     assert (m["id_a"], m["iq_a"]) == (pytest.approx(-3.0, abs=1e-6), pytest.approx(12.0, abs=1e-6))
 
 
+def test_currents_of_five_phases() -> None:
+    """i_d and i_q of subspace 1 whatever flows in subspace 3; peak to peak of all five phases.
+
+    Verifies: VCONF-05
+    """
+    third = make_vector_run(Drive(), np.zeros(1), d_a=-3.0, q_a=12.0, phases=5, third_a=2.0)
+    m = Analysis(third).window(0.002, 0.018)
+    assert (m["id_a"], m["iq_a"]) == (pytest.approx(-3.0, abs=1e-6), pytest.approx(12.0, abs=1e-6))
+    data = make_vector_run(Drive(), np.zeros(1), d_a=-3.0, q_a=4.0, phases=5)
+    assert Analysis(data).window(0.002, 0.018)["phase_current_pp_a"] == pytest.approx(10.0, rel=1e-3)
+    data.records["ie"] *= 2.0
+    assert Analysis(data).window(0.002, 0.018)["phase_current_pp_a"] == pytest.approx(12.0, rel=1e-3)
+
+
 def test_log_kinds_are_those_of_the_simulator() -> None:
     """Names and numbers of the log's rows in the simulator's main and in the analysis.
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.plots import overview_page, vector_overview_page, write_plots
+from fluxlock.analysis.plots import overview_page, vector_overview_page, vector_zoom_page, write_plots
 from fluxlock.analysis.six_step.machine import Machine
 from fluxlock.analysis.six_step.override import SampleTiming
 from fluxlock.analysis.six_step.plots import soa_figure, spectrum_figure
@@ -77,7 +77,8 @@ def test_panels_show_what_they_say(scenario: Scenario) -> None:
     assert voltages.get_xlim() == currents.get_xlim() == gates.get_xlim() == (low, high)
 
 
-def test_pages_of_a_vector_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize("phases", [3, 5])
+def test_pages_of_a_vector_run(tmp_path: Path, phases: int) -> None:
     """Speed, the angle's error at its samples, i_d and i_q of the run, zoomed phase currents; two PNG files.
 
     Verifies: VCONF-06
@@ -92,9 +93,9 @@ def test_pages_of_a_vector_run(tmp_path: Path) -> None:
         ],
     )
     span = scenario.zoom_window_s()
-    analysis = Analysis(make_vector_run(Drive(zoom_s=span), np.array([1.5]), d_a=-2.0, q_a=11.0))
-    speed, errors, currents, phases = vector_overview_page(analysis, scenario).axes
-    assert all(axes.get_ylabel() and axes.get_xlabel() for axes in (speed, errors, currents, phases))
+    analysis = Analysis(make_vector_run(Drive(zoom_s=span), np.array([1.5]), d_a=-2.0, q_a=11.0, phases=phases))
+    speed, errors, currents, of_phases = vector_overview_page(analysis, scenario).axes
+    assert all(axes.get_ylabel() and axes.get_xlabel() for axes in (speed, errors, currents, of_phases))
     assert np.allclose({line.get_label(): line for line in speed.lines}["speed"].get_ydata(), 60.0)
     samples = errors.lines[0]
     assert np.allclose(samples.get_ydata(), 1.5, atol=0.01)
@@ -102,7 +103,10 @@ def test_pages_of_a_vector_run(tmp_path: Path) -> None:
     assert errors.get_ylim()[1] == pytest.approx(1.5 * 1.5, abs=0.02)
     lines = {line.get_label(): line for line in currents.lines}
     assert np.allclose(lines["d"].get_ydata(), -2.0) and np.allclose(lines["q"].get_ydata(), 11.0)
-    assert phases.get_xlim() == tuple(t * 1e3 for t in span)
+    assert of_phases.get_xlim() == tuple(t * 1e3 for t in span)
+    assert [line.get_label() for line in of_phases.lines] == [f"phase {x}" for x in "ABCDE"[:phases]]
+    *_, gates = vector_zoom_page(analysis, scenario).axes
+    assert [x.get_text() for x in gates.get_yticklabels()][::2] == [f"{x} upper" for x in "ABCDE"[:phases]]
     paths = write_plots(tmp_path, analysis, scenario)
     assert [p.name for p in paths] == ["overview.png", "zoom.png"]
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in paths)

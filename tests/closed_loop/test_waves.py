@@ -17,7 +17,7 @@ import pywellen
 
 from fluxlock.analysis.rundata import LogKind, RunData, load_trace
 from fluxlock.cosim.chip import FST
-from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SURFER_FILE, WAVE_FILE
+from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SIX_STEP, SURFER_FILE, WAVE_FILE
 from fluxlock.paths import BUILD, ROOT
 
 SCENARIO = ROOT / "scenarios" / "six-step" / "start.toml"
@@ -56,8 +56,8 @@ def check_gates(data: RunData, fst: pywellen.Waveform) -> None:
 
 def check_carrier(fst: pywellen.Waveform) -> None:
     """One count a clock from 0 to the last one, clock by clock through the whole span."""
-    counts = changes(fst, "fl_soc.u_pwm.u_carrier.count_q")
-    last_of = dict(changes(fst, "fl_soc.u_pwm.u_carrier.last_q"))
+    counts = changes(fst, f"fl_soc.{SIX_STEP}u_pwm.u_carrier.count_q")
+    last_of = dict(changes(fst, f"fl_soc.{SIX_STEP}u_pwm.u_carrier.last_q"))
     assert len(counts) == round((TO_S - FROM_S) * 1e9 / CLOCK_NS) + 1
     last, starts = 0, 0
     for (n, before), (m, after) in itertools.pairwise(counts):

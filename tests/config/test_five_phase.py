@@ -159,14 +159,14 @@ def test_saturated_three_phases() -> None:
 
 
 def test_legs_fit_the_machine() -> None:
-    """A scenario refuses another number of legs than phases, and five phases for which its chip is not built.
+    """A scenario refuses another number of legs than phases, and five phases without injection.
 
     Verifies: FRONT-44
     """
     (text,) = errors(f"inverter={LEGS_200}")
     assert "legs: 5 does not fit the motor (" in text and text.endswith("motor-1.toml), which has 3 phases")
     found = errors(f"motor={TIAN}", f"inverter={LEGS_200}")
-    assert len(found) == 1 and "phases: 5: the chip of a scenario drives 3 phases" in found[0]
+    assert len(found) == 1 and "phases: 5 needs drive.method" in found[0]
     assert "legs: 4 is not permitted, permitted: 3, 5" in errors("inverter.legs=4")[0]
     text = errors(f"inverter={LEGS_200}", "inverter.sensing.divider_gain=[1.0, 1.1, 1.0]")[0]
     assert "sensing.divider_gain: must be one number with legs = 5" in text

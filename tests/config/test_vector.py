@@ -198,6 +198,25 @@ def test_what_cannot_work(overrides: list[str], expected: str) -> None:
     assert errors(*overrides) == [expected]
 
 
+def test_value_of_the_option_is_charged_to_it() -> None:
+    """What `--set` gave is named as `--set`, with the key as it was given; what a file holds is named by the file.
+
+    Verifies: FRONT-05
+    """
+    encoder = ROOT / "scenarios" / "vector" / "encoder.toml"
+    for path, override, key in (
+        (encoder, "motor.encoder.lines=2", "motor.encoder.lines"),
+        (START, "drive.carrier_hz=900", "drive.carrier_hz"),
+        (START, "drive.vector.pll_hz=5000", "drive.vector.pll_hz"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            load_scenario(path, [override])
+        assert ("--set", key) in {(p.file, p.key) for p in caught.value.problems}, caught.value.problems
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(START, ["motor.max_speed_rpm=500"])
+    assert {p.file for p in caught.value.problems} != {"--set"}
+
+
 def test_console_settings_of_six_step() -> None:
     """Lines that set what vector control does not have are refused before the run; the names are the firmware's.
 

@@ -17,6 +17,8 @@ from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.config.loader import keys_of
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import select
+from fluxlock.synth.blocks import ALL_BLOCKS, block_files, load_settings
+from fluxlock.synth.configurations import load_configurations
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
@@ -55,10 +57,13 @@ def check_fluxlock(words: list[str]) -> None:
 
 
 def check_make(words: list[str]) -> None:
-    """Targets are there, and the cases that CASES names."""
+    """Targets are there, and the cases that CASES and what ONLY names."""
     for word in words:
         if word.startswith("CASES="):
             assert select([word.removeprefix("CASES=")]), f"no case {word}"
+        elif word.startswith("ONLY="):
+            built = {ALL_BLOCKS, *load_configurations(), *block_files(load_settings())}
+            assert word.removeprefix("ONLY=") in built, f"neither configuration nor block {word}"
         elif "=" not in word:
             assert word in TARGETS, f"no target {word}"
 

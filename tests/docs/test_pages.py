@@ -22,6 +22,8 @@ SHARED = {
     "fl_sqrt": "fl_foc",
     "fl_ratio": "fl_foc",
     "fl_injection_mac": "fl_lock_in",
+    "fl_can_confinement": "fl_can_bsp",
+    "fl_six_step": "fl_soc",
 }
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import pytest
 
 from fluxlock.firmware import DriveSpec
-from tests.firmware import averaged_motor as am
-from tests.firmware.averaged_motor import Load
+from fluxlock.native import averaged_motor as am
+from fluxlock.native.averaged_motor import Load
 from tests.firmware.firmware_bench import Bench
 
 GHOST_S = (60e-6, 100e-6, 150e-6)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware import DriveSpec
-from tests.firmware import averaged_motor as am
+from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec
-from tests.firmware import averaged_motor as am
-from tests.firmware.averaged_motor import Load
+from fluxlock.native import averaged_motor as am
+from fluxlock.native.averaged_motor import Load
 from tests.firmware.firmware_bench import MOTOR_1, Bench
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
-from tests.firmware.averaged_motor import Load
+from fluxlock.native.averaged_motor import Load
 from tests.firmware.firmware_bench import FAN_1, MOTOR_1, OTHERS, Bench
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fluxlock.firmware import DriveSpec
 from fluxlock.firmware.toolchain import build_host_library
-from tests.firmware import averaged_motor as am
+from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import Bench
 
 MISPLACED_DEG = (6.0, -4.0, 3.0)

@@ -1,4 +1,4 @@
-"""Proofs of the safety blocks by k-induction; the same proofs on broken copies must not succeed."""
+"""Proofs of the blocks with safety properties by k-induction; the same proofs on broken copies must not succeed."""
 
 from __future__ import annotations
 
@@ -48,17 +48,31 @@ def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = Non
     return verdict.group(1)
 
 
-@pytest.mark.parametrize("name", ["fl_gate_guard", "fl_trip", "fl_leg_carrier", "fl_encoder"])
+PROOFS = [
+    "fl_gate_guard",
+    "fl_trip",
+    "fl_leg_carrier",
+    "fl_encoder",
+    "fl_adc_fault",
+    "fl_can",
+    "fl_can_rx",
+    "fl_can_tx",
+]
+
+
+@pytest.mark.parametrize("name", PROOFS)
 def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10,
-    VPWM-06, ENC-04
+    VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert prove(name, name) == "PASS"
 
 
+CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl_can_tx.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
+ADC = "fl_adc_fault.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -106,6 +120,24 @@ BROKEN = {
     "lost steps not counted": ("fl_encoder", ENCODER, "step == 2'd2) invalid_q", "step == 2'd2 && z_q) invalid_q"),
     "lost steps move": ("fl_encoder", ENCODER, "ready && step == 2'd3", "ready && step[1]"),
     "turn one quarter long": ("fl_encoder", ENCODER, "here >= cfg_last_i", "here > cfg_last_i"),
+    "pin ignores bus-off": ("fl_can", CAN, "loopback_q || bus_off_o;", "loopback_q;"),
+    "disabled pin a clock late": ("fl_can", CAN, "!enable_i || !enable_q ||", "!enable_q ||"),
+    "listener drives": ("fl_can", CAN, "|| listen_q || loopback_q ||", "|| loopback_q ||"),
+    "mode changes while enabled": ("fl_can", CAN, "if (!enable_q) begin", "if (!enable_q || !listen_i) begin"),
+    "recovery one run short": ("fl_can", "fl_can_confinement.sv", "quiet_q == '1)", "quiet_q >= 7'd126)"),
+    "runs of ten bits": ("fl_can", CAN_BSP, "else if (count_q == 6'd10) begin", "else if (count_q == 6'd9) begin"),
+    "broken runs count": ("fl_can", CAN_BSP, "if (!bit_i) count_d = '0;", "if (!bit_i) count_d = count_q;"),
+    "second loss not told": ("fl_can_rx", CAN_RX, "= hit_q && full;", "= hit_q && full && !lost_q;"),
+    "loss not marked": ("fl_can_rx", CAN_RX, "lost_q <= full;", "lost_q <= 1'b0;"),
+    "count of losses wraps": ("fl_can_rx", CAN_RX, "overrun_o && lost_count_q != '1)", "overrun_o)"),
+    "a full FIFO takes more": ("fl_can_rx", "fl_fifo.sv", "= push_i && !full_o;", "= push_i || pop_i;"),
+    "abort takes the frame off the bus": ("fl_can_tx", CAN_TX, "&& !stop_i && enable_i) abort", "&& stop_i) abort"),
+    "choice changes on the bus": ("fl_can_tx", CAN_TX, "(chosen_q != '0) ? chosen_q[x] : best[x]", "best[x]"),
+    "a put overwrites": ("fl_can_tx", CAN_TX, "if (put_i[x] && !pending_q[x]) begin", "if (put_i[x]) begin"),
+    "late one clock later": ("fl_adc_fault", ADC, ">= 21'(LateCycles - 1)", ">= 21'(LateCycles)"),
+    "late with the gates off": ("fl_adc_fault", ADC, "valid_i || !gate_on_i", "valid_i"),
+    "bad channel ignored": ("fl_adc_fault", ADC, "bad_i != '0;", "&bad_i;"),
+    "missed strobe forgotten": ("fl_adc_fault", ADC, "missed_q && !(valid_i && bad_i == '0)", "missed_q && !valid_i"),
     "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 

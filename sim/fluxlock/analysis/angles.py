@@ -72,10 +72,17 @@ def wrap_deg(angle: FloatArray) -> FloatArray:
     return (angle + 180.0) % 360.0 - 180.0
 
 
+def phase_currents(records: RecordArray) -> list[str]:
+    """Columns of the phases' currents, of three or five phases."""
+    columns = records.dtype.names or ()
+    return [name for name in ("ia", "ib", "ic", "id", "ie") if name in columns]
+
+
 def dq_current(records: RecordArray) -> ComplexArray:
-    """Currents of the machine in the rotor's frame, d + jq, amplitude-invariant (A)."""
-    phases = sum(records[f"i{name}"] * np.exp(2j * np.pi / 3 * k) for k, name in enumerate("abc"))
-    return np.asarray(2 / 3 * phases * np.exp(-1j * records["theta_e"]), dtype=np.complex128)
+    """Currents of the machine in the rotor's frame, d + jq, amplitude-invariant (A); of five phases subspace 1."""
+    names = phase_currents(records)
+    phases = sum(records[name] * np.exp(2j * np.pi / len(names) * k) for k, name in enumerate(names))
+    return np.asarray(2 / len(names) * phases * np.exp(-1j * records["theta_e"]), dtype=np.complex128)
 
 
 def thesis_angle_deg(theta_rad: FloatArray) -> FloatArray:

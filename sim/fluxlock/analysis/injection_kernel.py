@@ -1,85 +1,36 @@
-"""The whole injection drive, a control period a step, compiled by numba: machine, inverter, converter, control.
+"""The whole injection drive, a control period a step, compiled by numba: converter and control on `injection_machine`.
 
 Called by `injection_loop`, which makes the arguments and says what the settings mean. Angles electrical, rad; SI units.
 """
 
 from __future__ import annotations
 
-import importlib
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
+from fluxlock.analysis.injection_machine import (
+    OMEGA_AT,
+    THETA_AT,
+    TORQUE_AT,
+    InverterSet,
+    MachineSet,
+    advance,
+    axis_tables,
+    compiled,
+    converted,
+    leg_voltages,
+    phase_current,
+    scratch,
+    triangle,
+)
 from fluxlock.analysis.rundata import FloatArray
-from fluxlock.paths import BUILD
-
-F = TypeVar("F", bound=Callable[..., object])
-FOLDER = BUILD / "injection"
 
 LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
 # Columns of the record.
 THETA, RAW, PUBLISHED, OMEGA, OMEGA_EST, I_D, I_Q, TORQUE, EPSILON, HF_D, HF_Q, I_Q_REFERENCE, AMPLITUDE = range(13)
 COLUMNS = 13
-
-
-def _compile(function: F) -> F:
-    # Loaded by name: numba's type stubs do not cover what is used here.
-    numba: Any = importlib.import_module("numba")
-    before = numba.config.CACHE_DIR
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    numba.config.CACHE_DIR = str(FOLDER)
-    try:
-        made: F = numba.njit(cache=True, error_model="numpy")(function)
-    finally:
-        numba.config.CACHE_DIR = before
-    return made
-
-
-class MachineSet(NamedTuple):
-    """Machine and mechanics; cross: pieces of `FluxMap`, edge in column 0, then F and the powers of L_dq."""
-
-    phases: int
-    pole_pairs: float
-    r: float
-    l_d: float
-    l_q: float
-    psi: float
-    l_d3: float
-    l_q3: float
-    l_13: float
-    psi_3: float
-    sat_on: int
-    sat_a: float
-    sat_b: float
-    sat_i: float
-    cross: FloatArray
-    inertia: float
-    viscous: float
-    fan: float
-
-
-class InverterSet(NamedTuple):
-    """dead_vs: voltage-seconds that a late edge costs, V s. zone: current (A) at which it is lost for certain.
-
-    compensation_zone (A): where the compensation is whole. predict: samples by which its current is extrapolated.
-    model: the known HF current is moved on instead. lsb: of the current, A (0: no converter); full_scale and noise in
-    LSB; average: converter samples a current sample.
-    """
-
-    vdc: float
-    dead_vs: float
-    zone: float
-    compensate: int
-    compensation_zone: float
-    predict: float
-    model: int
-    double: int
-    lsb: float
-    full_scale: float
-    noise_lsb: float
-    average: int
 
 
 class ControlSet(NamedTuple):
@@ -131,66 +82,7 @@ class ControlSet(NamedTuple):
     curve_filter: float
 
 
-@_compile
-def flux_now(m: MachineSet, d: float, q: float, d3: float, q3: float, out: FloatArray) -> None:
-    """Flux linkages 0..3 and incremental L_d, L_dq, L_q 4..6."""
-    out[0] = m.psi + m.l_d * d + m.l_13 * d3
-    out[1] = m.l_q * q + m.l_13 * q3
-    out[2] = m.psi_3 + m.l_d3 * d3 + m.l_13 * d
-    out[3] = m.l_q3 * q3 + m.l_13 * q
-    out[4] = m.l_d
-    out[5] = 0.0
-    out[6] = m.l_q
-    if m.sat_on:
-        k = 0
-        rows = m.cross.shape[0]
-        while k < rows - 1 and q >= m.cross[k + 1, 0]:
-            k += 1
-        y = q - m.cross[k, 0]
-        f, c0, c1, c2, c3 = m.cross[k, 1], m.cross[k, 2], m.cross[k, 3], m.cross[k, 4], m.cross[k, 5]
-        integral = f + y * (c0 + y * (c1 / 2 + y * (c2 / 3 + y * c3 / 4)))
-        l_dq = c0 + y * (c1 + y * (c2 + y * c3))
-        slope = c1 + y * (2 * c2 + y * 3 * c3)
-        u = d / m.sat_i
-        v = math.tanh(u)
-        rest = 1 - v * v
-        log_cosh = abs(u) + math.log(0.5 * (1 + math.exp(-2 * abs(u))))
-        bend = m.sat_i * (m.sat_a * log_cosh + m.sat_b * (u - v))
-        out[0] += -m.l_d * bend + rest * integral
-        out[1] += m.sat_i * v * l_dq
-        out[4] = m.l_d * (1 - v * (m.sat_a + m.sat_b * v)) - 2 / m.sat_i * v * rest * integral
-        out[5] = rest * l_dq
-        out[6] = m.l_q + m.sat_i * v * slope
-
-
-@_compile
-def slope_now(
-    m: MachineSet, i: FloatArray, v: FloatArray, theta: float, omega: float, work: FloatArray, out: FloatArray
-) -> None:
-    """Derivative of the currents (d, q, d3, q3) for stationary voltages v (two planes) at an angle."""
-    flux_now(m, i[0], i[1], i[2], i[3], work)
-    c, s = math.cos(theta), math.sin(theta)
-    c3, s3 = math.cos(3 * theta), math.sin(3 * theta)
-    r_d = c * v[0] + s * v[1] - m.r * i[0] + omega * work[1]
-    r_q = c * v[1] - s * v[0] - m.r * i[1] - omega * work[0]
-    r_d3 = c3 * v[2] + s3 * v[3] - m.r * i[2] + 3 * omega * work[3]
-    r_q3 = c3 * v[3] - s3 * v[2] - m.r * i[3] - 3 * omega * work[2]
-    a = work[4] - m.l_13 * m.l_13 / m.l_d3
-    b = work[6] - m.l_13 * m.l_13 / m.l_q3
-    x = r_d - m.l_13 / m.l_d3 * r_d3
-    y = r_q - m.l_13 / m.l_q3 * r_q3
-    det = a * b - work[5] * work[5]
-    out[0] = (b * x - work[5] * y) / det
-    out[1] = (a * y - work[5] * x) / det
-    if m.phases == 5:
-        out[2] = (r_d3 - m.l_13 * out[0]) / m.l_d3
-        out[3] = (r_q3 - m.l_13 * out[1]) / m.l_q3
-    else:
-        out[2] = 0.0
-        out[3] = 0.0
-
-
-@_compile
+@compiled
 def biquad(g: float, k: float, state: FloatArray, at: int, x: float) -> float:
     """Trapezoidal state-variable filter with its states at `at`: v1; state[at + 1] is kept for v2."""
     a1 = 1 / (1 + g * (g + k))
@@ -202,14 +94,7 @@ def biquad(g: float, k: float, state: FloatArray, at: int, x: float) -> float:
     return float(v1)
 
 
-@_compile
-def triangle(turns: float) -> float:
-    """HF current over its peak, turns after the rising edge of the voltage."""
-    x = turns - math.floor(turns)
-    return 4 * x - 1 if x < 0.5 else 3 - 4 * x
-
-
-@_compile
+@compiled
 def curve_at(c: ControlSet, i_q: float) -> float:
     """Angle of the cross-coupling curve."""
     x = min(max(i_q, -c.curve_limit), c.curve_limit)
@@ -217,7 +102,7 @@ def curve_at(c: ControlSet, i_q: float) -> float:
     return angle
 
 
-@_compile
+@compiled
 def run(
     m: MachineSet,
     inv: InverterSet,
@@ -241,27 +126,17 @@ def run(
     steps = speed_reference.size
     out = np.zeros((steps, COLUMNS))
     n = m.phases
-    cosine = np.zeros((2, n))
-    sine = np.zeros((2, n))
-    for x in range(n):
-        for plane in range(2):
-            cosine[plane, x] = math.cos((1 + 2 * plane) * 2 * math.pi / n * x)
-            sine[plane, x] = math.sin((1 + 2 * plane) * 2 * math.pi / n * x)
+    cosine, sine = axis_tables(n)
     share = 2.0 / n
     planes = 2 if n == 5 else 1
-    i = np.zeros(4)
-    v = np.zeros(4)
-    work = np.zeros(7)
-    k1 = np.zeros(4)
-    k2 = np.zeros(4)
-    k3 = np.zeros(4)
-    k4 = np.zeros(4)
-    trial = np.zeros(4)
+    state = np.zeros(7)
+    i = state[:4]
+    work = scratch()
     legs = np.zeros(n)  # mean voltages that act
     legs_next = np.zeros(n)
-    true_i = np.zeros(n)
     seen_i = np.zeros(n)
     last_i = np.zeros(n)  # a sample before
+    vector = np.zeros(4)
     filters = np.zeros(12)
     sums = np.zeros(4)
     sums_known = False
@@ -277,6 +152,8 @@ def run(
     omega = 0.0
     if not math.isnan(imposed[0]):
         omega = imposed[0] * m.pole_pairs
+    state[THETA_AT] = theta
+    state[OMEGA_AT] = omega
     estimate = theta_0 + error_0  # of this sample: Park's angle
     speed = omega
     acceleration = 0.0
@@ -290,11 +167,8 @@ def run(
     curve_current = 0.0
     epsilon = 0.0
     amplitude_d = 0.0
-    h = c.ts / c.substeps
     omega_h = 2 * math.pi / (c.period * c.ts)
     sub_over = c.substeps // c.over
-    first_edge = c.substeps // 4 if not inv.double else c.substeps // 2
-    second_edge = 3 * c.substeps // 4
     sampled_d = 0.0
     sampled_q = 0.0
     hf_d = 0.0
@@ -304,83 +178,33 @@ def run(
         # Interval <step - 1, step>: the legs' voltages act; step 0 only samples.
         phase = (step - 1 + c.period // 4) % c.period
         rising = step % 2 == 0
-        for sub in range(c.substeps if step > 0 else 1):
+        for piece in range(c.over if step > 0 else 1):
             if step > 0:
-                for plane in range(2):
-                    v[2 * plane] = 0.0
-                    v[2 * plane + 1] = 0.0
-                edge = 0
-                if inv.dead_vs > 0.0:
-                    if inv.double:
-                        if sub == first_edge:
-                            edge = 1 if rising else -1
-                    elif sub == first_edge:
-                        edge = 1
-                    elif sub == second_edge:
-                        edge = -1
-                for x in range(n):
-                    u = legs[x]
-                    if edge != 0:
-                        current = 0.0
-                        for plane in range(planes):
-                            angle = (1 + 2 * plane) * theta
-                            alpha = math.cos(angle) * i[2 * plane] - math.sin(angle) * i[2 * plane + 1]
-                            beta = math.sin(angle) * i[2 * plane] + math.cos(angle) * i[2 * plane + 1]
-                            current += cosine[plane, x] * alpha + sine[plane, x] * beta
-                        on = min(max(0.5 + 0.5 * edge * current / inv.zone, 0.0), 1.0)
-                        u -= edge * on * inv.dead_vs / h
-                    for plane in range(planes):
-                        v[2 * plane] += share * cosine[plane, x] * u
-                        v[2 * plane + 1] += share * sine[plane, x] * u
-                slope_now(m, i, v, theta, omega, work, k1)
-                for a in range(4):
-                    trial[a] = i[a] + 0.5 * h * k1[a]
-                slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k2)
-                for a in range(4):
-                    trial[a] = i[a] + 0.5 * h * k2[a]
-                slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k3)
-                for a in range(4):
-                    trial[a] = i[a] + h * k3[a]
-                slope_now(m, trial, v, theta + h * omega, omega, work, k4)
-                for a in range(4):
-                    i[a] += h / 6 * (k1[a] + 2 * k2[a] + 2 * k3[a] + k4[a])
-                flux_now(m, i[0], i[1], i[2], i[3], work)
-                torque = work[0] * i[1] - work[1] * i[0] + 3 * (work[2] * i[3] - work[3] * i[2])
-                torque *= 0.5 * n * m.pole_pairs
-                before = omega
-                if math.isnan(imposed[step]):
-                    mechanical = omega / m.pole_pairs
-                    drive = torque - load[step] - m.viscous * mechanical - m.fan * mechanical * abs(mechanical)
-                    if coulomb[step] > 0.0:
-                        # The brake stops the rotor, and holds it, but never drives it.
-                        free = mechanical + h * drive / m.inertia
-                        most = h * coulomb[step] / m.inertia
-                        mechanical = free - most if free > most else free + most if free < -most else 0.0
-                    else:
-                        mechanical += h * drive / m.inertia
-                    omega = mechanical * m.pole_pairs
-                else:
-                    omega = imposed[step] * m.pole_pairs
-                theta += h * 0.5 * (before + omega)
+                first = piece * sub_over
+                advance(
+                    m,
+                    inv,
+                    state,
+                    legs,
+                    c.ts,
+                    c.substeps,
+                    first,
+                    first + sub_over,
+                    rising,
+                    load[step],
+                    coulomb[step],
+                    imposed[step],
+                    cosine,
+                    sine,
+                    work,
+                )
+                theta = state[THETA_AT]
+                omega = state[OMEGA_AT]
+                torque = state[TORQUE_AT]
             # Converter and demodulation: `over` samples a period, the last one at its end.
-            if step > 0 and (sub + 1) % sub_over != 0:
-                continue
-            part = (sub + 1) / c.substeps if step > 0 else 1.0
+            part = (piece + 1) * sub_over / c.substeps if step > 0 else 1.0
             for x in range(n):
-                current = 0.0
-                for plane in range(planes):
-                    angle = (1 + 2 * plane) * theta
-                    alpha = math.cos(angle) * i[2 * plane] - math.sin(angle) * i[2 * plane + 1]
-                    beta = math.sin(angle) * i[2 * plane] + math.cos(angle) * i[2 * plane + 1]
-                    current += cosine[plane, x] * alpha + sine[plane, x] * beta
-                true_i[x] = current
-                if inv.lsb > 0.0:
-                    total = 0.0
-                    for _ in range(inv.average):
-                        code = current / inv.lsb + inv.noise_lsb * np.random.normal()
-                        total += min(max(math.floor(code + 0.5), -inv.full_scale), inv.full_scale)
-                    current = total * inv.lsb / inv.average
-                seen_i[x] = current
+                seen_i[x] = converted(inv, phase_current(i, theta, planes, cosine, sine, x))
             park = estimate - (1 - part) * speed * c.ts if step > 0 else estimate
             alpha = 0.0
             beta = 0.0
@@ -514,28 +338,17 @@ def run(
         third = 3 * (act + curve)
         alpha3 = math.cos(third) * held[2] - math.sin(third) * held[3]
         beta3 = math.sin(third) * held[2] + math.cos(third) * held[3]
-        low, high = 1e9, -1e9
         move = 0.0
         if inv.model:
             peak_now = c.amplitude * c.ts * c.period / (4 * c.l_d)
             turns = (step + c.period // 4) / c.period
             move = peak_now * (triangle(turns + 1.5 / c.period) - triangle(turns))
-        for x in range(n):
-            legs[x] = legs_next[x]
-            u = cosine[0, x] * alpha + sine[0, x] * beta
-            if n == 5:
-                u += cosine[1, x] * alpha3 + sine[1, x] * beta3
-            legs_next[x] = u
-            low, high = min(low, u), max(high, u)
-        for x in range(n):
-            u = legs_next[x] - 0.5 * (low + high)
-            if inv.compensate:
-                ahead = seen_i[x] + inv.predict * (seen_i[x] - last_i[x])
-                ahead += move * (math.cos(estimate) * cosine[0, x] + math.sin(estimate) * sine[0, x])
-                zone = min(max(ahead / inv.compensation_zone, -1.0), 1.0)
-                u += zone * inv.dead_vs / (c.ts * (2 if inv.double else 1))
-            legs_next[x] = min(max(u, -0.5 * inv.vdc), 0.5 * inv.vdc)
-            last_i[x] = seen_i[x]
+        legs[:] = legs_next
+        vector[0] = alpha
+        vector[1] = beta
+        vector[2] = alpha3
+        vector[3] = beta3
+        leg_voltages(inv, vector, seen_i, last_i, move, estimate, c.ts, cosine, sine, legs_next)
         # Firmware: loop of the angle, compensation, speed.
         estimate += delta
         if step % c.tick == 0:

@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 
+from fluxlock.analysis.injection_machine import InverterSet, machine_set
 from fluxlock.analysis.injection_theory import LEAD_AND_REPORT, LoopSequence
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Motor
@@ -51,6 +52,23 @@ class Inverter:
     bits: int = 12
     noise_lsb: float = 1.0
     average: int = 1
+
+    def kernel_set(self, double: bool) -> InverterSet:
+        """The same as the kernel takes it; double: two updates a carrier."""
+        return InverterSet(
+            vdc=self.supply_v,
+            dead_vs=self.supply_v * self.dead_time_s,
+            zone=self.zone_a,
+            compensate=int(self.compensate and self.dead_time_s > 0.0),
+            compensation_zone=self.compensation_zone_a,
+            predict=self.predict,
+            model=int(self.model),
+            double=int(double),
+            lsb=self.current_full_scale_a / 2.0 ** (self.bits - 1),
+            full_scale=2.0 ** (self.bits - 1) - 1.0,
+            noise_lsb=self.noise_lsb,
+            average=self.average,
+        )
 
 
 @dataclass(frozen=True)
@@ -143,44 +161,10 @@ class Loop:
         s, motor, inv = self.settings, self.motor, self.inverter
         params = machine_params(motor)
         flux = FluxMap(params)
-        five = motor.phases == 5
-        load, ts = motor.load, s.ts_s
-        cross = np.concatenate([flux.edges[:, None], flux.cross], axis=1)
+        ts = s.ts_s
         saturation = params.saturation
-        machine = kernel.MachineSet(
-            phases=motor.phases,
-            pole_pairs=float(motor.pole_pairs),
-            r=params.r_ohm[0],
-            l_d=flux.l_d,
-            l_q=flux.l_q,
-            psi=flux.psi_1,
-            l_d3=flux.l_d3 if five else 1.0,
-            l_q3=flux.l_q3 if five else 1.0,
-            l_13=flux.l_13,
-            psi_3=flux.psi_3,
-            sat_on=int(self.saturated and saturation is not None),
-            sat_a=flux.sat_a,
-            sat_b=flux.sat_b,
-            sat_i=flux.sat_i,
-            cross=np.ascontiguousarray(cross),
-            inertia=motor.inertia_kgm2,
-            viscous=load.viscous_nm_s_per_rad if self.viscous is None else self.viscous,
-            fan=load.fan_nm_s2_per_rad2,
-        )
-        inverter = kernel.InverterSet(
-            vdc=inv.supply_v,
-            dead_vs=inv.supply_v * inv.dead_time_s,
-            zone=inv.zone_a,
-            compensate=int(inv.compensate and inv.dead_time_s > 0.0),
-            compensation_zone=inv.compensation_zone_a,
-            predict=inv.predict,
-            model=int(inv.model),
-            double=int(s.double),
-            lsb=inv.current_full_scale_a / 2.0 ** (inv.bits - 1),
-            full_scale=2.0 ** (inv.bits - 1) - 1.0,
-            noise_lsb=inv.noise_lsb,
-            average=inv.average,
-        )
+        machine = machine_set(motor, self.saturated, self.viscous)
+        inverter = inv.kernel_set(s.double)
         substeps = s.over * math.ceil(SUBSTEPS / s.over / 4) * (4 if s.over % 4 else 1)
         substeps = substeps if substeps % 4 == 0 else substeps * 4
         fs = s.over / ts

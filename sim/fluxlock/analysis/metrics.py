@@ -19,6 +19,7 @@ from fluxlock.analysis.angles import (
     commutation_error_deg,
     crossing_error_deg,
     dq_current,
+    phase_currents,
     wrap_deg,
 )
 from fluxlock.analysis.rundata import (
@@ -175,11 +176,11 @@ class Analysis:
 
     @cached_property
     def angles(self) -> Series:
-        """Estimated angle at every current sample of the vector path."""
+        """Published angle at every current sample of the vector path: that of the frame and what firmware adds."""
         rows = self.data.rows(LogKind.ANGLE)
         cycle, none = rows[:, 0].astype(np.float64), np.zeros(len(rows), dtype=np.int64)
         theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
-        error = wrap_deg(np.asarray(rows[:, 2] * (360.0 / 2**32) - np.degrees(theta), dtype=np.float64))
+        error = wrap_deg(np.asarray((rows[:, 2] + rows[:, 3]) * (360.0 / 2**32) - np.degrees(theta)))
         return Series(cycle, none, theta, direction, error, none.astype(np.bool_))
 
     def freewheel_deg(self, low: float, high: float) -> FloatArray:
@@ -269,10 +270,10 @@ def _extremes(values: FloatArray) -> dict[str, Number]:
 
 
 def _peak_to_peak(records: np.ndarray) -> Number:
-    """Largest minus smallest current in the window, mean of the three phases."""
+    """Largest minus smallest current in the window, mean of the phases."""
     if not records.size:
         return None
-    return float(np.mean([np.ptp(records[name]) for name in ("ia", "ib", "ic")]))
+    return float(np.mean([np.ptp(records[name]) for name in phase_currents(records)]))
 
 
 def _torque(records: np.ndarray) -> dict[str, Number]:

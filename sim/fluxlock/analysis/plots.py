@@ -11,16 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.angles import FLOATING_PHASE, dq_current
+from fluxlock.analysis.angles import FLOATING_PHASE, dq_current, phase_currents
 from fluxlock.analysis.metrics import Analysis, Series
 from fluxlock.analysis.rundata import FloatArray, LogKind, RecordArray
 from fluxlock.config.scenario import Scenario
 
 # Colours that stay distinct for colour-blind readers.
 PHASE_COLOURS = ("#0072B2", "#D55E00", "#009E73")
+LEG_COLOURS = (*PHASE_COLOURS, "#CC79A7", "#E69F00")
 CROSSING_COLOUR, COMMUTATION_COLOUR, LATE_COLOUR = "#56B4E9", "#222222", "#CC79A7"
 ANGLE_COLOUR, D_COLOUR, Q_COLOUR = "#222222", "#CC79A7", "#0072B2"
-SWITCH_LABELS = ("A upper", "A lower", "B upper", "B lower", "C upper", "C lower")
 DPI = 110
 LEGEND_ROOM = 0.18  # of the height of a panel
 # Error axes show at least this range, and this much beyond the largest error inside a window.
@@ -131,10 +131,17 @@ def _errors(axes: Axes, page: _Page) -> None:
 
 
 def _angle_errors(axes: Axes, page: _Page) -> None:
-    """Error of the estimated angle over the whole run; where it is far from the windows' it leaves the panel."""
+    """Error of the estimated angle over the whole run; what lies beyond the windows' range is marked at the edge."""
     angles = page.analysis.angles
     limit = _error_limit(page, (angles,))
-    axes.plot(angles.cycle / page.clock, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
+    time_s = angles.cycle / page.clock
+    axes.plot(time_s, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
+    beyond = np.abs(angles.error_deg) > limit
+    if beyond.any():
+        edge, most = 0.97 * limit * np.sign(angles.error_deg[beyond]), np.abs(angles.error_deg[beyond]).max()
+        label = f"beyond the axis, up to {most:.0f} deg"
+        axes.plot(time_s[beyond], edge, "x", color=LATE_COLOUR, markersize=3, label=label, rasterized=True)
+        axes.legend(loc="upper right", fontsize=9)
     for window in page.scenario.window:
         axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
     axes.axhline(0, color="#888888", linewidth=0.8)
@@ -220,18 +227,13 @@ def _make_room(axes: Axes) -> None:
 
 def _currents(axes: Axes, page: _Page) -> None:
     records = page.zoomed
-    for phase, name in enumerate("abc"):
-        axes.plot(
-            page.ms(records),
-            records[f"i{name}"],
-            color=PHASE_COLOURS[phase],
-            linewidth=0.9,
-            label=f"phase {name.upper()}",
-        )
+    names = phase_currents(records)
+    for name, colour in zip(names, LEG_COLOURS, strict=False):
+        axes.plot(page.ms(records), records[name], color=colour, linewidth=0.9, label=f"phase {name[1].upper()}")
     _mark_commutations(axes, page)
     page.finish_zoomed(axes, "phase current / A")
     _make_room(axes)
-    axes.legend(loc="upper right", ncols=3, fontsize=9)
+    axes.legend(loc="upper right", ncols=len(names), fontsize=9)
 
 
 def _torque(axes: Axes, page: _Page) -> None:
@@ -242,24 +244,25 @@ def _torque(axes: Axes, page: _Page) -> None:
 
 
 def _gates(axes: Axes, page: _Page) -> None:
-    """The six gates as lanes: filled while on."""
+    """The gates of three or five legs as lanes: filled while on."""
+    labels = [f"{name[1].upper()} {side}" for name in phase_currents(page.zoomed) for side in ("upper", "lower")]
     rows = page.data.rows(LogKind.GATES)
     time = rows[:, 0] / page.clock
     first = max(int(np.searchsorted(time, page.from_s, side="right")) - 1, 0)
     last = int(np.searchsorted(time, page.to_s, side="right"))
     edges = np.concatenate((time[first:last], [page.to_s])) * 1e3
-    for switch, label in enumerate(SWITCH_LABELS):
+    for switch, label in enumerate(labels):
         state = (rows[first:last, 2] >> switch & 1).astype(np.float64)
-        lane = len(SWITCH_LABELS) - 1 - switch
+        lane = len(labels) - 1 - switch
         level = lane + 0.8 * np.concatenate((state, state[-1:]))
-        colour = PHASE_COLOURS[switch // 2]
+        colour = LEG_COLOURS[switch // 2]
         if state.size:
             axes.fill_between(edges, lane, level, step="post", color=colour, alpha=0.75, linewidth=0, label=label)
         axes.axhline(lane, color="#bbbbbb", linewidth=0.5)
     _mark_commutations(axes, page)
     page.finish_zoomed(axes, "gates (filled = on)")
-    axes.set_yticks([len(SWITCH_LABELS) - 1 - s + 0.4 for s in range(len(SWITCH_LABELS))], SWITCH_LABELS)
-    axes.set_ylim(-0.2, len(SWITCH_LABELS))
+    axes.set_yticks([len(labels) - 1 - s + 0.4 for s in range(len(labels))], labels)
+    axes.set_ylim(-0.2, len(labels))
 
 
 def _title(page: _Page) -> str:

@@ -31,7 +31,9 @@ class LogKind(IntEnum):
     UPDATE = 5  # shadowed settings took effect
     STROBE = 6  # sample strobe; logged on request
     PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
-    ANGLE = 8  # instant of a current sample of the vector path; a = estimated angle there, 2^32 = one turn
+    # Current sample of the vector path; a = angle of the frame there, b = what firmware publishes beyond it,
+    # 2^32 = one turn.
+    ANGLE = 8
 
 
 class PlantEventKind(IntEnum):

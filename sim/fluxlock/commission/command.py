@@ -44,9 +44,9 @@ def _gain_table(found: list[Gain]) -> Table:
 
 
 def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> None:
-    """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to a folder of its name."""
+    """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to build/identify/NAME."""
     known_of(bench)  # refuses a bench before anything is written
-    folder = out.with_suffix("")
+    folder = Path("build") / "identify" / out.stem
     _check_writable(out, folder)
     measured = _measure(bench, folder, seed)
     plate = plate_of(bench.motor)
@@ -73,6 +73,7 @@ def _check_writable(out: Path, folder: Path) -> None:
     reason = "a folder is in the way" if out.is_dir() else ""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out.parent):
             pass
     except OSError as error:

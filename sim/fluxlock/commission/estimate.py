@@ -92,6 +92,10 @@ class Motion:
         """Current in the rotor's frame."""
         return np.asarray(self.current_a * np.exp(-1j * self.delta))
 
+    def magnet_emf_v(self, w: Winding) -> FloatArray:
+        """|EMF| less what the saliency adds to it with the current on d."""
+        return np.asarray(np.abs(self.emf_v) - w.saliency_h * self.rotor_current_a.real * np.abs(self.omega))
+
     def above(self, least_omega: float) -> Motion:
         """The part in which the frame is that fast."""
         k = np.flatnonzero(np.abs(self.frame_omega) >= least_omega)

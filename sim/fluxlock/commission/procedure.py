@@ -98,7 +98,7 @@ class Commissioning:
             "coulomb_nm": mech.coulomb_nm,
             "viscous_nm_s_per_rad": mech.viscous_nm_s_per_rad,
             "fan_nm_s2_per_rad2": mech.fan_nm_s2_per_rad2,
-            "run": _shown(motions, mech),
+            "run": _shown(motions, mech, winding),
         }
 
     def _segment(self, line: str, duration_s: float, block_s: float = BLOCK_S) -> Dialogue:
@@ -288,12 +288,12 @@ class Commissioning:
         return motions
 
 
-def _shown(motions: Sequence[Motion], mech: Mechanics) -> dict[str, list[float]]:
+def _shown(motions: Sequence[Motion], mech: Mechanics, w: Winding) -> dict[str, list[float]]:
     """What the plot of the run shows."""
     return {
         "time_s": mech.time_s.tolist(),
         "omega": np.concatenate([m.omega for m in motions]).tolist(),
-        "emf_v": np.concatenate([np.abs(m.emf_v) for m in motions]).tolist(),
+        "magnet_emf_v": np.concatenate([m.magnet_emf_v(w) for m in motions]).tolist(),
         "delta": np.concatenate([m.delta for m in motions]).tolist(),
         "torque_nm": mech.torque_nm.tolist(),
         "omega_m": mech.omega_m.tolist(),

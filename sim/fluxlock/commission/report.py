@@ -174,7 +174,7 @@ def figure(values: Mapping[str, Any], title: str) -> Figure:
     finish(right, "", "inductance / uH")
     run = values["run"]
     omega = np.array(run["omega"])
-    emf.plot(omega, run["emf_v"], ".", markersize=3, label="|EMF|")
+    emf.plot(omega, run["magnet_emf_v"], ".", markersize=3, label="|EMF| of the magnet")
     reach = np.array([0.0, omega.max()])
     emf.plot(reach, values["psi_vs"] * reach, "-", linewidth=1, label=f"{1e3 * values['psi_vs']:.4g} mV s")
     emf.legend(fontsize=8)

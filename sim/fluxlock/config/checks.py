@@ -17,8 +17,6 @@ from fluxlock.config.vector_checks import (
 )
 from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
-PHASES_OF_THE_CHIP = 3
-
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
     """Least DC voltage that holds a speed under a load torque in six-step operation.
@@ -313,11 +311,8 @@ def _phases(s: Scenario) -> list[Problem]:
     if s.motor.phases != s.inverter.legs:
         text = f"{s.inverter.legs} does not fit the motor ({s.sources.motor}), which has {s.motor.phases} phases"
         return [s.sources.problem("inverter.legs", text)]
-    if s.motor.phases != PHASES_OF_THE_CHIP:
-        text = (
-            f"{s.motor.phases}: the chip of a scenario drives {PHASES_OF_THE_CHIP} phases; a five-phase machine runs "
-            "on the plant alone (docs/theory/five-phase-plant.md)"
-        )
+    if s.motor.phases == 5 and (s.drive.method != "vector" or s.drive.vector.injection is None):
+        text = '5 needs drive.method = "vector" and [drive.vector.injection]'
         return [s.sources.problem("motor.phases", text)]
     return []
 

@@ -359,7 +359,8 @@ def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
         problems += [p for p in source.problems(error) if p.key not in ("motor", "inverter")]
         raise ConfigError(problems) from None
     scenario._sources = Sources(str(path), motor_file, inverter_file, tuple(o.key for o in parsed))
-    problems += [source.problem(p.key, p.message) for p in check_scenario(scenario)]
+    for p in check_scenario(scenario):
+        problems.append(source.problem(p.key, p.message) if p.file == str(path) else scenario.sources.charged(p))
     if problems:
         raise ConfigError(problems)
     return scenario

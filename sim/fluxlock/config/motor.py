@@ -149,8 +149,8 @@ class Saturation(Model):
 class Motor(Model):
     """A star-connected permanent-magnet machine of three or five phases with isolated star point.
 
-    A five-phase machine has equal phases, a sinusoidal EMF with a third harmonic, and `[third]`; so far only the plant
-    knows it (docs/theory/five-phase-plant.md), not the chip.
+    A five-phase machine has equal phases, a sinusoidal EMF with a third harmonic, and `[third]`; it is driven by vector
+    control with injection.
     """
 
     name: str = Field(min_length=1, description="Name for tables and plots.")

@@ -56,6 +56,10 @@ DriveFault = Literal[
     "hall_sensor",
     "voltage_channel",
     "deadline",
+    "polarity_unsure",
+    "injection_signal",
+    "injection_noise",
+    "no_saliency",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
@@ -541,6 +545,11 @@ class Sources:
         if part in ("motor", "inverter"):
             return Problem(self.motor if part == "motor" else self.inverter, below, message)
         return Problem(self.scenario, key, message)
+
+    def charged(self, problem: Problem) -> Problem:
+        """The problem of motor or inverter file, charged to `--set` if its value comes from there."""
+        key = {self.motor: "motor.", self.inverter: "inverter."}.get(problem.file, "") + problem.key
+        return Problem(SET_OPTION, key, problem.message) if self.is_override(key) else problem
 
 
 class Scenario(Model):

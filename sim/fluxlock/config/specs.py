@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fluxlock.config.scenario import Scenario
-from fluxlock.firmware.specs import DriveSpec, EncoderSpec, InverterSpec, MotorSpec
+from fluxlock.firmware.specs import DriveSpec, EncoderSpec, InverterSpec, MotorSpec, ThirdSpec
 
 CLOCK_HZ = 50e6
 
@@ -27,6 +27,11 @@ def motor_spec(s: Scenario) -> MotorSpec:
         emf_fundamental=m.emf_fundamental,
         encoder=EncoderSpec(**m.encoder.model_dump()) if m.encoder else None,
         saliency_h=(m.inductance_q_h - m.inductance_h[0]) * error.inductance if m.inductance_q_h else 0.0,
+        phases=m.phases,
+        third=ThirdSpec(**m.third.model_dump()) if m.third else None,
+        curve_rad=m.saturation.angle_rad if m.saturation else (0.0,) * 4,
+        curve_current_a=(m.saturation.angle_current_a or m.saturation.current_a) if m.saturation else None,
+        polarity_current_a=m.saturation.current_a if m.saturation else None,
     )
 
 

@@ -7,7 +7,8 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, conflict, quantity
-from fluxlock.firmware.specs import VectorSpec
+from fluxlock.config.injection import Injection
+from fluxlock.firmware.specs import InjectionSpec, VectorSpec
 
 
 class Vector(Model):
@@ -104,6 +105,28 @@ class Vector(Model):
         description="Mounting of the encoder: from the motor file if there is an index, or learnt at every alignment.",
     )
 
+    injection: Injection | None = Field(
+        default=None, description="Square-wave injection: angle and speed from standstill on."
+    )
+
+    @model_validator(mode="after")
+    def _injection(self) -> Self:
+        if self.injection is None:
+            return self
+        given = self.model_fields_set
+        for key in ("start_current_a", "start_accel_rpm_per_s", "handover_rpm", "weakening", "mounting"):
+            if key in given:
+                raise conflict(key, "does not go with [drive.vector.injection]; leave it out")
+        for key, value in (
+            ("window", "sample"),
+            ("angle", "observer"),
+            ("park", "exact"),
+            ("current_regulator", "rtl"),
+        ):
+            if getattr(self, key) != value:
+                raise conflict(key, f'must be "{value}" with [drive.vector.injection]')
+        return self
+
     @model_validator(mode="after")
     def _regulator(self) -> Self:
         unused = "gamma" if self.regulator == "A" else "bandwidth_hz"
@@ -113,5 +136,6 @@ class Vector(Model):
 
     def spec(self) -> VectorSpec:
         """The same as the firmware's parameters are compiled from it."""
-        settings = self.model_dump(exclude={"update"})
-        return VectorSpec(double=self.update == "double", **settings)
+        settings = self.model_dump(exclude={"update", "injection"})
+        injection = InjectionSpec(**self.injection.model_dump()) if self.injection else None
+        return VectorSpec(double=self.update == "double", injection=injection, **settings)

@@ -212,6 +212,37 @@ def _start(s: Scenario) -> Iterator[Problem]:
         )
 
 
+def _injection(s: Scenario) -> Iterator[Problem]:
+    """Saliency, voltage, current and samples that the wave needs."""
+    file, motor, vector = s.sources.scenario, s.motor, s.drive.vector
+    spec = vector.injection
+    assert spec is not None
+    l_d, l_q = motor.inductance_h[0], motor.inductance_q_h
+    if l_q is None or l_q <= l_d:
+        text = f"is not above inductance_h ({l_d:g} H), as drive.vector.injection needs it"
+        yield Problem(s.sources.motor, "inductance_q_h", f"{'left out' if l_q is None else f'{l_q:g} H'} {text}")
+        return
+    if spec.third_ratio and motor.phases == 3:
+        yield Problem(file, "drive.vector.injection.third_ratio", "belongs to a motor of five phases")
+    timing = vector_timing.vector_timing(CLOCK_HZ, s.drive.carrier_hz, inverter_spec(s), vector.spec())
+    if spec.method == "separator" and (timing.tick_samples != 1 or round(timing.delay, 2) != 1.0):
+        text = '"separator" needs drive.vector.observer_every = 1 and drive.vector.delay = 1'
+        yield Problem(file, "drive.vector.injection.method", text)
+    margin = vector_compiler.circle(CLOCK_HZ, inverter_spec(s), timing)
+    most_v = margin * vector_compiler.linear_voltage(motor.phases) * s.inverter.supply_v
+    if spec.amplitude_v >= most_v:
+        text = f"{with_unit(spec.amplitude_v, 'V')} is not below the largest voltage, {most_v:.4g} V"
+        yield Problem(file, "drive.vector.injection.amplitude_v", text)
+    peak_a = spec.amplitude_v * spec.period * timing.sample_cycles / CLOCK_HZ / (4 * l_d)
+    most_a = s.inverter.protection.phase_current_a - s.current_limit_a
+    if peak_a >= most_a:
+        text = (
+            f"{with_unit(spec.amplitude_v, 'V')} over {spec.period} updates makes {peak_a:.3g} A, beside "
+            f"drive.current_limit_a permitted up to {most_a:.3g} A (protection.phase_current_a of the inverter)"
+        )
+        yield Problem(file, "drive.vector.injection.amplitude_v", text)
+
+
 def _console(s: Scenario) -> Iterator[Problem]:
     """Settings of console lines that only six-step operation has."""
     for i, event in enumerate(s.event):
@@ -225,7 +256,8 @@ def check_vector(s: Scenario) -> list[Problem]:
     """What does not fit together with drive.method = "vector"."""
     if s.drive.method != "vector":
         return []
-    return [*_times(s), *_encoder(s), *_loops(s), *_start(s), *_console(s)]
+    start = _injection if s.drive.vector.injection else _start
+    return [*_times(s), *_encoder(s), *_loops(s), *start(s), *_console(s)]
 
 
 def vector_speed(s: Scenario, speed_rpm: float) -> str | None:
@@ -248,7 +280,7 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
     r = sum(m.resistance_ohm) / 3 + s.inverter.on_resistance_ohm
     psi, inductance = sum(m.psi_vs) / 3 * m.emf_fundamental, m.mean_inductance_h
     omega = abs(m.omega_e(speed_rpm))
-    i_q = abs(torque_nm) / (1.5 * m.pole_pairs * psi)
+    i_q = abs(torque_nm) / (m.phases / 2 * m.pole_pairs * psi)
     found, i_d = [], 0.0
     if v.weakening and i_q < s.current_limit_a:
         room_a = vector_compiler.WEAKENING_CURRENT_SHARE * s.current_limit_a
@@ -257,14 +289,19 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
     needs = []
     for d in {0.0, i_d}:
         u = complex(r, omega * inductance) * complex(d, i_q) + 1j * omega * psi
-        drop_v = s.inverter.supply_resistance_ohm * 1.5 * (u * complex(d, -i_q)).real / max(supply_v, 1e-9)
-        needs.append((abs(u), (1.0 - margins) * (supply_v - drop_v) / math.sqrt(3)))
+        drop_v = s.inverter.supply_resistance_ohm * m.phases / 2 * (u * complex(d, -i_q)).real / max(supply_v, 1e-9)
+        circle_v = (1.0 - margins) * (supply_v - drop_v) * vector_compiler.linear_voltage(m.phases)
+        if v.injection is not None:
+            circle_v = math.sqrt(max(0.0, circle_v**2 - v.injection.amplitude_v**2))
+        needs.append((abs(u), circle_v))
     need_v, have_v = min(needs, key=lambda pair: pair[0] - pair[1])
     if need_v > have_v:
         hint = "" if v.weakening else "; drive.vector.weakening = true needs less"
+        if v.injection is not None:
+            hint = ", beside drive.vector.injection.amplitude_v"
         found.append(
             f"needs a phase voltage of {need_v:.1f} V (EMF, inductance, resistance), available {have_v:.1f} V "
-            f"(vdc / sqrt(3) less the shortest pulses{hint})"
+            f"({'vdc / sqrt(3)' if m.phases == 3 else '0.5257 vdc'} less the shortest pulses{hint})"
         )
     if i_q > s.current_limit_a:
         found.append(f"needs {i_q:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A")

@@ -15,14 +15,14 @@ import cocotb_tools.config
 
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
-from fluxlock.memory import RAM_WORDS
+from fluxlock.memory import PUBLISHED_ADDRESS, RAM_WORDS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
 
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
-CHANNELS = 9
+PHASES = 3
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,13 @@ class Chip:
     executable: Path
     key: str
     waves: bool
+    phases: int = PHASES
+    injection: bool = False
 
 
 def rtl_sources() -> list[Path]:
     """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core."""
-    folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "soc")
+    folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "can", "soc")
     blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
     blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
     return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, soft_core()]
@@ -66,21 +68,30 @@ def _compiler_is_gcc(env: dict[str, str]) -> bool:
     return "Free Software Foundation" in done.stdout
 
 
-def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None, jobs: int | None = None) -> Chip:
+def build_chip(
+    waves: bool = False,
+    train: Callable[[Chip], None] | None = None,
+    jobs: int | None = None,
+    phases: int = PHASES,
+    injection: bool = False,
+    can: bool = False,
+) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
-    waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment; with
-    GCC the simulator is then compiled a second time with what was learnt of its branches (1.1 to 1.3 times faster).
+    phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
+    every run. waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment;
+    with GCC the simulator is then compiled a second time with what was learnt of its branches, 1.1 to 1.3 times faster.
     """
     generate_registers()
     sources = rtl_sources()
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("cosim*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
-    key = content_hash(inputs, RAM_WORDS, waves, profiled, env.get("CXX", ""))
+    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
+    key = content_hash(inputs, RAM_WORDS, phases, injection, can, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
-    chip = Chip(folder / TOP, key, waves)
+    chip = Chip(folder / TOP, key, waves, phases, injection)
+    made = {"key": key, "phases": phases, "injection": injection, "waves": waves}
     with file_lock(BUILD / "chip" / f"{key}.lock"):
         if (folder / ".done").exists():
             return chip
@@ -91,10 +102,12 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
         trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
+            f"-GPhases={phases}", f"-GInjection={int(injection)}", f"-GCan={int(can)}",
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
-            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={CHANNELS} -DCOSIM_MEMORY_WORDS={RAM_WORDS}",
+            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
+            f"-DCOSIM_PUBLISHED_WORD={PUBLISHED_ADDRESS // 4}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
             *(trace if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),
@@ -112,5 +125,5 @@ def build_chip(waves: bool = False, train: Callable[[Chip], None] | None = None,
             _run([*make, "OPT_FAST=-O1", "LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"], log, env)
         else:
             _run([*make, "OPT_FAST=-O3"], log, env)
-        (folder / ".done").write_text(json.dumps({"key": key, "waves": waves, "profiled": profiled}))
+        (folder / ".done").write_text(json.dumps({**made, "profiled": profiled}))
     return chip

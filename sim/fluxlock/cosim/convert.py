@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from fluxlock.config import Scenario
+from fluxlock.config import Inverter, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S, machine_params
 from fluxlock.config.scenario import Event
 from fluxlock.config.specs import CLOCK_HZ
@@ -20,36 +20,46 @@ from fluxlock.plant import (
 )
 
 
+def inverter_params(i: Inverter) -> InverterParams:
+    """The power stage of an inverter file."""
+    return InverterParams(
+        supply_v=i.supply_v,
+        r_on_ohm=i.on_resistance_ohm,
+        diode_drop_v=i.diode_drop_v,
+        diode_r_ohm=i.diode_resistance_ohm,
+        supply_r_ohm=i.supply_resistance_ohm,
+        dc_link_c_f=i.dc_link_f,
+        supply_diode=i.supply_diode,
+        chopper_ohm=i.brake_chopper.resistance_ohm if i.brake_chopper else 0.0,
+        chopper_on_v=i.brake_chopper.on_v if i.brake_chopper else 0.0,
+        chopper_off_v=i.brake_chopper.off_v if i.brake_chopper else 0.0,
+    )
+
+
+def sensing_params(i: Inverter, phases: int) -> SensingParams:
+    """The sense chain of an inverter file; with five phases all have the values of the first."""
+    names = channel_names(phases)
+    offsets = i.sensing.offset_lsb if phases == 3 else (i.sensing.offset_lsb[0],) * phases
+    by_name = dict(zip(names[phases : 2 * phases], offsets, strict=True))
+    return SensingParams(
+        v_full_scale_v=i.sensing.voltage_full_scale_v,
+        i_full_scale_a=i.sensing.current_full_scale_a,
+        bits=i.sensing.bits,
+        divider_gain=i.sensing.divider_gain if phases == 3 else (i.sensing.divider_gain[0],) * phases,
+        offset_lsb=tuple(by_name.get(name, 0.0) for name in names),
+        divider_pole_s=i.sensing.divider_pole_s,
+        noise_lsb_rms=i.sensing.noise_lsb,
+        conversion_s=i.sensing.conversion_s,
+    )
+
+
 def plant_params(s: Scenario, record_every: int, zoom: tuple[tuple[int, int], ...]) -> PlantParams:
     """The plant of a scenario."""
     m, i, load = s.motor, s.inverter, s.shaft_load
-    names = channel_names(m.phases)
-    offsets = i.sensing.offset_lsb if m.phases == 3 else (i.sensing.offset_lsb[0],) * m.phases
-    by_name = dict(zip(names[m.phases : 2 * m.phases], offsets, strict=True))
     return PlantParams(
         machine=machine_params(m),
-        inverter=InverterParams(
-            supply_v=i.supply_v,
-            r_on_ohm=i.on_resistance_ohm,
-            diode_drop_v=i.diode_drop_v,
-            diode_r_ohm=i.diode_resistance_ohm,
-            supply_r_ohm=i.supply_resistance_ohm,
-            dc_link_c_f=i.dc_link_f,
-            supply_diode=i.supply_diode,
-            chopper_ohm=i.brake_chopper.resistance_ohm if i.brake_chopper else 0.0,
-            chopper_on_v=i.brake_chopper.on_v if i.brake_chopper else 0.0,
-            chopper_off_v=i.brake_chopper.off_v if i.brake_chopper else 0.0,
-        ),
-        sensing=SensingParams(
-            v_full_scale_v=i.sensing.voltage_full_scale_v,
-            i_full_scale_a=i.sensing.current_full_scale_a,
-            bits=i.sensing.bits,
-            divider_gain=i.sensing.divider_gain if m.phases == 3 else (i.sensing.divider_gain[0],) * m.phases,
-            offset_lsb=tuple(by_name.get(name, 0.0) for name in names),
-            divider_pole_s=i.sensing.divider_pole_s,
-            noise_lsb_rms=i.sensing.noise_lsb,
-            conversion_s=i.sensing.conversion_s,
-        ),
+        inverter=inverter_params(i),
+        sensing=sensing_params(i, m.phases),
         mechanics=MechanicsParams(
             inertia_kgm2=m.inertia_kgm2,
             mode=s.mechanics.mode,

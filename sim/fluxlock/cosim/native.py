@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fluxlock.can.frame import Frame
+from fluxlock.can.timing import BitTiming
+
 
 class Status(ctypes.Structure):
     """Counters of the simulator main; fields as in `cosim_status_t`."""
@@ -25,6 +28,47 @@ class Status(ctypes.Structure):
     t_fault: int
     fault: int
     uart_lost: int
+
+
+class CanState(ctypes.Structure):
+    """A node on the CAN bus; fields as in `can_state_t`."""
+
+    _fields_ = [(name, ctypes.c_int64) for name in ("waiting", "sent", "errors", "tec", "rec", "bus_off")]
+
+    waiting: int
+    sent: int
+    errors: int
+    tec: int
+    rec: int
+    bus_off: int
+
+
+class CanNode:
+    """A node beside the chip on its CAN bus: frames in and out, everything else is native."""
+
+    def __init__(self, library: ctypes.CDLL, number: int) -> None:
+        self._lib, self._number = library, number
+        self._head, self._data = (ctypes.c_uint32 * 4)(), (ctypes.c_uint8 * 8)()
+
+    def send(self, frame: Frame) -> None:
+        """Queue a frame; it is sent until it has been acknowledged, in the order of the queue."""
+        head = (ctypes.c_uint32 * 4)(frame.id, frame.ext, frame.rtr, frame.dlc)
+        self._lib.cosim_can_send(self._number, head, frame.data.ljust(8, b"\0"))
+
+    def take(self) -> Frame | None:
+        """The oldest frame received from others, None if there is none."""
+        if not self._lib.cosim_can_take(self._number, self._head, self._data):
+            return None
+        identifier, ext, rtr, dlc = self._head
+        count = 0 if rtr else min(dlc, 8)
+        return Frame(identifier, bool(ext), bool(rtr), dlc, bytes(self._data)[:count])
+
+    @property
+    def state(self) -> CanState:
+        """Queue and counters as they are now."""
+        state = CanState()
+        self._lib.cosim_can_state(self._number, ctypes.byref(state))
+        return state
 
 
 class Native:
@@ -90,6 +134,11 @@ class Native:
         if self._lib.cosim_peek(address, words.ctypes.data, count):
             raise ValueError(f"peek of {count} words at {address:#x} is outside of the memory")
         return words
+
+    def open_can(self, timing: BitTiming) -> CanNode:
+        """Put a node on the CAN bus of the chip's pins; its first bit begins now. `brp` is in clocks of the chip."""
+        number = self._lib.cosim_can_open(timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
+        return CanNode(self._lib, number)
 
     def record(self, on: bool) -> None:
         """Start or stop recording converter codes, console bytes and pins for a replay."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from fluxlock.can.frame import Frame
+from fluxlock.can.timing import BitTiming
 from fluxlock.plant import PlantParams
 
 PLAN_ENV = "FLUXLOCK_PLAN"
@@ -49,6 +51,35 @@ class Dialogue(Protocol):
         ...
 
 
+class CanSide(Protocol):
+    """What a peer on the chip's CAN bus does with its node (`fluxlock.cosim.native.CanNode`)."""
+
+    def send(self, frame: Frame) -> None:
+        """Queue a frame."""
+        ...
+
+    def take(self) -> Frame | None:
+        """The oldest frame received."""
+        ...
+
+
+class CanPeer(Protocol):
+    """Whoever is on the chip's CAN bus. Pickled into the simulator's process.
+
+    timing: of its node, brp in clocks of the chip.
+    """
+
+    timing: BitTiming
+
+    def exchange(self, cycle: int, node: CanSide) -> None:
+        """Called every `batch_cycles` and at the end: take frames, send frames."""
+        ...
+
+    def conclusion(self) -> object:
+        """Of the run, what JSON can hold."""
+        ...
+
+
 @dataclass(frozen=True)
 class SessionPlan:
     """One run, all in clock cycles.
@@ -56,6 +87,7 @@ class SessionPlan:
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
     in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
+    peer: is on the chip's CAN bus; not with a dialogue.
     """
 
     plant: PlantParams
@@ -72,6 +104,7 @@ class SessionPlan:
     log_strobes: bool = False
     plant_mode: str = "jit"
     dialogue: Dialogue | None = None
+    peer: CanPeer | None = None
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

@@ -1,16 +1,25 @@
-"""Run a program of `sw/bench` on the whole chip in place of the firmware."""
+"""Run a program of `sw/bench`, or a list of register accesses, on the whole chip in place of the firmware."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from fluxlock.analysis.rundata import RunData, SimulationFault
+from fluxlock.build import IO_BASE, generate_registers
 from fluxlock.config import Scenario
+from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.cosim.run import IMAGE_FILE, collect, prepare, ready_chip
+from fluxlock.cosim.plan import SessionPlan
+from fluxlock.cosim.run import BIT_CYCLES, IMAGE_FILE, chip_of, collect, prepare, ready_chip
 from fluxlock.firmware import build_program, write_image
+from fluxlock.firmware.host import register_offsets
+from fluxlock.plant import PlantParams
 
 
 def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed: int) -> RunData:
@@ -18,16 +27,78 @@ def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed
 
     Plant and parameter block are the scenario's. Raises SimulationFault if the run broke off.
     """
-    try:
-        chip = ready_chip()
-        plan = prepare(scenario, out_dir / "simulator", seed)
-        write_image(plan.folder / IMAGE_FILE, build_program(name), parameter_block(scenario), table)
+    # There is no console to ask.
+    plan = replace(prepare(scenario, out_dir / "simulator", seed), final_commands=())
+    write_image(plan.folder / IMAGE_FILE, build_program(name), parameter_block(scenario), table)
+    return _run(plan, partial(chip_of, scenario), scenario.motor.pole_pairs)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What `run_script` does next.
+
+    name: `block.register`, with an index in an array, to write; "": commit the shadowed registers, wait for `value`
+    control ticks. read: the register is read, see `reads`.
+    """
+
+    name: str
+    index: int = 0
+    value: int = 0
+    read: bool = False
+
+
+def wait(ticks: int) -> Row:
+    """Commit the shadowed registers, wait for control ticks."""
+    return Row("", value=ticks)
+
+
+def read(name: str, index: int = 0) -> Row:
+    """Read a register."""
+    return Row(name, index, read=True)
+
+
+def reads(data: RunData) -> list[int]:
+    """The values that a script has read, in order; signed 32 bits. Each takes 90 us of the console."""
+    return [(int(line, 16) ^ 1 << 31) - (1 << 31) for line in data.uart]
+
+
+def script_plan(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_dir: Path, seed: int) -> SessionPlan:
+    """Plan of a run that carries out rows in order."""
+    offsets = register_offsets(generate_registers() / "fluxlock_regs.h")
+    words = [len(rows)]
+    for row in rows:
+        words += [IO_BASE + offsets[row.name] + 4 * row.index + row.read if row.name else 0, row.value & 2**32 - 1]
+    folder = out_dir / "simulator"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_image(folder / IMAGE_FILE, build_program("script"), None, struct.pack(f"<{len(words)}I", *words))
+    return SessionPlan(
+        plant=plant,
+        seed=seed,
+        clock_hz=CLOCK_HZ,
+        duration_cycles=round(duration_s * CLOCK_HZ),
+        conversion_cycles=max(1, round(plant.sensing.conversion_s * CLOCK_HZ)),
+        bit_cycles=BIT_CYCLES,
         # There is no console to ask.
-        plan = replace(plan, final_commands=())
-        meta = run_plan(plan, chip)
+        final_commands=(),
+        folder=folder.resolve(),
+    )
+
+
+def run_script(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_dir: Path, seed: int) -> RunData:
+    """Run the plan of a script, for a time, on a plant.
+
+    The chip has the machine's number of phases, and the injection path. Raises SimulationFault if the run broke off.
+    """
+    plan = script_plan(rows, plant, duration_s, out_dir, seed)
+    return _run(plan, partial(ready_chip, phases=plant.machine.phases, injection=True), plant.machine.pole_pairs)
+
+
+def _run(plan: SessionPlan, chip: Callable[[], Chip], pole_pairs: int) -> RunData:
+    try:
+        meta = run_plan(plan, chip())
     except (SimulatorError, RuntimeError) as error:
         raise SimulationFault(str(error)) from error
-    data = collect(plan, meta, scenario.motor.pole_pairs)
+    data = collect(plan, meta, pole_pairs)
     if meta["fault"]:
         raise SimulationFault(meta["fault"], data)
     return data

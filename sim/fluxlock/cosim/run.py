@@ -11,7 +11,7 @@ import numpy as np
 from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
-from fluxlock.cosim.chip import Chip, build_chip
+from fluxlock.cosim.chip import PHASES, Chip, build_chip
 from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
@@ -41,7 +41,8 @@ def prepare(
     block: parameters in place of the scenario's.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_image(folder / IMAGE_FILE, build_firmware(BUILD / "firmware"), block or parameter_block(scenario))
+    image = build_firmware(BUILD / "firmware", scenario.motor.phases)
+    write_image(folder / IMAGE_FILE, image, block or parameter_block(scenario))
     sensing = scenario.inverter.sensing
     zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
     every = max(1, round(scenario.record.period_s / sensing.sample_period_s))
@@ -61,14 +62,24 @@ def prepare(
     )
 
 
-def ready_chip(waves: bool = False) -> Chip:
-    """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment)."""
+def ready_chip(waves: bool = False, phases: int = PHASES, injection: bool = False, can: bool = False) -> Chip:
+    """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
+
+    The demo has three phases and no CAN: another chip is not trained.
+    """
+    if phases != PHASES or can:
+        return build_chip(waves, phases=phases, injection=injection, can=can)
 
     def train(chip: Chip) -> None:
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
         run_plan(prepare(scenario, BUILD / "chip" / "training", 1, stop_cycle=TRAINING_CYCLES), chip)
 
-    return build_chip(waves, train)
+    return build_chip(waves, train, injection=injection)
+
+
+def chip_of(scenario: Scenario, waves: bool = False) -> Chip:
+    """The chip that a scenario runs on: its motor's phases, with the injection path if the drive injects."""
+    return ready_chip(waves, scenario.motor.phases, scenario.drive.vector.injection is not None)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
@@ -126,7 +137,7 @@ def run_scenario(
     if progress is not None:
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
     try:
-        chip = ready_chip(waves)
+        chip = chip_of(scenario, waves)
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
         meta = run_plan(plan, chip, progress)
     except (SimulatorError, RuntimeError) as error:

@@ -133,17 +133,22 @@ class Session:
         planned = {*(a.cycle for a in plan.actions), *plan.marks, *range(plan.batch_cycles, end, plan.batch_cycles)}
         stops = [*sorted(cycle for cycle in planned if cycle < end), end]
         pending = sorted(plan.actions, key=lambda a: a.cycle)
+        node = native.open_can(plan.peer.timing) if plan.peer is not None else None
         self.begin = time.perf_counter()
         for stop in stops:
             await self.wait_until(stop)
             woken = time.perf_counter()
             self.drain()
+            if plan.peer is not None and node is not None:
+                plan.peer.exchange(native.status.cycle, node)
             self.python_s += time.perf_counter() - woken
             if stop in plan.marks:
                 self.marks[stop] = (woken - self.begin, self.python_s, native.status.events)
             while pending and pending[0].cycle <= stop:
                 self.act(pending.pop(0))
         self.wall_s = time.perf_counter() - self.begin
+        if plan.peer is not None:
+            self.conclusion = plan.peer.conclusion()
         native.record(False)
         if plan.recording:
             native.save_recording(plan.folder / RECORDING_FILE)

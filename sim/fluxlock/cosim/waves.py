@@ -15,13 +15,14 @@ SURFER_FILE = "waves.sucl"
 FORMATS = {"b": "28", "d": "24", "x": "22", "c": "8024", "s": "8420"}
 CURVE_ROWS = 2  # that a curve gets below its own
 
+SIX_STEP = "g_six_step.u_six_step."
 # Format and name below the top, as in the FST.
 GROUPS: dict[str, tuple[str, ...]] = {
     "carrier": (
-        "c u_pwm.u_carrier.count_o[15:0]",
-        "d u_pwm.u_carrier.last_q[15:0]",
-        "d u_pwm.u_carrier.width_q[15:0]",
-        "b u_pwm.u_carrier.pulse_o",
+        f"c {SIX_STEP}u_pwm.u_carrier.count_o[15:0]",
+        f"d {SIX_STEP}u_pwm.u_carrier.last_q[15:0]",
+        f"d {SIX_STEP}u_pwm.u_carrier.width_q[15:0]",
+        f"b {SIX_STEP}u_pwm.u_carrier.pulse_o",
         "b carrier_start",
     ),
     "gates": (
@@ -40,27 +41,27 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *(f"s sample.sample[{channel}][17:0]" for channel in range(7)),  # v a b c, i a b c, vdc
     ),
     "crossing": (
-        "b u_zcd.u_zcd.enable_q",
-        "s u_zcd.u_zcd.rel_q[17:0]",
-        "b u_zcd.u_zcd.counts",
+        f"b {SIX_STEP}u_zcd.u_zcd.enable_q",
+        f"s {SIX_STEP}u_zcd.u_zcd.rel_q[17:0]",
+        f"b {SIX_STEP}u_zcd.u_zcd.counts",
         "b zc_valid",
         "b zc_late",
         "d zc_sector[2:0]",
         "d zc_time[31:0]",
     ),
     "commutation": (
-        "d u_comm.u_timer.mode_q[1:0]",
-        "b sched_valid",
-        "d comm_sched[31:0]",
-        "b comm_valid",
+        f"d {SIX_STEP}u_comm.u_timer.mode_q[1:0]",
+        f"b {SIX_STEP}sched_valid",
+        f"d {SIX_STEP}comm_sched[31:0]",
+        f"b {SIX_STEP}comm_valid",
         "b comm_applied",
         "d seq_sector[2:0]",
     ),
     "vector": (
         "b vector_source",
         "b vector_update",
-        "b u_foc.u_vector.instant",
-        "d u_foc.u_vector.theta[31:0]",
+        "b g_vector.u_foc.u_vector.instant",
+        "d g_vector.u_foc.u_vector.theta[31:0]",
         "b vector_sync",
         "b vector_deadline",
     ),

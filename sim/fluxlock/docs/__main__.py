@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sys
 
+from fluxlock.canopen import __main__ as objects
 from fluxlock.config import schema
 from fluxlock.docs import matrix, parameters
 
 
 def main() -> int:
-    """Input files, parameters, requirement matrix; exit code 1 if one of them fails."""
+    """Input files, parameters, object dictionary, requirement matrix; exit code 1 if one of them fails."""
     schema.PAGE.write_text(schema.page(), encoding="utf-8")
-    return max(parameters.main([]), matrix.main([]))
+    return max(parameters.main([]), objects.main([]), matrix.main([]))
 
 
 if __name__ == "__main__":

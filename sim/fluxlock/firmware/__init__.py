@@ -6,10 +6,12 @@ from fluxlock.firmware.schema import load_schema
 from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
 from fluxlock.firmware.toolchain import (
     FirmwareError,
+    build_canopen_library,
     build_commission,
     build_firmware,
     build_host_library,
     build_program,
+    build_program_library,
 )
 
 __all__ = [
@@ -20,10 +22,12 @@ __all__ = [
     "ParameterBlock",
     "ParameterError",
     "VectorSpec",
+    "build_canopen_library",
     "build_commission",
     "build_firmware",
     "build_host_library",
     "build_program",
+    "build_program_library",
     "compile_parameters",
     "gain",
     "load_schema",

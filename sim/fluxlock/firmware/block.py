@@ -82,9 +82,14 @@ class ParameterBlock:
             self.values[name] = value
 
     def _default(self, p: Parameter) -> Value | None:
-        """Value of a parameter that the six-step method does not need."""
-        if p.default is None or self.values.get("method", 0) != 0:
+        """Value of a parameter that the six-step method, or a vector drive without injection, does not need."""
+        needed = self.values.get("method", 0) != 0
+        if p.name.startswith("injection"):
+            needed = self.values.get("injection", 0) != 0
+        if p.default is None or needed:
             return None
+        if p.count > 1:
+            return (p.default,) * p.count
         return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
 
     def words(self) -> list[int]:
@@ -107,8 +112,11 @@ class ParameterBlock:
         return result
 
     def pack(self) -> bytes:
-        """The block as bytes, little endian."""
-        payload = struct.pack(f"<{self.schema.words}i", *self.words())
+        """The block as bytes, little endian; without an injection it ends before the parameters of one."""
+        words = self.words()
+        if self.values.get("injection", 0) == 0:
+            words = words[: self.schema.offsets["injection"]]
+        payload = struct.pack(f"<{len(words)}i", *words)
         header = struct.pack(f"<{HEADER_WORDS}I", MAGIC, self.schema.version_word, len(payload), zlib.crc32(payload))
         block = header + payload
         if len(block) > BLOCK_MAX_BYTES:
@@ -116,11 +124,11 @@ class ParameterBlock:
         return block
 
 
-def write_image(path_hex: Path, image: Path, params: ParameterBlock, table: bytes = b"") -> Path:
+def write_image(path_hex: Path, image: Path, params: ParameterBlock | None, table: bytes = b"") -> Path:
     """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
 
-    `image` is the flat binary of the firmware; it must end below the parameter block. table: what a program of
-    `sw/bench` reads from TABLE_ADDRESS on.
+    `image` is the flat binary of the firmware; it must end below the parameter block. params: None for a program that
+    reads none. table: what a program of `sw/bench` reads from TABLE_ADDRESS on.
     """
     code = image.read_bytes()
     if len(code) > (TABLE_ADDRESS if table else BLOCK_ADDRESS):
@@ -130,7 +138,7 @@ def write_image(path_hex: Path, image: Path, params: ParameterBlock, table: byte
     memory = bytearray(4 * RAM_WORDS)
     memory[: len(code)] = code
     memory[TABLE_ADDRESS : TABLE_ADDRESS + len(table)] = table
-    block = params.pack()
+    block = params.pack() if params else b""
     memory[BLOCK_ADDRESS : BLOCK_ADDRESS + len(block)] = block
     path_hex.parent.mkdir(parents=True, exist_ok=True)
     words = struct.unpack(f"<{RAM_WORDS}I", memory)

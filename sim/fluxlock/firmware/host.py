@@ -18,13 +18,14 @@ from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.memory import BLOCK_MAX_BYTES, TELEMETRY_MAX_BYTES
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x3800
+REGISTER_WORDS = 0x3C00
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (
     *(
         "magic",
         "length_bytes",
+        "published_q32",
         "tick",
         "state",
         "phase",
@@ -67,10 +68,13 @@ def register_offsets(header: Path) -> dict[str, int]:
 
 
 class HostFirmware:
-    """Loads the library and resets it; then `boot`, `tick` and `poll` as the chip's events would."""
+    """Loads the library and resets it; then `boot`, `tick` and `poll` as the chip's events would.
 
-    def __init__(self) -> None:
-        self.lib = ctypes.CDLL(str(build_host_library()))
+    library: one that holds more than the firmware.
+    """
+
+    def __init__(self, library: Path | None = None) -> None:
+        self.lib = ctypes.CDLL(str(library or build_host_library()))
         for name, kind in (
             ("fl_host_registers", ctypes.POINTER(ctypes.c_uint32)),
             ("fl_host_auto_zero_offsets", ctypes.POINTER(ctypes.c_int32)),

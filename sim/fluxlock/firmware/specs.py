@@ -23,6 +23,9 @@ InversePark = Literal["held", "exact"]
 FrameAngle = Literal["observer", "encoder"]
 RegulatorPlace = Literal["rtl", "c"]
 Mounting = Literal["given", "learnt"]
+InjectionMethod = Literal["lock-in", "conventional", "iq", "separator"]
+Sequence = Literal["held-tian", "held", "half-step", "exact"]
+Compensation = Literal["off", "on", "following"]
 
 COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
 PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
@@ -32,6 +35,8 @@ ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
 HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
 REGULATORS: tuple[Regulator, ...] = ("A", "B", "C")
 INVERSE_PARKS: tuple[InversePark, ...] = ("held", "exact")
+INJECTION_METHODS: tuple[InjectionMethod, ...] = ("lock-in", "conventional", "iq", "separator")
+SEQUENCES: tuple[Sequence, ...] = ("held-tian", "held", "half-step", "exact")
 
 # Over-speed limit over the motor's highest speed.
 OVERSPEED_RATIO = 1.25
@@ -53,11 +58,22 @@ class EncoderSpec:
 
 
 @dataclass(frozen=True)
+class ThirdSpec:
+    """Subspace 3 of a five-phase machine: inductances of its axes and between d and d, q and q of both, flux."""
+
+    inductance_d_h: float
+    inductance_q_h: float
+    mutual_h: float
+    psi_vs: float
+
+
+@dataclass(frozen=True)
 class MotorSpec:
     """Machine. Phase quantities are means over the phases; inductance is self minus mutual.
 
     emf_fundamental: fundamental of the phase EMF over its peak psi_vs * omega; saliency_h: L_q - L_d, of which
-    inductance_h is the mean.
+    inductance_h is the mean. curve_rad: angle from the saliency axis to the d axis over the powers 0 to 3 of i_q (A),
+    which holds to +-curve_current_a; polarity_current_a: of i_d, at which saturation tells the poles apart.
     """
 
     pole_pairs: int
@@ -71,6 +87,11 @@ class MotorSpec:
     emf_fundamental: float = 1.0
     saliency_h: float = 0.0
     encoder: EncoderSpec | None = None
+    phases: int = 3
+    third: ThirdSpec | None = None
+    curve_rad: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    curve_current_a: float | None = None
+    polarity_current_a: float | None = None
 
 
 @dataclass(frozen=True)
@@ -96,6 +117,25 @@ class InverterSpec:
     over_voltage_v: float | None = None
     under_voltage_v: float | None = None
     conversion_s: float = 0.4e-6
+
+
+@dataclass(frozen=True)
+class InjectionSpec:
+    """Square-wave injection. period: updates; samples: of the converter, in a current sample."""
+
+    method: InjectionMethod
+    amplitude_v: float
+    period: int
+    sequence: Sequence = "exact"
+    remove: bool = True
+    samples: int = 1
+    low_hz: float = 51.5
+    third_ratio: float = 0.0
+    speed_filter_hz: float = 50.0
+    compensation: Compensation = "following"
+    search: bool = True
+    search_current_a: float | None = None
+    search_rise_a_per_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -127,6 +167,7 @@ class VectorSpec:
     dead_time_compensation: bool = True
     angle: FrameAngle = "observer"
     mounting: Mounting = "given"
+    injection: InjectionSpec | None = None
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from fluxlock import memory
 from fluxlock.build import file_lock, generate_registers
+from fluxlock.canopen import c_tables
+from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
 from fluxlock.memory import BLOCK_ADDRESS, CACHE_BYTES, STACK_BYTES, STATE_OFFSET
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
@@ -42,6 +45,8 @@ HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
 PROGRAMS = (BENCH, COMMISSION)
+CANOPEN = "canopen/"  # the node: in the host library of its own, not in the image
+CANOPEN_HOST = "host_node.c"
 
 
 class FirmwareError(RuntimeError):
@@ -49,7 +54,9 @@ class FirmwareError(RuntimeError):
 
 
 def _sources() -> list[Path]:
-    return sorted(p for p in SW.rglob("*") if p.suffix in {".c", ".h", ".S", ".ld"})
+    """All but those of the CANopen node: a change there is none of the image."""
+    found = (p for p in SW.rglob("*") if p.suffix in {".c", ".h", ".S", ".ld"})
+    return sorted(p for p in found if not p.relative_to(SW).as_posix().startswith(CANOPEN))
 
 
 def _selected(excluded: tuple[str, ...], suffixes: tuple[str, ...]) -> list[str]:
@@ -84,9 +91,11 @@ def _key(*extra: object) -> str:
     return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
-def build_firmware(build_dir: Path | None = None) -> Path:
-    """Flat binary of the image for the soft core, loaded at address 0; cached by content hash."""
-    return _build_image("fluxlock", _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S")), build_dir or BUILD / "firmware")
+def build_firmware(build_dir: Path | None = None, phases: int = 3) -> Path:
+    """Flat binary of the image for the soft core of a chip with 3 or 5 phases, at address 0; cached by content hash."""
+    sources = _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S"))
+    name, defined = ("fluxlock", ()) if phases == 3 else (f"fluxlock-{phases}", (f"-DPHASES={phases}",))
+    return _build_image(name, sources, build_dir or BUILD / "firmware", defined)
 
 
 def build_program(name: str) -> Path:
@@ -95,13 +104,35 @@ def build_program(name: str) -> Path:
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
 
 
+def build_program_library(name: str) -> Path:
+    """The host library with `sw/bench/<name>.c`, whose main() is for the core only."""
+    return _host_library(f"libfluxlock-{name}", [f"{BENCH}{name}.c"], BUILD / "firmware")
+
+
 def build_commission() -> Path:
     """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
     sources = _selected((*HOST_ONLY, BENCH, "app/"), (".c", ".S"))
     return _build_image("commission", ["app/format.c", *sources], BUILD / "firmware")
 
 
-def _build_image(name: str, sources: list[str], folder: Path) -> Path:
+def _canopen() -> tuple[list[str], str]:
+    """Sources of the node, and the hash of what enters them; writes their table of objects."""
+    files = sorted(p for p in (SW / CANOPEN).iterdir() if p.suffix in {".c", ".h"})
+    table = _generate("canopen_objects.h", c_tables.c_header(load_dictionary()))
+    return [f"{CANOPEN}{p.name}" for p in files if p.suffix == ".c"], content_hash([*files, table])
+
+
+def check_canopen() -> None:
+    """Compile the CANopen node for the core; it is in no image. FirmwareError if it does not compile."""
+    sources, _ = _canopen()
+    _key()
+    with tempfile.TemporaryDirectory(dir=GENERATED) as folder:
+        for name in (source for source in sources if not source.endswith(CANOPEN_HOST)):
+            includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
+            _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, "-c", name, "-o", f"{folder}/{Path(name).stem}.o"])
+
+
+def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str, ...] = ()) -> Path:
     with file_lock(BUILD / ".firmware.lock"):
         image = folder / f"{name}-{_key('target', WARNINGS, TARGET_FLAGS)}.bin"
         if image.exists():
@@ -111,7 +142,7 @@ def _build_image(name: str, sources: list[str], folder: Path) -> Path:
         partial = image.with_suffix(".part")
         includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
         link = ["-T", "hal/soc/link.ld", "-Wl,--gc-sections", "-o", str(elf)]
-        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, *sources, *link])
+        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *defined, *includes, *sources, *link])
         _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
         # The image starts at the reset vector; the file is to start at address 0.
         data = bytes(0x80) + partial.read_bytes()
@@ -124,14 +155,24 @@ def _build_image(name: str, sources: list[str], folder: Path) -> Path:
 
 def build_host_library(build_dir: Path | None = None) -> Path:
     """Shared library of the same sources for this machine, undefined behaviour traps; cached by content hash."""
-    folder = build_dir or BUILD / "firmware"
+    return _host_library("libfluxlock", [], build_dir or BUILD / "firmware")
+
+
+def build_canopen_library() -> Path:
+    """The same with the CANopen node on the drive."""
+    sources, key = _canopen()
+    return _host_library("libfluxlock-canopen", sources, BUILD / "firmware", key)
+
+
+def _host_library(name: str, added: list[str], folder: Path, key: str = "") -> Path:
+    """added: sources that _key does not know, and key: their hash."""
     with file_lock(BUILD / ".firmware.lock"):
-        library = folder / f"libfluxlock-{_key('host', WARNINGS, HOST_FLAGS)}.so"
+        library = folder / f"{name}-{_key('host', WARNINGS, HOST_FLAGS, *filter(None, [key]))}.so"
         if library.exists():
             return library
         folder.mkdir(parents=True, exist_ok=True)
         partial = library.with_suffix(".part")
-        sources = _selected((*TARGET_ONLY, *PROGRAMS), (".c",))
+        sources = [*_selected((*TARGET_ONLY, *PROGRAMS), (".c",)), *added]
         _zig(["cc", *HOST_FLAGS, *WARNINGS, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
         partial.replace(library)
     return library

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from fluxlock.firmware.block import Value, gain
+from fluxlock.firmware.injection_compiler import injection_parameters
 from fluxlock.firmware.specs import (
     INVERSE_PARKS,
     OVERSPEED_RATIO,
@@ -82,7 +83,7 @@ class VectorMachine:
             resistance_ohm=motor.resistance_ohm + inverter.on_resistance_ohm,
             inductance_h=motor.inductance_h,
             psi_vs=psi,
-            torque_nm_per_a=1.5 * motor.pole_pairs * psi,
+            torque_nm_per_a=motor.phases / 2 * motor.pole_pairs * psi,
             omega_max=motor.pole_pairs * motor.max_speed_rpm / RPM,
         )
 
@@ -121,8 +122,13 @@ def margin_cycles(clock_hz: float, inverter: InverterSpec) -> int:
     )
 
 
+def linear_voltage(phases: int) -> float:
+    """Largest amplitude of the phase voltage without distortion over vdc: 1 / sqrt(3), of five phases 0.5257."""
+    return 0.5 / math.cos(math.pi / (2 * phases))
+
+
 def circle(clock_hz: float, inverter: InverterSpec, timing: VectorTiming) -> float:
-    """Largest voltage without distortion over vdc / sqrt(3): what the margins leave."""
+    """Largest voltage over the linear one: what the margins leave."""
     return 1.0 - 2.0 * margin_cycles(clock_hz, inverter) / timing.carrier_cycles
 
 
@@ -240,7 +246,9 @@ def _modulator(
     while 0 < slope * 2 ** (shift + 1) < Q17 - 1 and shift < 31:
         shift += 1
     return {
-        "vector_circle_q16": round(circle(clock, inverter, timing) * Q16),
+        "vector_circle_q16": round(
+            circle(clock, inverter, timing) * linear_voltage(motor.phases) * math.sqrt(3.0) * Q16
+        ),
         # Clocks a unit of v_q17 are N V / vdc 2^-17; vdc counts in v_q25.
         **_gains(vector_scale_v=timing.carrier_cycles * Q8, vector_band=band),
         "vector_slope": min(round(slope * 2**shift), int(Q17) - 1),
@@ -310,4 +318,5 @@ def vector_parameters(
         **_weakening(motor, inverter, limit_a, vector, tick_s),
         **_encoder(motor, drive, vector),
         **_modulator(motor, inverter, drive, vector, timing),
+        **injection_parameters(motor, inverter, drive, vector, timing),
     }

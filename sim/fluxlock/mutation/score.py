@@ -12,7 +12,7 @@ from fluxlock.mutation.equivalence import equal_mutants
 from fluxlock.mutation.netlist import NONE, Mutant, make_netlist
 from fluxlock.mutation.run import run_mutants
 from fluxlock.paths import BUILD
-from fluxlock.synth import tool_version
+from fluxlock.synth.tools import tool_version
 
 RESULTS = BUILD / "mutate"
 

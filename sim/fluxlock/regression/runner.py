@@ -23,7 +23,7 @@ from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import run_program
-from fluxlock.cosim.run import ready_chip, run_scenario
+from fluxlock.cosim.run import chip_of, ready_chip, run_scenario
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
@@ -68,7 +68,7 @@ class Runner:
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         used_seed = self.seed if seed is None else seed
-        image = build_firmware(BUILD / "firmware")
+        image = build_firmware(BUILD / "firmware", loaded.motor.phases)
 
         def run(folder: Path) -> None:
             write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)
@@ -148,7 +148,7 @@ def _key(scenario: Scenario, seed: int, image: Path, table: bytes = b"") -> str:
     package = Path(__file__).parent.parent
     sources = [path for name in RUN_SOURCES for path in (package / name).rglob("*.py")]
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return content_hash([*sources, image], ready_chip().key, settings, seed, table)
+    return content_hash([*sources, image], chip_of(scenario).key, settings, seed, table)
 
 
 def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:

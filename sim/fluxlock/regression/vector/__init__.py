@@ -13,6 +13,7 @@ from fluxlock.regression.vector import (
     parameter_errors,
     sequence,
     transforms,
+    weakening,
 )
 
 __all__ = [
@@ -28,4 +29,5 @@ __all__ = [
     "parameter_errors",
     "sequence",
     "transforms",
+    "weakening",
 ]

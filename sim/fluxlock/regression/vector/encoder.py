@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from scipy.optimize import brentq
+import numpy as np
 
 from fluxlock.config import Scenario
 from fluxlock.config.specs import motor_spec
@@ -44,17 +44,13 @@ def loop_lag_deg(scenario: Scenario) -> float:
 
 
 def best_current_a(motor: MotorSpec, torque_nm: float) -> complex:
-    """Current vector of the least amplitude for a torque of a salient machine."""
-    k = motor.psi_vs / motor.saliency_h
-
-    def at(i_q: float) -> complex:
-        return complex(k / 2 - math.sqrt(k**2 / 4 + i_q**2), i_q)
-
-    def excess(i_q: float) -> float:
-        return 1.5 * motor.pole_pairs * (motor.psi_vs - motor.saliency_h * at(i_q).real) * i_q - abs(torque_nm)
-
-    found = at(float(brentq(excess, 0.0, 100.0 * motor.rated_current_a)))
-    return complex(found.real, math.copysign(found.imag, torque_nm))
+    """Current vector of the least amplitude for a torque of a salient machine, A; read from its curve to 1e-6."""
+    half_a = motor.psi_vs / motor.saliency_h / 2
+    i_q = np.linspace(0.0, 100.0 * motor.rated_current_a, 1_000_001)
+    i_d = half_a - np.sqrt(half_a**2 + i_q**2)
+    torque = 1.5 * motor.pole_pairs * (motor.psi_vs - motor.saliency_h * i_d) * i_q
+    found = float(np.interp(abs(torque_nm), torque, i_q))
+    return complex(half_a - math.hypot(half_a, found), math.copysign(found, torque_nm))
 
 
 def drive(runner: Runner, mounting: str) -> Outcome:

@@ -1,0 +1,142 @@
+"""What all boards share: reset, and the way of converter faults to the gates, with a stand-in for the chip."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import cocotb
+from cocotb.clock import Clock
+from cocotb.triggers import ClockCycles, FallingEdge
+
+from cocotb_tests.board.serial_converter import SLOW, SerialConverters
+from fluxlock.cosim.block import run_block_test
+
+RESET_CYCLES = 90
+LATE_CYCLES = 65536
+GATES_ON = (1, 2)
+CLEAR, EARLY, SILENT = 1, 2, 4  # commands of the stand-in
+
+
+def gates(dut: Any) -> tuple[int, int]:
+    return int(dut.gate_h_o.value), int(dut.gate_l_o.value)
+
+
+async def clocks_until(dut: Any, wanted: Any, limit: int) -> int:
+    """Falling edges of the clock until `wanted()` holds."""
+    for count in range(limit + 1):
+        if wanted():
+            return count
+        await FallingEdge(dut.clk_i)
+    raise AssertionError(f"not within {limit} clocks")
+
+
+async def power_on(dut: Any) -> None:
+    """Clock runs, nothing is good yet; return at a falling edge."""
+    cocotb.start_soon(Clock(dut.clk_i, 20, unit="ns").start())
+    for name in ("locked_i", "button_i", "fault_pin_i", "hall_i", "encoder_i", "uart_rx_i"):
+        getattr(dut, name).value = 0
+    dut.adc_sdata_i.value = 0x1FF
+    await FallingEdge(dut.clk_i)
+
+
+async def run_up(dut: Any) -> SerialConverters:
+    """Reset over, converters answer, gates on."""
+    await power_on(dut)
+    dut.locked_i.value = 1
+    converters = SerialConverters(dut, 9, SLOW, prefix="adc_")
+    converters.codes = [2048] * 9
+    await clocks_until(dut, lambda: dut.led_o.value[0] == 1, RESET_CYCLES + 5)
+    await ClockCycles(dut.clk_i, 200)
+    await enable(dut)
+    return converters
+
+
+async def enable(dut: Any) -> None:
+    dut.hall_i.value = CLEAR
+    await ClockCycles(dut.clk_i, 3)
+    dut.hall_i.value = 0
+    await clocks_until(dut, lambda: gates(dut) == GATES_ON, 1200)
+
+
+@cocotb.test
+async def holds_reset(dut: Any) -> None:
+    await power_on(dut)
+    await ClockCycles(dut.clk_i, 3 * RESET_CYCLES)
+    for cause, level in [("locked_i", 1), ("button_i", 0), ("locked_i", 1)]:
+        name = getattr(dut, cause)
+        name.value = 1 - level
+        await ClockCycles(dut.clk_i, random.randrange(5, 300))
+        await FallingEdge(dut.clk_i)
+        assert dut.led_o.value[0] == 0 and gates(dut) == (0, 0) and dut.adc_cs_no.value == 1
+        name.value = level
+        # Two clocks of the synchroniser, the count, one clock each for the release and the reset register.
+        held = await clocks_until(dut, lambda: dut.led_o.value[0] == 1, RESET_CYCLES + 10)
+        assert held == RESET_CYCLES + 3
+        await ClockCycles(dut.clk_i, 10)
+        assert dut.led_o.value[0] == 1
+
+
+@cocotb.test
+async def bad_channel_turns_the_gates_off(dut: Any) -> None:
+    converters = await run_up(dut)
+    assert int(dut.led_o.value) == 0b0001
+    for channel in random.sample(range(9), 3):
+        for level in (0, 1):
+            await clocks_until(dut, lambda: dut.adc_cs_no.value == 0, 60)
+            converters.stick({channel: level})
+            await clocks_until(dut, lambda: dut.adc_cs_no.value == 1, 60)
+            # Stuck high shows at the end of this frame, stuck low at that of the next.
+            if level == 0:
+                await clocks_until(dut, lambda: dut.adc_cs_no.value == 0, 60)
+                await clocks_until(dut, lambda: dut.adc_cs_no.value == 1, 60)
+            taken = await clocks_until(dut, lambda: gates(dut) == (0, 0), 20)
+            assert taken == 4, f"channel {channel} at {level}: gates off {taken} clocks after the frame"
+            assert int(dut.led_o.value) == 0b0101
+            converters.stick({})
+            await ClockCycles(dut.clk_i, 130)
+            assert gates(dut) == (0, 0), "gates came back without a command"
+            await enable(dut)
+
+
+@cocotb.test
+async def missed_and_late_conversions_turn_the_gates_off(dut: Any) -> None:
+    await run_up(dut)
+    dut.hall_i.value = EARLY
+    await clocks_until(dut, lambda: gates(dut) == (0, 0), 60)
+    assert int(dut.led_o.value) == 0b1001
+    dut.hall_i.value = 0
+    await ClockCycles(dut.clk_i, 130)
+    await enable(dut)
+    dut.hall_i.value = SILENT
+    await ClockCycles(dut.clk_i, LATE_CYCLES - 60)
+    await FallingEdge(dut.clk_i)
+    assert gates(dut) == GATES_ON
+    await clocks_until(dut, lambda: gates(dut) == (0, 0), 70)
+
+
+@cocotb.test
+async def fault_pin_turns_the_gates_off(dut: Any) -> None:
+    await run_up(dut)
+    await FallingEdge(dut.clk_i)
+    dut.fault_pin_i.value = 1
+    assert await clocks_until(dut, lambda: gates(dut) == (0, 0), 10) == 3
+    assert int(dut.led_o.value) == 0b0011
+
+
+def test_fl_board() -> None:
+    """Reset times; bad, missed and late conversions and the fault pin to the gates.
+
+    Verifies: BRD-08
+    """
+    sources = [
+        "safety/fl_sync.sv",
+        "safety/fl_trip.sv",
+        "safety/fl_gate_guard.sv",
+        Path(__file__).with_name("fl_soc_stand_in.sv"),
+        "board/fl_adc_serial.sv",
+        "board/fl_adc_fault.sv",
+        "board/fl_board.sv",
+    ]
+    run_block_test("fl_board", sources, __name__, parameters={"ResetCycles": RESET_CYCLES})

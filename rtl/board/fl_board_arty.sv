@@ -1,0 +1,69 @@
+// Board top: Digilent Arty A7-35, Xilinx XC7A35TICSG324-1L.
+//
+// The oscillator's 100 MHz become 50 MHz in a PLL; the red RESET button resets.
+// Pins: constraints/arty-a7-35.xdc, drawn in docs/blocks/fl_board_arty.md. Everything else: fl_board.
+`default_nettype none
+module fl_board_arty #(
+    parameter string Init = "firmware.hex"
+) (
+    input logic clk_100mhz_i,
+    input logic reset_button_ni,
+
+    output logic       adc_cs_no,
+    output logic       adc_sclk_o,
+    input  logic [8:0] adc_sdata_i,  // v0..v2, i0..i2, vdc, idc, vsm
+
+    output logic [2:0] gate_h_o,
+    output logic [2:0] gate_l_o,
+    input  logic       fault_pin_i,  // high or open: fault
+    input  logic [2:0] hall_i,       // C, B, A
+    input  logic [2:0] encoder_i,    // Z, B, A
+
+    input  logic uart_rx_i,
+    output logic uart_tx_o,
+
+    output logic [3:0] led_o
+);
+
+  // 100 MHz * 10 = 1000 MHz (800..1600), / 20 = 50 MHz.
+  logic pll_clk, pll_feedback, clk, locked;
+  PLLE2_BASE #(
+      .CLKFBOUT_MULT (10),
+      .CLKIN1_PERIOD (10),
+      .CLKOUT0_DIVIDE(20)
+  ) u_pll (
+      .CLKIN1  (clk_100mhz_i),
+      .CLKFBIN (pll_feedback),
+      .RST     (1'b0),
+      .PWRDWN  (1'b0),
+      .CLKFBOUT(pll_feedback),
+      .CLKOUT0 (pll_clk),
+      .LOCKED  (locked)
+  );
+  BUFG u_clock (
+      .I(pll_clk),
+      .O(clk)
+  );
+
+  fl_board #(
+      .Phases(3),
+      .Init  (Init)
+  ) u_board (
+      .clk_i   (clk),
+      .locked_i(locked),
+      .button_i(!reset_button_ni),
+      .adc_cs_no,
+      .adc_sclk_o,
+      .adc_sdata_i,
+      .gate_h_o,
+      .gate_l_o,
+      .fault_pin_i,
+      .hall_i,
+      .encoder_i,
+      .uart_rx_i,
+      .uart_tx_o,
+      .led_o
+  );
+
+endmodule
+`default_nettype wire

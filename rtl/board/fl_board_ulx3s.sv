@@ -1,0 +1,69 @@
+// Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C.
+//
+// The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets.
+// Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
+`default_nettype none
+module fl_board_ulx3s #(
+    parameter bit    Vector = 1'b1,
+    parameter string Init   = "firmware.hex"
+) (
+    input logic clk_25mhz_i,
+    input logic reset_button_i,
+
+    output logic       adc_cs_no,
+    output logic       adc_sclk_o,
+    input  logic [8:0] adc_sdata_i,  // v0..v2, i0..i2, vdc, idc, vsm
+
+    output logic [2:0] gate_h_o,
+    output logic [2:0] gate_l_o,
+    input  logic       fault_pin_i,  // high or open: fault
+    input  logic [2:0] hall_i,       // C, B, A
+    input  logic [2:0] encoder_i,    // Z, B, A
+
+    input  logic uart_rx_i,
+    output logic uart_tx_o,
+
+    output logic [3:0] led_o
+);
+
+  // 25 MHz / 1 * 2 * 12 = 600 MHz (400..800), / 12 = 50 MHz.
+  logic clk, locked;
+  EHXPLLL #(
+      .CLKI_DIV    (1),
+      .CLKFB_DIV   (2),
+      .CLKOP_DIV   (12),
+      .CLKOP_CPHASE(5),
+      .FEEDBK_PATH ("CLKOP")
+  ) u_pll (
+      .CLKI   (clk_25mhz_i),
+      .CLKFB  (clk),
+      .RST    (1'b0),
+      .STDBY  (1'b0),
+      .ENCLKOP(1'b1),
+      .CLKOP  (clk),
+      .LOCK   (locked)
+  );
+
+  fl_board #(
+      .Phases(3),
+      .Vector(Vector),
+      .Init  (Init)
+  ) u_board (
+      .clk_i   (clk),
+      .locked_i(locked),
+      .button_i(reset_button_i),
+      .adc_cs_no,
+      .adc_sclk_o,
+      .adc_sdata_i,
+      .gate_h_o,
+      .gate_l_o,
+      .fault_pin_i,
+      .hall_i,
+      .encoder_i,
+      .uart_rx_i,
+      .uart_tx_o,
+      .led_o
+  );
+
+endmodule
+`default_nettype wire

@@ -1,0 +1,58 @@
+"""Write what is made from the object dictionary: `python -m fluxlock.canopen [--node N]`.
+
+The EDS, the DBC of a node and the Python accessors go to `build/canopen`, the tables to docs/reference/objects.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from fluxlock.canopen.accessors import accessors
+from fluxlock.canopen.dbc import dbc
+from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.canopen.eds import eds
+from fluxlock.canopen.page import PAGE, page_text
+from fluxlock.paths import BUILD
+from fluxlock.writable import check_folder, guarded
+
+OUT = BUILD / "canopen"
+NODE = 1
+
+
+def write_files(folder: Path, node: int) -> list[Path]:
+    """EDS, DBC and accessors for a node-ID."""
+    dictionary = load_dictionary()
+    check_folder(folder)
+    texts = {
+        "fluxlock.eds": eds(dictionary),
+        f"fluxlock-{node}.dbc": dbc(dictionary, node),
+        "fluxlock_objects.py": accessors(dictionary),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [folder / name for name in texts]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the files; with `--check` only compare the page: exit code 1 if it is out of date."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--node", type=int, default=NODE, choices=range(1, 128), metavar="1..127", help="node-ID")
+    parser.add_argument("--check", action="store_true", help="fail if the page is out of date, write nothing")
+    options = parser.parse_args(arguments)
+    text = page_text(load_dictionary())
+    fresh = PAGE.read_text(encoding="utf-8") == text
+    if options.check:
+        if not fresh:
+            print(f"{PAGE}: out of date, run python -m fluxlock.canopen", file=sys.stderr)
+        return int(not fresh)
+    if not fresh:
+        PAGE.write_text(text, encoding="utf-8")
+    for path in write_files(OUT, options.node):
+        print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

@@ -1,0 +1,71 @@
+"""C tables of the object dictionary: `canopen_objects.h`, included by `sw/canopen/dictionary.c`."""
+
+from __future__ import annotations
+
+from fluxlock.canopen.dictionary import STRING_MAX_BYTES, Dictionary, Entry
+
+FLAG_NAMES = ("OD_READ", "OD_WRITE", "OD_RECEIVABLE", "OD_SENDABLE", "OD_STORED", "OD_LIVE", "OD_NODE_RELATIVE")
+
+
+def _flags(entry: Entry) -> str:
+    flags = (
+        True,
+        entry.access == "rw",
+        entry.receivable,
+        entry.sendable,
+        entry.store,
+        entry.live,
+        entry.node_relative,
+    )
+    return " | ".join(name for name, there in zip(FLAG_NAMES, flags, strict=True) if there)
+
+
+def _row(entry: Entry) -> str:
+    default = entry.default if isinstance(entry.default, int) else 0
+    numbers = (entry.min, entry.max, default) if entry.bytes else (0, 0, 0)
+    words = ", ".join(f"0x{number & 0xFFFFFFFF:X}u" for number in numbers)
+    choices = sum(1 << choice for choice in entry.choices)
+    place = f"0x{entry.index:04X}u, {entry.sub}u, OD_{entry.type.upper()}"
+    return f"  {{{place}, {_flags(entry)}, 0x{choices:X}u, {words}}}, \\"
+
+
+def c_header(dictionary: Dictionary) -> str:
+    """Numbers of the entries, table of the entries, constant strings, EMCY codes of the faults."""
+    entries = dictionary.entries
+    lines = [
+        "// Generated from sw/canopen/objects.toml. Do not edit.",
+        "#ifndef FL_CANOPEN_OBJECTS_H",
+        "#define FL_CANOPEN_OBJECTS_H",
+        "",
+        "// Numbers of the entries, by index and sub-index.",
+        "typedef enum {",
+        *(f"  OD_{entry.name.upper()} = {number}," for number, entry in enumerate(entries)),
+        "} od_number_t;",
+        "",
+        f"#define OD_COUNT {len(entries)}u",
+        f"#define OD_STRING_MAX {STRING_MAX_BYTES}u",
+        f"#define OD_STORED_COUNT {len(dictionary.stored)}u",
+        f"#define OD_STORE_WORD 0x{dictionary.store_word:08X}u",
+        "",
+        "// index, sub-index, type, flags, choices, min, max, default",
+        "#define OD_ENTRIES { \\",
+        *map(_row, entries),
+        "}",
+        "",
+        "// number, text",
+        "#define OD_STRINGS { \\",
+        *(f'  {{OD_{e.name.upper()}, "{e.default}"}}, \\' for e in entries if isinstance(e.default, str)),
+        "}",
+        "",
+        "// By number of the fault: EMCY code, error register.",
+        "#define OD_FAULTS { \\",
+        *(
+            f"  [FAULT_{name.upper()}] = {{0x{code:04X}u, 0x{1 << bit | 1:02X}u}}, \\"
+            for name, (code, bit) in dictionary.faults.items()
+        ),
+        "}",
+        "",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,78 @@
+"""The CANopen node of the host library: frames in and out, time from outside.
+
+The drive behind it is the library's firmware (`fluxlock.firmware.host.HostFirmware` on the same library) and must have
+booted. One node a process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+from fluxlock.canopen.dictionary import Dictionary, load_dictionary
+
+EXTENDED, REMOTE = 1, 2
+NO_FRAME = 9
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A CAN frame; flags: EXTENDED, REMOTE."""
+
+    id: int
+    data: bytes = b""
+    flags: int = 0
+
+
+class HostNode:
+    """The node of a loaded library."""
+
+    def __init__(self, library: ctypes.CDLL, node_id: int) -> None:
+        self.lib, self.node_id = library, node_id
+        self.lib.fl_can_memory.restype = ctypes.POINTER(ctypes.c_uint8)
+        self.lib.fl_can_value.restype = ctypes.c_uint32
+        self.dictionary: Dictionary = load_dictionary()
+        self._numbers = {entry.name: number for number, entry in enumerate(self.dictionary.entries)}
+
+    def boot(self, now_us: int = 0) -> None:
+        """Power-up: defaults, then what is stored."""
+        self.lib.fl_can_boot(self.node_id, now_us & 0xFFFFFFFF)
+
+    def receive(self, frame: Frame) -> None:
+        """A frame from the bus."""
+        self.lib.fl_can_receive(frame.id, frame.flags, len(frame.data), frame.data)
+
+    def step(self, now_us: int) -> None:
+        """Timers, drive profile, process data."""
+        self.lib.fl_can_step(now_us & 0xFFFFFFFF)
+
+    def sent(self) -> list[Frame]:
+        """Frames that the node has sent since they were last taken."""
+        found: list[Frame] = []
+        can_id, data = ctypes.c_uint32(), (ctypes.c_uint8 * 8)()
+        while (length := self.lib.fl_can_next(ctypes.byref(can_id), data)) != NO_FRAME:
+            found.append(Frame(can_id.value, bytes(data[:length])))
+        return found
+
+    def value(self, name: str) -> int:
+        """Value of an object by its name, as an SDO upload would read it."""
+        entry = self.dictionary[name]
+        raw = int(self.lib.fl_can_value(self._numbers[name]))
+        return raw - (1 << 32) if entry.signed and raw >> 31 else raw
+
+    def bus_off(self) -> None:
+        """The controller has gone bus-off."""
+        self.lib.fl_can_bus_off()
+
+    @property
+    def memory(self) -> bytes:
+        """The non-volatile memory, both slots."""
+        return ctypes.string_at(self.lib.fl_can_memory(), self.lib.fl_can_memory_bytes())
+
+    @memory.setter
+    def memory(self, data: bytes) -> None:
+        ctypes.memmove(self.lib.fl_can_memory(), data, self.lib.fl_can_memory_bytes())
+
+    def fail_memory(self, failing: bool) -> None:
+        """Writes to the non-volatile memory fail from now on, or work again."""
+        self.lib.fl_can_fail_memory(int(failing))

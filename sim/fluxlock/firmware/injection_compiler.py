@@ -1,0 +1,204 @@
+"""Parameters of the injection from machine, inverter and drive. Equations: docs/theory/five-phase.md.
+
+Symbols as in vector_compiler; T_h injection period, w its angular frequency, L_d, L_q inductances that the wave meets:
+with five phases L - L_13^2 / L_3, for subspace 3 carries its share.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fluxlock.firmware.block import Value, gain
+from fluxlock.firmware.specs import (
+    INJECTION_METHODS,
+    SEQUENCES,
+    DriveSpec,
+    InjectionSpec,
+    InverterSpec,
+    MotorSpec,
+    VectorSpec,
+)
+from fluxlock.firmware.vector_timing import VectorTiming
+
+Q16, Q17, Q21, Q22, Q25, Q29, Q30 = 2.0**16, 2.0**17, 2.0**21, 2.0**22, 2.0**25, 2.0**29, 2.0**30
+Q32, Q36 = 2.0**32, 2.0**36
+
+BAND_K = 0.45  # of the band-pass: its bandwidth over its frequency
+LOW_K = math.sqrt(2.0)
+LOCK_IN_SHIFT = 4
+# Mean of a rectified sine, fundamental of a triangle of height 1.
+RECTIFIED, FUNDAMENTAL = 2 / math.pi, 8 / math.pi**2
+NOISE_SCATTER = 4 / math.sqrt(math.pi)
+CURVE_REACH = 1.25  # of the current up to which the motor file states the curve
+CURVE_HZ = 200.0
+LEAST_SHARE = 0.2  # of the expected amplitude: less is no signal
+# Seen ratio of the inductances over what L_q / L_d has above 1; noise of the angle (rad).
+DERATE_RATIO, FAULT_RATIO = 0.4, 0.1
+DERATE_NOISE_RAD, FAULT_NOISE_RAD = 0.3, 0.6
+FAULT_S = 0.01
+SEARCH_S = 2e-3
+SEARCH_LEAST = 0.05  # amplitude of the saliency over the expected one
+SEARCH_SURE = 0.012
+# Results left out, a frame, the loop, left out at a new i_d, averaged at each: separator, others.
+SEARCH_RESULTS = {"separator": (8, 16, 24, 6, 8)}
+SEARCH_RESULTS_OTHERS = (6, 8, 20, 6, 8)
+LOCK_IN_TIME_CONSTANTS = 4.0
+
+
+def averaged_over(time_s: float, period_s: float) -> int:
+    """Shift of a mean over about a time of values every period."""
+    return max(1, min(15, round(math.log2(max(2.0, time_s / period_s)))))
+
+
+@dataclass(frozen=True)
+class _Wave:
+    """Inductances that the wave meets (H), amplitude on d that the demodulator shows (A), results a second."""
+
+    l_d: float
+    l_q: float
+    expected_a: float
+    results_hz: float
+    hz: float
+
+    @staticmethod
+    def of(motor: MotorSpec, spec: InjectionSpec, sample_s: float) -> _Wave:
+        half = motor.saliency_h / 2
+        l_d, l_q = motor.inductance_h - half, motor.inductance_h + half
+        if motor.third is not None:
+            mutual = motor.third.mutual_h**2
+            l_d, l_q = l_d - mutual / motor.third.inductance_d_h, l_q - mutual / motor.third.inductance_q_h
+        period_s = spec.period * sample_s
+        peak = spec.amplitude_v * period_s / (4 * l_d)
+        shown = {"separator": 1.0, "iq": FUNDAMENTAL}.get(spec.method, FUNDAMENTAL * RECTIFIED)
+        results = {"separator": 2 / period_s, "iq": 1 / period_s}.get(spec.method, 1 / sample_s)
+        return _Wave(l_d, l_q, peak * shown, results, 1 / period_s)
+
+    @property
+    def ratio(self) -> float:
+        """L_q / (L_q - L_d)."""
+        return self.l_q / (self.l_q - self.l_d)
+
+
+def _q17(value: float, one: float = Q17) -> int:
+    return max(-int(Q17), min(int(Q17) - 1, round(value * one)))
+
+
+def _filter(tangent: float, k: float) -> tuple[tuple[int, int, int], bool]:
+    """a1, a2, g of a trapezoidal state-variable filter; whether a2 and g are in 2^-22."""
+    a1 = 1 / (1 + tangent * (tangent + k))
+    fine = max(tangent, tangent * a1) < (Q17 - 1) / Q22
+    one = Q22 if fine else Q17
+    return (_q17(a1), _q17(tangent * a1, one), _q17(tangent, one)), fine
+
+
+def _filters(spec: InjectionSpec, sample_s: float) -> dict[str, Value]:
+    band, band_fine = _filter(math.tan(math.pi / spec.period), BAND_K)
+    low, low_fine = _filter(math.tan(math.pi * spec.low_hz * sample_s), LOW_K)
+    return {
+        "injection_shift": LOCK_IN_SHIFT,
+        "injection_fine": int(band_fine) + 2 * int(low_fine),
+        "injection_band": (*band, _q17(BAND_K, Q16)),
+        "injection_low": low,
+    }
+
+
+def _search(
+    motor: MotorSpec, spec: InjectionSpec, wave: _Wave, sample_s: float, tick_s: float, full_scale_a: float
+) -> dict[str, Value]:
+    current = spec.search_current_a or motor.polarity_current_a or motor.rated_current_a
+    rise = spec.search_rise_a_per_s or current / SEARCH_S
+    ampere = Q25 / full_scale_a
+    counts = SEARCH_RESULTS.get(spec.method, SEARCH_RESULTS_OTHERS)
+    if spec.method in ("lock-in", "conventional"):
+        settle = math.ceil(LOCK_IN_TIME_CONSTANTS / (2 * math.pi * spec.low_hz * sample_s))
+        counts = (settle, 50, 2 * settle, settle, 50)
+    return {
+        "injection_search": int(spec.search),
+        "injection_search_results": counts,
+        "injection_search_i_q25": round(current * ampere),
+        "injection_search_rise_i_q25": max(1, round(rise * tick_s * ampere)),
+        "injection_search_sure_q16": round(SEARCH_SURE * Q16),
+        "injection_search_least_i_q21": round(SEARCH_LEAST * wave.expected_a / wave.ratio * Q21 / full_scale_a),
+    }
+
+
+def _validity(spec: InjectionSpec, wave: _Wave, full_scale_a: float) -> dict[str, Value]:
+    over = wave.l_q / wave.l_d - 1
+    unit = Q21 / full_scale_a
+    return {
+        "injection_least_i_q21": round(LEAST_SHARE * wave.expected_a * unit),
+        "injection_expected_i_q21": max(1, round(wave.expected_a * unit)),
+        "injection_saliency_q16": round((1 + over) * Q16),
+        "injection_derate_ratio_q16": round((1 + DERATE_RATIO * over) * Q16),
+        "injection_fault_ratio_q16": round((1 + FAULT_RATIO * over) * Q16),
+        "injection_noise_factor_q16": round(wave.ratio / NOISE_SCATTER * Q16),
+        "injection_derate_noise_q16": round(DERATE_NOISE_RAD * Q16),
+        "injection_fault_noise_q16": round(FAULT_NOISE_RAD * Q16),
+        "injection_filter_shift": averaged_over(FAULT_S, 1 / wave.results_hz),
+        "injection_fault_results": max(10, round(FAULT_S * wave.results_hz)),
+    }
+
+
+def _curve(motor: MotorSpec, spec: InjectionSpec, tick_s: float, full_scale_a: float) -> dict[str, Value]:
+    most_a = CURVE_REACH * (motor.curve_current_a or motor.rated_current_a)
+    on = spec.compensation != "off"
+    turns = [motor.curve_rad[k] * most_a**k / (2 * math.pi) if on else 0.0 for k in range(4)]
+    return {
+        "injection_curve_q32": tuple(round(turn * Q32) for turn in turns),
+        "injection_curve_current": gain(Q29 / (most_a / full_scale_a * Q25), "injection_curve_current"),
+        "injection_curve_filter_q16": round(-math.expm1(-2 * math.pi * CURVE_HZ * tick_s) * Q16),
+        "injection_following": int(spec.compensation == "following"),
+    }
+
+
+def _third(
+    motor: MotorSpec, inverter: InverterSpec, spec: InjectionSpec, sample_s: float, clock_hz: float
+) -> dict[str, Value]:
+    resistance, admittance, impedance, flux = 0, 0.0, 0.0, 0.0
+    if motor.third is not None:
+        inductance = (motor.third.inductance_d_h + motor.third.inductance_q_h) / 2
+        admittance = sample_s * inverter.voltage_full_scale_v / (inductance * inverter.current_full_scale_a)
+        impedance = 1 / admittance
+        resistance = round((motor.resistance_ohm + inverter.on_resistance_ohm) / inductance * sample_s * Q30)
+        # From a speed of 2^-36 turn a clock to v_q25.
+        unit = 2 * math.pi * clock_hz / Q36 * Q25 / inverter.voltage_full_scale_v
+        flux = 3 * motor.third.psi_vs * unit
+    return {
+        "injection_third_q16": round(spec.third_ratio * Q16),
+        "injection_third_resistance_q30": resistance,
+        "injection_third_admittance": gain(admittance, "injection_third_admittance"),
+        "injection_third_impedance": gain(impedance, "injection_third_impedance"),
+        "injection_third_flux": gain(flux, "injection_third_flux"),
+    }
+
+
+def injection_parameters(
+    motor: MotorSpec, inverter: InverterSpec, drive: DriveSpec, vector: VectorSpec, timing: VectorTiming
+) -> dict[str, Value]:
+    """All parameters of the injection, none without one. Values that do not fit raise ParameterError when packed."""
+    spec = vector.injection
+    if spec is None:
+        return {}
+    clock, full_scale_a = drive.clock_hz, inverter.current_full_scale_a
+    sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
+    wave = _Wave.of(motor, spec, sample_s)
+    difference = wave.l_q - wave.l_d
+    loss = (motor.resistance_ohm + inverter.on_resistance_ohm) / (2 * math.pi * wave.hz * difference)
+    return {
+        "injection": 1 + INJECTION_METHODS.index(spec.method),
+        "catch_rotor": 0,
+        "injection_period": spec.period,
+        "injection_rate_turn_q36": round(Q36 / (spec.period * timing.sample_cycles)),
+        "injection_v_q17": round(spec.amplitude_v / inverter.voltage_full_scale_v * Q17),
+        "injection_remove": int(spec.remove),
+        "injection_sequence": SEQUENCES.index(spec.sequence),
+        "injection_ratio": gain(wave.ratio, "injection_ratio"),
+        "injection_loss": gain(loss, "injection_loss"),
+        "injection_speed_filter_q16": round(-math.expm1(-2 * math.pi * spec.speed_filter_hz * tick_s) * Q16),
+        **_filters(spec, sample_s),
+        **_search(motor, spec, wave, sample_s, tick_s, full_scale_a),
+        **_validity(spec, wave, full_scale_a),
+        **_curve(motor, spec, tick_s, full_scale_a),
+        **_third(motor, inverter, spec, sample_s, clock),
+    }

@@ -1,0 +1,424 @@
+"""Small averaged model of chip, inverter and six-step machine, in floating point.
+
+Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once
+(its volt-seconds act as 3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field
+at 330 + 60 k degrees; a floating phase's crossing is the sign change of its EMF. Hall sensor A shows e_A > e_B and so
+on, each turned by its offset; its edges commutate at offset and advance after them, as long as intervals are known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+
+STEP_S = 5e-6
+
+# State vector.
+(T, THETA, OMEGA, I_ALPHA, I_BETA, I_LINE, SECTOR, T_COMM, T_SCHED, T_ZC, INTERVAL, RING, RING_AT) = range(13)
+RING_FIRST = 13  # six intervals
+(CROSSINGS, LATE, COMMUTATIONS, MISSES, TIMEOUTS, FOUND, TRIPS, IDC_SUM, SUM_TIME, SEED) = range(19, 29)
+(ARMED, I_PEAK, IDC_MEAN, ZC_SECTOR) = range(29, 33)
+(H_CODE, H_POSITION, H_TIME, H_EDGES, H_INVALID, H_SKIPPED, H_BACKWARD, H_KNOWN, H_LOAD) = range(33, 42)
+H_PHASE = 42  # six: from the last crossing to the edge into a sector
+(T_FOUND, H_FOLLOWS) = 48, 49  # last crossing, whoever commutates; an interval after a commutation follows the next
+STATES = 50
+
+# Settings.
+(C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
+C_FORCE = 14
+C_LEG = 11
+C_THRESHOLD = 15  # six, fractions of vdc
+C_HALL_OFFSET = 21  # six, fractions of an interval
+SETTINGS = 27
+
+# Machine and surroundings.
+(M_R, M_L, M_PSI, M_TRAPEZOID, M_P, M_J, M_FAN, M_COULOMB, M_VDC, M_DIODE, M_TRIP, M_NOISE, M_LOCKED) = range(13)
+(M_BLIND, M_DC_TRIP) = 13, 14
+M_DIVIDER = 15  # three gains of the voltage dividers
+M_UNEQUAL = 18  # three phase inductances over their mean
+M_HALL = 21  # 1: there are Hall sensors; three offsets in rad; three stuck outputs, -1: free
+M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
+M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
+(M_VISCOUS, M_CONSTANT) = 30, 31
+MACHINE = 32
+
+SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
+TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
+LEG_PWM_HIGH = 3
+TRIP_PHASE, TRIP_DC, TRIP_LOST = 1, 2, 8
+
+HIGH = np.array([0, 0, 1, 1, 2, 2])
+LOW = np.array([1, 2, 2, 0, 0, 1])
+OPEN = np.array([2, 1, 0, 2, 1, 0])
+# Sector of each Hall code (C, B, A), 7: invalid.
+HALL_MAP = np.array([7, 0, 2, 1, 4, 5, 3, 7])
+
+
+@numba.njit(cache=True)
+def emf_shape(theta: float, phase: int, trapezoid: float) -> float:
+    """EMF of a phase over psi*omega_e: -sin, or a trapezoid with a flat top of 120 degrees."""
+    angle = (theta - phase * 2.0943951023931953) % 6.283185307179586
+    if trapezoid == 0.0:
+        return -math.sin(angle)
+    sixths = angle / 1.0471975511965976
+    if sixths < 0.5:
+        return -2.0 * sixths
+    if sixths < 2.5:
+        return -1.0
+    if sixths < 3.5:
+        return 2.0 * (sixths - 3.0)
+    if sixths < 5.5:
+        return 1.0
+    return -2.0 * (sixths - 6.0)
+
+
+@numba.njit(cache=True)
+def noise(s: NDArray[np.float64]) -> float:
+    """Roughly Gaussian number of unit variance from a linear congruential generator."""
+    total = 0.0
+    for _ in range(4):
+        s[SEED] = (s[SEED] * 16807.0) % 2147483647.0
+        total += s[SEED] / 2147483647.0 - 0.5
+    return total * 1.7320508075688772
+
+
+@numba.njit(cache=True)
+def measure(s: NDArray[np.float64], t: float) -> None:
+    """Interval that ends at time t: of crossings, or of Hall edges where they commutate."""
+    s[INTERVAL] = t - s[T_ZC]
+    s[RING_FIRST + int(s[RING_AT])] = s[INTERVAL]
+    s[RING_AT] = (s[RING_AT] + 1.0) % 6.0
+
+
+@numba.njit(cache=True)
+def hall_code(theta: float, m: NDArray[np.float64]) -> int:
+    """Outputs of the sensors C, B, A."""
+    code = 0
+    for x in range(3):
+        # e_A - e_B of e = -sin(theta) is a sine that leads by 210 degrees.
+        high = math.sin(theta + 3.6651914291880923 - 2.0943951023931953 * x - m[M_HALL + 1 + x]) > 0.0
+        stuck = m[M_HALL + 4 + x]
+        code |= (1 if (high if stuck < 0.0 else stuck > 0.5) else 0) << x
+    return code
+
+
+@numba.njit(cache=True)
+def look_at_hall(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
+    """Edges of the step that ended at s[T], halved down to 10 ns, and the schedule that follows from them."""
+    code = hall_code(s[THETA], m)
+    if code == s[H_CODE]:
+        return
+    speed = s[OMEGA] * m[M_P]
+    low, high = 0.0, h
+    while high - low > 1e-8:
+        middle = 0.5 * (low + high)
+        if hall_code(s[THETA] - (h - middle) * speed, m) == s[H_CODE]:
+            low = middle
+        else:
+            high = middle
+    first = s[H_CODE] < 0.0
+    s[H_CODE] = code
+    position = HALL_MAP[code]
+    if position > 5:
+        s[H_INVALID] += 1.0
+        return
+    if position == s[H_POSITION]:
+        return
+    time = s[T] - h + high
+    step = (position - int(s[H_POSITION])) % 6
+    s[H_POSITION] = position
+    s[H_EDGES] += 1.0
+    if first:
+        return
+    single = step == 1 or step == 5
+    s[H_BACKWARD] = 1.0 if step == 5 else 0.0
+    reverse = c[C_REVERSE] > 0.0
+    sector = (position + 3) % 6 if reverse else position
+    s[H_PHASE + sector] = time - s[T_FOUND] if single else 1.0
+    if not single:
+        s[H_SKIPPED] += 1.0
+        s[H_KNOWN] = 0.0
+    if c[C_TIMER] != TIMER_HALL:
+        return
+    if single and s[H_TIME] > 0.0 and s[H_KNOWN] >= 0.0:
+        measure_from = s[T_ZC]
+        s[T_ZC] = s[H_TIME]
+        measure(s, time)
+        s[T_ZC] = measure_from
+        s[H_KNOWN] += 1.0
+    s[ZC_SECTOR] = sector
+    s[H_TIME] = time
+    s[CROSSINGS] += 1.0
+    mean = s[RING_FIRST : RING_FIRST + 6].mean()
+    good = single and (s[H_BACKWARD] > 0.0) == reverse and s[H_KNOWN] > 7.0
+    due = time + mean * (c[C_HALL_OFFSET + sector] - 0.5 + c[C_DELAY]) if good else s[T]
+    if int(s[SECTOR]) == sector:
+        # It has been driven already: the next one follows an interval later, unless an edge comes first.
+        step = 5 if reverse else 1
+        s[H_LOAD] = (sector + step) % 6
+        s[T_SCHED] = due + mean if good else 1e30
+    else:
+        s[H_LOAD] = sector
+        s[T_SCHED] = max(due, s[T])
+        s[H_FOLLOWS] = 1.0 if good else 0.0
+
+
+@numba.njit(cache=True)
+def crossing(s: NDArray[np.float64], t: float, late: bool, hall: bool) -> None:
+    """A crossing at time t: intervals, counters; where Hall edges commutate, only its time."""
+    s[T_FOUND] = t
+    s[FOUND] = 1.0
+    if hall:
+        return
+    if s[T_ZC] > 0.0:
+        measure(s, t)
+    s[T_ZC] = t
+    s[ZC_SECTOR] = s[SECTOR]
+    s[CROSSINGS] += 1.0
+    s[MISSES] = 0.0
+    if late:
+        s[LATE] += 1.0
+
+
+@numba.njit(cache=True)
+def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
+    """Step the sector; a new schedule in forced mode."""
+    step = 5.0 if c[C_REVERSE] > 0.0 else 1.0
+    s[SECTOR] = s[H_LOAD] if c[C_TIMER] == TIMER_HALL else (s[SECTOR] + step) % 6.0
+    s[COMMUTATIONS] += 1.0
+    s[T_COMM] = t
+    s[FOUND] = 0.0
+    s[ARMED] = 0.0
+    s[T_SCHED] = t + c[C_FORCED] if c[C_TIMER] == TIMER_FORCED else 1e30
+    if c[C_TIMER] == TIMER_HALL and s[H_FOLLOWS] > 0.0:
+        s[H_FOLLOWS] = 0.0
+        s[T_SCHED] = t + s[RING_FIRST : RING_FIRST + 6].mean()
+        s[H_LOAD] = (s[SECTOR] + step) % 6.0
+
+
+@numba.njit(cache=True)
+def crossing_level(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64]) -> float:
+    """EMF of the floating phase at which its measured voltage meets the sector's threshold."""
+    sector = int(s[SECTOR])
+    high, low = m[M_UNEQUAL + HIGH[sector]], m[M_UNEQUAL + LOW[sector]]
+    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    drive = m[M_VDC] - pair * m[M_PSI] * s[OMEGA] * m[M_P]
+    shift = -0.5 * drive * (high - low) / (high + low)
+    slope = 1.0 if m[M_TRAPEZOID] > 0.0 else 1.5
+    wanted = c[C_THRESHOLD + sector] * m[M_VDC] / m[M_DIVIDER + OPEN[sector]]
+    return float((wanted - 0.5 * m[M_VDC] - shift) / slope)
+
+
+@numba.njit(cache=True)
+def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], before: float, h: float) -> None:
+    """Crossing detection and commutation timer over the step that ended at s[T]."""
+    sector = int(s[SECTOR])
+    rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
+    sign = 1.0 if rising else -1.0
+    omega_e = s[OMEGA] * m[M_P]
+    emf = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+    now = sign * (emf - crossing_level(s, c, m))
+    freewheel = 3e-6 + m[M_L] * abs(s[I_LINE]) / (0.5 * m[M_VDC])
+    visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
+    visible = visible and m[M_ONE_BLIND] != OPEN[sector]
+    hall = c[C_TIMER] == TIMER_HALL
+    before_found = s[FOUND]
+    if s[FOUND] == 0.0 and visible and s[T] - s[T_COMM] > freewheel and c[C_DUTY] > 0.01:
+        jitter = noise(s) * m[M_NOISE] / (1.5 * m[M_PSI] * omega_e * omega_e + 1e-9)
+        if s[ARMED] == 0.0 and now >= 0.0:
+            crossing(s, s[T], True, hall)
+        elif now >= 0.0:
+            crossing(s, s[T] - h * now / max(now - before, 1e-12) + jitter, False, hall)
+        s[ARMED] = 1.0
+    if s[FOUND] == 0.0 and m[M_GHOST] > 0.0 and s[T] - s[T_COMM] > m[M_GHOST] and c[C_ZCD] > 0.0:
+        crossing(s, s[T], False, hall)
+    if before_found == 0.0 and s[FOUND] > 0.0 and c[C_TIMER] == TIMER_ZCD:
+        s[T_SCHED] = s[T_ZC] + s[INTERVAL] * c[C_DELAY]
+    if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > c[C_TIMEOUT] * s[INTERVAL]:
+        s[MISSES] += 1.0
+        s[TIMEOUTS] += 1.0
+        if c[C_MISS_LIMIT] > 0.0 and s[MISSES] >= c[C_MISS_LIMIT]:
+            s[TRIPS] = TRIP_LOST
+            c[C_GATES] = 0.0
+        if c[C_FORCE] > 0.0:
+            s[T_ZC] += s[INTERVAL]
+            commutate(s, c, s[T])
+        else:
+            s[T_COMM] = s[T]
+
+
+@numba.njit(cache=True)
+def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64]) -> float:
+    """Machine torque of the currents as they are."""
+    k = m[M_PSI] * m[M_P]
+    if c[C_SEQ] == SEQ_SIX:
+        sector = int(s[SECTOR])
+        pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+        return float(k * pair * s[I_LINE])
+    total = 0.0
+    for x in range(3):
+        a = 2.0943951023931953 * x
+        current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
+        total += current * emf_shape(s[THETA], x, m[M_TRAPEZOID])
+    return float(k * total)
+
+
+@numba.njit(cache=True)
+def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
+    """Advance the currents by h with the EMF held, exactly for the first-order circuits."""
+    omega_e = s[OMEGA] * m[M_P]
+    if c[C_GATES] == 0.0 or c[C_SEQ] == SEQ_OFF:
+        s[I_LINE] = 0.0
+        s[I_ALPHA] = 0.0
+        s[I_BETA] = 0.0
+        return
+    if c[C_SEQ] == SEQ_MANUAL:
+        v_alpha, v_beta = 0.0, 0.0
+        for x in range(3):
+            if c[C_LEG + x] == LEG_PWM_HIGH:
+                a = 2.0943951023931953 * x
+                v_alpha += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.cos(a)
+                v_beta += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.sin(a)
+        for x in range(3):
+            a = 2.0943951023931953 * x
+            e = emf_shape(s[THETA], x, m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+            v_alpha -= 2.0 / 3.0 * e * math.cos(a)
+            v_beta -= 2.0 / 3.0 * e * math.sin(a)
+        keep = math.exp(-m[M_R] * h / m[M_L])
+        s[I_ALPHA] = v_alpha / m[M_R] + (s[I_ALPHA] - v_alpha / m[M_R]) * keep
+        s[I_BETA] = v_beta / m[M_R] + (s[I_BETA] - v_beta / m[M_R]) * keep
+        s[I_LINE] = 0.0
+        return
+    sector = int(s[SECTOR])
+    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    diode = 0.0 if c[C_SYNC] > 0.0 else m[M_DIODE]
+    voltage = c[C_DUTY] * m[M_VDC] - (1.0 - c[C_DUTY]) * diode - pair * m[M_PSI] * omega_e
+    resistance = 2.0 * m[M_R] + 3.0 / math.pi * abs(omega_e) * m[M_L]
+    keep = math.exp(-resistance * h / (2.0 * m[M_L]))
+    s[I_LINE] = voltage / resistance + (s[I_LINE] - voltage / resistance) * keep
+    if s[I_LINE] < 0.0 and c[C_SYNC] == 0.0:
+        s[I_LINE] = 0.0
+    if abs(s[I_LINE]) > m[M_TRIP]:
+        s[TRIPS] = TRIP_PHASE
+        c[C_GATES] = 0.0
+    s[I_PEAK] = max(s[I_PEAK], s[I_LINE])
+    # The volt-seconds of a commutation are no loss: the outgoing phase's energy returns to the link.
+    returned = 3.0 / math.pi * abs(omega_e) * m[M_L] * s[I_LINE] / m[M_VDC]
+    s[IDC_MEAN] = (c[C_DUTY] - returned) * s[I_LINE]
+    s[IDC_SUM] += s[IDC_MEAN] * h
+    if c[C_DUTY] * s[I_LINE] > m[M_DC_TRIP]:
+        s[TRIPS] = TRIP_DC
+        c[C_GATES] = 0.0
+
+
+@numba.njit(cache=True)
+def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], t_end: float) -> None:
+    """Advance chip and machine to t_end."""
+    while s[T] < t_end - 1e-12:
+        h = min(STEP_S, t_end - s[T])
+        due = c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and c[C_SEQ] == SEQ_SIX and s[T_SCHED] < s[T] + h
+        if due:
+            h = max(s[T_SCHED] - s[T], 0.0)
+        sector = int(s[SECTOR])
+        rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
+        before = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * s[OMEGA] * m[M_P]
+        before -= crossing_level(s, c, m)
+        before = before if rising else -before
+        currents(s, c, m, h)
+        load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
+        load += m[M_VISCOUS] * s[OMEGA] + m[M_CONSTANT]
+        torque = torque_of(s, c, m)
+        if m[M_LOCKED] == 0.0:
+            s[OMEGA] += h * (torque - load) / m[M_J]
+        else:
+            s[OMEGA] = 0.0
+        s[THETA] += h * s[OMEGA] * m[M_P]
+        s[T] += h
+        if m[M_HALL] > 0.0:
+            look_at_hall(s, c, m, h)
+        s[SUM_TIME] += h
+        if c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and c[C_SEQ] == SEQ_SIX:
+            look(s, c, m, before, h)
+            if due:
+                commutate(s, c, s[T])
+
+
+@dataclass
+class Load:
+    """Load torques: fan at a speed, Coulomb friction, proportional to speed, one that always acts against forward."""
+
+    fan_torque_nm: float = 0.0
+    fan_speed_rpm: float = 1.0
+    coulomb_nm: float = 0.0
+    viscous_nm_s: float = 0.0
+    constant_nm: float = 0.0
+
+
+@dataclass
+class AveragedMotor:
+    """State and parameters of the model, with the quantities to look at."""
+
+    motor: MotorSpec
+    inverter: InverterSpec
+    drive: DriveSpec
+    load: Load = field(default_factory=Load)
+    theta_rad: float = 0.0
+    speed_rpm: float = 0.0
+    hall_offset_deg: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        self.s = np.zeros(STATES)
+        self.c = np.zeros(SETTINGS)
+        self.m = np.zeros(MACHINE)
+        self.s[THETA] = self.theta_rad
+        self.s[OMEGA] = self.speed_rpm * math.pi / 30.0
+        self.s[T_SCHED] = 1e30
+        self.s[SEED] = 12345.0
+        motor, inverter = self.motor, self.inverter
+        trip = inverter.phase_current_trip_a or 0.97 * inverter.current_full_scale_a
+        self.m[:M_BLIND] = (
+            motor.resistance_ohm + inverter.on_resistance_ohm,
+            motor.inductance_h,
+            motor.psi_vs,
+            float(motor.emf == "trapezoidal"),
+            motor.pole_pairs,
+            motor.inertia_kgm2,
+            0.0,
+            0.0,
+            inverter.supply_v,
+            inverter.diode_drop_v,
+            trip,
+            inverter.voltage_full_scale_v / 2**inverter.bits,
+            0.0,
+        )
+        self.c[C_THRESHOLD : C_THRESHOLD + 6] = 0.5
+        self.m[M_DIVIDER : M_DIVIDER + 6] = 1.0
+        self.m[M_HALL + 4 : M_HALL + 7] = -1.0
+        self.m[M_ONE_BLIND] = -1.0
+        self.s[[H_CODE, H_POSITION]] = -1.0
+        self.s[H_PHASE : H_PHASE + 6] = 1.0
+        if self.hall_offset_deg is not None:
+            self.m[M_HALL] = 1.0
+            self.m[M_HALL + 1 : M_HALL + 4] = np.radians(self.hall_offset_deg)
+        self.m[M_DC_TRIP] = inverter.dc_current_trip_a or trip
+        self.set_load(self.load)
+
+    def set_load(self, load: Load) -> None:
+        """Change the load."""
+        self.m[M_FAN] = load.fan_torque_nm / (load.fan_speed_rpm * math.pi / 30.0) ** 2
+        self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s, load.constant_nm
+
+    @property
+    def rpm(self) -> float:
+        """True mechanical speed."""
+        return float(self.s[OMEGA]) * 30.0 / math.pi
+
+    def advance(self, t_end: float) -> None:
+        """Advance to a time in seconds."""
+        advance(self.s, self.c, self.m, t_end)

@@ -1,0 +1,135 @@
+"""The chip as the firmware on the host sees it, played by the averaged model: registers at every control tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters
+from fluxlock.firmware.host import HostFirmware
+from fluxlock.native import averaged_motor as am
+from fluxlock.native.averaged_motor import AveragedMotor, Load
+from fluxlock.native.registers import (
+    FREE,
+    K_CLOCK_HZ,
+    K_CUT_PULSES,
+    K_HALL,
+    K_I_UNIT,
+    K_NUMBERS,
+    K_SAMPLES,
+    K_V_UNIT,
+    places,
+    show_crossings,
+    show_samples,
+    take_settings,
+)
+
+
+@dataclass
+class AveragedChip:
+    """One drive on one machine; the firmware has booted."""
+
+    motor: MotorSpec
+    inverter: InverterSpec
+    drive: DriveSpec = field(default_factory=DriveSpec)
+    load: Load = field(default_factory=Load)
+    theta_rad: float = 0.4
+    speed_rpm: float = 0.0
+    model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
+    hall_offset_deg: tuple[float, float, float] | None = None  # sensors A, B, C; None: there are none
+    library: Path | None = None  # of the firmware, if it holds more
+    cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
+
+    def __post_init__(self) -> None:
+        self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
+        self.model = AveragedMotor(
+            self.model_motor or self.motor,
+            self.inverter,
+            self.drive,
+            self.load,
+            self.theta_rad,
+            self.speed_rpm,
+            self.hall_offset_deg,
+        )
+        self.fw = HostFirmware(self.library)
+        self.fw.load(self.block)
+        self.fw.boot()
+        self.ticks = 0
+        self.samples = 0
+        self.trips = 0
+        self.sampling = True
+        self.idc_offset_a = 0.0
+        self.stuck: dict[int, int] = {}  # voltage channels that keep a value, q17
+        self.overridden = 0  # late crossings besides those of the model
+        self.computed_back = 0
+        self.clock = self.drive.clock_hz
+        self.tick_s = 1.0 / self.drive.tick_hz
+        self._places = places(self.fw.offsets)
+        self._samples = round(self.tick_s / self.inverter.sample_period_s)
+        self._scales = np.zeros(K_NUMBERS)
+        self._scales[[K_CLOCK_HZ, K_SAMPLES]] = self.clock, self._samples
+        self._scales[K_V_UNIT] = 2**17 / self.inverter.voltage_full_scale_v
+        self._scales[K_I_UNIT] = 2**17 / self.inverter.current_full_scale_a
+        self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.hall_offset_deg is not None
+        self._free = np.full(3, FREE)
+        self._reg = {name: self.fw.offsets[name] // 4 for name in self.fw.offsets}
+
+    # Registers as integers.
+    def get(self, name: str, element: int = 0) -> int:
+        """Value of a register."""
+        return int(self.fw.registers[self._reg[name] + element])
+
+    def put(self, name: str, value: int, element: int = 0) -> None:
+        """Set a register, signed values in two's complement."""
+        self.fw.registers[self._reg[name] + element] = value & 0xFFFFFFFF
+
+    def _snapshot(self) -> None:
+        """Measurements of the period that ends at this tick."""
+        model, registers = self.model, self.fw.registers
+        if self.sampling:
+            self.samples += self._samples
+        stuck = self._free
+        if self.stuck:
+            stuck = np.array([self.stuck.get(channel, FREE) for channel in range(3)])
+        show_samples(registers, self._places, self._scales, model.s, model.c, model.m, stuck, self.idc_offset_a)
+        show_crossings(registers, self._places, self._scales, model.s, model.c)
+        self.put("sense.snap_number", self.samples)
+        self.put("sense.snap_count", self._samples if self.sampling else 0)
+        self.put("zcd.counters", ((int(model.s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
+        self.put("zcd.method_counters", self.computed_back & 0xFFFF)
+        if model.s[am.TRIPS] > 0.0:
+            self.trip(int(model.s[am.TRIPS]))
+            model.s[am.TRIPS] = 0.0
+
+    def _update(self) -> None:
+        """The update event: committed settings become active."""
+        if self.get("timer.update") & 2:
+            self.put("timer.update", 0)
+            take_settings(self.fw.registers, self._places, self._scales, self.model.s, self.model.c)
+
+    def trip(self, causes: int, now: int = 0) -> None:
+        """Latch trip causes and open the gates, as the hardware does."""
+        old = self.get("safety.trip")
+        first = (old >> 16) & 0x7F or causes
+        self.put("safety.trip", (old & 0x7F) | causes | (now << 8) | (first << 16))
+        self.put("safety.guard", self.get("safety.guard") & ~1)
+        self.trips += 1
+
+    def step(self) -> None:
+        """One control tick, then the machine up to the next."""
+        self._snapshot()
+        self._update()
+        self.put("timer.tick_time", round(self.ticks * self.tick_s * self.clock))
+        self.put("sys.time_now", round(self.ticks * self.tick_s * self.clock) + 20)
+        self.fw.tick()
+        latched = self.get("safety.trip") & 0x7F
+        self.model.c[am.C_GATES] = float((self.get("safety.guard") & 1) and not latched)
+        self.ticks += 1
+        self.model.advance(self.ticks * self.tick_s)
+
+    @property
+    def now(self) -> float:
+        """Simulated time in seconds."""
+        return self.ticks * self.tick_s

@@ -1,0 +1,62 @@
+"""A whole drive in this process: averaged motor and chip, the firmware's C, its CANopen node. One a process."""
+
+from __future__ import annotations
+
+import math
+
+from fluxlock.canopen.host import HostNode
+from fluxlock.config import ConfigError, Scenario
+from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
+from fluxlock.firmware import build_canopen_library
+from fluxlock.native.averaged_motor import Load
+from fluxlock.native.chip import AveragedChip
+
+STEP_US = 1000
+
+
+class NativeDrive:
+    """Motor, drive and node, a millisecond a step. The chip's library must hold the node."""
+
+    def __init__(self, chip: AveragedChip, node_id: int) -> None:
+        self.chip = chip
+        self.node = HostNode(chip.fw.lib, node_id)
+        self.now_us = 0
+        self._ticks = round(STEP_US / 1e6 / chip.tick_s)
+        # The library keeps it for the process: a new drive has stored nothing.
+        self.node.memory = bytes(len(self.node.memory))
+        self.node.boot(self.now_us)
+
+    def step(self) -> None:
+        """Motor and firmware for a millisecond, then the node."""
+        for _ in range(self._ticks):
+            self.chip.step()
+        self.now_us += STEP_US
+        self.node.step(self.now_us)
+
+
+def drive_of_scenario(scenario: Scenario, node_id: int) -> NativeDrive:
+    """Motor, inverter, drive, load and initial state of a scenario; ConfigError for what the averaged motor is not."""
+    problems = []
+    if scenario.drive.method != "six-step":
+        problems.append(scenario.sources.problem("drive.method", "the averaged motor is driven in six steps only"))
+    if scenario.drive.hall.mode != "off":
+        problems.append(scenario.sources.problem("drive.hall.mode", "the native program has no Hall sensors"))
+    if problems:
+        raise ConfigError(problems)
+    load = scenario.shaft_load
+    chip = AveragedChip(
+        motor=motor_spec(scenario),
+        inverter=inverter_spec(scenario),
+        drive=drive_spec(scenario),
+        load=Load(
+            load.fan_torque_nm,
+            load.fan_speed_rpm or 1.0,
+            load.coulomb_nm,
+            load.viscous_nm_s_per_rad,
+            load.constant_nm,
+        ),
+        theta_rad=math.radians(scenario.initial.theta_deg),
+        speed_rpm=scenario.initial.speed_rpm,
+        library=build_canopen_library(),
+    )
+    return NativeDrive(chip, node_id)

@@ -1,0 +1,85 @@
+"""The command `fluxlock native`: the firmware on a bus and a console until it is told to end."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import time
+from pathlib import Path
+
+from fluxlock.can_bus import open_bus
+from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.native.drive import NativeDrive, drive_of_scenario
+from fluxlock.native.serve import serve
+
+
+class Terminal:
+    """The drive's console on stdin and stdout."""
+
+    def __init__(self, drive: NativeDrive) -> None:
+        self._drive, self._text, self._open = drive, "", True
+
+    def poll(self) -> None:
+        """Lines that have come, and the drive's replies."""
+        while self._open and select.select([sys.stdin], [], [], 0)[0]:
+            data = os.read(sys.stdin.fileno(), 4096)
+            self._open = bool(data)
+            self._text += data.decode("ascii", errors="replace")
+            *lines, self._text = self._text.split("\n")
+            for line in lines:
+                for reply in self._drive.chip.fw.command(line.strip()):
+                    print(reply, flush=True)
+
+
+class MemoryFile:
+    """The drive's non-volatile memory in a file, written whenever it changes."""
+
+    def __init__(self, path: Path, drive: NativeDrive) -> None:
+        self._path, self._node = path, drive.node
+        if path.exists():
+            data = path.read_bytes()
+            if len(data) != len(self._node.memory):
+                text = f"is no memory of this drive: {len(data)} bytes, not {len(self._node.memory)}; name another file"
+                raise ConfigError([Problem("--memory", str(path), text)])
+            self._node.memory = data
+            self._node.boot()
+        self._kept = b""
+        self.keep()
+
+    def keep(self) -> None:
+        """Write what has changed; a program that is killed meanwhile leaves the file before it."""
+        if self._node.memory == self._kept:
+            return
+        self._kept = self._node.memory
+        partial = self._path.with_name(f"{self._path.name}.part")
+        partial.write_bytes(self._kept)
+        partial.replace(self._path)
+
+
+def run_native(
+    scenario: Scenario,
+    bus_name: str,
+    node_id: int,
+    speed: float | None = 1.0,
+    seconds: float | None = None,
+    memory: Path | None = None,
+) -> None:
+    """Run for a simulated time, or until Ctrl-C; says at the end how fast it was. speed: None: as fast as it goes."""
+    drive = drive_of_scenario(scenario, node_id)
+    terminal = Terminal(drive)
+    file = MemoryFile(memory, drive) if memory is not None else None
+
+    def stop() -> bool:
+        terminal.poll()
+        if file is not None:
+            file.keep()
+        return seconds is not None and drive.now_us >= 1e6 * seconds
+
+    with open_bus(bus_name) as bus:
+        print(f"node {node_id} on {bus_name}, process {os.getpid()}", flush=True)
+        begin = time.monotonic()
+        try:
+            serve(drive, bus, stop, speed)
+        finally:
+            print(f"{drive.now_us / 1e6:.3f} s simulated in {time.monotonic() - begin:.3f} s", flush=True)

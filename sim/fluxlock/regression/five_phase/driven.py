@@ -1,0 +1,35 @@
+"""Driven shafts: an imposed speed, and i_q at the limit of the current, for the speed asked for is never reached."""
+
+from __future__ import annotations
+
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Number
+from fluxlock.regression.six_step.measures import event, timeline
+
+START_S, TURNING_S, AT_SPEED_S = 0.004, 0.03, 0.13
+BEYOND_RPM = 10.0  # that is asked for beyond the imposed speed
+NO_CURRENT_A = 0.05
+
+
+def driven(rpm: float, i_q_a: float, settled_s: float, end_s: float, beyond_rpm: float = BEYOND_RPM) -> list[str]:
+    """Overrides: 0 to rpm, i_q_a with its sign, window `steady` from settled_s to the end."""
+    asked = rpm + (beyond_rpm if i_q_a >= 0 else -beyond_rpm)
+    start = [event(0.002, "command", f"set speed_rpm {asked:g}"), event(START_S, "command", "start")]
+    return [
+        *timeline(end_s, start, [("steady", settled_s, end_s)]),
+        "expect=[]",
+        "mechanics.mode=imposed",
+        f"mechanics.profile=[[0.0, 0.0], [{TURNING_S}, 0.0], [{AT_SPEED_S}, {rpm!r}]]",
+        f"drive.current_limit_a={max(abs(i_q_a), NO_CURRENT_A)!r}",
+        "drive.accel_rpm_per_s=100000",
+    ]
+
+
+def angle_values(run: Outcome) -> dict[str, Number]:
+    """Angle error, current and trips of the window."""
+    found = run.metrics["steady"]
+    return {
+        **{f"angle_error_deg.{kind}": found["angle_error_deg"][kind] for kind in ("mean", "rms", "max")},
+        "iq_a": found["iq_a"],
+        "trips": len(run.result["trips"]),
+    }

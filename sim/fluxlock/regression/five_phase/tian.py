@@ -1,0 +1,83 @@
+"""Machine of Tian 2019: angle error of I/Q demodulation with the exact angle sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fluxlock.analysis.rundata import LogKind
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.case import Row, case
+from fluxlock.regression.five_phase.driven import angle_values, driven
+from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.measures import event, timeline
+
+SCENARIO = "five-phase/tian.toml"
+POINTS = ((100.0, 2.0),)  # r/min, A
+MEAN_DEG, RMS_DEG = 0.3, 0.5
+SETTLED_S, END_S = 0.19, 0.25
+BEYOND_RPM = 30.0
+# The speed regulator asks for the whole current all the time.
+AT_THE_LIMIT = (
+    "inverter.dead_time_s=0",
+    "motor.max_speed_rpm=150",
+    "motor.load.viscous_nm_s_per_rad=0",
+    "drive.vector.speed_hz=12",
+)
+WITHIN_DEG, SETTLED_MOST_S = 5.0, 0.06
+
+
+@case("five-phase/tian-best", long=True)
+def best(runner: Runner) -> Iterator[Row]:
+    """Driven shaft, without dead time: mean and rms of the angle error from an estimate that is 10 degrees off."""
+    for rpm, i_q_a in POINTS:
+        if runner.quick and (rpm, i_q_a) != POINTS[0]:
+            continue
+        overrides = [
+            *driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM),
+            *AT_THE_LIMIT,
+        ]
+        run = runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
+        yield Row(
+            f"five-phase/tian-best/{rpm:g}rpm-{i_q_a:g}A",
+            {"motor": "Tian", "speed_rpm": rpm, "iq_a": i_q_a, "dead_time_us": 0.0},
+            angle_values(run),
+            {
+                "angle_error_deg.mean": (-MEAN_DEG, MEAN_DEG),
+                "angle_error_deg.rms": (None, RMS_DEG),
+                "trips": (0, 0),
+            },
+        )
+
+
+def settled_s(run: Outcome) -> float:
+    """From the gates' first edge until the angle error stays within the limit."""
+    gates = run.data.rows(LogKind.GATES)
+    begin = float(gates[gates[:, 2] != 0, 0][0])
+    angles = run.analysis.angles
+    return float(angles.cycle[np.abs(angles.error_deg) > WITHIN_DEG][-1] - begin) / run.data.clock_hz
+
+
+@case("five-phase/tian-start")
+def start(runner: Runner) -> Iterator[Row]:
+    """Free rotor, 2 A at once while the estimate is 30 degrees off: time until it is right."""
+    for theta_deg in (30.0, -30.0):
+        if runner.quick and theta_deg < 0:
+            continue
+        events = [event(0.002, "speed_rpm", 130.0), event(0.004, "command", "start")]
+        overrides = [
+            *timeline(0.12, events, [("steady", 0.08, 0.12)]),
+            "expect=[]",
+            *AT_THE_LIMIT,
+            f"initial.theta_deg={theta_deg:g}",
+            "drive.current_limit_a=2.0",
+            "drive.accel_rpm_per_s=100000",
+        ]
+        run = runner.drive(SCENARIO, f"{theta_deg:g}", *overrides)
+        yield Row(
+            f"five-phase/tian-start/{-theta_deg:g}deg",
+            {"motor": "Tian", "error_deg": -theta_deg, "iq_a": 2.0, "dead_time_us": 0.0},
+            {"settled_s": settled_s(run), **angle_values(run)},
+            {"settled_s": (None, SETTLED_MOST_S), "trips": (0, 0)},
+        )

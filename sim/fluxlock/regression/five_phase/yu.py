@@ -1,0 +1,65 @@
+"""Machine of Yu 2022: angle sequences, cross-coupling under load."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fluxlock.analysis.injection_chain import HfMachine
+from fluxlock.analysis.injection_theory import sequence_error
+from fluxlock.config import Motor
+from fluxlock.firmware.specs import SEQUENCES, Sequence
+from fluxlock.regression.case import Number, Row, case
+from fluxlock.regression.five_phase.driven import angle_values, driven
+from fluxlock.regression.runner import Runner
+from fluxlock.regression.six_step.measures import Limits
+
+SCENARIO = "five-phase/yu.toml"
+SAMPLE_S = 125e-6
+SETTLED_S, END_S = 0.19, 0.23
+SPEEDS_RPM = (600.0,)
+FORM_PERCENT = 3.0
+EXACT_RAD = 0.005
+LINEAR = ("motor.saturation.plus=0", "motor.saturation.minus=0", "motor.saturation.angle_rad=[0.0]")
+
+
+def closed_form_rad(motor: Motor, rpm: float, sequence: Sequence) -> float:
+    """Error of the reported angle at rest of the loop."""
+    assert motor.inductance_q_h is not None
+    machine = HfMachine(motor.resistance_ohm[0], motor.inductance_h[0], motor.inductance_q_h)
+    return sequence_error(machine, motor.omega_e(rpm) * SAMPLE_S, sequence)
+
+
+@case("five-phase/yu-sequences", long=True)
+def sequences(runner: Runner) -> Iterator[Row]:
+    """Driven shaft, no saturation, no current: reported angle of each sequence against its closed form."""
+    for sequence in SEQUENCES[1:]:
+        for rpm in SPEEDS_RPM:
+            if runner.quick and (sequence, rpm) != ("half-step", 600.0):
+                continue
+            overrides = [
+                *driven(rpm, 0.0, SETTLED_S, END_S),
+                *LINEAR,
+                "inverter.dead_time_s=0",
+                "initial.theta_deg=0",
+                "drive.vector.injection.search=false",
+                f"drive.vector.injection.sequence={sequence}",
+            ]
+            run = runner.drive(SCENARIO, f"{sequence}-{rpm:g}", *overrides)
+            values: dict[str, Number] = angle_values(run)
+            mean = values.pop("angle_error_deg.mean")
+            values["angle_error_rad.mean"] = None if mean is None else math.radians(mean)
+            limits: Limits = {"trips": (0, 0)}
+            if sequence == "exact":
+                limits["angle_error_rad.mean"] = (-EXACT_RAD, EXACT_RAD)
+            else:
+                form = closed_form_rad(run.scenario.motor, rpm, sequence)
+                values["closed_form_rad"] = form
+                values["over_closed_form_percent"] = None if mean is None else 100 * (math.radians(mean) / form - 1)
+                limits["over_closed_form_percent"] = (-FORM_PERCENT, FORM_PERCENT)
+            yield Row(
+                f"five-phase/yu-sequences/{sequence}/{rpm:g}rpm",
+                {"motor": "Yu", "sequence": sequence, "speed_rpm": rpm, "dead_time_us": 0.0},
+                values,
+                limits,
+            )

@@ -1,0 +1,125 @@
+"""Synthesis: `python -m fluxlock.synth [NAME...]`, a configuration, a block or `blocks` for all of them.
+
+Configurations of `constraints/configurations.toml` go through Yosys, nextpnr and ecppack to a bitstream; blocks of the
+RTL go through Yosys and nextpnr out of context. Fails if a latch is inferred, if the clock is not reached, if a way
+between pad and flip-flop is too long or if nextpnr does not end in time, and prints which, with the critical path.
+Results, failed or not, go to `build/synth.json`, into the tables of `docs/reference/synthesis.md` and the README; there
+a row stays as it is until its configuration or block is built again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+
+from fluxlock.paths import BUILD
+from fluxlock.synth import report
+from fluxlock.synth.blocks import ALL_BLOCKS, BlockResult, Settings, block_files, build_block, load_settings
+from fluxlock.synth.configurations import CONFIGURATIONS, Configuration, Result, build, load_configurations
+from fluxlock.synth.report import Results
+from fluxlock.synth.tools import SynthesisError, relative, sources
+from fluxlock.writable import guarded
+
+RESULTS = BUILD / "synth.json"
+
+
+def complain(name: str, problems: list[str], critical_path: list[str]) -> None:
+    """What failed, on the error output."""
+    for problem in problems:
+        print(f"{name}: {problem}", file=sys.stderr)
+    if problems and critical_path:
+        print("critical path: " + "\n  ".join(critical_path), file=sys.stderr, flush=True)
+
+
+def run_configurations(wanted: list[Configuration], seed: int) -> dict[str, Result | None]:
+    """Build each; None: a tool failed."""
+    results: dict[str, Result | None] = {}
+    for config in wanted:
+        print(
+            f"{config.name}: Yosys, then nextpnr for at most {config.limit_s / 60:.0f} min of processor time",
+            flush=True,
+        )
+        try:
+            results[config.name] = result = build(config, seed)
+        except SynthesisError as error:
+            print(error, file=sys.stderr)
+            results[config.name] = None
+            continue
+        print(f"{config.name}: {report.fmax_text(asdict(result))} MHz, {result.lut4} LUT4, {result.ff} FF", flush=True)
+        complain(config.name, result.problems, result.critical_path)
+    return results
+
+
+def run_blocks(wanted: dict[str, Path], settings: Settings, seed: int, jobs: int) -> dict[str, BlockResult | None]:
+    """Build each, `jobs` at a time; None: a tool failed."""
+    files = sources()
+    results: dict[str, BlockResult | None] = {}
+
+    def one(name: str) -> BlockResult | SynthesisError:
+        try:
+            return build_block(name, wanted[name], files, settings, seed)
+        except SynthesisError as error:
+            return error
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for name, result in zip(wanted, pool.map(one, wanted), strict=True):
+            if isinstance(result, SynthesisError):
+                print(result, file=sys.stderr)
+                results[name] = None
+                continue
+            results[name] = result
+            print(f"{name}: {result.fmax_mhz or '-'} MHz, {result.cpu_s:.0f} s of processor time", flush=True)
+            complain(name, result.problems, result.critical_path)
+    return results
+
+
+def finished(results: Mapping[str, Result | BlockResult | None]) -> Results:
+    """Those that no tool failed on, as the files hold them."""
+    return {name: asdict(result) for name, result in results.items() if result}
+
+
+def main() -> int:
+    """Command line of this module."""
+    configurations, settings = load_configurations(), load_settings()
+    blocks = block_files(settings)
+    parser = argparse.ArgumentParser(description="Synthesize configurations and blocks for an ECP5.")
+    parser.add_argument(
+        "name",
+        nargs="*",
+        help=f"configuration ({', '.join(configurations)}), block, or {ALL_BLOCKS}; default: all configurations",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the placement")
+    parser.add_argument("--jobs", type=int, default=1, help="blocks at a time")
+    options = parser.parse_args()
+    names = options.name or list(configurations)
+    unknown = [name for name in names if name not in {*configurations, *blocks, ALL_BLOCKS}]
+    if unknown:
+        known = ", ".join([*configurations, ALL_BLOCKS])
+        print(
+            f"{relative(CONFIGURATIONS)}: no configuration and no block {unknown[0]!r}; there are: {known}",
+            file=sys.stderr,
+        )
+        return 2
+    new_configurations = run_configurations([configurations[n] for n in names if n in configurations], options.seed)
+    wanted = blocks if ALL_BLOCKS in names else {name: blocks[name] for name in names if name in blocks}
+    new_blocks = run_blocks(wanted, settings, options.seed, options.jobs) if wanted else {}
+    results = {"configurations": finished(new_configurations), "blocks": finished(new_blocks)}
+    # Read only now: another run may have ended meanwhile.
+    stored: dict[str, Results] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    kept = {kind: stored.get(kind, {}) | new for kind, new in results.items()}
+    RESULTS.write_text(json.dumps(kept, indent=2) + "\n")
+    report.write(results["configurations"], results["blocks"], (configurations, blocks))
+    new: dict[str, Result | BlockResult | None] = {**new_configurations, **new_blocks}
+    failed = [name for name, result in new.items() if result is None or result.problems]
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

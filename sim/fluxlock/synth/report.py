@@ -1,0 +1,103 @@
+"""Results of synthesis as tables in the docs, and the chip's row in the README."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from fluxlock.paths import ROOT
+
+PAGE = ROOT / "docs" / "reference" / "synthesis.md"
+README = ROOT / "README.md"
+# Configuration of the README's rows.
+RECORD = "three-phase"
+MET = "all limits met"
+
+Results = dict[str, dict[str, Any]]
+
+
+def markdown(head: list[str], rows: list[list[str]]) -> str:
+    """A table."""
+    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows])
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f}"
+
+
+def fmax_text(result: dict[str, Any]) -> str:
+    """Fmax, and what it is where routing did not end."""
+    placed = result["fmax_mhz"] is not None and not result["routed"]
+    return _number(result["fmax_mhz"]) + (" (placed)" if placed else "")
+
+
+CONFIGURATION_HEAD = [
+    "configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns", "LUT4",
+    "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM (DPR16X4)", "block RAM (18 kbit)", "DSP (18 × 18)",
+    "Yosys / CPU s", "nextpnr / CPU s", "result",
+]  # fmt: skip
+BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP"]
+
+
+def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
+    """Area and timing of a configuration."""
+    row = [name, f"{r['device']}-{r['speed_grade']}", fmax_text(r), f"{r['clock_mhz']:.0f}"]
+    row += [_number(r["pad_output_ns"]), _number(r["pad_input_ns"]), str(r["lut4"]), str(r["carry"])]
+    row += [str(r["lut4"] + 2 * r["carry"]), *(str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp"))]
+    return [*row, f"{r['yosys_s']:.0f}", f"{r['nextpnr_s']:.0f}", "; ".join(r["problems"]) or MET]
+
+
+def block_row(name: str, r: dict[str, Any]) -> list[str]:
+    """Area and timing of a block alone."""
+    row = [name, _number(r["fmax_mhz"]), str(r["lut4"]), str(r["carry"]), str(r["lut4"] + 2 * r["carry"])]
+    return row + [str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")]
+
+
+def with_rows(text: str, marker: str, head: list[str], new: list[list[str]], order: Iterable[str]) -> str:
+    """`text` with those rows in the table between the markers, in `order`; other rows stay if their name is in it."""
+    begin, end = f"<!-- {marker}:begin -->", f"<!-- {marker}:end -->"
+    before, rest = text.split(begin)
+    old = [[cell.strip() for cell in line.split("|")[1:-1]] for line in rest.split(end)[0].strip().splitlines()]
+    rows = {row[0]: row for row in [*(old[2:] if old[:1] == [head] else []), *new]}
+    table = markdown(head, [rows[name] for name in order if name in rows])
+    return f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+
+
+def thousands(number: int) -> str:
+    """12345 as 12 345."""
+    return f"{number:,}".replace(",", " ")
+
+
+def readme_rows(result: dict[str, Any]) -> dict[str, str]:
+    """The README's rows on the chip, by their first words."""
+    size = " / ".join(thousands(result[key]) for key in ("lut4", "carry", "ff", "block_ram", "dsp"))
+    command = f"`make synth ONLY={RECORD}`"
+    fmax = "; ".join([fmax_text(result), *result["problems"]])
+    return {
+        "LUT4 / carry": f"| LUT4 / carry cells / FF / block RAM / DSP on {result['device']} | {size} | {command} |",
+        "Fmax": f"| Fmax (MHz), target {result['clock_mhz']:.0f} | {fmax} | {command} |",
+    }
+
+
+def with_readme_rows(text: str, rows: dict[str, str]) -> str:
+    """The README with those rows."""
+    for start, row in rows.items():
+        found = re.findall(rf"^\| {re.escape(start)}\b.*$", text, flags=re.MULTILINE)
+        if len(found) != 1:
+            raise ValueError(f"{README.name}: {len(found)} rows begin with {start!r}")
+        text = text.replace(found[0], row)
+    return text
+
+
+def write(configurations: Results, blocks: Results, orders: tuple[Iterable[str], Iterable[str]]) -> None:
+    """New results into the page's tables, and those of the chip of record into the README."""
+    text = PAGE.read_text(encoding="utf-8")
+    rows = [configuration_row(name, result) for name, result in configurations.items()]
+    text = with_rows(text, "synth", CONFIGURATION_HEAD, rows, orders[0])
+    rows = [block_row(name, result) for name, result in blocks.items()]
+    text = with_rows(text, "blocks", BLOCK_HEAD, rows, orders[1])
+    PAGE.write_text(text, encoding="utf-8")
+    if RECORD in configurations:
+        text = with_readme_rows(README.read_text(encoding="utf-8"), readme_rows(configurations[RECORD]))
+        README.write_text(text, encoding="utf-8")

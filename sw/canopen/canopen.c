@@ -1,0 +1,92 @@
+#include "canopen/canopen.h"
+
+#include "canopen/drive_link.h"
+#include "canopen/objects.h"
+#include "control/placement.h"
+
+SMALL_CODE_BEGIN
+
+// Indices of what a reset takes anew.
+#define LAST_INDEX 0xFFFFu
+#define LAST_COMMUNICATION 0x1FFFu
+
+bool canopen_send(canopen_t *node, uint32_t id, const uint8_t *data, uint32_t length, bool is_pdo) {
+  can_frame_t frame = {.id = id, .length = (uint8_t)length};
+  for (uint32_t i = 0; i < length; i++) {
+    frame.data[i] = data[i];
+  }
+  const bool put = send_queue_put(&node->queue, &frame, is_pdo);
+  node->value[OD_COUNTER_FRAMES_DROPPED] += put ? 0u : 1u;
+  return put;
+}
+
+void canopen_reset(canopen_t *node, bool whole) {
+  const uint32_t last = whole ? LAST_INDEX : LAST_COMMUNICATION;
+  const uint32_t asked = whole ? store_node_id(node) : node->value[OD_DEVICE_NODE_ID];
+  node->node_id = (asked != 0u) ? asked : node->node_id;
+  objects_defaults(node, 0, last);
+  store_load(node, 0, last);
+  node->queue.tail = node->queue.head;
+  sdo_reset(node);
+  emcy_reset(node);
+  if (whole) {
+    cia402_reset(node);
+  }
+  nmt_reset(node);
+  pdo_configure(node);
+}
+
+void canopen_init(canopen_t *node, app_t *app, const storage_t *storage, uint32_t node_id, uint32_t now_us) {
+  node->app = app;
+  node->storage = storage;
+  node->node_id = node_id;
+  node->now_us = now_us;
+  node->queue.head = 0;
+  node->queue.tail = 0;
+  node->drive.in_control = false;
+  canopen_reset(node, true);
+}
+
+void canopen_receive(canopen_t *node, const can_frame_t *frame) {
+  const nmt_state_t state = node->nmt.state;
+  // Nothing here is extended, and no remote frame is answered.
+  if ((frame->flags & (CAN_EXTENDED | CAN_REMOTE)) != 0u || frame->length > 8u) {
+    return;
+  }
+  if (frame->id == 0u) {
+    nmt_command(node, frame);
+  } else if (frame->id == node->value[OD_SYNC_COB_ID]) {
+    if (state == NMT_OPERATIONAL && frame->length <= 1u) {
+      pdo_sync(node);
+    }
+  } else if (frame->id == 0x600u + node->node_id) {
+    if (state == NMT_OPERATIONAL || state == NMT_PRE_OPERATIONAL) {
+      sdo_receive(node, frame);
+    }
+  } else if (frame->id > 0x700u && frame->id <= 0x77Fu) {
+    if (frame->length == 1u) {
+      nmt_heartbeat(node, frame->id - 0x700u);
+    }
+  } else if (state == NMT_OPERATIONAL) {
+    (void)pdo_receive(node, frame);
+  }
+}
+
+void canopen_step(canopen_t *node, uint32_t now_us) {
+  node->now_us = now_us;
+  nmt_step(node);
+  cia402_step(node);
+  emcy_step(node);
+  if (node->nmt.state == NMT_OPERATIONAL) {
+    pdo_step(node);
+  }
+}
+
+bool canopen_next(canopen_t *node, can_frame_t *frame) { return send_queue_take(&node->queue, frame); }
+
+void canopen_bus_off(canopen_t *node) {
+  emcy_set(node, EMCY_BUS_OFF, 0);
+  nmt_communication_error(node, emcy_cause_code(EMCY_BUS_OFF));
+}
+
+SMALL_CODE_END

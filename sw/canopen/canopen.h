@@ -1,0 +1,57 @@
+// A CANopen node (CiA 301) with the drive profile CiA 402 on the drive of sw/drive.
+//
+// No heap, no interrupt of its own: canopen_receive, canopen_step and canopen_next are called from one place, the main
+// loop or a deferred interrupt. The driver hands over received frames in their order and takes frames to send; the
+// time is a wrapping counter of microseconds. A step without work takes some hundred clocks.
+#ifndef FL_CANOPEN_H
+#define FL_CANOPEN_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "app/app.h"
+#include "canopen/can_frame.h"
+#include "canopen/cia402.h"
+#include "canopen/dictionary.h"
+#include "canopen/emcy.h"
+#include "canopen/nmt.h"
+#include "canopen/pdo.h"
+#include "canopen/sdo.h"
+#include "canopen/send_queue.h"
+#include "canopen/store.h"
+
+typedef struct canopen {
+  app_t *app;
+  const storage_t *storage;  // 0: nothing can be stored
+  uint32_t node_id;          // 1..127
+  uint32_t now_us;
+  uint32_t value[OD_COUNT];  // two's complement, extended to 32 bits
+  uint8_t label[OD_STRING_MAX];
+  uint32_t label_length;
+  uint32_t image[STORE_WORDS];
+  send_queue_t queue;
+  nmt_t nmt;
+  sdo_t sdo;
+  pdo_t pdo;
+  emcy_t emcy;
+  cia402_t drive;
+} canopen_t;
+
+// Defaults, then what is stored; the boot-up frame is the first one to send. The application must have booted.
+// node_id: for a device that has stored none.
+void canopen_init(canopen_t *node, app_t *app, const storage_t *storage, uint32_t node_id, uint32_t now_us);
+// A frame from the bus, whatever it is.
+void canopen_receive(canopen_t *node, const can_frame_t *frame);
+// Timers, drive profile, TPDOs. At least once a millisecond for times to hold to a millisecond.
+void canopen_step(canopen_t *node, uint32_t now_us);
+// Next frame to send; false: none.
+bool canopen_next(canopen_t *node, can_frame_t *frame);
+// The controller has gone bus-off.
+void canopen_bus_off(canopen_t *node);
+
+// Shared by the parts of the node.
+bool canopen_send(canopen_t *node, uint32_t id, const uint8_t *data, uint32_t length, bool is_pdo);
+// NMT reset of the node, or of communication only (objects below 0x2000): values anew, boot-up frame.
+void canopen_reset(canopen_t *node, bool whole);
+
+#endif

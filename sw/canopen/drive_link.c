@@ -1,0 +1,200 @@
+#include "canopen/drive_link.h"
+
+#include "app/console_items.h"
+#include "app/format.h"
+#include "canopen/dictionary.h"
+#include "control/fixed.h"
+#include "control/placement.h"
+#include "hal/capture.h"
+#include "hal/cpu.h"
+
+SMALL_CODE_BEGIN
+
+// value / 2^bits of a full scale, in thousandths of its unit.
+static int32_t milli(int32_t value, int32_t full_scale_milli, int32_t bits) {
+  return sat_i32(round_shift((int64_t)value * full_scale_milli, bits));
+}
+
+void link_status(const app_t *app, link_status_t *status) {
+  const drive_t *d = &app->drive;
+  const parameters_t *p = d->p;
+  *status = (link_status_t){.state = d->state, .fault = d->fault, .request = d->request};
+  if (p == 0) {
+    return;
+  }
+  // One coherent set: the control step may come in between.
+  const uint32_t state = critical_enter();
+  const bool vectors = p->method == METHOD_VECTOR;
+  const bool turned = d->reverse && !vectors;
+  const int32_t speed_rpm_q8 = d->m.speed_rpm_q8;
+  const int32_t demand_rpm_q8 = d->ramp.value_rpm_q8;
+  const int32_t current_q17 = vectors ? d->vector.current_i_q17.im : d->m.line_i_q25 / 256;
+  const bool active = d->state == STATE_RUNNING || d->state == STATE_STOPPING;
+  status->state = d->state;
+  status->fault = d->fault;
+  status->request = d->request;
+  status->limited = active && d->limit != LIMIT_NONE;
+  status->vdc_mv = milli(d->m.vdc_v_q25, p->voltage_full_scale_mv, 25);
+  status->powered = d->m.vdc_v_q25 / 256 >= p->vdc_min_q17;
+  critical_leave(state);
+  if (active) {
+    status->speed_rpm = (turned ? -speed_rpm_q8 : speed_rpm_q8) / 256;
+    status->demand_rpm = (turned ? -demand_rpm_q8 : demand_rpm_q8) / 256;
+    status->current_ma = milli(turned ? -current_q17 : current_q17, p->current_full_scale_ma, 17);
+  }
+}
+
+void link_ratings(const app_t *app, link_ratings_t *ratings) {
+  const parameters_t *p = app->drive.p;
+  *ratings = (link_ratings_t){0};
+  if (p == 0) {
+    return;
+  }
+  const int32_t rated_i_q25 = drive_current_q17(p, p->current_limit_ma) * 256;
+  ratings->rated_ma = p->current_limit_ma;
+  ratings->rated_mnm = (drive_torque_unm(p, rated_i_q25) + 500) / 1000;
+  ratings->speed_max_rpm = p->speed_max_rpm;
+  ratings->stop_rpm = p->stop_rpm;
+  ratings->accel_rpm_s = p->accel_rpm_s;
+  ratings->torque = p->method == METHOD_SIX_STEP;
+}
+
+bool link_has_torque(const app_t *app) {
+  const drive_t *d = &app->drive;
+  return d->p != 0 && d->p->method == METHOD_SIX_STEP && d->settings.current_loop;
+}
+
+void link_order(app_t *app, const link_order_t *order) {
+  const parameters_t *p = app->drive.p;
+  if (p == 0) {
+    return;
+  }
+  settings_t next = app->drive.settings;
+  if (!settings_target(&next, p, order->target_rpm) || !settings_accel(&next, p, order->accel_rpm_s) ||
+      (order->torque && !settings_target_current(&next, p, order->current_ma))) {
+    return;
+  }
+  next.current_limit_q17 = drive_current_q17(p, order->limit_ma);
+  next.torque_mode = order->torque;
+  const uint32_t state = critical_enter();
+  app->drive.settings = next;
+  app->drive.settings_fresh = true;
+  critical_leave(state);
+}
+
+void link_request(app_t *app, request_t request) {
+  const uint32_t state = critical_enter();
+  if (app->drive.request == REQUEST_NONE || request == REQUEST_STOP_NOW || request == REQUEST_CLEAR) {
+    app->drive.request = request;
+  }
+  critical_leave(state);
+}
+
+// Entries of the fault log, the newest is 0.
+static fault_entry_t logged(const drive_t *d, uint32_t back) {
+  const fault_entry_t none = {FAULT_NONE, 0};
+  const uint32_t count = d->log.count;
+  return (back < count) ? d->log.entry[(count - 1u - back) % FAULT_LOG_LENGTH] : none;
+}
+
+static uint32_t read_setting(const settings_t *s, const parameters_t *p, uint32_t number) {
+  switch (number) {
+    case OD_SETTING_COMMUTATION:
+      return s->commutation;
+    case OD_SETTING_PATTERN:
+      return s->pattern;
+    case OD_SETTING_CARRIER_HZ:
+      return (uint32_t)p->clock_hz / s->carrier_period_cycles;
+    case OD_SETTING_ADVANCE_Q16:
+      return (uint32_t)s->advance_q16;
+    case OD_SETTING_SYNC_RECT:
+      return s->sync_rect ? 1u : 0u;
+    case OD_SETTING_BALANCE:
+      return (uint32_t)s->balance;
+    case OD_SETTING_ZCD_METHOD:
+      return s->crossing.method;
+    case OD_SETTING_ZCD_SOURCE:
+      return s->crossing.source;
+    case OD_SETTING_COMPUTE_BACK:
+      return s->crossing.compute_back ? 1u : 0u;
+    case OD_SETTING_CORRECTION_A:
+      return s->crossing.correction_a ? 1u : 0u;
+    case OD_SETTING_CATCH:
+      return s->catch_rotor ? 1u : 0u;
+    default:
+      return s->current_loop ? 1u : 0u;
+  }
+}
+
+uint32_t link_read(const app_t *app, uint32_t number) {
+  const drive_t *d = &app->drive;
+  const parameters_t *p = d->p;
+  if (number >= OD_FAULT_NUMBER_1 && number <= OD_FAULT_NUMBER_8) {
+    return (uint32_t)logged(d, number - OD_FAULT_NUMBER_1).fault;
+  }
+  if (number >= OD_FAULT_TICK_1 && number <= OD_FAULT_TICK_8) {
+    return logged(d, number - OD_FAULT_TICK_1).tick;
+  }
+  if (number == OD_FAULT_PRESENT) {
+    return (uint32_t)d->fault;
+  }
+  if (number == OD_FAULT_TOTAL) {
+    return d->log.count;
+  }
+  if (p == 0) {
+    return 0;
+  }
+  if (number >= OD_SETTING_COMMUTATION && number <= OD_SETTING_CURRENT_LOOP) {
+    return read_setting(&d->settings, p, number);
+  }
+  if (number >= OD_THRESHOLD_SECTOR_1 && number <= OD_THRESHOLD_SECTOR_6) {
+    return (uint32_t)d->command.threshold_q17[number - OD_THRESHOLD_SECTOR_1];
+  }
+  switch (number) {
+    case OD_OBSERVER_I_D:
+      return (uint32_t)milli(d->vector.current_i_q17.re, p->current_full_scale_ma, 17);
+    case OD_OBSERVER_I_Q:
+      return (uint32_t)milli(d->vector.current_i_q17.im, p->current_full_scale_ma, 17);
+    case OD_OBSERVER_ANGLE:
+      return d->vector.angle_turn_q32;
+    case OD_OBSERVER_CROSSINGS:
+      return d->m.crossings;
+    case OD_OBSERVER_LOST_LOCKS:
+      return d->lost_locks;
+    case OD_OBSERVER_CATCHES:
+      return d->catches;
+    case OD_OBSERVER_COMMUTATED_BY:
+      return (uint32_t)d->command.timer;
+    case OD_CAPTURE_CONTROL:
+      return capture_control();
+    case OD_CAPTURE_LANES:
+      return capture_lanes();
+    case OD_CAPTURE_STATUS:
+      return capture_status();
+    default:
+      return 0;
+  }
+}
+
+bool link_write(app_t *app, uint32_t number, uint32_t value) {
+  // The console's names, so that its checks hold for both.
+  static const char *const names[] = {"commutation", "pattern",      "carrier_hz",   "advance_q16", "sync_rect", "balance",
+                                      "zcd_method",  "zcd_source",   "compute_back", "correction_a", "catch",
+                                      "current_loop"};
+  if (app->drive.p == 0) {
+    return false;
+  }
+  if (number == OD_CAPTURE_CONTROL) {
+    capture_configure(value);
+    return true;
+  }
+  if (number == OD_CAPTURE_LANES) {
+    capture_set_lanes(value);
+    return true;
+  }
+  char text[FORMAT_LENGTH];
+  format_i32(text, (int32_t)value);
+  return items_set(app, names[number - OD_SETTING_COMMUTATION], text) == 0;
+}
+
+SMALL_CODE_END

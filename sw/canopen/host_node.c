@@ -1,0 +1,73 @@
+// One CANopen node on the drive of the host library, frames and time from outside.
+#include <string.h>
+
+#include "canopen/canopen.h"
+#include "canopen/drive_link.h"
+#include "canopen/objects.h"
+
+static canopen_t node;
+
+// Non-volatile memory of a host: survives fl_can_boot.
+static struct {
+  uint8_t slot[STORE_SLOTS][4u * STORE_WORDS];
+  uint32_t failing;  // writes from now on do nothing and fail
+} memory;
+
+app_t *fl_host_app(void);
+void fl_can_boot(uint32_t node_id, uint32_t now_us);
+void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data);
+void fl_can_step(uint32_t now_us);
+uint32_t fl_can_next(uint32_t *id, uint8_t *data);
+void fl_can_bus_off(void);
+uint32_t fl_can_value(uint32_t number);
+uint8_t *fl_can_memory(void);
+uint32_t fl_can_memory_bytes(void);
+void fl_can_fail_memory(uint32_t failing);
+
+static bool memory_read(void *context, uint32_t slot, void *data, uint32_t bytes) {
+  (void)context;
+  memcpy(data, memory.slot[slot], bytes);
+  return true;
+}
+
+static bool memory_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
+  (void)context;
+  if (memory.failing != 0u) {
+    return false;
+  }
+  memcpy(memory.slot[slot], data, bytes);
+  return true;
+}
+
+static const storage_t storage = {.read = memory_read, .write = memory_write};
+
+// After fl_host_boot.
+void fl_can_boot(uint32_t node_id, uint32_t now_us) { canopen_init(&node, fl_host_app(), &storage, node_id, now_us); }
+
+void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data) {
+  can_frame_t frame = {.id = id, .flags = (uint8_t)flags, .length = (uint8_t)length};
+  memcpy(frame.data, data, (length < sizeof frame.data) ? length : sizeof frame.data);
+  canopen_receive(&node, &frame);
+}
+
+void fl_can_step(uint32_t now_us) { canopen_step(&node, now_us); }
+
+// Length of the next frame to send, 9: none.
+uint32_t fl_can_next(uint32_t *id, uint8_t *data) {
+  can_frame_t frame;
+  if (!canopen_next(&node, &frame)) {
+    return 9;
+  }
+  *id = frame.id;
+  memcpy(data, frame.data, sizeof frame.data);
+  return frame.length;
+}
+
+void fl_can_bus_off(void) { canopen_bus_off(&node); }
+
+// Value of an entry by its number, as an SDO upload would read it.
+uint32_t fl_can_value(uint32_t number) { return objects_read(&node, number); }
+
+uint8_t *fl_can_memory(void) { return memory.slot[0]; }
+uint32_t fl_can_memory_bytes(void) { return sizeof memory.slot; }
+void fl_can_fail_memory(uint32_t failing) { memory.failing = failing; }

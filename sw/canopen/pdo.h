@@ -1,0 +1,62 @@
+// Process data: four RPDOs and four TPDOs with mapping, SYNC, inhibit time and event timer.
+#ifndef FL_PDO_H
+#define FL_PDO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "canopen/can_frame.h"
+#include "canopen/timer.h"
+
+typedef struct canopen canopen_t;
+
+#define PDO_COUNT 4u
+#define PDO_MAPPED 8u
+
+// What a PDO carries.
+typedef struct {
+  bool enabled;
+  uint32_t can_id;
+  uint32_t type;
+  uint32_t count;
+  uint32_t number[PDO_MAPPED];  // OD_COUNT: bytes that mean nothing
+  uint32_t bytes[PDO_MAPPED];
+  uint32_t length;  // of all
+} pdo_map_t;
+
+typedef struct {
+  pdo_map_t map;
+  bool waiting;  // for SYNC
+  uint8_t data[8];
+  uint32_t data_length;
+} rpdo_t;
+
+typedef struct {
+  pdo_map_t map;
+  uint8_t data[8];  // as last sent
+  bool told;        // since operational began
+  uint32_t syncs;   // since the last one sent
+  span_t inhibit;
+  span_t event;
+} tpdo_t;
+
+typedef struct {
+  rpdo_t rpdo[PDO_COUNT];
+  tpdo_t tpdo[PDO_COUNT];
+} pdo_t;
+
+// Whether a CAN-ID may be given to a PDO, SYNC or EMCY: not one of the reserved ones.
+bool pdo_id_is_free(uint32_t can_id);
+// SDO_OK, or why a communication or mapping object of a PDO cannot be written now.
+uint32_t pdo_check(canopen_t *node, uint32_t number, uint32_t value);
+// Work out the mapping from the objects; one that cannot be is switched off.
+void pdo_configure(canopen_t *node);
+// Operational begins: nothing waits, every TPDO is new.
+void pdo_start(canopen_t *node);
+// A frame; false: it is of no RPDO.
+bool pdo_receive(canopen_t *node, const can_frame_t *frame);
+void pdo_sync(canopen_t *node);
+// TPDOs by event.
+void pdo_step(canopen_t *node);
+
+#endif

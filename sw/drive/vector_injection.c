@@ -1,0 +1,272 @@
+#include "drive/vector_injection.h"
+
+#include "control/fixed.h"
+#include "control/placement.h"
+#include "control/regulator_design.h"
+#include "control/trig.h"
+#include "control/vector_speed.h"
+#include "drive/vector_parts.h"
+
+// Results until filters and sums hold nothing from before the wave.
+#define FIRST_RESULTS 3u
+// Share of the circle that subspace 3 may have.
+#define THIRD_SHARE_SHIFT 2
+#define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
+
+SMALL_CODE_BEGIN
+
+enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
+
+static injection_method_t method_of(const parameters_t *p) {
+  static const injection_method_t methods[] = {INJECTION_LOCK_IN, INJECTION_CONVENTIONAL, INJECTION_IQ,
+                                               INJECTION_SEPARATOR};
+  return methods[p->injection - 1];
+}
+
+COLD static void load_settings(injection_frame_settings_t *s, const drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const vector_t *v = &drive->vector;
+  s->error = (injection_error_settings_t){
+      .method = method_of(p),
+      .ratio = p->injection_ratio,
+      .loss = p->injection_loss,
+      .shift = p->injection_shift,
+      .minimum_i_q17 = (uint32_t)p->injection_least_i_q21 >> 4,
+  };
+  s->rest = (rest_position_settings_t){
+      .settle = (uint32_t)p->injection_search_results[0],
+      .frame_count = (uint32_t)p->injection_search_results[1],
+      .lock = (uint32_t)p->injection_search_results[2],
+      .current_settle = (uint32_t)p->injection_search_results[3],
+      .current_count = (uint32_t)p->injection_search_results[4],
+      .current_i_q25 = p->injection_search_i_q25,
+      .rise_i_q25 = p->injection_search_rise_i_q25,
+      .sure_q16 = p->injection_search_sure_q16,
+      .minimum_i_q21 = p->injection_search_least_i_q21,
+  };
+  // The EMF never takes over.
+  s->handover = (injection_handover_settings_t){INT32_MAX, INT32_MAX - 1, 1, 1};
+  s->validity = (injection_validity_settings_t){
+      .minimum_i_q21 = p->injection_least_i_q21,
+      .expected_i_q21 = p->injection_expected_i_q21,
+      .saliency_q16 = (uint32_t)p->injection_saliency_q16,
+      .derate_ratio_q16 = (uint32_t)p->injection_derate_ratio_q16,
+      .fault_ratio_q16 = (uint32_t)p->injection_fault_ratio_q16,
+      .noise_factor_q16 = (uint32_t)p->injection_noise_factor_q16,
+      .derate_noise_q16 = (uint32_t)p->injection_derate_noise_q16,
+      .fault_noise_q16 = (uint32_t)p->injection_fault_noise_q16,
+      .filter_shift = p->injection_filter_shift,
+      .fault_results = (uint32_t)p->injection_fault_results,
+  };
+  s->pll = v->pll_gains;
+  s->sequence = (angle_sequence_t)p->injection_sequence;
+  for (uint32_t k = 0; k < 4u; k++) {
+    s->coupling.c_q32[k] = p->injection_curve_q32[k];
+  }
+  s->coupling.current = p->injection_curve_current;
+  s->coupling.filter_q16 = p->injection_curve_filter_q16;
+  s->coupling.following = p->injection_following != 0;
+  s->speed = (pi_gains_t){p->vector_speed_kp, p->vector_speed_ki};
+  s->speed_filter_q16 = p->injection_speed_filter_q16;
+  s->third_q16 = p->injection_third_q16;
+}
+
+COLD void vector_injection_init(drive_t *drive, vector_machine_t *machine) {
+  static vector_injection_t only;
+  const parameters_t *p = drive->p;
+  vector_injection_t *j = &only;
+  *j = (vector_injection_t){.results = 0};
+  drive->vector.injection = j;
+  load_settings(&j->settings, drive);
+  j->settings.machine = *machine;
+  vector_machine_t third = *machine;
+  third.resistance_q30 = (uint32_t)p->injection_third_resistance_q30;
+  third.admittance = p->injection_third_admittance;
+  third.impedance = p->injection_third_impedance;
+  third.harmonic = 3;
+  vector_plant(&j->third, &third);
+  if (j->settings.error.method == INJECTION_SEPARATOR) {
+    vector_machine_join(machine, 2);
+    machine->resistance_q30 *= 2u;
+  }
+}
+
+bool vector_injection_design(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  if (SUBSPACES == 1) {
+    return true;
+  }
+  vector_model(&v->model, &j->third, v->speed_turn_q36);
+  return regulator_design(&j->third_gains, &v->order, &j->third.machine, &v->model);
+}
+
+COLD void vector_injection_take_design(drive_t *drive) {
+  const regulator_gains_t *gains = &drive->vector.injection->third_gains;
+  chip_vector_command_t *command = &drive->command.vector;
+  command->gain[1] = gains->g;
+  command->hold[1] = gains->h;
+  command->ratio_q17[1] = gains->ratio_q17;
+  command->shift[1] = (uint32_t)gains->shift;
+}
+
+COLD void vector_injection_begin(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  injection_frame_begin(&j->frame, &j->settings, drive->p->injection_search != 0, 0);
+  j->left_out = FIRST_RESULTS;
+  j->command = (injection_frame_command_t){.inject = true};
+  v->frame = FRAME_INJECTED;
+  ramp_preset(&drive->ramp, 0);
+  drive->command.gate_enable = true;
+  drive->command.vector.enable = true;
+  drive->phase = START_SEARCH;
+  drive->state_ticks = 0;
+}
+
+COLD void vector_injection_off(drive_t *drive) {
+  chip_vector_command_t *command = &drive->command.vector;
+  const complex_t zero = {0, 0};
+  command->inject = false;
+  command->write_injection = true;
+  command->write_forward = true;
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    command->regulate[s] = false;
+    command->preset_v_q17[s] = zero;
+    command->forward_v_q17[s] = zero;
+    command->reference_i_q17[s] = zero;
+  }
+  drive->vector.injection->injecting = false;
+}
+
+static fault_t fault_of(injection_verdict_t verdict) {
+  switch (verdict) {
+    case INJECTION_NO_SIGNAL:
+      return FAULT_INJECTION_SIGNAL;
+    case INJECTION_NOISE:
+      return FAULT_INJECTION_NOISE;
+    case INJECTION_NO_SALIENCY:
+      return FAULT_NO_SALIENCY;
+    case INJECTION_GOOD:
+    case INJECTION_DERATED:
+    default:
+      return FAULT_NONE;
+  }
+}
+
+// The search has ended, or the angle is not to be trusted any more.
+HOT static void supervise(drive_t *drive) {
+  const injection_frame_t *frame = &drive->vector.injection->frame;
+  fault_t fault = fault_of(frame->validity.verdict);
+  if (frame->resting && frame->rest.phase == REST_NOT_SURE) {
+    fault = FAULT_POLARITY_UNSURE;
+  } else if (frame->resting && frame->rest.phase == REST_NO_SIGNAL) {
+    fault = FAULT_INJECTION_SIGNAL;
+  }
+  if (fault != FAULT_NONE) {
+    drive_enter_fault(drive, fault);
+  } else if (!frame->resting && drive->state == STATE_STARTING) {
+    drive_enter(drive, STATE_RUNNING);
+  }
+}
+
+// The target's sign is taken through zero, zero is a target.
+HOT static void follow_target(drive_t *drive) {
+  const parameters_t *p = drive->p;
+  const bool stopping = drive->state == STATE_STOPPING;
+  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  const int32_t target_rpm_q8 = (drive->state == STATE_RUNNING) ? drive->settings.target_rpm * 256 : 0;
+  drive->m.speed_rpm_q8 = rpm_q8(drive, drive->vector.speed_turn_q36);
+  // The ramp need not wait for the speed: the regulator does not wind up.
+  (void)ramp_step(&drive->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, drive->m.speed_rpm_q8,
+                  p->speed_max_rpm * 256);
+  const int32_t speed_rpm_q8 = abs_sat(drive->m.speed_rpm_q8);
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
+  } else if (stopping && drive->ramp.value_rpm_q8 == 0 &&
+             speed_rpm_q8 < drive->vector.back_rpm_q8 >> STOPPED_SHARE_SHIFT) {
+    drive_gates_off(drive);
+    drive_enter(drive, STATE_READY);
+  }
+}
+
+HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  const chip_injection_snapshot_t *seen = &in->injection;
+  // A set that has not been taken keeps its turn.
+  if (!in->vector.taken) {
+    return;
+  }
+  bool fresh = seen->active && seen->results != j->results;
+  j->results = seen->results;
+  if (fresh && j->left_out > 0u) {
+    j->left_out--;
+    fresh = false;
+  }
+  const complex_t i_q17 = in->vector.i_q17[0];
+  const injection_frame_input_t given = {
+      .fresh = fresh,
+      .amplitude = {seen->d, seen->q, seen->count},
+      .current_i_q25 = {i_q17.re * 256, i_q17.im * 256},
+      .by_speed = true,
+      .speed_turn_q36 = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn),
+  };
+  j->settings.limit_i_q25 = drive->settings.current_limit_q17 * 256;
+  j->command = injection_frame_step(&j->frame, &j->settings, &given);
+  v->speed_turn_q36 = j->command.speed_turn_q36;
+  v->correct_q32 = j->command.turn_q32;
+  v->reference_i_q25 = j->command.reference_i_q25[0];
+  drive->limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
+  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+  j->forward_v_q25 = complex_mul_q30(emf_v_q25, j->frame.turn_q30);
+  switch (drive->tick % VECTOR_GROUPS) {
+    case GROUP_SPEED:
+      follow_target(drive);
+      break;
+    case GROUP_SUPERVISION:
+      v->state_v_q25 = complex_add(in->vector.u_v_q25[0], j->forward_v_q25);
+      supervise(drive);
+      break;
+    case GROUP_FIELD:
+    case GROUP_LIMITS:
+    default:
+      break;
+  }
+}
+
+HOT uint32_t vector_published_q32(const drive_t *drive) {
+  const vector_injection_t *j = drive->vector.injection;
+  return (j == 0) ? 0u : (uint32_t)j->command.report_q32 + (uint32_t)j->command.curve_q32;
+}
+
+HOT void vector_injection_limits(drive_t *drive) {
+  chip_vector_command_t *command = &drive->command.vector;
+  const uint32_t circle_v_q17 = command->limit_v_q17[0];
+  command->lead_q32 = drive->vector.injection->command.lead_q32;
+  command->limit_v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, drive->p->injection_v_q17);
+  if (SUBSPACES > 1) {
+    command->limit_v_q17[1] = circle_v_q17 >> THIRD_SHARE_SHIFT;
+  }
+}
+
+HOT void vector_injection_command(drive_t *drive) {
+  const vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  chip_vector_command_t *c = &drive->command.vector;
+  c->forward_v_q17[0] = to_q17(j->forward_v_q25);
+  c->write_forward = true;
+  if (SUBSPACES > 1) {
+    const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->injection_third_flux)};
+    c->forward_v_q17[1] = to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30));
+    c->reference_i_q17[1] = to_q17(j->command.reference_i_q25[1]);
+    c->write_reference = true;
+    c->write_control = c->write_control || !c->regulate[1];
+    c->regulate[1] = true;
+  }
+  c->inject = j->command.inject;
+  c->write_injection = c->inject != j->injecting;
+  j->injecting = c->inject;
+}
+
+SMALL_CODE_END

@@ -1,0 +1,51 @@
+// The vector drive held by injection (injection_frame.h): angle and speed from standstill on, the currents of both subspaces.
+// Its frame is the third one beside forced and observed:
+//
+//   starting: coast, search for the rotor at rest -> running: injected, any speed and both directions -> stopping: to
+//   standstill, gates off
+//
+// What the chip measured at sample k belongs to the frame before the tick. The set committed in step k acts at tick k + 1.
+// With the separator the regulators of subspace 1 run at every second sample: their model is that of two periods.
+#ifndef FL_VECTOR_INJECTION_H
+#define FL_VECTOR_INJECTION_H
+
+#include "control/injection_frame.h"
+#include "drive/drive.h"
+
+struct vector_injection {
+  injection_frame_settings_t settings;
+  injection_frame_t frame;
+  injection_frame_command_t command;
+  uint16_t results;     // of the chip, the last that were seen
+  uint32_t left_out;    // results of a wave that has just begun
+  bool injecting;       // as the chip was told
+  complex_t forward_v_q25;  // EMF in the frame
+  vector_plant_t third;      // subspace 3, of one sample
+  regulator_gains_t third_gains;
+};
+
+// With an injection in the parameters: its settings, and `machine` as the regulators of subspace 1 are to know it.
+void vector_injection_init(drive_t *drive, vector_machine_t *machine);
+
+// Gains of subspace 3 for the present speed, in the deferred interrupt. False: they do not fit. About 2500 clocks.
+bool vector_injection_design(drive_t *drive);
+
+// Those, to the chip.
+void vector_injection_take_design(drive_t *drive);
+
+// The rotor is at rest: switch on and search.
+void vector_injection_begin(drive_t *drive);
+
+// Wave and second subspace off.
+void vector_injection_off(drive_t *drive);
+
+// One control step; about 3000 clocks with I/Q sums.
+void vector_injection_step(drive_t *drive, const chip_snapshot_t *in);
+
+// What the wave leaves of the voltage circle, circle of subspace 3, lead.
+void vector_injection_limits(drive_t *drive);
+
+// Sets of both subspaces, forward voltage and wave into the command.
+void vector_injection_command(drive_t *drive);
+
+#endif

@@ -1,0 +1,41 @@
+// Shared by the parts of the vector drive: vector.c (control step), vector_frame.c (frames and the ways between them),
+// vector_design.c (constants and gains).
+#ifndef FL_VECTOR_PARTS_H
+#define FL_VECTOR_PARTS_H
+
+#include "control/complex_fixed.h"
+#include "control/fixed.h"
+#include "control/trig.h"
+#include "drive/vector.h"
+
+#define SAMPLE_MAX_Q17 131071
+
+static inline int32_t rpm_q8(const drive_t *drive, int32_t speed_turn_q36) {
+  return gain_apply(speed_turn_q36, drive->vector.to_rpm);
+}
+
+static inline complex_t to_q17(complex_t z_q25) {
+  return (complex_t){(z_q25.re + 128) >> 8, (z_q25.im + 128) >> 8};
+}
+
+// exp(-j turn): takes vectors into a frame that is ahead by `turn`.
+static inline complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
+
+static inline bool has_encoder(const drive_t *drive) { return drive->p->encoder_quarters > 1; }
+
+// Electrical angle of the rotor by the encoder.
+static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
+
+// The design that waits, to the chip.
+void vector_take_design(drive_t *drive);
+
+// A caught rotor: from the frame that goes along to the gates.
+void vector_caught_step(drive_t *drive, const chip_snapshot_t *in);
+
+// One step with the forced frame, to the hand-over.
+void vector_forced_step(drive_t *drive, const chip_snapshot_t *in);
+
+// From the observed frame to the forced one.
+void vector_hand_back(drive_t *drive, const chip_snapshot_t *in);
+
+#endif

@@ -1,0 +1,28 @@
+#include "hal/capture.h"
+
+#include <stdbool.h>
+
+#include "hal/reg.h"
+
+uint32_t capture_control(void) { return reg_read(REG(capture.control)); }
+uint32_t capture_lanes(void) { return reg_read(REG(capture.lanes)); }
+uint32_t capture_status(void) { return reg_read(REG(capture.status)); }
+void capture_configure(uint32_t control) { reg_write(REG(capture.control), control); }
+void capture_set_lanes(uint32_t lanes) { reg_write(REG(capture.lanes), lanes); }
+
+uint32_t capture_bytes(void) {
+  const uint32_t status = capture_status();
+  const bool done = BITS(FL_CAPTURE_REGS__STATUS__DONE, status) != 0u;
+  return done ? BITS(FL_CAPTURE_REGS__STATUS__DEPTH, status) * CAPTURE_RECORD_BYTES : 0u;
+}
+
+void capture_read(uint32_t offset, uint8_t *data, uint32_t count) {
+  for (uint32_t i = 0; i < count; i++) {
+    const uint32_t at = offset + i;
+    reg_write(REG(capture.read_address), at / CAPTURE_RECORD_BYTES);
+    // The buffer needs two clocks after a new address: a read in between takes longer.
+    (void)reg_read(REG(capture.status));
+    const uint32_t lane = reg_read(REG(capture.data) + (at & 12u));
+    data[i] = (uint8_t)(lane >> (8u * (at & 3u)));
+  }
+}

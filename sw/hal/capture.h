@@ -1,0 +1,21 @@
+// The capture buffer: its registers, and its records as bytes.
+#ifndef FL_CAPTURE_H
+#define FL_CAPTURE_H
+
+#include <stdint.h>
+
+#define CAPTURE_RECORD_BYTES 16u  // four lanes, a signed word of 32 bits each
+
+// Registers as in the register map; writing the control with its bit 0 arms.
+uint32_t capture_control(void);
+uint32_t capture_lanes(void);
+uint32_t capture_status(void);
+void capture_configure(uint32_t control);
+void capture_set_lanes(uint32_t lanes);
+
+// Bytes of the finished capture, 0 while there is none.
+uint32_t capture_bytes(void);
+// Bytes from an offset on, little endian; offset + count <= capture_bytes().
+void capture_read(uint32_t offset, uint8_t *data, uint32_t count);
+
+#endif

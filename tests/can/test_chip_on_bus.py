@@ -1,0 +1,98 @@
+"""The chip's CAN controller on the simulator's native bus, its registers written by a program on the core.
+
+Needs a chip of its own, which takes minutes to build: runs with FLUXLOCK_CAN_FRAMES set, as `make can` does.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from cocotb_tests.can.bench import told_apart
+from fluxlock.can.frame import Frame
+from fluxlock.can.timing import BitTiming
+from fluxlock.config import load_inverter, load_motor
+from fluxlock.config.motor import machine_params
+from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.convert import inverter_params, sensing_params
+from fluxlock.cosim.launch import run_plan
+from fluxlock.cosim.plan import CanSide
+from fluxlock.cosim.program import Row, script_plan, wait
+from fluxlock.cosim.run import ready_chip
+from fluxlock.paths import ROOT
+from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
+
+MEGABIT = BitTiming(2, 9, 7, 8, 4)
+TICK = 10_000  # clocks: no frame takes longer
+FRAMES = 12
+SEED = 1
+
+
+@dataclass
+class Peer:
+    """Sends its frames, one a wake-up, keeps what it gets."""
+
+    timing: BitTiming
+    frames: list[Frame]
+    taken: list[Frame] = field(default_factory=list)
+    state: list[int] = field(default_factory=list)
+
+    def exchange(self, cycle: int, node: CanSide) -> None:
+        if self.frames:
+            node.send(self.frames.pop(0))
+        while (frame := node.take()) is not None:
+            self.taken.append(frame)
+        state = node.state  # type: ignore[attr-defined]
+        self.state = [state.waiting, state.sent, state.errors, state.tec, state.rec]
+
+    def conclusion(self) -> object:
+        return {"taken": [repr(frame) for frame in self.taken], "state": self.state}
+
+
+def commands(frame: Frame, buffer: int) -> list[Row]:
+    data = int.from_bytes(frame.data, "little")
+    return [
+        Row("can.tx_id", 0, frame.ext << 31 | frame.rtr << 30 | frame.id),
+        Row("can.tx_data", 0, data & 0xFFFF_FFFF),
+        Row("can.tx_data", 1, data >> 32),
+        Row("can.tx_command", 0, 1 << buffer | frame.dlc << 8),
+    ]
+
+
+@pytest.mark.skipif("FLUXLOCK_CAN_FRAMES" not in os.environ, reason="builds a chip: make can")
+def test_frames_both_ways(tmp_path: Path) -> None:
+    """Chip and node send at the same time: every frame arrives once and unchanged, no error on the bus.
+
+    Verifies: CAN-26
+    """
+    seed = random.randrange(1 << 32)
+    print(f"seed {seed}")
+    rng = random.Random(seed)
+    mine, others = ([told_apart(Frame.draw(rng), x) for _ in range(FRAMES)] for x in range(2))
+    timing = MEGABIT
+    word = timing.brp - 1 | (timing.prop + timing.ps1 - 1) << 8 | (timing.ps2 - 1) << 16 | (timing.sjw - 1) << 24
+    rows = [Row("can.bit_timing", 0, word), Row("can.filter_mask", 0, 1 << 29), Row("can.control", 0, 1)]
+    rows += [Row("timer.tick_period", 0, TICK), wait(2)]
+    for i, frame in enumerate(mine):
+        rows += [*commands(frame, i % 3), wait(2)]
+    motor = load_motor(ROOT / "motors" / "motor-1.toml")
+    inverter = load_inverter(ROOT / "inverters" / "bench-25v-120a.toml")
+    plant = PlantParams(
+        machine=machine_params(motor),
+        inverter=inverter_params(inverter),
+        sensing=sensing_params(inverter, motor.phases),
+        mechanics=MechanicsParams(motor.inertia_kgm2, mode="locked"),
+        recording=RecordingParams(every_strobes=1),
+        clock_period_s=1.0 / CLOCK_HZ,
+    )
+    plan = script_plan(rows, plant, (2 * FRAMES + 8) * TICK / CLOCK_HZ, tmp_path, SEED)
+    plan = replace(plan, peer=Peer(timing, others), batch_cycles=TICK)
+    meta = run_plan(plan, ready_chip(can=True))
+    assert not meta["fault"]
+    found = meta["conclusion"]
+    assert found["taken"] == [repr(frame) for frame in mine]
+    assert found["state"] == [0, FRAMES, 0, 0, 0]

@@ -1,0 +1,251 @@
+"""A master that is not ours, the package `canopen`, on a bus of python-can; of the drive it knows the EDS only."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import can
+import canopen
+import cantools
+import pytest
+from canopen.profiles.p402 import BaseNode402
+
+from fluxlock.canopen.dbc import dbc
+from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.canopen.eds import eds
+from fluxlock.firmware import build_canopen_library
+from fluxlock.native.drive import NativeDrive
+from fluxlock.native.serve import serve
+from tests.canopen.node_bench import DRIVE, NODE
+from tests.firmware.firmware_bench import Bench
+
+# Real time: a loaded machine may be slow.
+PATIENCE_S = 60.0
+CHANNELS = itertools.count()
+
+
+@dataclass(frozen=True)
+class Target:
+    """A drive that runs on a bus of python-can, its motor at rest."""
+
+    interface: str
+    channel: str
+    node: int
+
+
+@pytest.fixture
+def native() -> Iterator[Target]:
+    """The native program in a thread, as fast as it goes."""
+    found = Target("virtual", f"native-{next(CHANNELS)}", NODE)
+    drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NODE)
+    end = threading.Event()
+    with can.Bus(interface=found.interface, channel=found.channel) as bus:
+        thread = threading.Thread(target=serve, args=(drive, bus, end.is_set, None))
+        thread.start()
+        yield found
+        end.set()
+        thread.join()
+
+
+@pytest.fixture(params=["native"])
+def target(request: pytest.FixtureRequest) -> Target:
+    found: Target = request.getfixturevalue(request.param)
+    return found
+
+
+@pytest.fixture
+def network(target: Target) -> Iterator[canopen.Network]:
+    net = canopen.Network()
+    net.connect(interface=target.interface, channel=target.channel)
+    yield net
+    net.disconnect()
+
+
+@pytest.fixture
+def node(network: canopen.Network, target: Target, tmp_path: Path) -> BaseNode402:
+    """The drive after a reset, in pre-operational."""
+    sheet = tmp_path / "fluxlock.eds"
+    sheet.write_text(eds(load_dictionary()), encoding="utf-8")
+    found = BaseNode402(target.node, canopen.import_od(str(sheet), node_id=target.node))
+    network.add_node(found)
+    found.sdo.RESPONSE_TIMEOUT = PATIENCE_S
+    for name in ("RESET_FAULT", "SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
+        setattr(found, f"TIMEOUT_{name}", PATIENCE_S if name != "RESET_FAULT" else 0.1)
+    reset(found)
+    return found
+
+
+def reset(node: BaseNode402) -> None:
+    """Reset of the node, up to its boot-up frame."""
+    waiting = threading.Thread(target=node.nmt.wait_for_bootup, args=(PATIENCE_S,))
+    waiting.start()
+    time.sleep(0.01)
+    node.nmt.state = "RESET"
+    waiting.join()
+
+
+def wait(condition: Callable[[], Any], what: str) -> None:
+    """Until it holds."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)
+
+
+def enable(node: BaseNode402) -> None:
+    """To operation enabled by the master's own state machine, which wants the statusword again and again."""
+    node.sdo["tpdo1"]["event_timer"].raw = 20
+    node.setup_402_state_machine()
+    node.nmt.state = "OPERATIONAL"
+    wait(lambda: node.nmt.state == "OPERATIONAL", "heartbeat tells operational")
+    node.state = "OPERATION ENABLED"
+    assert node.state == "OPERATION ENABLED"
+
+
+def velocity(node: BaseNode402) -> int:
+    """Speed that the last TPDO3 has brought, r/min."""
+    return int(node.tpdo[3]["velocity_actual"].raw)
+
+
+def test_from_boot_up_to_a_turning_motor(network: canopen.Network, node: BaseNode402, target: Target) -> None:
+    """Boot-up, operation enabled, target by RPDO, speed by TPDO, stop; the DBC decodes every frame that passed.
+
+    Verifies: CO-17
+    """
+    database = cantools.database.load_string(dbc(load_dictionary(), target.node), "dbc")
+    with can.Bus(interface=target.interface, channel=target.channel) as bus:
+        recorder = can.BufferedReader()
+        notifier = can.Notifier(bus, [recorder])
+        assert node.sdo["device_name"].raw == "Fluxlock"
+        enable(node)
+        node.rpdo[3]["controlword"].raw = 0x0F
+        for rpm in (20_000, 30_000):
+            node.rpdo[3]["target_velocity"].raw = rpm
+            node.rpdo[3].transmit()
+            wait(lambda rpm=rpm: abs(velocity(node) - rpm) < 0.01 * rpm, f"{rpm} r/min")
+        assert node.sdo["velocity_actual"].raw == pytest.approx(30_000, rel=0.02)
+        assert node.tpdo[4]["torque_actual"].raw > 0
+        node.rpdo[3]["target_velocity"].raw = 0
+        node.rpdo[3].transmit()
+        wait(lambda: velocity(node) == 0, "stop")
+        node.state = "SWITCHED ON"
+        node.state = "SWITCH ON DISABLED"
+        notifier.stop()
+    names = set()
+    while (message := recorder.get_message(timeout=0)) is not None:
+        decoded = database.decode_message(message.arbitration_id, bytes(message.data))
+        names.add(database.get_message_by_frame_id(message.arbitration_id).name)
+        if message.arbitration_id == 0x380 + target.node:
+            assert decoded["velocity_actual"] == struct.unpack_from("<i", message.data, 2)[0]
+    assert names >= {"NMT", "SDO_request", "SDO_response", "RPDO3", "TPDO1", "TPDO3", "TPDO4"}
+
+
+def test_mapping_and_sync(network: canopen.Network, node: BaseNode402) -> None:
+    """The master maps a TPDO anew and gets it at its SYNC, with the values that SDO reads.
+
+    Verifies: CO-17
+    """
+    node.tpdo.read()
+    pdo = node.tpdo[2]
+    pdo.clear()
+    pdo.add_variable("dc_link_voltage")
+    pdo.add_variable("fault", "present")
+    pdo.add_variable(0x6061)
+    pdo.trans_type = 2
+    pdo.enabled = True
+    pdo.save()
+    count = itertools.count()
+    pdo.add_callback(lambda _: next(count))
+    node.nmt.state = "OPERATIONAL"
+    for _ in range(6):
+        network.sync.transmit()
+    wait(lambda: pdo.timestamp is not None and node.sdo["modes_of_operation"].raw == 3, "TPDO2")
+    assert next(count) == 3
+    assert len(pdo.data) == 6
+    assert pdo[0].raw == pytest.approx(25_000, rel=0.01)
+    assert (pdo[1].raw, pdo[2].raw) == (0, 3)
+
+
+def test_abort_codes(node: BaseNode402) -> None:
+    """What the drive refuses comes to the master as the standard's abort codes; strings go in segments.
+
+    Verifies: CO-17
+    """
+
+    def refused(code: int, action: Callable[[], Any]) -> None:
+        with pytest.raises(canopen.SdoAbortedError) as error:
+            action()
+        assert error.value.code == code
+
+    refused(0x06020000, lambda: node.sdo.upload(0x5000, 0))
+    refused(0x06090011, lambda: node.sdo.upload(0x6041, 3))
+    refused(0x06010002, lambda: node.sdo.download(0x6041, 0, b"\0\0"))
+    refused(0x06070012, lambda: node.sdo.download(0x6040, 0, b"\0\0\0\0"))
+    refused(0x06070013, lambda: node.sdo.download(0x60FF, 0, b"\0"))
+    refused(0x06090031, lambda: node.sdo.download(0x60FF, 0, struct.pack("<i", 1_000_001)))
+    refused(0x06090032, lambda: node.sdo.download(0x60FF, 0, struct.pack("<i", -1_000_001)))
+    refused(0x08000022, lambda: node.sdo.download(0x6060, 0, b"\x0a"))
+    text = "axis 3, on the left of the frame"
+    node.sdo["device"]["label"].raw = text
+    assert node.sdo["device"]["label"].raw == text
+
+
+def test_fault_and_reset(node: BaseNode402) -> None:
+    """A master that falls silent: fault by the command timeout, told by EMCY, cleared by the fault reset.
+
+    Verifies: CO-17
+    """
+    node.sdo["command_timeout"]["reaction"].raw = 1
+    enable(node)
+    node.sdo["command_timeout"]["time"].raw = 100
+    error = node.emcy.wait(timeout=PATIENCE_S)
+    assert (error.code, error.register) == (0x8100, 0x11)
+    wait(lambda: node.state == "FAULT", "fault")
+    assert node.sdo["error_code"].raw == 0x8100
+    node.sdo["command_timeout"]["time"].raw = 0
+    node.reset_from_fault()
+    assert node.state == "OPERATION ENABLED"
+    wait(lambda: node.emcy.log[-1].code == 0, "end of the error")
+    assert node.sdo["error_code"].raw == 0
+
+
+def test_master_is_watched(network: canopen.Network, node: BaseNode402) -> None:
+    """The drive watches a heartbeat of the master; when it ends, the drive leaves operational with a fault.
+
+    Verifies: CO-17
+    """
+    master = 0x7E
+    node.sdo["heartbeat_consumer"]["node_1"].raw = master << 16 | 500
+    enable(node)
+    for _ in range(5):
+        network.send_message(0x700 + master, b"\x05")
+        time.sleep(0.001)
+    error = node.emcy.wait(timeout=PATIENCE_S)
+    assert (error.code, error.register) == (0x8130, 0x11)
+    wait(lambda: node.nmt.state == "PRE-OPERATIONAL", "pre-operational")
+    assert node.sdo["error_code"].raw == 0x8130
+    assert node.sdo["statusword"].raw & 0x4F == 0x08
+
+
+def test_store_and_restore(node: BaseNode402) -> None:
+    """The master's own commands for 0x1010 and 0x1011.
+
+    Verifies: CO-17
+    """
+    node.sdo["velocity_window"].raw = 77
+    reset(node)
+    assert node.sdo["velocity_window"].raw == 300
+    node.sdo["velocity_window"].raw = 77
+    node.store()
+    reset(node)
+    assert node.sdo["velocity_window"].raw == 77
+    node.restore()
+    reset(node)
+    assert node.sdo["velocity_window"].raw == 300

@@ -1,0 +1,162 @@
+"""The command `fluxlock native`: bus, console, pace, and what it refuses."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from fluxlock.can_bus import open_bus
+from fluxlock.canopen.host import Frame
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.native.drive import drive_of_scenario
+from fluxlock.native.program import MemoryFile
+from fluxlock.native.serve import FRAMES_A_STEP, serve
+from fluxlock.paths import ROOT
+from tests.canopen.node_bench import NODE, NodeBench
+
+DEMO = ROOT / "scenarios" / "demo.toml"
+
+
+def command(*words: str, console: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "fluxlock", "native", *words],
+        input=console,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_runs_with_its_console() -> None:
+    """A scenario's drive runs for a simulated time; lines on stdin reach its console.
+
+    Verifies: CO-18
+    """
+    lines = "get speed_rpm\nget no_such\n"
+    done = command(str(DEMO), "--can", "virtual:any", "--speed", "0", "--seconds", "0.05", "--node", "7", console=lines)
+    assert done.returncode == 0, done.stderr
+    first, *replies, last = done.stdout.splitlines()
+    assert first.startswith("node 7 on virtual:any, process ")
+    assert replies[0] == "speed_rpm 0"
+    assert any(line.startswith("error") for line in replies)
+    assert last.startswith("0.050 s simulated in ")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("vcan0", "--can: vcan0: must be INTERFACE:CHANNEL"),
+        ("virtual:", "--can: virtual:: must be INTERFACE:CHANNEL"),
+        ("carrier-pigeon:1", "--can: carrier-pigeon:1: must be INTERFACE:CHANNEL"),
+        (
+            "socketcan:no_such_can0",
+            "--can: socketcan:no_such_can0: (this kernel has no CAN|there is no such interface)",
+        ),
+    ],
+)
+def test_no_such_bus(name: str, text: str) -> None:
+    """A bus that is not to be had is an error of the option, with what to do.
+
+    Verifies: CO-18
+    """
+    with pytest.raises(ConfigError, match=text):
+        open_bus(name)
+
+
+def test_no_such_drive() -> None:
+    """What the averaged motor is not is refused by its key.
+
+    Verifies: CO-18
+    """
+    with pytest.raises(ConfigError, match=r"drive\.method: the averaged motor"):
+        drive_of_scenario(load_scenario(ROOT / "scenarios" / "vector" / "encoder.toml"), NODE)
+
+
+def test_memory_file(tmp_path: Path) -> None:
+    """What is stored by 0x1010 is in the file at once and holds in the next program; another file is refused.
+
+    Verifies: CO-18
+    """
+    path = tmp_path / "drive.bin"
+    bench = NodeBench()
+    file = MemoryFile(path, bench.drive)
+    empty = path.read_bytes()
+    bench.write("velocity_window", 77)
+    bench.write("store_parameters_save_all", 0x65766173)
+    file.keep()
+    assert path.read_bytes() == bench.node.memory != empty
+    again = NodeBench()
+    assert again.read("velocity_window") == 300
+    MemoryFile(path, again.drive)
+    assert again.read("velocity_window") == 77
+    path.write_bytes(b"other")
+    with pytest.raises(ConfigError, match=r"--memory: .*: is no memory of this drive: 5 bytes"):
+        MemoryFile(path, again.drive)
+    assert [p.name for p in tmp_path.iterdir()] == ["drive.bin"]
+
+
+def test_same_drive_as_the_scenario() -> None:
+    """Motor, limits and load are those of the scenario.
+
+    Verifies: CO-18
+    """
+    scenario = load_scenario(ROOT / "scenarios" / "own-pump.toml")
+    drive = drive_of_scenario(scenario, NODE)
+    assert drive.chip.motor.pole_pairs == scenario.motor.pole_pairs
+    assert drive.node.value("max_motor_speed") == round(scenario.motor.max_speed_rpm)
+    assert drive.node.value("rated_current") == round(1000 * scenario.current_limit_a)
+    assert drive.node.value("profile_acceleration") == round(scenario.accel_rpm_per_s)
+    for rpm in (1_000.0, scenario.motor.max_speed_rpm):
+        omega = rpm / 9.549296585513721
+        load = drive.chip.load
+        fan = load.fan_torque_nm * (rpm / load.fan_speed_rpm) ** 2
+        total = fan + load.coulomb_nm + load.viscous_nm_s * omega + load.constant_nm
+        assert total == pytest.approx(scenario.shaft_load.torque_nm(rpm))
+
+
+def test_pace_and_room() -> None:
+    """The clock sets the pace; of a flood no more is taken in a millisecond than a bus can carry, and nothing is lost.
+
+    Verifies: CO-18
+    """
+    bench = NodeBench()
+    request = can.Message(arbitration_id=0x600 + NODE, data=bytes.fromhex("4041600000000000"), is_extended_id=False)
+    requests = 12 * FRAMES_A_STEP
+    with open_bus("virtual:pace") as bus, can.Bus(interface="virtual", channel="pace") as peer:
+
+        def answers_after(steps: int) -> int:
+            left = iter([False] * steps + [True])
+            serve(bench.drive, bus, left.__next__, speed=0.5)
+            found = [m.arbitration_id for m in iter(lambda: peer.recv(0), None)]
+            return found.count(0x580 + NODE)
+
+        for _ in range(requests):
+            peer.send(request)
+        begin = time.monotonic()
+        first = answers_after(6)
+        rest = answers_after(34)
+        assert time.monotonic() - begin > 0.07
+    assert first <= 6 * FRAMES_A_STEP
+    assert first + rest == requests
+    assert bench.now_us == 40_000
+
+
+def test_refused_frames_stay_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames of CAN FD and error frames do not reach the node; extended ones are told apart.
+
+    Verifies: CO-18
+    """
+    bench = NodeBench()
+    seen: list[Frame] = []
+    monkeypatch.setattr(bench.node, "receive", seen.append)
+    with open_bus("virtual:kinds") as bus, can.Bus(interface="virtual", channel="kinds") as peer:
+        for keys in ({"is_fd": True}, {"is_error_frame": True}, {}, {"is_remote_frame": True, "dlc": 0}):
+            peer.send(can.Message(arbitration_id=5, is_extended_id=not keys, **keys))
+        for _ in range(2):
+            serve(bench.drive, bus, iter((False, True)).__next__, None)
+    assert seen == [Frame(5, b"", 1), Frame(5, b"", 2)]

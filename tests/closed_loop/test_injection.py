@@ -1,0 +1,41 @@
+"""Machines held by injection on the whole chip: angle errors in degrees, from a rest that the drive does not know."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.regression.six_step.measures import event, timeline
+from tests.closed_loop.support import drive
+
+
+def started(end_s: float, settled_s: float, rpm: float) -> list[str]:
+    """Overrides of a short run with the window `steady`."""
+    events = [event(0.002, "speed_rpm", rpm), event(0.004, "command", "start")]
+    return [*timeline(end_s, events, [("steady", settled_s, end_s)]), "expect=[]"]
+
+
+def turned_deg(run: Outcome, until_s: float) -> float:
+    """Largest mechanical angle from where the rotor stood."""
+    records = run.data.records[run.data.records["t_cycle"] < until_s * run.data.clock_hz]
+    turned = np.degrees(records["theta_e"] - records["theta_e"][0]) / run.data.pole_pairs
+    return float(np.abs(turned).max())
+
+
+def judged(run: Outcome, mean_deg: float, most_deg: float) -> None:
+    """No trip, and the angle error of the window within limits."""
+    assert run.result["trips"] == [] and run.data.fault is None
+    error = run.metrics["steady"]["angle_error_deg"]
+    assert error["mean"] is not None and abs(error["mean"]) <= mean_deg
+    assert error["max"] <= most_deg
+
+
+def test_five_phases_by_separator() -> None:
+    """Yu's machine: unknown angle and polarity found within 50 ms and 1 degree, then faster by the ramp.
+
+    Verifies: INJC-10
+    """
+    run = drive("five-phase/yu.toml", "injection-yu", *started(0.13, 0.06, 150), "inverter.dead_time_s=0")
+    judged(run, 0.3, 1.5)
+    assert turned_deg(run, 0.054) <= 1.0
+    assert run.metrics["steady"]["speed_rpm"]["max"] > 20

@@ -1,0 +1,88 @@
+"""Square-wave injection in scenario files: what is refused, and what the firmware is told."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.cosim.parameters import parameter_block
+from fluxlock.firmware.schema import HEADER_WORDS
+from fluxlock.memory import BLOCK_MAX_BYTES, STATE_OFFSET
+from fluxlock.paths import ROOT
+
+SCENARIOS = ROOT / "scenarios"
+TIAN, YU = SCENARIOS / "five-phase" / "tian.toml", SCENARIOS / "five-phase" / "yu.toml"
+IPM, ENCODER = SCENARIOS / "vector" / "ipm-injection.toml", SCENARIOS / "vector" / "encoder.toml"
+KEY = "drive.vector.injection"
+
+
+@pytest.mark.parametrize(
+    ("path", "overrides", "expected"),
+    [
+        (TIAN, [f"{KEY}.period=15"], "injection.period: 15 must be even"),
+        (YU, [f"{KEY}.period=8"], 'injection.period: 8 must be 4 with method = "separator"'),
+        (IPM, [f"{KEY}.third_ratio=0.1"], f"{KEY}.third_ratio: belongs to a motor of five phases"),
+        (TIAN, ["drive.vector.weakening=true"], "vector.weakening: does not go with [drive.vector.injection]"),
+        (IPM, ["drive.vector.angle=encoder"], 'vector.angle: must be "observer" with [drive.vector.injection]'),
+        (YU, ["drive.vector.observer_every=2"], '"separator" needs drive.vector.observer_every = 1'),
+        (TIAN, [f"{KEY}.amplitude_v=110"], f"{KEY}.amplitude_v: 110 V is not below the largest voltage, 95.4 V"),
+        (IPM, [f"{KEY}.period=40"], "over 40 updates makes 15 A, beside drive.current_limit_a permitted up to 9 A"),
+        (IPM, ["motor.inductance_q_h=0.1e-3"], "inductance_q_h: 0.0001 H is not above inductance_h (0.0002 H)"),
+        (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
+    ],
+)
+def test_refused(path: Path, overrides: list[str], expected: str) -> None:
+    """Each by its key, in one line.
+
+    Verifies: INJC-09
+    """
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(path, overrides)
+    lines = [f"{p.key}: {p.message}" for p in caught.value.problems]
+    assert any(expected in line for line in lines), lines
+
+
+@pytest.mark.parametrize("path", [TIAN, YU, IPM])
+def test_parameters(path: Path) -> None:
+    """Wave, ratio of the inductances and expected current by hand; the whole block fits.
+
+    Verifies: INJC-09
+    """
+    scenario = load_scenario(path)
+    block = parameter_block(scenario)
+    motor, spec = scenario.motor, scenario.drive.vector.injection
+    assert spec is not None and motor.inductance_q_h is not None
+    sensing = scenario.inverter.sensing
+    clocks = block.number("vector_sample_cycles")
+    assert block.number("injection_rate_turn_q36") * clocks * spec.period == pytest.approx(2**36, rel=1e-5)
+    assert block.number("injection_v_q17") / 2**17 * sensing.voltage_full_scale_v == pytest.approx(
+        spec.amplitude_v, rel=1e-4
+    )
+    l_d, l_q = motor.inductance_h[0], motor.inductance_q_h
+    if motor.third is not None:
+        l_d -= motor.third.mutual_h**2 / motor.third.inductance_d_h
+        l_q -= motor.third.mutual_h**2 / motor.third.inductance_q_h
+    assert block.gain("injection_ratio") == pytest.approx(l_q / (l_q - l_d))
+    # Triangle of the current, its fundamental with I/Q.
+    peak_a = spec.amplitude_v / l_d * clocks / 50e6 * spec.period / 4
+    shown = peak_a * (8 / math.pi**2 if spec.method == "iq" else 1.0)
+    assert block.number("injection_expected_i_q21") == pytest.approx(
+        shown / sensing.current_full_scale_a * 2**21, rel=1e-4
+    )
+    assert STATE_OFFSET < len(block.pack()) <= BLOCK_MAX_BYTES
+
+
+def test_none() -> None:
+    """A vector drive without injection is told nothing of one.
+
+    Verifies: INJC-09
+    """
+    block = parameter_block(load_scenario(ENCODER))
+    assert "injection" not in block.values
+    names = [p.name for p in block.schema.parameters]
+    first = block.schema.offsets[names[names.index("injection")]]
+    assert block.words()[first] == 0
+    assert len(block.pack()) == 4 * (HEADER_WORDS + first), "the block ends before it"

@@ -1,0 +1,179 @@
+"""Synthesis: what is read from the tools' reports, when it fails, and the numbers that page and README show."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fluxlock.synth import report, timing
+from fluxlock.synth.blocks import block_files, load_settings
+from fluxlock.synth.configurations import Configuration, limits_missed, load_configurations, not_routed
+from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
+
+CLOCK, PADS = "posedge clk", timing.PAD
+CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0)
+RESULT: dict[str, Any] = {
+    "device": "LFE5U-85F", "speed_grade": 6, "clock_mhz": 50.0, "fmax_mhz": 51.26, "routed": True,
+    "pad_output_ns": 4.0, "pad_input_ns": 3.0, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6, "block_ram": 5,
+    "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "problems": [],
+}  # fmt: skip
+
+
+def way(start: str, end: str, *delays: float) -> dict[str, Any]:
+    """A path of nextpnr's report: flip-flop, nets and setup."""
+    kinds = ["clk-to-q", *["routing", "logic"] * len(delays)]
+    steps = [
+        {
+            "type": kind,
+            "delay": delay,
+            "net": f"n{i}",
+            "sources": ["/share/map.v:1.2-3.4", f"rtl/a/fl_a.sv:{i}.8"],
+            "to": {"cell": "c"},
+        }
+        for i, (kind, delay) in enumerate(zip(kinds, delays, strict=False))
+    ]
+    return {"from": start, "to": end, "path": steps}
+
+
+def test_pad_delays() -> None:
+    """The longest ways between pads and flip-flops are found in nextpnr's report, other ways do not count.
+
+    Verifies: BRD-07
+    """
+    paths = [way(CLOCK, CLOCK, 17.0), way(PADS, CLOCK, 1.5, 2.0), way(CLOCK, PADS, 0.5, 3.0, 1.0), way(PADS, PADS, 9.0)]
+    assert timing.pad_delays({"critical_paths": paths}) == (4.5, 3.5)
+    assert timing.pad_delays({"critical_paths": paths[:1]}) == (0.0, 0.0)
+
+
+def test_critical_path() -> None:
+    """The slowest way from flip-flop to flip-flop is told with its nets and their lines in our sources.
+
+    Verifies: BRD-09
+    """
+    paths = [way(PADS, CLOCK, 30.0), way(CLOCK, CLOCK, 0.5, 1.0, 0.25), way(CLOCK, CLOCK, 0.5, 4.0, 0.25)]
+    assert timing.critical_path({"critical_paths": paths}) == [
+        "4.75 ns, 0.75 ns of it logic and 4.00 ns routing",
+        "  0.50 ns  c (clk-to-q)",
+        "  4.50 ns  n1 (rtl/a/fl_a.sv:1)",
+    ]
+    assert timing.critical_path({"critical_paths": paths[:1]}) == []
+    assert timing.fmax_mhz({"fmax": {"a": {"achieved": 60.0}, "b": {"achieved": 55.5}}}) == 55.5
+    assert timing.fmax_mhz({"fmax": {}}) is None
+
+
+@pytest.mark.parametrize(
+    ("fmax", "pads", "found"),
+    [
+        (50.0, (6.0, 5.0), []),
+        (49.9, (6.0, 5.0), ["clock: 49.9 MHz, below 50.0 MHz"]),
+        (50.0, (6.1, 5.0), ["flip-flop to pad: 6.1 ns, above 6.0 ns"]),
+        (50.0, (6.0, 5.1), ["pad to flip-flop: 5.1 ns, above 5.0 ns"]),
+    ],
+)
+def test_limits_missed(fmax: float, pads: tuple[float, float], found: list[str]) -> None:
+    """Each missed limit is named, and none that is met.
+
+    Verifies: BRD-09
+    """
+    assert limits_missed(CONFIG, fmax, pads) == found
+
+
+def test_tool_is_stopped(tmp_path: Path) -> None:
+    """A tool that does not end is stopped, and its log tells how far it came.
+
+    Verifies: BRD-09
+    """
+    WORK.mkdir(parents=True, exist_ok=True)
+    log = WORK / "test-limit.log"
+    placed = "Max frequency for clock '$glbnet$clk': 38.25 MHz (FAIL at 50.00 MHz)"
+    routing = "iter=9 wires=1 overused=95 overuse=95\\niter=10 wires=1 overused=30 overuse=31"
+    program = f"print({placed!r}); print('{routing}', flush=True)\nwhile True: pass"
+    with pytest.raises(TimeLimitError, match=r"did not end within 1 s of processor time: build/synth/test-limit\.log"):
+        run_tool([sys.executable, "-c", program], log, 1.0)
+    assert timing.placed_fmax_mhz(log.read_text()) == 38.25
+    assert not_routed(log, 2.0) == "routing did not end within 2 s of processor time, 30 wires still overused"
+    log.write_text("Info: Creating initial analytic placement")
+    assert not_routed(log, 2.0) == "placement did not end within 2 s of processor time"
+    log.unlink()
+
+
+def test_latch_fails() -> None:
+    """A latch fails synthesis and is named.
+
+    Verifies: BRD-09
+    """
+    folder = WORK / "test-latch"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "latch.sv"
+    source.write_text(
+        "module latch (input logic a_i, b_i, output logic y_o);\nalways_latch if (a_i) y_o = b_i;\nendmodule\n"
+    )
+    with pytest.raises(SynthesisError, match=r"latch: latches inferred: latch/\S*"):
+        synthesize("latch", [source], {}, folder)
+
+
+def test_tables() -> None:
+    """Numbers of a result reach the page's table and the README's rows; an estimate is marked as one.
+
+    Verifies: BRD-09
+    """
+    assert " ".join(report.configuration_row("three-phase", RESULT)) == (
+        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 7 6 5 4 100 201 all limits met"
+    )
+    assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]
+    placed = {**RESULT, "fmax_mhz": 38.25, "routed": False, "pad_output_ns": None, "problems": ["a", "b"]}
+    row = report.configuration_row("three-phase", placed)
+    assert report.fmax_text({**placed, "fmax_mhz": None}) == "–"
+    assert row[2:6] == ["38.2 (placed)", "50", "–", "3.0"] and row[-1] == "a; b"
+    text = "| LUT4 / carry | old |\n| Fmax (MHz) | old |\nother\n"
+    assert report.with_readme_rows(text, report.readme_rows(placed)) == (
+        "| LUT4 / carry cells / FF / block RAM / DSP on LFE5U-85F | 12 345 / 1 001 / 7 / 5 / 4 "
+        "| `make synth ONLY=three-phase` |\n"
+        "| Fmax (MHz), target 50 | 38.2 (placed); a; b | `make synth ONLY=three-phase` |\nother\n"
+    )
+    with pytest.raises(ValueError, match="0 rows begin with 'Fmax'"):
+        report.with_readme_rows("| LUT4 / carry | old |", report.readme_rows(RESULT))
+
+
+def test_rows_stay() -> None:
+    """New rows replace those of the same name, others stay, those of unknown names and of an older head go.
+
+    Verifies: BRD-09
+    """
+    text = "x\n<!-- m:begin -->\n| n | v |\n| --- | --- |\n| c | 1 |\n| a | 2 |\n| gone | 3 |\n<!-- m:end -->\ny\n"
+    expected = "x\n<!-- m:begin -->\n| n | v |\n| --- | --- |\n| a | 2 |\n| b | 4 |\n| c | 5 |\n<!-- m:end -->\ny\n"
+    new = [["c", "5"], ["b", "4"]]
+    assert report.with_rows(text, "m", ["n", "v"], new, ["a", "b", "c"]) == expected
+    assert "| a |" not in report.with_rows(text, "m", ["n", "w"], new, ["a", "b", "c"])
+    empty = "<!-- m:begin -->\n<!-- m:end -->"
+    assert report.with_rows(empty, "m", ["n", "v"], new, ["c"]).splitlines()[3:4] == ["| c | 5 |"]
+
+
+def page_rows(name: str) -> list[dict[str, str]]:
+    """A table of the page, a dictionary each row."""
+    text = report.PAGE.read_text(encoding="utf-8").split(f"<!-- {name}:begin -->")[1].split(f"<!-- {name}:end -->")[0]
+    head, _, *rows = ([cell.strip() for cell in line.split("|")[1:-1]] for line in text.strip().splitlines())
+    return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def test_page_and_readme() -> None:
+    """Rows of the page are configurations and blocks that there are, and the README's numbers are the page's.
+
+    Verifies: BRD-09
+    """
+    rows = {row["configuration"]: row for row in page_rows("synth")}
+    assert list(rows) == [name for name in load_configurations() if name in rows]
+    blocks = [row["block"] for row in page_rows("blocks")]
+    assert blocks == [name for name in block_files(load_settings()) if name in blocks]
+    record, readme = rows[report.RECORD], report.README.read_text(encoding="utf-8")
+    keys = ("LUT4", "carry (CCU2C)", "FF", "block RAM (18 kbit)", "DSP (18 × 18)")
+    size = " / ".join(report.thousands(int(record[key])) for key in keys)
+    (line,) = re.findall(r"^\| LUT4 / carry cells .*$", readme, re.MULTILINE)
+    assert f"| {size} |" in line and record["device"].rsplit("-", 1)[0] in line
+    (line,) = re.findall(r"^\| Fmax .*$", readme, re.MULTILINE)
+    fmax = [record["Fmax / MHz"], *([] if record["result"] == report.MET else [record["result"]])]
+    assert f"| {'; '.join(fmax)} |" in line and f"target {record['target / MHz']} " in line
