@@ -84,11 +84,22 @@ def node(network: canopen.Network, target: Target, tmp_path: Path) -> BaseNode40
 
 def reset(node: BaseNode402) -> None:
     """Reset of the node, up to its boot-up frame."""
-    waiting = threading.Thread(target=node.nmt.wait_for_bootup, args=(PATIENCE_S,))
-    waiting.start()
-    time.sleep(0.01)
+    booted = threading.Event()
+
+    def heard(_: int, data: bytearray, __: float) -> None:
+        if data == b"\0":
+            booted.set()
+
+    node.network.subscribe(0x700 + node.id, heard)
     node.nmt.state = "RESET"
-    waiting.join()
+    assert booted.wait(PATIENCE_S)
+    node.network.unsubscribe(0x700 + node.id, heard)
+
+
+def told(node: BaseNode402, code: int) -> int:
+    """Error register of the EMCY with a code, once it has come."""
+    wait(lambda: any(error.code == code for error in node.emcy.log), f"EMCY {code:#06x}")
+    return next(int(error.register) for error in node.emcy.log if error.code == code)
 
 
 def wait(condition: Callable[[], Any], what: str) -> None:
@@ -205,14 +216,13 @@ def test_fault_and_reset(node: BaseNode402) -> None:
     node.sdo["command_timeout"]["reaction"].raw = 1
     enable(node)
     node.sdo["command_timeout"]["time"].raw = 100
-    error = node.emcy.wait(timeout=PATIENCE_S)
-    assert (error.code, error.register) == (0x8100, 0x11)
+    assert told(node, 0x8100) == 0x11
     wait(lambda: node.state == "FAULT", "fault")
     assert node.sdo["error_code"].raw == 0x8100
     node.sdo["command_timeout"]["time"].raw = 0
     node.reset_from_fault()
     assert node.state == "OPERATION ENABLED"
-    wait(lambda: node.emcy.log[-1].code == 0, "end of the error")
+    assert told(node, 0) == 0
     assert node.sdo["error_code"].raw == 0
 
 
@@ -227,8 +237,7 @@ def test_master_is_watched(network: canopen.Network, node: BaseNode402) -> None:
     for _ in range(5):
         network.send_message(0x700 + master, b"\x05")
         time.sleep(0.001)
-    error = node.emcy.wait(timeout=PATIENCE_S)
-    assert (error.code, error.register) == (0x8130, 0x11)
+    assert told(node, 0x8130) == 0x11
     wait(lambda: node.nmt.state == "PRE-OPERATIONAL", "pre-operational")
     assert node.sdo["error_code"].raw == 0x8130
     assert node.sdo["statusword"].raw & 0x4F == 0x08

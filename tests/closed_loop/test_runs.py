@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from fluxlock.config import load_scenario
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.paths import ROOT
+from tests.closed_loop.native_run import play
 from tests.closed_loop.support import drive
 
+# The chip runs the demo once for both tests of it.
+demo_group = pytest.mark.xdist_group("demo")
 
-def test_demo() -> None:
+
+@pytest.fixture(scope="module")
+def demo() -> Outcome:
+    return drive("demo.toml", "demo")
+
+
+@demo_group
+def test_demo(demo: Outcome) -> None:
     """Standstill to 60 000 r/min, load step, ramp down, gates off.
 
     Verifies: SYS-01, SYS-02
     """
-    run = drive("demo.toml", "demo")
+    run = demo
     assert not run.result["failures"]
     assert not run.result["trips"]
     assert run.gates()[-1, 1] == 0, "gates are off at the end"
@@ -24,6 +38,34 @@ def test_demo() -> None:
         assert m["commutation_error_deg"]["rms"] <= 0.3
         assert m["late_crossings"] == 0
     assert run.metrics["loaded"]["torque_nm"]["mean"] == pytest.approx(0.025, rel=0.02)
+
+
+@demo_group
+def test_native_beside_the_chip(demo: Outcome) -> None:
+    """The same C on averaged models starts, locks, ramps and takes the load step at the chip's times and speeds.
+
+    Not the ramp down: the fan alone brakes, and what current a chopped phase keeps is averaged away.
+
+    Verifies: CO-19
+    """
+    records = demo.data.records
+    chip_s = records["t_cycle"] / demo.data.clock_hz
+    chip_rpm = records["omega_e"] / demo.data.pole_pairs * 30.0 / np.pi
+    t_s, rpm = play(load_scenario(ROOT / "scenarios" / "demo.toml"))
+    beside = np.interp(t_s, chip_s, chip_rpm)
+    for level in (5_000, 20_000, 59_700):
+        times = t_s[np.argmax(rpm > level)], t_s[np.argmax(beside > level)]
+        print(f"{level} r/min: native {times[0]:.3f} s, chip {times[1]:.3f} s")
+        assert times[0] == pytest.approx(times[1], abs=0.02)
+    driven = t_s < 1.06
+    assert np.abs(rpm - beside)[driven].max() < 0.02 * 60_000
+    for begin, end in ((0.71, 0.81), (0.95, 1.05)):
+        window = (t_s >= begin) & (t_s <= end)
+        assert rpm[window].mean() == pytest.approx(beside[window].mean(), rel=1e-3)
+    step = (t_s > 0.81) & (t_s < 0.95)
+    dips = 60_000 - rpm[step].min(), 60_000 - beside[step].min()
+    print(f"dip of the load step: native {dips[0]:.0f} r/min, chip {dips[1]:.0f} r/min")
+    assert 0.5 < dips[0] / dips[1] < 2.0
 
 
 @pytest.mark.parametrize("pattern", ["RSC", "NSC", "CSC"])

@@ -15,12 +15,12 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "five-phase/tian.toml"
 POINTS = ((100.0, 2.0),)  # r/min, A
-MEAN_DEG, RMS_DEG = 0.3, 0.5
+COMPENSATED_POINTS = ((100.0, 2.0), (5.0, 2.0), (50.0, 0.0))
+MEAN_DEG, RMS_DEG, COMPENSATED_DEG = 0.3, 0.5, 1.0
 SETTLED_S, END_S = 0.19, 0.25
 BEYOND_RPM = 30.0
 # The speed regulator asks for the whole current all the time.
 AT_THE_LIMIT = (
-    "inverter.dead_time_s=0",
     "motor.max_speed_rpm=150",
     "motor.load.viscous_nm_s_per_rad=0",
     "drive.vector.speed_hz=12",
@@ -37,6 +37,7 @@ def best(runner: Runner) -> Iterator[Row]:
         overrides = [
             *driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM),
             *AT_THE_LIMIT,
+            "inverter.dead_time_s=0",
         ]
         run = runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
         yield Row(
@@ -48,6 +49,22 @@ def best(runner: Runner) -> Iterator[Row]:
                 "angle_error_deg.rms": (None, RMS_DEG),
                 "trips": (0, 0),
             },
+        )
+
+
+@case("five-phase/tian-dead-time", long=True)
+def dead_time(runner: Runner) -> Iterator[Row]:
+    """Driven shaft, 2 us of compensated dead time: mean of the angle error."""
+    for rpm, i_q_a in COMPENSATED_POINTS:
+        if runner.quick and (rpm, i_q_a) != COMPENSATED_POINTS[0]:
+            continue
+        overrides = [*driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM), *AT_THE_LIMIT]
+        run = runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
+        yield Row(
+            f"five-phase/tian-dead-time/{rpm:g}rpm-{i_q_a:g}A",
+            {"motor": "Tian", "speed_rpm": rpm, "iq_a": i_q_a, "dead_time_us": 2.0},
+            angle_values(run),
+            {"angle_error_deg.mean": (-COMPENSATED_DEG, COMPENSATED_DEG), "trips": (0, 0)},
         )
 
 
@@ -70,6 +87,7 @@ def start(runner: Runner) -> Iterator[Row]:
             *timeline(0.12, events, [("steady", 0.08, 0.12)]),
             "expect=[]",
             *AT_THE_LIMIT,
+            "inverter.dead_time_s=0",
             f"initial.theta_deg={theta_deg:g}",
             "drive.current_limit_a=2.0",
             "drive.accel_rpm_per_s=100000",
