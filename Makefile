@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can lint regression mutation bench synth formal docs setup clean distclean
+.PHONY: help demo test can lint regression mutation coverage bench synth formal docs setup clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -52,6 +52,9 @@ formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
 mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests or not: build/mutate (BLOCKS=...: some)
 	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
 	@$(PY) -m fluxlock.docs.mutation
+
+coverage: $(TEST) ## statements and toggles of the RTL reached by the block tests: build/coverage (BLOCKS=...: some folders)
+	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
 
 docs: $(TEST) ## register reference, schema pages, verification matrix
 	@$(PY) -m fluxlock.build html

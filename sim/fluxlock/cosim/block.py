@@ -1,11 +1,14 @@
 """Build one RTL module with Verilator and run a cocotb test module on it.
 
-Registers start at random values (`--x-initial unique`), assertions are on, the seed is printed by cocotb.
+Registers start at random values (`--x-initial unique`), assertions are on, the seed is printed by cocotb. With a folder
+in the environment (`COVERAGE_VARIABLE`) Verilator counts what is reached, and the counts go there.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,6 +19,8 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
 
 PACKAGES = (RTL / "pkg" / "fl_pkg.sv",)
+COVERAGE_VARIABLE = "FLUXLOCK_RTL_COVERAGE"
+COVERAGE_ARGUMENTS = ("--coverage-line", "--coverage-toggle")
 WAIVERS = RTL / "verilator_waivers.vlt"
 
 
@@ -50,7 +55,8 @@ def run_block_test(
         generate_registers()
     files = [*PACKAGES, *register_sources(*registers), *(RTL / s for s in sources)]
     values = dict(parameters or {})
-    key = content_hash(files, toplevel, sorted(values.items()), waves)
+    counts = os.environ.get(COVERAGE_VARIABLE)
+    key = content_hash(files, toplevel, sorted(values.items()), waves, *([COVERAGE_ARGUMENTS] if counts else []))
     build_dir = BUILD / "block" / f"{toplevel}-{key}"
     name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
     run_dir = build_dir / f"run-{name}-{os.getpid()}"
@@ -75,6 +81,7 @@ def run_block_test(
                         "--x-initial",
                         "unique",
                         "--assert",
+                        *(COVERAGE_ARGUMENTS if counts else ()),
                         "-Wall",
                         "-Wno-fatal",
                         "--output-split",
@@ -107,6 +114,8 @@ def run_block_test(
             )
         except (SystemExit, RuntimeError) as stop:
             raise AssertionError(f"{test_module} failed, or its simulation stopped: {stop}") from stop
+        if counts and (run_dir / "coverage.dat").exists():
+            shutil.move(run_dir / "coverage.dat", Path(counts) / f"{toplevel}-{key}-{name}-{time.time_ns()}.dat")
     finally:
         os.environ.clear()
         os.environ.update(saved)
