@@ -52,9 +52,9 @@ FULL = (*QUICK, Variant("CSC", False, 30), Variant("RSC", False, 30, fails_below
 
 def _short(fails: bool) -> list[str]:
     """The short version begins shortly before the whole number of carriers that matters: 4, or 3."""
-    from_rpm, accel_rpm_per_s = (46_000, 120_000) if fails else (65_000, 100_000)
+    from_rpm, accel_rpm_per_s = (49_500, 30_000) if fails else (65_000, 100_000)
     events = [event(0.003, "speed_rpm", TOP_RPM), event(0.004, "command", "start")]
-    times = timeline(0.12, events, []) if fails else timeline(0.22, events, [("top", 0.19, 0.22)])
+    times = timeline(0.2, events, []) if fails else timeline(0.22, events, [("top", 0.19, 0.22)])
     return [f"initial.speed_rpm={from_rpm}", f"drive.accel_rpm_per_s={accel_rpm_per_s}", *times]
 
 

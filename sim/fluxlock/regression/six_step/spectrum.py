@@ -38,9 +38,9 @@ def sideband_orders(most: float) -> FloatArray:
 
 def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tuple[float, float]]:
     """Run at N = 25/8, and its span of held duty (s)."""
-    short = ("duration_s=0.095", "window=[]") if runner.quick else ()
+    short = ("duration_s=0.13", "window=[]") if runner.quick else ()
     run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)
-    return run, (0.07, 0.09) if runner.quick else (0.07, 0.18)
+    return run, (0.07, 0.125) if runner.quick else (0.07, 0.18)
 
 
 @case("six-step/spectrum")
