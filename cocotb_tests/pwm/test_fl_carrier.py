@@ -235,6 +235,13 @@ async def period_is_raised_to_four_minimum_pulses(dut: Dut) -> None:
     await tb.update(period=0, min_pulse=0, duty_q8=256)
     await tb.run(300, {})
     assert {(n, on) for _, n, on in carriers(await tb.run(100, {}))} == {(4, 1)}
+    before = 4
+    for period in (1 << bit for bit in range(2, 16)):
+        await tb.update(period=period)
+        await tb.skip(before + period + 8)
+        length = int((await tb.run(1, {})).last_length[0])
+        assert length == period, f"{length} clocks for a period of {period}"
+        before = period
 
 
 @cocotb.test()
