@@ -88,6 +88,14 @@ def pulse(drive: Drive, cycles: Iterable[int], name: str) -> None:
             add(drive, cycle + 1, **{name: 0})
 
 
+def schedule(drive: Drive, base: int, instant: int, known: int, late_fall: bool) -> None:
+    """One commutation as the timer announces it: known ahead, comm_valid_i in time for the gates."""
+    fire = instant - COMM_TO_GATE
+    add(drive, known, sched_valid_i=1, comm_sched_i=(base + instant) & 0xFFFF_FFFF)
+    pulse(drive, [fire], "comm_valid_i")
+    add(drive, fire + 1 if late_fall else fire, sched_valid_i=0)
+
+
 class Chain:
     """Clock, reset, settings and recording of fl_pwm_chain."""
 

@@ -12,6 +12,7 @@ import cocotb
 import numpy as np
 import pytest
 
+from cocotb_tests.pwm.carrier_model import levels, owed, planned
 from cocotb_tests.pwm.chain import (
     COMM_TO_GATE,
     CSC,
@@ -25,22 +26,16 @@ from cocotb_tests.pwm.chain import (
     Chain,
     Drive,
     Dut,
-    Trace,
     add,
     carriers,
     pulse,
     runs,
+    schedule,
 )
 from fluxlock.cosim.block import run_block_test
 
 PERIOD = 100
 PATTERNS = (RSC, NSC, CSC)
-
-
-def owed(trace: Trace, duty: float) -> np.ndarray:
-    """Volt-seconds delivered less volt-seconds owed after every whole carrier, in clocks."""
-    rows = carriers(trace)
-    return np.cumsum([on - min(duty, n) for _, n, on in rows])
 
 
 @cocotb.test()
@@ -64,15 +59,7 @@ async def fraction_carries_over(dut: Dut) -> None:
         widths = [on for _, _, on in rows]
         assert set(widths) <= {int(duty), int(duty) + 1}, f"duty {duty}: widths {set(widths)}"
         error = np.cumsum([w - duty for w in widths])
-        assert np.ptp(error) < 1.0 + 1e-9, f"duty {duty}: accumulated error spans {np.ptp(error)} clocks"
-
-
-def planned(length: int, duty_q8: int, minimum: int, owed_q8: int) -> int:
-    """Clocks of the pulse of a carrier that begins with this owed to the load."""
-    want = (owed_q8 + duty_q8) >> 8
-    if duty_q8 == 0 or want <= 0 or want < minimum:
-        return 0
-    return length if duty_q8 >> 8 >= length or want + minimum > length else want
+        assert np.ptp(error) <= 255 / 256, f"duty {duty}: accumulated error spans {np.ptp(error)} clocks"
 
 
 def draw_duty(rng: random.Random, length: int, minimum: int) -> int:
@@ -248,6 +235,13 @@ async def period_is_raised_to_four_minimum_pulses(dut: Dut) -> None:
     await tb.update(period=0, min_pulse=0, duty_q8=256)
     await tb.run(300, {})
     assert {(n, on) for _, n, on in carriers(await tb.run(100, {}))} == {(4, 1)}
+    before = 4
+    for period in (1 << bit for bit in range(2, 16)):
+        await tb.update(period=period)
+        await tb.skip(before + period + 8)
+        length = int((await tb.run(1, {})).last_length[0])
+        assert length == period, f"{length} clocks for a period of {period}"
+        before = period
 
 
 @cocotb.test()
@@ -285,14 +279,6 @@ async def commutation_instant(dut: Dut, pattern: int) -> None:
         assert np.all(trace.pulse[applied] == 1), "no new pulse at a commutation"
     else:
         assert set(np.diff(starts).tolist()) == {PERIOD}, "a commutation moved the carrier"
-
-
-def schedule(drive: Drive, base: int, instant: int, known: int, late_fall: bool) -> None:
-    """One commutation as the timer announces it: known ahead, comm_valid_i in time for the gates."""
-    fire = instant - COMM_TO_GATE
-    add(drive, known, sched_valid_i=1, comm_sched_i=(base + instant) & 0xFFFF_FFFF)
-    pulse(drive, [fire], "comm_valid_i")
-    add(drive, fire + 1 if late_fall else fire, sched_valid_i=0)
 
 
 @cocotb.test()
@@ -340,12 +326,18 @@ async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
 
 
 @cocotb.test()
-@cocotb.parametrize(pattern=[NSC, CSC])
-async def held_back_pulse_returns(dut: Dut, pattern: int) -> None:
-    """A commutation shortly after every carrier start: nothing short is started, and the mean is exact."""
+@cocotb.parametrize(
+    pattern=[NSC, CSC], stamp=[0x5555_5555, 0xAAAA_AAAA, 0x8000_0000 - 3 * PERIOD, 0x1_0000_0000 - 3 * PERIOD]
+)
+async def held_back_pulse_returns(dut: Dut, pattern: int, stamp: int) -> None:
+    """A commutation shortly after every carrier start: nothing short is started, and the mean is exact.
+
+    stamp: time at the beginning, so that time stamps have all their bits and pass their largest value.
+    """
     tb = Chain(dut)
     minimum, duty = 12, 30
     await tb.start(period=PERIOD, commutation=pattern, min_pulse=minimum, duty_q8=duty * 256)
+    dut.now.value = tb.now = stamp
     trace = await tb.run(PERIOD, {})
     first = int(np.flatnonzero(trace.start)[0]) + 0  # the next carriers start at first + k * PERIOD
     drive: Drive = {}
@@ -364,7 +356,90 @@ async def held_back_pulse_returns(dut: Dut, pattern: int) -> None:
     error = owed(trace, duty)
     assert np.ptp(error) <= minimum, f"volt-seconds wander by {np.ptp(error)} clocks"
     dropped = (trace.dropped[-1] - trace.dropped[0]) % 65536
-    assert dropped >= len(instants), f"{dropped} changes counted for {len(instants)} pulses held back"
+    assert dropped == len(instants), f"{dropped} changes counted for {len(instants)} pulses held back"
+
+
+@cocotb.test()
+@cocotb.parametrize(duty=[0, 14, 40, 88, PERIOD])
+async def commutation_at_any_clock(dut: Dut, duty: int) -> None:
+    """NSC, one announced commutation in a carrier: every clock of its pulse, and the changes counted."""
+    tb = Chain(dut)
+    minimum = 12
+    await tb.start(period=PERIOD, commutation=NSC, min_pulse=minimum, duty_q8=duty << 8)
+    await align(tb, PERIOD)
+    ends = {minimum, duty, duty - minimum, duty + minimum, PERIOD - minimum}
+    near = {end + d for end in ends for d in (-1, 0, 1)}
+    for p in sorted({0, 2, 50, 70, PERIOD - 1, *(p for p in near if 2 <= p < PERIOD)}):
+        drive: Drive = {}
+        # The clock before pulse_o changes is that of comm_valid_i.
+        schedule(drive, tb.now, PERIOD + p - 1 + COMM_TO_GATE, PERIOD + p - 3 * minimum, True)
+        trace = await tb.run(2 * PERIOD + 2, drive)
+        expected, changes = levels(PERIOD, duty, minimum, p)
+        found = trace.pulse[PERIOD : 2 * PERIOD].tolist()
+        wrong = [c for c in range(PERIOD) if found[c] != expected[c]]
+        assert not wrong, f"duty {duty}, commutation at {p}: clocks {wrong} differ"
+        counted = (trace.dropped[2 * PERIOD] - trace.dropped[PERIOD]) % 65536
+        assert counted == changes, f"duty {duty}, commutation at {p}: {counted} changes counted, not {changes}"
+        await tb.skip(6 * PERIOD - 2)  # what is owed has returned
+
+
+@cocotb.test()
+@cocotb.parametrize((("duty", "at", "on"), [(88, PERIOD - 5, 12), (PERIOD, PERIOD + 6, 6)]))
+async def pulse_runs_into_a_carrier_without_one(dut: Dut, duty: int, at: int, on: int) -> None:
+    """Duty set to 0 while the pulse is on at a carrier's end, because of a commutation at clock `at` (NSC).
+
+    Begun early at a commutation, it gets its minimum in the next carrier; held on over the carrier's start for a
+    commutation that follows, it ends there.
+    """
+    tb = Chain(dut)
+    minimum = 12
+    await tb.start(period=PERIOD, commutation=NSC, min_pulse=minimum, duty_q8=duty << 8)
+    await align(tb, PERIOD)
+    drive: Drive = {}
+    add(drive, 60, cfg_duty_q8_i=0)
+    pulse(drive, [60], "update_i")
+    schedule(drive, tb.now, at - 1 + COMM_TO_GATE, at - 3 * minimum, True)
+    trace = await tb.run(3 * PERIOD, drive)
+    wrong = np.flatnonzero(trace.pulse != (np.arange(3 * PERIOD) < PERIOD + on))
+    assert not wrong.size, f"clocks {wrong.tolist()} differ"
+
+
+@cocotb.test()
+async def changes_are_counted_beyond_16_bits(dut: Dut) -> None:
+    """Duty of 1/256 clock: 255 of 256 pulses are too short, the count of them wraps."""
+    tb = Chain(dut)
+    await tb.start(period=4, min_pulse=1, duty_q8=1)
+    first = await tb.run(1, {})
+    for pulses in (1 << bit for bit in range(8, 17)):
+        await tb.skip(4 * pulses - 1)
+        row = await tb.run(1, {})
+        counted = (int(row.dropped[0]) - int(first.dropped[0])) % 65536
+        assert abs(counted - pulses * 255 // 256) <= 1, f"{counted} changes in {pulses} carriers"
+        first = row
+
+
+@cocotb.test()
+@cocotb.parametrize((("pattern", "duty"), [(NSC, 80), (RSC, 40)]))
+async def reset_clears_everything(dut: Dut, pattern: int, duty: int) -> None:
+    """One clock of reset: no pulse, count from 0, nothing counted or owed, then period 65535 until an update."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=pattern, min_pulse=12, duty_q8=duty << 8)
+    await align(tb, PERIOD)
+    drive: Drive = {}
+    # NSC: the pulse goes on for a commutation that is overdue, and much is owed. RSC: a commutation waits.
+    add(drive, 50, sched_valid_i=1, comm_sched_i=tb.now + 50)
+    pulse(drive, [2 * PERIOD + 10], "comm_valid_i")
+    add(drive, 2 * PERIOD + 20, rst_i=1)
+    add(drive, 2 * PERIOD + 21, rst_i=0, sched_valid_i=0)
+    trace = await tb.run(5 * PERIOD, drive)
+    after = slice(2 * PERIOD + 21, None)
+    assert not (trace.pulse | trace.start | trace.dropped | trace.apply)[after].any()
+    assert trace.count[after].tolist() == list(range(3 * PERIOD - 21))
+    await tb.update(commutation=CSC, period=PERIOD, duty_q8=30 << 8, min_pulse=0)
+    drive = {}
+    pulse(drive, [8], "comm_valid_i")
+    rows = carriers(await tb.run(6 * PERIOD, drive))
+    assert [(n, on) for _, n, on in rows] == [(PERIOD, 30)] * len(rows), f"carriers after a reset: {rows}"
 
 
 @cocotb.test()
@@ -383,8 +458,19 @@ async def carry_is_bounded(dut: Dut) -> None:
     extra = sum(on - 15 for a, _, on in rows if a > 50 * PERIOD)
     # One period at most; less than a minimum pulse of it may still be held back at the end.
     assert PERIOD - 20 - 4 <= extra <= PERIOD, f"{extra} clocks came back"
+    # The other way: a pulse that does not end takes one period ahead at most. The carrier in which it ends owes the
+    # 30 clocks after that, the next ones get less by the rest.
+    await tb.update(duty_q8=50 * 256)
+    await align(tb, PERIOD)
+    drive = {}
+    add(drive, 20, sched_valid_i=1, comm_sched_i=tb.now)
+    add(drive, 20 * PERIOD + 20, sched_valid_i=0)
+    rows = carriers(await tb.run(40 * PERIOD, drive))
+    missing = sum(50 - on for a, _, on in rows if a > 20 * PERIOD)
+    assert abs(missing - (PERIOD - 30)) <= 4, f"{missing} clocks were taken back"
     # A duty that needs no edges clears what is owed.
     for pinned in (0, PERIOD * 256):
+        await tb.update(duty_q8=15 * 256)
         drive = {}
         add(drive, 0, sched_valid_i=1, comm_sched_i=tb.now)
         await tb.run(20 * PERIOD, drive)
