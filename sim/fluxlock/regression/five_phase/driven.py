@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Number
 from fluxlock.regression.six_step.measures import event, timeline
@@ -33,3 +35,14 @@ def angle_values(run: Outcome) -> dict[str, Number]:
         "iq_a": found["iq_a"],
         "trips": len(run.result["trips"]),
     }
+
+
+def largest_mean_deg(run: Outcome, begin_s: float, window_s: float = 5e-3) -> Number:
+    """Largest size of the angle error's mean over a sliding window from begin_s on."""
+    angles = run.analysis.angles
+    time_s = angles.cycle / run.data.clock_hz
+    error = angles.error_deg[time_s >= begin_s]
+    count = max(round(window_s / float(np.median(np.diff(time_s)))), 1)
+    if error.size < count:
+        return None
+    return float(np.abs(np.convolve(error, np.full(count, 1.0 / count), mode="valid")).max())
