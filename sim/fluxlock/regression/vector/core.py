@@ -60,7 +60,7 @@ class Times:
 
 
 FULL = Times(24_000, (("ramp", 0.23, 0.29), ("steady", 0.36, 0.42), ("busy", 0.43, 0.48)), 0.485)
-QUICK = Times(14_000, (("ramp", 0.21, 0.23), ("steady", 0.27, 0.29), ("busy", 0.30, 0.31)), 0.315)
+QUICK = Times(18_000, (("ramp", 0.21, 0.26), ("steady", 0.31, 0.36), ("busy", 0.37, 0.38)), 0.385)
 
 
 def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
