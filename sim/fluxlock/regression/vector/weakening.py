@@ -21,7 +21,6 @@ FALL_S, RISE_S, RAMP_S = 0.04, 0.14, 0.02
 WEAK, BACK, END_S = (0.10, 0.14), (0.20, 0.22), 0.22
 SPEED_SHARE, SHORT_SHARE = 0.01, 0.99
 RMS_DEG, MAX_DEG = 1.0, 5.0  # as in the whole sequence
-VOLTAGE_SHARE = 0.03
 BACK_A = 0.5
 
 
