@@ -29,7 +29,7 @@ demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in 
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
 test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
-	@$(PY) -m pytest -n $(JOBS) --dist loadgroup --durations 25
+	@$(PY) -m pytest -n $(JOBS) --dist worksteal --durations 25
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can

@@ -11,22 +11,13 @@ from fluxlock.paths import ROOT
 from tests.closed_loop.native_run import play
 from tests.closed_loop.support import drive
 
-# The chip runs the demo once for both tests of it.
-demo_group = pytest.mark.xdist_group("demo")
 
+def test_demo() -> None:
+    """Standstill to 60 000 r/min, load step, ramp down, gates off; the native program beside it.
 
-@pytest.fixture(scope="module")
-def demo() -> Outcome:
-    return drive("demo.toml", "demo")
-
-
-@demo_group
-def test_demo(demo: Outcome) -> None:
-    """Standstill to 60 000 r/min, load step, ramp down, gates off.
-
-    Verifies: SYS-01, SYS-02
+    Verifies: SYS-01, SYS-02, CO-19
     """
-    run = demo
+    run = drive("demo.toml", "demo")
     assert not run.result["failures"]
     assert not run.result["trips"]
     assert run.gates()[-1, 1] == 0, "gates are off at the end"
@@ -38,19 +29,17 @@ def test_demo(demo: Outcome) -> None:
         assert m["commutation_error_deg"]["rms"] <= 0.3
         assert m["late_crossings"] == 0
     assert run.metrics["loaded"]["torque_nm"]["mean"] == pytest.approx(0.025, rel=0.02)
+    native_runs_alike(run)
 
 
-@demo_group
-def test_native_beside_the_chip(demo: Outcome) -> None:
+def native_runs_alike(run: Outcome) -> None:
     """The same C on averaged models starts, locks, ramps and takes the load step at the chip's times and speeds.
 
     Not the ramp down: the fan alone brakes, and what current a chopped phase keeps is averaged away.
-
-    Verifies: CO-19
     """
-    records = demo.data.records
-    chip_s = records["t_cycle"] / demo.data.clock_hz
-    chip_rpm = records["omega_e"] / demo.data.pole_pairs * 30.0 / np.pi
+    records = run.data.records
+    chip_s = records["t_cycle"] / run.data.clock_hz
+    chip_rpm = records["omega_e"] / run.data.pole_pairs * 30.0 / np.pi
     t_s, rpm = play(load_scenario(ROOT / "scenarios" / "demo.toml"))
     beside = np.interp(t_s, chip_s, chip_rpm)
     for level in (5_000, 20_000, 59_700):
