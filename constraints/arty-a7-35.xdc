@@ -6,8 +6,8 @@ create_clock -name clk_100mhz -period 10.000 [get_ports {clk_100mhz_i}]
 set chip_clock [get_clocks -of_objects [get_pins u_pll/CLKOUT0]]
 
 # Asynchronous inputs, each passes a synchroniser; outputs whose timing does not matter.
-set_false_path -from [get_ports {reset_button_ni fault_pin_i hall_i[*] encoder_i[*] uart_rx_i}]
-set_false_path -to [get_ports {uart_tx_o led_o[*]}]
+set_false_path -from [get_ports {reset_button_ni fault_pin_i hall_i[*] encoder_i[*] uart_rx_i can_rx_i}]
+set_false_path -to [get_ports {uart_tx_o can_tx_o led_o[*]}]
 
 # Converters: select and clock are at the pads within 10 ns of the clock edge (20 ns - 10 ns).
 set_output_delay -clock $chip_clock -max 10.0 [get_ports {adc_cs_no adc_sclk_o}]
@@ -52,6 +52,8 @@ set_property -dict { PACKAGE_PIN D2 IOSTANDARD LVCMOS33 PULLTYPE PULLDOWN } [get
 set_property -dict { PACKAGE_PIN H2 IOSTANDARD LVCMOS33 PULLTYPE PULLDOWN } [get_ports {encoder_i[2]}]
 set_property -dict { PACKAGE_PIN A9 IOSTANDARD LVCMOS33 PULLTYPE PULLUP } [get_ports {uart_rx_i}]
 set_property -dict { PACKAGE_PIN D10 IOSTANDARD LVCMOS33 DRIVE 4 } [get_ports {uart_tx_o}]
+set_property -dict { PACKAGE_PIN U14 IOSTANDARD LVCMOS33 PULLTYPE PULLUP } [get_ports {can_rx_i}]
+set_property -dict { PACKAGE_PIN V14 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {can_tx_o}]
 set_property -dict { PACKAGE_PIN H5 IOSTANDARD LVCMOS33 DRIVE 4 } [get_ports {led_o[0]}]
 set_property -dict { PACKAGE_PIN J5 IOSTANDARD LVCMOS33 DRIVE 4 } [get_ports {led_o[1]}]
 set_property -dict { PACKAGE_PIN T9 IOSTANDARD LVCMOS33 DRIVE 4 } [get_ports {led_o[2]}]

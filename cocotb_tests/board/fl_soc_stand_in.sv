@@ -5,10 +5,12 @@
 module fl_soc
   import fl_pkg::*;
 #(
-    parameter  int unsigned Phases   = 3,
-    parameter  bit          Vector   = 1'b1,
-    parameter  string       Init     = "",
-    localparam int unsigned Channels = 2 * Phases + 3
+    parameter  int unsigned Phases    = 3,
+    parameter  bit          Vector    = 1'b1,
+    parameter  bit          Injection = 1'b0,
+    parameter  bit          Can       = 1'b0,
+    parameter  string       Init      = "",
+    localparam int unsigned Channels  = 2 * Phases + 3
 ) (
     input  logic                     clk_i,
     input  logic                     rst_i,

@@ -35,7 +35,7 @@ async def clocks_until(dut: Any, wanted: Any, limit: int) -> int:
 async def power_on(dut: Any) -> None:
     """Clock runs, nothing is good yet; return at a falling edge."""
     cocotb.start_soon(Clock(dut.clk_i, 20, unit="ns").start())
-    for name in ("locked_i", "button_i", "fault_pin_i", "hall_i", "encoder_i", "uart_rx_i"):
+    for name in ("locked_i", "button_i", "fault_pin_i", "hall_i", "encoder_i", "uart_rx_i", "can_rx_i"):
         getattr(dut, name).value = 0
     dut.adc_sdata_i.value = 0x1FF
     await FallingEdge(dut.clk_i)

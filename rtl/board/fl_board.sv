@@ -13,6 +13,8 @@ module fl_board
 #(
     parameter  int unsigned Phases      = 3,
     parameter  bit          Vector      = 1'b1,
+    parameter  bit          Injection   = 1'b0,
+    parameter  bit          Can         = 1'b0,
     parameter  string       Init        = "firmware.hex",
     parameter  int unsigned ResetCycles = 65536,           // 2..2^20
     localparam int unsigned Channels    = 2 * Phases + 3
@@ -33,6 +35,9 @@ module fl_board
 
     input  logic uart_rx_i,
     output logic uart_tx_o,
+
+    input  logic can_rx_i,
+    output logic can_tx_o,  // 0 is dominant
 
     output logic [3:0] led_o
 );
@@ -109,9 +114,11 @@ module fl_board
   );
 
   fl_soc #(
-      .Phases(Phases),
-      .Vector(Vector),
-      .Init  (Init)
+      .Phases   (Phases),
+      .Vector   (Vector),
+      .Injection(Injection),
+      .Can      (Can),
+      .Init     (Init)
   ) u_soc (
       .clk_i,
       .rst_i            (rst_q),
@@ -126,8 +133,8 @@ module fl_board
       .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
-      .can_rx_i         (1'b1),
-      .can_tx_o         (),
+      .can_rx_i,
+      .can_tx_o,
       .trc_valid_o      (),
       .trc_now_o        (),
       .trc_zc_valid_o   (),

@@ -4,6 +4,7 @@
 // Pins: constraints/arty-a7-35.xdc, drawn in docs/blocks/fl_board_arty.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_arty #(
+    parameter bit    Can  = 1'b0,
     parameter string Init = "firmware.hex"
 ) (
     input logic clk_100mhz_i,
@@ -21,6 +22,9 @@ module fl_board_arty #(
 
     input  logic uart_rx_i,
     output logic uart_tx_o,
+
+    input  logic can_rx_i,
+    output logic can_tx_o,
 
     output logic [3:0] led_o
 );
@@ -47,6 +51,7 @@ module fl_board_arty #(
 
   fl_board #(
       .Phases(3),
+      .Can   (Can),
       .Init  (Init)
   ) u_board (
       .clk_i   (clk),
@@ -62,6 +67,8 @@ module fl_board_arty #(
       .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
+      .can_rx_i,
+      .can_tx_o,
       .led_o
   );
 

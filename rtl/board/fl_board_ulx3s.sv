@@ -4,24 +4,31 @@
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_ulx3s #(
-    parameter bit    Vector = 1'b1,
-    parameter string Init   = "firmware.hex"
+    parameter  int unsigned Phases    = 3,               // 3 or 5
+    parameter  bit          Vector    = 1'b1,
+    parameter  bit          Injection = 1'b0,
+    parameter  bit          Can       = 1'b0,
+    parameter  string       Init      = "firmware.hex",
+    localparam int unsigned Channels  = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_25mhz_i,
     input logic reset_button_i,
 
-    output logic       adc_cs_no,
-    output logic       adc_sclk_o,
-    input  logic [8:0] adc_sdata_i,  // v0..v2, i0..i2, vdc, idc, vsm
+    output logic                adc_cs_no,
+    output logic                adc_sclk_o,
+    input  logic [Channels-1:0] adc_sdata_i,
 
-    output logic [2:0] gate_h_o,
-    output logic [2:0] gate_l_o,
-    input  logic       fault_pin_i,  // high or open: fault
-    input  logic [2:0] hall_i,       // C, B, A
-    input  logic [2:0] encoder_i,    // Z, B, A
+    output logic [Phases-1:0] gate_h_o,
+    output logic [Phases-1:0] gate_l_o,
+    input  logic              fault_pin_i,  // high or open: fault
+    input  logic [       2:0] hall_i,       // C, B, A
+    input  logic [       2:0] encoder_i,    // Z, B, A
 
     input  logic uart_rx_i,
     output logic uart_tx_o,
+
+    input  logic can_rx_i,
+    output logic can_tx_o,
 
     output logic [3:0] led_o
 );
@@ -45,9 +52,11 @@ module fl_board_ulx3s #(
   );
 
   fl_board #(
-      .Phases(3),
-      .Vector(Vector),
-      .Init  (Init)
+      .Phases   (Phases),
+      .Vector   (Vector),
+      .Injection(Injection),
+      .Can      (Can),
+      .Init     (Init)
   ) u_board (
       .clk_i   (clk),
       .locked_i(locked),
@@ -62,6 +71,8 @@ module fl_board_ulx3s #(
       .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
+      .can_rx_i,
+      .can_tx_o,
       .led_o
   );
 

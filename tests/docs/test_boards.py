@@ -24,13 +24,18 @@ STANDARD = {
 }
 
 
+# Widths of a top that can have five phases.
+WIDEST = {"Phases-1": 4, "Channels-1": 12}
+
+
 def ports(module: str) -> dict[str, str]:
-    """Every pin of a top, a bus bit by bit, and its direction."""
+    """Every pin of a top at its widest, a bus bit by bit, and its direction."""
     text = re.sub(r"//.*", "", (RTL / "board" / f"{module}.sv").read_text())
     head = text.split(") (")[1].split(");")[0]
     found = {}
-    for direction, width, name in re.findall(r"(input|output)\s+logic\s*(?:\[\s*(\d+):0\])?\s*(\w+)", head):
-        found.update({f"{name}[{i}]": direction for i in range(int(width) + 1)} if width else {name: direction})
+    for direction, width, name in re.findall(r"(input|output)\s+logic\s*(?:\[\s*([\w-]+):0\])?\s*(\w+)", head):
+        top = WIDEST.get(width) or int(width or 0)
+        found.update({f"{name}[{i}]": direction for i in range(top + 1)} if width else {name: direction})
     return found
 
 
@@ -67,7 +72,7 @@ def test_every_port_has_one_pin(module: str) -> None:
 
 @pytest.mark.parametrize("module", BOARDS)
 def test_pulls(module: str) -> None:
-    """Without a board at the header a fault is read, and neither Hall sensor nor encoder.
+    """Without a board at the header a fault is read, neither Hall sensor nor encoder, and an idle bus.
 
     Verifies: BRD-06
     """
@@ -78,7 +83,7 @@ def test_pulls(module: str) -> None:
         pull = re.search(r"PULLMODE=(\w+)|PULLTYPE PULL(\w+)", line)
         level = (pull.group(1) or pull.group(2)) if pull else "NONE"
         name = port.split("[")[0]
-        wanted = {"fault_pin_i": "UP", "adc_sdata_i": "UP", "hall_i": "DOWN", "encoder_i": "DOWN"}.get(name)
+        wanted = {"fault_pin_i": "UP", "adc_sdata_i": "UP", "hall_i": "DOWN", "encoder_i": "DOWN", "can_rx_i": "UP"}.get(name)
         assert level == wanted if wanted else (level == "NONE" or port.endswith("i")), line
     assert suffix in LOCATION
 
