@@ -35,7 +35,7 @@ module fl_cpu #(
   logic [31:0] i_rdat;
 
   logic d_cyc, d_stb, d_we, d_ack, d_read_ack_q, d_io, d_memory, d_ram, d_ram_q;
-  logic [29:0] d_adr;
+  logic [29:0] d_adr, d_word;  // of this beat; of the command, the same unless it is a burst
   logic [ 2:0] d_cti;
   logic [31:0] d_wdat, d_rdat, d_ram_rdat;
   logic [3:0] d_sel;
@@ -67,6 +67,7 @@ module fl_cpu #(
       .dBusWishbone_STB      (d_stb),
       .dBusWishbone_ACK      (d_ack),
       .dBusWishbone_WE       (d_we),
+      .dBusWishbone_WORD     (d_word[2:0]),
       .dBusWishbone_ADR      (d_adr),
       .dBusWishbone_DAT_MISO (d_rdat),
       .dBusWishbone_DAT_MOSI (d_wdat),
@@ -80,10 +81,12 @@ module fl_cpu #(
     if (i_en) i_outside_q <= i_adr[29:AddressWidth] != '0;
   end
 
+  assign d_word[29:3] = d_adr[29:3];
+
   // Data port: a write is acknowledged at once, a read in the next clock.
-  assign d_io      = d_adr[29];
+  assign d_io      = d_word[29];
   assign d_memory  = d_cyc && d_stb && !d_io;
-  assign d_ram     = d_adr[28:AddressWidth] == '0;
+  assign d_ram     = d_word[28:AddressWidth] == '0;
   assign d_ram_adr = d_adr[AddressWidth-1:0] + AddressWidth'(d_read_ack_q);
   assign d_ack     = d_io ? io_ack_i : (d_we ? d_memory : d_read_ack_q);
 
@@ -101,7 +104,7 @@ module fl_cpu #(
 
   assign io_stb_o  = d_cyc && d_stb && d_io;
   assign io_we_o   = d_we;
-  assign io_adr_o  = {1'b0, d_adr[28:0]};
+  assign io_adr_o  = {1'b0, d_word[28:0]};
   assign io_wdat_o = d_wdat;
   assign io_sel_o  = d_sel;
 
@@ -114,7 +117,7 @@ module fl_cpu #(
       .a_adr_i (i_adr[AddressWidth-1:0]),
       .a_rdat_o(i_rdat),
       .b_we_i  ({4{d_memory && d_ram && d_we}} & d_sel),
-      .b_adr_i (d_we ? d_adr[AddressWidth-1:0] : d_ram_adr),
+      .b_adr_i (d_we ? d_word[AddressWidth-1:0] : d_ram_adr),
       .b_wdat_i(d_wdat),
       .b_rdat_o(d_ram_rdat)
   );

@@ -32,6 +32,7 @@ module fl_interconnect
 
   logic access;
   logic [PageWidth-1:0] page;
+  logic [31:0] rdat;
 
   assign access     = stb_i && !ack_o;
   assign page       = adr_i[29:WindowWidth-2];
@@ -45,14 +46,15 @@ module fl_interconnect
     assign stb_o[i] = access && page == PageWidth'(i) && (req_o.adr >> AddressWidth[i]) == '0;
   end
 
+  // At most one block is strobed: an OR is shallower than a choice.
+  always_comb begin
+    rdat = '0;
+    for (int i = 0; i < Blocks; i++) rdat |= rdat_i[i] & {32{stb_o[i]}};
+  end
+
   always_ff @(posedge clk_i) begin
     ack_o <= access;
-    if (access && !we_i) begin
-      rdat_o <= '0;
-      for (int i = 0; i < Blocks; i++) begin
-        if (stb_o[i]) rdat_o <= rdat_i[i];
-      end
-    end
+    if (access && !we_i) rdat_o <= rdat;
     if (rst_i) ack_o <= 1'b0;
   end
 

@@ -8,6 +8,11 @@ and brings its place to ports of the core:
     instructionMemory_ADR   word address
     instructionMemory_DAT   data, one clock later
     instructionMemory_ERR   with the data: nothing there, the core takes an access fault
+
+Accesses to registers are never bursts. A port beside the data bus shows the low bits of their address before they pass
+the burst counter, which would stand in the longest way of the chip:
+
+    dBusWishbone_WORD       low bits of the command's word address, from a register; dBusWishbone_ADR differs in a burst
 """
 
 from __future__ import annotations
@@ -50,10 +55,15 @@ FETCH = """\
   end
 """
 
+COMMAND_PORT = "  output     [2:0]    dBusWishbone_WORD,\n"
+COMMAND = "  assign dBusWishbone_WORD = dBus_cmd_payload_address[4 : 2];\n"
+
 # Pattern and what takes its place; each occurs exactly once.
 CHANGES = (
     (r"(?m)^(?=  output reg          iBusWishbone_CYC,$)", PORTS),
     (r"(?ms)^  InstructionCache IBusCachedPlugin_cache \(\n.*?^  \);\n", FETCH),
+    (r"(?m)^(?=  output     \[29:0\]   dBusWishbone_ADR,$)", COMMAND_PORT),
+    (r"(?m)^(?=  assign dBusWishbone_ADR = )", COMMAND),
     (r"(?ms)^module InstructionCache \(\n.*?^endmodule\n", ""),
 )
 
@@ -63,7 +73,7 @@ class SoftCoreError(RuntimeError):
 
 
 def derive(verilog: str) -> str:
-    """The core without its instruction cache."""
+    """The core without its instruction cache, with the address of its data commands."""
     for pattern, replacement in CHANGES:
         verilog, count = re.subn(pattern, replacement, verilog)
         if count != 1:

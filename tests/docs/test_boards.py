@@ -24,6 +24,7 @@ STANDARD = {
 }
 
 
+PULLS = {"fault_pin_i": "UP", "adc_sdata_i": "UP", "can_rx_i": "UP", "hall_i": "DOWN", "encoder_i": "DOWN"}
 # Widths of a top that can have five phases.
 WIDEST = {"Phases-1": 4, "Channels-1": 12}
 
@@ -83,7 +84,7 @@ def test_pulls(module: str) -> None:
         pull = re.search(r"PULLMODE=(\w+)|PULLTYPE PULL(\w+)", line)
         level = (pull.group(1) or pull.group(2)) if pull else "NONE"
         name = port.split("[")[0]
-        wanted = {"fault_pin_i": "UP", "adc_sdata_i": "UP", "hall_i": "DOWN", "encoder_i": "DOWN", "can_rx_i": "UP"}.get(name)
+        wanted = PULLS.get(name)
         assert level == wanted if wanted else (level == "NONE" or port.endswith("i")), line
     assert suffix in LOCATION
 

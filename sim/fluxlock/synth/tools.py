@@ -118,6 +118,11 @@ def synthesize(
                 "proc",
                 f"select -list {latches}",
                 f"select -assert-none {latches}",
+                # Read multiplexers of the register blocks are chains of choices by address: made parallel.
+                "flatten",
+                "opt",
+                "muxpack",
+                "opt_clean",
                 f"synth_ecp5 -top {top} -json {netlist}",
                 f"tee -q -o {stat} stat -json",
                 "",
