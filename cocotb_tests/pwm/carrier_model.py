@@ -24,20 +24,31 @@ def planned(length: int, duty_q8: int, minimum: int, owed_q8: int) -> int:
     return length if duty_q8 >> 8 >= length or want + minimum > length else want
 
 
-def levels(period: int, duty: int, minimum: int, p: int) -> tuple[list[int], int]:
-    """Pulse of a carrier with an announced commutation at its clock p (NSC), and changes counted for it.
+def levels(period: int, duty: int, minimum: int, p: int) -> list[int]:
+    """Pulse of a carrier with an announced commutation at its clock p (NSC).
 
     duty: clocks, neither between 1 and `minimum` nor, unless a whole period, within it of the period.
     """
-    plain = [int(c < duty) for c in range(period)]
     if duty in (0, period) or p == 0:
-        return plain, 0
+        return plain(period, duty)
     if p < minimum:  # the pulse waits for the commutation, and is left out if too little is left of it then
-        fits = duty - p >= minimum
-        return [int(fits and p <= c < duty) for c in range(period)], 1 if fits else 2
+        return [int(duty - p >= minimum and p <= c < duty) for c in range(period)]
     if p < duty:  # a rest too short ends with the commutation
-        short = duty - p < minimum
-        return [int(c < (p if short else duty)) for c in range(period)], int(short)
+        return plain(period, p if duty - p < minimum else duty)
     if p + minimum > period:  # the rest of the carrier is filled; so is a gap that would end too soon
-        return [int(c < duty or c >= p or p - duty < minimum) for c in range(period)], 1
-    return [int(c < duty or c < p < duty + minimum) for c in range(period)], 0
+        return [int(c < duty or c >= p or p - duty < minimum) for c in range(period)]
+    return [int(c < duty or c < p < duty + minimum) for c in range(period)]
+
+
+def cut(period: int, duty: int, minimum: int, p: int) -> list[int]:
+    """Pulse of a carrier that an announced commutation ends after p clocks (CSC); duty as for `levels`."""
+    if duty in (0, period):
+        return plain(p, duty)
+    if p < minimum:  # not started
+        return [0] * p
+    return plain(p, p if p - duty < minimum else duty)
+
+
+def plain(clocks: int, duty: int) -> list[int]:
+    """Pulse without the rule."""
+    return [int(c < duty) for c in range(clocks)]

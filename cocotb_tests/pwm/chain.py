@@ -144,6 +144,13 @@ class Chain:
             await FallingEdge(self.dut.clk_i)
             self.now += cycles
 
+    async def align(self, period: int) -> None:
+        """Run to just before the first clock of a carrier, so that element 0 of the next run is that clock."""
+        trace = await self.run(1, {})
+        while not trace.start[0]:
+            trace = await self.run(1, {})
+        await self.run(period - 1, {})
+
     async def run(self, cycles: int, drive: Drive) -> Trace:
         """Run a number of clocks; inputs change at the falling edge, the record is of just after that.
 

@@ -16,7 +16,8 @@
 //  - a gap that the commutation would end before min_pulse is not opened;
 //  - NSC: a rest of the pulse shorter than min_pulse ends with the commutation; a rest of the carrier shorter than
 //    min_pulse is filled, the next pulse starts with the commutation.
-// A commutation is never delayed by the rule, whatever pulse it cuts.
+// A commutation is never delayed by the rule, whatever pulse it cuts. dropped_o counts every carrier whose pulse or gap
+// the rule changes once, however often it does, two clocks after the first change.
 //
 // Commutation. comm_valid_i at clock k: apply_o in the same clock (CSC, NSC), so that the sector register, count_o and
 // pulse_o change together at k + 1. RSC: apply_o one clock before the next carrier start; commutations that arrive
@@ -44,7 +45,7 @@ module fl_carrier
     output logic                 pulse_o,
     output logic                 carrier_start_o,    // first clock of a carrier
     output logic          [15:0] count_o,            // clocks since the carrier start
-    output logic          [15:0] dropped_o           // pulses and gaps changed by the rule, wraps
+    output logic          [15:0] dropped_o           // carriers changed by the rule, wraps
 );
 
   typedef logic signed [25:0] volt_seconds_t;  // clocks, signed Q17.8
@@ -75,6 +76,7 @@ module fl_carrier
   logic pulse_d, pulse_q, full_d, full_q, pinned_q, start_q;
   logic early_d, early_q;  // the pulse began before this carrier's end, for the next one
   logic held_d, held_q;  // this carrier's pulse was held back for a commutation
+  logic changed_q;  // the rule has changed this carrier
   logic pending_q;  // RSC: a commutation waits
   logic [15:0] dropped_q;
   volt_seconds_t carry_q;
@@ -162,7 +164,7 @@ module fl_carrier
       if (near) begin
         // Nothing is begun that the commutation would end too soon; what goes on goes on.
         held_d = !pulse_q && !none_c_q;
-        drop   = drop || held_d;
+        drop   = drop || pulse_q == none_c_q;
         if (none_c_q) width_d = '0;
       end else if (!none_c_q) begin
         pulse_d = 1'b1;
@@ -170,6 +172,7 @@ module fl_carrier
         // A pulse begun early that turns out to be the only one gets its minimum.
         pulse_d = early_q && pulse_q;
         width_d = {4'b0, min_q};
+        drop    = drop || pulse_d;
       end
     end else if (natural) begin
       held_d = 1'b0;
@@ -182,10 +185,11 @@ module fl_carrier
         drop    = 1'b1;
       end else begin
         pulse_d = 1'b0;
-        drop    = (pulse_q && !ended) || held_q;
+        drop    = pulse_q && !ended;
       end
-    end else if (pulse_q && !full_q && ended && !near) begin
-      pulse_d = 1'b0;
+    end else if (pulse_q && !full_q && ended) begin
+      pulse_d = near;
+      drop    = near;
     end
   end
 
@@ -208,7 +212,8 @@ module fl_carrier
     full_q    <= full_d;
     early_q   <= early_d;
     held_q    <= held_d;
-    drop_q    <= drop;
+    changed_q <= drop || (changed_q && !start);
+    drop_q    <= drop && (start || !changed_q);
     dropped_q <= dropped_q + 16'(drop_q);
     if (start) begin
       last_q   <= last_c_q;
@@ -226,6 +231,7 @@ module fl_carrier
       full_q    <= 1'b0;
       early_q   <= 1'b0;
       held_q    <= 1'b0;
+      changed_q <= 1'b0;
       drop_q    <= 1'b0;
       dropped_q <= '0;
       last_q    <= '1;

@@ -49,7 +49,7 @@ BLOCKS = {
         Block(
             name="fl_carrier",
             sources=("pwm/fl_carrier.sv",),
-            test_modules=("cocotb_tests.pwm.test_fl_carrier",),
+            test_modules=("cocotb_tests.pwm.test_fl_carrier", "cocotb_tests.pwm.test_fl_carrier_commutation"),
             goal_percent=85.0,
             bench="fl_pwm_chain",
             instance="u_carrier",
