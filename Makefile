@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can lint regression mutation coverage bench synth formal docs setup clean distclean
+.PHONY: help demo test can canopen lint regression mutation coverage bench synth formal docs setup clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -33,6 +33,9 @@ test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs o
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
+
+canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours
+	@FLUXLOCK_CAN_CHIP=1 $(PY) -m pytest tests/canopen
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
 	@$(PY) -m fluxlock.lint

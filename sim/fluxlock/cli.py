@@ -265,6 +265,41 @@ def native(
     run_native(loaded, can, node, speed or None, seconds, memory)
 
 
+@app.command("can")
+def can_command(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table [can].")],
+    interface: Annotated[str, typer.Option(help="Of python-can: socketcan, udp_multicast, ...")] = "udp_multicast",
+    channel: Annotated[
+        str, typer.Option(help="Of the interface: vcan0, a multicast address, ...")
+    ] = DEFAULT_BUS.partition(":")[2],
+    seconds: Annotated[
+        float | None, typer.Option(min=0.001, max=3600.0, help="Simulated time to run; without it until Ctrl-C.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results, default build/<name>.")] = None,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+) -> None:
+    """Run the chip with its CAN bus on a bus of python-can, so that a master, candump or cansend talk to it.
+
+    The simulation is slower than real time by the factor that it prints; give a master's timeouts that much more.
+    Events of the scenario happen, windows and limits do not count. Ctrl-C ends the run and writes its results.
+    """
+    from fluxlock.cosim.can_command import run_can
+    from fluxlock.cosim.parameters import check_parameters
+
+    loaded = load_scenario(scenario, set_ or ())
+    check_parameters(loaded)
+    out_dir = out if out is not None else Path("build") / scenario.stem
+    try:
+        with _output(out_dir):
+            run_can(loaded, interface, channel, out_dir, loaded.seed if seed is None else seed, seconds)
+    except SimulationFault as error:
+        _fail([f"simulation: {error}"])
+
+
 @app.command()
 def regression(
     cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,

@@ -125,7 +125,6 @@ def c_code() -> str:
         build_firmware,
         build_host_library,
         build_program,
-        check_canopen,
     )
 
     folder = BUILD / "firmware"
@@ -133,7 +132,8 @@ def c_code() -> str:
         build_firmware(folder)
         build_host_library(folder)
         build_commission()
-        check_canopen()
+        for method in ("six-step", "vector"):
+            build_firmware(folder, can_method=method)
         build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)

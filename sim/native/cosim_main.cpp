@@ -54,6 +54,7 @@ struct cosim_t {
     int64_t log_capacity = 0;
     cosim_status_t st{};
     bool log_strobes = false;
+    bool log_can = false;
     int32_t gates = 0;
     int32_t pins = 0;
     int64_t conversion = 35;
@@ -73,6 +74,7 @@ struct cosim_t {
     can_bus_t can;
     std::vector<can_node_t*> can_nodes;
     int can_sent = 1;      // by the chip
+    int can_pins = 3;      // as last logged
     int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next, plant_at, can.next
     recorder_t rec;
     bool stop = false;
@@ -179,6 +181,8 @@ void can_step(Vtop* t) {
     if (t->can_tx_o != C.can_sent) C.can_sent = t->can_tx_o, C.can.chip(C.st.cycle, C.can_sent);
     C.can.run(C.st.cycle);
     t->can_rx_i = static_cast<uint8_t>(C.can.level);
+    const int pins = C.can_sent | C.can.level << 1;
+    if (C.log_can && pins != C.can_pins) C.can_pins = pins, log_row(LOG_CAN, pins, 0);
     plan();
 }
 
@@ -350,6 +354,7 @@ API void cosim_can_state(int32_t node, can_state_t* state) {
     const can_node_t& n = *C.can_nodes[static_cast<size_t>(node)];
     *state = {static_cast<int64_t>(n.queue.size()), n.sent, n.errors, n.tec, n.rec, n.bus_off};
 }
+API void cosim_can_log(int32_t on) { C.log_can = on != 0; }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes
     FILE* f = fopen(path, "wb");

@@ -193,7 +193,7 @@ static const char *freewheel(char *text, const app_t *app) {
 
 #define DEGREES_Q16 3754936  // a radian
 
-static bool with_vectors(const drive_t *d) { return d->p->method == METHOD_VECTOR; }
+static bool with_vectors(const drive_t *d) { return method_is_vector(d->p->method); }
 
 // Settings that the vector drive knows too.
 static bool for_vectors(item_t item) {

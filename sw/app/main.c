@@ -1,5 +1,8 @@
-// The image for the soft core: entry from crt0, traps from trap.S.
+// The image for the soft core, with FL_CAN the one with the CANopen node: entry from crt0, traps from trap.S.
 #include "app/app.h"
+#if defined(FL_CAN)
+#include "canopen/chip_node.h"
+#endif
 #include "hal/cpu.h"
 #include "hal/soc/trap.h"
 
@@ -17,8 +20,14 @@ void trap_deferred(void) { app_deferred_interrupt(&app); }
 int main(void) {
   app_boot(&app);
   trap_enable();
+#if defined(FL_CAN)
+  chip_node_init(&app);
+#endif
   for (;;) {
     app_poll(&app);
+#if defined(FL_CAN)
+    chip_node_poll();
+#endif
     for (uint32_t i = 0; i < IDLE_ROUNDS; i++) {
       __asm__ volatile("nop");
     }

@@ -22,6 +22,7 @@ bool canopen_send(canopen_t *node, uint32_t id, const uint8_t *data, uint32_t le
 
 void canopen_reset(canopen_t *node, bool whole) {
   const uint32_t last = whole ? LAST_INDEX : LAST_COMMUNICATION;
+  node->resets += whole ? 1u : 0u;
   const uint32_t asked = whole ? store_node_id(node) : node->value[OD_DEVICE_NODE_ID];
   node->node_id = (asked != 0u) ? asked : node->node_id;
   objects_defaults(node, 0, last);
@@ -34,6 +35,7 @@ void canopen_reset(canopen_t *node, bool whole) {
   }
   nmt_reset(node);
   pdo_configure(node);
+  node->wanted_fresh = true;
 }
 
 void canopen_init(canopen_t *node, app_t *app, const storage_t *storage, uint32_t node_id, uint32_t now_us) {
@@ -84,9 +86,40 @@ void canopen_step(canopen_t *node, uint32_t now_us) {
 
 bool canopen_next(canopen_t *node, can_frame_t *frame) { return send_queue_take(&node->queue, frame); }
 
+can_filter_t canopen_wanted(const canopen_t *node, uint32_t k) {
+  can_filter_t filter = {.mask = 0x7FFu, .enable = true};
+  switch (k) {
+    case 0:  // NMT
+      break;
+    case 1:
+      filter.id = node->value[OD_SYNC_COB_ID];
+      break;
+    case 2:
+      filter.id = 0x600u + node->node_id;
+      break;
+    case 3:  // heartbeats, where one is watched
+      filter.id = 0x700u;
+      filter.mask = 0x780u;
+      filter.enable = nmt_watches(node);
+      break;
+    default:
+      filter.id = node->pdo.rpdo[k - 4u].map.can_id;
+      filter.enable = node->pdo.rpdo[k - 4u].map.enabled;
+      break;
+  }
+  return filter;
+}
+
 void canopen_bus_off(canopen_t *node) {
   emcy_set(node, EMCY_BUS_OFF, 0);
   nmt_communication_error(node, emcy_cause_code(EMCY_BUS_OFF));
+}
+
+void canopen_bus_back(canopen_t *node) { emcy_clear(node, EMCY_BUS_OFF); }
+
+void canopen_overrun(canopen_t *node) {
+  emcy_set(node, EMCY_OVERRUN, 0);
+  emcy_clear(node, EMCY_OVERRUN);
 }
 
 SMALL_CODE_END

@@ -22,21 +22,33 @@ void link_status(const app_t *app, link_status_t *status) {
   if (p == 0) {
     return;
   }
-  // One coherent set: the control step may come in between.
-  const uint32_t state = critical_enter();
-  const bool vectors = p->method == METHOD_VECTOR;
-  const bool turned = d->reverse && !vectors;
-  const int32_t speed_rpm_q8 = d->m.speed_rpm_q8;
-  const int32_t demand_rpm_q8 = d->ramp.value_rpm_q8;
-  const int32_t current_q17 = vectors ? d->vector.current_i_q17.im : d->m.line_i_q25 / 256;
-  const bool active = d->state == STATE_RUNNING || d->state == STATE_STOPPING;
-  status->state = d->state;
-  status->fault = d->fault;
-  status->request = d->request;
-  status->limited = active && d->limit != LIMIT_NONE;
-  status->vdc_mv = milli(d->m.vdc_v_q25, p->voltage_full_scale_mv, 25);
-  status->powered = d->m.vdc_v_q25 / 256 >= p->vdc_min_q17;
-  critical_leave(state);
+  const bool vectors = method_is_vector(p->method);
+  bool turned;
+  int32_t speed_rpm_q8;
+  int32_t demand_rpm_q8;
+  int32_t current_q17;
+  int32_t vdc_v_q25;
+  limit_t limit;
+  uint32_t tick;
+  // One coherent set without holding the control step off: where it came in between, read again.
+  do {
+    tick = *(const volatile uint32_t *)&d->tick;
+    __atomic_signal_fence(__ATOMIC_SEQ_CST);
+    turned = d->reverse && !vectors;
+    speed_rpm_q8 = d->m.speed_rpm_q8;
+    demand_rpm_q8 = d->ramp.value_rpm_q8;
+    current_q17 = vectors ? d->vector.current_i_q17.im : d->m.line_i_q25 / 256;
+    vdc_v_q25 = d->m.vdc_v_q25;
+    limit = d->limit;
+    status->state = d->state;
+    status->fault = d->fault;
+    status->request = d->request;
+    __atomic_signal_fence(__ATOMIC_SEQ_CST);
+  } while (*(const volatile uint32_t *)&d->tick != tick);
+  const bool active = status->state == STATE_RUNNING || status->state == STATE_STOPPING;
+  status->limited = active && limit != LIMIT_NONE;
+  status->vdc_mv = milli(vdc_v_q25, p->voltage_full_scale_mv, 25);
+  status->powered = vdc_v_q25 / 256 >= p->vdc_min_q17;
   if (active) {
     status->speed_rpm = (turned ? -speed_rpm_q8 : speed_rpm_q8) / 256;
     status->demand_rpm = (turned ? -demand_rpm_q8 : demand_rpm_q8) / 256;
@@ -56,12 +68,12 @@ void link_ratings(const app_t *app, link_ratings_t *ratings) {
   ratings->speed_max_rpm = p->speed_max_rpm;
   ratings->stop_rpm = p->stop_rpm;
   ratings->accel_rpm_s = p->accel_rpm_s;
-  ratings->torque = p->method == METHOD_SIX_STEP;
+  ratings->torque = method_is_six_step(p->method);
 }
 
 bool link_has_torque(const app_t *app) {
   const drive_t *d = &app->drive;
-  return d->p != 0 && d->p->method == METHOD_SIX_STEP && d->settings.current_loop;
+  return d->p != 0 && method_is_six_step(d->p->method) && d->settings.current_loop;
 }
 
 void link_order(app_t *app, const link_order_t *order) {

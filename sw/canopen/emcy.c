@@ -24,6 +24,7 @@ uint32_t emcy_code(uint32_t fault) { return kind_of_fault(fault)->code; }
 uint32_t emcy_cause_code(emcy_cause_t cause) {
   static const uint16_t codes[EMCY_CAUSES] = {
       [EMCY_HEARTBEAT] = 0x8130u, [EMCY_COMMAND_TIMEOUT] = 0x8100u, [EMCY_BUS_OFF] = 0x8140u,
+      [EMCY_OVERRUN] = 0x8110u,
       [EMCY_PDO_SHORT] = 0x8210u, [EMCY_PDO_LONG] = 0x8220u,        [EMCY_PDO_VALUE] = 0x8200u,
   };
   return codes[cause];

@@ -14,6 +14,7 @@ typedef enum {
   EMCY_HEARTBEAT,        // 0x8130
   EMCY_COMMAND_TIMEOUT,  // 0x8100
   EMCY_BUS_OFF,          // 0x8140: recovered from it
+  EMCY_OVERRUN,          // 0x8110: frames were lost before they were read
   EMCY_PDO_SHORT,        // 0x8210: an RPDO was too short and was not taken
   EMCY_PDO_LONG,         // 0x8220: an RPDO was longer than its mapping; the first bytes were taken
   EMCY_PDO_VALUE,        // 0x8200: an RPDO held a value that is not allowed and was not taken

@@ -19,6 +19,9 @@ void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t 
 void fl_can_step(uint32_t now_us);
 uint32_t fl_can_next(uint32_t *id, uint8_t *data);
 void fl_can_bus_off(void);
+void fl_can_bus_back(void);
+void fl_can_overrun(void);
+uint32_t fl_can_wanted(uint32_t k, uint32_t *mask);
 uint32_t fl_can_value(uint32_t number);
 uint8_t *fl_can_memory(void);
 uint32_t fl_can_memory_bytes(void);
@@ -64,6 +67,15 @@ uint32_t fl_can_next(uint32_t *id, uint8_t *data) {
 }
 
 void fl_can_bus_off(void) { canopen_bus_off(&node); }
+void fl_can_bus_back(void) { canopen_bus_back(&node); }
+void fl_can_overrun(void) { canopen_overrun(&node); }
+
+// Identifier that the k-th filter wants, and the bits of it that count; UINT32_MAX: the filter is off.
+uint32_t fl_can_wanted(uint32_t k, uint32_t *mask) {
+  const can_filter_t filter = canopen_wanted(&node, k);
+  *mask = filter.mask;
+  return filter.enable ? filter.id : UINT32_MAX;
+}
 
 // Value of an entry by its number, as an SDO upload would read it.
 uint32_t fl_can_value(uint32_t number) { return objects_read(&node, number); }

@@ -50,6 +50,14 @@ void nmt_command(canopen_t *node, const can_frame_t *frame) {
 
 static uint32_t watched(const canopen_t *node, uint32_t k) { return node->value[OD_HEARTBEAT_CONSUMER_NODE_1 + k]; }
 
+bool nmt_watches(const canopen_t *node) {
+  bool any = false;
+  for (uint32_t k = 0; k < NMT_CONSUMERS; k++) {
+    any = any || (watched(node, k) & 0xFFFFu) != 0u;
+  }
+  return any;
+}
+
 void nmt_heartbeat(canopen_t *node, uint32_t id) {
   for (uint32_t k = 0; k < NMT_CONSUMERS; k++) {
     if (watched(node, k) >> 16 == id && (watched(node, k) & 0xFFFFu) != 0u) {

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "canopen/can_frame.h"
+#include "hal/can_frame.h"
 #include "canopen/timer.h"
 
 typedef struct canopen canopen_t;
@@ -28,6 +28,8 @@ void nmt_reset(canopen_t *node);
 void nmt_command(canopen_t *node, const can_frame_t *frame);
 // A heartbeat or boot-up frame of another node.
 void nmt_heartbeat(canopen_t *node, uint32_t id);
+// Whether a heartbeat of another node is watched.
+bool nmt_watches(const canopen_t *node);
 // The k-th consumer entry has changed: it waits for a first heartbeat.
 void nmt_watch(canopen_t *node, uint32_t k);
 void nmt_step(canopen_t *node);

@@ -87,6 +87,7 @@ uint32_t objects_write(canopen_t *node, uint32_t number, uint32_t value) {
     return store_forget(node) ? SDO_OK : SDO_HARDWARE;
   }
   node->value[number] = value;
+  node->wanted_fresh = node->wanted_fresh || entry->index < 0x1800u;
   if (entry->index >= 0x1400u && entry->index < 0x1C00u) {
     pdo_configure(node);
   } else if (entry->index == 0x1016u) {
@@ -163,6 +164,9 @@ void objects_defaults(canopen_t *node, uint32_t first, uint32_t last) {
     from_drive(node);
   }
   node->value[OD_DEVICE_NODE_ID] = node->node_id;
+  if (node->bit_rate_kbit_s != 0u) {
+    node->value[OD_DEVICE_BIT_RATE] = node->bit_rate_kbit_s;
+  }
 }
 
 SMALL_CODE_END

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "canopen/can_frame.h"
+#include "hal/can_frame.h"
 #include "canopen/dictionary.h"
 
 typedef struct canopen canopen_t;

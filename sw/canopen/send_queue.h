@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "canopen/can_frame.h"
+#include "hal/can_frame.h"
 
 #define SEND_QUEUE_LENGTH 16u
 #define SEND_QUEUE_KEPT 4u

@@ -169,7 +169,7 @@ HOT static void apply_limits(drive_t *drive) {
                                      p->brake_range);
   command->write_limits = true;
   command->lead_q32 = vector_lead_turn_q32(&drive->vector.plant.machine, drive->vector.speed_turn_q36);
-  if (drive->vector.injection != 0) {
+  if (vector_injects(drive)) {
     vector_injection_limits(drive);
   }
   // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
@@ -349,7 +349,7 @@ HOT static void command(drive_t *drive) {
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
   c->write_control = regulate != c->regulate[0] || v->frame == FRAME_OFF || drive->state == STATE_STARTING;
   c->regulate[0] = regulate;
-  if (v->frame == FRAME_INJECTED) {
+  if (vector_frame_is_injected(drive)) {
     vector_injection_command(drive);
   }
 }
@@ -401,7 +401,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
       idle_step(drive, in);
     } else if (v->frame == FRAME_CAUGHT) {
       vector_caught_step(drive, in);
-    } else if (v->frame == FRAME_INJECTED) {
+    } else if (vector_frame_is_injected(drive)) {
       vector_injection_step(drive, in);
     } else {
       observe(drive, &in->vector);

@@ -25,6 +25,13 @@
 #define VECTOR_STAGES 3u  // of a design
 #define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
 
+static inline bool vector_injects(const drive_t *drive) {
+  return (HELD & HELD_INJECTION) != 0 && drive->vector.injection != 0;
+}
+static inline bool vector_frame_is_injected(const drive_t *drive) {
+  return (HELD & HELD_INJECTION) != 0 && drive->vector.frame == FRAME_INJECTED;
+}
+
 // Constants from the parameters, gains for standstill. With METHOD_VECTOR only.
 void vector_init(drive_t *drive);
 

@@ -79,7 +79,7 @@ COLD void vector_init(drive_t *drive) {
   observed.impedance = p->vector_observer_impedance;
   v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
                                p->vector_speed_max_turn_q36};
-  if (p->injection != 0) {
+  if (p->injection != 0 && (HELD & HELD_INJECTION) != 0) {
     vector_injection_init(drive, &machine);
   }
   vector_plant(&v->plant, &machine);
@@ -132,7 +132,7 @@ COLD void vector_init(drive_t *drive) {
 void vector_design(drive_t *drive) {
   const parameters_t *p = drive->p;
   vector_t *v = &drive->vector;
-  if (p == 0 || p->method != METHOD_VECTOR || v->finished) {
+  if (p == 0 || !method_is_vector(p->method) || v->finished) {
     return;
   }
   vector_design_t *spare = &v->design[1u - v->used];
@@ -154,7 +154,7 @@ void vector_design(drive_t *drive) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else if (v->injection != 0) {
+  } else if (vector_injects(drive)) {
     const bool third_fits = vector_injection_design(drive);
     __atomic_signal_fence(__ATOMIC_RELEASE);
     v->finished = v->fits && third_fits;
@@ -176,7 +176,7 @@ COLD void vector_take_design(drive_t *drive) {
   command->ratio_q17[0] = gains->ratio_q17;
   command->shift[0] = (uint32_t)gains->shift;
   command->band_i_q17 = v->band_i_q17;
-  if (v->injection != 0) {
+  if (vector_injects(drive)) {
     vector_injection_take_design(drive);
   }
   command->write_gains = true;

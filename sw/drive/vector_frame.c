@@ -23,7 +23,7 @@ COLD void vector_off(drive_t *drive) {
   command->enable = false;
   command->regulate[0] = false;
   command->preset_v_q17[0] = (complex_t){0, 0};
-  if (v->injection != 0) {
+  if (vector_injects(drive)) {
     vector_injection_off(drive);
   }
 }
@@ -35,7 +35,7 @@ COLD static void enter_phase(drive_t *drive, phase_t phase) {
 
 COLD void vector_begin(drive_t *drive) {
   vector_t *v = &drive->vector;
-  if (v->injection != 0) {
+  if (vector_injects(drive)) {
     vector_injection_begin(drive);
     return;
   }

@@ -78,7 +78,7 @@ COLD static void configure_safety(const parameters_t *p) {
 
 static uint32_t vector_control(const chip_vector_command_t *vector, const parameters_t *p) {
   const uint32_t regulate = (vector->regulate[0] ? 1u : 0u) | (vector->regulate[1] ? 2u : 0u);
-  return FIELD(FL_FOC_REGS__CONTROL__SOURCE, p->method == METHOD_VECTOR) |
+  return FIELD(FL_FOC_REGS__CONTROL__SOURCE, method_is_vector(p->method) ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__ENABLE, vector->enable ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__DOUBLE, p->vector_double) |
          FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
@@ -116,9 +116,9 @@ COLD void chip_configure(const parameters_t *parameters) {
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
-  if (parameters->method == METHOD_VECTOR) {
+  if (method_is_vector(parameters->method)) {
     configure_vector(parameters);
-    if (parameters->injection != 0) {
+    if (parameters->injection != 0 && (HELD & HELD_INJECTION) != 0) {
       chip_configure_injection(parameters);
     }
   }
@@ -203,7 +203,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
   }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
-  if (parameters->injection != 0) {
+  if (parameters->injection != 0 && (HELD & HELD_INJECTION) != 0) {
     chip_read_injection(&snapshot->injection);
   }
   if (command->vector.read_slow) {

@@ -51,6 +51,21 @@ enum {
 // How the machine is driven, fixed by the parameters.
 typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
 
+// What of them the image holds, by the build: one that needs the room leaves some out. Bits by method_t, and the injection.
+#define HELD_INJECTION 4
+#define HELD_ALL 7
+#ifndef HELD
+#define HELD HELD_ALL
+#endif
+static inline bool method_is_held(int32_t method, bool injects) {
+  return HELD == HELD_ALL || ((HELD >> method & 1) != 0 && (!injects || (HELD & HELD_INJECTION) != 0));
+}
+// Of a method that is held.
+static inline bool method_is_vector(int32_t method) { return (HELD & 1) == 0 || ((HELD & 2) != 0 && method == METHOD_VECTOR); }
+static inline bool method_is_six_step(int32_t method) {
+  return (HELD & 2) == 0 || ((HELD & 1) != 0 && method == METHOD_SIX_STEP);
+}
+
 // What the vector path measured, of the last regulator step before the tick. Vectors by subspace, d + jq.
 typedef struct {
   complex_t i_q17[2];

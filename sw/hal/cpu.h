@@ -26,6 +26,7 @@ static inline void critical_leave(uint32_t state) { __asm__ volatile("csrs mstat
 
 static inline void *cpu_parameter_block(void) { return (void *)RAM_PARAMETER_BLOCK; }
 static inline void *cpu_telemetry(void) { return (void *)RAM_TELEMETRY; }
+static inline const void *cpu_can_setup(void) { return (const void *)RAM_CAN_SETUP; }
 #endif
 
 #endif

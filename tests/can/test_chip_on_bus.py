@@ -40,6 +40,7 @@ class Peer:
     frames: list[Frame]
     taken: list[Frame] = field(default_factory=list)
     state: list[int] = field(default_factory=list)
+    finished: bool = False
 
     def exchange(self, cycle: int, node: CanSide) -> None:
         if self.frames:

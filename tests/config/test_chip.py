@@ -4,20 +4,39 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.config import load_scenario
+from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim import run
 from fluxlock.paths import ROOT
 
 
 @pytest.mark.parametrize(
-    ("name", "phases", "injection"),
-    [("demo", 3, False), ("vector/start", 3, False), ("vector/ipm-injection", 3, True), ("five-phase/yu", 5, True)],
+    ("name", "phases", "injection", "overrides"),
+    [
+        ("demo", 3, False, ()),
+        ("vector/start", 3, False, ()),
+        ("vector/ipm-injection", 3, True, ()),
+        ("five-phase/yu", 5, True, ()),
+        ("demo", 3, False, ("can={}",)),
+    ],
 )
-def test_chip_of_a_scenario(name: str, phases: int, injection: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Phases of the motor, injection path of the drive.
+def test_chip_of_a_scenario(
+    name: str, phases: int, injection: bool, overrides: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Phases of the motor, injection path of the drive, CAN controller of a bus.
 
     Verifies: SOC-28
     """
     monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
-    scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml")
-    assert run.chip_of(scenario, True) == (True, phases, injection)
+    scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml", overrides)
+    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides))
+
+
+def test_can_and_injection() -> None:
+    """The image with the CANopen node has no injection: refused by the key; bit rates are those the clock can make.
+
+    Verifies: SOC-28
+    """
+    with pytest.raises(ConfigError, match=r"--set: can: the image with the CANopen node has no room"):
+        load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml", ("can={}",))
+    with pytest.raises(ConfigError, match=r"can\.bit_rate_kbit_per_s: 800 is none of"):
+        load_scenario(ROOT / "scenarios" / "demo.toml", ("can={bit_rate_kbit_per_s=800}",))

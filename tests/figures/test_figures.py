@@ -300,7 +300,7 @@ def test_runs_are_shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(regression_runner, "FOLDER", tmp_path)
     monkeypatch.setattr(regression_runner, "KEYS", tmp_path / "keys")
     monkeypatch.setattr(regression_runner, "run_scenario", run_scenario)
-    monkeypatch.setattr(regression_runner, "build_firmware", lambda folder, phases: folder)
+    monkeypatch.setattr(regression_runner, "image_of", lambda loaded: Path())
     monkeypatch.setattr(regression_runner, "_key", lambda loaded, seed, image: f"{loaded.drive.commutation}-{seed}")
     monkeypatch.setattr(regression_runner, "write_outcome", lambda data, loaded, folder, plots: None)
     monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: folder)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from ctypes import byref
 from dataclasses import dataclass, field
+from pathlib import Path
 from random import Random
 
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
@@ -158,6 +159,7 @@ class VectorBench:
     noise_lsb: float = 0.0  # of a 12-bit converter, rms
     locked: bool = False
     dead_time: bool = False  # the legs lose what the modulator is told to add for a current at the time of action
+    library: Path | None = None  # of the firmware, if it is another one
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -166,7 +168,7 @@ class VectorBench:
         self.block.update(vector_values(self.motor, self.inverter, s))
         self.block.update(self.values)
         self.lib = vector_library()
-        self.fw = HostFirmware()
+        self.fw = HostFirmware(self.library)
         self.fw.load(self.block)
         self.fw.boot()
         self.machine = Subspace(

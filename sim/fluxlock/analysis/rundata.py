@@ -34,6 +34,7 @@ class LogKind(IntEnum):
     # Current sample of the vector path; a = angle of the frame there, b = what firmware publishes beyond it,
     # 2^32 = one turn.
     ANGLE = 8
+    CAN = 9  # a = chip's transmit pin | level of the bus << 1; logged on request
 
 
 class PlantEventKind(IntEnum):

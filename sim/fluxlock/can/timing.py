@@ -48,6 +48,22 @@ class BitTiming:
         return word
 
 
+QUANTA = 25
+
+
+def chip_timing(clock_hz: float, kbit_s: int) -> BitTiming:
+    """The timing that the firmware gives the controller: 25 quanta a bit, sample point at 80 %.
+
+    >>> chip_timing(50e6, 500).bit_cycles
+    100
+    """
+    bit_cycles = clock_hz / (1000 * kbit_s)
+    brp = round(bit_cycles / QUANTA)
+    if brp * QUANTA != bit_cycles:
+        raise ValueError(f"{kbit_s} kbit/s has no whole bits of {QUANTA} quanta at {clock_hz:g} Hz")
+    return BitTiming(brp, prop=11, ps1=8, ps2=5, sjw=4)
+
+
 class BitClock:
     """When a node's bits begin and are sampled, moved by the edges it sees.
 

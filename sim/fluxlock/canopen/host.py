@@ -13,6 +13,8 @@ from fluxlock.canopen.dictionary import Dictionary, load_dictionary
 
 EXTENDED, REMOTE = 1, 2
 NO_FRAME = 9
+FILTERS = 8
+NO_FILTER = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class HostNode:
         self.lib, self.node_id = library, node_id
         self.lib.fl_can_memory.restype = ctypes.POINTER(ctypes.c_uint8)
         self.lib.fl_can_value.restype = ctypes.c_uint32
+        self.lib.fl_can_wanted.restype = ctypes.c_uint32
         self.dictionary: Dictionary = load_dictionary()
         self._numbers = {entry.name: number for number, entry in enumerate(self.dictionary.entries)}
 
@@ -63,6 +66,20 @@ class HostNode:
     def bus_off(self) -> None:
         """The controller has gone bus-off."""
         self.lib.fl_can_bus_off()
+
+    def bus_back(self) -> None:
+        """Bus-off is over."""
+        self.lib.fl_can_bus_back()
+
+    def overrun(self) -> None:
+        """Frames were lost before they were read."""
+        self.lib.fl_can_overrun()
+
+    def wanted(self) -> list[tuple[int, int]]:
+        """Identifiers and masks of the frames that the node receives, as it gives them to a controller's filters."""
+        mask = ctypes.c_uint32()
+        found = [(self.lib.fl_can_wanted(k, ctypes.byref(mask)), mask.value) for k in range(FILTERS)]
+        return [(can_id, bits) for can_id, bits in found if can_id != NO_FILTER]
 
     @property
     def memory(self) -> bytes:

@@ -317,10 +317,20 @@ def _phases(s: Scenario) -> list[Problem]:
     return []
 
 
+def _can(s: Scenario) -> list[Problem]:
+    if s.can is None or s.drive.vector.injection is None:
+        return []
+    text = "the image with the CANopen node has no room for the injection; leave one of the two out"
+    return [s.sources.problem("can", text)]
+
+
 def check_scenario(scenario: Scenario) -> list[Problem]:
     """Everything that does not fit together, without repetition."""
     if problems := _phases(scenario):
         return problems
-    checks = (other_methods_keys, check_vector, _times, _power_stage, _console, _switches, _hall, _initial, _reach)
+    checks = (
+        *(other_methods_keys, check_vector, _times, _power_stage, _console, _switches),
+        *(_hall, _initial, _reach, _can),
+    )
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from fluxlock.config.can import Can
 from fluxlock.config.console import line_problem, speed_of_line
 from fluxlock.config.errors import SET_OPTION, Problem
 from fluxlock.config.fields import (
@@ -569,6 +570,7 @@ class Scenario(Model):
         description="Fault in which the drive must end; any other fails the run, unless an expected trip means it.",
     )
     drive: Drive = Field(description="Settings of the drive.")
+    can: Can | None = Field(default=None, description="CAN bus; left out: the chip has no CAN controller.")
     load: Load | None = Field(default=None, description="Load; left out: the load of the motor file.")
     initial: Initial = Field(default_factory=Initial, description="State of the rotor at time 0.")
     mechanics: Mechanics = Field(default_factory=Mechanics, description="How the rotor moves.")

@@ -56,10 +56,13 @@ def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
     return env
 
 
-def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) -> dict[str, Any]:
+def run_plan(
+    plan: SessionPlan, chip: Chip, progress: Progress | None = None, own_group: bool = False
+) -> dict[str, Any]:
     """Run a plan whose folder holds `firmware.hex`; return the meta data, leave the arrays in the folder.
 
-    A chip that can write waveforms writes those of the plan's zoom window.
+    A chip that can write waveforms writes those of the plan's zoom window. own_group: Ctrl-C does not reach the
+    simulator; whoever has asked for that ends it.
     """
     folder = plan.folder
     for name in (META_FILE, PROGRESS_FILE, WAVE_FILE, GTKWAVE_FILE, SURFER_FILE):
@@ -71,7 +74,10 @@ def run_plan(plan: SessionPlan, chip: Chip, progress: Progress | None = None) ->
     log_path = folder / "simulator.log"
     env = simulator_environment(plan.save(), folder / "results.xml")
     with log_path.open("w") as log:
-        process = subprocess.Popen(command, cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT)
+        group = 0 if own_group else None
+        process = subprocess.Popen(
+            command, cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT, process_group=group
+        )
         stop = threading.Event()
         watcher = threading.Thread(target=_watch, args=(plan, progress, stop), daemon=True)
         if progress is not None:

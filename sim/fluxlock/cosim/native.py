@@ -64,6 +64,11 @@ class CanNode:
         return Frame(identifier, bool(ext), bool(rtr), dlc, bytes(self._data)[:count])
 
     @property
+    def waiting(self) -> int:
+        """Frames in the queue that have not been sent."""
+        return self.state.waiting
+
+    @property
     def state(self) -> CanState:
         """Queue and counters as they are now."""
         state = CanState()
@@ -139,6 +144,10 @@ class Native:
         """Put a node on the CAN bus of the chip's pins; its first bit begins now. `brp` is in clocks of the chip."""
         number = self._lib.cosim_can_open(timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
         return CanNode(self._lib, number)
+
+    def log_can(self, on: bool) -> None:
+        """Log the CAN pins at every change from now on, or no longer."""
+        self._lib.cosim_can_log(int(on))
 
     def record(self, on: bool) -> None:
         """Start or stop recording converter codes, console bytes and pins for a replay."""

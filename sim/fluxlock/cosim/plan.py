@@ -62,14 +62,20 @@ class CanSide(Protocol):
         """The oldest frame received."""
         ...
 
+    @property
+    def waiting(self) -> int:
+        """Frames in the queue that have not been sent."""
+        ...
+
 
 class CanPeer(Protocol):
     """Whoever is on the chip's CAN bus. Pickled into the simulator's process.
 
-    timing: of its node, brp in clocks of the chip.
+    timing: of its node, brp in clocks of the chip. finished: the run ends.
     """
 
     timing: BitTiming
+    finished: bool
 
     def exchange(self, cycle: int, node: CanSide) -> None:
         """Called every `batch_cycles` and at the end: take frames, send frames."""
@@ -87,7 +93,7 @@ class SessionPlan:
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
     in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
-    peer: is on the chip's CAN bus; not with a dialogue.
+    peer: is on the chip's CAN bus; not with a dialogue. log_can: log the levels of chip and bus.
     """
 
     plant: PlantParams
@@ -105,6 +111,7 @@ class SessionPlan:
     plant_mode: str = "jit"
     dialogue: Dialogue | None = None
     peer: CanPeer | None = None
+    log_can: bool = False
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

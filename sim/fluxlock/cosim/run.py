@@ -24,6 +24,12 @@ IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
 TRAINING_CYCLES = 1_500_000
 
 
+def image_of(scenario: Scenario) -> Path:
+    """The firmware that a scenario runs: its motor's phases; on a CAN bus with the node, and one method only."""
+    method = scenario.drive.method if scenario.can is not None else None
+    return build_firmware(BUILD / "firmware", scenario.motor.phases, method)
+
+
 def prepare(
     scenario: Scenario,
     folder: Path,
@@ -41,8 +47,9 @@ def prepare(
     block: parameters in place of the scenario's.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    image = build_firmware(BUILD / "firmware", scenario.motor.phases)
-    write_image(folder / IMAGE_FILE, image, block or parameter_block(scenario))
+    bus = scenario.can
+    setup = (bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else None
+    write_image(folder / IMAGE_FILE, image_of(scenario), block or parameter_block(scenario), can_setup=setup)
     sensing = scenario.inverter.sensing
     zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
     every = max(1, round(scenario.record.period_s / sensing.sample_period_s))
@@ -78,8 +85,9 @@ def ready_chip(waves: bool = False, phases: int = PHASES, injection: bool = Fals
 
 
 def chip_of(scenario: Scenario, waves: bool = False) -> Chip:
-    """The chip that a scenario runs on: its motor's phases, with the injection path if the drive injects."""
-    return ready_chip(waves, scenario.motor.phases, scenario.drive.vector.injection is not None)
+    """The chip that a scenario runs on: its motor's phases, injection path and CAN controller if it uses them."""
+    injects = scenario.drive.vector.injection is not None
+    return ready_chip(waves, scenario.motor.phases, injects, scenario.can is not None)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+from heapq import merge
 from pathlib import Path
 from typing import Any
 
@@ -130,10 +131,12 @@ class Session:
             await self.converse()
             return
         end = plan.duration_cycles
-        planned = {*(a.cycle for a in plan.actions), *plan.marks, *range(plan.batch_cycles, end, plan.batch_cycles)}
-        stops = [*sorted(cycle for cycle in planned if cycle < end), end]
+        planned = sorted({*(a.cycle for a in plan.actions), *plan.marks})
+        batches = range(plan.batch_cycles, end, plan.batch_cycles)
+        stops = merge((cycle for cycle in planned if cycle < end and cycle not in batches), batches, [end])
         pending = sorted(plan.actions, key=lambda a: a.cycle)
         node = native.open_can(plan.peer.timing) if plan.peer is not None else None
+        native.log_can(plan.log_can)
         self.begin = time.perf_counter()
         for stop in stops:
             await self.wait_until(stop)
@@ -146,6 +149,8 @@ class Session:
                 self.marks[stop] = (woken - self.begin, self.python_s, native.status.events)
             while pending and pending[0].cycle <= stop:
                 self.act(pending.pop(0))
+            if plan.peer is not None and plan.peer.finished:
+                break
         self.wall_s = time.perf_counter() - self.begin
         if plan.peer is not None:
             self.conclusion = plan.peer.conclusion()

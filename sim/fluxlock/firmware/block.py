@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Parameter, Schema, load_schema
-from fluxlock.memory import BLOCK_ADDRESS, BLOCK_MAX_BYTES, RAM_WORDS, TABLE_ADDRESS, TABLE_END
+from fluxlock.memory import BLOCK_ADDRESS, BLOCK_MAX_BYTES, CAN_SETUP_ADDRESS, RAM_WORDS, TABLE_ADDRESS, TABLE_END
 
 Value = int | tuple[int, ...]
 
@@ -124,11 +124,18 @@ class ParameterBlock:
         return block
 
 
-def write_image(path_hex: Path, image: Path, params: ParameterBlock | None, table: bytes = b"") -> Path:
+def write_image(
+    path_hex: Path,
+    image: Path,
+    params: ParameterBlock | None,
+    table: bytes = b"",
+    can_setup: tuple[int, int] | None = None,
+) -> Path:
     """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
 
     `image` is the flat binary of the firmware; it must end below the parameter block. params: None for a program that
-    reads none. table: what a program of `sw/bench` reads from TABLE_ADDRESS on.
+    reads none. table: what a program of `sw/bench` reads from TABLE_ADDRESS on. can_setup: node-ID and kbit/s of the
+    CANopen node.
     """
     code = image.read_bytes()
     if len(code) > (TABLE_ADDRESS if table else BLOCK_ADDRESS):
@@ -140,6 +147,8 @@ def write_image(path_hex: Path, image: Path, params: ParameterBlock | None, tabl
     memory[TABLE_ADDRESS : TABLE_ADDRESS + len(table)] = table
     block = params.pack() if params else b""
     memory[BLOCK_ADDRESS : BLOCK_ADDRESS + len(block)] = block
+    if can_setup is not None:
+        struct.pack_into("<2I", memory, CAN_SETUP_ADDRESS, *can_setup)
     path_hex.parent.mkdir(parents=True, exist_ok=True)
     words = struct.unpack(f"<{RAM_WORDS}I", memory)
     path_hex.write_text("".join(f"{word:08x}\n" for word in words))

@@ -18,7 +18,7 @@ from fluxlock.firmware.toolchain import build_host_library
 from fluxlock.memory import BLOCK_MAX_BYTES, TELEMETRY_MAX_BYTES
 from fluxlock.paths import GENERATED
 
-REGISTER_WORDS = 0x3C00
+REGISTER_WORDS = 0x4000
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 HANDLERS = ("control", "control_entry", "trip", "uart", "load", "design", "idle")
 _TELEMETRY_WORDS = (

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from fluxlock import memory
@@ -45,8 +44,10 @@ HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
 PROGRAMS = (BENCH, COMMISSION)
-CANOPEN = "canopen/"  # the node: in the host library of its own, not in the image
+HELD = {"six-step": "-DHELD=1", "vector": "-DHELD=2"}  # what the images with the node drive: chip_io.h
+CANOPEN = "canopen/"  # the node: in a host library and an image of its own
 CANOPEN_HOST = "host_node.c"
+CANOPEN_CHIP = "chip_node.c"
 
 
 class FirmwareError(RuntimeError):
@@ -91,11 +92,22 @@ def _key(*extra: object) -> str:
     return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
-def build_firmware(build_dir: Path | None = None, phases: int = 3) -> Path:
-    """Flat binary of the image for the soft core of a chip with 3 or 5 phases, at address 0; cached by content hash."""
+def build_firmware(build_dir: Path | None = None, phases: int = 3, can_method: str | None = None) -> Path:
+    """Flat binary of the image for the soft core of a chip with 3 or 5 phases, at address 0; cached by content hash.
+
+    can_method: the image with the CANopen node, for a chip with a CAN controller. It holds this one method of driving,
+    "vector" without injection: the memory is too small for more.
+    """
     sources = _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S"))
-    name, defined = ("fluxlock", ()) if phases == 3 else (f"fluxlock-{phases}", (f"-DPHASES={phases}",))
-    return _build_image(name, sources, build_dir or BUILD / "firmware", defined)
+    name, key = "fluxlock", ""
+    defined: tuple[str, ...] = ()
+    if phases != 3:
+        name, defined = f"fluxlock-{phases}", (f"-DPHASES={phases}",)
+    if can_method is not None:
+        node, key = _canopen(CANOPEN_HOST)
+        name, sources = f"{name}-can-{can_method}", [*sources, *node]
+        defined = (*defined, "-DFL_CAN=1", HELD[can_method])
+    return _build_image(name, sources, build_dir or BUILD / "firmware", defined, key)
 
 
 def build_program(name: str) -> Path:
@@ -115,26 +127,18 @@ def build_commission() -> Path:
     return _build_image("commission", ["app/format.c", *sources], BUILD / "firmware")
 
 
-def _canopen() -> tuple[list[str], str]:
-    """Sources of the node, and the hash of what enters them; writes their table of objects."""
+def _canopen(without: str) -> tuple[list[str], str]:
+    """Sources of the node but one, and the hash of what enters them; writes their table of objects."""
     files = sorted(p for p in (SW / CANOPEN).iterdir() if p.suffix in {".c", ".h"})
     table = _generate("canopen_objects.h", c_tables.c_header(load_dictionary()))
-    return [f"{CANOPEN}{p.name}" for p in files if p.suffix == ".c"], content_hash([*files, table])
+    names = [f"{CANOPEN}{p.name}" for p in files if p.suffix == ".c" and p.name != without]
+    return names, content_hash([*files, table])
 
 
-def check_canopen() -> None:
-    """Compile the CANopen node for the core; it is in no image. FirmwareError if it does not compile."""
-    sources, _ = _canopen()
-    _key()
-    with tempfile.TemporaryDirectory(dir=GENERATED) as folder:
-        for name in (source for source in sources if not source.endswith(CANOPEN_HOST)):
-            includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
-            _zig(["cc", *TARGET_FLAGS, *WARNINGS, *includes, "-c", name, "-o", f"{folder}/{Path(name).stem}.o"])
-
-
-def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str, ...] = ()) -> Path:
+def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str, ...] = (), key: str = "") -> Path:
+    """key: hash of the sources that _key does not know."""
     with file_lock(BUILD / ".firmware.lock"):
-        image = folder / f"{name}-{_key('target', WARNINGS, TARGET_FLAGS)}.bin"
+        image = folder / f"{name}-{_key('target', WARNINGS, TARGET_FLAGS, *filter(None, [key]))}.bin"
         if image.exists():
             return image
         folder.mkdir(parents=True, exist_ok=True)
@@ -153,18 +157,24 @@ def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str
     return image
 
 
-def build_host_library(build_dir: Path | None = None) -> Path:
-    """Shared library of the same sources for this machine, undefined behaviour traps; cached by content hash."""
-    return _host_library("libfluxlock", [], build_dir or BUILD / "firmware")
+def build_host_library(build_dir: Path | None = None, can_method: str | None = None) -> Path:
+    """Shared library of the same sources for this machine, undefined behaviour traps; cached by content hash.
+
+    can_method: without what the image with the CANopen node leaves out.
+    """
+    folder = build_dir or BUILD / "firmware"
+    if can_method is not None:
+        return _host_library(f"libfluxlock-{can_method}", [], folder, "", (HELD[can_method],))
+    return _host_library("libfluxlock", [], folder)
 
 
 def build_canopen_library() -> Path:
     """The same with the CANopen node on the drive."""
-    sources, key = _canopen()
+    sources, key = _canopen(CANOPEN_CHIP)
     return _host_library("libfluxlock-canopen", sources, BUILD / "firmware", key)
 
 
-def _host_library(name: str, added: list[str], folder: Path, key: str = "") -> Path:
+def _host_library(name: str, added: list[str], folder: Path, key: str = "", defined: tuple[str, ...] = ()) -> Path:
     """added: sources that _key does not know, and key: their hash."""
     with file_lock(BUILD / ".firmware.lock"):
         library = folder / f"{name}-{_key('host', WARNINGS, HOST_FLAGS, *filter(None, [key]))}.so"
@@ -173,6 +183,6 @@ def _host_library(name: str, added: list[str], folder: Path, key: str = "") -> P
         folder.mkdir(parents=True, exist_ok=True)
         partial = library.with_suffix(".part")
         sources = [*_selected((*TARGET_ONLY, *PROGRAMS), (".c",)), *added]
-        _zig(["cc", *HOST_FLAGS, *WARNINGS, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
+        _zig(["cc", *HOST_FLAGS, *WARNINGS, *defined, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
         partial.replace(library)
     return library

@@ -23,7 +23,7 @@ from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import run_program
-from fluxlock.cosim.run import chip_of, ready_chip, run_scenario
+from fluxlock.cosim.run import chip_of, image_of, ready_chip, run_scenario
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
@@ -68,7 +68,7 @@ class Runner:
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         used_seed = self.seed if seed is None else seed
-        image = build_firmware(BUILD / "firmware", loaded.motor.phases)
+        image = image_of(loaded)
 
         def run(folder: Path) -> None:
             write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)

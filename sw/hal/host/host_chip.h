@@ -7,7 +7,7 @@
 
 #include <stdint.h>
 
-#define HOST_REGISTER_WORDS 0x3C00u  // fifteen windows of 4 KiB
+#define HOST_REGISTER_WORDS 0x4000u  // fifteen windows of 4 KiB
 
 typedef uint32_t (*host_bus_read_t)(uint32_t address);
 typedef void (*host_bus_write_t)(uint32_t address, uint32_t value);

@@ -1,0 +1,79 @@
+"""The command `fluxlock can`: the chip on a bus of python-can until it is told to end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fluxlock.analysis.rundata import ProgressInfo
+from fluxlock.build import check_build
+from fluxlock.can_bus import join_bus
+from fluxlock.config import ConfigError, Scenario
+from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.can_bridge import Bridge, run_on_bus
+from fluxlock.cosim.outcome import write_outcome
+
+LONGEST_S = 3600.0
+REPORT_S = 5.0
+
+
+@contextmanager
+def _ended_by_interrupt(bridge: list[Bridge]) -> Iterator[None]:
+    """Ctrl-C stops the bridge, which ends the run; a second one, or one before it runs, interrupts as ever."""
+
+    def stop(number: int, frame: object) -> None:
+        if not bridge:
+            raise KeyboardInterrupt
+        bridge.pop().stop()
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class _Lines:
+    """A line of progress now and then: stdout stays readable beside candump."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def __call__(self, info: ProgressInfo) -> None:
+        now = time.monotonic()
+        if now < self._due or info.rate_cycles_per_s <= 0:
+            return
+        self._due = now + REPORT_S
+        times = CLOCK_HZ / info.rate_cycles_per_s
+        text = f"{info.t_s:.3f} s, {info.speed_rpm:.0f} r/min, {times:.0f} times slower than real time"
+        print(text, file=sys.stderr, flush=True)
+
+
+def run_can(scenario: Scenario, interface: str, channel: str, out_dir: Path, seed: int, seconds: float | None) -> None:
+    """Run for a simulated time or until Ctrl-C, print what passed, write the results."""
+    if scenario.can is None:
+        text = "is missing: the chip has a CAN bus only with it; add the table [can]"
+        raise ConfigError([scenario.sources.problem("can", text)])
+    bus_of_chip = scenario.can
+    check_build()
+    limit = seconds if seconds is not None else LONGEST_S
+    bare = scenario.model_copy(update={"window": [], "expect": [], "duration_s": limit})
+    running: list[Bridge] = []
+    with join_bus(interface, channel) as bus, _ended_by_interrupt(running):
+
+        def ready(bridge: Bridge) -> None:
+            running.append(bridge)
+            chip = f"node {bus_of_chip.node_id}, {bus_of_chip.bit_rate_kbit_per_s} kbit/s"
+            print(f"{chip} on {interface}:{channel}, process {os.getpid()}", flush=True)
+
+        data, traffic = run_on_bus(bare, bus, out_dir, seed, limit, _Lines(), ready)
+    print(traffic.text, flush=True)
+    # Two records are the least that has a course.
+    if data.records.size >= 2:
+        write_outcome(data, bare.model_copy(update={"duration_s": traffic.simulated_s}), out_dir)
+        print(f"results in {out_dir}", flush=True)

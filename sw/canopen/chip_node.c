@@ -1,0 +1,128 @@
+#include "canopen/chip_node.h"
+
+#include "canopen/canopen.h"
+#include "control/placement.h"
+#include "hal/can.h"
+#include "hal/chip.h"
+#include "hal/cpu.h"
+
+SMALL_CODE_BEGIN
+
+// Between two steps of the node while no frame comes.
+#define STEP_US 250u
+
+static canopen_t node;
+
+static struct {
+  uint32_t slot[STORE_SLOTS][STORE_WORDS];
+} memory;
+
+static struct {
+  uint32_t clocks_us;  // clocks a microsecond
+  uint32_t then;       // clock up to which now_us counts
+  uint32_t now_us;
+  uint32_t stepped_us;
+  uint32_t resets;  // of the node, as far as taken over
+  bool bus_off;
+  bool waits;  // `next` is a frame that had no room
+  can_frame_t next;
+} driver;
+
+static bool memory_read(void *context, uint32_t slot, void *data, uint32_t bytes) {
+  (void)context;
+  uint32_t *to = data;
+  for (uint32_t i = 0; i < bytes / 4u; i++) {
+    to[i] = memory.slot[slot][i];
+  }
+  return true;
+}
+
+static bool memory_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
+  (void)context;
+  const uint32_t *from = data;
+  for (uint32_t i = 0; i < bytes / 4u; i++) {
+    memory.slot[slot][i] = from[i];
+  }
+  return true;
+}
+
+static const storage_t storage = {.read = memory_read, .write = memory_write};
+
+// A bit rate that cannot be keeps the one before.
+static void join(void) {
+  const uint32_t timing = can_bit_timing(chip_clock_hz(), node.value[OD_DEVICE_BIT_RATE]);
+  if (timing != 0u) {
+    can_join(timing);
+  }
+  driver.resets = node.resets;
+}
+
+static void set_filters(void) {
+  for (uint32_t k = 0; k < CAN_FILTERS; k++) {
+    const can_filter_t filter = canopen_wanted(&node, k);
+    can_set_filter(k, &filter);
+  }
+  node.wanted_fresh = false;
+}
+
+void chip_node_init(app_t *app) {
+  const uint32_t *setup = cpu_can_setup();
+  driver.clocks_us = chip_clock_hz() / 1000000u;
+  driver.then = chip_now();
+  node.bit_rate_kbit_s = setup[1];
+  canopen_init(&node, app, &storage, setup[0], driver.now_us);
+  set_filters();
+  join();
+}
+
+static void tell_time(void) {
+  const uint32_t passed_us = (chip_now() - driver.then) / driver.clocks_us;
+  driver.then += passed_us * driver.clocks_us;
+  driver.now_us += passed_us;
+}
+
+static void tell_state(void) {
+  const bool off = can_is_bus_off();
+  if (off && !driver.bus_off) {
+    canopen_bus_off(&node);
+  } else if (!off && driver.bus_off) {
+    canopen_bus_back(&node);
+  }
+  driver.bus_off = off;
+}
+
+static void send(void) {
+  if (!driver.waits) {
+    driver.waits = canopen_next(&node, &driver.next);
+  }
+  while (driver.waits && can_send(&driver.next)) {
+    driver.waits = canopen_next(&node, &driver.next);
+  }
+}
+
+void chip_node_poll(void) {
+  can_frame_t frame;
+  bool lost = false;
+  tell_time();
+  const bool came = can_take(&frame, &lost);
+  if (lost) {
+    canopen_overrun(&node);
+  }
+  if (came) {
+    canopen_receive(&node, &frame);
+  }
+  if (came || driver.now_us - driver.stepped_us >= STEP_US) {
+    driver.stepped_us = driver.now_us;
+    tell_state();
+    canopen_step(&node, driver.now_us);
+  }
+  send();
+  if (node.resets != driver.resets) {
+    join();
+  }
+  if (node.wanted_fresh) {
+    set_filters();
+  }
+}
+
+SMALL_CODE_END
