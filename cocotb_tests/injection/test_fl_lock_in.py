@@ -11,6 +11,7 @@ import cocotb
 
 from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, Filter, LockInBits, Pair, pack, unpack
+from cocotb_tests.measured import measured
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, LockIn
 from fluxlock.cosim.block import run_block_test
 
@@ -167,6 +168,8 @@ async def position_is_that_of_floating_point(dut: Any) -> None:
         worst[name] = await position_difference(tb, name, fs, sine, rpm, degrees, u)
     too_far = {name: value for name, value in worst.items() if value > 0.05}
     assert not too_far, f"beyond 0.05 degree: {too_far}"
+    for reference in ("sign", "sine"):
+        measured(f"{reference}_deg", max(value for name, value in worst.items() if reference in name))
     dut._log.info("worst %.4f degree", max(worst.values()))
     await tb.clocks(1)
     assert int(dut.clipped_o.value) == 0

@@ -204,6 +204,11 @@ HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
     j->left_out--;
     fresh = false;
   }
+  if (j->settings.error.method == INJECTION_SEPARATOR) {
+    const bool before = j->arrived;
+    j->arrived = fresh;
+    fresh = before;
+  }
   const complex_t i_q17 = in->vector.i_q17[0];
   const injection_frame_input_t given = {
       .fresh = fresh,

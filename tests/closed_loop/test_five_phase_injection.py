@@ -14,7 +14,7 @@ from fluxlock.config import Inverter, load_inverter, load_motor
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.program import Row, read, reads, run_script, wait
 from fluxlock.paths import BUILD, ROOT
-from tests.closed_loop.five_phase_bench import bypassed, locked_plant, voltage_q17
+from fluxlock.regression.five_phase.register_bench import bypassed, locked_plant, voltage_q17
 
 IQ, SEPARATOR = 2, 3
 PERIOD, OFFSET = 6250, 20  # clocks

@@ -22,11 +22,13 @@ from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
-from fluxlock.cosim.program import run_program
+from fluxlock.cosim.program import Row as RegisterRow
+from fluxlock.cosim.program import run_program, run_script
 from fluxlock.cosim.run import chip_of, image_of, ready_chip, run_scenario
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
+from fluxlock.plant import PlantParams
 from fluxlock.regression.case import CASES, Row
 from fluxlock.regression.origin import kept, origin
 from fluxlock.writable import check_folder, refusal
@@ -84,6 +86,16 @@ class Runner:
             save_trace(folder / TRACE, run_program(program, table, loaded, folder, self.seed))
 
         key = _key(loaded, self.seed, build_program(program), table)
+        return load_trace(_made(self.folder(name), key, name, run) / TRACE)
+
+    def script(self, rows: Sequence[RegisterRow], plant: PlantParams, duration_s: float, name: str) -> RunData:
+        """Carry out register accesses on the chip with injection in place of the firmware, or read what came before."""
+
+        def run(folder: Path) -> None:
+            save_trace(folder / TRACE, run_script(rows, plant, duration_s, folder, self.seed))
+
+        chip = ready_chip(phases=plant.machine.phases, injection=True)
+        key = content_hash(_sources(build_program("script")), chip.key, plant, list(rows), duration_s, self.seed)
         return load_trace(_made(self.folder(name), key, name, run) / TRACE)
 
     def identify(self, bench: Scenario, name: str) -> Measured:
@@ -145,10 +157,13 @@ def _finished(key: str, folder: Path) -> Path | None:
 
 
 def _key(scenario: Scenario, seed: int, image: Path, table: bytes = b"") -> str:
-    package = Path(__file__).parent.parent
-    sources = [path for name in RUN_SOURCES for path in (package / name).rglob("*.py")]
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    return content_hash([*sources, image], chip_of(scenario).key, settings, seed, table)
+    return content_hash(_sources(image), chip_of(scenario).key, settings, seed, table)
+
+
+def _sources(image: Path) -> list[Path]:
+    package = Path(__file__).parent.parent
+    return [*(path for name in RUN_SOURCES for path in (package / name).rglob("*.py")), image]
 
 
 def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:

@@ -1,5 +1,14 @@
 """Cases of injection: five-phase machines of Tian 2019 and Yu 2022. Scenarios: scenarios/five-phase."""
 
-from fluxlock.regression.five_phase import ipm, tian, tian_events, yu
+from fluxlock.regression.five_phase import (
+    ipm,
+    leakage,
+    lock_in,
+    modulation,
+    tian,
+    tian_events,
+    yu,
+    yu_loaded,
+)
 
-__all__ = ["ipm", "tian", "tian_events", "yu"]
+__all__ = ["ipm", "leakage", "lock_in", "modulation", "tian", "tian_events", "yu", "yu_loaded"]

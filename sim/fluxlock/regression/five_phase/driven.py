@@ -13,15 +13,22 @@ BEYOND_RPM = 10.0  # that is asked for beyond the imposed speed
 NO_CURRENT_A = 0.05
 
 
-def driven(rpm: float, i_q_a: float, settled_s: float, end_s: float, beyond_rpm: float = BEYOND_RPM) -> list[str]:
-    """Overrides: 0 to rpm, i_q_a with its sign, window `steady` from settled_s to the end."""
+def driven(
+    rpm: float,
+    i_q_a: float,
+    settled_s: float,
+    end_s: float,
+    beyond_rpm: float = BEYOND_RPM,
+    at_speed_s: float = AT_SPEED_S,
+) -> list[str]:
+    """Overrides: 0 to rpm at at_speed_s, i_q_a with its sign, window `steady` from settled_s to the end."""
     asked = rpm + (beyond_rpm if i_q_a >= 0 else -beyond_rpm)
     start = [event(0.002, "command", f"set speed_rpm {asked:g}"), event(START_S, "command", "start")]
     return [
         *timeline(end_s, start, [("steady", settled_s, end_s)]),
         "expect=[]",
         "mechanics.mode=imposed",
-        f"mechanics.profile=[[0.0, 0.0], [{TURNING_S}, 0.0], [{AT_SPEED_S}, {rpm!r}]]",
+        f"mechanics.profile=[[0.0, 0.0], [{TURNING_S}, 0.0], [{at_speed_s}, {rpm!r}]]",
         f"drive.current_limit_a={max(abs(i_q_a), NO_CURRENT_A)!r}",
         "drive.accel_rpm_per_s=100000",
     ]

@@ -17,7 +17,7 @@ from fluxlock.regression.six_step.measures import Limits
 SCENARIO = "five-phase/yu.toml"
 SAMPLE_S = 125e-6
 SETTLED_S, END_S = 0.19, 0.23
-SPEEDS_RPM = (600.0,)
+SPEEDS_RPM = (50.0, 150.0, 300.0, 600.0)
 FORM_PERCENT = 3.0
 EXACT_RAD = 0.005
 LINEAR = ("motor.saturation.plus=0", "motor.saturation.minus=0", "motor.saturation.angle_rad=[0.0]")

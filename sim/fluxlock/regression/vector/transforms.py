@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
+from fluxlock.regression.block_test import measure
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -29,34 +27,18 @@ MODULATOR_NOTE = (
 )
 
 
-def measure(
-    top: str, sources: Sequence[str | Path], module: str, testcase: str, phases: int, seed: int
-) -> dict[str, float]:
-    """What one cocotb test measured."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "measured.jsonl"
-        run_block_test(
-            top,
-            sources,
-            module,
-            parameters={"Phases": phases},
-            testcase=testcase,
-            extra_env={"FLUXLOCK_MEASURED": str(path)},
-            seed=seed,
-        )
-        found: dict[str, float] = {}
-        for line in path.read_text(encoding="utf-8").splitlines():
-            found.update(json.loads(line))
-    return found
-
-
 @case("vector/transforms")
 def transforms(runner: Runner) -> Iterator[Row]:
     """Currents, voltages, compares and gates over random vectors: within 1 LSB of floating point."""
     for phases in (3,) if runner.quick else (3, 5):
         chosen = {"phases": phases, "seed": runner.seed}
         errors = measure(
-            "fl_foc", FOC, "cocotb_tests.foc.test_fl_foc", "transforms_are_within_one_lsb", phases, runner.seed
+            "fl_foc",
+            FOC,
+            "cocotb_tests.foc.test_fl_foc",
+            "transforms_are_within_one_lsb",
+            runner.seed,
+            {"Phases": phases},
         )
         yield Row(
             f"vector/transforms/clarke-park-{phases}",
@@ -69,16 +51,16 @@ def transforms(runner: Runner) -> Iterator[Row]:
             ["foc/fl_modulator.sv"],
             "cocotb_tests.foc.test_fl_modulator",
             "random_vectors",
-            phases,
             runner.seed,
+            {"Phases": phases},
         )
         gates = measure(
             "fl_vector_chain",
             CHAIN,
             "cocotb_tests.pwm.test_vector_chain",
             "random_vectors_from_the_gates",
-            phases,
             runner.seed,
+            {"Phases": phases},
         )
         yield Row(
             f"vector/transforms/modulator-{phases}",

@@ -1,4 +1,4 @@
-"""The chip with five phases under a script: registers that every test needs, and the plant."""
+"""The chip with five phases under a script: registers that every run needs, and the plant."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
 PHASES = 5
 DEAD = 2  # clocks
 SHIFT = 20  # of the modulator's scale
+BYPASS, DOUBLE, REGULATE = 1 << 3, 1 << 2, 3 << 4  # of foc.control
 
 
 def locked_plant(motor: Motor, inverter: Inverter) -> PlantParams:
@@ -26,8 +27,11 @@ def locked_plant(motor: Motor, inverter: Inverter) -> PlantParams:
     )
 
 
-def bypassed(period: int, offset: int, inverter: Inverter, omega_hz: float) -> list[Row]:
-    """Vector path without regulators, gates on, a tick at every sample: `offset` clocks after the carriers' start."""
+def bypassed(period: int, offset: int, inverter: Inverter, omega_hz: float, control: int = BYPASS) -> list[Row]:
+    """Vector path without regulators, gates on, a tick at every sample: `offset` clocks after the carriers' start.
+
+    control: bits of foc.control beyond source and enable.
+    """
     scale = round(period * inverter.sensing.voltage_full_scale_v / inverter.supply_v / 2**17 * 2**SHIFT)
     assert scale < 2**17
     return [
@@ -37,7 +41,7 @@ def bypassed(period: int, offset: int, inverter: Inverter, omega_hz: float) -> l
         Row("foc.window", 0, offset),
         Row("foc.scale", 0, scale | SHIFT << 24),
         Row("foc.omega", 0, round(omega_hz / CLOCK_HZ * 2**36)),
-        Row("foc.control", 0, 1 | 1 << 1 | 1 << 3),  # source, enable, bypass
+        Row("foc.control", 0, 1 | 1 << 1 | control),  # source, enable
         Row("safety.trip_enable", 0, 0),
         Row("safety.dead_time", 0, DEAD),
         Row("timer.tick_period", 0, 1000),
