@@ -45,6 +45,7 @@ SOURCES = [
     "sense/fl_current_window.sv",
     "foc/fl_angle_nco.sv",
     *FOC_SOURCES,
+    "foc/fl_edge_current.sv",
     "foc/fl_modulator.sv",
     "pwm/fl_leg_carrier.sv",
     "foc/fl_vector_pkg.sv",

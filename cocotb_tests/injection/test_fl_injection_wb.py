@@ -11,7 +11,7 @@ import cocotb
 import pytest
 
 from cocotb_tests.foc.foc_bench import FULL_SCALE, TURN, Pair, Regulator, clip, park
-from cocotb_tests.foc.test_fl_foc_wb import CHAIN_REGISTERS, ONCE, SOURCES, TB, Settings, signed, wave, widths
+from cocotb_tests.foc.test_fl_foc_wb import CARRIER, CHAIN_REGISTERS, ONCE, SOURCES, TB, Settings, signed, wave, widths
 from cocotb_tests.injection.models import Filter, IqBits, LockInBits, square
 from fluxlock.cosim.block import run_block_test
 
@@ -214,6 +214,51 @@ async def steps_and_results_follow_the_models(dut: Any, case: tuple[int, int, in
 
 
 @cocotb.test()
+@cocotb.parametrize(case=[(0, 1, 1), (0, 1, -1), (0, -1, 1), (1, 1, 1), (1, 1, -1)])
+async def dead_time_follows_the_edges(dut: Any, case: tuple[int, int, int]) -> None:
+    """Currents with another sign at the edges than at the samples: the legs get back what they lose there.
+
+    Verifies: INJ-24
+    """
+    double, rising, falling = case
+    current, dead_time, updates = 10_048, 20, 16
+    modulator = Settings(period=PERIOD, dead_time=dead_time, zone=0.01, band=0.05)
+    tb = TB(dut)
+
+    def at_the_edges(strobe: int) -> list[int]:
+        """Sampled at OFFSET; a quarter of the carrier later the edge of its first half, and so on."""
+        begins = [0, *(t for t in tb.times["update_o"] if t < strobe)]
+        since = strobe - begins[-1]
+        half = len(begins) % 2 if double else int(since > PERIOD // 2)
+        sign = -1 if since < OFFSET + 20 else (rising, falling)[half]
+        return [sign * current] * tb.phases
+
+    tb.current = at_the_edges
+    await tb.start(cfg_mode_i=CARRIER, cfg_spacing_i=40, cfg_offset_i=OFFSET)
+    await tb.modulator(modulator)
+    await tb.regulators([Regulator(limit=FULL_SCALE - 1) for _ in range(tb.subspaces)])
+    await tb.window(OFFSET, 0, OFFSET)
+    await tb.control(source=1, enable=1, bypass=1, double=double)
+    await tb.settle()
+    await configure(tb, IQ, 0, 4, Filter.design(0.1, 1.0, 0.45), Filter.design(0.005, 1.0, 1.4), 0)
+    for i in range(4):
+        await tb.write("injection.amplitude", 0, i)
+    await tb.write("injection.control", 1 | IQ << 1 | 1 << 5)
+    await tb.clocks(updates * PERIOD)
+    halves = 2 if double else 1
+    seen = [tb.counts[u] for u in tb.times["update_o"][-5:-1]]
+    signs = [rising, falling] if double else [(rising + falling) / 2]
+    wanted = {PERIOD // 2 // halves + round(sign * dead_time / halves) for sign in signs}
+    assert {x for counts in seen for x in counts} == wanted, f"{seen} instead of {wanted}"
+    # By the sampled currents, beyond the band.
+    await tb.write("injection.control", 1 | IQ << 1)
+    await tb.clocks(6 * PERIOD)
+    seen = [tb.counts[u] for u in tb.times["update_o"][-3:-1]]
+    wanted = {(PERIOD // 2 - dead_time) // halves}
+    assert {x for counts in seen for x in counts} == wanted, f"{seen} instead of {wanted}"
+
+
+@cocotb.test()
 async def changed_settings_never_stop_the_steps(dut: Any) -> None:
     """Control of the injection written at any clock, also in a pause: every update has its step.
 
@@ -232,7 +277,7 @@ async def changed_settings_never_stop_the_steps(dut: Any) -> None:
     await tb.clocks(2000)
     updates, syncs = len(tb.times["update_o"]), len(tb.times["sync_o"])
     for _ in range(400):
-        await tb.write("injection.control", rng.getrandbits(5) | rng.getrandbits(1) << 8)
+        await tb.write("injection.control", rng.getrandbits(6) | rng.getrandbits(1) << 8)
         await tb.clocks(rng.randrange(60))
     assert abs((len(tb.times["update_o"]) - updates) - (len(tb.times["sync_o"]) - syncs)) <= 1
     assert len(tb.times["update_o"]) - updates > 20

@@ -39,7 +39,9 @@ module fl_vector_chain
   ) u_modulator (
       .clk_i,
       .rst_i,
+      .early_i  (1'b0),
       .valid_i  (sample_i),
+      .pair_i   (1'b0),
       .v_q17_i,
       .i_q17_i,
       .cfg_period_i,

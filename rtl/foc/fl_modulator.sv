@@ -3,8 +3,10 @@
 //
 //   z       = floor((max(v) + min(v)) / 2)          the same for all legs (space-vector modulation with three of them)
 //   raw     = period/2 + (v - z) * scale            rounded half up, once
-//   comp    = clamp(beyond(i, band) * slope, -dead_time, dead_time)   rounded half up; 0 where raw <= 0 or
-//             raw >= period: no edges.  beyond(i, band) = sign(i) max(|i| - band, 0)
+//   comp(i) = clamp(beyond(i, band) * slope, -dead_time, dead_time)   rounded half up
+//             beyond(i, band) = sign(i) max(|i| - band, 0)
+//   comp    = comp(i), with pair_i (comp(i of early_i) + comp(i)) / 2, rounded half up; 0 where raw <= 0 or
+//             raw >= period: no edges
 //   compare = clamp(raw + comp, margin, period - margin), below min_pulse 0, above period - min_pulse period
 //
 // scale = period * full_scale / vdc / 2^17 = cfg_scale_i * 2^-cfg_scale_shift_i in clocks a unit, slope likewise; a
@@ -15,21 +17,26 @@
 //
 // Formats: v in 2^-17 of the voltage channel's full scale, i in 2^-17 of the current channel's, positive out of the
 // leg; clocks elsewhere. compare is 0..period; what exceeds a number's range saturates (v - z, |product| above 131071
-// clocks). |compare - exact| <= 1/2 clock + half a unit of v * scale, with compensation 1/2 clock more.
-// Settings are taken at valid_i; period_o is the one that compare_o belongs to.
-// Latency: valid_i to valid_o Latency clocks; least spacing the same (asserted; a closer valid_i is ignored). compare_o,
-// period_o and clipped_o stay until the next valid_i.
+// clocks). |compare - exact| <= 1/2 clock + half a unit of v * scale, with compensation 1/2 clock more,
+// of two currents 1 clock more.
+// Both edges of a pulse may have their current: that of the one comes with early_i, that of the other with valid_i and
+// pair_i. Settings are taken at valid_i, those of the currents at early_i too; period_o is the one that compare_o belongs to.
+// Latency: valid_i to valid_o Latency clocks; least spacing the same, after early_i EarlyClocks (asserted; what
+// comes closer is ignored). compare_o, period_o and clipped_o stay until the next valid_i.
 // Asserted: compare_o at most period_o at valid_o.
 `default_nettype none
 module fl_modulator
   import fl_pkg::*;
 #(
     parameter int unsigned Phases = 3,
-    localparam int unsigned Latency = 2 * Phases + 6  // clocks from valid_i to valid_o
+    localparam int unsigned Latency = 2 * Phases + 6,  // clocks from valid_i to valid_o
+    localparam int unsigned EarlyClocks = Phases + 4  // least clocks from early_i to valid_i
 ) (
     input  logic                       clk_i,
     input  logic                       rst_i,
+    input  logic                       early_i,
     input  logic                       valid_i,
+    input  logic                       pair_i,
     input  sample_t [Phases-1:0]       v_q17_i,
     input  sample_t [Phases-1:0]       i_q17_i,
     input  logic    [      15:0]       cfg_period_i,       // clocks
@@ -76,19 +83,23 @@ module fl_modulator
   localparam int unsigned StepWidth = idx_width(2 * Phases);
   localparam logic [StepWidth-1:0] FirstVoltage = StepWidth'(Phases);
   localparam logic [StepWidth-1:0] LastStep = StepWidth'(2 * Phases - 1);
-  logic busy_q, step_on_q, on_voltage;
+  logic busy_q, step_on_q, on_voltage, on_last;
+  logic early_q;  // the currents in work are those of early_i
+  logic pair_q;
   logic [StepWidth-1:0] step_q;
   sample_t [Phases-1:0] v_q, i_q;  // the next one in the lowest place; v_q turns round
   sample_t max_q, min_v_q, zero;
-  logic accept;
+  logic accept, accept_early;
 
-  assign accept     = valid_i && !busy_q;
+  assign accept       = valid_i && !busy_q;
+  assign accept_early = early_i && !busy_q && !valid_i;
+  assign on_last      = step_q == (early_q ? FirstVoltage - StepWidth'(1) : LastStep);
   assign on_voltage = step_q >= FirstVoltage;
   assign zero       = sample_t'((19'(max_q) + 19'(min_v_q)) >>> 1);
 
   // Pipeline with the flags of its stages: 1 operands, 2 product, 3 half clocks, 4 raw, 5 sum; then the compare.
   localparam int unsigned Stages = 6;
-  logic [3:1] current_q;
+  logic [3:1] current_q, early_last_q;
   logic [Stages-1:1] voltage_q, last_q;
   sample_t operand_q;
   logic signed [17:0] factor_q;
@@ -97,7 +108,7 @@ module fl_modulator
   half_clocks_t half_q;
   logic signed [18:0] rounded;
   logic signed [18:0] raw_q, sum_q;
-  logic signed [10:0] comp;
+  logic signed [10:0] one_comp, comp;
   logic [Phases-1:0][10:0] comp_q;  // the next one in the lowest place
   logic edges, below, above;
   logic [15:0] clamped, pulse;
@@ -111,9 +122,10 @@ module fl_modulator
   assign edges = raw_q > 0 && raw_q < 19'($signed({1'b0, period_q}));
 
   always_comb begin
-    if (rounded > 19'($signed({1'b0, dead_time_q}))) comp = $signed({1'b0, dead_time_q});
-    else if (rounded < -19'($signed({1'b0, dead_time_q}))) comp = -$signed({1'b0, dead_time_q});
-    else comp = rounded[10:0];
+    if (rounded > 19'($signed({1'b0, dead_time_q}))) one_comp = $signed({1'b0, dead_time_q});
+    else if (rounded < -19'($signed({1'b0, dead_time_q}))) one_comp = -$signed({1'b0, dead_time_q});
+    else one_comp = rounded[10:0];
+    comp = (pair_q && !early_q) ? 11'((12'(one_comp) + 12'($signed(comp_q[0])) + 12'sd1) >>> 1) : one_comp;
   end
 
   assign below = sum_q < 19'($signed({1'b0, margin_q}));
@@ -128,30 +140,34 @@ module fl_modulator
   end
 
   always_ff @(posedge clk_i) begin
-    if (accept) begin
+    if (accept || accept_early) begin
       busy_q        <= 1'b1;
+      early_q       <= accept_early;
       step_on_q     <= 1'b1;
       step_q        <= '0;
-      v_q           <= v_q17_i;
       i_q           <= i_q17_i;
-      period_q      <= cfg_period_i;
-      margin_in_q   <= cfg_margin_i;
-      scale_q       <= cfg_scale_i;
       band_q        <= cfg_band_i;
       slope_q       <= cfg_slope_i;
-      scale_shift_q <= half_clock_shift(cfg_scale_shift_i);
       slope_shift_q <= half_clock_shift(cfg_slope_shift_i);
       dead_time_q   <= cfg_dead_time_i;
-      min_in_q      <= cfg_min_pulse_i;
     end else if (step_on_q) begin
       step_q    <= step_q + StepWidth'(1);
-      step_on_q <= step_q != LastStep;
+      step_on_q <= !on_last;
       v_q       <= {v_q[0], v_q[Phases-1:1]};
       i_q       <= {i_q[0], i_q[Phases-1:1]};
       if (!on_voltage) begin
         if (step_q == '0 || v_q[0] > max_q) max_q <= v_q[0];
         if (step_q == '0 || v_q[0] < min_v_q) min_v_q <= v_q[0];
       end
+    end
+    if (accept) begin
+      v_q           <= v_q17_i;
+      pair_q        <= pair_i;
+      period_q      <= cfg_period_i;
+      margin_in_q   <= cfg_margin_i;
+      scale_q       <= cfg_scale_i;
+      scale_shift_q <= half_clock_shift(cfg_scale_shift_i);
+      min_in_q      <= cfg_min_pulse_i;
     end
 
     min_q <= ({4'b0, min_in_q} > period_q >> 1) ? period_q >> 1 : {4'b0, min_in_q};
@@ -162,7 +178,8 @@ module fl_modulator
 
     current_q <= {current_q[2:1], step_on_q && !on_voltage};
     voltage_q <= {voltage_q[Stages-2:1], step_on_q && on_voltage};
-    last_q    <= {last_q[Stages-2:1], step_on_q && step_q == LastStep};
+    last_q    <= {last_q[Stages-2:1], step_on_q && on_last && !early_q};
+    early_last_q <= {early_last_q[2:1], step_on_q && on_last && early_q};
 
     operand_q <= on_voltage ? sat_sample(32'(v_q[0]) - 32'(zero)) : beyond(i_q[0], band_q);
     factor_q  <= $signed({1'b0, on_voltage ? scale_q : slope_q});
@@ -181,7 +198,7 @@ module fl_modulator
       clipped_q <= {below || above, clipped_q[Phases-1:1]};
     end
     valid_q <= last_q[5];
-    if (last_q[5]) busy_q <= 1'b0;
+    if (last_q[5] || early_last_q[3]) busy_q <= 1'b0;
 
     if (rst_i) begin
       busy_q    <= 1'b0;
@@ -189,6 +206,9 @@ module fl_modulator
       current_q <= '0;
       voltage_q <= '0;
       last_q    <= '0;
+      early_last_q <= '0;
+      early_q   <= 1'b0;
+      pair_q    <= 1'b0;
       valid_q   <= 1'b0;
       compare_q <= '0;
       clipped_q <= '0;
@@ -203,8 +223,8 @@ module fl_modulator
 
   always_ff @(posedge clk_i) begin
     if (!rst_i) begin
-      assert (!(valid_i && busy_q))
-      else $error("fl_modulator: vectors closer than %0d clocks", Latency);
+      assert (!((valid_i || early_i) && busy_q))
+      else $error("fl_modulator: vectors closer than %0d clocks", early_q ? EarlyClocks : Latency);
       if (valid_q) begin
         for (int unsigned x = 0; x < Phases; x++)
         assert (compare_q[x] <= period_q)

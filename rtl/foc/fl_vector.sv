@@ -20,7 +20,9 @@
 // step that has not ended at update_o is abandoned: the legs keep their compares, which is counted as missed, an answer
 // to it is ignored.
 // Injection: injection_i is made from tap_o by fl_injection_path; what it pauses comes on top of the latency. The voltages
-// of steps and sums are those of the regulators, without the injected one.
+// of steps and sums are those of the regulators, without the injected one. With injection_i.edges the modulator gets
+// the currents at the edges of the legs (fl_edge_current) and no band: with double update of the edge in the half in which
+// the voltage acts, else of both edges.
 // Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick
 // before (saturates at 32 bits) and their number.
 `default_nettype none
@@ -204,6 +206,49 @@ module fl_vector
       .overrun_o  (overruns)
   );
 
+  // Currents for the dead time: those of the sample or those at the edges to come. The carrier's first half has the
+  // rising edges; a voltage acts in the half after that of its step.
+  logic edges_q, falls_q, step_start, ahead_valid, both_edges;
+  sample_t [1:0][Phases-1:0] ahead;
+  sample_t [Phases-1:0] lost_current;
+
+  assign step_start = foc_start && !foc_busy;
+  assign both_edges = edges_q && !settings_q.double_update;
+
+  always_ff @(posedge clk_i) begin
+    if (step_start) begin
+      edges_q <= injection_i.edges;
+      falls_q <= !tap_o.second;
+    end
+    if (rst_i) begin
+      edges_q <= 1'b0;
+      falls_q <= 1'b0;
+    end
+  end
+
+  fl_edge_current #(
+      .Phases(Phases)
+  ) u_edges (
+      .clk_i,
+      .rst_i,
+      .enable_i (injection_i.edges),
+      .update_i (update_o),
+      .req_h_i  (req_h_o),
+      .sample_valid_i,
+      .sample_i,
+      .start_i  (step_start),
+      .current_i(current),
+      .phase_i  (injection_i.phase),
+      .valid_o  (ahead_valid),
+      .ahead_o  (ahead)
+  );
+
+  always_comb begin
+    if (!edges_q) lost_current = current;
+    else if (both_edges) lost_current = ahead[foc_valid];
+    else lost_current = ahead[falls_q];
+  end
+
   // Modulator and leg carriers.
   logic [Phases-1:0][15:0] compare;
   logic [15:0] period, missed;
@@ -213,13 +258,15 @@ module fl_vector
   ) u_modulator (
       .clk_i,
       .rst_i,
+      .early_i          (ahead_valid && both_edges),
       .valid_i          (foc_valid),
+      .pair_i           (both_edges),
       .v_q17_i          (voltage),
-      .i_q17_i          (current),
+      .i_q17_i          (lost_current),
       .cfg_period_i     (settings_q.period),
       .cfg_scale_i      (settings_q.scale),
       .cfg_scale_shift_i(settings_q.scale_shift),
-      .cfg_band_i       (settings_q.band),
+      .cfg_band_i       (edges_q ? '0 : settings_q.band),
       .cfg_slope_i      (settings_q.slope),
       .cfg_slope_shift_i(settings_q.slope_shift),
       .cfg_dead_time_i  (settings_q.dead_time),
@@ -301,7 +348,7 @@ module fl_vector
   endfunction
 
   always_ff @(posedge clk_i) begin
-    if (foc_start && !foc_busy) begin
+    if (step_start) begin
       run_theta_q   <= theta;
       run_stamp_q   <= current_time;
       run_samples_q <= samples;

@@ -79,6 +79,8 @@ package fl_vector_pkg;
     sample_t [1:0] current;  // in place of the measured one
     logic skip;              // the regulators of subspace 1 do not run in this step
     vectors_t voltage;       // added to the voltage
+    logic edges;             // dead time by the currents at the legs' edges (fl_edge_current)
+    logic [11:0] phase;      // of the voltage in the wave, updates
   } injection_t;
 
   // A regulator step.

@@ -75,7 +75,7 @@ module fl_injection_wb
       .current_i      (tap_i.current),
       .active_o       (active),
       .voltage_o      (voltage),
-      .phase_o        (),
+      .phase_o        (injection_o.phase),
       .zero_o         (zero),
       .current_valid_o(),
       .current_o      (injection_o.current),
@@ -92,6 +92,7 @@ module fl_injection_wb
       .overrun_o      (overruns)
   );
 
+  assign injection_o.edges = active && hwif_out.control.edges.value;
   assign injection_o.skip = active && settings.remove && settings.method == MethodSeparator && !zero;
 
   always_comb begin

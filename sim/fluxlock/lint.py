@@ -31,6 +31,7 @@ TOPS = ("fl_board_ulx3s", "fl_board_arty", "fl_soc")
 BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_angle_nco": [{}],
     "fl_foc": [{"Phases": 3}, {"Phases": 5}],
+    "fl_edge_current": [{"Phases": 3}, {"Phases": 5}],
     "fl_modulator": [{"Phases": 3}, {"Phases": 5}],
     "fl_leg_carrier": [{"Phases": 3}, {"Phases": 5}],
     "fl_vector": [{"Phases": 3}, {"Phases": 5}],

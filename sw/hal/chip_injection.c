@@ -10,7 +10,8 @@
 static uint32_t control(const parameters_t *p, bool enable) {
   return FIELD(FL_INJECTION_REGS__CONTROL__ENABLE, enable ? 1 : 0) |
          FIELD(FL_INJECTION_REGS__CONTROL__METHOD, p->injection - 1) |
-         FIELD(FL_INJECTION_REGS__CONTROL__REMOVE, p->injection_remove) | FIELD(FL_INJECTION_REGS__CONTROL__SINE, 1);
+         FIELD(FL_INJECTION_REGS__CONTROL__REMOVE, p->injection_remove) | FIELD(FL_INJECTION_REGS__CONTROL__SINE, 1) |
+         FIELD(FL_INJECTION_REGS__CONTROL__EDGES, 1);
 }
 
 static void write_array(uint32_t address, const int32_t *values, uint32_t count) {

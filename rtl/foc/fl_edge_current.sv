@@ -1,0 +1,192 @@
+// Currents at the edges of the legs that are to come, from those of the same edges an injection period before.
+//
+// What a leg loses to the dead time depends on the sign of its current at its own edge. That is not the current of the
+// sample from which its voltage is computed: the HF current moves on, and the ripple of the carrier comes on top. Both
+// repeat with the wave, and so does
+//   excursion[phase][edge][leg] = i[first sample that comes after the edge] - i[step whose voltage made the edge]
+//   ahead[edge][leg] = i[this step] + excursion[phase of this step's voltage][edge][leg]
+// edge: 0 rising, 1 falling, of req_h_i. phase: place of a voltage in the wave, phase_i at start_i; the step between two
+// update_i acts from the second one on. A sample belongs to the interval in which it comes: an edge after which none comes
+// before the next update keeps its excursion of before, and so does one whose sample comes within 2 Phases clocks of
+// another edge's. Excursions are 0 until the first one of their phase, and for phases from 64 on: ahead is the sample then.
+//
+// enable_i low: nothing is learned, and a word of the memory becomes 0 in every clock.
+// Formats: currents signed 18 bits, 2^17 = full scale; excursion and ahead saturate.
+// Latency: start_i to valid_o Latency clocks; least spacing the same (asserted; a closer start_i is ignored). ahead_o
+// stays until the next start_i.
+// Uses a block RAM: 1024 x 18 bits with five phases, 512 with three.
+`default_nettype none
+module fl_edge_current
+  import fl_pkg::*;
+#(
+    parameter int unsigned Phases = 3,
+    localparam int unsigned Latency = 2 * Phases + 2  // clocks from start_i to valid_o
+) (
+    input logic clk_i,
+    input logic rst_i,
+    input logic enable_i,
+
+    input logic                 update_i,        // of the leg carriers
+    input logic    [Phases-1:0] req_h_i,         // requests for the upper switches
+    input logic                 sample_valid_i,
+    input sample_t [Phases-1:0] sample_i,        // every sample of the phase currents
+
+    input logic                 start_i,    // a step begins
+    input sample_t [Phases-1:0] current_i,  // of the step
+    input logic    [      11:0] phase_i,    // of its voltage in the wave
+
+    output logic                      valid_o,
+    output sample_t [1:0][Phases-1:0] ahead_o   // [edge][leg]
+);
+
+  if (Phases < 2 || Phases > 8) begin : gen_illegal
+    $fatal(1, "fl_edge_current: Phases must be 2..8 (%m)");
+  end
+
+  localparam int unsigned PhaseBits = 6;
+  localparam int unsigned LegBits = idx_width(Phases);
+  localparam int unsigned AddressBits = PhaseBits + 1 + LegBits;
+  localparam logic [LegBits-1:0] LastLeg = LegBits'(Phases - 1);
+
+  // An edge of a leg; counts through the legs of one edge, then of the other.
+  typedef struct packed {
+    logic edge_kind;
+    logic [LegBits-1:0] leg;
+  } place_t;
+
+  function automatic place_t following(place_t place);
+    return (place.leg == LastLeg) ? {!place.edge_kind, LegBits'(0)} : {place.edge_kind, place.leg + LegBits'(1)};
+  endfunction
+
+  function automatic logic is_last(place_t place);
+    return place.edge_kind && place.leg == LastLeg;
+  endfunction
+
+  // The step since the latest update, and the one whose voltage acts.
+  sample_t [Phases-1:0] step_q, acting_q;
+  logic [11:0] step_phase_q, acting_phase_q;
+  logic step_known_q, acting_known_q;
+  logic start, reading_q, found_valid_q;
+
+  assign start = start_i && !reading_q && !found_valid_q;
+
+  always_ff @(posedge clk_i) begin
+    if (update_i) begin
+      acting_q       <= step_q;
+      acting_phase_q <= step_phase_q;
+      acting_known_q <= step_known_q;
+      step_known_q   <= 1'b0;
+    end
+    if (start) begin
+      step_q       <= current_i;
+      step_phase_q <= phase_i;
+      step_known_q <= 1'b1;
+    end
+    if (rst_i || !enable_i) begin
+      step_known_q   <= 1'b0;
+      acting_known_q <= 1'b0;
+    end
+    if (rst_i) begin
+      step_q         <= '0;
+      step_phase_q   <= '0;
+      acting_q       <= '0;
+      acting_phase_q <= '0;
+    end
+  end
+
+  // Edges that wait for a sample, and those whose sample is being written.
+  logic [Phases-1:0] req_h_q;
+  logic [1:0][Phases-1:0] fresh, pending_q, todo_q;
+  sample_t [Phases-1:0] sample_q;
+  place_t write_q;
+  logic writing_q, store;
+
+  assign fresh = {req_h_q & ~req_h_i, req_h_i & ~req_h_q};
+  assign store = writing_q && todo_q[write_q.edge_kind][write_q.leg] && acting_phase_q[11:PhaseBits] == '0;
+
+  always_ff @(posedge clk_i) begin
+    req_h_q   <= req_h_i;
+    pending_q <= pending_q | fresh;
+    if (writing_q) begin
+      write_q   <= following(write_q);
+      writing_q <= !is_last(write_q);
+    end else if (sample_valid_i && pending_q != '0) begin
+      sample_q  <= sample_i;
+      todo_q    <= pending_q;
+      pending_q <= fresh;
+      write_q   <= '0;
+      writing_q <= acting_known_q;
+    end
+    if (rst_i || update_i || !enable_i) begin
+      pending_q <= '0;
+      writing_q <= 1'b0;
+    end
+    if (rst_i) begin
+      req_h_q  <= '0;
+      todo_q   <= '0;
+      sample_q <= '0;
+      write_q  <= '0;
+    end
+  end
+
+  // Memory: one port writes, one reads.
+  (* no_rw_check *) sample_t mem[1 << AddressBits];
+  logic [AddressBits-1:0] clear_q;
+  sample_t found_q;
+  place_t read_q, found_place_q;
+  logic in_range;
+
+  assign in_range = step_phase_q[11:PhaseBits] == '0;
+
+  always_ff @(posedge clk_i) begin
+    if (!enable_i) mem[clear_q] <= '0;
+    else if (store) begin
+      mem[{acting_phase_q[PhaseBits-1:0], write_q}] <=
+          sat_sample(32'(sample_q[write_q.leg]) - 32'(acting_q[write_q.leg]));
+    end
+    found_q <= mem[{step_phase_q[PhaseBits-1:0], read_q}];
+  end
+
+  // Reading: address, excursion, sum.
+  sample_t [1:0][Phases-1:0] ahead_q;
+  logic valid_q;
+
+  always_ff @(posedge clk_i) begin
+    clear_q       <= clear_q + AddressBits'(1);
+    found_valid_q <= reading_q;
+    found_place_q <= read_q;
+    if (start) begin
+      reading_q <= 1'b1;
+      read_q    <= '0;
+    end else if (reading_q) begin
+      read_q    <= following(read_q);
+      reading_q <= !is_last(read_q);
+    end
+    if (found_valid_q) begin
+      ahead_q[found_place_q.edge_kind][found_place_q.leg] <=
+          sat_sample(32'(step_q[found_place_q.leg]) + ((enable_i && in_range) ? 32'(found_q) : 32'sd0));
+    end
+    valid_q <= found_valid_q && is_last(found_place_q);
+    if (rst_i) begin
+      clear_q       <= '0;
+      reading_q     <= 1'b0;
+      read_q        <= '0;
+      found_valid_q <= 1'b0;
+      found_place_q <= '0;
+      ahead_q       <= '0;
+      valid_q       <= 1'b0;
+    end
+  end
+
+  assign valid_o = valid_q;
+  assign ahead_o = ahead_q;
+
+  always_ff @(posedge clk_i) begin
+    if (!rst_i) begin
+      assert (!start_i || start)
+      else $error("fl_edge_current: steps closer than %0d clocks", Latency);
+    end
+  end
+
+endmodule
+`default_nettype wire
