@@ -14,6 +14,8 @@ module fl_board
     parameter  int unsigned Phases      = 3,
     parameter  bit          Vector      = 1'b1,
     parameter  string       Init        = "firmware.hex",
+    parameter  bit          Boot        = 0,               // start from the SPI flash
+    parameter  string       BootInit    = "boot.hex",
     parameter  int unsigned ResetCycles = 65536,           // 2..2^20
     localparam int unsigned Channels    = 2 * Phases + 3
 ) (
@@ -33,6 +35,11 @@ module fl_board
 
     input  logic uart_rx_i,
     output logic uart_tx_o,
+
+    output logic spi_cs_no,
+    output logic spi_sck_o,
+    output logic spi_mosi_o,
+    input  logic spi_miso_i,
 
     output logic [3:0] led_o
 );
@@ -109,9 +116,11 @@ module fl_board
   );
 
   fl_soc #(
-      .Phases(Phases),
-      .Vector(Vector),
-      .Init  (Init)
+      .Phases  (Phases),
+      .Vector  (Vector),
+      .Init    (Init),
+      .Boot    (Boot),
+      .BootInit(BootInit)
   ) u_soc (
       .clk_i,
       .rst_i            (rst_q),
@@ -128,6 +137,10 @@ module fl_board
       .uart_tx_o,
       .can_rx_i         (1'b1),
       .can_tx_o         (),
+      .spi_cs_no,
+      .spi_sck_o,
+      .spi_mosi_o,
+      .spi_miso_i,
       .trc_valid_o      (),
       .trc_now_o        (),
       .trc_zc_valid_o   (),

@@ -62,6 +62,10 @@ module fl_board_arty #(
       .encoder_i,
       .uart_rx_i,
       .uart_tx_o,
+      .spi_cs_no   (),
+      .spi_sck_o   (),
+      .spi_mosi_o  (),
+      .spi_miso_i  (1'b1),
       .led_o
   );
 
