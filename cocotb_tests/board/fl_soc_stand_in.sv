@@ -10,6 +10,8 @@ module fl_soc
     parameter  bit          Injection = 1'b0,
     parameter  bit          Can       = 1'b0,
     parameter  string       Init      = "",
+    parameter  bit          Boot      = 0,
+    parameter  string       BootInit  = "",
     localparam int unsigned Channels  = 2 * Phases + 3
 ) (
     input  logic                     clk_i,
@@ -27,6 +29,10 @@ module fl_soc
     output logic                     uart_tx_o,
     input  logic                     can_rx_i,
     output logic                     can_tx_o,
+    output logic                     spi_cs_no,
+    output logic                     spi_sck_o,
+    output logic                     spi_mosi_o,
+    input  logic                     spi_miso_i,
     output logic                     trc_valid_o,
     output stamp_t                   trc_now_o,
     output logic                     trc_zc_valid_o,
@@ -108,6 +114,9 @@ module fl_soc
 
   assign uart_tx_o         = uart_rx_i;
   assign can_tx_o          = can_rx_i;
+  assign spi_cs_no         = 1'b1;
+  assign spi_sck_o         = 1'b0;
+  assign spi_mosi_o        = spi_miso_i;
   assign trc_trip_cause_o  = event_cause;
   assign trc_comm_valid_o  = rst_i;
   assign trc_valid_o       = 1'b0;

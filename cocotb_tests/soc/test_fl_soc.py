@@ -73,7 +73,7 @@ class Chip:
         for index in range(MAILBOX_WORDS):
             self.dut.u_cpu.u_ram.mem[MAILBOX + index].value = 0
         await self.bench.start(
-            adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1, can_rx_i=1
+            adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1, can_rx_i=1, spi_miso_i=1
         )
         cocotb.start_soon(self._convert())
         cocotb.start_soon(self._listen())
@@ -122,7 +122,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     six_step = [0, 0, 0] if five else [4096, 0xFFFFFF, 1250]
     assert found[3:12] == [3, 0, 50, 50, *six_step, 50, 0x06020100], [hex(x) for x in found[3:12]]
     assert chip.mailbox(29) == (1250 if vector else 0)
-    windows = [*(SIX_STEP_WINDOWS if five else []), *([] if vector else VECTOR_WINDOWS)]
+    windows = [REGISTER_BLOCKS.index("spi"), *(SIX_STEP_WINDOWS if five else []), *([] if vector else VECTOR_WINDOWS)]
     absent = sum(1 << window for window in windows)
     assert chip.mailbox(32) == (1 << len(REGISTER_BLOCKS)) - 1 - absent, f"blocks {chip.mailbox(32):#x}"
     assert found[12] == 0x12AB5678, f"byte write: {found[12]:#x}"

@@ -39,6 +39,7 @@ SOURCES = {
     "pwm": PWM_SOURCES[:3],
     "safety": ["safety/fl_sync.sv", "safety/fl_trip.sv", "safety/fl_gate_guard.sv"],
     "sense": ["sense/fl_sample_scheduler.sv", "sense/fl_auto_zero.sv", "sense/fl_sense.sv"],
+    "spi": ["soc/fl_spi.sv"],
     "sys": [],
     "timer": ["soc/fl_interval.sv", "soc/fl_timer.sv"],
     "uart": [

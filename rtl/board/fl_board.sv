@@ -16,6 +16,8 @@ module fl_board
     parameter  bit          Injection   = 1'b0,
     parameter  bit          Can         = 1'b0,
     parameter  string       Init        = "firmware.hex",
+    parameter  bit          Boot        = 0,               // start from the SPI flash
+    parameter  string       BootInit    = "boot.hex",
     parameter  int unsigned ResetCycles = 65536,           // 2..2^20
     localparam int unsigned Channels    = 2 * Phases + 3
 ) (
@@ -38,6 +40,11 @@ module fl_board
 
     input  logic can_rx_i,
     output logic can_tx_o,  // 0 is dominant
+
+    output logic spi_cs_no,
+    output logic spi_sck_o,
+    output logic spi_mosi_o,
+    input  logic spi_miso_i,
 
     output logic [3:0] led_o
 );
@@ -118,7 +125,9 @@ module fl_board
       .Vector   (Vector),
       .Injection(Injection),
       .Can      (Can),
-      .Init     (Init)
+      .Init     (Init),
+      .Boot     (Boot),
+      .BootInit (BootInit)
   ) u_soc (
       .clk_i,
       .rst_i            (rst_q),
@@ -135,6 +144,10 @@ module fl_board
       .uart_tx_o,
       .can_rx_i,
       .can_tx_o,
+      .spi_cs_no,
+      .spi_sck_o,
+      .spi_mosi_o,
+      .spi_miso_i,
       .trc_valid_o      (),
       .trc_now_o        (),
       .trc_zc_valid_o   (),

@@ -69,6 +69,10 @@ module fl_board_arty #(
       .uart_tx_o,
       .can_rx_i,
       .can_tx_o,
+      .spi_cs_no   (),
+      .spi_sck_o   (),
+      .spi_mosi_o  (),
+      .spi_miso_i  (1'b1),
       .led_o
   );
 

@@ -1,6 +1,7 @@
 // Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C.
 //
 // The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets.
+// Boot = 1: firmware and parameter block come from the configuration flash, whose clock pin is reached through USRMCLK.
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_ulx3s #(
@@ -9,6 +10,8 @@ module fl_board_ulx3s #(
     parameter  bit          Injection = 1'b0,
     parameter  bit          Can       = 1'b0,
     parameter  string       Init      = "firmware.hex",
+    parameter  bit          Boot      = 0,
+    parameter  string       BootInit  = "boot.hex",
     localparam int unsigned Channels  = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_25mhz_i,
@@ -29,6 +32,12 @@ module fl_board_ulx3s #(
 
     input  logic can_rx_i,
     output logic can_tx_o,
+
+    output logic flash_cs_no,
+    output logic flash_mosi_o,
+    input  logic flash_miso_i,
+    output logic flash_wp_no,
+    output logic flash_hold_no,
 
     output logic [3:0] led_o
 );
@@ -51,12 +60,22 @@ module fl_board_ulx3s #(
       .LOCK   (locked)
   );
 
+  logic flash_sck;
+  assign flash_wp_no   = 1'b1;
+  assign flash_hold_no = 1'b1;
+  USRMCLK u_flash_clock (
+      .USRMCLKI (flash_sck),
+      .USRMCLKTS(!Boot)
+  );
+
   fl_board #(
       .Phases   (Phases),
       .Vector   (Vector),
       .Injection(Injection),
       .Can      (Can),
-      .Init     (Init)
+      .Init     (Init),
+      .Boot     (Boot),
+      .BootInit (BootInit)
   ) u_board (
       .clk_i   (clk),
       .locked_i(locked),
@@ -73,6 +92,10 @@ module fl_board_ulx3s #(
       .uart_tx_o,
       .can_rx_i,
       .can_tx_o,
+      .spi_cs_no (flash_cs_no),
+      .spi_sck_o (flash_sck),
+      .spi_mosi_o(flash_mosi_o),
+      .spi_miso_i(flash_miso_i),
       .led_o
   );
 

@@ -1,14 +1,17 @@
 // VexRiscv with its RAM, and the bus to the registers.
 //
-// Memory map (byte addresses): 0 .. 4*Words-1 RAM, 0x8000_0000 and above registers (uncached in the core), anything
-// else reads as zero and takes writes without effect. Instructions come straight from the RAM, one a clock; a fetch
+// Memory map (byte addresses): 0 .. 4*Words-1 RAM, 4 KiB of ROM behind it with Boot = 1, 0x8000_0000 and above registers (uncached in the core), anything
+// else reads as zero and takes writes without effect. Instructions come straight from RAM or ROM, one a clock; a fetch
 // from anywhere else is an access fault. Data pass a cache of 4 KiB, whose bursts are served at one beat a clock.
 // irq_current_i is the software interrupt (cause 3), irq_control_i the machine timer interrupt (cause 7), irq_deferred_i
-// the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80.
+// the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80, with Boot = 1 the first word of the ROM, whose
+// contents BootInit holds: the loader is there after every reset, whatever the firmware did.
 `default_nettype none
 module fl_cpu #(
     parameter int unsigned Words = 32768,
-    parameter string Init = "firmware.hex"
+    parameter string Init = "firmware.hex",
+    parameter bit Boot = 0,
+    parameter string BootInit = "boot.hex"
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -27,17 +30,20 @@ module fl_cpu #(
 );
 
   localparam int unsigned AddressWidth = $clog2(Words);
-  localparam logic [31:0] ResetVector = 32'h0000_0080;
+  localparam int unsigned BootWords = 1024;
+  localparam int unsigned BootWidth = $clog2(BootWords);
+  localparam logic [29:0] BootPage = 30'(Words / BootWords);
+  localparam logic [31:0] ResetVector = Boot ? 4 * Words : 32'h0000_0080;
   localparam logic [2:0] CtiIncrementing = 3'd2;
 
-  logic i_en, i_outside_q;
+  logic i_en, i_outside_q, i_boot_q;
   logic [29:0] i_adr;
-  logic [31:0] i_rdat;
+  logic [31:0] i_rdat, i_ram_rdat, i_boot_rdat;
 
-  logic d_cyc, d_stb, d_we, d_ack, d_read_ack_q, d_io, d_memory, d_ram, d_ram_q;
+  logic d_cyc, d_stb, d_we, d_ack, d_read_ack_q, d_io, d_memory, d_ram, d_ram_q, d_boot_q;
   logic [29:0] d_adr, d_word;  // of this beat; of the command, the same unless it is a burst
   logic [ 2:0] d_cti;
-  logic [31:0] d_wdat, d_rdat, d_ram_rdat;
+  logic [31:0] d_wdat, d_rdat, d_ram_rdat, d_boot_rdat;
   logic [3:0] d_sel;
   logic [AddressWidth-1:0] d_ram_adr;
 
@@ -78,8 +84,13 @@ module fl_cpu #(
   );
 
   always_ff @(posedge clk_i) begin
-    if (i_en) i_outside_q <= i_adr[29:AddressWidth] != '0;
+    if (i_en) begin
+      i_boot_q    <= Boot && i_adr >> BootWidth == BootPage;
+      i_outside_q <= i_adr[29:AddressWidth] != '0 && !(Boot && i_adr >> BootWidth == BootPage);
+    end
   end
+
+  assign i_rdat    = i_boot_q ? i_boot_rdat : i_ram_rdat;
 
   assign d_word[29:3] = d_adr[29:3];
 
@@ -93,12 +104,14 @@ module fl_cpu #(
   always_ff @(posedge clk_i) begin
     d_read_ack_q <= d_memory && !d_we && (!d_read_ack_q || d_cti == CtiIncrementing);
     d_ram_q      <= d_ram;
+    d_boot_q     <= Boot && d_adr[28:0] >> BootWidth == BootPage[28:0];
     if (rst_i) d_read_ack_q <= 1'b0;
   end
 
   always_comb begin
     if (d_io) d_rdat = io_rdat_i;
     else if (d_ram_q) d_rdat = d_ram_rdat;
+    else if (d_boot_q) d_rdat = d_boot_rdat;
     else d_rdat = '0;
   end
 
@@ -115,12 +128,31 @@ module fl_cpu #(
       .clk_i,
       .a_en_i  (i_en),
       .a_adr_i (i_adr[AddressWidth-1:0]),
-      .a_rdat_o(i_rdat),
+      .a_rdat_o(i_ram_rdat),
       .b_we_i  ({4{d_memory && d_ram && d_we}} & d_sel),
       .b_adr_i (d_we ? d_word[AddressWidth-1:0] : d_ram_adr),
       .b_wdat_i(d_wdat),
       .b_rdat_o(d_ram_rdat)
   );
+
+  if (Boot) begin : g_boot
+    fl_ram #(
+        .Words(BootWords),
+        .Init (BootInit)
+    ) u_rom (
+        .clk_i,
+        .a_en_i  (i_en),
+        .a_adr_i (i_adr[BootWidth-1:0]),
+        .a_rdat_o(i_boot_rdat),
+        .b_we_i  ('0),
+        .b_adr_i (d_ram_adr[BootWidth-1:0]),
+        .b_wdat_i('0),
+        .b_rdat_o(d_boot_rdat)
+    );
+  end else begin : g_no_boot
+    assign i_boot_rdat = '0;
+    assign d_boot_rdat = '0;
+  end
 
 endmodule
 `default_nettype wire

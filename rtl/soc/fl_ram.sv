@@ -2,8 +2,9 @@
 //
 // Latency: 1 clock to rdat. Port a keeps its output while it is not enabled: by a register behind the RAM, which reads in
 // every clock, since an enable that the core decides late would have to reach every block RAM on the die in the same clock
-// (measured: 5 ns of 20). Port b reads in every clock; while it writes, its output is undefined for that access. The contents come from the hexadecimal file Init (one word a line), read at the start of a simulation from
-// its working directory and by synthesis from where it runs.
+// (measured: 5 ns of 20). Port b reads in every clock; while it writes, its output is undefined for that access. The contents come from the
+// hexadecimal file Init (one word a line), read at the start of a simulation from its working directory and by synthesis
+// from where it runs; without a name nothing is known of them.
 `default_nettype none
 module fl_ram #(
     parameter int unsigned Words = 32768,
@@ -24,7 +25,9 @@ module fl_ram #(
   // Nobody uses a word read in the clock in which it is written, so no bypass is needed.
   (* no_rw_check *) logic [31:0] mem[Words];
 
-  initial $readmemh(Init, mem);
+  if (Init != "") begin : g_init
+    initial $readmemh(Init, mem);
+  end
 
   logic a_en_q;
   logic [31:0] a_read_q, a_kept_q;

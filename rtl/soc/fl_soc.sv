@@ -4,10 +4,12 @@
 //                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
-// order below (docs: register reference). With five phases there is no six-step path, and without Vector neither vector
-// path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection path,
-// which needs Vector. Can = 1: with the CAN controller. The trace port shows what happens inside to a test bench or a
-// logic analyser; nothing in the chip depends on it. Its signals are valid in the clock of their pulse:
+// order of fl_map_pkg (docs: register reference). With five phases there is no six-step path, and without Vector neither
+// vector path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection
+// path, which needs Vector. Can = 1: with the CAN controller. Boot = 1: with the port of the SPI flash, and the core starts
+// in the loader, which BootInit holds (fl_cpu).
+// The trace port shows what happens inside to a test bench or a logic analyser; nothing in the chip depends on it. Its
+// signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
 //   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
 //   trc_update_o      the update event: new settings act from the next clock
@@ -17,6 +19,7 @@
 `default_nettype none
 module fl_soc
   import fl_pkg::*;
+  import fl_map_pkg::*;
 #(
     parameter  int unsigned Phases       = 3,
     parameter  bit          Vector       = 1'b1,            // 0: six-step only, three phases
@@ -26,6 +29,8 @@ module fl_soc
     parameter  int unsigned CaptureDepth = 1024,
     parameter  bit          Injection    = 0,
     parameter  bit          Can          = 0,
+    parameter  bit          Boot         = 0,
+    parameter  string       BootInit     = "boot.hex",
     localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_i,
@@ -47,6 +52,11 @@ module fl_soc
 
     input  logic can_rx_i,  // asynchronous
     output logic can_tx_o,  // 0 is dominant
+
+    output logic spi_cs_no,  // SPI flash
+    output logic spi_sck_o,
+    output logic spi_mosi_o,
+    input  logic spi_miso_i,
 
     output logic    trc_valid_o,       // any pulse of the trace port
     output stamp_t  trc_now_o,
@@ -73,51 +83,14 @@ module fl_soc
 
   localparam bit SixStep = Phases == 3;
 
-  // Windows of the register bus, in the order of the address map.
-  localparam int unsigned Blocks = 16;
-  typedef enum logic [3:0] {
-    Sys       = 4'd0,
-    Irq       = 4'd1,
-    Timer     = 4'd2,
-    Uart      = 4'd3,
-    Sense     = 4'd4,
-    Zcd       = 4'd5,
-    Comm      = 4'd6,
-    Pwm       = 4'd7,
-    Safety    = 4'd8,
-    Capture   = 4'd9,
-    Freewheel = 4'd10,
-    Hall      = 4'd11,
-    Foc       = 4'd12,
-    Encoder   = 4'd13,
-    Inject    = 4'd14,
-    CanBus    = 4'd15
-  } block_e;
-  localparam logic [Blocks-1:0][3:0] AddressWidth = {
-    4'(fl_can_regs_pkg::FL_CAN_REGS_MIN_ADDR_WIDTH),
-    4'(fl_injection_regs_pkg::FL_INJECTION_REGS_MIN_ADDR_WIDTH),
-    4'(fl_encoder_regs_pkg::FL_ENCODER_REGS_MIN_ADDR_WIDTH),
-    4'(fl_foc_regs_pkg::FL_FOC_REGS_MIN_ADDR_WIDTH),
-    4'(fl_hall_regs_pkg::FL_HALL_REGS_MIN_ADDR_WIDTH),
-    4'(fl_freewheel_regs_pkg::FL_FREEWHEEL_REGS_MIN_ADDR_WIDTH),
-    4'(fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH),
-    4'(fl_safety_regs_pkg::FL_SAFETY_REGS_MIN_ADDR_WIDTH),
-    4'(fl_pwm_regs_pkg::FL_PWM_REGS_MIN_ADDR_WIDTH),
-    4'(fl_comm_regs_pkg::FL_COMM_REGS_MIN_ADDR_WIDTH),
-    4'(fl_zcd_regs_pkg::FL_ZCD_REGS_MIN_ADDR_WIDTH),
-    4'(fl_sense_regs_pkg::FL_SENSE_REGS_MIN_ADDR_WIDTH),
-    4'(fl_uart_regs_pkg::FL_UART_REGS_MIN_ADDR_WIDTH),
-    4'(fl_timer_regs_pkg::FL_TIMER_REGS_MIN_ADDR_WIDTH),
-    4'(fl_irq_regs_pkg::FL_IRQ_REGS_MIN_ADDR_WIDTH),
-    4'(fl_sys_regs_pkg::FL_SYS_REGS_MIN_ADDR_WIDTH)
-  };
-
-  localparam logic [15:0] SixStepBlocks =
-      16'(1) << Zcd | 16'(1) << Comm | 16'(1) << Pwm | 16'(1) << Freewheel | 16'(1) << Hall;
-  localparam logic [15:0] VectorBlocks = 16'(1) << Foc | 16'(1) << Encoder;
-  localparam logic [15:0] Fitted = ((16'(1) << Blocks) - 16'd1) & ~(SixStep ? 16'd0 : SixStepBlocks) &
-      ~(Vector ? 16'd0 : VectorBlocks) & ~(Vector && Injection ? 16'd0 : 16'(1) << Inject) &
-      ~(Can ? 16'd0 : 16'(1) << CanBus);
+  // Windows that are there.
+  typedef logic [Blocks-1:0] fitted_t;
+  localparam fitted_t SixStepBlocks =
+      fitted_t'(1) << Zcd | fitted_t'(1) << Comm | fitted_t'(1) << Pwm | fitted_t'(1) << Freewheel | fitted_t'(1) << Hall;
+  localparam fitted_t VectorBlocks = fitted_t'(1) << Foc | fitted_t'(1) << Encoder;
+  localparam fitted_t Fitted = '1 & ~(SixStep ? fitted_t'(0) : SixStepBlocks) &
+      ~(Vector ? fitted_t'(0) : VectorBlocks) & ~(Vector && Injection ? fitted_t'(0) : fitted_t'(1) << Inject) &
+      ~(Can ? fitted_t'(0) : fitted_t'(1) << CanBus) & ~(Boot ? fitted_t'(0) : fitted_t'(1) << Spi);
 
   // Core and register bus.
   logic io_stb, io_we, io_ack;
@@ -161,8 +134,10 @@ module fl_soc
   trip_t trip_cause;
 
   fl_cpu #(
-      .Words(RamWords),
-      .Init (Init)
+      .Words   (RamWords),
+      .Init    (Init),
+      .Boot    (Boot),
+      .BootInit(BootInit)
   ) u_cpu (
       .clk_i,
       .rst_i,
@@ -410,6 +385,25 @@ module fl_soc
     assign rdat[CanBus] = '0;
     assign can_tx_o     = 1'b1;
     assign can_event    = 1'b0;
+  end
+
+  if (Boot) begin : g_boot
+    fl_spi_wb u_spi (
+        .clk_i,
+        .rst_i,
+        .req_i (req),
+        .stb_i (stb[Spi]),
+        .rdat_o(rdat[Spi]),
+        .cs_no (spi_cs_no),
+        .sck_o (spi_sck_o),
+        .mosi_o(spi_mosi_o),
+        .miso_i(spi_miso_i)
+    );
+  end else begin : g_no_boot
+    logic unused;
+    assign unused                             = stb[Spi] || spi_miso_i;
+    assign rdat[Spi]                          = '0;
+    assign {spi_cs_no, spi_sck_o, spi_mosi_o} = 3'b100;
   end
 
   assign req_h = vector_source ? vector_req_h : seq_req_h;

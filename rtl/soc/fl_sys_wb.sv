@@ -7,7 +7,7 @@ module fl_sys_wb
     parameter int unsigned Phases   = 3,
     parameter int unsigned Channels = 9,
     parameter int unsigned ClockHz  = 50_000_000,
-    parameter logic [15:0] Fitted   = '0  // bit n: the block of window n is there
+    parameter logic [16:0] Fitted   = '0  // bit n: the block of window n is there
 ) (
     input logic clk_i,
     input logic rst_i,

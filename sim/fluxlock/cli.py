@@ -29,6 +29,7 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
+from fluxlock.flash.command import flash
 from fluxlock.writable import refusal
 
 EXIT_FAILED = 1
@@ -51,6 +52,7 @@ app.add_typer(motor_app, name="motor")
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector")
 app.add_typer(injection_app)
+app.command()(flash)
 
 
 class _ProgressBar:

@@ -39,7 +39,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
-    "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0}],
+    "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0, "Boot": 1}],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
 }
 
@@ -104,7 +104,7 @@ def yosys() -> str:
     built = {top for _, top, _ in builds}
     builds += [(top, top, {"Init": image}) for top in TOPS if top not in built]
     for block, all_ in BLOCKS.items():
-        memory: dict[str, int | str] = {"Init": image} if block == "fl_soc" else {}
+        memory: dict[str, int | str] = {"Init": image, "BootInit": image} if block == "fl_soc" else {}
         builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
     found = []
     for name, top, parameters in builds:
@@ -125,6 +125,7 @@ def c_code() -> str:
         build_commission,
         build_firmware,
         build_host_library,
+        build_loader,
         build_program,
     )
 
@@ -135,6 +136,7 @@ def c_code() -> str:
         build_commission()
         for method in ("six-step", "vector"):
             build_firmware(folder, can_method=method)
+        build_loader()
         build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)

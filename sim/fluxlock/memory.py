@@ -20,6 +20,15 @@ STACK_BYTES = 4096
 # What a program of sw/bench reads.
 TABLE_ADDRESS = 0x18000
 TABLE_END = BLOCK_ADDRESS - STACK_BYTES
+# The loader's ROM behind the RAM, in a chip with Boot (rtl/soc/fl_cpu.sv). Its stack is the firmware's.
+BOOT_ADDRESS = RAM_BYTES
+BOOT_BYTES = 4096
+# In the SPI flash, above the bitstream. Image: its header in a page of its own, then the bytes for address 0 on.
+FLASH_IMAGE = 0x380000
+FLASH_PAGE_BYTES = 256
+FLASH_SECTOR_BYTES = 4096
+FLASH_BLOCK = FLASH_IMAGE + RAM_BYTES  # parameter block
+FLASH_END = FLASH_BLOCK + FLASH_SECTOR_BYTES
 
 
 def c_header() -> str:
@@ -36,6 +45,16 @@ def c_header() -> str:
 #define STACK_BYTES {STACK_BYTES}
 #define STATE_OFFSET 0x{STATE_OFFSET:X}
 #define TELEMETRY_OFFSET 0x{TELEMETRY_OFFSET:X}
+#define RAM_BYTES 0x{RAM_BYTES:X}
+#define RAM_IMAGE_END 0x{BLOCK_ADDRESS - STACK_BYTES:X}
+#define BOOT_ROM 0x{BOOT_ADDRESS:X}
+#define BOOT_BYTES {BOOT_BYTES}
+#define FLASH_IMAGE 0x{FLASH_IMAGE:X}
+#define FLASH_BLOCK 0x{FLASH_BLOCK:X}
+#define FLASH_END 0x{FLASH_END:X}
+#define FLASH_PAGE_BYTES {FLASH_PAGE_BYTES}
+#define FLASH_SECTOR_BYTES {FLASH_SECTOR_BYTES}
+#define PARAMETER_BLOCK_MAX_BYTES {BLOCK_MAX_BYTES}
 
 #endif
 """

@@ -32,6 +32,7 @@ REGISTER_BLOCKS = (
     "encoder",
     "injection",
     "can",
+    "spi",
 )
 
 

@@ -14,12 +14,13 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
-from fluxlock.memory import BLOCK_ADDRESS, CACHE_BYTES, STACK_BYTES, STATE_OFFSET
+from fluxlock.memory import BLOCK_ADDRESS, BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, STACK_BYTES, STATE_OFFSET
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
 # link.ld puts the state into the lines of the cache behind it and asserts the stack above.
 IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - (CACHE_BYTES - STATE_OFFSET)
+RESET_VECTOR = 0x80
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 TARGET_FLAGS = (
@@ -43,7 +44,8 @@ TARGET_ONLY = ("app/main.c", "hal/soc/")
 HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
-PROGRAMS = (BENCH, COMMISSION)
+BOOT = "boot/"  # the loader
+PROGRAMS = (BENCH, COMMISSION, BOOT)
 HELD = {"six-step": "-DHELD=1", "vector": "-DHELD=2"}  # what the images with the node drive: chip_io.h
 CANOPEN = "canopen/"  # the node: in a host library and an image of its own
 CANOPEN_HOST = "host_node.c"
@@ -123,8 +125,22 @@ def build_program_library(name: str) -> Path:
 
 def build_commission() -> Path:
     """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
-    sources = _selected((*HOST_ONLY, BENCH, "app/"), (".c", ".S"))
+    sources = _selected((*HOST_ONLY, BENCH, BOOT, "app/"), (".c", ".S"))
     return _build_image("commission", ["app/format.c", *sources], BUILD / "firmware")
+
+
+def build_loader(listen_ms: int | None = None) -> Path:
+    """Contents of the ROM of a chip with Boot for `$readmemh`: the loader.
+
+    listen_ms: how long it listens for a host before it starts what the flash holds, default the loader's own.
+    """
+    name, defined = ("boot", ()) if listen_ms is None else (f"boot-{listen_ms}", (f"-DLISTEN_MS={listen_ms}u",))
+    sources = [*(f"{BOOT}{p.name}" for p in sorted((SW / BOOT).glob("*.[cS]"))), "control/crc32.c", "hal/uart.c"]
+    binary = _build_image(name, sources, BUILD / "firmware", ("-Os", *defined), "", f"{BOOT}link.ld", BOOT_ADDRESS)
+    image = binary.with_suffix(".hex")
+    data = binary.read_bytes()[BOOT_ADDRESS:].ljust(BOOT_BYTES, b"\0")
+    image.write_text("".join(f"{int.from_bytes(data[i : i + 4], 'little'):08x}\n" for i in range(0, len(data), 4)))
+    return image
 
 
 def _canopen(without: str) -> tuple[list[str], str]:
@@ -135,8 +151,19 @@ def _canopen(without: str) -> tuple[list[str], str]:
     return names, content_hash([*files, table])
 
 
-def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str, ...] = (), key: str = "") -> Path:
-    """key: hash of the sources that _key does not know."""
+def _build_image(
+    name: str,
+    sources: list[str],
+    folder: Path,
+    defined: tuple[str, ...] = (),
+    key: str = "",
+    script: str = "hal/soc/link.ld",
+    origin: int = RESET_VECTOR,
+) -> Path:
+    """key: hash of the sources that _key does not know; origin: where the script puts the first byte.
+
+    The file starts at address 0.
+    """
     with file_lock(BUILD / ".firmware.lock"):
         image = folder / f"{name}-{_key('target', WARNINGS, TARGET_FLAGS, *filter(None, [key]))}.bin"
         if image.exists():
@@ -145,12 +172,11 @@ def _build_image(name: str, sources: list[str], folder: Path, defined: tuple[str
         elf = image.with_suffix(".elf")
         partial = image.with_suffix(".part")
         includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
-        link = ["-T", "hal/soc/link.ld", "-Wl,--gc-sections", "-o", str(elf)]
+        link = ["-T", script, "-Wl,--gc-sections", "-o", str(elf)]
         _zig(["cc", *TARGET_FLAGS, *WARNINGS, *defined, *includes, *sources, *link])
         _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
-        # The image starts at the reset vector; the file is to start at address 0.
-        data = bytes(0x80) + partial.read_bytes()
-        if len(data) > IMAGE_LIMIT_BYTES:
+        data = bytes(origin) + partial.read_bytes()
+        if origin == RESET_VECTOR and len(data) > IMAGE_LIMIT_BYTES:
             raise FirmwareError(f"the image of {len(data)} bytes exceeds {IMAGE_LIMIT_BYTES}")
         partial.write_bytes(data)
         partial.replace(image)

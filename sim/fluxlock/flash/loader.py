@@ -1,0 +1,129 @@
+"""The loader's protocol on a serial line (docs/reference/boot.md), and the upload of image and parameter block."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from typing import Protocol
+
+from fluxlock.flash.image import Plan
+
+SYNC = 0xA5
+HELLO, ERASE, WRITE, CHECK, START = range(1, 6)
+RESULTS = ("done", "unknown command", "wrong address or length", "the flash does not do it", "refused")
+# Of sw/boot/main.c.
+REASONS = (
+    "good",
+    "no flash",
+    "no image",
+    "image header CRC",
+    "image format",
+    "image is for another chip",
+    "image length",
+    "image CRC",
+    "no parameter block",
+    "parameter block version",
+    "parameter block length",
+    "parameter block CRC",
+)
+HELLO_S = 0.05
+TRIES = 3
+# Longest time of an answer, beyond the bytes on the line: the loader waits 2 s for an erase.
+ANSWER_S = 3.0
+
+
+class LoaderError(RuntimeError):
+    """No loader answers, or it refuses."""
+
+
+class Port(Protocol):
+    """A serial line."""
+
+    def write(self, data: bytes) -> None:
+        """Send all of it."""
+
+    def read(self, count: int, timeout_s: float) -> bytes:
+        """Bytes that came, less than `count` of them if the time is over."""
+
+
+def frame(code: int, payload: bytes = b"") -> bytes:
+    """Frame of a command or an answer."""
+    body = struct.pack("<BH", code, len(payload)) + payload
+    return bytes([SYNC]) + body + struct.pack("<I", zlib.crc32(body))
+
+
+def read_frame(port: Port, timeout_s: float) -> tuple[int, bytes] | None:
+    """Code and payload of the next whole frame; what is none, such as a line of text, is passed over."""
+    while True:
+        first = port.read(1, timeout_s)
+        if not first:
+            return None
+        if first[0] != SYNC:
+            continue
+        head = port.read(3, timeout_s)
+        if len(head) < 3:
+            return None
+        code, length = struct.unpack("<BH", head)
+        rest = port.read(length + 4, timeout_s)
+        if len(rest) < length + 4:
+            return None
+        if zlib.crc32(head + rest[:length]) == struct.unpack("<I", rest[length:])[0]:
+            return int(code), rest[:length]
+
+
+class Loader:
+    """The loader at the other end of a line."""
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+
+    def _ask(self, code: int, payload: bytes = b"") -> tuple[int, bytes]:
+        """Answer to a command, which is repeated if there is none: all commands may be done twice."""
+        for _ in range(TRIES):
+            self.port.write(frame(code, payload))
+            answer = read_frame(self.port, ANSWER_S)
+            if answer:
+                return answer
+        raise LoaderError("the loader does not answer any more")
+
+    def _do(self, what: str, code: int, payload: bytes) -> None:
+        result, _ = self._ask(code, payload)
+        if result:
+            raise LoaderError(f"{what}: {RESULTS[result] if result < len(RESULTS) else result}")
+
+    def find(self, tries: int) -> tuple[int, int]:
+        """Version of the loader and identity of the flash; asks until a chip that has been reset answers."""
+        for _ in range(tries):
+            self.port.write(frame(HELLO))
+            answer = read_frame(self.port, HELLO_S)
+            if answer and answer[0] == 0 and len(answer[1]) == 8:
+                while read_frame(self.port, HELLO_S):
+                    pass  # the loader may have heard more than one
+                version, identity = struct.unpack("<2I", answer[1])
+                return version, identity
+        raise LoaderError("no loader answers: reset the board while this waits")
+
+    def upload(self, plan: Plan, progress: Callable[[int, int], None] = lambda done, total: None) -> None:
+        """Erase and write; progress: called with steps done and their number."""
+        total = len(plan.erase) + len(plan.write)
+        for done, address in enumerate(plan.erase):
+            progress(done, total)
+            self._do(f"erase at {address:#x}", ERASE, struct.pack("<I", address))
+        for done, (address, data) in enumerate(plan.write, len(plan.erase)):
+            progress(done, total)
+            self._do(f"write at {address:#x}", WRITE, struct.pack("<I", address) + data)
+        progress(total, total)
+
+    def _judge(self, code: int) -> str:
+        _, payload = self._ask(code)
+        (reason,) = struct.unpack("<I", payload) if len(payload) == 4 else (-1,)
+        return REASONS[reason] if 0 <= reason < len(REASONS) else f"unknown answer {payload.hex()}"
+
+    def check(self) -> str:
+        """What the loader finds in the flash: "good", or what is wrong."""
+        return self._judge(CHECK)
+
+    def start(self) -> str:
+        """Start what is in the flash: "good", or why it is not started."""
+        return self._judge(START)

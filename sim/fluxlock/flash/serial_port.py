@@ -1,0 +1,48 @@
+"""A serial port of the system at 1 Mbaud, 8N1, raw, without flow control."""
+
+from __future__ import annotations
+
+import os
+import select
+import termios
+import time
+import tty
+from pathlib import Path
+from types import TracebackType
+
+
+class SerialPort:
+    """A tty, for `fluxlock.flash.loader`."""
+
+    def __init__(self, path: Path) -> None:
+        self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self._fd)
+        attributes = termios.tcgetattr(self._fd)
+        attributes[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
+        attributes[4] = attributes[5] = termios.B1000000
+        termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        termios.tcflush(self._fd, termios.TCIOFLUSH)
+
+    def __enter__(self) -> SerialPort:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._fd)
+
+    def write(self, data: bytes) -> None:
+        """Send all of it."""
+        while data:
+            data = data[os.write(self._fd, data) :]
+
+    def read(self, count: int, timeout_s: float) -> bytes:
+        """Bytes that came, less than `count` of them if the time is over."""
+        data = b""
+        end = time.monotonic() + timeout_s
+        while len(data) < count:
+            ready, _, _ = select.select([self._fd], [], [], max(0.0, end - time.monotonic()))
+            if not ready:
+                break
+            data += os.read(self._fd, count - len(data))
+        return data

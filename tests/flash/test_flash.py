@@ -1,0 +1,127 @@
+"""The host's side of the loader: what it writes in which order, and its serial port.
+
+The chip's side, with the same code on its line: cocotb_tests/soc/test_boot.py.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+
+from fluxlock.flash.image import IMAGE_MAX_BYTES, pack_image, plan
+from fluxlock.flash.loader import Loader, LoaderError, frame, read_frame
+from fluxlock.flash.serial_port import SerialPort
+from fluxlock.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES, FLASH_SECTOR_BYTES
+from fluxlock.paths import ROOT
+
+BLOCK = bytes(range(256)) * 3
+
+
+class Deaf:
+    """A port that nobody answers on; what was sent."""
+
+    def __init__(self, answers: bytes = b"") -> None:
+        self.sent, self.answers = b"", answers
+
+    def write(self, data: bytes) -> None:
+        self.sent += data
+
+    def read(self, count: int, timeout_s: float) -> bytes:
+        assert timeout_s > 0
+        data, self.answers = self.answers[:count], self.answers[count:]
+        return data
+
+
+def test_header() -> None:
+    """Words of the header by their meaning; lengths that the loader would refuse are refused here.
+
+    Verifies: BOOT-04
+    """
+    code = bytes(range(256)) + b"\x01"
+    image = pack_image(code, 3)
+    magic, form, registers, phases, _, length, crc, header_crc = struct.unpack_from("<8I", image)
+    assert (image[:4], form, registers, phases) == (b"FLXI", 1, 1, 3) and magic == 0x49584C46
+    assert length == 260 and image[FLASH_PAGE_BYTES:] == code + bytes(3)
+    assert crc == zlib.crc32(code + bytes(3)) and header_crc == zlib.crc32(image[:28])
+    for wrong in (bytes(0x80), bytes(IMAGE_MAX_BYTES + 1)):
+        with pytest.raises(ValueError, match="bytes"):
+            pack_image(wrong, 3)
+
+
+def test_plan() -> None:
+    """Every byte is written once into an erased sector; headers are erased first and written last.
+
+    Verifies: BOOT-04, BOOT-05
+    """
+    image = pack_image(bytes(range(251)) * 40, 3)
+    steps = plan(image, BLOCK)
+    assert steps.erase[:2] == [FLASH_BLOCK, FLASH_IMAGE]
+    assert [address for address, _ in steps.write[-2:]] == [FLASH_BLOCK, FLASH_IMAGE]
+    written: dict[int, int] = {}
+    for address, data in steps.write:
+        assert address % FLASH_PAGE_BYTES + len(data) <= FLASH_PAGE_BYTES
+        assert not written.keys() & range(address, address + len(data))
+        written |= dict(enumerate(data, address))
+    assert written == dict(enumerate(image, FLASH_IMAGE)) | dict(enumerate(BLOCK, FLASH_BLOCK))
+    assert {address // FLASH_SECTOR_BYTES * FLASH_SECTOR_BYTES for address in written} == set(steps.erase)
+    largest = plan(pack_image(bytes(IMAGE_MAX_BYTES), 3), BLOCK)
+    assert max(largest.erase) == FLASH_BLOCK == FLASH_END - FLASH_SECTOR_BYTES
+    for wrong in (BLOCK[:16], bytes(3073)):
+        with pytest.raises(ValueError, match="parameter block"):
+            plan(image, wrong)
+
+
+def test_frames() -> None:
+    """Text and broken frames are passed over; a loader that stays silent is an error, after three tries.
+
+    Verifies: BOOT-04
+    """
+    good, broken = frame(4, b"abc"), bytearray(frame(4, b"abd"))
+    broken[5] ^= 1
+    assert good == b"\xa5\x04\x03\x00abc" + struct.pack("<I", zlib.crc32(b"\x04\x03\x00abc"))
+    assert read_frame(Deaf(b"boot: text\r\n" + bytes(broken) + good), 1.0) == (4, b"abc")
+    assert read_frame(Deaf(good[:-1]), 1.0) is None
+    port = Deaf()
+    with pytest.raises(LoaderError, match="does not answer"):
+        Loader(port).check()
+    assert port.sent == 3 * frame(4)
+    with pytest.raises(LoaderError, match="reset the board"):
+        Loader(port).find(2)
+
+
+def test_serial_port() -> None:
+    """All byte values pass a terminal of the system unchanged, both ways; a read ends in time.
+
+    Verifies: BOOT-06
+    """
+    other, line = pty.openpty()
+    every = bytes(range(256))
+    with SerialPort(Path(os.ttyname(line))) as port:
+        port.write(every)
+        assert os.read(other, 256) == every
+        os.write(other, every)
+        assert port.read(256, 5.0) == every
+        start = time.monotonic()
+        assert port.read(1, 0.05) == b""
+        assert 0.04 < time.monotonic() - start < 5.0
+    os.close(other)
+    os.close(line)
+
+
+def test_command_refuses() -> None:
+    """A port that is none is named in one line, exit code 2.
+
+    Verifies: BOOT-06
+    """
+    command = [sys.executable, "-m", "fluxlock", "flash", "scenarios/demo.toml", "--port", "README.md"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert "README.md" in done.stderr and "serial port" in done.stderr
