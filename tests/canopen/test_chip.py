@@ -16,7 +16,7 @@ from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.config.specs import CLOCK_HZ
-from tests.canopen.chip_bench import CAN, SPINNING, Flood, Listener, run_chip
+from tests.canopen.chip_bench import CAN, NODE, SPINNING, Flood, Listener, Talker, run_chip
 from tests.canopen.test_fuzz import nonsense
 
 # The longest instruction: an interrupt waits for the one that the main loop is in.
@@ -117,3 +117,17 @@ def test_full_bus(tmp_path: Path) -> None:
     print(f"speed, r/min: {speed.min():.0f} to {speed.max():.0f}")
     assert speed.min() > 59_500
     assert speed.max() < 60_500
+
+
+def test_vector_image(tmp_path: Path) -> None:
+    """The image with vector control boots its node too, and tells the modes it has; no tick is missed.
+
+    Verifies: CO-21
+    """
+    modes = Frame(0x600 + NODE, dlc=8, data=bytes.fromhex("4002650000000000"))
+    overrides = (CAN, "window=[]", "expect=[]", "event=[]")
+    data, frames = run_chip(tmp_path, overrides, 0.02, Talker(queue=[modes]), scenario="vector/start.toml")
+    assert frames == [[0x705, "00"], [0x585, "4302650004010000"]]
+    assert data.overruns == 0
+    assert "state ready" in data.uart
+    assert "now none" in data.uart
