@@ -8,10 +8,10 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can canopen lint regression mutation coverage bench synth formal docs setup clean distclean
+.PHONY: help demo test can canopen test-socketcan lint regression mutation coverage bench synth formal docs setup clean distclean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-11s %s\n", $$1, $$2}'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
 
 # One stamp a dependency group, renewed when the lock changes.
 .venv/.group-%: uv.lock pyproject.toml tools/setup.sh
@@ -35,7 +35,11 @@ can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random fr
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
 canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours
-	@FLUXLOCK_CAN_CHIP=1 $(PY) -m pytest tests/canopen
+	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen
+
+test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a real vcan0, under User-Mode Linux where the kernel has none
+	@$(PY) -c 'from fluxlock.cosim.run import ready_chip; ready_chip(can=True)'
+	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/test_socketcan.py
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
 	@$(PY) -m fluxlock.lint

@@ -5,6 +5,7 @@
 #endif
 #include "hal/cpu.h"
 #include "hal/soc/trap.h"
+#include "hal/uart.h"
 
 // Rounds of an idle loop between two looks at the console: keeps the bus quiet.
 #define IDLE_ROUNDS 64u
@@ -16,6 +17,10 @@ void trap_current(void) { app_current_interrupt(&app); }
 void trap_control(void) { app_control_interrupt(&app); }
 
 void trap_deferred(void) { app_deferred_interrupt(&app); }
+
+#if defined(FL_CAN)
+void uart_waits(void) { chip_node_poll(); }
+#endif
 
 int main(void) {
   app_boot(&app);

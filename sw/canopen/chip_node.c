@@ -9,7 +9,7 @@
 SMALL_CODE_BEGIN
 
 // Between two steps of the node while no frame comes.
-#define STEP_US 250u
+#define STEP_US 500u
 
 static canopen_t node;
 

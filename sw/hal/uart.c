@@ -12,6 +12,9 @@ bool uart_get(uint8_t *byte) {
 
 void uart_put(uint8_t byte) {
   while (BITS(FL_UART_REGS__STATUS__TX_READY, reg_read(REG(uart.status))) == 0u) {
+#if defined(FL_CAN)
+    uart_waits();
+#endif
   }
   reg_write(REG(uart.tx), byte);
 }

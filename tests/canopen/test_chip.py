@@ -6,16 +6,22 @@ Needs a chip of its own, which takes minutes to build: runs with FLUXLOCK_CAN_CH
 from __future__ import annotations
 
 import os
+import random
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fluxlock.analysis.rundata import LogKind
-from tests.canopen.chip_bench import CAN, SPINNING, Listener, run_chip
+from fluxlock.can.frame import Frame
+from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.config.specs import CLOCK_HZ
+from tests.canopen.chip_bench import CAN, NODE, SPINNING, Flood, Listener, Talker, run_chip
+from tests.canopen.test_fuzz import nonsense
 
 # The longest instruction: an interrupt waits for the one that the main loop is in.
 DIVISION_CYCLES = 35
+FUZZ = int(os.environ.get("FLUXLOCK_CAN_FUZZ", "1000"))  # frames
 
 pytestmark = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 
@@ -41,3 +47,81 @@ def test_control_is_undisturbed(tmp_path: Path) -> None:
     assert with_node.overruns == without.overruns == 0
     late = [run.rows(LogKind.COMMUTATION)[100:, 0] for run in (without, with_node)]
     assert abs(np.diff(late[0]).mean() / np.diff(late[1]).mean() - 1) < 0.001
+
+
+def load_of_core(lines: list[str], clocks: float) -> float:
+    """Share of the time that the main loop did not idle, from the replies to two `get idle`, so many clocks apart."""
+    idle = [int(line.split()[1]) for line in lines if line.startswith("idle ")]
+    return 1.0 - ((idle[1] - idle[0]) & 0xFFFFFFFF) / clocks
+
+
+def test_full_bus(tmp_path: Path) -> None:
+    """Frames that must be refused, back to back at 1 Mbit/s, while the motor runs at 60 000 r/min and gets commands.
+
+    No fault, no control update missed, the delay of commutations unchanged; prints latencies and load.
+
+    Verifies: CO-25
+    """
+    seed = random.SystemRandom().getrandbits(32)
+    print(f"seed {seed}")
+    rng = random.Random(seed)
+    dictionary = load_dictionary()
+    drawn = [nonsense(rng, dictionary) for _ in range(FUZZ)]
+    frames = [
+        Frame(f.id, bool(f.flags & 1), bool(f.flags & 2), len(f.data), b"" if f.flags & 2 else f.data) for f in drawn
+    ]
+    begin_s, end_s = 0.15, 0.15 + FUZZ * 180e-6
+    span_s = FUZZ * 60e-6 - 0.01  # over which the load of the core is measured, within the flood
+    console = [(begin_s - 0.02, "get idle"), (begin_s - 0.002, "get idle"), (begin_s + 0.01, "get idle")]
+    # The long list at the end holds up nothing either.
+    console += [(begin_s + 0.01 + span_s, "get idle"), (begin_s + 0.012 + span_s, "get")]
+    events = ", ".join(f'{{at_s={at_s:.4f}, command="{line}"}}' for at_s, line in console)
+    start = ("initial.speed_rpm=60000", "drive.sync_rect=true", "window=[]", "expect=[]", f"event=[{events}]")
+    flood = Flood(frames, round(begin_s * CLOCK_HZ), 60_000)
+    data, seen = run_chip(tmp_path, (CAN, *start), end_s, flood, batch_cycles=1_000)
+    first, last = seen["span"]
+    assert last, "the flood did not end"
+    lines = data.uart
+    idle = [line for line in lines if line.startswith("idle ")]
+    quiet_load = load_of_core(idle[:2], 0.018 * CLOCK_HZ)
+    flood_load = load_of_core(idle[2:4], span_s * CLOCK_HZ)
+    latency_us = np.array(seen["latency"]) / CLOCK_HZ * 1e6
+    print(f"{FUZZ / (last - first) * CLOCK_HZ:.0f} frames/s, {seen['refused']} refusals of {seen['answers']} answers")
+    print(f"command latency, us: mean {latency_us.mean():.0f}, max {latency_us.max():.0f}, of {len(latency_us)}")
+    print(f"load of the core: quiet {quiet_load:.3f}, full bus {flood_load:.3f}")
+    print(data.isr)
+    assert seen["dry"] == 0
+    assert seen["refused"] > FUZZ // 4
+    assert len(latency_us) == seen["commands"] == FUZZ // 250
+    assert latency_us.max() < 1000
+    assert not [text for text in seen["emergencies"] if text.startswith("1081")], "frames lost"
+    assert data.overruns == 0
+    assert [line for line in lines if line.startswith("state ")][-1] == "state running"
+    assert "now none" in lines
+    updates = data.rows(LogKind.UPDATE)[:, 0]
+    assert set(np.diff(updates)) == {5000}
+    commutations = data.rows(LogKind.COMMUTATION)
+    delay = commutations[:, 0] - commutations[:, 3]
+    before = commutations[:, 0] < first
+    before[:200] = False
+    during = (commutations[:, 0] >= first) & (commutations[:, 0] < last)
+    assert set(delay[during]) <= set(delay[before])
+    assert during.sum() > 100
+    speed = data.records["omega_e"][data.records["t_cycle"] > first] * 30 / np.pi / data.pole_pairs
+    print(f"speed, r/min: {speed.min():.0f} to {speed.max():.0f}")
+    assert speed.min() > 59_500
+    assert speed.max() < 60_500
+
+
+def test_vector_image(tmp_path: Path) -> None:
+    """The image with vector control boots its node too, and tells the modes it has; no tick is missed.
+
+    Verifies: CO-21
+    """
+    modes = Frame(0x600 + NODE, dlc=8, data=bytes.fromhex("4002650000000000"))
+    overrides = (CAN, "window=[]", "expect=[]", "event=[]")
+    data, frames = run_chip(tmp_path, overrides, 0.02, Talker(queue=[modes]), scenario="vector/start.toml")
+    assert frames == [[0x705, "00"], [0x585, "4302650004010000"]]
+    assert data.overruns == 0
+    assert "state ready" in data.uart
+    assert "now none" in data.uart

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
+from fluxlock.canopen.dictionary import Dictionary
 from fluxlock.canopen.host import EXTENDED, REMOTE, Frame
 from tests.canopen.node_bench import NODE, NodeBench
 
@@ -57,12 +58,12 @@ def random_frame(rng: random.Random, bench: NodeBench) -> Frame:
     return Frame(rng.randrange(1 << 29 if flags & EXTENDED else 1 << 11), data, flags)
 
 
-def nonsense(rng: random.Random, bench: NodeBench) -> Frame:
+def nonsense(rng: random.Random, dictionary: Dictionary) -> Frame:
     """A frame that asks for nothing: every one of it must be refused or be of no concern."""
     data = rng.randbytes(8)
     unknown = struct.pack("<HB", rng.randrange(0x3000, 0x6000), rng.randrange(256))
-    constant = rng.choice([e for e in bench.node.dictionary.entries if e.access != "rw" and e.bytes])
-    e = rng.choice([e for e in bench.node.dictionary.entries if e.access == "rw" and e.bytes == 4 and e.max < 1 << 30])
+    constant = rng.choice([e for e in dictionary.entries if e.access != "rw" and e.bytes])
+    e = rng.choice([e for e in dictionary.entries if e.access == "rw" and e.bytes == 4 and e.max < 1 << 30])
     beyond = struct.pack("<BHBi", 0x23, e.index, e.sub, e.max + 1 + rng.randrange(1 << 20))
     read_only = struct.pack("<BHBI", 0x23, constant.index, constant.sub, rng.getrandbits(32))
     short = rng.choice(((0x200, 2), (0x300, 3), (0x400, 6), (0x500, 4)))
@@ -140,7 +141,7 @@ def test_nonsense_does_not_touch_the_motor(rng: random.Random) -> None:
     written = [e.name for e in b.node.dictionary.entries if e.access == "rw" and e.name != "error_field_count"]
     kept = {name: b.node.value(name) for name in written}
     for k in range(NONSENSE):
-        frame = nonsense(rng, b)
+        frame = nonsense(rng, b.node.dictionary)
         b.send(frame.id, frame.data, frame.flags)
         if k % FRAMES_A_MS == FRAMES_A_MS - 1:
             b.run(0.001)

@@ -1,12 +1,18 @@
-"""A master that is not ours, the package `canopen`, on a bus of python-can; of the drive it knows the EDS only."""
+"""A master that is not ours, the package `canopen`, on a bus of python-can; of the drive it knows the EDS only.
+
+The same tests on the native program, with FLUXLOCK_CAN_CHIP set (`make canopen`) on the chip, and with
+FLUXLOCK_SOCKETCAN=vcan0 on either over the kernel's bus.
+"""
 
 from __future__ import annotations
 
 import itertools
+import os
 import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,15 +26,23 @@ from canopen.profiles.p402 import BaseNode402
 from fluxlock.canopen.dbc import dbc
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.canopen.eds import eds
+from fluxlock.config import load_scenario
+from fluxlock.cosim.can_bridge import Bridge, run_on_bus
+from fluxlock.cosim.outcome import write_outcome
 from fluxlock.firmware import build_canopen_library
 from fluxlock.native.drive import NativeDrive
 from fluxlock.native.serve import serve
+from fluxlock.paths import BUILD, ROOT
 from tests.canopen.node_bench import DRIVE, NODE
 from tests.firmware.firmware_bench import Bench
 
-# Real time: a loaded machine may be slow.
-PATIENCE_S = 60.0
+# Real time: a loaded machine may be slow, and the chip is.
+PATIENCE_S = 600.0
+SOCKETCAN = os.environ.get("FLUXLOCK_SOCKETCAN", "")
 CHANNELS = itertools.count()
+CHIP_S = 30.0  # simulated, at most
+PLOTS = BUILD / "canopen" / "chip"
+ON_CHIP = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 
 
 @dataclass(frozen=True)
@@ -38,12 +52,18 @@ class Target:
     interface: str
     channel: str
     node: int
+    fault_reset_s: float = 0.1  # the master waits for it in any case
+
+
+def bus_of(name: str) -> tuple[str, str]:
+    """Interface and channel of a target."""
+    return ("socketcan", SOCKETCAN) if SOCKETCAN else ("virtual", f"{name}-{next(CHANNELS)}")
 
 
 @pytest.fixture
 def native() -> Iterator[Target]:
     """The native program in a thread, as fast as it goes."""
-    found = Target("virtual", f"native-{next(CHANNELS)}", NODE)
+    found = Target(*bus_of("native"), NODE)
     drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NODE)
     end = threading.Event()
     with can.Bus(interface=found.interface, channel=found.channel) as bus:
@@ -54,7 +74,35 @@ def native() -> Iterator[Target]:
         thread.join()
 
 
-@pytest.fixture(params=["native"])
+@pytest.fixture(scope="module")
+def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
+    """The chip with its bridge, one run for all tests."""
+    found = Target(*bus_of("chip"), NODE, fault_reset_s=20.0)
+    scenario = load_scenario(ROOT / "scenarios" / "can.toml")
+    folder = tmp_path_factory.mktemp("chip")
+    bridges: list[Bridge] = []
+    ready = threading.Event()
+
+    def show(bridge: Bridge) -> None:
+        bridges.append(bridge)
+        ready.set()
+
+    with can.Bus(interface=found.interface, channel=found.channel) as bus, ThreadPoolExecutor(1) as pool:
+        run = pool.submit(run_on_bus, scenario, bus, folder, 1, CHIP_S, None, show)
+        run.add_done_callback(lambda _: ready.set())
+        ready.wait()
+        yield found
+        if bridges:
+            bridges[0].stop()
+        data, traffic = run.result()
+        print(traffic.text)
+        PLOTS.mkdir(parents=True, exist_ok=True)
+        write_outcome(data, scenario.model_copy(update={"duration_s": traffic.simulated_s}), PLOTS)
+    assert data.overruns == 0
+    assert traffic.from_chip > 100
+
+
+@pytest.fixture(params=["native", pytest.param("chip", marks=ON_CHIP)])
 def target(request: pytest.FixtureRequest) -> Target:
     found: Target = request.getfixturevalue(request.param)
     return found
@@ -77,7 +125,7 @@ def node(network: canopen.Network, target: Target, tmp_path: Path) -> BaseNode40
     network.add_node(found)
     found.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     for name in ("RESET_FAULT", "SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
-        setattr(found, f"TIMEOUT_{name}", PATIENCE_S if name != "RESET_FAULT" else 0.1)
+        setattr(found, f"TIMEOUT_{name}", PATIENCE_S if name != "RESET_FAULT" else target.fault_reset_s)
     reset(found)
     return found
 
@@ -232,7 +280,7 @@ def test_master_is_watched(network: canopen.Network, node: BaseNode402) -> None:
     Verifies: CO-17
     """
     master = 0x7E
-    node.sdo["heartbeat_consumer"]["node_1"].raw = master << 16 | 500
+    node.sdo["heartbeat_consumer"]["node_1"].raw = master << 16 | 200
     enable(node)
     for _ in range(5):
         network.send_message(0x700 + master, b"\x05")

@@ -37,6 +37,7 @@ _TELEMETRY_WORDS = (
     *("target_rpm", "u_v_q25", "duty_q30", "period_cycles", "vdc_v_q25", "idc_q17", "motor_q17", "crossings"),
     *("commutations", "lost_locks", "fault_count", "freewheel_sum_cycles", "freewheel_max", "freewheel_count"),
 )
+TELEMETRY_TARGET = _TELEMETRY_WORDS.index("target_rpm")
 
 
 def parse_telemetry(data: bytes) -> dict[str, int]:
