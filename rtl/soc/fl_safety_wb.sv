@@ -1,4 +1,6 @@
-// Gate guard and trips with their registers.
+// Gate guard, trips, watchdog and lock with their registers.
+//
+// The watchdog and a locked setting that changed act as the deadline trip; the monitor register tells them apart.
 `default_nettype none
 module fl_safety_wb
   import fl_pkg::*;
@@ -40,14 +42,69 @@ module fl_safety_wb
   end
 
   localparam logic [7:0] ClearKey = 8'hA5;
-  logic trip;
-  logic clear_written_q;
+  logic trip, clear;
+  logic clear_written_q, feed_written_q;
+  logic locked, changed, expired, wrong;
+  logic [2:0] monitor_q;
 
-  // The key acts once, in the clock after it has been written.
+  // Key and report act once, in the clock after they have been written.
+  assign clear = clear_written_q && hwif_out.command.clear_key.value == ClearKey;
   always_ff @(posedge clk_i) begin
     clear_written_q <= hwif_out.command.clear_key.swmod;
-    if (rst_i) clear_written_q <= 1'b0;
+    feed_written_q  <= hwif_out.feed.step.swmod;
+    monitor_q       <= (clear ? 3'd0 : monitor_q) | {changed, wrong, expired};
+    if (rst_i) begin
+      clear_written_q <= 1'b0;
+      feed_written_q  <= 1'b0;
+      monitor_q       <= '0;
+    end
   end
+
+  assign hwif_in.guard.high_active_low.swwel    = locked;
+  assign hwif_in.guard.low_active_low.swwel     = locked;
+  assign hwif_in.dead_time.cycles.swwel         = locked;
+  assign hwif_in.trip_enable.source.swwel       = locked;
+  assign hwif_in.current_limit.phase_lsb.swwel  = locked;
+  assign hwif_in.current_limit.dc_lsb.swwel     = locked;
+  assign hwif_in.voltage_limit.over_lsb.swwel   = locked;
+  assign hwif_in.voltage_limit.under_lsb.swwel  = locked;
+  assign hwif_in.watchdog.cycles.swwel          = locked;
+  assign hwif_in.lock.key.swwel                 = locked;
+  assign hwif_in.monitor.cause.next             = monitor_q;
+  assign hwif_in.monitor.locked.next            = locked;
+
+  localparam int unsigned SettingsWidth = 2 + 10 + TripSources + 4 * AdcWidth + 24;
+  fl_settings_lock #(
+      .Width(SettingsWidth)
+  ) u_lock (
+      .clk_i,
+      .rst_i,
+      .key_i     (hwif_out.lock.key.value),
+      .settings_i({
+        hwif_out.guard.high_active_low.value,
+        hwif_out.guard.low_active_low.value,
+        hwif_out.dead_time.cycles.value,
+        hwif_out.trip_enable.source.value,
+        hwif_out.current_limit.phase_lsb.value,
+        hwif_out.current_limit.dc_lsb.value,
+        hwif_out.voltage_limit.over_lsb.value,
+        hwif_out.voltage_limit.under_lsb.value,
+        hwif_out.watchdog.cycles.value
+      }),
+      .locked_o  (locked),
+      .changed_o (changed)
+  );
+
+  fl_watchdog u_watchdog (
+      .clk_i,
+      .rst_i,
+      .enable_i    (hwif_out.guard.enable.value),
+      .cfg_cycles_i(hwif_out.watchdog.cycles.value),
+      .feed_i      (feed_written_q),
+      .step_i      (hwif_out.feed.step.value),
+      .expired_o   (expired),
+      .wrong_o     (wrong)
+  );
 
   assign hwif_in.guard.enable.hwclr = trip;
   assign hwif_in.gates.gate.next    = 10'(gate_o);
@@ -64,14 +121,14 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
-      .deadline_i,
+      .deadline_i     (deadline_i || expired || wrong || changed),
       .guard_enable_i (hwif_out.guard.enable.value),
       .cfg_enable_i   (hwif_out.trip_enable.source.value),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),
       .cfg_dc_lsb_i   (hwif_out.current_limit.dc_lsb.value),
       .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
       .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
-      .clear_i        (clear_written_q && hwif_out.command.clear_key.value == ClearKey),
+      .clear_i        (clear),
       .trip_o         (trip),
       .event_o        (trip_event_o),
       .event_cause_o  (trip_cause_o),

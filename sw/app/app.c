@@ -150,6 +150,7 @@ HOT void app_control_interrupt(app_t *app) {
     const uint32_t tick_time = chip_tick_time();
     chip_irq_clear(IRQ_TICK);
     control_step(app);
+    chip_report_step(app->drive.tick);
     cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
     cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
   }

@@ -228,6 +228,7 @@ static void run_line(app_t *app) {
     if (words == 0u) {
       return;
     }
+    app->drive.heard_tick = app->drive.tick;
     error = (words > WORDS_MAX) ? "too many words" : execute(app, words, word);
   }
   if (error != 0) {

@@ -10,6 +10,7 @@
 SMALL_CODE_BEGIN
 
 #define LOAD_PERIOD_MIN 500
+#define COMMAND_TIMEOUT_MAX_MS 600000
 
 typedef enum {
   ITEM_STATE,
@@ -64,6 +65,7 @@ typedef enum {
   ITEM_TORQUE_MNM,
   ITEM_CURRENT_MA,
   ITEM_HALL_LEARN,
+  ITEM_COMMAND_TIMEOUT_MS,
   ITEM_IRQ_LOAD,
   ITEM_COUNT,
 } item_t;
@@ -121,6 +123,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_TORQUE_MNM] = "torque_mnm",
     [ITEM_CURRENT_MA] = "current_ma",
     [ITEM_HALL_LEARN] = "hall_learn",
+    [ITEM_COMMAND_TIMEOUT_MS] = "command_timeout_ms",
     [ITEM_IRQ_LOAD] = "irq_load",
 };
 static const char *const commutation_names[] = {"RSC", "NSC", "CSC"};
@@ -198,7 +201,7 @@ static bool with_vectors(const drive_t *d) { return method_is_vector(d->p->metho
 // Settings that the vector drive knows too.
 static bool for_vectors(item_t item) {
   return item == ITEM_SPEED_RPM || item == ITEM_ACCEL_RPM_S || item == ITEM_CURRENT_LIMIT_A ||
-         item == ITEM_BRAKE_LIMIT_A || item == ITEM_CATCH || item == ITEM_IRQ_LOAD;
+         item == ITEM_BRAKE_LIMIT_A || item == ITEM_CATCH || item == ITEM_COMMAND_TIMEOUT_MS || item == ITEM_IRQ_LOAD;
 }
 
 static void degrees_of_radians(char *text, int32_t angle_q30) {
@@ -359,6 +362,10 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_FREEZE:
       format_u32(text, s->freeze ? 1u : 0u);
       break;
+    case ITEM_COMMAND_TIMEOUT_MS:
+      format_u32(text, (uint32_t)div_u64((uint64_t)s->command_timeout_ticks * (uint32_t)p->tick_cycles,
+                                         (uint32_t)p->clock_hz / 1000u));
+      break;
     case ITEM_IRQ_LOAD:
       format_u32(text, app->load_period_cycles);
       break;
@@ -487,6 +494,16 @@ static bool set_advance(settings_t *s, item_t item, int32_t value) {
   return true;
 }
 
+// Rounded up: a tick at least.
+static bool set_command_timeout(const parameters_t *p, settings_t *s, int32_t milliseconds) {
+  if (milliseconds < 0 || milliseconds > COMMAND_TIMEOUT_MAX_MS) {
+    return false;
+  }
+  const uint64_t cycles = (uint64_t)(uint32_t)milliseconds * ((uint32_t)p->clock_hz / 1000u);
+  s->command_timeout_ticks = (uint32_t)div_u64(cycles + (uint32_t)p->tick_cycles - 1u, (uint32_t)p->tick_cycles);
+  return true;
+}
+
 static bool set_integer(const drive_t *d, settings_t *s, item_t item, int32_t value) {
   switch (item) {
     case ITEM_SPEED_RPM:
@@ -499,6 +516,8 @@ static bool set_integer(const drive_t *d, settings_t *s, item_t item, int32_t va
     case ITEM_ADVANCE_SPEED_Q16:
     case ITEM_ADVANCE_CURRENT_Q16:
       return set_advance(s, item, value);
+    case ITEM_COMMAND_TIMEOUT_MS:
+      return set_command_timeout(d->p, s, value);
     case ITEM_CURRENT_MA:
       return settings_target_current(s, d->p, value);
     default:

@@ -27,6 +27,7 @@ static segment_t segment;
 static const parameters_t *p;
 static bool gates;
 static uint32_t boot_ticks;
+static uint32_t steps;
 static char line[LINE_LENGTH];
 
 // Auto-zero before anything else; then ticks that follow the samples. True: the drive may run.
@@ -72,6 +73,8 @@ void trap_control(void) {
   if ((pending & (uint32_t)IRQ_TICK) != 0u) {
     chip_irq_clear(IRQ_TICK);
     control_step();
+    steps++;
+    chip_report_step(steps);
   }
 }
 

@@ -6,6 +6,7 @@
 #include "control/speed.h"
 #include "drive/hall.h"
 #include "drive/measure.h"
+#include "drive/protect.h"
 #include "drive/run.h"
 #include "drive/start.h"
 #include "drive/thresholds.h"
@@ -306,7 +307,8 @@ COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
   if (causes == 0u || clearing) {
     return false;
   }
-  const fault_t fault = fault_of_trip(causes);
+  const fault_t fault = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u ? fault_of_monitor(in->trip_monitor)
+                                                                  : fault_of_trip(causes);
   if (means_lost_lock(drive, in, fault)) {
     drive_lost_lock(drive);
   } else if (is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u) {
@@ -447,7 +449,7 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }
-  if (drive_supervise(drive, in)) {
+  if (drive_supervise(drive, in) || protect_step(drive, in, drive->m.motor_q17, 1)) {
     return;
   }
   switch (drive->state) {

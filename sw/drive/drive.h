@@ -19,7 +19,9 @@
 #include "control/handover.h"
 #include "control/if_start.h"
 #include "control/limiter.h"
+#include "control/overload.h"
 #include "control/pi.h"
+#include "control/plausible.h"
 #include "control/pll.h"
 #include "control/ramp.h"
 #include "control/regulator_design.h"
@@ -74,6 +76,7 @@ typedef struct {
   bool current_loop;
   bool torque_mode;      // needs the current loop; target_rpm is the speed limit and the direction then
   int32_t target_i_q25;  // torque mode; positive drives
+  uint32_t command_timeout_ticks;  // while active, a console silent for longer is a fault; 0: it may be
 } settings_t;
 
 // Measured quantities of the last tick.
@@ -96,6 +99,7 @@ typedef struct {
   uint32_t silent_ticks;  // consecutive ticks without a sample
   uint8_t timeouts;          // counter of the timer at the last boundary of 64 ticks
   uint8_t timeouts_before;   // and at the one before
+  int32_t idc_mean_q17;  // over the tick
   int32_t idc_filter_q25;
   int32_t motor_filter_q25;
   int32_t loop_filter_q25;
@@ -147,6 +151,13 @@ typedef struct {
   int32_t target_q16[SECTORS];
   int32_t late_q20[2][SECTORS];
 } hall_t;
+
+// Slow protection.
+typedef struct {
+  overload_t overload;
+  sum_t sum;
+  still_t still;
+} protect_t;
 
 // What gives the voltage while running.
 typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
@@ -288,6 +299,7 @@ typedef struct {
   uint32_t failed_starts;
   uint32_t restarts;
   uint32_t lost_locks;  // since boot
+  volatile uint32_t heard_tick;  // of the console's last line
   bool reverse;
 
   measured_t m;
@@ -317,6 +329,7 @@ typedef struct {
   uint32_t outrun_ticks;   // consecutive, while running
   uint32_t locked_from;  // crossing count at hand-over; edge count at the beginning of a start by Hall
   bool was_frozen;
+  protect_t protect;
 
   int32_t u_v_q25;  // mean voltage applied to the conducting pair
   int32_t duty_q30;

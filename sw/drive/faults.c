@@ -29,6 +29,12 @@ const char *fault_name(fault_t fault) {
       [FAULT_INJECTION_SIGNAL] = "injection_signal",
       [FAULT_INJECTION_NOISE] = "injection_noise",
       [FAULT_NO_SALIENCY] = "no_saliency",
+      [FAULT_WATCHDOG] = "watchdog",
+      [FAULT_SETTINGS_CHANGED] = "settings_changed",
+      [FAULT_OVERLOAD] = "overload",
+      [FAULT_CURRENT_SUM] = "current_sum",
+      [FAULT_STUCK_CHANNEL] = "stuck_channel",
+      [FAULT_COMMAND_TIMEOUT] = "command_timeout",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }
@@ -49,6 +55,13 @@ fault_t fault_of_trip(uint32_t causes) {
     }
   }
   return FAULT_NONE;
+}
+
+fault_t fault_of_monitor(uint32_t monitor) {
+  if ((monitor & MONITOR_CHANGED) != 0u) {
+    return FAULT_SETTINGS_CHANGED;
+  }
+  return ((monitor & (MONITOR_EXPIRED | MONITOR_WRONG)) != 0u) ? FAULT_WATCHDOG : FAULT_DEADLINE;
 }
 
 void fault_log_add(fault_log_t *log, fault_t fault, uint32_t tick) {

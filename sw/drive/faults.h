@@ -30,6 +30,12 @@ typedef enum {
   FAULT_INJECTION_SIGNAL,
   FAULT_INJECTION_NOISE,
   FAULT_NO_SALIENCY,
+  FAULT_WATCHDOG,
+  FAULT_SETTINGS_CHANGED,
+  FAULT_OVERLOAD,
+  FAULT_CURRENT_SUM,
+  FAULT_STUCK_CHANNEL,
+  FAULT_COMMAND_TIMEOUT,
   FAULT_COUNT,
 } fault_t;
 
@@ -50,6 +56,9 @@ const char *fault_name(fault_t fault);
 
 // The fault that a set of trip causes means; the most dangerous one where several came in the same clock.
 fault_t fault_of_trip(uint32_t causes);
+
+// The fault that a deadline trip means; monitor: MONITOR_*, 0: the leg carriers.
+fault_t fault_of_monitor(uint32_t monitor);
 
 void fault_log_add(fault_log_t *log, fault_t fault, uint32_t tick);
 

@@ -26,6 +26,7 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
     const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, 131071);
     m->vdc_v_q25 = vdc_q17 * 256;
     const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -131072, 131071);
+    m->idc_mean_q17 = idc_q17;
     m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, shift);
     (void)filter(&m->loop_filter_q25, idc_q17, drive->p->loop_filter_shift);
     m->line_i_q25 = line_current(m->loop_filter_q25, drive->scheduled.line_ratio_q16);

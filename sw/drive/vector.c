@@ -7,6 +7,7 @@
 #include "control/speed.h"
 #include "control/trig.h"
 #include "control/vector_speed.h"
+#include "drive/protect.h"
 #include "drive/start.h"
 #include "drive/vector_injection.h"
 #include "drive/vector_parts.h"
@@ -54,6 +55,7 @@ HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
     const int32_t share_q30 = share_of(&drive->vector.sums, in->sum_count);
     m->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
     const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -SAMPLE_MAX_Q17 - 1, SAMPLE_MAX_Q17);
+    m->idc_mean_q17 = idc_q17;
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
     m->idc_q17 = m->idc_filter_q25 >> 8;
   }
@@ -393,7 +395,10 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   // Nothing else of what it looks at moves here.
   const bool look = in->trip_latched != 0u || drive->m.silent_ticks > 0u;
-  if (!look || !drive_supervise(drive, in)) {
+  const bool left = look && drive_supervise(drive, in);
+  const bool protect = drive->command.vector.read_slow && drive->tick % VECTOR_GROUPS == GROUP_SUPERVISION;
+  const int32_t amplitude_i_q17 = protect ? (int32_t)rough_length(v->current_i_q17) : 0;
+  if (!left && !(protect && protect_step(drive, in, amplitude_i_q17, VECTOR_GROUPS))) {
     if (v->frame == FRAME_OFF || drive->tick % VECTOR_GROUPS == GROUP_LIMITS) {
       apply_limits(drive);
     }

@@ -8,6 +8,7 @@
 #define CHANNELS (2u * PHASES + 3u)
 #define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define CLEAR_KEY 0xA5u
+#define LOCK_KEY 0x10CCu
 
 // Channels: voltages and currents of the phases, DC link's voltage and current, star point.
 static uint32_t current_channel(uint32_t i) { return (i < PHASES) ? PHASES + i : 2u * PHASES + 1u; }
@@ -34,6 +35,7 @@ void chip_set_tick(uint32_t cycles) { reg_write(REG(timer.tick_period), cycles);
 void chip_set_load(uint32_t cycles) { reg_write(REG(timer.load_period), cycles); }
 void chip_set_machine_timer(uint32_t cycles) { reg_write(REG(timer.machine_period), cycles); }
 void chip_tick_by_time(void) { reg_write(REG(timer.tick_samples), 0); }
+HOT void chip_report_step(uint32_t step) { reg_write(REG(safety.feed), step & 0xFFu); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
 
 static void write_scheduler(uint32_t sampling, const parameters_t *p) {
@@ -73,6 +75,8 @@ COLD static void configure_safety(const parameters_t *p) {
   reg_write(REG(safety.voltage_limit), FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__OVER_LSB, p->trip_over_voltage_lsb) |
                                            FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__UNDER_LSB, p->trip_under_voltage_lsb));
   reg_write(REG(safety.trip_enable), (uint32_t)p->trip_enable);
+  reg_write(REG(safety.watchdog), (uint32_t)p->watchdog_cycles);
+  reg_write(REG(safety.lock), LOCK_KEY);
   reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
 }
 
@@ -135,6 +139,9 @@ HOT static void read_trips(chip_snapshot_t *snapshot) {
   const uint32_t trip = reg_read(REG(safety.trip));
   snapshot->trip_latched = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__LATCHED, trip);
   snapshot->trip_first = (uint8_t)BITS(FL_SAFETY_REGS__TRIP__FIRST, trip);
+  if (__builtin_expect((snapshot->trip_latched & TRIP_DEADLINE) != 0u, 0)) {
+    snapshot->trip_monitor = (uint8_t)BITS(FL_SAFETY_REGS__MONITOR__CAUSE, reg_read(REG(safety.monitor)));
+  }
 }
 
 HOT void chip_read(chip_snapshot_t *snapshot) {
@@ -172,6 +179,7 @@ HOT static void read_slow(chip_snapshot_t *snapshot) {
   read_sums(snapshot);
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+    snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
   }
 }
 

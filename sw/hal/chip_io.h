@@ -48,6 +48,13 @@ enum {
   TRIP_DEADLINE = 1u << 7,
 };
 
+// What raised a deadline trip beside the leg carriers, bits of the monitor register.
+enum {
+  MONITOR_EXPIRED = 1u << 0,
+  MONITOR_WRONG = 1u << 1,
+  MONITOR_CHANGED = 1u << 2,
+};
+
 // How the machine is driven, fixed by the parameters.
 typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
 
@@ -114,6 +121,7 @@ typedef struct {
   uint8_t overdue;
   uint8_t trip_latched;  // TRIP_*
   uint8_t trip_first;
+  uint8_t trip_monitor;  // MONITOR_*, with TRIP_DEADLINE
   uint32_t sector_interval_cycles[6];  // crossing intervals by the sector they ended in; only where asked for
   uint32_t hall_phase_cycles[6];       // from the last crossing to the edge into a sector; only where asked for
   struct {

@@ -227,7 +227,7 @@ def test_console_settings_of_six_step() -> None:
     )
     assert errors(f"event={events}") == [
         'event[0].command: "balance" is no setting of vector control, permitted: speed_rpm, accel_rpm_s, '
-        "current_limit_a, brake_limit_a, catch, irq_load"
+        "current_limit_a, brake_limit_a, catch, command_timeout_ms, irq_load"
     ]
     items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
     body = items.partition("static bool for_vectors(")[2].partition("}")[0]
@@ -589,7 +589,7 @@ def test_six_step_blocks_have_no_vector_parameters() -> None:
     """
     values = parameter_block(load_scenario(DEMO)).values
     assert not [name for name in values if name.startswith("vector") or name == "method"]
-    assert values["tick_cycles"] == 5000 and values["trip_enable"] == 0x7F
+    assert values["tick_cycles"] == 5000 and values["trip_enable"] == 0xFF
     s = load_scenario(START)
     block = compile_parameters(motor_spec(s), inverter_spec(s), drive_spec(s))
     assert block.number("method") == 1

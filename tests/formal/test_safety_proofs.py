@@ -54,6 +54,8 @@ PROOFS = [
     "fl_leg_carrier",
     "fl_encoder",
     "fl_adc_fault",
+    "fl_watchdog",
+    "fl_settings_lock",
     "fl_can",
     "fl_can_rx",
     "fl_can_tx",
@@ -64,7 +66,8 @@ PROOFS = [
 def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
-    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10,
+    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10, SAFE-13,
+    SAFE-14, SAFE-15,
     VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert prove(name, name) == "PASS"
@@ -72,7 +75,7 @@ def test_proof(name: str) -> None:
 
 CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl_can_tx.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
-ADC = "fl_adc_fault.sv"
+ADC, DOG, LOCK = "fl_adc_fault.sv", "fl_watchdog.sv", "fl_settings_lock.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -138,6 +141,13 @@ BROKEN = {
     "late with the gates off": ("fl_adc_fault", ADC, "valid_i || !gate_on_i", "valid_i"),
     "bad channel ignored": ("fl_adc_fault", ADC, "bad_i != '0;", "&bad_i;"),
     "missed strobe forgotten": ("fl_adc_fault", ADC, "missed_q && !(valid_i && bad_i == '0)", "missed_q && !valid_i"),
+    "watchdog a clock late": ("fl_watchdog", DOG, "cfg_cycles_i - 24'd1)", "cfg_cycles_i)"),
+    "any number feeds": ("fl_watchdog", DOG, "feed_i && step_i == last_q + 8'd1;", "feed_i;"),
+    "repeated number feeds": ("fl_watchdog", DOG, "(feed_i && !right)", "(feed_i && !right && step_i != last_q)"),
+    "watchdog lets go": ("fl_watchdog", DOG, "(expired_o || wait_q", "(wait_q"),
+    "lock opens again": ("fl_settings_lock", LOCK, "if (key_i == Key) locked_o <= 1'b1;", "locked_o <= key_i == Key;"),
+    "lock without key": ("fl_settings_lock", LOCK, "key_i == Key", "key_i[15:1] == Key[15:1]"),
+    "parity follows the settings": ("fl_settings_lock", LOCK, "if (!locked_o) parity_q", "parity_q"),
     "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 

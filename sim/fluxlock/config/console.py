@@ -66,11 +66,20 @@ SETTINGS = (
     "torque_mnm",
     "current_ma",
     "hall_learn",
+    "command_timeout_ms",
     "irq_load",
 )
 
 # Settings that vector control has too.
-VECTOR_SETTINGS = ("speed_rpm", "accel_rpm_s", "current_limit_a", "brake_limit_a", "catch", "irq_load")
+VECTOR_SETTINGS = (
+    "speed_rpm",
+    "accel_rpm_s",
+    "current_limit_a",
+    "brake_limit_a",
+    "catch",
+    "command_timeout_ms",
+    "irq_load",
+)
 
 # Values that the firmware takes whatever the drive is: words or their number (console_items.c), ranges.
 CHOICES = {
@@ -96,6 +105,7 @@ RANGES = {
     "correction_a": (0, 1),
     "current_loop": (0, 1),
     "hall_learn": (0, 1),
+    "command_timeout_ms": (0, 600_000),
 }
 LOAD_PERIOD_MIN = 500
 # Read with up to three decimals, all other numbers without.

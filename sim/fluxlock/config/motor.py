@@ -194,6 +194,14 @@ class Motor(Model):
     rated_current_a: float = quantity(
         "Rated DC current through two phases; of five phases amplitude of the phase currents.", "A", 0.01, 2000
     )
+    overload_s: float | None = quantity(
+        "Time for which twice the rated current may flow (I²t); 0 = for ever.",
+        "s",
+        0.0,
+        600.0,
+        default=None,
+        absent="2 s",
+    )
     max_speed_rpm: float = quantity("Highest speed, mechanical.", "r/min", 10, 2e6)
     hall: Hall | None = Field(default=None, description="Hall sensors, if there are any.")
     encoder: Encoder | None = Field(default=None, description="Incremental encoder, if there is one.")

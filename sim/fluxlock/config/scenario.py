@@ -61,6 +61,12 @@ DriveFault = Literal[
     "injection_signal",
     "injection_noise",
     "no_saliency",
+    "watchdog",
+    "settings_changed",
+    "overload",
+    "current_sum",
+    "stuck_channel",
+    "command_timeout",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 

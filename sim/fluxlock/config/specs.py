@@ -32,6 +32,7 @@ def motor_spec(s: Scenario) -> MotorSpec:
         curve_rad=m.saturation.angle_rad if m.saturation else (0.0,) * 4,
         curve_current_a=(m.saturation.angle_current_a or m.saturation.current_a) if m.saturation else None,
         polarity_current_a=m.saturation.current_a if m.saturation else None,
+        overload_s=m.overload_s,
     )
 
 
@@ -58,6 +59,7 @@ def inverter_spec(s: Scenario) -> InverterSpec:
         over_voltage_v=i.protection.over_voltage_v,
         under_voltage_v=i.protection.under_voltage_v,
         conversion_s=i.sensing.conversion_s,
+        noise_lsb=i.sensing.noise_lsb,
     )
 
 

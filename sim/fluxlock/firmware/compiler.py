@@ -15,6 +15,7 @@ from fluxlock.firmware.specs import (
     COMMUTATIONS,
     HALL_MODES,
     LOOP_FILTER_SHIFT,
+    OVERLOAD_S,
     OVERSPEED_RATIO,
     PATTERNS,
     ZCD_METHODS,
@@ -32,6 +33,15 @@ from fluxlock.firmware.vector_timing import vector_timing
 
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
+
+# The watchdog waits for so many control steps.
+WATCHDOG_TICKS = 8
+# Sum of the phase currents that is none of noise and offsets: the larger of both.
+SUM_RATED_SHARE = 0.1
+SUM_LSB = 16.0
+# A channel with that noise or more cannot keep its value for so long.
+STILL_NOISE_LSB = 0.5
+STILL_S = 25e-3
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
@@ -256,11 +266,16 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "gate_polarity": (1 if inverter.high_active_low else 0) | (2 if inverter.low_active_low else 0),
         "dead_time_cycles": max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)),
         "min_pulse_cycles": max(1, math.ceil(inverter.min_pulse_s * clock - 1e-6)),
-        "trip_enable": 0x7F,
+        "trip_enable": 0xFF,
         "trip_phase_lsb": round(trip_a / inverter.current_full_scale_a * half_codes),
         "trip_dc_lsb": round(dc_trip_a / inverter.current_full_scale_a * half_codes),
         "trip_over_voltage_lsb": code(over_v),
         "trip_under_voltage_lsb": code(under_v),
+        "watchdog_cycles": WATCHDOG_TICKS * cycles(tick),
+        "rated_i_q17": min(Q17, round(motor.rated_current_a * amp_q17)),
+        "overload_ticks": round((OVERLOAD_S if motor.overload_s is None else motor.overload_s) / tick),
+        "sum_limit_q17": round(max(SUM_RATED_SHARE * motor.rated_current_a * amp_q17, SUM_LSB * Q17 / half_codes)),
+        "still_ticks": ticks(STILL_S) if inverter.noise_lsb >= STILL_NOISE_LSB else 0,
         "vdc_min_q17": q17_volts(under_v + 0.1 * supply),
         "vdc_max_q17": q17_volts(min(over_v, 0.99 * inverter.voltage_full_scale_v)),
         "overspeed_rpm": round(OVERSPEED_RATIO * motor.max_speed_rpm),

@@ -40,6 +40,8 @@ SEQUENCES: tuple[Sequence, ...] = ("held-tian", "held", "half-step", "exact")
 
 # Over-speed limit over the motor's highest speed.
 OVERSPEED_RATIO = 1.25
+# Time for which a machine bears twice its rated current where its file does not say.
+OVERLOAD_S = 2.0
 TICK_HZ = 10e3
 # Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
 # loop may cost at its bandwidth.
@@ -92,6 +94,7 @@ class MotorSpec:
     curve_rad: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     curve_current_a: float | None = None
     polarity_current_a: float | None = None
+    overload_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ class InverterSpec:
     over_voltage_v: float | None = None
     under_voltage_v: float | None = None
     conversion_s: float = 0.4e-6
+    noise_lsb: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -286,7 +286,6 @@ def vector_parameters(
         "tick_cycles": timing.tick_cycles,
         "sample_mode": 2,
         "sample_offset_cycles": timing.offset_cycles,
-        "trip_enable": 0xFF,
         "vector_double": int(vector.double),
         "vector_direct": int(vector.current_regulator == "c"),
         "vector_sample_cycles": timing.sample_cycles,

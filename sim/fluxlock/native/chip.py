@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +43,7 @@ class AveragedChip:
     cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
-        self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, self.drive)
+        self.block: ParameterBlock = compile_parameters(self.motor, self.told_inverter(), self.drive)
         self.model = AveragedMotor(
             self.model_motor or self.motor,
             self.inverter,
@@ -75,6 +75,10 @@ class AveragedChip:
         self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.hall_offset_deg is not None
         self._free = np.full(3, FREE)
         self._reg = {name: self.fw.offsets[name] // 4 for name in self.fw.offsets}
+
+    def told_inverter(self) -> InverterSpec:
+        """What the firmware is told: the samples have no noise, a value that stays is none of a stuck channel."""
+        return replace(self.inverter, noise_lsb=0.0)
 
     # Registers as integers.
     def get(self, name: str, element: int = 0) -> int:
@@ -112,8 +116,8 @@ class AveragedChip:
     def trip(self, causes: int, now: int = 0) -> None:
         """Latch trip causes and open the gates, as the hardware does."""
         old = self.get("safety.trip")
-        first = (old >> 16) & 0x7F or causes
-        self.put("safety.trip", (old & 0x7F) | causes | (now << 8) | (first << 16))
+        first = (old >> 16) & 0xFF or causes
+        self.put("safety.trip", (old & 0xFF) | causes | (now << 8) | (first << 16))
         self.put("safety.guard", self.get("safety.guard") & ~1)
         self.trips += 1
 
@@ -124,7 +128,7 @@ class AveragedChip:
         self.put("timer.tick_time", round(self.ticks * self.tick_s * self.clock))
         self.put("sys.time_now", round(self.ticks * self.tick_s * self.clock) + 20)
         self.fw.tick()
-        latched = self.get("safety.trip") & 0x7F
+        latched = self.get("safety.trip") & 0xFF
         self.model.c[am.C_GATES] = float((self.get("safety.guard") & 1) and not latched)
         self.ticks += 1
         self.model.advance(self.ticks * self.tick_s)

@@ -27,11 +27,6 @@ SPEED_SHARE = 0.01
 MISSED_DEG = 90.0
 # Before the disturbance, locked: what the end is compared with.
 BEFORE_S = (0.05, DISTURBED_S)
-# A printed current is of one control tick and holds some ripple, and the balance of power leaves out the losses: with
-# working channels the two differ by a tenth or so.
-READING_SHARE = 0.25
-# Standard deviations by which the rms error of the end is above that from before.
-RMS_SIGMAS = 5.0
 
 Change = dict[str, object]
 
@@ -41,8 +36,7 @@ class Disturbance:
     """What happens, and the faults by whose names the drive may stop; none: it must run.
 
     changes: events, `at_s` after DISTURBED_S. must_stop: a stop by one of the faults is the only right end.
-    overrides: of the scenario. end_s: length of the run. hidden: the channel is none that the lock needs; what must
-    show then is its wrong reading.
+    overrides: of the scenario. end_s: length of the run.
     """
 
     description: str
@@ -51,7 +45,6 @@ class Disturbance:
     must_stop: bool = False
     overrides: tuple[str, ...] = ()
     end_s: float = 0.30
-    hidden: str = ""
 
 
 def stuck(at_s: float, channel: str, code: int | None = None) -> Change:
@@ -84,22 +77,21 @@ STRONG = "drive.current_limit_a=40"
 SYNC = "drive.sync_rect=true"
 OVER_CURRENT = frozenset({"phase_over_current", "dc_over_current"})
 CHANNEL_FAULTS = frozenset({"voltage_channel", "lost_lock"})
-# Without vdc, or with wrong currents, the drive may hold its speed or be stopped by what the channel seems to show.
+# The lock needs neither vdc nor the currents, but the protection does.
+STILL = frozenset({"stuck_channel"})
+WRONG_CURRENT = STILL | OVER_CURRENT | {"current_sum"}
 STUCK = {
     "va": (None, CHANNEL_FAULTS),
     "va-high": (4095, CHANNEL_FAULTS),
     "vb-low": (0, CHANNEL_FAULTS),
     "vc": (None, CHANNEL_FAULTS),
-    # 0.5 % below the link's voltage: kept at its mean, a code would not show.
-    "vdc-low": (3390, frozenset()),
-    "ia": (None, frozenset()),
+    # 3 % below the link's voltage: plausible.
+    "vdc-low": (3300, STILL),
+    "ia": (None, WRONG_CURRENT),
     "ib-high": (4095, OVER_CURRENT),
-    "ic-zero": (2048, frozenset()),
-    "idc": (None, frozenset()),
+    "ic-zero": (2048, WRONG_CURRENT),
+    "idc": (None, STILL),
 }
-
-CURRENTS = ("ia", "ib", "ic", "idc")
-HIDDEN = ("vdc", *CURRENTS)
 
 FULL: dict[str, Disturbance] = {
     "dip": Disturbance(
@@ -126,7 +118,7 @@ FULL: dict[str, Disturbance] = {
             f"{name.partition('-')[0]} keeps {'its code' if code is None else f'code {code}'} from one instant on",
             (stuck(0, name.partition("-")[0], code),),
             faults,
-            hidden=name.partition("-")[0] if name.partition("-")[0] in HIDDEN and not faults else "",
+            must_stop=not name.startswith("v") or faults >= STILL,
         )
         for name, (code, faults) in STUCK.items()
     },
@@ -141,35 +133,7 @@ QUICK: dict[str, Disturbance] = {
 }
 
 
-def _reading_off(run: Outcome, channel: str) -> float:
-    """By which share a stuck current channel makes the last reading of the console differ from the plant's current."""
-    records = run.data.records
-    late = records[records["t_cycle"] >= run.scenario.window[0].from_s * run.data.clock_hz]
-    magnitudes = sum(np.abs(late[phase]) for phase in ("ia", "ib", "ic"))
-    true_a = 0.5 * float(np.mean(magnitudes))
-    if channel == "idc":
-        # Balance of power without losses: below the true current by a few per cent.
-        true_a = (
-            float(np.mean(late["torque_nm"] * late["omega_e"])) / run.data.pole_pairs / run.scenario.inverter.supply_v
-        )
-    reading_a = float(console_word(run, "idc_a" if channel == "idc" else "motor_a") or "nan")
-    return abs(reading_a / true_a - 1.0)
-
-
-def _rms_sigmas(run: Outcome) -> float:
-    """By how many standard deviations the rms error of commutations is larger at the end than before."""
-    window, clock_hz, commutations = run.scenario.window[0], run.data.clock_hz, run.analysis.commutations
-    spans = (BEFORE_S, (window.from_s, window.to_s))
-    before, after = (commutations.between(low * clock_hz, high * clock_hz).error_deg for low, high in spans)
-    if not before.size or not after.size:
-        return 0.0
-    rms = [float(np.sqrt(np.mean(error**2))) for error in (before, after)]
-    # Of a ratio of two rms values of normal errors.
-    sigma = math.sqrt(0.5 / before.size + 0.5 / after.size)
-    return (rms[1] / rms[0] - 1.0) / sigma
-
-
-def _effect(run: Outcome, disturbance: Disturbance) -> dict[str, Number]:
+def _effect(run: Outcome) -> dict[str, Number]:
     """What the disturbance did: `disturbed` is 1 if anything."""
     clock_hz = run.data.clock_hz
     since = DISTURBED_S * clock_hz
@@ -182,27 +146,13 @@ def _effect(run: Outcome, disturbance: Disturbance) -> dict[str, Number]:
     lost = int(console_word(run, "lost_locks") or 0)
     values: dict[str, Number] = {"speed_deviation_percent": 100 * deviation, "largest_crossing_interval_deg": gap_deg}
     disturbed = lost > 0 or bool(run.result["trips"]) or gap_deg > MISSED_DEG or deviation > SPEED_SHARE
-    if disturbance.hidden in CURRENTS:
-        off = _reading_off(run, disturbance.hidden)
-        values["reading_off_percent"] = 100 * off
-        disturbed = disturbed or off > READING_SHARE
-    elif disturbance.hidden == "vdc":
-        sigmas = _rms_sigmas(run)
-        values["error_above_before_sigmas"] = sigmas
-        disturbed = disturbed or sigmas > RMS_SIGMAS
     return values | {"disturbed": int(disturbed)}
 
 
-def endings(disturbance: Disturbance, locked: bool, stopped: bool, noticed: bool) -> dict[str, Number]:
-    """How a run has ended: which of three ways, and whether it is a right one.
-
-    A drive that runs on with a channel that keeps its code to the end, and has neither lost a lock nor tripped, has not
-    noticed: nothing was regained. noticed: it has lost a lock or tripped.
-    """
-    unnoticed = locked and bool(disturbance.hidden) and not noticed
+def endings(disturbance: Disturbance, locked: bool, stopped: bool) -> dict[str, Number]:
+    """How a run has ended: which of two ways, and whether it is a right one."""
     return {
-        "runs_on_unnoticed": int(unnoticed),
-        "relocked": int(locked and not unnoticed),
+        "relocked": int(locked),
         "stopped_by_name": int(stopped),
         "right_end": int(stopped if disturbance.must_stop else locked or stopped),
     }
@@ -217,7 +167,7 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     stopped = state == "fault" and fault in disturbance.faults and not safety.on_at_end
     lost, trips = int(console_word(run, "lost_locks") or 0), len(run.result["trips"])
     values: dict[str, Number] = {
-        **endings(disturbance, locked, stopped, noticed=lost > 0 or trips > 0),
+        **endings(disturbance, locked, stopped),
         "commutation_error_deg.rms": rms_deg,
         "speed_rpm.mean": window["speed_rpm"]["mean"],
         "lost_locks": lost,
@@ -225,7 +175,7 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
         "shoot_throughs": safety.shoot_throughs,
         "least_dead_time_ns": None if safety.least_dead_time_s is None else 1e9 * safety.least_dead_time_s,
     }
-    values |= _effect(run, disturbance)
+    values |= _effect(run)
     dead_time_ns = 1e9 * run.scenario.inverter.dead_time_s
     limits: Limits = {"disturbed": (1, 1), "right_end": (1, 1), "shoot_throughs": (0, 0)}
     if state == "running":

@@ -1,0 +1,144 @@
+"""Watchdog and lock behind the register bus, up to the gates."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import cocotb
+
+from cocotb_tests.soc.bench import Bench
+from fluxlock.cosim.block import run_block_test
+
+GUARD, DEAD_TIME, ENABLE, CURRENT, VOLTAGE, COMMAND, TRIP = range(0, 28, 4)
+LOCK, WATCHDOG, FEED, MONITOR = range(0x2C, 0x3C, 4)
+KEY, CLEAR = 0x10CC, 0xA5 << 8
+DEADLINE = 0x80
+EXPIRED, WRONG, CHANGED = 1, 2, 4
+# What the lock holds, by address, with the bits that count.
+HELD = {
+    GUARD: 0x30, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
+    LOCK: 0xFFFF,
+}  # fmt: skip
+MIDDLE = sum(0x800 << 12 * i for i in range(9))
+
+
+class TB(Bench):
+    """The block with currents at rest and legs that ask for upper A, lower B."""
+
+    async def begin(self, period: int = 0) -> None:
+        inputs = ("now_i", "fault_pin_i", "lost_i", "deadline_i", "adc_valid_i")
+        await self.start(adc_code_i=MIDDLE, req_h_i=1, req_l_i=2, **dict.fromkeys(inputs, 0))
+        await self.write(ENABLE, 0xFF)
+        await self.write(WATCHDOG, period)
+
+    async def enable(self) -> None:
+        await self.write(GUARD, 1)
+        await self.clocks(2)
+
+    def on(self) -> int:
+        return int(self.dut.gate_h_o.value) | int(self.dut.gate_l_o.value)
+
+    async def caused(self) -> tuple[int, int]:
+        """Latched trips, and what the monitor tells."""
+        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0x7
+
+
+@cocotb.test
+async def gates_stay_on_while_steps_are_told(dut: Any) -> None:
+    tb = TB(dut)
+    await tb.begin(period=100)
+    await tb.write(FEED, 250)
+    await tb.enable()
+    await tb.clocks(1100)  # the guard waits after a reset
+    assert not tb.on(), "nothing was told, and the watchdog let the gates on"
+    assert await tb.caused() == (DEADLINE, EXPIRED)
+    await tb.write(COMMAND, CLEAR)
+    await tb.write(FEED, 250)
+    await tb.enable()
+    for step in range(251, 251 + 40):
+        await tb.clocks(random.randrange(5, 90))
+        assert tb.on()
+        await tb.write(FEED, step % 256)
+    clocks = 0
+    while tb.on() and clocks < 110:
+        await tb.clocks()
+        clocks += 1
+    # One clock each: the report's register, the fault, the guard.
+    assert 101 <= clocks <= 105, f"gates off after {clocks} clocks"
+    assert await tb.caused() == (DEADLINE, EXPIRED)
+    assert (await tb.read(GUARD)) & 1 == 0
+
+
+@cocotb.test
+async def wrong_number_opens_the_gates(dut: Any) -> None:
+    tb = TB(dut)
+    await tb.begin(period=5000)
+    await tb.enable()
+    await tb.clocks(1100)
+    assert tb.on()
+    await tb.write(FEED, 1)
+    await tb.clocks(5)
+    assert tb.on()
+    await tb.write(FEED, 1)
+    await tb.clocks(3)
+    assert not tb.on()
+    assert await tb.caused() == (DEADLINE, WRONG)
+    await tb.write(COMMAND, CLEAR)
+    await tb.clocks(2)
+    assert await tb.caused() == (0, 0)
+
+
+@cocotb.test
+async def locked_settings_hold(dut: Any) -> None:
+    """Random words to every register of the block: what is locked keeps its value, the rest works."""
+    tb = TB(dut)
+    await tb.begin()
+    values = {adr: random.getrandbits(32) & mask for adr, mask in HELD.items() if adr not in (LOCK, GUARD)}
+    for adr, value in values.items():
+        await tb.write(adr, value)
+    await tb.write(LOCK, KEY)
+    await tb.clocks(2)
+    assert await tb.read(MONITOR) >> 8 & 1
+    for _ in range(300):
+        adr = random.choice(list(HELD))
+        await tb.write(adr, random.getrandbits(32), random.randrange(16))
+        for held, value in {**values, LOCK: KEY, GUARD: 0}.items():
+            assert await tb.read(held) & HELD[held] == value, f"{held:#x} after a write to {adr:#x}"
+    await tb.write(GUARD, 1)
+    await tb.clocks(2)
+    tb.dut.rst_i.value = 1
+    await tb.clocks()
+    tb.dut.rst_i.value = 0
+    await tb.write(DEAD_TIME, 77)
+    assert await tb.read(DEAD_TIME) == 77, "a reset opens the lock"
+
+
+@cocotb.test
+async def upset_of_a_locked_setting_trips(dut: Any) -> None:
+    """A parity that is no more that of the locked settings opens the gates and keeps them open, whatever the key."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.write(LOCK, KEY)
+    await tb.enable()
+    await tb.clocks(1100)
+    assert tb.on()
+    parity = dut.u_lock.parity_q
+    parity.value = 1 - int(parity.value)
+    await tb.clocks(4)
+    assert not tb.on()
+    assert await tb.caused() == (DEADLINE, CHANGED)
+    for _ in range(3):
+        await tb.write(COMMAND, CLEAR)
+        await tb.enable()
+        assert not tb.on()
+
+
+def test_fl_safety_wb() -> None:
+    """Watchdog, lock and upsets of locked settings up to the gates.
+
+    Verifies: SAFE-13, SAFE-14, SAFE-15
+    """
+    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock")
+    sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
+    run_block_test("fl_safety_wb", sources, __name__, registers=["safety"])

@@ -1,0 +1,232 @@
+"""Slow protection: I²t, sum of the currents, stuck channels, silent console; alone and in the drive on the host."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import math
+import random
+from dataclasses import replace
+
+import pytest
+
+from fluxlock.firmware import DriveSpec, InverterSpec
+from fluxlock.native import averaged_motor as am
+from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
+
+
+class Settings(ctypes.Structure):
+    """`overload_settings_t`."""
+
+    _fields_ = (("rated_i_q17", ctypes.c_int32), ("ticks", ctypes.c_uint32))
+
+
+@pytest.mark.parametrize("ratio", [1.1, 1.5, 2.0, 3.0])
+def test_overload_time(ratio: float, lib: ctypes.CDLL) -> None:
+    """Constant current above the rated one: too hot after 3 T / (ratio² - 1), from cold.
+
+    Verifies: FW-45
+    """
+    rated, ticks = 20_000, 1000
+    heat = ctypes.c_int64()
+    lib.overload_step.restype = ctypes.c_bool
+    settings = Settings(rated, ticks)
+    current = round(ratio * rated)
+    steps = 0
+    while not lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), current, 4):
+        steps += 1
+        assert steps < 100_000
+    assert 4 * steps == pytest.approx(3 * ticks / (ratio**2 - 1), abs=8)
+
+
+def test_overload_follows_the_integral(lib: ctypes.CDLL) -> None:
+    """Random currents against the integral in floating point; the rated current for ever, T = 0 for ever.
+
+    Verifies: FW-45
+    """
+    seed = random.randrange(1 << 32)
+    rng = random.Random(seed)
+    print(f"seed {seed}")
+    lib.overload_step.restype = ctypes.c_bool
+    for _ in range(20):
+        rated, ticks = rng.randrange(1, 1 << 17), rng.randrange(1, 2000)
+        heat, settings = ctypes.c_int64(), Settings(rated, ticks)
+        model, limit = 0.0, 3.0 * rated**2 * ticks
+        for _ in range(3000):
+            current = rng.randrange(-(1 << 17), 1 << 17)
+            hot = lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), current, 1)
+            model = max(0.0, model + float(current) ** 2 - float(rated) ** 2)
+            assert hot == (model > limit)
+            model = min(model, limit)
+    heat, settings = ctypes.c_int64(), Settings(5000, 10)
+    assert not any(lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), 5000, 1) for _ in range(10_000))
+    settings = Settings(5000, 0)
+    assert not any(lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), 131_071, 1) for _ in range(10_000))
+
+
+class NoisyBench(Bench):
+    """The averaged model with the converter's noise, and channels that may keep a value (q17)."""
+
+    def __post_init__(self) -> None:
+        self.rng = random.Random(1)
+        self.kept: dict[str, int] = {}
+        super().__post_init__()
+
+    def told_inverter(self) -> InverterSpec:
+        return self.inverter
+
+    def _snapshot(self) -> None:
+        super()._snapshot()
+        step = 64  # of the converter
+        count = self.get("sense.snap_count")
+        for x, name in enumerate(("ia", "ib", "ic")):
+            value = signed(self.get("sense.snap_channel", 3 + x)) + round(self.rng.gauss(0, step))
+            self.put("sense.snap_channel", self.kept.get(name, value), 3 + x)
+        for name in ("vdc", "idc"):
+            noise = round(self.rng.gauss(0, step * math.sqrt(count)))
+            value = signed(self.get(f"sense.snap_{name}_sum")) + noise
+            self.put(f"sense.snap_{name}_sum", self.kept[name] * count if name in self.kept else value)
+
+    def shown(self, name: str) -> int:
+        """What a channel shows now, q17."""
+        if name in ("vdc", "idc"):
+            return signed(self.get(f"sense.snap_{name}_sum")) // self.get("sense.snap_count")
+        return signed(self.get("sense.snap_channel", 3 + "abc".index(name[1])))
+
+
+def signed(word: int) -> int:
+    """Two's complement of 32 bits."""
+    return word - (1 << 32) if word >> 31 else word
+
+
+NOISY = replace(INVERTER_1, noise_lsb=1.0)
+
+
+@pytest.mark.parametrize("channel", ["ia", "ib", "ic", "vdc", "idc"])
+def test_stuck_channel_is_named(channel: str) -> None:
+    """A current channel or vdc that keeps what it shows, while running, is named within 30 ms; gone, the drive starts.
+
+    Verifies: FW-46
+    """
+    bench = NoisyBench(inverter=NOISY)
+    bench.start(30_000)
+    bench.run(0.3)
+    assert bench.fw.state == "running"
+    bench.kept = {channel: bench.shown(channel)}
+    assert bench.until_state("fault", 0.03)
+    assert fault_of(bench) in ("stuck_channel", "current_sum")
+    assert channel not in ("vdc", "idc") or fault_of(bench) == "stuck_channel"
+    assert bench.get("safety.guard") & 1 == 0
+    bench.kept = {}
+    assert bench.fw.command("clear") == ["ok"]
+    assert bench.until_state("ready", 0.01)
+    bench.start(30_000, 5.0)
+
+
+@pytest.mark.parametrize("code_q17", [-100_000, 0, 30_000])
+def test_wrong_current_does_not_add_up(code_q17: int) -> None:
+    """A current channel that shows something else, noise and all, is named by the sum within 20 ms.
+
+    Verifies: FW-47
+    """
+    bench = NoisyBench(inverter=NOISY)
+    bench.start(30_000)
+    bench.run(0.3)
+    rng = random.Random(2)
+    for _ in range(200):
+        bench.kept = {"ib": code_q17 + round(rng.gauss(0, 64))}
+        bench.run(1e-4)
+        if bench.fw.state == "fault":
+            break
+    assert fault_of(bench) == "current_sum"
+
+
+def test_no_false_alarm_at_rest() -> None:
+    """Ready, with the gates off, with and without a supply; no noise told, a value may stay.
+
+    Verifies: FW-46, FW-47
+    """
+    bench = NoisyBench(inverter=NOISY)
+    assert bench.until_state("ready", 0.1)
+    bench.kept = {"vdc": 0}
+    bench.run(0.5)
+    assert bench.fw.state == "ready"
+    quiet = Bench()
+    quiet.start(30_000)
+    quiet.run(0.5)
+    assert quiet.fw.state == "running"
+
+
+def test_overload_is_named() -> None:
+    """More than the rated current for long: overload, not before its time.
+
+    Verifies: FW-45
+    """
+    bench = Bench(motor=replace(MOTOR_1, overload_s=0.4, rated_current_a=6.0), drive=DriveSpec(current_limit_a=20.0))
+    bench.start(30_000)
+    bench.run(0.3)
+    assert bench.fw.state == "running"
+    bench.load = replace(FAN_1, fan_torque_nm=0.12)
+    bench.model.m[am.M_FAN] *= 6.0
+    before = bench.now
+    assert bench.until_state("fault", 1.0)
+    assert fault_of(bench) == "overload"
+    assert bench.now - before > 0.02
+
+
+@pytest.mark.parametrize("lines", [True, False])
+def test_silent_console(lines: bool) -> None:
+    """With a promise of a line every 50 ms a silence opens the gates by name; lines in time keep the drive running.
+
+    Verifies: FW-48
+    """
+    bench = Bench()
+    bench.start(30_000)
+    assert bench.fw.command("set command_timeout_ms 50") == ["ok"]
+    assert bench.fw.command("get command_timeout_ms") == ["command_timeout_ms 50", "ok"]
+    for _ in range(10):
+        bench.run(0.04)
+        assert bench.fw.state == "running"
+        bench.fw.command("get state")
+        if not lines:
+            break
+    if not lines:
+        bench.run(0.0495)
+        assert bench.fw.state == "running"
+        bench.run(0.001)
+        assert (bench.fw.state, fault_of(bench)) == ("fault", "command_timeout")
+        bench.fw.command("clear")
+        bench.run(0.5)
+        assert bench.fw.state == "ready", "without power there is nothing to stop"
+
+
+@pytest.mark.parametrize(
+    ("monitor", "name"),
+    [(0, "deadline"), (1, "watchdog"), (2, "watchdog"), (4, "settings_changed"), (6, "settings_changed")],
+)
+def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
+    """The monitor register names what the deadline trip means.
+
+    Verifies: FW-49
+    """
+    bench = Bench()
+    bench.start(30_000)
+    bench.put("safety.monitor", monitor)
+    bench.trip(0x80)
+    bench.run(0.0003)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+
+
+def test_watchdog_gets_every_step_and_settings_are_locked() -> None:
+    """Steps are told in order, one a tick; the lock is closed at boot, after the settings.
+
+    Verifies: FW-49
+    """
+    bench = Bench()
+    assert bench.get("safety.lock") == 0x10CC
+    assert bench.get("safety.watchdog") == 8 * 5000
+    told = []
+    for _ in range(600):
+        bench.run(1e-4)
+        told.append(bench.get("safety.feed"))
+    assert all((b - a) % 256 == 1 for a, b in itertools.pairwise(told))
