@@ -7,7 +7,7 @@
 #include "control/vector_speed.h"
 #include "drive/vector_parts.h"
 
-// Results until filters and sums hold nothing from before the wave.
+// Results until sums hold nothing from before the wave.
 #define FIRST_RESULTS 3u
 // Share of the circle that subspace 3 may have.
 #define THIRD_SHARE_SHIFT 2
@@ -114,7 +114,9 @@ COLD void vector_injection_begin(drive_t *drive) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
   injection_frame_begin(&j->frame, &j->settings, drive->p->injection_search != 0, 0);
-  j->left_out = FIRST_RESULTS;
+  const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
+  // A low-pass that rises would be taken for a weak signal.
+  j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
   j->command = (injection_frame_command_t){.inject = true};
   v->frame = FRAME_INJECTED;
   ramp_preset(&drive->ramp, 0);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from fluxlock.paths import ROOT
 
 SCENARIOS = ROOT / "scenarios"
 TIAN, YU = SCENARIOS / "five-phase" / "tian.toml", SCENARIOS / "five-phase" / "yu.toml"
+PRINTED = SCENARIOS / "five-phase" / "tian-printed.toml"
 IPM, ENCODER = SCENARIOS / "vector" / "ipm-injection.toml", SCENARIOS / "vector" / "encoder.toml"
 KEY = "drive.vector.injection"
 
@@ -73,6 +75,40 @@ def test_parameters(path: Path) -> None:
         shown / sensing.current_full_scale_a * 2**21, rel=1e-4
     )
     assert STATE_OFFSET < len(block.pack()) <= BLOCK_MAX_BYTES
+
+
+@pytest.mark.parametrize("regulated", [False, True])
+def test_expected_behind_a_filter(regulated: bool) -> None:
+    """Lock-in and conventional method: what they show of the current of R and L_d, with regulators of A beside it.
+
+    Verifies: INJC-09
+    """
+    removed = f"{KEY}.remove={'false' if regulated else 'true'}"
+    scenario = load_scenario(PRINTED, [removed])
+    motor, spec = scenario.motor, scenario.drive.vector.injection
+    assert spec is not None and motor.third is not None
+    r_ohm = motor.resistance_ohm[0]
+    l_h = motor.inductance_h[0] - motor.third.mutual_h**2 / motor.third.inductance_d_h
+    ts_s = parameter_block(scenario).number("vector_sample_cycles") / 50e6
+    # A voltage acts from one to two samples after it; the regulator's zero lies on the winding's pole.
+    kept, gain = math.exp(-r_ohm / l_h * ts_s), 2 * math.pi * scenario.drive.vector.bandwidth_hz * l_h
+    i = before = u = integral = 0.0
+    total = 0j
+    periods, settle = 60, 40
+    for k in range(periods * spec.period):
+        i, before = kept * i + (1 - kept) / r_ohm * before, u
+        wave = spec.amplitude_v if k % spec.period < spec.period / 2 else -spec.amplitude_v
+        integral -= gain * r_ohm / l_h * ts_s * i
+        u = wave + (integral - gain * i if regulated else 0.0)
+        if k >= settle * spec.period:
+            total += i * cmath.exp(-2j * math.pi * (k - 1) / spec.period)
+    fundamental = total * 2 / ((periods - settle) * spec.period)
+    # Of a wave that begins with its sine, a sample after it was computed, an inductance has -cos.
+    seen = {"lock-in": abs(fundamental) * 2 / math.pi, "conventional": -fundamental.real / 2}
+    for method, value in seen.items():
+        block = parameter_block(load_scenario(PRINTED, [removed, f"{KEY}.method={method}"]))
+        expected = block.number("injection_expected_i_q21") / 2**21 * scenario.inverter.sensing.current_full_scale_a
+        assert expected == pytest.approx(value, rel=0.06), method
 
 
 def test_none() -> None:

@@ -6,6 +6,7 @@ with five phases L - L_13^2 / L_3, for subspace 3 carries its share.
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ RECTIFIED, FUNDAMENTAL = 2 / math.pi, 8 / math.pi**2
 NOISE_SCATTER = 4 / math.sqrt(math.pi)
 CURVE_REACH = 1.25  # of the current up to which the motor file states the curve
 CURVE_HZ = 200.0
+ACTION = 1.5  # samples to the middle of its voltage's effect
 LEAST_SHARE = 0.2  # of the expected amplitude: less is no signal
 # Seen ratio of the inductances over what L_q / L_d has above 1; noise of the angle (rad).
 DERATE_RATIO, FAULT_RATIO = 0.4, 0.1
@@ -62,7 +64,7 @@ class _Wave:
     hz: float
 
     @staticmethod
-    def of(motor: MotorSpec, spec: InjectionSpec, sample_s: float) -> _Wave:
+    def of(motor: MotorSpec, spec: InjectionSpec, vector: VectorSpec, sample_s: float) -> _Wave:
         half = motor.saliency_h / 2
         l_d, l_q = motor.inductance_h - half, motor.inductance_h + half
         if motor.third is not None:
@@ -70,7 +72,14 @@ class _Wave:
             l_d, l_q = l_d - mutual / motor.third.inductance_d_h, l_q - mutual / motor.third.inductance_q_h
         period_s = spec.period * sample_s
         peak = spec.amplitude_v * period_s / (4 * l_d)
-        shown = {"separator": 1.0, "iq": FUNDAMENTAL}.get(spec.method, FUNDAMENTAL * RECTIFIED)
+        turned = _turned(motor.resistance_ohm, l_d, spec, vector, sample_s)
+        # The sine reference stands where the current of an inductance does.
+        shown = {
+            "separator": 1.0,
+            "iq": FUNDAMENTAL,
+            "lock-in": FUNDAMENTAL * RECTIFIED * abs(turned),
+            "conventional": FUNDAMENTAL * max(turned.real, LEAST_SHARE) / 2,
+        }[spec.method]
         results = {"separator": 2 / period_s, "iq": 1 / period_s}.get(spec.method, 1 / sample_s)
         return _Wave(l_d, l_q, peak * shown, results, 1 / period_s)
 
@@ -78,6 +87,14 @@ class _Wave:
     def ratio(self) -> float:
         """L_q / (L_q - L_d)."""
         return self.l_q / (self.l_q - self.l_d)
+
+
+def _turned(r_ohm: float, l_h: float, spec: InjectionSpec, vector: VectorSpec, sample_s: float) -> complex:
+    """HF current over that of an inductance alone: resistance, and the regulators unless they do not see it."""
+    s = 2j * math.pi / (spec.period * sample_s)
+    loop_rad_s = 2 * math.pi * vector.bandwidth_hz if vector.regulator == "A" else vector.gamma / sample_s
+    open_loop = 0.0 if spec.remove else loop_rad_s / s * cmath.exp(-ACTION * sample_s * s)
+    return s * l_h / (r_ohm + s * l_h) / (1 + open_loop)
 
 
 def _q17(value: float, one: float = Q17) -> int:
@@ -182,7 +199,7 @@ def injection_parameters(
         return {}
     clock, full_scale_a = drive.clock_hz, inverter.current_full_scale_a
     sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
-    wave = _Wave.of(motor, spec, sample_s)
+    wave = _Wave.of(motor, spec, vector, sample_s)
     difference = wave.l_q - wave.l_d
     loss = (motor.resistance_ohm + inverter.on_resistance_ohm) / (2 * math.pi * wave.hz * difference)
     return {

@@ -7,8 +7,9 @@ from fluxlock.regression.five_phase import (
     modulation,
     tian,
     tian_events,
+    tian_printed,
     yu,
     yu_loaded,
 )
 
-__all__ = ["ipm", "leakage", "lock_in", "modulation", "tian", "tian_events", "yu", "yu_loaded"]
+__all__ = ["ipm", "leakage", "lock_in", "modulation", "tian", "tian_events", "tian_printed", "yu", "yu_loaded"]

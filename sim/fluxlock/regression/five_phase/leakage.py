@@ -41,7 +41,7 @@ PLACES = 2**17 - 1  # of a gain's mantissa
 class Stepped:
     """Readings, one to two samples apart: HF currents of d and q (A), number of the first one after the step.
 
-    time_s, i_d_a: current of the machine at the samples.
+    time_s, i_d_a: current of the machine at the samples; step_sample: the last one before it moves.
     """
 
     d_a: FloatArray
@@ -50,6 +50,12 @@ class Stepped:
     time_s: FloatArray
     i_d_a: FloatArray
     trips: int
+
+    @property
+    def step_sample(self) -> int:
+        """Number of the last sample before the current leaves the HF current's range."""
+        hf_a = float(np.abs(self.i_d_a[: BEGIN // 2]).max()) + float(self.d_a[: self.step].mean())
+        return int(np.flatnonzero(np.abs(self.i_d_a) > hf_a + STEP_A / 10)[0]) - 1
 
     def leak_a(self) -> float:
         """Largest deviation of the HF amplitudes from those before the step."""
@@ -83,7 +89,7 @@ def regulators(motor: Motor, inverter: Inverter) -> list[RegisterRow]:
     return rows
 
 
-def script(motor: Motor, inverter: Inverter, after: int) -> list[RegisterRow]:
+def script(motor: Motor, inverter: Inverter, after: int, amplitude_v: float) -> list[RegisterRow]:
     """The wave, then the step; readings of every result from before it on."""
     injection = SEPARATOR | REMOVE
     rows = [
@@ -93,7 +99,7 @@ def script(motor: Motor, inverter: Inverter, after: int) -> list[RegisterRow]:
         RegisterRow("injection.wave", 0, PERIOD | PERIOD // 4 << 16),
         RegisterRow("injection.rate", 0, round(2**36 / (PERIOD * CARRIER // 2))),
         RegisterRow("injection.lag", 0, 2**30),
-        RegisterRow("injection.amplitude", 0, voltage_q17(AMPLITUDE_V, inverter)),
+        RegisterRow("injection.amplitude", 0, voltage_q17(amplitude_v, inverter)),
         wait(4),
         RegisterRow("injection.control", 0, injection | ENABLE | CLEAR),
         wait(BEGIN),
@@ -105,7 +111,7 @@ def script(motor: Motor, inverter: Inverter, after: int) -> list[RegisterRow]:
     return rows
 
 
-def stepped(runner: Runner) -> Stepped:
+def stepped(runner: Runner, amplitude_v: float = AMPLITUDE_V) -> Stepped:
     """Play the step on the chip with exact converter, without saturation and dead time."""
     motor = load_motor(ROOT / "motors" / "five-phase-yu.toml").model_copy(update={"saturation": None})
     inverter = load_inverter(ROOT / "inverters" / "five-leg-350v.toml")
@@ -113,8 +119,8 @@ def stepped(runner: Runner) -> Stepped:
     inverter = inverter.model_copy(update={"sensing": sensing, "dead_time_s": 0.0})
     after = QUICK_AFTER if runner.quick else AFTER
     samples = BEGIN + 2 * (BEFORE + after) + 40
-    rows = script(motor, inverter, after)
-    data = runner.script(rows, locked_plant(motor, inverter), samples * TS_S, "step")
+    rows = script(motor, inverter, after, amplitude_v)
+    data = runner.script(rows, locked_plant(motor, inverter), samples * TS_S, f"step-{amplitude_v:g}v")
     values = np.array(reads(data), dtype=np.float64).reshape(-1, 2) * (inverter.sensing.current_full_scale_a / 2**18)
     time_s = data.records["t_cycle"] / data.clock_hz
     # With the rotor at 0 the d axis is that of phase A, and subspace 3 has no current.

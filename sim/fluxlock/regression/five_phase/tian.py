@@ -28,18 +28,19 @@ AT_THE_LIMIT = (
 WITHIN_DEG, SETTLED_MOST_S = 5.0, 0.06
 
 
+def best_run(runner: Runner, rpm: float, i_q_a: float) -> Outcome:
+    """Driven at a speed, without dead time."""
+    overrides = [*driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM), *AT_THE_LIMIT, "inverter.dead_time_s=0"]
+    return runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
+
+
 @case("five-phase/tian-best", long=True)
 def best(runner: Runner) -> Iterator[Row]:
     """Driven shaft, without dead time: mean and rms of the angle error from an estimate that is 10 degrees off."""
     for rpm, i_q_a in POINTS:
         if runner.quick and (rpm, i_q_a) != POINTS[0]:
             continue
-        overrides = [
-            *driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM),
-            *AT_THE_LIMIT,
-            "inverter.dead_time_s=0",
-        ]
-        run = runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
+        run = best_run(runner, rpm, i_q_a)
         yield Row(
             f"five-phase/tian-best/{rpm:g}rpm-{i_q_a:g}A",
             {"motor": "Tian", "speed_rpm": rpm, "iq_a": i_q_a, "dead_time_us": 0.0},
@@ -76,23 +77,28 @@ def settled_s(run: Outcome) -> float:
     return float(angles.cycle[np.abs(angles.error_deg) > WITHIN_DEG][-1] - begin) / run.data.clock_hz
 
 
+def start_run(runner: Runner, theta_deg: float) -> Outcome:
+    """Free rotor at an angle that the estimate takes for 0, 2 A at once."""
+    events = [event(0.002, "speed_rpm", 130.0), event(0.004, "command", "start")]
+    overrides = [
+        *timeline(0.12, events, [("steady", 0.08, 0.12)]),
+        "expect=[]",
+        *AT_THE_LIMIT,
+        "inverter.dead_time_s=0",
+        f"initial.theta_deg={theta_deg:g}",
+        "drive.current_limit_a=2.0",
+        "drive.accel_rpm_per_s=100000",
+    ]
+    return runner.drive(SCENARIO, f"{theta_deg:g}", *overrides)
+
+
 @case("five-phase/tian-start")
 def start(runner: Runner) -> Iterator[Row]:
     """Free rotor, 2 A at once while the estimate is 30 degrees off: time until it is right."""
     for theta_deg in (30.0, -30.0):
         if runner.quick and theta_deg < 0:
             continue
-        events = [event(0.002, "speed_rpm", 130.0), event(0.004, "command", "start")]
-        overrides = [
-            *timeline(0.12, events, [("steady", 0.08, 0.12)]),
-            "expect=[]",
-            *AT_THE_LIMIT,
-            "inverter.dead_time_s=0",
-            f"initial.theta_deg={theta_deg:g}",
-            "drive.current_limit_a=2.0",
-            "drive.accel_rpm_per_s=100000",
-        ]
-        run = runner.drive(SCENARIO, f"{theta_deg:g}", *overrides)
+        run = start_run(runner, theta_deg)
         yield Row(
             f"five-phase/tian-start/{-theta_deg:g}deg",
             {"motor": "Tian", "error_deg": -theta_deg, "iq_a": 2.0, "dead_time_us": 0.0},

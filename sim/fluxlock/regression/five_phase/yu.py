@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import sequence_error
 from fluxlock.config import Motor
+from fluxlock.cosim.outcome import Outcome
 from fluxlock.firmware.specs import SEQUENCES, Sequence
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
@@ -30,6 +31,20 @@ def closed_form_rad(motor: Motor, rpm: float, sequence: Sequence) -> float:
     return sequence_error(machine, motor.omega_e(rpm) * SAMPLE_S, sequence)
 
 
+def sequence_run(runner: Runner, sequence: Sequence, rpm: float, dead_time_us: float = 0.0) -> Outcome:
+    """Driven at a speed without current and saturation, from a known rest."""
+    overrides = [
+        *driven(rpm, 0.0, SETTLED_S, END_S),
+        *LINEAR,
+        f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
+        "initial.theta_deg=0",
+        "drive.vector.injection.search=false",
+        f"drive.vector.injection.sequence={sequence}",
+    ]
+    name = f"{sequence}-{rpm:g}" + (f"-{dead_time_us:g}us" if dead_time_us else "")
+    return runner.drive(SCENARIO, name, *overrides)
+
+
 @case("five-phase/yu-sequences", long=True)
 def sequences(runner: Runner) -> Iterator[Row]:
     """Driven shaft, no saturation, no current: reported angle of each sequence against its closed form."""
@@ -37,15 +52,7 @@ def sequences(runner: Runner) -> Iterator[Row]:
         for rpm in SPEEDS_RPM:
             if runner.quick and (sequence, rpm) != ("half-step", 600.0):
                 continue
-            overrides = [
-                *driven(rpm, 0.0, SETTLED_S, END_S),
-                *LINEAR,
-                "inverter.dead_time_s=0",
-                "initial.theta_deg=0",
-                "drive.vector.injection.search=false",
-                f"drive.vector.injection.sequence={sequence}",
-            ]
-            run = runner.drive(SCENARIO, f"{sequence}-{rpm:g}", *overrides)
+            run = sequence_run(runner, sequence, rpm)
             values: dict[str, Number] = angle_values(run)
             mean = values.pop("angle_error_deg.mean")
             values["angle_error_rad.mean"] = None if mean is None else math.radians(mean)

@@ -16,11 +16,11 @@ from fluxlock.regression.runner import Runner
 
 RATED_A, RATED_RPM = 5.0, 150.0
 BEYOND_RPM = 600.0  # the speed regulator asks for the whole current at once
-KNOWN_START = ("initial.theta_deg=0", "drive.vector.injection.search=false", f"drive.current_limit_a={RATED_A:g}")
+KNOWN_START = ("initial.theta_deg=0", "drive.vector.injection.search=false")
 SETTLED_S, END_S, QUICK_END_S = 0.2, 0.36, 0.25
 RAW_RAD, RAW_TOLERANCE_RAD, PUBLISHED_RAD = 0.30, 0.02, 0.01
 CRAWL_RPM = 5.0
-CRAWL_END_S, CRAWL_QUICK_S = 0.65, 0.23
+CRAWL_END_S, CRAWL_QUICK_S = 0.48, 0.23
 CRAWL_MEAN_RAD, CRAWL_RMS_RAD, CRAWL_MOST_RAD = 0.015, 0.02, 0.05
 
 
@@ -78,19 +78,23 @@ def compensation(runner: Runner) -> Iterator[Row]:
         )
 
 
+def crawl_run(runner: Runner, dead_time_us: float, i_q_a: float) -> Outcome:
+    """Driven at 5 r/min with a current."""
+    overrides = [
+        *driven(CRAWL_RPM, i_q_a, SETTLED_S, CRAWL_QUICK_S if runner.quick else CRAWL_END_S, beyond_rpm=BEYOND_RPM),
+        *KNOWN_START,
+        f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
+    ]
+    return runner.drive(SCENARIO, f"{dead_time_us:g}us" + ("" if i_q_a else "-no-load"), *overrides)
+
+
 @case("five-phase/yu-crawl", long=True)
 def crawl(runner: Runner) -> Iterator[Row]:
     """Driven at 5 r/min with rated current, mean of 16 converter samples: angle error."""
-    end_s = CRAWL_QUICK_S if runner.quick else CRAWL_END_S
     for dead_time_us in (0.0, 2.0):
         if runner.quick and dead_time_us:
             continue
-        overrides = [
-            *driven(CRAWL_RPM, RATED_A, SETTLED_S, end_s, beyond_rpm=BEYOND_RPM),
-            *KNOWN_START,
-            f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
-        ]
-        run = runner.drive(SCENARIO, f"{dead_time_us:g}us", *overrides)
+        run = crawl_run(runner, dead_time_us, RATED_A)
         yield Row(
             f"five-phase/yu-crawl/{dead_time_us:g}us",
             {"motor": "Yu", "speed_rpm": CRAWL_RPM, "iq_a": RATED_A, "dead_time_us": dead_time_us},
