@@ -16,6 +16,7 @@ from fluxlock.analysis import injection_cases as cases
 from fluxlock.analysis import injection_kernel as kernel
 from fluxlock.analysis import injection_machine
 from fluxlock.analysis.injection_cases import TIAN_BEST, TIAN_TS, YU_BEST, YU_PRINTED, Row, machine, tian, yu
+from fluxlock.analysis.injection_dead_time import WAYS, yu_start_rad
 from fluxlock.analysis.injection_loop import Course, Inverter, Loop, Schedule, Settings, designed_pll
 from fluxlock.config.motor import machine_params
 from fluxlock.paths import ROOT
@@ -108,6 +109,21 @@ def test_regulators_and_dead_time(monkeypatch: pytest.MonkeyPatch) -> None:
         clean = reached[0.0, False, double]
         assert reached[2e-6, False, double] < clean - 0.08
         assert reached[2e-6, True, double] == pytest.approx(clean, abs=0.03)
+
+
+def test_switched_legs() -> None:
+    """Every edge at its instant: without a dead time as mean voltages; with one the edges' currents give it back.
+
+    Sampled and moved currents do not: they know nothing of the carrier's ripple.
+
+    Verifies: INJT-05
+    """
+    edges, moved, sampled = (yu_start_rad(way, 0.0, 0.6) for way in WAYS.values())
+    assert edges <= 0.07 < min(moved, sampled)
+    mean = cases.yu(YU_BEST)
+    speed = np.where(mean.times(0.6) > 0.3, mean.motor.omega_e(50.0), 0.0)
+    without = mean.run(Schedule(0.6, speed_rad_s=speed)).largest_mean(0.2)
+    assert yu_start_rad({}, 0.0, 0.6, dead_time_s=0.0) == pytest.approx(without, abs=0.01)
 
 
 def test_mechanics() -> None:

@@ -59,7 +59,9 @@ def period(
     seen: FloatArray,
 ) -> None:
     """A sample period and its sample; loads: constant and Coulomb torque (N m), imposed speed (rad/s) or NaN."""
-    advance(m, inv, state, legs, ts, SUBSTEPS, 0, SUBSTEPS, rising, loads[0], loads[1], loads[2], cosine, sine, room)
+    load, coulomb, imposed = loads[0], loads[1], loads[2]
+    edges = np.zeros((2, m.phases))  # of mean voltages there are none
+    advance(m, inv, state, legs, ts, SUBSTEPS, 0, SUBSTEPS, rising, load, coulomb, imposed, cosine, sine, room, edges)
     for x in range(m.phases):
         seen[x] = converted(inv, phase_current(state[:4], state[THETA_AT], 1 + (m.phases == 5), cosine, sine, x))
 
@@ -179,7 +181,18 @@ class InjectionBench:
             move = peak * (triangle(turns + 1.5 / s.period) - triangle(turns))
         self.legs, self.next_legs = self.next_legs, np.zeros(n)
         leg_voltages(
-            self.inv, self.vector, self.seen, self.last, move, frame, s.ts_s, self.cosine, self.sine, self.next_legs
+            self.inv,
+            self.vector,
+            self.seen,
+            self.last,
+            move,
+            frame,
+            True,
+            np.zeros((2, n)),
+            s.ts_s,
+            self.cosine,
+            self.sine,
+            self.next_legs,
         )
         self.step += 1
 

@@ -134,6 +134,9 @@ def run(
     work = scratch()
     legs = np.zeros(n)  # mean voltages that act
     legs_next = np.zeros(n)
+    edges = np.zeros((2, n))
+    learned = np.zeros((c.period, 2, n))
+    older_i = np.zeros((2, n))  # sampled one and two steps before
     seen_i = np.zeros(n)
     last_i = np.zeros(n)  # a sample before
     vector = np.zeros(4)
@@ -197,6 +200,7 @@ def run(
                     cosine,
                     sine,
                     work,
+                    edges,
                 )
                 theta = state[THETA_AT]
                 omega = state[OMEGA_AT]
@@ -265,6 +269,12 @@ def run(
                     out[step, HF_D] = out[step - 1, HF_D]
                     out[step, HF_Q] = out[step - 1, HF_Q]
         # The sample of this step is taken.
+        if inv.edges and step > 2:
+            for x in range(n):
+                for edge in range(2):
+                    learned[phase, edge, x] = converted(inv, edges[edge, x]) - older_i[1, x]
+        older_i[1, :] = older_i[0]
+        older_i[0, :] = seen_i
         delta = speed * c.ts
         raw = estimate + c.report * delta
         published = raw + curve if c.compensate else raw
@@ -348,7 +358,9 @@ def run(
         vector[1] = beta
         vector[2] = alpha3
         vector[3] = beta3
-        leg_voltages(inv, vector, seen_i, last_i, move, estimate, c.ts, cosine, sine, legs_next)
+        leg_voltages(
+            inv, vector, seen_i, last_i, move, estimate, rising, learned[inject_phase], c.ts, cosine, sine, legs_next
+        )
         # Firmware: loop of the angle, compensation, speed.
         estimate += delta
         if step % c.tick == 0:

@@ -38,7 +38,9 @@ class Inverter:
     zone_a: current (A) above which the dead time is lost whole, the ripple of a real inverter. compensation_zone_a:
     where the compensation is whole. predict: samples by which the compensation extrapolates the current, for it acts
     later; 1.5 is the middle. model: it moves the known HF current on instead. current_full_scale_a 0: exact currents.
-    average: converter samples a current.
+    average: converter samples a current. switched: every edge of the legs at its instant, zone_a does not count; edges:
+    then the compensation takes the currents at the same edges an injection period before, moved by what the sampled
+    current has changed.
     """
 
     supply_v: float
@@ -48,6 +50,8 @@ class Inverter:
     compensation_zone_a: float = 0.1
     predict: float = 0.0
     model: bool = False
+    switched: bool = False
+    edges: bool = False
     current_full_scale_a: float = 0.0
     bits: int = 12
     noise_lsb: float = 1.0
@@ -68,6 +72,8 @@ class Inverter:
             full_scale=2.0 ** (self.bits - 1) - 1.0,
             noise_lsb=self.noise_lsb,
             average=self.average,
+            switched=int(self.switched),
+            edges=int(self.edges),
         )
 
 

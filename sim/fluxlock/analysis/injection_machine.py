@@ -66,8 +66,9 @@ class InverterSet(NamedTuple):
     """dead_vs: voltage-seconds that a late edge costs, V s. zone: current (A) at which it is lost for certain.
 
     compensation_zone (A): where the compensation is whole. predict: samples by which its current is extrapolated.
-    model: the known HF current is moved on instead. lsb: of the current, A (0: no converter); full_scale and noise in
-    LSB; average: converter samples a current sample.
+    model: the known HF current is moved on instead. edges: the currents at the same edges an injection period before,
+    with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB; average: converter samples a
+    current sample. switched: every edge at its instant instead of mean voltages, with the ripple of the carrier.
     """
 
     vdc: float
@@ -82,6 +83,8 @@ class InverterSet(NamedTuple):
     full_scale: float
     noise_lsb: float
     average: int
+    switched: int
+    edges: int
 
 
 def machine_set(motor: Motor, saturated: bool = True, viscous: float | None = None) -> MachineSet:
@@ -203,6 +206,132 @@ def phase_current(i: FloatArray, theta: float, planes: int, cosine: FloatArray, 
 
 
 @compiled
+def step_on(
+    m: MachineSet,
+    state: FloatArray,
+    v: FloatArray,
+    h: float,
+    load: float,
+    coulomb: float,
+    imposed: float,
+    room: FloatArray,
+) -> None:
+    """One Runge-Kutta step of currents with stationary voltages v (two planes), then of the mechanics."""
+    i = state[:4]
+    theta = state[THETA_AT]
+    omega = state[OMEGA_AT]
+    work = room[0]
+    k1 = room[2]
+    k2 = room[3]
+    k3 = room[4]
+    k4 = room[5]
+    trial = room[6]
+    slope_now(m, i, v, theta, omega, work, k1)
+    for a in range(4):
+        trial[a] = i[a] + 0.5 * h * k1[a]
+    slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k2)
+    for a in range(4):
+        trial[a] = i[a] + 0.5 * h * k2[a]
+    slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k3)
+    for a in range(4):
+        trial[a] = i[a] + h * k3[a]
+    slope_now(m, trial, v, theta + h * omega, omega, work, k4)
+    for a in range(4):
+        i[a] += h / 6 * (k1[a] + 2 * k2[a] + 2 * k3[a] + k4[a])
+    flux_now(m, i[0], i[1], i[2], i[3], work)
+    torque = work[0] * i[1] - work[1] * i[0] + 3 * (work[2] * i[3] - work[3] * i[2])
+    torque *= 0.5 * m.phases * m.pole_pairs
+    before = omega
+    if math.isnan(imposed):
+        mechanical = omega / m.pole_pairs
+        drive = torque - load - m.viscous * mechanical - m.fan * mechanical * abs(mechanical)
+        if coulomb > 0.0:
+            # The brake stops the rotor, and holds it, but never drives it.
+            free = mechanical + h * drive / m.inertia
+            most = h * coulomb / m.inertia
+            mechanical = free - most if free > most else free + most if free < -most else 0.0
+        else:
+            mechanical += h * drive / m.inertia
+        omega = mechanical * m.pole_pairs
+    else:
+        omega = imposed * m.pole_pairs
+    theta += h * 0.5 * (before + omega)
+    state[THETA_AT] = theta
+    state[OMEGA_AT] = omega
+    state[TORQUE_AT] = torque
+
+
+@compiled
+def switched(
+    m: MachineSet,
+    inv: InverterSet,
+    state: FloatArray,
+    legs: FloatArray,
+    ts: float,
+    rising: bool,
+    load: float,
+    coulomb: float,
+    imposed: float,
+    cosine: FloatArray,
+    sine: FloatArray,
+    room: FloatArray,
+    edges: FloatArray,
+) -> None:
+    """A sample period with every edge at its instant; an edge waits for the dead time if its current asks for that.
+
+    edges: currents at the rising and the falling edges, of legs that have them.
+    """
+    n = m.phases
+    share = 2.0 / n
+    planes = 2 if n == 5 else 1
+    v = room[1]
+    halves = 1 if inv.double else 2
+    length = ts / halves
+    dead = inv.dead_vs / inv.vdc
+    at = np.zeros(n)
+    waits = np.zeros(n)
+    level = np.zeros(n)
+    most = length / 8
+    for half in range(halves):
+        up = rising if inv.double else half == 0
+        for x in range(n):
+            share_on = 0.5 + legs[x] / inv.vdc
+            at[x] = length * (1.0 - share_on) if up else length * share_on
+            waits[x] = 0.0
+            level[x] = 0.0 if up else 1.0
+        now = 0.0
+        while now < length:
+            k = -1
+            until = length
+            for x in range(n):
+                if at[x] < until:
+                    until = at[x]
+                    k = x
+            while until - now > 1e-12:
+                h = min(most, until - now)
+                for plane in range(planes):
+                    v[2 * plane] = 0.0
+                    v[2 * plane + 1] = 0.0
+                    for x in range(n):
+                        v[2 * plane] += share * cosine[plane, x] * level[x] * inv.vdc
+                        v[2 * plane + 1] += share * sine[plane, x] * level[x] * inv.vdc
+                step_on(m, state, v, h, load, coulomb, imposed, room)
+                now += h
+            now = until
+            if k >= 0:
+                current = phase_current(state[:4], state[THETA_AT], planes, cosine, sine, k)
+                first = waits[k] == 0.0
+                if first:
+                    edges[0 if up else 1, k] = current
+                if first and dead > 0.0 and (current > 0.0) == up:
+                    waits[k] = 1.0
+                    at[k] += dead
+                else:
+                    level[k] = 1.0 if up else 0.0
+                    at[k] = 2 * length
+
+
+@compiled
 def advance(
     m: MachineSet,
     inv: InverterSet,
@@ -219,26 +348,23 @@ def advance(
     cosine: FloatArray,
     sine: FloatArray,
     room: FloatArray,
+    edges: FloatArray,
 ) -> None:
     """Substeps first to last of a sample period with the legs' mean voltages; state and torque afterwards in `state`.
 
-    rising: kind of this period's edges with double update. imposed: mechanical speed (rad/s), NaN: free.
+    rising: kind of this period's edges with double update. imposed: mechanical speed (rad/s), NaN: free. Switched: the
+    whole period with its last substep; edges: currents there.
     """
     n = m.phases
     share = 2.0 / n
     planes = 2 if n == 5 else 1
     i = state[:4]
-    theta = state[THETA_AT]
-    omega = state[OMEGA_AT]
-    torque = state[TORQUE_AT]
-    work = room[0]
     v = room[1]
-    k1 = room[2]
-    k2 = room[3]
-    k3 = room[4]
-    k4 = room[5]
-    trial = room[6]
     h = ts / substeps
+    if inv.switched:
+        if last == substeps:
+            switched(m, inv, state, legs, ts, rising, load, coulomb, imposed, cosine, sine, room, edges)
+        return
     first_edge = substeps // 4 if not inv.double else substeps // 2
     second_edge = 3 * substeps // 4
     for sub in range(first, last):
@@ -257,45 +383,13 @@ def advance(
         for x in range(n):
             u = legs[x]
             if edge != 0:
-                current = phase_current(i, theta, planes, cosine, sine, x)
+                current = phase_current(i, state[THETA_AT], planes, cosine, sine, x)
                 on = min(max(0.5 + 0.5 * edge * current / inv.zone, 0.0), 1.0)
                 u -= edge * on * inv.dead_vs / h
             for plane in range(planes):
                 v[2 * plane] += share * cosine[plane, x] * u
                 v[2 * plane + 1] += share * sine[plane, x] * u
-        slope_now(m, i, v, theta, omega, work, k1)
-        for a in range(4):
-            trial[a] = i[a] + 0.5 * h * k1[a]
-        slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k2)
-        for a in range(4):
-            trial[a] = i[a] + 0.5 * h * k2[a]
-        slope_now(m, trial, v, theta + 0.5 * h * omega, omega, work, k3)
-        for a in range(4):
-            trial[a] = i[a] + h * k3[a]
-        slope_now(m, trial, v, theta + h * omega, omega, work, k4)
-        for a in range(4):
-            i[a] += h / 6 * (k1[a] + 2 * k2[a] + 2 * k3[a] + k4[a])
-        flux_now(m, i[0], i[1], i[2], i[3], work)
-        torque = work[0] * i[1] - work[1] * i[0] + 3 * (work[2] * i[3] - work[3] * i[2])
-        torque *= 0.5 * n * m.pole_pairs
-        before = omega
-        if math.isnan(imposed):
-            mechanical = omega / m.pole_pairs
-            drive = torque - load - m.viscous * mechanical - m.fan * mechanical * abs(mechanical)
-            if coulomb > 0.0:
-                # The brake stops the rotor, and holds it, but never drives it.
-                free = mechanical + h * drive / m.inertia
-                most = h * coulomb / m.inertia
-                mechanical = free - most if free > most else free + most if free < -most else 0.0
-            else:
-                mechanical += h * drive / m.inertia
-            omega = mechanical * m.pole_pairs
-        else:
-            omega = imposed * m.pole_pairs
-        theta += h * 0.5 * (before + omega)
-    state[THETA_AT] = theta
-    state[OMEGA_AT] = omega
-    state[TORQUE_AT] = torque
+        step_on(m, state, v, h, load, coulomb, imposed, room)
 
 
 @compiled
@@ -318,6 +412,12 @@ def triangle(turns: float) -> float:
 
 
 @compiled
+def compensated(inv: InverterSet, current: float) -> float:
+    """Share of the dead time that is given back, with its sign."""
+    return min(max(current / inv.compensation_zone, -1.0), 1.0)
+
+
+@compiled
 def leg_voltages(
     inv: InverterSet,
     vector: FloatArray,
@@ -325,6 +425,8 @@ def leg_voltages(
     last_i: FloatArray,
     move: float,
     angle: float,
+    rising: bool,
+    learned: FloatArray,
     ts: float,
     cosine: FloatArray,
     sine: FloatArray,
@@ -333,7 +435,8 @@ def leg_voltages(
     """Legs' mean voltages of a vector in two planes, with what compensates the dead time.
 
     seen_i, last_i: sampled currents of now and of the period before; last_i becomes seen_i. move: HF current (A) on the
-    d axis at `angle` from the sample to the effect.
+    d axis at `angle` from the sample to the effect. learned: what the currents of all legs (A) move from the sample to
+    the rising and to the falling edge; rising: kind of the edge with double update.
     """
     n = legs.size
     low, high = 1e9, -1e9
@@ -348,7 +451,12 @@ def leg_voltages(
         if inv.compensate:
             ahead = seen_i[x] + inv.predict * (seen_i[x] - last_i[x])
             ahead += move * (math.cos(angle) * cosine[0, x] + math.sin(angle) * sine[0, x])
-            zone = min(max(ahead / inv.compensation_zone, -1.0), 1.0)
-            u += zone * inv.dead_vs / (ts * (2 if inv.double else 1))
+            part = compensated(inv, ahead + learned[0, x])
+            other = compensated(inv, ahead + learned[1, x])
+            if not inv.double:
+                part = 0.5 * (part + other)
+            elif not rising:
+                part = other
+            u += part * inv.dead_vs / (ts * (2 if inv.double else 1))
         legs[x] = min(max(u, -0.5 * inv.vdc), 0.5 * inv.vdc)
         last_i[x] = seen_i[x]
