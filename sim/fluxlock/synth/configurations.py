@@ -12,7 +12,7 @@ from fluxlock.synth.tools import (
     WORK,
     Device,
     TimeLimitError,
-    empty_image,
+    memories,
     pack,
     place_and_route,
     relative,
@@ -99,7 +99,7 @@ def build(config: Configuration, seed: int = 1) -> Result:
     """Synthesize, place, route and pack one configuration."""
     folder = WORK / config.name
     folder.mkdir(parents=True, exist_ok=True)
-    parameters: dict[str, int | str] = {**config.parameters, "Init": f'"{relative(empty_image())}"'}
+    parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
     cells, yosys_s = synthesize(config.top, sources(), parameters, folder)
     device = Device(config.device, config.package, config.speed_grade, config.clock_mhz)
     options = ["--seed", str(seed), "--router", "router2", "--lpf", relative(ROOT / "constraints" / config.constraints)]
