@@ -17,7 +17,7 @@ from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
 from fluxlock.synth.configurations import load_configurations
-from fluxlock.synth.tools import WORK, empty_image, read_slang, relative, sources
+from fluxlock.synth.tools import WORK, memories, read_slang, relative, sources
 from fluxlock.writable import guarded
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
@@ -41,6 +41,7 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
     "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0, "Boot": 1}],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
+    "fl_board_ulx3s": [{"Boot": 1}],
 }
 
 
@@ -97,15 +98,17 @@ def verible() -> str:
 
 def yosys() -> str:
     """The slang front end reads every configuration that `make synth` builds, every board, and every block in none."""
-    image = f'"{relative(empty_image())}"'
     builds: list[tuple[str, str, dict[str, int | str]]] = [
-        (config.name, config.top, {**config.parameters, "Init": image}) for config in load_configurations().values()
+        (config.name, config.top, {**config.parameters, **memories(config.parameters)})
+        for config in load_configurations().values()
     ]
     built = {top for _, top, _ in builds}
-    builds += [(top, top, {"Init": image}) for top in TOPS if top not in built]
+    builds += [(top, top, memories({})) for top in TOPS if top not in built]
     for block, all_ in BLOCKS.items():
-        memory: dict[str, int | str] = {"Init": image, "BootInit": image} if block == "fl_soc" else {}
-        builds += [(f"{block}-{i}", block, values | memory) for i, values in enumerate(all_)]
+        builds += [
+            (f"{block}-{i}", block, values | (memories(values) if block in TOPS else {}))
+            for i, values in enumerate(all_)
+        ]
     found = []
     for name, top, parameters in builds:
         script = WORK / f"lint-{name}.ys"

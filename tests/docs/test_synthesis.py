@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fluxlock.synth import report, timing
+from fluxlock.synth import configurations, report, timing
 from fluxlock.synth.blocks import block_files, load_settings
-from fluxlock.synth.configurations import Configuration, limits_missed, load_configurations, not_routed
+from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
 
 CLOCK, PADS = "posedge clk", timing.PAD
@@ -19,7 +20,7 @@ CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=
 RESULT: dict[str, Any] = {
     "device": "LFE5U-85F", "speed_grade": 6, "clock_mhz": 50.0, "fmax_mhz": 51.26, "routed": True,
     "pad_output_ns": 4.0, "pad_input_ns": 3.0, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6, "block_ram": 5,
-    "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "problems": [],
+    "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
 }  # fmt: skip
 
 
@@ -54,7 +55,7 @@ def test_pad_delays() -> None:
     nets = [
         net("ff_a", CLOCK, "ff_b", CLOCK, 16.0, 17.0),
         net("d_i[0]$tr_io", PADS, "ff_c", CLOCK, 3.4, 3.5),
-        net("lut", PADS, "ff_d", CLOCK, 3.3, 3.3),
+        net("button_i_lut", PADS, "ff_d", CLOCK, 8.1, 8.1),
         net("button_i$tr_io", PADS, "ff_e", CLOCK, 8.0, 8.0),
         net("ff_f", CLOCK, "q_o$tr_io", PADS, 4.4, 4.5),
         net("ff_g", CLOCK, "clock_gate", PADS, 9.9, 9.9),
@@ -97,6 +98,31 @@ def test_limits_missed(fmax: float, pads: tuple[float, float], found: list[str])
     assert limits_missed(CONFIG, fmax, pads) == found
 
 
+@pytest.mark.parametrize(
+    ("outcomes", "wanted"),
+    [
+        ([(49.0, ["clock"]), (51.0, []), (52.0, [])], (2, 2)),
+        ([(49.0, ["clock"]), (49.5, ["clock"]), (48.0, ["clock"])], (2, 3)),
+        ([(55.0, ["not routed"]), (44.0, ["clock"]), (43.0, ["clock"])], (2, 3)),
+    ],
+)
+def test_seeds(
+    monkeypatch: pytest.MonkeyPatch, outcomes: list[tuple[float, list[str]]], wanted: tuple[int, int]
+) -> None:
+    """Seeds are tried until one meets the limits; else the fastest routed one counts.
+
+    Verifies: BRD-07
+    """
+
+    def place(config: Configuration, folder: Path, seed: int) -> Placement:
+        fmax, problems = outcomes[seed - 1]
+        return Placement(seed, fmax, None if "not routed" in problems else (1.0, 1.0), problems, [], 10.0)
+
+    monkeypatch.setattr(configurations, "place", place)
+    best, used_s = configurations.best_placement(replace(CONFIG, seeds=3), Path(), 1)
+    assert (best.seed, used_s) == (wanted[0], 10.0 * wanted[1])
+
+
 def test_tool_is_stopped(tmp_path: Path) -> None:
     """A tool that does not end is stopped, and its log tells how far it came.
 
@@ -137,7 +163,7 @@ def test_tables() -> None:
     Verifies: BRD-09
     """
     assert " ".join(report.configuration_row("three-phase", RESULT)) == (
-        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 7 6 5 4 100 201 all limits met"
+        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 7 6 5 4 100 201 all limits met, seed 1"
     )
     assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]
     placed = {**RESULT, "fmax_mhz": 38.25, "routed": False, "pad_output_ns": None, "problems": ["a", "b"]}

@@ -10,12 +10,14 @@ import resource
 import shutil
 import signal
 import subprocess
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fluxlock.build import generate_registers
 from fluxlock.cosim.chip import rtl_sources
+from fluxlock.firmware.toolchain import build_loader
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
 
@@ -77,6 +79,14 @@ def empty_image() -> Path:
     image = WORK / "empty.hex"
     image.write_text("00000000\n" * RAM_WORDS)
     return image
+
+
+def memories(parameters: Mapping[str, int | str]) -> dict[str, int | str]:
+    """Parameters of a chip or board top that name the contents of its memories: with Boot the loader is in the ROM."""
+    found: dict[str, int | str] = {"Init": f'"{relative(empty_image())}"'}
+    if parameters.get("Boot"):
+        found["BootInit"] = f'"{relative(build_loader())}"'
+    return found
 
 
 def run_tool(command: list[str], log: Path, limit_s: float) -> float:
