@@ -45,7 +45,12 @@ def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
     row = [name, f"{r['device']}-{r['speed_grade']}", fmax_text(r), f"{r['clock_mhz']:.0f}"]
     row += [_number(r["pad_output_ns"]), _number(r["pad_input_ns"]), str(r["lut4"]), str(r["carry"])]
     row += [str(r["lut4"] + 2 * r["carry"]), *(str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp"))]
-    return [*row, f"{r['yosys_s']:.0f}", f"{r['nextpnr_s']:.0f}", "; ".join(r["problems"]) or f"{MET}, seed {r['seed']}"]
+    return [
+        *row,
+        f"{r['yosys_s']:.0f}",
+        f"{r['nextpnr_s']:.0f}",
+        "; ".join(r["problems"]) or f"{MET}, seed {r['seed']}",
+    ]
 
 
 def block_row(name: str, r: dict[str, Any]) -> list[str]:
