@@ -18,7 +18,7 @@ cat >&2 <<EOF
 No SocketCAN here. One of these:
   a kernel with CAN:   modprobe vcan; ip link add dev vcan0 type vcan; ip link set vcan0 up    (as root)
   User-Mode Linux:     apt install user-mode-linux busybox-static can-utils
-                       on a processor with AMX in version 6.13 or later: older ones stop at once
+                       on a processor with AMX a newer version than 6.1, which stops at once; 7.2 runs
   unpacked packages:   dpkg-deb -x FILE DIR for each, then CAN_UML=DIR/usr/bin/linux.uml
 EOF
 exit 3
