@@ -13,13 +13,19 @@ from fluxlock.regression.six_step.measures import event, timeline
 LARGEST_DEG = 5.0
 SPEED_RPM, RAMP = 60.0, 600.0  # r/min, r/min/s
 LOAD_NM = 8.0
-DEAD_TIMES_US = (0.0, 2.0)  # of the torque reversal
+DEAD_TIMES_US = (0.0, 2.0)
 AT_SPEED_S = 0.13
 AT_ONCE = 100_000.0  # r/min/s
 BEFORE_S = 0.02  # of the window, before the step
 
 
-def run_event(runner: Runner, name: str, dead_time_us: float, at_s: float, overrides: list[str]) -> Row:
+def run_event(runner: Runner, name: str, at_s: float, overrides: list[str]) -> Iterator[Row]:
+    """Row of each dead time, of 2 us alone in the short version: a run with a step at at_s."""
+    for dead_time_us in DEAD_TIMES_US[-1:] if runner.quick else DEAD_TIMES_US:
+        yield event_row(runner, name, dead_time_us, at_s, overrides)
+
+
+def event_row(runner: Runner, name: str, dead_time_us: float, at_s: float, overrides: list[str]) -> Row:
     """Row of a run with a step at at_s."""
     used = [*overrides, "expect=[]", f"inverter.dead_time_s={dead_time_us * 1e-6:g}"]
     run = runner.drive(SCENARIO, f"{name}-{dead_time_us:g}us", *used)
@@ -49,8 +55,7 @@ def torque_reversal(runner: Runner) -> Iterator[Row]:
         "drive.current_limit_a=2.0",
         f"drive.accel_rpm_per_s={AT_ONCE:g}",
     ]
-    for dead_time_us in DEAD_TIMES_US[:1] if runner.quick else DEAD_TIMES_US:
-        yield run_event(runner, "torque-reversal", dead_time_us, at_s, overrides)
+    yield from run_event(runner, "torque-reversal", at_s, overrides)
 
 
 def to_speed(step: dict[str, object]) -> list[dict[str, object]]:
@@ -68,7 +73,7 @@ def load_step(runner: Runner) -> Iterator[Row]:
         f"load.constant_nm={LOAD_NM:g}",
         f"drive.accel_rpm_per_s={RAMP:g}",
     ]
-    yield run_event(runner, "load-step", 0.0, at_s, overrides)
+    yield from run_event(runner, "load-step", at_s, overrides)
 
 
 @case("five-phase/tian-speed-reversal")
@@ -84,4 +89,4 @@ def speed_reversal(runner: Runner) -> Iterator[Row]:
         "drive.vector.speed_hz=6",
         f"drive.accel_rpm_per_s={RAMP:g}",
     ]
-    yield run_event(runner, "speed-reversal", 0.0, at_s, overrides)
+    yield from run_event(runner, "speed-reversal", at_s, overrides)
