@@ -9,7 +9,19 @@ from fluxlock.regression.five_phase import (
     tian_events,
     tian_printed,
     yu,
+    yu_events,
     yu_loaded,
 )
 
-__all__ = ["ipm", "leakage", "lock_in", "modulation", "tian", "tian_events", "tian_printed", "yu", "yu_loaded"]
+__all__ = [
+    "ipm",
+    "leakage",
+    "lock_in",
+    "modulation",
+    "tian",
+    "tian_events",
+    "tian_printed",
+    "yu",
+    "yu_events",
+    "yu_loaded",
+]

@@ -15,7 +15,16 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "five-phase/tian.toml"
 POINTS = ((100.0, 2.0),)  # r/min, A
-COMPENSATED_POINTS = ((100.0, 2.0), (5.0, 2.0), (50.0, 0.0))
+# r/min, A, angle at the start: at standstill what the dead time leaves depends on it.
+COMPENSATED_POINTS = (
+    (100.0, 2.0, 10.0),
+    (0.0, 0.3, 10.0),
+    (0.0, 0.3, 4.0),
+    (0.0, 2.0, 10.0),
+    (0.0, 0.0, 10.0),
+    (50.0, 0.0, 10.0),
+    (5.0, 2.0, 10.0),
+)
 MEAN_DEG, RMS_DEG, COMPENSATED_DEG = 0.3, 0.5, 1.0
 SETTLED_S, END_S = 0.19, 0.25
 BEYOND_RPM = 30.0
@@ -56,14 +65,19 @@ def best(runner: Runner) -> Iterator[Row]:
 @case("five-phase/tian-dead-time", long=True)
 def dead_time(runner: Runner) -> Iterator[Row]:
     """Driven shaft, 2 us of compensated dead time: mean of the angle error."""
-    for rpm, i_q_a in COMPENSATED_POINTS:
-        if runner.quick and (rpm, i_q_a) != COMPENSATED_POINTS[0]:
+    for rpm, i_q_a, theta_deg in COMPENSATED_POINTS:
+        if runner.quick and (rpm, i_q_a) != COMPENSATED_POINTS[0][:2]:
             continue
-        overrides = [*driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM), *AT_THE_LIMIT]
-        run = runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
+        overrides = [
+            *driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM),
+            *AT_THE_LIMIT,
+            f"initial.theta_deg={theta_deg:g}",
+        ]
+        name = f"{rpm:g}rpm-{i_q_a:g}A" + (f"-{theta_deg:g}deg" if rpm == 0.0 else "")
+        run = runner.drive(SCENARIO, name, *overrides)
         yield Row(
-            f"five-phase/tian-dead-time/{rpm:g}rpm-{i_q_a:g}A",
-            {"motor": "Tian", "speed_rpm": rpm, "iq_a": i_q_a, "dead_time_us": 2.0},
+            f"five-phase/tian-dead-time/{name}",
+            {"motor": "Tian", "speed_rpm": rpm, "iq_a": i_q_a, "theta_deg": theta_deg, "dead_time_us": 2.0},
             angle_values(run),
             {"angle_error_deg.mean": (-COMPENSATED_DEG, COMPENSATED_DEG), "trips": (0, 0)},
         )
