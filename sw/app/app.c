@@ -20,7 +20,9 @@ static fault_t boot_fault(const parameter_block_t *block) {
     return FAULT_CHIP;
   }
   const fault_t fault = parameters_check(block);
-  if (fault == FAULT_NONE && (uint32_t)block->parameters.clock_hz != chip_clock_hz()) {
+  const parameters_t *p = &block->parameters;
+  const bool other_method = is_vector(p->method) != (p->method == METHOD_VECTOR);
+  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || other_method)) {
     return FAULT_CHIP;
   }
   return fault;
@@ -45,7 +47,7 @@ COLD void app_boot(app_t *app) {
   drive_init(&app->drive, p, fault);
   if (fault == FAULT_NONE) {
     chip_configure(p);
-    if (p->method == METHOD_VECTOR) {
+    if (is_vector(p->method)) {
       chip_set_machine_timer((uint32_t)p->clock_hz / DESIGN_STAGES_PER_SECOND);
     }
   }
@@ -84,7 +86,7 @@ HOT static void vector_control_step(app_t *app) {
 
 HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
-  if (drive->p != 0 && drive->p->method == METHOD_VECTOR) {
+  if (drive->p != 0 && is_vector(drive->p->method)) {
     vector_control_step(app);
   } else if (drive->p != 0) {
     chip_snapshot_t snapshot;
@@ -129,7 +131,7 @@ COLD static void trip_interrupt(app_t *app) {
   const uint32_t start = chip_now();
   // The gates are off already; the control step names the cause. Nothing to do but take the event.
   chip_irq_clear(IRQ_TRIP);
-  if (app->drive.p != 0 && app->drive.p->method == METHOD_VECTOR) {
+  if (app->drive.p != 0 && is_vector(app->drive.p->method)) {
     // What tripped may have ended the samples, and the ticks with them.
     chip_tick_by_time();
   }

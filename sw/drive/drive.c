@@ -233,7 +233,7 @@ COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fau
   drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
   thresholds_reset(drive);
   hall_init(drive);
-  if (p->method == METHOD_VECTOR) {
+  if (is_vector(p->method)) {
     vector_init(drive);
   }
 }

@@ -29,6 +29,8 @@ const char *fault_name(fault_t fault) {
       [FAULT_INJECTION_SIGNAL] = "injection_signal",
       [FAULT_INJECTION_NOISE] = "injection_noise",
       [FAULT_NO_SALIENCY] = "no_saliency",
+      [FAULT_OPEN_PHASE] = "open_phase",
+      [FAULT_OPEN_PHASES] = "open_phases",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }

@@ -39,7 +39,7 @@ void start_begin(drive_t *drive) {
   drive_gates_off(drive);
   drive_enter(drive, STATE_STARTING);
   // The vector drive's speeds have a sign.
-  direct(drive, drive->settings.target_rpm < 0 && drive->p->method == METHOD_SIX_STEP);
+  direct(drive, drive->settings.target_rpm < 0 && !is_vector(drive->p->method));
   drive_take_crossing(drive);
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
@@ -100,7 +100,7 @@ static bool caught(drive_t *drive, const int32_t v_q17[PHASES], int32_t line_emf
   if (!plausible(drive, line_emf_q17, speed_rpm_q8) || speed_rpm_q8 / 256 > p->overspeed_rpm || drive->m.vdc_v_q25 == 0) {
     return false;
   }
-  if (p->method == METHOD_VECTOR) {
+  if (is_vector(p->method)) {
     return vector_catch(drive, drive->rotor.angle, mean_step);
   }
   // What is written now takes effect at the next tick.
@@ -193,7 +193,7 @@ static void coast(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_UNDER_VOLTAGE);
   } else if (vdc_q17 > p->vdc_max_q17) {
     drive_enter_fault(drive, FAULT_OVER_VOLTAGE);
-  } else if (p->method == METHOD_VECTOR) {
+  } else if (is_vector(p->method)) {
     vector_begin(drive);
   } else {
     drive->command.gate_enable = true;

@@ -78,7 +78,7 @@ COLD static void configure_safety(const parameters_t *p) {
 
 static uint32_t vector_control(const chip_vector_command_t *vector, const parameters_t *p) {
   const uint32_t regulate = (vector->regulate[0] ? 1u : 0u) | (vector->regulate[1] ? 2u : 0u);
-  return FIELD(FL_FOC_REGS__CONTROL__SOURCE, p->method == METHOD_VECTOR) |
+  return FIELD(FL_FOC_REGS__CONTROL__SOURCE, is_vector(p->method)) |
          FIELD(FL_FOC_REGS__CONTROL__ENABLE, vector->enable ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__DOUBLE, p->vector_double) |
          FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
@@ -116,7 +116,7 @@ COLD void chip_configure(const parameters_t *parameters) {
   reg_write(REG(freewheel.control), FIELD(FL_FREEWHEEL_REGS__CONTROL__ENABLE, 1));
   reg_write(REG(hall.filter), (uint32_t)parameters->hall_filter_cycles);
   reg_write(REG(pwm.min_pulse), (uint32_t)parameters->min_pulse_cycles);
-  if (parameters->method == METHOD_VECTOR) {
+  if (is_vector(parameters->method)) {
     configure_vector(parameters);
     if (parameters->injection != 0) {
       chip_configure_injection(parameters);
@@ -168,10 +168,13 @@ HOT static void write_vector(uint32_t address, uint32_t subspace, complex_t valu
   reg_write(address + 8u * subspace + 4u, (uint32_t)value.im);
 }
 
-HOT static void read_slow(chip_snapshot_t *snapshot) {
+HOT static void read_slow(chip_snapshot_t *snapshot, bool currents) {
   read_sums(snapshot);
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+  }
+  for (uint32_t x = 0; currents && x < PHASES; x++) {
+    snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
   }
 }
 
@@ -207,7 +210,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     chip_read_injection(&snapshot->injection);
   }
   if (command->vector.read_slow) {
-    read_slow(snapshot);
+    read_slow(snapshot, parameters->injection != 0);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
   }
 }

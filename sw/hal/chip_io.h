@@ -51,6 +51,9 @@ enum {
 // How the machine is driven, fixed by the parameters.
 typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
 
+// A chip with five phases has no sequencer: its image leaves the six-step drive out.
+static inline bool is_vector(int32_t method) { return PHASES != 3 || method == METHOD_VECTOR; }
+
 // What the vector path measured, of the last regulator step before the tick. Vectors by subspace, d + jq.
 typedef struct {
   complex_t i_q17[2];
@@ -72,6 +75,7 @@ typedef struct {
   complex_t q;
   uint32_t count;
   uint16_t results;  // since reset, wraps
+  uint16_t phase;    // of the wave at the latest sample, updates
   bool active;
 } chip_injection_snapshot_t;
 
@@ -85,7 +89,7 @@ typedef struct {
 typedef struct {
   uint32_t sample_number;
   int32_t v_q17[PHASES];  // terminal voltages
-  int32_t i_q17[PHASES];  // phase currents
+  int32_t i_q17[PHASES];  // phase currents; of METHOD_VECTOR with an injection only
   int32_t vdc_sum_q17;    // sums over the samples since the last tick
   int32_t idc_sum_q17;
   uint32_t sum_count;
@@ -148,6 +152,7 @@ typedef struct {
   bool write_limits;     // one-shot: limit, lead or scale have
   bool inject;           // the wave runs
   bool write_injection;  // one-shot: that has changed
+  bool clear_injection;  // with it: filters and sums begin anew, for what is left in them belongs to another frame
   bool write_forward;    // one-shot: forward has
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle

@@ -60,6 +60,8 @@ DriveFault = Literal[
     "injection_signal",
     "injection_noise",
     "no_saliency",
+    "open_phase",
+    "open_phases",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
@@ -379,8 +381,8 @@ class Fault(Model):
             "fault; `stuck_channel`: a converter channel keeps one code; `clear`: all faults end."
         )
     )
-    phases: list[Literal["A", "B", "C"]] | None = Field(
-        default=None, min_length=1, max_length=3, description="Phases that have the fault."
+    phases: list[Literal["A", "B", "C", "D", "E"]] | None = Field(
+        default=None, min_length=1, max_length=5, description="Phases that have the fault."
     )
     turns_fraction: float | None = quantity(
         "Part of the turns that still acts.",
