@@ -20,10 +20,9 @@ static fault_t boot_fault(const parameter_block_t *block) {
     return FAULT_CHIP;
   }
   const fault_t fault = parameters_check(block);
-  if (fault == FAULT_NONE && (uint32_t)block->parameters.clock_hz != chip_clock_hz()) {
-    return FAULT_CHIP;
-  }
-  if (fault == FAULT_NONE && !method_is_held(block->parameters.method, block->parameters.injection != 0)) {
+  const parameters_t *p = &block->parameters;
+  const bool held = method_is_held(p->method, p->injection != 0);
+  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || !held)) {
     return FAULT_CHIP;
   }
   return fault;

@@ -3,6 +3,7 @@
 #include "app/format.h"
 #include "control/fixed.h"
 #include "drive/hall.h"
+#include "drive/vector_injection.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "control/placement.h"
@@ -39,6 +40,8 @@ typedef enum {
   ITEM_OBSERVED_AHEAD_DEG,
   ITEM_ENCODER_AHEAD_DEG,
   ITEM_ENCODER_FAULTS,
+  ITEM_OPEN_PHASES,
+  ITEM_INJECTION,
   ITEM_IDLE,
   ITEM_SPEED_RPM,  // from here on settable
   ITEM_ACCEL_RPM_S,
@@ -97,6 +100,8 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_OBSERVED_AHEAD_DEG] = "observed_ahead_deg",
     [ITEM_ENCODER_AHEAD_DEG] = "encoder_ahead_deg",
     [ITEM_ENCODER_FAULTS] = "encoder_faults",
+    [ITEM_OPEN_PHASES] = "open_phases",
+    [ITEM_INJECTION] = "injection",
     [ITEM_IDLE] = "idle",
     [ITEM_SPEED_RPM] = "speed_rpm",
     [ITEM_ACCEL_RPM_S] = "accel_rpm_s",
@@ -208,6 +213,38 @@ static void degrees_of_radians(char *text, int32_t angle_q30) {
   format_fixed(text, ((int64_t)angle_q30 * DEGREES_Q16) >> 16, 30, 2);
 }
 
+// Share of the current that the validity permits, noise of the angle in degrees, seen ratio of the inductances, share of
+// the EMF.
+static const char *injection(char *text, const vector_injection_t *j) {
+  if (j == 0) {
+    return "none";
+  }
+  const injection_validity_t *validity = &j->frame.validity;
+  const uint32_t values_q16[] = {validity->share_q16, validity->noise_q16, validity->ratio_q16,
+                                 (uint32_t)j->frame.handover.share_q16};
+  char *at = text;
+  for (uint32_t k = 0; k < sizeof values_q16 / sizeof values_q16[0]; k++) {
+    const int64_t value_q16 = (int64_t)values_q16[k];
+    format_fixed(at, (k == 1u) ? (value_q16 * DEGREES_Q16) >> 16 : value_q16, 16, 3);
+    at = next_to(at);
+  }
+  at[-1] = '\0';
+  return text;
+}
+
+static const char *open_phases(char *text, const vector_injection_t *j) {
+  const uint32_t open = (j == 0) ? 0u : j->open.open;
+  char *at = text;
+  for (uint32_t x = 0; x < PHASES; x++) {
+    if ((open >> x & 1u) != 0u) {
+      *at = (char)('A' + (char)x);
+      at++;
+    }
+  }
+  *at = '\0';
+  return (open == 0u) ? "none" : text;
+}
+
 static void milliamperes(char *text, const parameters_t *p, int32_t current_q17) {
   format_i32(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
 }
@@ -305,6 +342,10 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_ENCODER_FAULTS:
       format_u32(text, d->vector.encoder_faults);
       break;
+    case ITEM_OPEN_PHASES:
+      return open_phases(text, d->vector.injection);
+    case ITEM_INJECTION:
+      return injection(text, d->vector.injection);
     case ITEM_HALL_LEARN:
       format_u32(text, s->hall_learn ? 1u : 0u);
       break;

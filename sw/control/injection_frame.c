@@ -65,12 +65,12 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
                                                    const injection_frame_settings_t *settings,
                                                    const injection_frame_input_t *in) {
   injection_frame_command_t command = {.inject = true};
-  complex_t vector_i_q21 = {0, 0};
   if (in->fresh) {
     state->error_q30 = injection_error_q30(&settings->error, &in->amplitude);
-    vector_i_q21 = injection_vector_i_q21(&settings->error, &in->amplitude);
   }
   if (state->resting) {
+    const complex_t none = {0, 0};
+    const complex_t vector_i_q21 = in->fresh ? injection_vector_i_q21(&settings->error, &in->amplitude) : none;
     const rest_position_command_t rest =
         rest_position_step(&state->rest, &settings->rest, in->fresh, vector_i_q21);
     command.turn_q32 = rest.turn_q32;
@@ -82,9 +82,12 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
   } else {
     injection_handover_step(&state->handover, &settings->handover, pll_speed_turn_q36(&state->pll), in->fresh,
                             in->emf_there);
-    if (in->fresh) {
+    if (state->judge) {
+      const complex_t vector_i_q21 = injection_vector_i_q21(&settings->error, &state->amplitude);
       injection_validity_step(&state->validity, &settings->validity, vector_i_q21);
     }
+    state->judge = in->fresh;
+    state->amplitude = in->amplitude;
     const int32_t error_q30 = injection_handover_error_q30(&state->handover, state->error_q30, in->emf_error_q30);
     command.turn_q32 = pll_correct(&state->pll, &settings->pll, error_q30);
     regulate(state, settings, in);

@@ -1,11 +1,12 @@
 // What the compiler is to know of a function: on the path of the control step while running (HOT), the same and called
-// from one place of the image (INLINED), called by it on rare events only and kept out of line (COLD). SMALL_CODE_BEGIN
+// from one place of the image (INLINED) or large and called from several (SHARED), called by it on rare events only and kept out of line (COLD). SMALL_CODE_BEGIN
 // and SMALL_CODE_END enclose functions whose time does not matter.
 #ifndef FL_PLACEMENT_H
 #define FL_PLACEMENT_H
 
 #define HOT __attribute__((hot))
 #define INLINED __attribute__((hot, always_inline))
+#define SHARED __attribute__((hot, noinline))
 #define COLD __attribute__((noinline, cold))
 #if defined(__clang__)
 #define SMALL_CODE_BEGIN _Pragma("clang attribute push(__attribute__((minsize)), apply_to = function)")

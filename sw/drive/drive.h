@@ -214,7 +214,9 @@ typedef struct {
   // From the parameters.
   vector_plant_t plant;       // of one sample
   vector_plant_t observed;    // the same with L_q, which the observer of a salient machine knows
-  bool salient;
+  const vector_plant_t *regulated;  // that the design under way is for
+  bool salient;  // the observer has a model of its own
+  uint32_t stages;  // of a design
   vector_machine_t per_tick;  // of the samples of a tick
   regulator_design_t order;
   pll_gains_t pll_gains;
@@ -255,6 +257,7 @@ typedef struct {
   complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link
+  complex_t forward_v_q17;  // of the last regulator step: the set before the one that the chip has taken
   complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
   uint32_t emf_reciprocal;  // pll_error_from_q30's

@@ -35,6 +35,8 @@ const char *fault_name(fault_t fault) {
       [FAULT_CURRENT_SUM] = "current_sum",
       [FAULT_STUCK_CHANNEL] = "stuck_channel",
       [FAULT_COMMAND_TIMEOUT] = "command_timeout",
+      [FAULT_OPEN_PHASE] = "open_phase",
+      [FAULT_OPEN_PHASES] = "open_phases",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }

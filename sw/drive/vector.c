@@ -19,8 +19,6 @@
 #define SCALE_BITS 17u
 #define SCALE_SHIFT_MAX 31
 #define REST_PARTS 64
-// The estimate is lost where the error stays beyond 30 degrees.
-#define LOST_ERROR_Q30 (ONE_Q30 / 2)
 
 enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
 
@@ -74,7 +72,14 @@ HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_
   return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
 }
 
-HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
+// The regulator's state is the voltage without what goes forward.
+HOT static complex_t acting_v_q25(const drive_t *drive, const chip_vector_snapshot_t *in) {
+  const complex_t forward_v_q17 = drive->vector.forward_v_q17;
+  const complex_t forward_v_q25 = {forward_v_q17.re * 256, forward_v_q17.im * 256};
+  return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), drive->vector.late_v_q25);
+}
+
+SHARED void vector_observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
   if (drive->p->vector_tick_samples > 1) {
@@ -83,7 +88,7 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
     v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
   } else {
     emf_observer_step(&v->observer, gains, in->i_q17[0]);
-    emf_observer_voltage(&v->observer, gains, complex_add(in->u_v_q25[0], v->late_v_q25));
+    emf_observer_voltage(&v->observer, gains, acting_v_q25(drive, in));
   }
   if (!in->taken) {
     return;
@@ -96,6 +101,7 @@ HOT static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
     const complex_t rotation = rotation_q30(turn_q32);
     emf_observer_turn(&v->observer, rotation);
   }
+  v->forward_v_q17 = drive->command.vector.forward_v_q17[0];
   v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
   v->holding = false;
@@ -185,13 +191,6 @@ HOT static void apply_limits(drive_t *drive) {
   }
   command->scale = scale;
   command->scale_shift = (uint32_t)((shift > 1) ? shift : 1);
-}
-
-// Length within 7 per cent.
-HOT static uint32_t rough_length(complex_t z) {
-  const uint32_t a = (uint32_t)abs_sat(z.re);
-  const uint32_t b = (uint32_t)abs_sat(z.im);
-  return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
 }
 
 // Observed and encoder angle side by side, steps that the encoder lost.
@@ -409,7 +408,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     } else if (vector_frame_is_injected(drive)) {
       vector_injection_step(drive, in);
     } else {
-      observe(drive, &in->vector);
+      vector_observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {
         vector_forced_step(drive, in);
       } else {

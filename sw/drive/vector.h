@@ -22,7 +22,7 @@
 #include "drive/drive.h"
 
 #define VECTOR_GROUPS 4u
-#define VECTOR_STAGES 3u  // of a design
+#define VECTOR_STAGES 3u  // of a design, one more with two subspaces
 #define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
 
 static inline bool vector_injects(const drive_t *drive) {

@@ -84,7 +84,8 @@ COLD void vector_init(drive_t *drive) {
   }
   vector_plant(&v->plant, &machine);
   vector_plant(&v->observed, &observed);
-  v->salient = p->vector_mtpa_ratio_i_q25 != 0;
+  v->salient = p->vector_mtpa_ratio_i_q25 != 0 || p->injection != 0;
+  v->stages = (p->injection != 0 && SUBSPACES > 1) ? VECTOR_STAGES + 1u : VECTOR_STAGES;
   v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
   if (p->vector_slope > 0) {
@@ -123,7 +124,7 @@ COLD void vector_init(drive_t *drive) {
   drive->command.vector.read_slow = true;
   drive->command.vector.read_steps = true;
   vector_off(drive);
-  for (uint32_t k = 0; k < VECTOR_STAGES; k++) {
+  for (uint32_t k = 0; k < v->stages; k++) {
     vector_design(drive);
   }
   v->design[0] = v->design[1];
@@ -136,8 +137,8 @@ void vector_design(drive_t *drive) {
     return;
   }
   vector_design_t *spare = &v->design[1u - v->used];
-  const uint32_t stage = v->stage % VECTOR_STAGES;
-  if (v->stage == VECTOR_STAGES * VECTOR_DESIGNS) {
+  const uint32_t stage = v->stage % v->stages;
+  if (v->stage == v->stages * VECTOR_DESIGNS) {
     v->late_v_q25 = late_compensation_v_q25(drive);
   } else if (stage == 0u) {
     // A step in between may have changed one part of a vector.
@@ -147,23 +148,22 @@ void vector_design(drive_t *drive) {
       drive->u_v_q25 = voltage_v_q25;
       drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
     }
-    vector_model(&v->model, &v->plant, v->speed_turn_q36);
+    v->regulated = vector_injects(drive) ? vector_injection_plant(drive) : &v->plant;
+    vector_model(&v->model, v->regulated, v->speed_turn_q36);
   } else if (stage == 1u) {
-    v->fits = regulator_design(&spare->regulator, &v->order, &v->plant.machine, &v->model);
+    v->fits = regulator_design(&spare->regulator, &v->order, &v->regulated->machine, &v->model);
     if (v->salient) {
       vector_model(&v->model, &v->observed, v->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
-  } else if (vector_injects(drive)) {
-    const bool third_fits = vector_injection_design(drive);
-    __atomic_signal_fence(__ATOMIC_RELEASE);
-    v->finished = v->fits && third_fits;
-  } else {
+  } else if (stage == 2u) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
-    __atomic_signal_fence(__ATOMIC_RELEASE);
-    v->finished = v->fits;
+  } else if (vector_injects(drive)) {
+    v->fits = vector_injection_design(drive) && v->fits;
   }
-  v->stage = (v->stage + 1u) % (VECTOR_STAGES * VECTOR_DESIGNS + 1u);
+  __atomic_signal_fence(__ATOMIC_RELEASE);
+  v->finished = v->fits && stage == v->stages - 1u;
+  v->stage = (v->stage + 1u) % (v->stages * VECTOR_DESIGNS + 1u);
 }
 
 COLD void vector_take_design(drive_t *drive) {

@@ -12,6 +12,8 @@
 // Share of the circle that subspace 3 may have.
 #define THIRD_SHARE_SHIFT 2
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
+// Results of a wave that is there again until they count, over those that are left out where a frame was turned.
+#define HANDOVER_RESULTS 3
 
 SMALL_CODE_BEGIN
 
@@ -22,6 +24,8 @@ static injection_method_t method_of(const parameters_t *p) {
                                                INJECTION_SEPARATOR};
   return methods[p->injection - 1];
 }
+
+static bool hands_over(const parameters_t *p) { return p->injection_fade_q16 > 0; }
 
 COLD static void load_settings(injection_frame_settings_t *s, const drive_t *drive) {
   const parameters_t *p = drive->p;
@@ -44,8 +48,13 @@ COLD static void load_settings(injection_frame_settings_t *s, const drive_t *dri
       .sure_q16 = p->injection_search_sure_q16,
       .minimum_i_q21 = p->injection_search_least_i_q21,
   };
-  // The EMF never takes over.
+  // Without a speed of hand-over the EMF never takes over.
   s->handover = (injection_handover_settings_t){INT32_MAX, INT32_MAX - 1, 1, 1};
+  if (hands_over(p)) {
+    s->handover = (injection_handover_settings_t){p->vector_handover_turn_q36, p->vector_back_turn_q36,
+                                                  p->injection_fade_q16,
+                                                  (uint32_t)(HANDOVER_RESULTS * p->injection_search_results[0])};
+  }
   s->validity = (injection_validity_settings_t){
       .minimum_i_q21 = p->injection_least_i_q21,
       .expected_i_q21 = p->injection_expected_i_q21,
@@ -86,17 +95,21 @@ COLD void vector_injection_init(drive_t *drive, vector_machine_t *machine) {
   third.harmonic = 3;
   vector_plant(&j->third, &third);
   if (j->settings.error.method == INJECTION_SEPARATOR) {
+    vector_plant(&j->single, machine);
     vector_machine_join(machine, 2);
     machine->resistance_q30 *= 2u;
   }
 }
 
+const vector_plant_t *vector_injection_plant(const drive_t *drive) {
+  const vector_injection_t *j = drive->vector.injection;
+  const bool every = j->settings.error.method == INJECTION_SEPARATOR && !j->injecting;
+  return every ? &j->single : &drive->vector.plant;
+}
+
 bool vector_injection_design(drive_t *drive) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
-  if (SUBSPACES == 1) {
-    return true;
-  }
   vector_model(&v->model, &j->third, v->speed_turn_q36);
   return regulator_design(&j->third_gains, &v->order, &j->third.machine, &v->model);
 }
@@ -113,11 +126,17 @@ COLD void vector_injection_take_design(drive_t *drive) {
 COLD void vector_injection_begin(drive_t *drive) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
+  if (vector_open_phase_refuses(drive)) {
+    return;
+  }
   injection_frame_begin(&j->frame, &j->settings, drive->p->injection_search != 0, 0);
   const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
   // A low-pass that rises would be taken for a weak signal.
   j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
+  j->observing = false;
+  v->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
+  drive->command.vector.clear_injection = true;
   v->frame = FRAME_INJECTED;
   ramp_preset(&drive->ramp, 0);
   drive->command.gate_enable = true;
@@ -156,6 +175,39 @@ static fault_t fault_of(injection_verdict_t verdict) {
   }
 }
 
+// From half the speed on at which the wave is there again.
+HOT static void observe_emf(drive_t *drive, const chip_vector_snapshot_t *in) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  const bool fast = hands_over(drive->p) && abs_sat(v->speed_turn_q36) > drive->p->vector_back_turn_q36 / 2;
+  if (fast && j->observing) {
+    vector_observe(drive, in);
+  } else if (fast) {
+    v->forward_v_q17 = drive->command.vector.forward_v_q17[0];
+    const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+    emf_observer_preset(&v->observer, in->i_q17[0], emf_v_q25, emf_v_q25);
+    j->observing = true;
+  } else {
+    j->observing = false;
+  }
+}
+
+// The EMF belongs to the speed, from half to twice.
+HOT static bool emf_there(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  const uint32_t expected = (uint32_t)abs_sat(gain_apply(v->speed_turn_q36, drive->p->vector_flux));
+  return v->emf_v_q25 >= expected / 2u && v->emf_v_q25 / 2u <= expected;
+}
+
+// Held by the EMF alone, and that does not hold.
+HOT static bool emf_lost(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  const bool bad = !emf_there(drive) || abs_sat(v->error_q30) > LOST_ERROR_Q30;
+  v->suspicion = (bad && !v->injection->frame.handover.inject) ? v->suspicion + 1u : 0u;
+  return v->suspicion >= v->lost_checks;
+}
+
 // The search has ended, or the angle is not to be trusted any more.
 HOT static void supervise(drive_t *drive) {
   const injection_frame_t *frame = &drive->vector.injection->frame;
@@ -167,6 +219,8 @@ HOT static void supervise(drive_t *drive) {
   }
   if (fault != FAULT_NONE) {
     drive_enter_fault(drive, fault);
+  } else if (emf_lost(drive)) {
+    drive_lost_lock(drive);
   } else if (!frame->resting && drive->state == STATE_STARTING) {
     drive_enter(drive, STATE_RUNNING);
   }
@@ -192,10 +246,29 @@ HOT static void follow_target(drive_t *drive) {
   }
 }
 
+// The EMF as forward voltage while there is a wave. Where the wave comes or goes the regulator takes what changes into its
+// state, held for a tick.
+HOT static void send_forward(drive_t *drive, complex_t state_v_q25) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  const complex_t before_v_q25 = j->forward_v_q25;
+  // The band-pass knows the current that flows: begun anew it would take its step for HF current.
+  drive->command.vector.clear_injection = false;
+  const complex_t none = {0, 0};
+  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+  j->forward_v_q25 = j->command.inject ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
+  v->holding = j->command.inject != j->injecting;
+  if (v->holding) {
+    const complex_t change_v_q25 = complex_sub(before_v_q25, j->forward_v_q25);
+    drive->command.vector.preset_v_q17[0] = to_q17(complex_add(state_v_q25, change_v_q25));
+  }
+}
+
 HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
   const chip_injection_snapshot_t *seen = &in->injection;
+  observe_emf(drive, &in->vector);
   // A set that has not been taken keeps its turn.
   if (!in->vector.taken) {
     return;
@@ -211,29 +284,41 @@ HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
     j->arrived = fresh;
     fresh = before;
   }
+  v->error_q30 = 0;
+  if (j->observing) {
+    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25,
+                                      &v->emf_reciprocal);
+  }
   const complex_t i_q17 = in->vector.i_q17[0];
   const injection_frame_input_t given = {
       .fresh = fresh,
       .amplitude = {seen->d, seen->q, seen->count},
       .current_i_q25 = {i_q17.re * 256, i_q17.im * 256},
+      .emf_error_q30 = v->error_q30,
+      .emf_there = j->observing && emf_there(drive),
       .by_speed = true,
       .speed_turn_q36 = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn),
   };
-  j->settings.limit_i_q25 = drive->settings.current_limit_q17 * 256;
+  j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(drive);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
+  // With the separator only the steps with an odd phase take a preset state. The set acts two steps from here.
+  if (j->settings.error.method == INJECTION_SEPARATOR && seen->active && seen->phase % 2u == 0u) {
+    j->command.inject = j->injecting;
+  }
   v->speed_turn_q36 = j->command.speed_turn_q36;
   v->correct_q32 = j->command.turn_q32;
   v->reference_i_q25 = j->command.reference_i_q25[0];
   drive->limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
-  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
-  j->forward_v_q25 = complex_mul_q30(emf_v_q25, j->frame.turn_q30);
+  send_forward(drive, in->vector.u_v_q25[0]);
   switch (drive->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
       follow_target(drive);
       break;
     case GROUP_SUPERVISION:
       v->state_v_q25 = complex_add(in->vector.u_v_q25[0], j->forward_v_q25);
-      supervise(drive);
+      if (!vector_open_phase_step(drive, in)) {
+        supervise(drive);
+      }
       break;
     case GROUP_FIELD:
     case GROUP_LIMITS:
@@ -249,9 +334,12 @@ HOT uint32_t vector_published_q32(const drive_t *drive) {
 
 HOT void vector_injection_limits(drive_t *drive) {
   chip_vector_command_t *command = &drive->command.vector;
+  const vector_injection_t *j = drive->vector.injection;
   const uint32_t circle_v_q17 = command->limit_v_q17[0];
-  command->lead_q32 = drive->vector.injection->command.lead_q32;
-  command->limit_v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, drive->p->injection_v_q17);
+  command->lead_q32 = j->command.lead_q32;
+  if (j->injecting) {
+    command->limit_v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, drive->p->injection_v_q17);
+  }
   if (SUBSPACES > 1) {
     command->limit_v_q17[1] = circle_v_q17 >> THIRD_SHARE_SHIFT;
   }
@@ -268,11 +356,15 @@ HOT void vector_injection_command(drive_t *drive) {
     c->forward_v_q17[1] = to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30));
     c->reference_i_q17[1] = to_q17(j->command.reference_i_q25[1]);
     c->write_reference = true;
-    c->write_control = c->write_control || !c->regulate[1];
-    c->regulate[1] = true;
+    const bool whole = j->open.open == 0u;
+    c->write_control = c->write_control || c->regulate[1] != whole;
+    c->regulate[1] = whole;
   }
   c->inject = j->command.inject;
   c->write_injection = c->inject != j->injecting;
+  if (c->inject && !j->injecting) {
+    j->left_out = FIRST_RESULTS;
+  }
   j->injecting = c->inject;
 }
 

@@ -1,18 +1,27 @@
 // The vector drive held by injection (injection_frame.h): angle and speed from standstill on, the currents of both subspaces.
 // Its frame is the third one beside forced and observed:
 //
-//   starting: coast, search for the rotor at rest -> running: injected, any speed and both directions -> stopping: to
-//   standstill, gates off
+//   starting: coast, search for the rotor at rest -> running: injected, both directions -> stopping: to standstill,
+//   gates off
+//
+// With a speed of hand-over the EMF observer takes over above it and the wave is switched off; below 0.6 of it the wave
+// is there again (injection_handover.h). With the wave the EMF goes forward to the regulator, without it the regulator's
+// state has it, which the voltage circle bounds.
+//
+// An open phase (open_phase.h) at speed, without a wave: of five the others go on, with the fundamental's current as it was
+// up to 0.68 of the limit; the regulators of subspace 3 leave it to what the open phase forces. Elsewhere, and with a second
+// one, the drive stops: vector_open_phase.c.
 //
 // What the chip measured at sample k belongs to the frame before the tick. The set committed in step k acts at tick k + 1.
-// With the separator the regulators of subspace 1 run at every second sample: their model is that of two periods. Its result,
-// complete with a zero crossing of the HF current, is used a step later: what follows from it then acts at the next zero
+// With the separator the regulators of subspace 1 run at every second sample while there is a wave: their model is that of
+// two periods then. Its result, complete with a zero crossing of the HF current, is used a step later: what follows from it then acts at the next zero
 // crossing. A speed that changes at a peak in between lets the fundamental into the HF current of that peak, at rated
 // current five times what an error of the angle gives.
 #ifndef FL_VECTOR_INJECTION_H
 #define FL_VECTOR_INJECTION_H
 
 #include "control/injection_frame.h"
+#include "control/open_phase.h"
 #include "drive/drive.h"
 
 struct vector_injection {
@@ -23,13 +32,19 @@ struct vector_injection {
   uint32_t left_out;    // results of a wave that has just begun
   bool arrived;         // separator: a result in the step before
   bool injecting;       // as the chip was told
+  bool observing;       // the EMF observer runs
   complex_t forward_v_q25;  // EMF in the frame
+  vector_plant_t single;    // subspace 1, of one sample; with the separator
   vector_plant_t third;      // subspace 3, of one sample
   regulator_gains_t third_gains;
+  open_phase_t open;
 };
 
 // With an injection in the parameters: its settings, and `machine` as the regulators of subspace 1 are to know it.
 void vector_injection_init(drive_t *drive, vector_machine_t *machine);
+
+// Subspace 1 as its regulators are to know it now.
+const vector_plant_t *vector_injection_plant(const drive_t *drive);
 
 // Gains of subspace 3 for the present speed, in the deferred interrupt. False: they do not fit. About 2500 clocks.
 bool vector_injection_design(drive_t *drive);
@@ -43,8 +58,17 @@ void vector_injection_begin(drive_t *drive);
 // Wave and second subspace off.
 void vector_injection_off(drive_t *drive);
 
-// One control step; about 3000 clocks with I/Q sums.
+// One control step; about 3000 clocks with I/Q sums, 3500 with the EMF observer.
 void vector_injection_step(drive_t *drive, const chip_snapshot_t *in);
+
+// Looks for open phases and does about them what there is to do. True: the state has been left.
+bool vector_open_phase_step(drive_t *drive, const chip_snapshot_t *in);
+
+// A start with a phase known as open is refused, once. True: refused.
+bool vector_open_phase_refuses(drive_t *drive);
+
+// Current limit with the phases there are.
+int32_t vector_open_phase_limit_i_q25(const drive_t *drive);
 
 // What the wave leaves of the voltage circle, circle of subspace 3, lead.
 void vector_injection_limits(drive_t *drive);

@@ -9,6 +9,8 @@
 #include "drive/vector.h"
 
 #define SAMPLE_MAX_Q17 131071
+// The estimate is lost where the error stays beyond 30 degrees.
+#define LOST_ERROR_Q30 (ONE_Q30 / 2)
 
 static inline int32_t rpm_q8(const drive_t *drive, int32_t speed_turn_q36) {
   return gain_apply(speed_turn_q36, drive->vector.to_rpm);
@@ -21,10 +23,20 @@ static inline complex_t to_q17(complex_t z_q25) {
 // exp(-j turn): takes vectors into a frame that is ahead by `turn`.
 static inline complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
 
+// Length within 7 per cent.
+static inline uint32_t rough_length(complex_t z) {
+  const uint32_t a = (uint32_t)abs_sat(z.re);
+  const uint32_t b = (uint32_t)abs_sat(z.im);
+  return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
+}
+
 static inline bool has_encoder(const drive_t *drive) { return drive->p->encoder_quarters > 1; }
 
 // Electrical angle of the rotor by the encoder.
 static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
+
+// One sample of the EMF observer, then the turn of the set that the chip has taken.
+void vector_observe(drive_t *drive, const chip_vector_snapshot_t *in);
 
 // The design that waits, to the chip.
 void vector_take_design(drive_t *drive);

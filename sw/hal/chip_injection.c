@@ -39,16 +39,17 @@ HOT void chip_read_injection(chip_injection_snapshot_t *snapshot) {
   const uint32_t result = reg_read(REG(injection.snap_result));
   snapshot->results = (uint16_t)BITS(FL_INJECTION_REGS__SNAP_RESULT__RESULTS, result);
   snapshot->count = BITS(FL_INJECTION_REGS__SNAP_RESULT__COUNT, result);
-  snapshot->active = BITS(FL_INJECTION_REGS__SNAP_STATE__ACTIVE, reg_read(REG(injection.snap_state))) != 0u;
+  const uint32_t state = reg_read(REG(injection.snap_state));
+  snapshot->active = BITS(FL_INJECTION_REGS__SNAP_STATE__ACTIVE, state) != 0u;
+  snapshot->phase = (uint16_t)BITS(FL_INJECTION_REGS__SNAP_STATE__PHASE, state);
   snapshot->d.re = (int32_t)reg_read(REG(injection.snap_re[0]));
   snapshot->d.im = (int32_t)reg_read(REG(injection.snap_im[0]));
   snapshot->q.re = (int32_t)reg_read(REG(injection.snap_re[1]));
   snapshot->q.im = (int32_t)reg_read(REG(injection.snap_im[1]));
 }
 
-// What was left in filters and sums belongs to another frame.
 COLD void chip_write_injection(const chip_command_t *command, const parameters_t *parameters) {
-  const bool enable = command->vector.inject;
-  reg_write(REG(injection.control),
-            control(parameters, enable) | FIELD(FL_INJECTION_REGS__CONTROL__CLEAR, enable ? 1 : 0));
+  const chip_vector_command_t *vector = &command->vector;
+  reg_write(REG(injection.control), control(parameters, vector->inject) |
+                                        FIELD(FL_INJECTION_REGS__CONTROL__CLEAR, vector->clear_injection ? 1 : 0));
 }

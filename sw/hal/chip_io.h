@@ -59,10 +59,11 @@ enum {
 typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
 
 // What of them the image holds, by the build: one that needs the room leaves some out. Bits by method_t, and the injection.
+// A chip with five phases has no sequencer: its image leaves the six-step drive out.
 #define HELD_INJECTION 4
 #define HELD_ALL 7
 #ifndef HELD
-#define HELD HELD_ALL
+#define HELD (PHASES == 3 ? HELD_ALL : HELD_ALL & ~1)
 #endif
 static inline bool method_is_held(int32_t method, bool injects) {
   return HELD == HELD_ALL || ((HELD >> method & 1) != 0 && (!injects || (HELD & HELD_INJECTION) != 0));
@@ -94,6 +95,7 @@ typedef struct {
   complex_t q;
   uint32_t count;
   uint16_t results;  // since reset, wraps
+  uint16_t phase;    // of the wave at the latest sample, updates
   bool active;
 } chip_injection_snapshot_t;
 
@@ -107,7 +109,7 @@ typedef struct {
 typedef struct {
   uint32_t sample_number;
   int32_t v_q17[PHASES];  // terminal voltages
-  int32_t i_q17[PHASES];  // phase currents
+  int32_t i_q17[PHASES];  // phase currents; of METHOD_VECTOR with an injection only
   int32_t vdc_sum_q17;    // sums over the samples since the last tick
   int32_t idc_sum_q17;
   uint32_t sum_count;
@@ -171,6 +173,7 @@ typedef struct {
   bool write_limits;     // one-shot: limit, lead or scale have
   bool inject;           // the wave runs
   bool write_injection;  // one-shot: that has changed
+  bool clear_injection;  // with it: filters and sums begin anew, for what is left in them belongs to another frame
   bool write_forward;    // one-shot: forward has
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle

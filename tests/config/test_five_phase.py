@@ -18,6 +18,7 @@ __all__ = ["copy"]
 
 TIAN, YU = ROOT / "motors" / "five-phase-tian.toml", ROOT / "motors" / "five-phase-yu.toml"
 LEGS_200, LEGS_350 = (ROOT / "inverters" / f"five-leg-{v}v.toml" for v in (200, 350))
+FIVE = ROOT / "scenarios" / "five-phase" / "yu.toml"
 
 
 def problems(path: Path) -> list[str]:
@@ -184,6 +185,10 @@ def test_faults_of_legs(kind: str) -> None:
 
     scenario = load_scenario(DEMO, [event(',phases=["C","A"]'), "window=[]", "expect=[]"])
     assert action_of(scenario, scenario.event[0]).arguments == {"kind": kind, "phases": (2, 0)}
+    five = load_scenario(FIVE, [event(',phases=["E","B"]'), "window=[]", "expect=[]"])
+    assert action_of(five, five.event[0]).arguments == {"kind": kind, "phases": (4, 1)}
+    text = errors(event(',phases=["D"]'))[0]
+    assert "event[0].fault.phases: D is no phase of the motor, permitted: A, B, C" in text
     assert f'event[0].fault.phases: required key is missing for kind = "{kind}"' in errors(event(""))[0]
     text = errors(event(',phases=["A"],turns_fraction=0.1'))[0]
     assert f'event[0].fault.turns_fraction: does not belong to kind = "{kind}"' in text

@@ -33,6 +33,8 @@ KEY = "drive.vector.injection"
         (TIAN, [f"{KEY}.amplitude_v=110"], f"{KEY}.amplitude_v: 110 V is not below the largest voltage, 95.4 V"),
         (IPM, [f"{KEY}.period=40"], "over 40 updates makes 15 A, beside drive.current_limit_a permitted up to 9 A"),
         (IPM, ["motor.inductance_q_h=0.1e-3"], "inductance_q_h: 0.0001 H is not above inductance_h (0.0002 H)"),
+        (YU, ["drive.vector.handover_rpm=1600"], "handover_rpm: 1600 r/min is above max_speed_rpm of the motor"),
+        (YU, ["drive.vector.handover_rpm=10"], "handover_rpm: 10 r/min has an EMF of 924 mV, less than 10 steps"),
         (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
     ],
 )
@@ -109,6 +111,26 @@ def test_expected_behind_a_filter(regulated: bool) -> None:
         block = parameter_block(load_scenario(PRINTED, [removed, f"{KEY}.method={method}"]))
         expected = block.number("injection_expected_i_q21") / 2**21 * scenario.inverter.sensing.current_full_scale_a
         assert expected == pytest.approx(value, rel=0.06), method
+
+
+def test_speed_of_the_hand_over() -> None:
+    """The EMF takes over at it, within 20 ms, and gives back at 0.6 of it; beyond it the wave takes no voltage.
+
+    Verifies: INJC-11
+    """
+    assert parameter_block(load_scenario(YU)).number("injection_fade_q16") == 0
+    scenario = load_scenario(YU, ["drive.vector.handover_rpm=450"])
+    block = parameter_block(scenario)
+    tick_s = block.number("tick_cycles") / 50e6
+    assert block.number("injection_fade_q16") == pytest.approx(2**16 * tick_s / 0.02, abs=0.5)
+    turns = 450 / 60 * 9 / 50e6
+    for name, share in (("vector_handover_turn_q36", 1.0), ("vector_back_turn_q36", 0.6)):
+        assert block.number(name) == pytest.approx(share * turns * 2**36, abs=0.5)
+    # 141 V and across them 90 V at 5 A: of the circle of 171 V the wave leaves 160 V.
+    needs = ["event[0]={at_s=0.002,speed_rpm=1500}", "load.constant_nm=11", "window=[]", "expect=[]"]
+    load_scenario(YU, ["drive.vector.handover_rpm=450", "inverter.supply_v=335", *needs])
+    with pytest.raises(ConfigError, match="beside drive\\.vector\\.injection"):
+        load_scenario(YU, ["inverter.supply_v=335", *needs])
 
 
 def test_none() -> None:

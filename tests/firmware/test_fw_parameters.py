@@ -27,6 +27,7 @@ from fluxlock.firmware import (
 )
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
+from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 
@@ -253,6 +254,16 @@ def test_image_carries_the_block(tmp_path: Path) -> None:
     too_long.write_bytes(bytes(BLOCK_ADDRESS + 4))
     with pytest.raises(ParameterError, match="reach into the parameter block"):
         write_image(tmp_path / "x.hex", too_long, block())
+
+
+def test_image_of_five_phases_has_no_six_step_drive() -> None:
+    """It is shorter than that of three phases, though it has a second subspace.
+
+    Verifies: INJC-12
+    """
+    three, five = (build_firmware(phases=phases).stat().st_size for phases in (3, 5))
+    assert five < three - 8_000
+    assert five < IMAGE_LIMIT_BYTES - 8_000, "room for what comes"
 
 
 def test_power_stage_keys_reach_the_block() -> None:

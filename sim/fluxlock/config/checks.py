@@ -314,7 +314,14 @@ def _phases(s: Scenario) -> list[Problem]:
     if s.motor.phases == 5 and (s.drive.method != "vector" or s.drive.vector.injection is None):
         text = '5 needs drive.method = "vector" and [drive.vector.injection]'
         return [s.sources.problem("motor.phases", text)]
-    return []
+    letters = "ABCDE"[: s.motor.phases]
+    problems = []
+    for i, event in enumerate(s.event):
+        named = event.fault.phases or [] if event.fault is not None else []
+        for letter in (x for x in named if x not in letters):
+            text = f"{letter} is no phase of the motor, permitted: {', '.join(letters)}"
+            problems.append(Problem(s.sources.scenario, f"event[{i}].fault.phases", text))
+    return problems
 
 
 def _can(s: Scenario) -> list[Problem]:

@@ -38,6 +38,8 @@ VALUES = (
     "observed_ahead_deg",
     "encoder_ahead_deg",
     "encoder_faults",
+    "open_phases",
+    "injection",
     "idle",
 )
 SETTINGS = (

@@ -67,6 +67,8 @@ DriveFault = Literal[
     "current_sum",
     "stuck_channel",
     "command_timeout",
+    "open_phase",
+    "open_phases",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
@@ -386,8 +388,8 @@ class Fault(Model):
             "fault; `stuck_channel`: a converter channel keeps one code; `clear`: all faults end."
         )
     )
-    phases: list[Literal["A", "B", "C"]] | None = Field(
-        default=None, min_length=1, max_length=3, description="Phases that have the fault."
+    phases: list[Literal["A", "B", "C", "D", "E"]] | None = Field(
+        default=None, min_length=1, max_length=5, description="Phases that have the fault."
     )
     turns_fraction: float | None = quantity(
         "Part of the turns that still acts.",

@@ -82,12 +82,12 @@ class Vector(Model):
         absent="0.3 of what the start current reaches without load",
     )
     handover_rpm: float | None = quantity(
-        "Speed at which the observed angle takes over; below 0.6 of it the forced frame does.",
+        "Speed at which the observed angle takes over; below 0.6 of it the forced frame does, or the injection.",
         "r/min",
         1,
         2e6,
         default=None,
-        absent="a tenth of `max_speed_rpm`, more if the EMF is small",
+        absent="a tenth of `max_speed_rpm`, more if the EMF is small; with injection: never",
     )
     speed_hz: float = quantity("Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=20.0)
     weakening: bool = Field(default=False, description="Field weakening: negative i_d where the voltage is short.")
@@ -114,7 +114,7 @@ class Vector(Model):
         if self.injection is None:
             return self
         given = self.model_fields_set
-        for key in ("start_current_a", "start_accel_rpm_per_s", "handover_rpm", "weakening", "mounting"):
+        for key in ("start_current_a", "start_accel_rpm_per_s", "weakening", "mounting"):
             if key in given:
                 raise conflict(key, "does not go with [drive.vector.injection]; leave it out")
         for key, value in (

@@ -163,8 +163,33 @@ def _loops(s: Scenario) -> Iterator[Problem]:
         )
 
 
+def _handover(s: Scenario) -> Iterator[Problem]:
+    """The speed of the hand-over to the EMF, and the EMF there."""
+    file, motor, inverter, drive = s.sources.scenario, motor_spec(s), inverter_spec(s), drive_spec(s)
+    v = s.drive.vector.spec()
+    rpm = vector_compiler.handover_rpm(motor, inverter, drive, v)
+    if rpm > s.motor.max_speed_rpm:
+        most = with_unit(s.motor.max_speed_rpm, "r/min")
+        yield Problem(
+            file,
+            "drive.vector.handover_rpm",
+            f"{with_unit(rpm, 'r/min')} is above max_speed_rpm of the motor ({most})",
+        )
+        return
+    step_v = inverter.voltage_full_scale_v / 2**inverter.bits
+    emf_v = vector_compiler.VectorMachine.of(motor, inverter).psi_vs * s.motor.omega_e(rpm)
+    if emf_v < EMF_LSB_MIN * step_v:
+        least = math.ceil(rpm * EMF_LSB_MIN * step_v / emf_v)
+        yield Problem(
+            file,
+            "drive.vector.handover_rpm",
+            f"{rpm:.0f} r/min has an EMF of {1e3 * emf_v:.3g} mV, less than {EMF_LSB_MIN:g} steps of the converter, "
+            f"permitted from {least} r/min",
+        )
+
+
 def _start(s: Scenario) -> Iterator[Problem]:
-    """The forced start: its current, its torque against load and inertia, the EMF at the hand-over."""
+    """The forced start: its current, the hand-over, its torque against load and inertia."""
     file, motor, inverter, drive = s.sources.scenario, motor_spec(s), inverter_spec(s), drive_spec(s)
     v = s.drive.vector.spec()
     current_a = vector_compiler.start_current_a(motor, drive, v)
@@ -175,27 +200,10 @@ def _start(s: Scenario) -> Iterator[Problem]:
             "drive.vector.start_current_a",
             f"{with_unit(current_a, 'A')} is above drive.current_limit_a ({limit})",
         )
+    yield from _handover(s)
     rpm = vector_compiler.handover_rpm(motor, inverter, drive, v)
-    if rpm > s.motor.max_speed_rpm:
-        most = with_unit(s.motor.max_speed_rpm, "r/min")
-        yield Problem(
-            file,
-            "drive.vector.handover_rpm",
-            f"{with_unit(rpm, 'r/min')} is above max_speed_rpm of the motor ({most})",
-        )
-        return
     m = vector_compiler.VectorMachine.of(motor, inverter)
-    step_v = inverter.voltage_full_scale_v / 2**inverter.bits
-    emf_v = m.psi_vs * s.motor.omega_e(rpm)
-    if emf_v < EMF_LSB_MIN * step_v:
-        least = math.ceil(rpm * EMF_LSB_MIN * step_v / emf_v)
-        yield Problem(
-            file,
-            "drive.vector.handover_rpm",
-            f"{rpm:.0f} r/min has an EMF of {1e3 * emf_v:.3g} mV, less than {EMF_LSB_MIN:g} steps of the converter, "
-            f"permitted from {least} r/min",
-        )
-    if s.mechanics.mode != "free":
+    if rpm > s.motor.max_speed_rpm or s.mechanics.mode != "free":
         return
     accel = vector_compiler.start_accel_rpm_per_s(motor, inverter, drive, v)
     most_nm = START_TORQUE_SHARE_MAX * m.torque_nm_per_a * current_a
@@ -222,6 +230,8 @@ def _injection(s: Scenario) -> Iterator[Problem]:
         text = f"is not above inductance_h ({l_d:g} H), as drive.vector.injection needs it"
         yield Problem(s.sources.motor, "inductance_q_h", f"{'left out' if l_q is None else f'{l_q:g} H'} {text}")
         return
+    if vector.handover_rpm is not None:
+        yield from _handover(s)
     if spec.third_ratio and motor.phases == 3:
         yield Problem(file, "drive.vector.injection.third_ratio", "belongs to a motor of five phases")
     timing = vector_timing.vector_timing(CLOCK_HZ, s.drive.carrier_hz, inverter_spec(s), vector.spec())
@@ -271,6 +281,14 @@ def vector_speed(s: Scenario, speed_rpm: float) -> str | None:
     )
 
 
+def _injected_v(s: Scenario, speed_rpm: float) -> float:
+    """Amplitude of the wave at a speed (V)."""
+    v = s.drive.vector
+    if v.injection is None or (v.handover_rpm is not None and abs(speed_rpm) > v.handover_rpm):
+        return 0.0
+    return v.injection.amplitude_v
+
+
 def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
     """What a speed under a load needs and does not have: phase voltage, current.
 
@@ -291,13 +309,12 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
         u = complex(r, omega * inductance) * complex(d, i_q) + 1j * omega * psi
         drop_v = s.inverter.supply_resistance_ohm * m.phases / 2 * (u * complex(d, -i_q)).real / max(supply_v, 1e-9)
         circle_v = (1.0 - margins) * (supply_v - drop_v) * vector_compiler.linear_voltage(m.phases)
-        if v.injection is not None:
-            circle_v = math.sqrt(max(0.0, circle_v**2 - v.injection.amplitude_v**2))
+        circle_v = math.sqrt(max(0.0, circle_v**2 - _injected_v(s, speed_rpm) ** 2))
         needs.append((abs(u), circle_v))
     need_v, have_v = min(needs, key=lambda pair: pair[0] - pair[1])
     if need_v > have_v:
-        hint = "" if v.weakening else "; drive.vector.weakening = true needs less"
-        if v.injection is not None:
+        hint = "" if v.weakening or v.injection is not None else "; drive.vector.weakening = true needs less"
+        if _injected_v(s, speed_rpm):
             hint = ", beside drive.vector.injection.amplitude_v"
         found.append(
             f"needs a phase voltage of {need_v:.1f} V (EMF, inductance, resistance), available {have_v:.1f} V "

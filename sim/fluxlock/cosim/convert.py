@@ -102,10 +102,10 @@ def action_of(s: Scenario, event: Event) -> Action:
     assert event.fault is not None
     fault = event.fault
     if fault.kind == "shorted_winding":
-        phases = tuple("ABC".index(p) for p in fault.phases or ())
+        phases = tuple("ABCDE".index(p) for p in fault.phases or ())
         value = {"phases": phases, "turns_fraction": fault.turns_fraction or 0.05}
     elif fault.phases is not None:
-        value = {"phases": tuple("ABC".index(p) for p in fault.phases)}
+        value = {"phases": tuple("ABCDE".index(p) for p in fault.phases)}
     elif fault.kind == "stuck_channel":
         value = {"channel": fault.channel, "code": fault.code}
     else:

@@ -46,6 +46,7 @@ SEARCH_SURE = 0.012
 SEARCH_RESULTS = {"separator": (8, 16, 24, 6, 8)}
 SEARCH_RESULTS_OTHERS = (6, 8, 20, 6, 8)
 LOCK_IN_TIME_CONSTANTS = 4.0
+HANDOVER_S = 0.02  # in which the EMF takes the injection's place
 
 
 def averaged_over(time_s: float, period_s: float) -> int:
@@ -212,6 +213,7 @@ def injection_parameters(
         "injection_sequence": SEQUENCES.index(spec.sequence),
         "injection_ratio": gain(wave.ratio, "injection_ratio"),
         "injection_loss": gain(loss, "injection_loss"),
+        "injection_fade_q16": 0 if vector.handover_rpm is None else max(1, round(tick_s / HANDOVER_S * Q16)),
         "injection_speed_filter_q16": round(-math.expm1(-2 * math.pi * spec.speed_filter_hz * tick_s) * Q16),
         **_filters(spec, sample_s),
         **_search(motor, spec, wave, sample_s, tick_s, full_scale_a),

@@ -196,6 +196,8 @@ class Frame(ctypes.Structure):
         ("rest", RestPosition),
         ("handover", InjectionHandover),
         ("validity", Validity),
+        ("amplitude", Amplitude),
+        ("judge", ctypes.c_bool),
         ("pll", Pll),
         ("coupling", CrossCoupling),
         ("speed", PiState),
@@ -207,6 +209,18 @@ class Frame(ctypes.Structure):
         ("wanted_i_q25", I32),
         ("limited", ctypes.c_bool),
     )
+
+
+class OpenPhaseSettings(ctypes.Structure):
+    """open_phase_settings_t."""
+
+    _fields_ = (("share_q16", U32), ("minimum_i_q17", U32), ("turn_q32", U32))
+
+
+class OpenPhase(ctypes.Structure):
+    """open_phase_t."""
+
+    _fields_ = (("open", U32), ("angle_q32", U32), ("quiet_q32", I32 * 5), ("samples", U32 * 5))
 
 
 def error_settings(
@@ -257,6 +271,8 @@ def injection_library() -> ctypes.CDLL:
         ("injection_magnitude_i_q17", U32, [POINTER, POINTER]),
         ("injection_error_q30", I32, [POINTER, POINTER]),
         ("injection_vector_i_q21", Complex, [POINTER, POINTER]),
+        ("open_phase_begin", None, [POINTER]),
+        ("open_phase_step", U32, [POINTER, POINTER, POINTER, U32, U32, U32]),
         ("angle_sequence_leads", Leads, [ctypes.c_int, POINTER, I32]),
         ("rest_position_begin", None, [POINTER]),
         ("rest_position_step", RestCommand, [POINTER, POINTER, ctypes.c_bool, Complex]),

@@ -1,10 +1,13 @@
 """Cases of injection: five-phase machines of Tian 2019 and Yu 2022. Scenarios: scenarios/five-phase."""
 
 from fluxlock.regression.five_phase import (
+    handover,
     ipm,
     leakage,
     lock_in,
     modulation,
+    open_phase,
+    saliency,
     tian,
     tian_events,
     tian_printed,
@@ -14,10 +17,13 @@ from fluxlock.regression.five_phase import (
 )
 
 __all__ = [
+    "handover",
     "ipm",
     "leakage",
     "lock_in",
     "modulation",
+    "open_phase",
+    "saliency",
     "tian",
     "tian_events",
     "tian_printed",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fluxlock.regression.case import Row, case
-from fluxlock.regression.five_phase.driven import angle_values, driven
+from fluxlock.regression.five_phase.driven import angle_values, driven, largest_mean_deg
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import event, timeline
 
@@ -15,6 +15,10 @@ POINTS = ((400.0, RATED_A), (200.0, -RATED_A))
 MEAN_DEG, RMS_DEG, PEAK_DEG = 0.5, 1.0, 5.0
 TOP_RPM = 400.0
 SETTLED_S, END_S = 0.17, 0.21
+TORQUE_RPM = 200.0  # a twentieth of the speed
+# Targets beyond the imposed speed that take i_q to its limit in 0.16 s, and from there to the other one in 0.2 s.
+RISE_RPM, REVERSE_RPM = 500.0, -270.0
+RISEN_S, SEEN_S = 0.23, 0.06
 
 
 @case("five-phase/ipm-steady", long=True)
@@ -52,4 +56,22 @@ def reversal(runner: Runner) -> Iterator[Row]:
         {"motor": "IPM", "speed_rpm": TOP_RPM, "accel_rpm_per_s": run.scenario.accel_rpm_per_s, "dead_time_us": 0.3},
         angle_values(run),
         {"angle_error_deg.max": (None, PEAK_DEG), "trips": (0, 0)},
+    )
+
+
+@case("five-phase/ipm-torque")
+def torque(runner: Runner) -> Iterator[Row]:
+    """Three-phase IPM driven at 5 % of its speed: rated torque, then its reversal in 0.2 s: largest 5 ms mean."""
+    end_s = RISEN_S if runner.quick else 0.46
+    overrides = driven(TORQUE_RPM, RATED_A, SEEN_S, end_s)
+    events = [event(0.002, "command", f"set speed_rpm {RISE_RPM:g}"), event(0.004, "command", "start")]
+    if not runner.quick:
+        events.append(event(RISEN_S, "command", f"set speed_rpm {REVERSE_RPM:g}"))
+    overrides = [*overrides, *timeline(end_s, events, [("steady", SEEN_S, end_s)])]
+    run = runner.drive(SCENARIO, "run", *overrides)
+    yield Row(
+        "five-phase/ipm-torque",
+        {"motor": "IPM", "speed_rpm": TORQUE_RPM, "iq_a": RATED_A, "dead_time_us": 0.3},
+        {"largest_5ms_mean_deg": largest_mean_deg(run, SEEN_S), **angle_values(run)},
+        {"largest_5ms_mean_deg": (None, PEAK_DEG), "trips": (0, 0)},
     )

@@ -1,0 +1,36 @@
+// Phases that carry no current though the machine does, from samples of the phase currents.
+//
+//   quiet_k   angle, with its sign, that the rotor has turned since |i_k| was last above share * amplitude
+//   open      quiet over more than an angle and at least three samples
+//
+// The sine of a sound phase is below 0.15 of its amplitude for 17 degrees at a time, twice a turn; an open phase is found
+// within the angle, a sample's turn and these 17 degrees. HF current of an injection only helps: an open phase has none.
+#ifndef FL_OPEN_PHASE_H
+#define FL_OPEN_PHASE_H
+
+#include <stdint.h>
+
+#define OPEN_PHASES_MAX 5u
+
+typedef struct {
+  uint32_t share_q16;      // of the amplitude
+  uint32_t minimum_i_q17;  // amplitude below which nothing is judged
+  uint32_t turn_q32;       // electrical, below half a turn
+} open_phase_settings_t;
+
+typedef struct {
+  uint32_t open;                          // bit k: phase k, stays
+  uint32_t angle_q32;                     // of the last sample
+  int32_t quiet_q32[OPEN_PHASES_MAX];
+  uint32_t samples[OPEN_PHASES_MAX];      // quiet ones in a row
+} open_phase_t;
+
+// All phases sound.
+void open_phase_begin(open_phase_t *state);
+
+// One sample of `phases` <= 5 currents, the amplitude of their fundamental and the rotor's electrical angle, which turns
+// by less than a quarter turn from sample to sample. Returns the phases found open so far. About 150 clocks.
+uint32_t open_phase_step(open_phase_t *state, const open_phase_settings_t *settings, const int32_t *i_q17,
+                         uint32_t phases, uint32_t amplitude_i_q17, uint32_t angle_q32);
+
+#endif

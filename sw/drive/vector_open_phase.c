@@ -1,0 +1,83 @@
+// Open phases of a machine held by injection and EMF.
+//
+// Five phases, one of them open, k: i_k = 0 couples the subspaces. The regulators of subspace 1 hold its current as it
+// was, the torque stays even; that of subspace 3 along the open phase's axis is then - Re(i_1 exp(-j k 72 deg)), and across
+// it 0 costs least. With no voltage of its own subspace 3 comes to that by itself: what the open phase adds to the voltage
+// drives it along that axis only. Phases beside the open one then carry 1.468 times the amplitude of subspace 1, the two
+// others 1.263 times: the limit of the current goes to 1 / 1.468.
+//
+// The saliency of four phases turns with the rotor: the injection finds no angle.
+#include "control/fixed.h"
+#include "control/placement.h"
+#include "drive/vector_injection.h"
+#include "drive/vector_parts.h"
+
+#define SHARE_Q16 9830u               // 0.15 of the amplitude
+#define TURN_Q32 715827883u           // 60 degrees; a sound phase is quiet for 17
+#define LEAST_SHIFT 3                 // amplitude below an eighth of the limit: nothing is judged
+#define FOUR_PHASES_Q16 44642         // 1 / 1.468
+
+SMALL_CODE_BEGIN
+
+COLD static bool several(uint32_t phases) { return (phases & (phases - 1u)) != 0u; }
+
+COLD static void stop(drive_t *drive) {
+  drive_enter_fault(drive, several(drive->vector.injection->open.open) ? FAULT_OPEN_PHASES : FAULT_OPEN_PHASE);
+}
+
+// The state of subspace 3 is its preset one from now on: none.
+COLD static void found(drive_t *drive) {
+  const injection_handover_t *handover = &drive->vector.injection->frame.handover;
+  const bool by_emf = handover->emf && !handover->inject;
+  if (PHASES != 5 || !by_emf || several(drive->vector.injection->open.open)) {
+    stop(drive);
+    return;
+  }
+  drive->command.vector.preset_v_q17[1] = (complex_t){0, 0};
+  fault_log_add(&drive->log, FAULT_OPEN_PHASE, drive->tick);
+}
+
+HOT bool vector_open_phase_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_injection_t *j = drive->vector.injection;
+  if (j->frame.resting) {
+    return false;  // the frame turns, not the rotor
+  }
+  const open_phase_settings_t settings = {
+      .share_q16 = SHARE_Q16,
+      .minimum_i_q17 = (uint32_t)drive->settings.current_limit_q17 >> LEAST_SHIFT,
+      .turn_q32 = TURN_Q32,
+  };
+  const uint32_t before = j->open.open;
+  const uint32_t amplitude_i_q17 = rough_length(drive->vector.current_i_q17);
+  const uint32_t now =
+      open_phase_step(&j->open, &settings, in->i_q17, PHASES, amplitude_i_q17, drive->vector.angle_turn_q32);
+  if (now != before) {
+    found(drive);
+  } else if (now != 0u && j->command.inject) {
+    // The speed has come down to where there is no angle any more.
+    if (drive->state == STATE_STOPPING) {
+      drive_gates_off(drive);
+      drive_enter(drive, STATE_READY);
+    } else {
+      stop(drive);
+    }
+  }
+  return drive->vector.frame == FRAME_OFF;
+}
+
+COLD bool vector_open_phase_refuses(drive_t *drive) {
+  vector_injection_t *j = drive->vector.injection;
+  const bool refused = j->open.open != 0u;
+  if (refused) {
+    stop(drive);
+  }
+  open_phase_begin(&j->open);
+  return refused;
+}
+
+HOT int32_t vector_open_phase_limit_i_q25(const drive_t *drive) {
+  const int32_t limit_i_q25 = drive->settings.current_limit_q17 * 256;
+  return (drive->vector.injection->open.open == 0u) ? limit_i_q25 : mul_q16(limit_i_q25, FOUR_PHASES_Q16);
+}
+
+SMALL_CODE_END

@@ -1,0 +1,137 @@
+"""Open phases from the phase currents: none where all are sound, each one within an electrical turn."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from ctypes import byref
+from random import Random
+
+import pytest
+
+from fluxlock.firmware import injection_library as il
+
+SEED = 57
+TURN = 2 * math.pi
+FULL_Q17 = 2**17
+LIMIT_RAD = math.radians(60)
+SETTINGS = il.OpenPhaseSettings(round(0.15 * 2**16), round(0.05 * FULL_Q17), round(LIMIT_RAD / TURN * 2**32))
+Currents = Callable[[float], list[float]]
+
+
+@pytest.fixture(scope="module")
+def lib() -> ctypes.CDLL:
+    """The host library with the prototypes of the injection's functions."""
+    return il.injection_library()
+
+
+def sound(phases: int, amplitude: float, third: float, lead: float) -> Currents:
+    """Fundamental and a share of the third harmonic at an angle ahead of the rotor."""
+    step = TURN / phases
+    return lambda theta: [
+        amplitude * (math.cos(theta + lead - k * step) + third * math.cos(3 * (theta + lead - k * step)))
+        for k in range(phases)
+    ]
+
+
+def without(currents: Currents, lost: int) -> Currents:
+    """The same fundamental with phase `lost` open: subspace 3 along its axis takes its current away."""
+
+    def found(theta: float) -> list[float]:
+        i = currents(theta)
+        step = TURN / len(i)
+        return [x - i[lost] * math.cos(3 * (lost - k) * step) for k, x in enumerate(i)]
+
+    return found
+
+
+def sample(
+    lib: ctypes.CDLL, state: il.OpenPhase, rng: Random, currents: list[float], amplitude: float, theta: float
+) -> int:
+    """One step with noise of the converter."""
+    codes = [round(x * FULL_Q17 + rng.gauss(0, 64)) for x in currents]
+    values = (ctypes.c_int32 * 5)(*codes, *[0] * (5 - len(codes)))
+    angle = round(theta / TURN * 2**32) % 2**32
+    return int(
+        lib.open_phase_step(byref(state), byref(SETTINGS), values, len(codes), round(abs(amplitude) * FULL_Q17), angle)
+    )
+
+
+@pytest.mark.parametrize("phases", [3, 5])
+def test_sound_phases(lib: ctypes.CDLL, phases: int) -> None:
+    """Random speeds both ways, currents and third harmonics; through zero and at a standstill nothing is found.
+
+    Verifies: INJC-13
+    """
+    rng = Random(SEED)
+    for _ in range(150):
+        state = il.OpenPhase()
+        lib.open_phase_begin(byref(state))
+        step = rng.choice((0.0, 0.001, 0.1, 0.3, 0.7)) * rng.choice((-1, 1))
+        third, lead = rng.uniform(-0.2, 0.2) if phases == 5 else 0.0, rng.uniform(-math.pi, math.pi)
+        theta = rng.uniform(0, TURN)
+        for n in range(400):
+            amplitude = 0.6 * math.cos(n / 60)  # torque reversals
+            theta += step
+            assert sample(lib, state, rng, sound(phases, amplitude, third, lead)(theta), amplitude, theta) == 0, SEED
+
+
+def test_shaking_rotor(lib: ctypes.CDLL) -> None:
+    """An angle that swings by up to 20 degrees about that at which a sound phase has no current tells nothing.
+
+    Verifies: INJC-13
+    """
+    rng = Random(SEED)
+    for _ in range(20):
+        state = il.OpenPhase()
+        lib.open_phase_begin(byref(state))
+        for _ in range(2000):
+            theta = 0.3 + math.radians(rng.uniform(-10, 10))
+            currents = sound(5, 0.5, 0.0, math.pi / 2)(0.0)
+            assert sample(lib, state, rng, currents, 0.5, theta) == 0, SEED
+
+
+@pytest.mark.parametrize("phases", [3, 5])
+def test_open_phase_is_found(lib: ctypes.CDLL, phases: int) -> None:
+    """Any phase, from any angle: found within 0.75 of a turn, alone, and kept; with five phases a second one too.
+
+    Verifies: INJC-13
+    """
+    rng = Random(SEED)
+    largest = 0.0
+    for _ in range(200):
+        state = il.OpenPhase()
+        lib.open_phase_begin(byref(state))
+        step, amplitude = rng.choice((0.02, 0.2, 0.6)) * rng.choice((-1, 1)), rng.uniform(0.1, 0.6)
+        lost, theta = rng.randrange(phases), rng.uniform(0, TURN)
+        whole = sound(phases, amplitude, 0.0, rng.uniform(-math.pi, math.pi))
+        broken = without(whole, lost) if phases == 5 else whole
+        for _ in range(rng.randrange(5, 40)):
+            theta += step
+            assert sample(lib, state, rng, whole(theta), amplitude, theta) == 0, SEED
+        begun = theta
+        mask = 0
+        while mask == 0:
+            theta += step
+            i = broken(theta)
+            i[lost] = 0.0
+            mask = sample(lib, state, rng, i, amplitude, theta)
+            assert abs(theta - begun) < 0.75 * TURN, SEED
+        largest = max(largest, abs(theta - begun))
+        assert mask == 1 << lost, SEED
+        if phases == 3:
+            continue
+        for _ in range(round(3 * TURN / abs(step))):
+            theta += step
+            assert sample(lib, state, rng, broken(theta), amplitude, theta) == 1 << lost, SEED
+        second = (lost + rng.randrange(1, phases)) % phases
+        begun = theta
+        while mask == 1 << lost:
+            theta += step
+            i = broken(theta)
+            i[second] = 0.0
+            mask = sample(lib, state, rng, i, amplitude, theta)
+            assert abs(theta - begun) < 0.75 * TURN, SEED
+        assert mask == 1 << lost | 1 << second, SEED
+    print(f"seed {SEED}: found within {math.degrees(largest):.0f} degrees")
