@@ -1,0 +1,71 @@
+// The whole chip with Boot, a flash and converters that show the middle of their range.
+`default_nettype none
+module fl_boot_soc #(
+    parameter string BootInit = "boot.hex"
+) (
+    input  logic       clk_i,
+    input  logic       rst_i,
+    input  logic       uart_rx_i,
+    output logic       uart_tx_o,
+    input  logic       flash_power_i,
+    output logic [5:0] gate_o
+);
+
+  localparam int unsigned Conversion = 40;  // clocks
+
+  logic strobe, cs_n, sck, mosi, miso;
+  logic [Conversion-1:0] converting_q;
+
+  always_ff @(posedge clk_i) converting_q <= rst_i ? '0 : {converting_q[Conversion-2:0], strobe};
+
+  fl_soc #(
+      .Init    (""),
+      .Boot    (1),
+      .BootInit(BootInit)
+  ) u_soc (
+      .clk_i,
+      .rst_i,
+      .adc_strobe_o     (strobe),
+      .adc_valid_i      (converting_q[Conversion-1]),
+      .adc_code_i       ({9{12'h800}}),
+      .gate_h_o         (),
+      .gate_l_o         (),
+      .gate_o,
+      .fault_pin_i      (1'b0),
+      .hall_i           ('0),
+      .encoder_i        ('0),
+      .uart_rx_i,
+      .uart_tx_o,
+      .can_rx_i         (1'b1),
+      .can_tx_o         (),
+      .spi_cs_no        (cs_n),
+      .spi_sck_o        (sck),
+      .spi_mosi_o       (mosi),
+      .spi_miso_i       (miso),
+      .trc_valid_o      (),
+      .trc_now_o        (),
+      .trc_zc_valid_o   (),
+      .trc_zc_late_o    (),
+      .trc_zc_sector_o  (),
+      .trc_zc_time_o    (),
+      .trc_comm_valid_o (),
+      .trc_sector_o     (),
+      .trc_comm_sched_o (),
+      .trc_update_o     (),
+      .trc_trip_o       (),
+      .trc_trip_cause_o (),
+      .trc_angle_valid_o(),
+      .trc_angle_o      ()
+  );
+
+  fl_spi_flash_model u_flash (
+      .clk_i,
+      .power_i(flash_power_i),
+      .cs_ni  (cs_n),
+      .sck_i  (sck),
+      .mosi_i (mosi),
+      .miso_o (miso)
+  );
+
+endmodule
+`default_nettype wire

@@ -1,0 +1,64 @@
+"""The firmware itself from the flash, by the loader, on the whole chip: it answers on the console.
+
+Takes two minutes of processor time, most of them for the copy of 115 KB: only with FLUXLOCK_BOOT_FIRMWARE set.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import cocotb
+import pytest
+from cocotb.triggers import Timer
+from cocotb.utils import get_sim_time
+
+from cocotb_tests.soc.boot_bench import BootBench
+from fluxlock.config import load_scenario
+from fluxlock.cosim.block import run_block_test
+from fluxlock.cosim.chip import rtl_sources
+from fluxlock.cosim.parameters import parameter_block
+from fluxlock.firmware.toolchain import build_firmware, build_loader
+from fluxlock.flash.image import pack_image
+from fluxlock.memory import FLASH_BLOCK, FLASH_IMAGE
+from fluxlock.paths import REGISTER_BLOCKS, ROOT, RTL
+
+PHASES = 3
+LISTEN_MS = 1
+# By then the flash has been read at 12.5 MHz and the CRC made.
+LOADED_MS = 150
+
+
+@cocotb.test()
+async def firmware_answers(dut: Any) -> None:
+    tb = BootBench(dut)
+    tb.fill(FLASH_IMAGE, pack_image(build_firmware(phases=PHASES).read_bytes(), PHASES))
+    tb.fill(FLASH_BLOCK, parameter_block(load_scenario(ROOT / "scenarios" / "demo.toml")).pack())
+    await tb.start()
+    await Timer(LOADED_MS, "ms")
+    said = ""
+    for _ in range(20):
+        await tb.send(b"status\n")
+        said = await tb.line(limit_s=0.01)
+        if said:
+            break
+    dut._log.info("after %d ns: %s", get_sim_time("ns"), said)
+    assert said.startswith("state "), said
+    assert int(dut.gate_o.value) == 0
+
+
+@pytest.mark.skipif(not os.environ.get("FLUXLOCK_BOOT_FIRMWARE"), reason="long: only with FLUXLOCK_BOOT_FIRMWARE")
+def test_boot_firmware() -> None:
+    """Firmware and parameter block of the demo start from the flash.
+
+    Verifies: BOOT-02
+    """
+    sources = [path for path in rtl_sources() if path.is_relative_to(RTL) or "VexRiscv" in path.name]
+    bench = [ROOT / "cocotb_tests" / "soc" / name for name in ("fl_spi_flash_model.sv", "fl_boot_soc.sv")]
+    run_block_test(
+        "fl_boot_soc",
+        [*(path for path in sources if path.parent.name != "pkg"), *bench],
+        __name__,
+        parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"'},
+        registers=REGISTER_BLOCKS,
+    )
