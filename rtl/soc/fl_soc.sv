@@ -85,14 +85,8 @@ module fl_soc
 
   // Windows that are there.
   typedef logic [Blocks-1:0] fitted_t;
-<<<<<<< HEAD
   localparam fitted_t SixStepBlocks = fitted_t'(1) << Zcd | fitted_t'(1) << Comm | fitted_t'(1) << Pwm |
       fitted_t'(1) << Freewheel | fitted_t'(1) << Hall;
-=======
-  localparam fitted_t SixStepBlocks =
-      fitted_t'(1) << Zcd | fitted_t'(1) << Comm | fitted_t'(1) << Pwm | fitted_t'(1) << Freewheel |
-      fitted_t'(1) << Hall;
->>>>>>> mutate
   localparam fitted_t VectorBlocks = fitted_t'(1) << Foc | fitted_t'(1) << Encoder;
   localparam fitted_t Fitted = '1 & ~(SixStep ? fitted_t'(0) : SixStepBlocks) &
       ~(Vector ? fitted_t'(0) : VectorBlocks) & ~(Vector && Injection ? fitted_t'(0) : fitted_t'(1) << Inject) &
