@@ -14,6 +14,8 @@
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
 #define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
 #define DESIGN_STAGES_PER_SECOND 1000u
+// Control steps between two reports to the watchdog, which waits for twice as many.
+#define REPORT_TICKS 4u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -149,7 +151,9 @@ HOT void app_control_interrupt(app_t *app) {
     const uint32_t tick_time = chip_tick_time();
     chip_irq_clear(IRQ_TICK);
     control_step(app);
-    chip_report_step(app->drive.tick);
+    if (app->drive.tick % REPORT_TICKS == 0u) {
+      chip_report_step(app->drive.tick / REPORT_TICKS);
+    }
     cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
     cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
   }

@@ -1,8 +1,6 @@
 #include "control/overload.h"
 
-#include "control/placement.h"
-
-HOT bool overload_step(overload_t *overload, const overload_settings_t *settings, int32_t i_q17, uint32_t ticks) {
+bool overload_step(overload_t *overload, const overload_settings_t *settings, int32_t i_q17, uint32_t ticks) {
   if (settings->ticks == 0u) {
     return false;
   }

@@ -18,7 +18,7 @@ typedef struct {
   int64_t heat;  // i_q17² ticks
 } overload_t;
 
-// One step over `ticks` control ticks, at most 16; i_q17 within the converter's range. True: too hot. About 50 clocks.
+// One step over `ticks` control ticks, at most 64; i_q17 within the converter's range. True: too hot. About 50 clocks.
 bool overload_step(overload_t *overload, const overload_settings_t *settings, int32_t i_q17, uint32_t ticks);
 
 #endif

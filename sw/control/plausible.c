@@ -1,14 +1,13 @@
 #include "control/plausible.h"
 
 #include "control/fixed.h"
-#include "control/placement.h"
 
 // Half a step of a 12-bit converter from either end of q17.
 #define TOP_Q17 (131071 - 80)
 #define BAD_LOOK 4u
-#define BAD_LIMIT 200u
+#define BAD_LIMIT 16u
 
-HOT bool still_step(still_t *still, const int32_t values_q17[], uint32_t channels, uint32_t limit) {
+bool still_step(still_t *still, const int32_t values_q17[], uint32_t channels, uint32_t limit) {
   bool stuck = false;
   for (uint32_t c = 0; c < channels; c++) {
     const int32_t value = values_q17[c];
@@ -22,7 +21,7 @@ HOT bool still_step(still_t *still, const int32_t values_q17[], uint32_t channel
   return stuck;
 }
 
-HOT bool sum_step(sum_t *sum, int32_t sum_i_q17, int32_t limit_q17) {
+bool sum_step(sum_t *sum, int32_t sum_i_q17, int32_t limit_q17) {
   if (limit_q17 > 0 && abs_sat(sum_i_q17) > limit_q17) {
     sum->count += BAD_LOOK;
   } else if (sum->count > 0u) {

@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define STILL_CHANNELS_MAX 7u
+#define STILL_CHANNELS_MAX 2u
 
 typedef struct {
   uint16_t last[STILL_CHANNELS_MAX];  // low half of the value
@@ -27,8 +27,8 @@ typedef struct {
 // 65535, 0: never. About 12 clocks a channel.
 bool still_step(still_t *still, const int32_t values_q17[], uint32_t channels, uint32_t limit);
 
-// One look at the sum of the phase currents; limit_q17 0: never. True: at least 50 looks beyond it, all in a row or more
-// of them. About 15 clocks.
+// One look at the sum of the phase currents; limit_q17 0: never. True: at least 4 looks beyond it, all in a row or more of
+// them. About 15 clocks.
 bool sum_step(sum_t *sum, int32_t sum_i_q17, int32_t limit_q17);
 
 #endif

@@ -5,6 +5,8 @@
 
 // A hundredth of the converter's range.
 #define UNPOWERED_Q17 1311
+// Fewer equal values in a row noise gives by itself, once in a long time.
+#define STILL_LOOKS_MIN 12u
 
 static bool silent(const drive_t *drive) {
   const uint32_t limit = drive->settings.command_timeout_ticks;
@@ -12,7 +14,7 @@ static bool silent(const drive_t *drive) {
   return limit > 0u && active && drive->tick - drive->heard_tick > limit;
 }
 
-HOT bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t current_i_q17, uint32_t ticks) {
+COLD bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t current_i_q17, uint32_t ticks) {
   protect_t *t = &drive->protect;
   const parameters_t *p = drive->p;
   // The winding cools in every state.
@@ -26,19 +28,19 @@ HOT bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t current
   int32_t seen_q17[STILL_CHANNELS_MAX];
   int32_t sum_i_q17 = 0;
   for (uint32_t x = 0; x < PHASES; x++) {
-    seen_q17[x] = in->i_q17[x];
     sum_i_q17 += in->i_q17[x];
   }
   if (sum_step(&t->sum, sum_i_q17, p->sum_limit_q17)) {
     fault = FAULT_CURRENT_SUM;
   }
-  seen_q17[PHASES] = drive->m.idc_mean_q17;
+  seen_q17[0] = drive->m.idc_mean_q17;
   // Without a supply there is nothing to see: noise below zero is cut off.
   const int32_t vdc_q17 = drive->m.vdc_v_q25 >> 8;
   const bool powered = vdc_q17 > UNPOWERED_Q17;
-  seen_q17[PHASES + 1] = powered ? vdc_q17 : (int32_t)t->still.last[PHASES + 1] + 1;
-  const uint32_t looks = (uint32_t)p->still_ticks / ticks;
-  if (in->sum_count > 0u && still_step(&t->still, seen_q17, PHASES + 2u, looks)) {
+  seen_q17[1] = powered ? vdc_q17 : (int32_t)t->still.last[1] + 1;
+  const uint32_t wanted = (uint32_t)p->still_ticks / ticks;
+  const uint32_t looks = (wanted > 0u && wanted < STILL_LOOKS_MIN) ? STILL_LOOKS_MIN : wanted;
+  if (in->sum_count > 0u && still_step(&t->still, seen_q17, STILL_CHANNELS_MAX, looks)) {
     fault = FAULT_STUCK_CHANNEL;
   }
   if (silent(drive)) {

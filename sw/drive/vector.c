@@ -20,6 +20,9 @@
 #define SCALE_SHIFT_MAX 31
 #define REST_PARTS 64
 
+// The slow protection is for the core's load slower than the groups.
+#define PROTECT_TICKS (16u * VECTOR_GROUPS)
+
 enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
 
 static int32_t current_limit_i_q25(const drive_t *drive) { return drive->settings.current_limit_q17 * 256; }
@@ -395,9 +398,9 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   // Nothing else of what it looks at moves here.
   const bool look = in->trip_latched != 0u || drive->m.silent_ticks > 0u;
   const bool left = look && drive_supervise(drive, in);
-  const bool protect = drive->command.vector.read_slow && drive->tick % VECTOR_GROUPS == GROUP_SUPERVISION;
+  const bool protect = drive->command.vector.read_currents;
   const int32_t amplitude_i_q17 = protect ? (int32_t)rough_length(v->current_i_q17) : 0;
-  if (!left && !(protect && protect_step(drive, in, amplitude_i_q17, VECTOR_GROUPS))) {
+  if (!left && !(protect && protect_step(drive, in, amplitude_i_q17, PROTECT_TICKS))) {
     if (v->frame == FRAME_OFF || drive->tick % VECTOR_GROUPS == GROUP_LIMITS) {
       apply_limits(drive);
     }
@@ -418,6 +421,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   const uint32_t next = (drive->tick + 1u) % VECTOR_GROUPS;
   drive->command.vector.read_slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
+  drive->command.vector.read_currents = (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
   drive->command.vector.read_steps =
       drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;
   drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;

@@ -179,6 +179,11 @@ HOT static void read_slow(chip_snapshot_t *snapshot) {
   read_sums(snapshot);
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+  }
+}
+
+HOT static void read_currents(chip_snapshot_t *snapshot) {
+  for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
   }
 }
@@ -217,6 +222,8 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
   if (command->vector.read_slow) {
     read_slow(snapshot);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
+  }  if (command->vector.read_currents) {
+    read_currents(snapshot);
   }
 }
 

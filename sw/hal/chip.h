@@ -65,7 +65,7 @@ bool chip_read_direct(chip_direct_t *direct);
 void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
 void chip_write_guard(const chip_command_t *command, const parameters_t *parameters);
-// The watchdog hears that control step number `step`, one more than the last one, has come to its end.
+// The watchdog hears that the control steps go on: `step` is one more than at the last report.
 void chip_report_step(uint32_t step);
 // Open all gates at once, without a tick.
 void chip_gates_off(void);

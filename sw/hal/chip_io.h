@@ -176,7 +176,8 @@ typedef struct {
   bool clear_injection;  // with it: filters and sums begin anew, for what is left in them belongs to another frame
   bool write_forward;    // one-shot: forward has
   bool read_steps;  // the next snapshot shall have steps and limited
-  bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle
+  bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle...
+  bool read_currents;  // ...and the phase currents
   uint32_t scale;
   uint32_t scale_shift;
 } chip_vector_command_t;

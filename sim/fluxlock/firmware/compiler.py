@@ -34,13 +34,13 @@ from fluxlock.firmware.vector_timing import vector_timing
 RPM = 60.0 / (2.0 * math.pi)  # r/min of 1 rad/s
 Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
 
-# The watchdog waits for so many control steps.
+# The watchdog waits for so many control steps, of which every fourth is told.
 WATCHDOG_TICKS = 8
 # Sum of the phase currents that is none of noise and offsets: the larger of both.
 SUM_RATED_SHARE = 0.1
 SUM_LSB = 16.0
 # A channel with that noise or more cannot keep its value for so long.
-STILL_NOISE_LSB = 0.5
+STILL_NOISE_LSB = 0.75
 STILL_S = 25e-3
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
