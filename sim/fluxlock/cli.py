@@ -321,9 +321,15 @@ def regression(
 
 @app.command()
 def figures(
-    family: Annotated[str, typer.Argument(help="Whose: six-step (Yang 2020, chapters 2 to 6), blac (chapter 7).")],
+    family: Annotated[
+        str,
+        typer.Argument(
+            help="Whose: six-step (Yang 2020, chapters 2 to 6), blac (chapter 7), five-phase (Tian 2019, Yu 2022)."
+        ),
+    ],
     numbers: Annotated[
-        list[str] | None, typer.Argument(metavar="FIGURE", help="Numbers (2.11) or chapters (2); all without.")
+        list[str] | None,
+        typer.Argument(metavar="FIGURE", help="Numbers (2.11, tian.4), chapters (2) or papers (yu); all without."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
         "build/figures"
@@ -339,7 +345,7 @@ def figures(
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
 ) -> None:
-    """Draw the figures of a thesis from our own runs, each with a table of what was printed and what is measured.
+    """Draw the figures of a thesis or papers from our own runs, each with a table: printed, measured.
 
     Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
     `python -m fluxlock.docs.figures` makes the page of the documentation from what stands in build/figures.

@@ -12,6 +12,7 @@ import pytest
 from fluxlock.figures.blac.controllers import draw_steps
 from fluxlock.figures.blac.observer import SAMPLES, draw_sensorless
 from fluxlock.figures.command import run_figures
+from fluxlock.figures.five_phase.yu import separation
 from fluxlock.regression.runner import Runner
 
 
@@ -58,3 +59,17 @@ def test_figure_of_the_observer_from_the_chip() -> None:
     assert len(levels) == len(points) == 3
     for level, line in zip(levels, points, strict=True):
         assert float(np.mean(line.get_ydata())) == pytest.approx(float(level.get_ydata()[0]), abs=0.5)
+
+
+def test_figure_of_the_separator_from_the_chip() -> None:
+    """Figure 9 of Yu: the step leaves the HF amplitude alone, and the fundamental is the same without injection.
+
+    Verifies: FIG-08
+    """
+    drawing = separation(Runner("figures/five-phase/yu.9", quick=True, seed=1, plots=False))
+    left, right = drawing.page.axes
+    assert all(float(np.abs(np.asarray(line.get_ydata())).max()) < 10.0 for line in left.lines)
+    found, without = (np.asarray(line.get_ydata()) for line in right.lines)
+    assert abs(found[0]) < 0.05 and found[-1] == pytest.approx(5.0, abs=0.05)
+    count = min(found.size, without.size)
+    assert found[:count] == pytest.approx(without[:count], abs=0.15)

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from fluxlock.figures.command import DOCUMENT
-from fluxlock.figures.figure import FAMILIES
+from fluxlock.figures.command import DOCUMENT, of_family
+from fluxlock.figures.figure import FAMILIES, PRINTED
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.origin import common_origin, origin_text
 
@@ -43,6 +43,19 @@ prints its curves without numbers but for figure 7.7. Angles are electrical, err
 .venv/bin/python -m fluxlock.docs.figures           # this page and its images from the result
 ```
 """,
+    "five-phase": """# Figures of five-phase injection
+
+B. Tian, Q.-T. An, M. Molinas, IEEE Access 2019 (`tian`), and K. Yu, Z. Wang, L. Li, Energies 2022 (`yu`), by figure
+number: what was printed, what is found here, and why they differ. Drawn from runs of the chip with five phases and its
+plant unless a condition says otherwise; experiments and simulations of the papers are both answered by the chip. Angles
+are electrical, errors are estimate less truth; Yu prints the opposite sign. Methods and closed forms:
+[theory](../theory/five-phase.md). The figures left out are block diagrams, test rigs, and finite elements.
+
+```
+.venv/bin/fluxlock figures five-phase               # all; tian, yu.9: a paper, a figure; --quick: short runs
+.venv/bin/python -m fluxlock.docs.figures           # this page and its images from the result
+```
+""",
 }
 
 
@@ -59,6 +72,9 @@ def page(document: dict[str, Any]) -> str:
     lines.append(
         f"{common}, {kind}.\n" if common else f"{kind.capitalize()}; revision and seed stand at each figure.\n"
     )
+    drawn = {part["figure"] for part in document["figures"]}
+    missing = [entry.number for entry in of_family(family) if entry.number not in drawn]
+    lines += [f"Not on this page, the command draws them: {', '.join(missing)}.\n"] if missing else []
     for part in document["figures"]:
         lines.append(f"## Figure {part['figure']}: {part['title']}\n")
         lines += [] if common else [f"{origin_text(part)}.\n"]
@@ -66,7 +82,7 @@ def page(document: dict[str, Any]) -> str:
             lines.append(f"Not drawn: {part['failure'].strip().splitlines()[-1]}\n")
             continue
         lines += [f"{part['condition']}\n", f"![Figure {part['figure']}](../images/{family}/{part['image']})\n"]
-        lines += ["| | thesis | here | why |", "|---|---|---|---|"]
+        lines += [f"| | {PRINTED[family]} | here | why |", "|---|---|---|---|"]
         reason = ""
         for row in part["table"]:
             again = "as above" if row["why"] and row["why"] == reason else row["why"]

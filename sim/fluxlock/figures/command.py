@@ -16,7 +16,7 @@ from rich.table import Table
 from fluxlock.analysis.six_step.output import prepare_folder
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
-from fluxlock.figures.figure import FAMILIES, FIGURES, FigureEntry
+from fluxlock.figures.figure import FAMILIES, FIGURES, PRINTED, FigureEntry
 from fluxlock.figures.panels import save_small
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.runner import RunFailed, Runner, side_by_side
@@ -28,7 +28,7 @@ COMMAND = "figures"
 
 
 def of_family(family: str) -> list[FigureEntry]:
-    """All figures of a family in the order of the thesis."""
+    """All figures of a family in the order of print."""
     import fluxlock.figures.sets  # noqa: F401  (registers the figures, also in a worker process)
 
     if family not in FAMILIES:
@@ -99,7 +99,7 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
     found = draw_all(entries, family, folder, quick, seed, jobs)
     console = Console()
     table = Table(title=f"figures {family}" + (", quick" if quick else ""), title_justify="left")
-    for header in ("figure", "quantity", "thesis", "here"):
+    for header in ("figure", "quantity", PRINTED[family], "here"):
         table.add_column(header)
     for entry in entries:
         part = found[entry.number]

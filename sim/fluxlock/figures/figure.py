@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 
 from fluxlock.regression.runner import Runner
 
-FAMILIES = ("six-step", "blac")
+FAMILIES = ("six-step", "blac", "five-phase")
+# What prints a family's figures.
+PRINTED = {"six-step": "thesis", "blac": "thesis", "five-phase": "paper"}
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,10 @@ Body = Callable[[Runner], Drawing]
 
 @dataclass(frozen=True)
 class FigureEntry:
-    """A registered figure: family (thesis), number in it, function; the docstring's first line is the title."""
+    """A registered figure: family, number in it, function; the docstring's first line is the title.
+
+    number: parts with dots between; of several papers the first part is the paper's name.
+    """
 
     family: str
     number: str
@@ -58,9 +63,9 @@ class FigureEntry:
         return f"fig-{self.number.replace('.', '-')}"
 
     @property
-    def order(self) -> tuple[int, ...]:
-        """Chapter and number, for sorting."""
-        return tuple(int(part) for part in self.number.split("."))
+    def order(self) -> tuple[tuple[int, str], ...]:
+        """Chapter or paper, and number, for sorting."""
+        return tuple((int(part), "") if part.isdigit() else (0, part) for part in self.number.split("."))
 
     def as_json(self, drawing: Drawing, image: str) -> dict[str, Any]:
         """The figure as it stands in `figures.json`."""
@@ -78,7 +83,7 @@ FIGURES: dict[str, FigureEntry] = {}  # by `<family>/<number>`
 
 
 def figure(family: str, number: str) -> Callable[[Body], Body]:
-    """Register a figure under the number that it has in the thesis."""
+    """Register a figure under the number that it has in print."""
 
     def register(body: Body) -> Body:
         name = f"{family}/{number}"

@@ -1,5 +1,5 @@
 """All families of figures: importing this registers them."""
 
-from fluxlock.figures import blac, six_step
+from fluxlock.figures import blac, five_phase, six_step
 
-__all__ = ["blac", "six_step"]
+__all__ = ["blac", "five_phase", "six_step"]

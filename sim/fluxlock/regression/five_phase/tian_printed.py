@@ -17,13 +17,13 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "five-phase/tian-printed.toml"
 METHODS = ("conventional", "lock-in")
-SPEEDS_RPM = (10.0, 50.0, 85.0, 100.0)
+SPEEDS_RPM = (10.0, 85.0, 100.0)
 I_Q_A, LEAST_SHARE = 2.0, 0.8
-AT_SPEED_S, SETTLED_S, END_S = 0.25, 0.42, 0.46
+AT_SPEED_S, SETTLED_S, END_S = 0.2, 0.33, 0.36
 QUICK_RPM, QUICK_AT_SPEED_S, QUICK_SETTLED_S, QUICK_END_S = 50.0, 0.15, 0.27, 0.29
 BEYOND_RPM = 100.0
 TOP_RPM = 84.0  # where the load takes 2 A
-START_S, START_END_S, START_QUICK_S = 0.004, 0.5, 0.12
+START_S, START_END_S, START_QUICK_S = 0.004, 0.4, 0.12
 MEAN_S, STAYS_S = 5e-3, 0.05
 
 
