@@ -11,6 +11,7 @@
 #define FIRST_RESULTS 3u
 // Share of the circle that subspace 3 may have.
 #define THIRD_SHARE_SHIFT 2
+#define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
 // Results of a wave that is there again until they count, over those that are left out where a frame was turned.
 #define HANDOVER_RESULTS 3
@@ -133,6 +134,7 @@ COLD void vector_injection_begin(drive_t *drive) {
   const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
   // A low-pass that rises would be taken for a weak signal.
   j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
+  j->forward = true;
   j->observing = false;
   v->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
@@ -246,22 +248,42 @@ HOT static void follow_target(drive_t *drive) {
   }
 }
 
-// The EMF as forward voltage while there is a wave. Where the wave comes or goes the regulator takes what changes into its
-// state, held for a tick.
-HOT static void send_forward(drive_t *drive, complex_t state_v_q25) {
+// Mean of the last states: with the separator the state swings with the wave.
+HOT static complex_t mean_state_v_q25(vector_injection_t *j, uint32_t tick, complex_t state_v_q25) {
+  complex_t sum = {0, 0};
+  j->state_v_q25[tick % WAVE_SAMPLES] = state_v_q25;
+  for (uint32_t k = 0; k < WAVE_SAMPLES; k++) {
+    sum.re += j->state_v_q25[k].re / (int32_t)WAVE_SAMPLES;
+    sum.im += j->state_v_q25[k].im / (int32_t)WAVE_SAMPLES;
+  }
+  return sum;
+}
+
+// The EMF as forward voltage while there is a wave. Before the wave comes and where it goes the regulator takes what
+// changes into its state, held for a tick. The set acts two steps from here.
+HOT static void send_forward(drive_t *drive, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
+  chip_vector_command_t *c = &drive->command.vector;
+  const complex_t mean_v_q25 = mean_state_v_q25(j, drive->tick, state_v_q25);
   const complex_t before_v_q25 = j->forward_v_q25;
-  // The band-pass knows the current that flows: begun anew it would take its step for HF current.
-  drive->command.vector.clear_injection = false;
   const complex_t none = {0, 0};
   const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
-  j->forward_v_q25 = j->command.inject ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
-  v->holding = j->command.inject != j->injecting;
+  // With the separator and a wave only the steps with an odd phase take a preset state.
+  const bool takes =
+      j->settings.error.method != INJECTION_SEPARATOR || !seen->active || seen->phase % 2u != 0u;
+  v->holding = j->command.inject != j->forward && takes;
+  j->forward = v->holding ? j->command.inject : j->forward;
+  j->forward_v_q25 = j->forward ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
   if (v->holding) {
-    const complex_t change_v_q25 = complex_sub(before_v_q25, j->forward_v_q25);
-    drive->command.vector.preset_v_q17[0] = to_q17(complex_add(state_v_q25, change_v_q25));
+    c->preset_v_q17[0] = to_q17(complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
+    j->taken_in = WAVE_AFTER;
+  } else if (j->taken_in > 0u) {
+    j->taken_in--;
   }
+  j->command.inject = j->forward && (j->injecting || j->taken_in == 0u);
+  // The band-pass knows the current that flows: begun anew it would take its step for HF current.
+  c->clear_injection = false;
 }
 
 HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
@@ -301,15 +323,11 @@ HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
   };
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(drive);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
-  // With the separator only the steps with an odd phase take a preset state. The set acts two steps from here.
-  if (j->settings.error.method == INJECTION_SEPARATOR && seen->active && seen->phase % 2u == 0u) {
-    j->command.inject = j->injecting;
-  }
   v->speed_turn_q36 = j->command.speed_turn_q36;
   v->correct_q32 = j->command.turn_q32;
   v->reference_i_q25 = j->command.reference_i_q25[0];
   drive->limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
-  send_forward(drive, in->vector.u_v_q25[0]);
+  send_forward(drive, seen, in->vector.u_v_q25[0]);
   switch (drive->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
       follow_target(drive);

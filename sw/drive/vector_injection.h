@@ -24,6 +24,8 @@
 #include "control/open_phase.h"
 #include "drive/drive.h"
 
+#define WAVE_SAMPLES 4u  // a period of the separator's wave
+
 struct vector_injection {
   injection_frame_settings_t settings;
   injection_frame_t frame;
@@ -33,6 +35,9 @@ struct vector_injection {
   bool arrived;         // separator: a result in the step before
   bool injecting;       // as the chip was told
   bool observing;       // the EMF observer runs
+  bool forward;         // the EMF goes forward, else the regulator's state has it
+  uint32_t taken_in;    // steps until the preset state is there
+  complex_t state_v_q25[WAVE_SAMPLES];  // of the regulator, of the last steps
   complex_t forward_v_q25;  // EMF in the frame
   vector_plant_t single;    // subspace 1, of one sample; with the separator
   vector_plant_t third;      // subspace 3, of one sample

@@ -33,6 +33,7 @@ class Course:
     load_nm: float
     back_s: float
     end_s: float
+    overrides: tuple[str, ...] = ()
 
     def timeline(self) -> list[str]:
         """Overrides of the run."""
@@ -49,9 +50,14 @@ class Course:
             f"drive.vector.handover_rpm={self.handover_rpm:g}",
             f"drive.accel_rpm_per_s={self.accel_rpm_per_s:g}",
             f"load.coulomb_nm={self.load_nm:g}",
+            *self.overrides,
         ]
 
 
+YU = Course(
+    "yu", "five-phase/yu.toml", 1500.0, 450.0, 3000.0, 4.0, 0.60, 1.07,
+    ("drive.vector.speed_hz=8", "inverter.dead_time_s=0", "load.viscous_nm_s_per_rad=0"),
+)  # fmt: skip
 IPM = Course("ipm", "vector/ipm-injection.toml", 3000.0, 700.0, 6000.0, 0.7, 0.64, 1.14)
 IPM_SHORT = Course("ipm", "vector/ipm-injection.toml", 1300.0, 700.0, 6000.0, 0.7, 0.25, 0.44)
 
@@ -98,7 +104,7 @@ def dip_percent(run: Outcome, at_s: float) -> float:
 @case("five-phase/hand-over", long=True)
 def hand_over(runner: Runner) -> Iterator[Row]:
     """Standstill, rated speed, standstill under load, without a wave above the hand-over: jump of the angle, torque."""
-    for course in (IPM_SHORT,) if runner.quick else (IPM,):
+    for course in (IPM_SHORT,) if runner.quick else (YU, IPM):
         run = runner.drive(course.scenario, course.name, *course.timeline())
         up_s, down_s = handed_over_s(run, course)
         values: dict[str, Number] = {
