@@ -123,6 +123,7 @@ def c_code() -> str:
         build_canopen_library,
         build_commission,
         build_firmware,
+        build_fuzz,
         build_host_library,
         build_program,
         check_canopen,
@@ -133,6 +134,7 @@ def c_code() -> str:
         build_firmware(folder)
         build_host_library(folder)
         build_commission()
+        build_fuzz()
         check_canopen()
         build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):

@@ -44,7 +44,8 @@ TARGET_ONLY = ("app/main.c", "hal/soc/")
 HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
-PROGRAMS = (BENCH, COMMISSION)
+FUZZ_MAIN = "app/fuzz_main.c"  # in place of main.c: writes to registers at random
+PROGRAMS = (BENCH, COMMISSION, FUZZ_MAIN)
 CANOPEN = "canopen/"  # the node: in the host library of its own, not in the image
 CANOPEN_HOST = "host_node.c"
 
@@ -102,6 +103,12 @@ def build_program(name: str) -> Path:
     """Flat binary of `sw/bench/<name>.c` with control, drive and hal: a program of its own in place of the firmware."""
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/"), (".c", ".S"))
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
+
+
+def build_fuzz() -> Path:
+    """Flat binary of the firmware with the main loop of `fuzz_main.c`, for a chip with three phases."""
+    sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
+    return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware")
 
 
 def build_program_library(name: str) -> Path:
