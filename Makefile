@@ -8,7 +8,8 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can canopen test-socketcan lint regression mutation coverage bench synth formal docs setup clean distclean
+.PHONY: help demo test can canopen test-socketcan lint regression campaign mutation coverage bench synth formal docs setup
+.PHONY: clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -46,6 +47,10 @@ lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ru
 
 regression: $(TEST) ## the long sets with their limits: build/regression.json (QUICK=1: short; CASES=...: some)
 	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
+
+campaign: $(TEST) ## faults of plant, sensors and chip at many moments: build/campaign.json (QUICK=1: few; DRIVES=...: some)
+	@.venv/bin/fluxlock campaign $(DRIVES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
+	@$(PY) -m fluxlock.campaign.page
 
 bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
 	@$(PY) -m fluxlock.bench

@@ -320,6 +320,28 @@ def regression(
 
 
 @app.command()
+def campaign(
+    drives: Annotated[
+        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, start, vector; all without.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a third of the faults.")] = False,
+    every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,
+    show: Annotated[bool, typer.Option("--show", help="Run nothing: the runs that have finished.")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and upsets.")] = None,
+) -> None:
+    """Faults of plant, sensors and chip at many moments of running drives, and how each run ends: build/campaign.json.
+
+    Runs finished before with equal inputs are not repeated.
+    `python -m fluxlock.campaign.page` makes the page of the documentation from it.
+    """
+    from fluxlock.campaign.command import run as run_campaign
+
+    if not run_campaign(drives or [], quick, every, 1 if seed is None else seed, 0 if show else jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
 def figures(
     family: Annotated[
         str,

@@ -127,6 +127,7 @@ def c_code() -> str:
         build_canopen_library,
         build_commission,
         build_firmware,
+        build_fuzz,
         build_host_library,
         build_loader,
         build_program,
@@ -140,6 +141,7 @@ def c_code() -> str:
         for method in ("six-step", "vector"):
             build_firmware(folder, can_method=method)
         build_loader()
+        build_fuzz()
         build_canopen_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)

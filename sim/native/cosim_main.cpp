@@ -6,6 +6,7 @@
 //                                 earlier run are fed back; prints the time it took as JSON, writes the gate log
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -80,7 +81,20 @@ struct cosim_t {
     bool stop = false;
 };
 cosim_t C;
-const uint32_t* memory = nullptr;  // of the soft core, for cosim_peek
+uint32_t* memory = nullptr;  // of the soft core, for cosim_peek
+char* model = nullptr;       // the chip's state, for cosim_upset
+
+// Registers of the chip, made from the Verilated model's header by fluxlock/cosim/upsets.py.
+struct upset_t {
+    const char* name;
+    size_t offset;  // in the model, bytes
+    int32_t bits;
+};
+#pragma GCC diagnostic ignored "-Winvalid-offsetof"
+#define UPSET(member, bits) {#member, offsetof(Vtop___024root, member), bits},
+const upset_t upsets[] = {
+#include "upsets.inc"
+};
 
 // Replay source: what an earlier run fed into the chip.
 struct replay_t {
@@ -284,6 +298,7 @@ inline void after_edge(Vtop* t) {
 }
 
 void power_up(Vtop* t) {
+    model = reinterpret_cast<char*>(t->rootp);
     memory = &t->rootp->fl_soc__DOT__u_cpu__DOT__u_ram__DOT__mem[0];
     t->clk_i = 0;
     t->rst_i = 1;
@@ -324,6 +339,21 @@ API int64_t cosim_console_take(char* buffer, int64_t size) {
 API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {  // copy words of the soft core's memory
     if (!memory || (address & 3) || count < 0 || address / 4 + static_cast<uint32_t>(count) > COSIM_MEMORY_WORDS) return -1;
     memcpy(words, memory + address / 4, 4u * static_cast<uint32_t>(count));
+    return 0;
+}
+// Flip a bit of the soft core's memory; its caches do not hear of it.
+API int32_t cosim_upset_memory(uint32_t address, int32_t bit) {
+    if (!memory || (address & 3) || address / 4 >= COSIM_MEMORY_WORDS || bit < 0 || bit > 31) return -1;
+    memory[address / 4] ^= 1u << bit;
+    return 0;
+}
+API int32_t cosim_upset_count() { return static_cast<int32_t>(sizeof upsets / sizeof upsets[0]); }
+API const char* cosim_upset_name(int32_t n) { return upsets[n].name; }
+API int32_t cosim_upset_bits(int32_t n) { return upsets[n].bits; }
+// Flip a bit of a register: between two clock edges, what depends on it follows at the next one.
+API int32_t cosim_upset(int32_t n, int32_t bit) {
+    if (n < 0 || n >= cosim_upset_count() || bit < 0 || bit >= upsets[n].bits) return -1;
+    model[upsets[n].offset + static_cast<size_t>(bit) / 8] ^= static_cast<char>(1 << bit % 8);
     return 0;
 }
 // A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum.

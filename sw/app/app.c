@@ -37,6 +37,7 @@ HOT static void receive_all(void) {
   }
 }
 
+SMALL_CODE_BEGIN
 COLD void app_boot(app_t *app) {
   const parameter_block_t *block = cpu_parameter_block();
   const parameters_t *p = &block->parameters;
@@ -59,6 +60,7 @@ COLD void app_boot(app_t *app) {
   receive_all();
   chip_set_tick((fault == FAULT_NONE) ? (uint32_t)p->tick_cycles : DEFAULT_TICK_CYCLES);
 }
+SMALL_CODE_END
 
 HOT static void write_guard(app_t *app) {
   const drive_t *drive = &app->drive;

@@ -120,6 +120,7 @@ bool settings_target(settings_t *settings, const parameters_t *parameters, int32
   return true;
 }
 
+SMALL_CODE_BEGIN
 bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s) {
   const parameters_t *p = parameters;
   if (rpm_s < 1 || rpm_s > 100000000) {
@@ -135,6 +136,7 @@ bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_
   settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
   return true;
 }
+SMALL_CODE_END
 
 bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz) {
   const parameters_t *p = parameters;
@@ -189,6 +191,7 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
   return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)parameters->current_full_scale_ma)), 0, 131071);
 }
 
+SMALL_CODE_BEGIN
 COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
   drive->command.period_cycles = 1250;
@@ -238,6 +241,7 @@ COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fau
     vector_init(drive);
   }
 }
+SMALL_CODE_END
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
 COLD void drive_init_step(drive_t *drive, const chip_snapshot_t *in) {

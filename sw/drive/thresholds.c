@@ -56,6 +56,7 @@ static gain_t step_gain(const drive_t *drive) {
   return (gain_t){mul_q16(p->balance_step.mant, (int32_t)share_q16), p->balance_step.shift};
 }
 
+SMALL_CODE_BEGIN
 COLD static void thresholds_stage(drive_t *drive, const chip_snapshot_t *in) {
   thresholds_t *t = &drive->thresholds;
   switch (t->stage) {
@@ -84,6 +85,7 @@ COLD static void thresholds_stage(drive_t *drive, const chip_snapshot_t *in) {
       break;
   }
 }
+SMALL_CODE_END
 
 HOT void thresholds_step(drive_t *drive, const chip_snapshot_t *in) {
   thresholds_t *t = &drive->thresholds;

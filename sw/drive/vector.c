@@ -386,6 +386,9 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   if (drive->command.vector.read_slow) {
     measure(drive, in);
+    if (drive->command.vector.read_currents) {
+      (void)protect_step(drive, in, (int32_t)rough_length(in->vector.i_q17[0]), PROTECT_TICKS);
+    }
   }
   v->current_i_q17 = in->vector.i_q17[0];
   if (has_encoder(drive)) {
@@ -397,10 +400,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   // Nothing else of what it looks at moves here.
   const bool look = in->trip_latched != 0u || drive->m.silent_ticks > 0u;
-  const bool left = look && drive_supervise(drive, in);
-  const bool protect = drive->command.vector.read_currents;
-  const int32_t amplitude_i_q17 = protect ? (int32_t)rough_length(v->current_i_q17) : 0;
-  if (!left && !(protect && protect_step(drive, in, amplitude_i_q17, PROTECT_TICKS))) {
+  if (!look || !drive_supervise(drive, in)) {
     if (v->frame == FRAME_OFF || drive->tick % VECTOR_GROUPS == GROUP_LIMITS) {
       apply_limits(drive);
     }
@@ -421,7 +421,9 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   const uint32_t next = (drive->tick + 1u) % VECTOR_GROUPS;
   drive->command.vector.read_slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
-  drive->command.vector.read_currents = (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
+  if (drive->command.vector.read_slow) {
+    drive->command.vector.read_currents = (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
+  }
   drive->command.vector.read_steps =
       drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;
   drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;

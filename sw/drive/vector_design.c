@@ -60,6 +60,7 @@ COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
   return held ? complex_sub(added, turned) : complex_sub(turned, added);
 }
 
+SMALL_CODE_BEGIN
 COLD void vector_init(drive_t *drive) {
   const parameters_t *p = drive->p;
   vector_t *v = &drive->vector;
@@ -129,6 +130,7 @@ COLD void vector_init(drive_t *drive) {
   }
   v->design[0] = v->design[1];
 }
+SMALL_CODE_END
 
 void vector_design(drive_t *drive) {
   const parameters_t *p = drive->p;

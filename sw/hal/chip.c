@@ -112,6 +112,7 @@ COLD static void configure_vector(const parameters_t *p) {
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
 
+SMALL_CODE_BEGIN
 COLD void chip_configure(const parameters_t *parameters) {
   configure_safety(parameters);
   configure_sensing(parameters);
@@ -127,6 +128,7 @@ COLD void chip_configure(const parameters_t *parameters) {
     }
   }
 }
+SMALL_CODE_END
 
 HOT static void read_sums(chip_snapshot_t *snapshot) {
   snapshot->sample_number = reg_read(REG(sense.snap_number));

@@ -177,7 +177,7 @@ typedef struct {
   bool write_forward;    // one-shot: forward has
   bool read_steps;  // the next snapshot shall have steps and limited
   bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle...
-  bool read_currents;  // ...and the phase currents
+  bool read_currents;  // ...and the phase currents; with read_slow only
   uint32_t scale;
   uint32_t scale_shift;
 } chip_vector_command_t;

@@ -15,6 +15,7 @@ import cocotb_tools.config
 
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
+from fluxlock.cosim.upsets import write_upset_table
 from fluxlock.memory import PUBLISHED_ADDRESS, RAM_WORDS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
@@ -23,6 +24,7 @@ TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
+SCRIPTS = (Path(__file__), Path(__file__).with_name("upsets.py"))  # that decide what the chip is made of
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ def build_chip(
     scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), Path(__file__)]
+    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
     key = content_hash(inputs, RAM_WORDS, phases, injection, can, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves, phases, injection)
@@ -113,6 +115,7 @@ def build_chip(
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),
         ]  # fmt: skip
         _run(command, log, env)
+        write_upset_table(folder)
         count = str(jobs or min(os.cpu_count() or 1, 4))
         make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", "OPT_SLOW=-O1"]
         if profiled and train is not None:

@@ -140,6 +140,22 @@ class Native:
             raise ValueError(f"peek of {count} words at {address:#x} is outside of the memory")
         return words
 
+    def upset_names(self) -> list[tuple[str, int]]:
+        """Name and bits of every register that can be flipped, by its number."""
+        name = self._lib.cosim_upset_name
+        name.restype = ctypes.c_char_p
+        return [(name(n).decode(), self._lib.cosim_upset_bits(n)) for n in range(self._lib.cosim_upset_count())]
+
+    def upset(self, number: int, bit: int) -> None:
+        """Flip a bit of a register of the chip."""
+        if self._lib.cosim_upset(number, bit):
+            raise ValueError(f"there is no bit {bit} of register {number}")
+
+    def upset_memory(self, address: int, bit: int) -> None:
+        """Flip a bit of a word of the soft core's memory."""
+        if self._lib.cosim_upset_memory(ctypes.c_uint32(address), bit):
+            raise ValueError(f"there is no bit {bit} at {address:#x}")
+
     def open_can(self, timing: BitTiming) -> CanNode:
         """Put a node on the CAN bus of the chip's pins; its first bit begins now. `brp` is in clocks of the chip."""
         number = self._lib.cosim_can_open(timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)

@@ -22,15 +22,30 @@ RECORDING_FILE = "recording.bin"
 
 @dataclass(frozen=True)
 class Action:
-    """Something that happens at a clock cycle: a console line or a change of the plant.
+    """Something that happens at a clock cycle: a console line, a change of the plant, an upset of the chip.
 
     kind: "console" (line), or arguments of a method of the plant: "load" (`set_load`), "supply" (`set_supply`),
-    "fault" (`inject_fault`).
+    "fault" (`inject_fault`), "sensor" (`disturb`), "mechanics" (`set_mechanics`); or "register" (share, bit share: 0 to
+    1, of all registers and of its bits), "memory" (address, bit): a single bit that flips.
     """
 
     cycle: int
     kind: str
     arguments: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A copy of the run that goes its own way from a cycle on: its actions come on top of the plan's.
+
+    It ends `cycles` later, or `settle_cycles` after the drive has entered its fault state.
+    """
+
+    cycle: int
+    actions: tuple[Action, ...]
+    cycles: int
+    settle_cycles: int
+    folder: Path
 
 
 class ConversationError(Exception):
@@ -93,7 +108,9 @@ class SessionPlan:
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
     in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
-    peer: is on the chip's CAN bus; not with a dialogue. log_can: log the levels of chip and bus.
+    peer: is on the chip's CAN bus; not with a dialogue. log_can: log the levels of chip and bus. branches: copies of
+    the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch: words of the soft
+    core's memory that a copy looks at.
     """
 
     plant: PlantParams
@@ -112,6 +129,9 @@ class SessionPlan:
     dialogue: Dialogue | None = None
     peer: CanPeer | None = None
     log_can: bool = False
+    branches: tuple[Branch, ...] = ()
+    jobs: int = 1
+    watch: tuple[int, ...] = ()
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

@@ -40,16 +40,18 @@ def prepare(
     marks: tuple[int, ...] = (),
     stop_cycle: int | None = None,
     block: ParameterBlock | None = None,
+    image: Path | None = None,
 ) -> SessionPlan:
     """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
 
     recording, log_strobes, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
-    block: parameters in place of the scenario's.
+    block: parameters in place of the scenario's. image: program in place of the firmware.
     """
     folder.mkdir(parents=True, exist_ok=True)
     bus = scenario.can
     setup = (bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else None
-    write_image(folder / IMAGE_FILE, image_of(scenario), block or parameter_block(scenario), can_setup=setup)
+    program = image or image_of(scenario)
+    write_image(folder / IMAGE_FILE, program, block or parameter_block(scenario), can_setup=setup)
     sensing = scenario.inverter.sensing
     zoom = tuple(round(t * CLOCK_HZ) for t in scenario.zoom_window_s())
     every = max(1, round(scenario.record.period_s / sensing.sample_period_s))

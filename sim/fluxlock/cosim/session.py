@@ -6,11 +6,8 @@ draining (every `batch_cycles`).
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
-import signal
-import sys
 import time
 from heapq import merge
 from pathlib import Path
@@ -21,6 +18,7 @@ import numpy as np
 from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 
+from fluxlock.cosim.branches import end_with_parent, run_branches
 from fluxlock.cosim.native import Native
 from fluxlock.cosim.plan import (
     META_FILE,
@@ -39,7 +37,6 @@ PROGRESS_INTERVAL_S = 0.1
 REPLY_S = 0.1  # simulated time allowed for a reply after the end
 LISTEN_CYCLES = 5_000  # between two looks for the end of a reply
 BOOT_CYCLES = 500_000  # before the first line of a dialogue
-PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 
 
 class PlantFault(Exception):
@@ -67,6 +64,8 @@ class Session:
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
         self.conclusion: Any = None
+        self.upsets: list[str] = []
+        self.watched: list[list[int]] = []
         self.begin = time.perf_counter()
         self._progress_at = 0.0
 
@@ -118,8 +117,28 @@ class Session:
             self.plant.set_supply(**action.arguments)
         elif action.kind == "fault":
             self.plant.inject_fault(**action.arguments)
+        elif action.kind == "sensor":
+            self.plant.disturb(**action.arguments)
+        elif action.kind == "mechanics":
+            self.plant.set_mechanics(**action.arguments)
+        elif action.kind in ("register", "memory"):
+            self.upset(action)
         else:
             raise ValueError(f"unknown action {action.kind!r}")
+
+    def upset(self, action: Action) -> None:
+        """Flip the bit that an action names."""
+        at = action.arguments
+        if action.kind == "memory":
+            self.native.upset_memory(at["address"], at["bit"])
+            self.upsets.append(f"memory {at['address']:#x} bit {at['bit']}")
+            return
+        names = self.native.upset_names()
+        number = min(int(at["share"] * len(names)), len(names) - 1)
+        name, bits = names[number]
+        bit = min(int(at["bit_share"] * bits), bits - 1)
+        self.native.upset(number, bit)
+        self.upsets.append(f"{name} bit {bit}")
 
     async def run(self) -> None:
         """Run the plan to its end, then ask the chip for its statistics."""
@@ -129,6 +148,9 @@ class Session:
         native.record(plan.recording)
         if plan.dialogue is not None:
             await self.converse()
+            return
+        if plan.branches:
+            await run_branches(self)
             return
         end = plan.duration_cycles
         planned = sorted({*(a.cycle for a in plan.actions), *plan.marks})
@@ -237,6 +259,8 @@ class Session:
             "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
             "uart": self.text,
             "sent": sent,
+            "upsets": self.upsets,
+            "watched": self.watched,
             "replies": replies,
             "fault": fault,
             "marks": {str(k): v for k, v in self.marks.items()},
@@ -246,12 +270,6 @@ class Session:
             "edges": int(status.edges),
         }
         (self.plan.folder / META_FILE).write_text(json.dumps(meta))
-
-
-def end_with_parent() -> None:
-    """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @cocotb.test()

@@ -45,7 +45,8 @@ HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
 BOOT = "boot/"  # the loader
-PROGRAMS = (BENCH, COMMISSION, BOOT)
+FUZZ_MAIN = "app/fuzz_main.c"  # in place of main.c: writes to registers at random
+PROGRAMS = (BENCH, COMMISSION, BOOT, FUZZ_MAIN)
 HELD = {"six-step": "-DHELD=1", "vector": "-DHELD=2"}  # what the images with the node drive: chip_io.h
 CANOPEN = "canopen/"  # the node: in a host library and an image of its own
 CANOPEN_HOST = "host_node.c"
@@ -116,6 +117,12 @@ def build_program(name: str) -> Path:
     """Flat binary of `sw/bench/<name>.c` with control, drive and hal: a program of its own in place of the firmware."""
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/"), (".c", ".S"))
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
+
+
+def build_fuzz() -> Path:
+    """Flat binary of the firmware with the main loop of `fuzz_main.c`, for a chip with three phases."""
+    sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
+    return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware")
 
 
 def build_program_library(name: str) -> Path:

@@ -224,6 +224,24 @@ class Plant:
             write_profile(self.state, ())
         self.state[L.MECHANICS] = MECHANICS_MODES[mode]
 
+    def disturb(
+        self,
+        channel: str | None = None,
+        *,
+        offset_lsb: float = 0.0,
+        gain: float = 1.0,
+        noise_lsb: float | None = None,
+    ) -> None:
+        """Disturb the sensing: add offset_lsb to a channel's codes, multiply its gain; noise_lsb is of all channels."""
+        if channel is not None:
+            require(channel in self.channels, "channel", channel, " or ".join(self.channels))
+            index = self.channels.index(channel)
+            self.state[L.CODE_ZERO + index] += offset_lsb
+            self.state[L.CODES_PER_UNIT + index] *= gain
+        if noise_lsb is not None:
+            require(noise_lsb >= 0.0, "noise_lsb", noise_lsb, "at least 0")
+            self.state[L.NOISE_LSB] = noise_lsb
+
     def inject_fault(
         self,
         kind: str,

@@ -1,0 +1,71 @@
+"""`fluxlock campaign`: progress, score, table, `build/campaign.json`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from fluxlock.campaign.grid import DRIVES
+from fluxlock.campaign.judge import WRONG
+from fluxlock.campaign.page import kinds, score
+from fluxlock.campaign.run import RESULT, grid, run_drive
+from fluxlock.config import ConfigError, Problem
+from fluxlock.cosim.chip import Chip
+from fluxlock.cosim.run import ready_chip
+from fluxlock.firmware import build_firmware
+from fluxlock.paths import BUILD
+from fluxlock.writable import check_file
+
+
+def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> bool:
+    """Run the grid of the named drives, print a table, write the document; False if a run ended wrong.
+
+    jobs 0: run nothing, take what has finished.
+    """
+    known = [drive.name for drive in DRIVES]
+    missing = [name for name in names if name not in known]
+    if missing:
+        raise ConfigError([Problem("campaign", name, f"no drive; drives: {', '.join(known)}") for name in missing])
+    check_file(RESULT)
+    rows: list[dict[str, Any]] = []
+    total = 0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        for drive in (d for d in DRIVES if not names or d.name in names):
+            task = progress.add_task(drive.name, total=None)
+
+            def done(ended: int, count: int, task: Any = task) -> None:  # noqa: ANN401  a number of rich's
+                progress.update(task, completed=ended, total=count)
+
+            rows += run_drive(drive, seed, quick, jobs, every, done)
+            total += len(grid(drive, seed, quick, every))
+    chip: Chip = ready_chip()
+    image = build_firmware(BUILD / "firmware")
+    document = {
+        "seed": seed,
+        "quick": quick,
+        "every": every,
+        "grid": total,
+        "chip": chip.key,
+        "firmware": image.stem,
+        "rows": rows,
+    }
+    RESULT.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    console = Console()
+    table = Table(title=f"campaign, seed {seed}" + (", quick" if quick else ""), title_justify="left")
+    for header in ("disturbance", "runs", "ridden through", "stopped by name", "wrong"):
+        table.add_column(header)
+    for kind, counts in kinds(rows):
+        table.add_row(kind, *map(str, counts))
+    console.print(table)
+    for row in (r for r in rows if r["outcome"] == WRONG):
+        text = f"wrong: {row['drive']}, {row['moment']}, {row['disturbance']}: {'; '.join(row['reasons'])}"
+        console.print(text + "".join(f" ({upset})" for upset in row["upsets"]), highlight=False, markup=False)
+    right, share = score(rows)
+    console.print(f"{right} of {len(rows)} runs ended right: {share:.2f} %; written: {RESULT}", highlight=False)
+    return right == len(rows)

@@ -1,0 +1,91 @@
+"""How a run has ended: ridden through, stopped with a right name, or wrong, and why.
+
+Wrong is, from the disturbance on:
+  a leg with both gates on, or a gap between them shorter than the dead time;
+  a phase current above the trip's limit for more than 100 us while any gate is on;
+  torque against the commanded direction, mean of a millisecond, for more than 10 ms while a lock drives a rotor that
+  turns that way at a tenth of its highest speed or more;
+  a stop by a name that does not belong to the fault; a drive that runs on where it had to stop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fluxlock.analysis.gates import gate_safety
+from fluxlock.analysis.rundata import BoolArray, RunData
+from fluxlock.campaign.grid import ANY, Fault
+from fluxlock.config import Scenario
+from fluxlock.config.motor import RPM_PER_RAD_S
+
+RIDDEN, STOPPED, WRONG = "ridden through", "stopped by name", "wrong"
+CURRENT_S, TORQUE_S, MEAN_S = 100e-6, 10e-3, 1e-3
+# Of the limit: converter and noise. Of the rated torque: ripple, and what friction of the diodes leaves.
+CURRENT_MARGIN, TORQUE_SHARE, SLOW_SHARE = 1.03, 0.1, 0.1
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """outcome: RIDDEN, STOPPED or WRONG; state and fault as the console told them last ("": it did not)."""
+
+    outcome: str
+    reasons: tuple[str, ...]
+    state: str
+    fault: str
+    over_current_s: float
+    against_s: float
+
+
+def longest_s(t_s: np.ndarray, wrong: BoolArray) -> float:
+    """Longest time for which something held without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], wrong, [False])).astype(np.int8)))
+    if not edges.size:
+        return 0.0
+    begin, end = edges[::2], np.minimum(edges[1::2], t_s.size - 1)
+    return float(np.max(t_s[end] - t_s[begin]))
+
+
+def _console(data: RunData, name: str) -> str:
+    found = [line.split()[1] for line in data.uart if line.startswith(f"{name} ") and len(line.split()) > 1]
+    return found[-1] if found else ""
+
+
+def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> Verdict:
+    """Judge a run that was disturbed at a cycle."""
+    records = data.records[data.records["t_cycle"] >= since_cycle]
+    t_s = records["t_cycle"] / data.clock_hz
+    gated = records["gates"] != 0
+    limit_a = CURRENT_MARGIN * scenario.inverter.protection.phase_current_a
+    peak = np.max(np.abs(np.stack([records[name] for name in ("ia", "ib", "ic")])), axis=0)
+    over_s = longest_s(t_s, (peak > limit_a) & gated)
+    count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
+    mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
+    rated_nm = 1.5 * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a
+    slow = SLOW_SHARE * scenario.motor.max_speed_rpm / RPM_PER_RAD_S * scenario.motor.pole_pairs
+    turns = records["omega_e"] > slow
+    against_s = longest_s(t_s, (mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns)
+    reasons = []
+    safety = gate_safety(data)
+    if safety.shoot_throughs:
+        reasons.append(f"both gates of a leg on, {safety.shoot_throughs} times")
+    if safety.least_dead_time_s is not None and safety.least_dead_time_s < scenario.inverter.dead_time_s - 1e-9:
+        reasons.append(f"dead time {1e9 * safety.least_dead_time_s:.0f} ns")
+    if over_s > CURRENT_S:
+        reasons.append(f"current above the limit for {1e6 * over_s:.0f} us")
+    state, name = _console(data, "state"), _console(data, "fault")
+    stopped = state == "fault"
+    if fault.names != ANY:
+        if against_s > TORQUE_S:
+            reasons.append(f"torque against the command for {1e3 * against_s:.0f} ms")
+        if not state:
+            reasons.append("console silent")
+        if stopped and name not in fault.names:
+            reasons.append(f"stopped as {name}")
+        if not stopped and fault.must_stop:
+            reasons.append(f"{state}, had to stop")
+        if stopped and safety.on_at_end:
+            reasons.append("gates on in the fault state")
+    outcome = WRONG if reasons else (STOPPED if stopped else RIDDEN)
+    return Verdict(outcome, tuple(reasons), state, name, over_s, against_s)

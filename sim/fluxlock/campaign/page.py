@@ -1,0 +1,100 @@
+"""The campaign's table, and docs/verification/campaign.md from its document."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from fluxlock.campaign.grid import DRIVES
+from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
+from fluxlock.paths import BUILD, ROOT
+
+PAGE = ROOT / "docs" / "verification" / "campaign.md"
+Rows = list[dict[str, Any]]
+
+
+def kind_of(row: dict[str, Any]) -> str:
+    """Runs that a line of the table adds up."""
+    name = str(row["disturbance"])
+    return " ".join(name.split()[:2]) if "upset" in name else name
+
+
+def kinds(rows: Rows) -> list[tuple[str, tuple[int, int, int, int]]]:
+    """Every disturbance with its runs, and how many of them ended in each way."""
+    found: dict[str, Rows] = {}
+    for row in rows:
+        found.setdefault(kind_of(row), []).append(row)
+    ways = (RIDDEN, STOPPED, WRONG)
+    table = []
+    for kind, same in found.items():
+        ends = [sum(row["outcome"] == way for row in same) for way in ways]
+        table.append((kind, (len(same), ends[0], ends[1], ends[2])))
+    return table
+
+
+def score(rows: Rows) -> tuple[int, float]:
+    """Runs that ended right, and their share in per cent."""
+    right = sum(row["outcome"] != WRONG for row in rows)
+    return right, 100.0 * right / max(1, len(rows))
+
+
+def page(document: dict[str, Any]) -> str:
+    """The page."""
+    rows: Rows = document["rows"]
+    right, share = score(rows)
+    moments = "; ".join(f"{d.name} (`scenarios/{d.scenario}`): {', '.join(m.name for m in d.moments)}" for d in DRIVES)
+    lines = [
+        "# Fault campaign",
+        "",
+        f"`fluxlock campaign`, seed {document['seed']}, written from `build/campaign.json` by `python -m "
+        f"fluxlock.campaign.page`. Chip `{document['chip']}`, firmware `{document['firmware']}`.",
+        "",
+        f"**{right} of {len(rows)} runs ended right, {share:.2f} %.**"
+        + ("" if len(rows) == document["grid"] else f" The grid has {document['grid']}; the others have not been run."),
+        "",
+        f"Drives and moments: {moments}.",
+        "",
+        "The simulator's process is copied at each moment; every copy gets one disturbance, runs on for 40 ms (an "
+        "upset 15 ms, a drive that starts again up to three times as long) or until it has been in its fault state for "
+        "2 ms, and is judged from the moment on.",
+        "",
+        "| ending | |",
+        "|---|---|",
+        "| ridden through | the drive runs on, or has begun a new start by itself |",
+        "| stopped by name | gates off, a fault name that belongs to the disturbance |",
+        "| wrong | both gates of a leg on or the dead time cut; a phase current above the trip's limit for more than "
+        "100 µs with a gate on; torque against the command for more than 10 ms; a name that does not "
+        "belong to the "
+        "disturbance; running on where only a stop is right; a silent console |",
+        "",
+        "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
+        "gates and current alone.",
+        "",
+        "| disturbance | runs | ridden through | stopped by name | wrong | names |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind, (count, ridden, stopped, wrong) in kinds(rows):
+        names = sorted({r["fault"] for r in rows if kind_of(r) == kind and r["outcome"] == STOPPED})
+        shown = ", ".join(f"`{name}`" for name in names) if "upset" not in kind else f"{len(names)} names"
+        lines.append(f"| {kind} | {count} | {ridden} | {stopped} | {wrong} | {shown} |")
+    bad = [row for row in rows if row["outcome"] == WRONG]
+    if bad:
+        lines += ["", "## Runs that ended wrong", "", "| drive | moment | disturbance | why |", "|---|---|---|---|"]
+    for row in bad:
+        upset = "".join(f": `{x.replace('fl_soc__DOT__', '').replace('__DOT__', '.')}`" for x in row["upsets"])
+        lines.append(
+            f"| {row['drive']} | {row['moment']} | {row['disturbance']}{upset} | {'; '.join(row['reasons'])} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Write the page from the document of the last campaign, or of the file named."""
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else BUILD / "campaign.json"
+    PAGE.write_text(page(json.loads(path.read_text(encoding="utf-8"))), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

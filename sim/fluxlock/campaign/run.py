@@ -1,0 +1,162 @@
+"""Run a campaign: one simulator a drive, a copy of it a run; every run judged, its trace kept if it ended wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import random
+import shutil
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from fluxlock.campaign.grid import PLANT_FAULTS, Drive, Fault, Moment, actions_of, upsets
+from fluxlock.campaign.judge import WRONG, judge
+from fluxlock.config import Scenario, load_scenario
+from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.launch import SimulatorError, run_plan
+from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
+from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
+from fluxlock.paths import BUILD, ROOT, content_hash
+
+FOLDER = BUILD / "campaign"
+RESULT = BUILD / "campaign.json"
+ROW_FILE = "row.json"
+RUN_S = 0.040  # of a plant fault
+UPSET_S = 0.015
+SETTLE_S = 2e-3  # in the fault state
+# Upsets a moment: registers, words of memory.
+FULL_UPSETS, QUICK_UPSETS = (20, 8), (6, 2)
+POLL_S = 0.2
+
+Done = Callable[[int, int], None]  # runs that have ended, of all
+
+
+@dataclass(frozen=True)
+class Run:
+    """One cell of the grid."""
+
+    drive: str
+    moment: Moment
+    fault: Fault
+    folder: Path
+
+
+def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
+    """The runs of a drive. quick: its last moment, a third of the faults; every: one run of so many."""
+    runs = []
+    for moment in drive.moments[-1:] if quick else drive.moments:
+        rng = random.Random(f"{seed} {drive.name} {moment.name}")
+        chosen = sorted(rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (3 if quick else 1)))
+        faults = [PLANT_FAULTS[n] for n in chosen] if quick else list(PLANT_FAULTS)
+        for fault in [*faults, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]:
+            if fault.turning and not moment.turning:
+                continue
+            name = fault.name.replace(" ", "-").replace(",", "").replace("%", "pc")
+            runs.append(Run(drive.name, moment, fault, FOLDER / drive.name / moment.name / name))
+    return runs[::every]
+
+
+def _branch(run: Run) -> Branch:
+    cycle = round(run.moment.at_s * CLOCK_HZ)
+    span_s = UPSET_S if "upset" in run.fault.name else RUN_S
+    actions = actions_of(run.fault, cycle)
+    return Branch(cycle, actions, round(span_s * CLOCK_HZ), round(SETTLE_S * CLOCK_HZ), run.folder)
+
+
+def _row(run: Run, scenario: Scenario, plan: SessionPlan) -> dict[str, Any]:
+    """Verdict of a run that has left its folder; the trace of a right end is deleted."""
+    row: dict[str, Any] = {"drive": run.drive, "moment": run.moment.name, "at_s": run.moment.at_s}
+    row |= {"disturbance": run.fault.name, "seed": plan.seed}
+    path = run.folder / META_FILE
+    if not path.exists():
+        return {**row, "outcome": WRONG, "reasons": ["the simulator ended without a result"], "upsets": []}
+    meta = json.loads(path.read_text())
+    row["upsets"] = meta["upsets"]
+    if meta["fault"]:
+        return {**row, "outcome": WRONG, "reasons": [f"simulation broke off: {meta['fault']}"]}
+    data = collect(replace(plan, folder=run.folder), meta, scenario.motor.pole_pairs)
+    verdict = judge(data, scenario, run.fault, round(run.moment.at_s * CLOCK_HZ))
+    if verdict.outcome != WRONG:
+        (run.folder / RAW_FILE).unlink()
+    return {**row, **asdict(verdict), "reasons": list(verdict.reasons)}
+
+
+@dataclass
+class Book:
+    """The verdicts of a drive's runs, each in a file beside what the run left: what is finished is not run again."""
+
+    scenario: Scenario
+    plan: SessionPlan
+    equal: str  # hash of what makes all runs
+
+    def _key(self, run: Run) -> str:
+        fault = run.fault
+        return content_hash([], self.equal, run.moment, fault.name, fault.changes, sorted(fault.names), fault.must_stop)
+
+    def find(self, run: Run) -> dict[str, Any] | None:
+        """Verdict of a finished run."""
+        path = run.folder / ROW_FILE
+        if not path.exists():
+            return None
+        kept = json.loads(path.read_text())
+        found: dict[str, Any] | None = kept["row"] if kept["key"] == self._key(run) else None
+        return found
+
+    def enter(self, run: Run) -> dict[str, Any]:
+        """Judge a run that has ended."""
+        row = _row(run, self.scenario, self.plan)
+        text = json.dumps({"key": self._key(run), "row": row})
+        run.folder.mkdir(parents=True, exist_ok=True)
+        (run.folder / ROW_FILE).write_text(text, encoding="utf-8")
+        return row
+
+
+def open_book(drive: Drive, seed: int) -> Book:
+    """The book of a drive, with the plan of its undisturbed run."""
+    scenario = load_scenario(ROOT / "scenarios" / drive.scenario)
+    plan = prepare(scenario, FOLDER / drive.name / "simulator", seed)
+    settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
+    sources = [Path(__file__).with_name("judge.py"), plan.folder / IMAGE_FILE]
+    sources += [path for part in ("plant", "cosim") for path in (ROOT / "sim" / "fluxlock" / part).glob("*.py")]
+    return Book(scenario, plan, content_hash(sources, chip_of(scenario).key, settings, seed))
+
+
+def run_drive(
+    drive: Drive, seed: int, quick: bool, jobs: int, every: int = 1, done: Done | None = None
+) -> list[dict[str, Any]]:
+    """All runs of a drive, judged; those finished before with equal inputs are read. jobs 0: only those."""
+    book = open_book(drive, seed)
+    runs = grid(drive, seed, quick, every)
+    left = [run for run in runs if book.find(run) is None]
+    if jobs == 0:
+        return [row for row in map(book.find, runs) if row is not None]
+    for run in left:
+        shutil.rmtree(run.folder, ignore_errors=True)
+    stop = threading.Event()
+
+    def enter_ended() -> None:
+        for run in [r for r in left if (r.folder / META_FILE).exists() and not (r.folder / ROW_FILE).exists()]:
+            with contextlib.suppress(json.JSONDecodeError):  # half written
+                book.enter(run)
+
+    def watch() -> None:
+        while not stop.wait(POLL_S):
+            enter_ended()
+            if done is not None:
+                done(len(runs) - sum(not (run.folder / ROW_FILE).exists() for run in left), len(runs))
+
+    if left:
+        watcher = threading.Thread(target=watch, daemon=True)
+        watcher.start()
+        try:
+            plan = replace(book.plan, branches=tuple(map(_branch, left)), jobs=jobs)
+            meta = run_plan(plan, chip_of(book.scenario))
+        finally:
+            stop.set()
+            watcher.join()
+        if meta["fault"]:
+            raise SimulatorError(f"the undisturbed run of {drive.name} broke off: {meta['fault']}")
+    return [book.find(run) or book.enter(run) for run in runs]

@@ -1,0 +1,124 @@
+"""Many ends of one run: the simulator's process is copied where they part, each copy goes on with actions of its own.
+
+A copy needs neither start-up nor the time until the moment that is looked at.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+import traceback
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from fluxlock.cosim.plan import Action, Branch
+from fluxlock.memory import TELEMETRY_ADDRESS
+
+if TYPE_CHECKING:
+    from fluxlock.cosim.session import Session
+
+PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
+STATE_ADDRESS = TELEMETRY_ADDRESS + 16  # telemetry.h
+STATE_STARTING, STATE_FAULT = 2, 5  # drive.h
+LOOK_CYCLES = 25_000
+# A drive that is about to start again gets so much longer.
+PATIENCE = 3
+
+
+def end_with_parent() -> None:
+    """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+async def run_branches(session: Session) -> None:
+    """Lead the run through its moments, the copies to their ends. Returns in the original process only."""
+    plan = session.plan
+    pending = sorted(plan.actions, key=lambda a: a.cycle)
+    session.begin = time.perf_counter()
+    running: set[int] = set()
+    for cycle in sorted({branch.cycle for branch in plan.branches}):
+        while pending and pending[0].cycle <= cycle:
+            await _pass(session, pending[0].cycle)
+            session.act(pending.pop(0))
+        await _pass(session, cycle)
+        for branch in (b for b in plan.branches if b.cycle == cycle):
+            while len(running) >= plan.jobs:
+                running.remove(os.wait()[0])
+            sys.stdout.flush()
+            sys.stderr.flush()
+            pid = os.fork()
+            if pid == 0:
+                await _end_of(session, branch, pending)
+            running.add(pid)
+    while running:
+        running.remove(os.wait()[0])
+    session.answers = session.replies()
+    session.wall_s = time.perf_counter() - session.begin
+
+
+async def _pass(session: Session, cycle: int) -> None:
+    """Simulate until a cycle, draining the logs in time."""
+    while session.native.status.cycle < cycle:
+        await session.wait_until(min(cycle, session.native.status.cycle + session.plan.batch_cycles))
+        session.drain()
+
+
+async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> None:
+    """The copy: its actions and those that were planned anyway, until its end; then the process is gone."""
+    end_with_parent()
+    code = 0
+    try:
+        branch.folder.mkdir(parents=True, exist_ok=True)
+        last = branch.cycle + PATIENCE * branch.cycles
+        session.plan = replace(session.plan, folder=branch.folder, branches=(), duration_cycles=last)
+        fault: str | None = None
+        try:
+            await _go_on(session, branch, sorted([*branch.actions, *planned], key=lambda a: a.cycle))
+        except Exception as error:  # whatever happens to this copy is its result
+            fault = str(error) or type(error).__name__
+        session.plan = replace(session.plan, duration_cycles=int(session.native.status.cycle))
+        session.save(fault)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> None:
+    """Until the branch's end, earlier when the drive rests in its fault state."""
+    faulty_from: int | None = None
+    end = branch.cycle + branch.cycles
+    while True:
+        now = int(session.native.status.cycle)
+        while actions and actions[0].cycle <= now:
+            session.act(actions.pop(0))
+        if now >= end:
+            break
+        stop = min(end, now + LOOK_CYCLES, *(a.cycle for a in actions[:1]))
+        await session.wait_until(stop)
+        session.drain()
+        session.watched.append([int(session.native.peek(address, 1)[0]) for address in session.plan.watch])
+        state = int(session.native.peek(STATE_ADDRESS, 1)[0])
+        if state != STATE_FAULT:
+            faulty_from = None
+        elif faulty_from is None:
+            faulty_from = stop
+        elif stop - faulty_from >= branch.settle_cycles:
+            break
+        if state == STATE_STARTING and stop >= end:
+            end = min(stop + branch.cycles, branch.cycle + PATIENCE * branch.cycles)
+    session.native.send("status")
+    asked = len(session.replies())
+    for _ in range(20):
+        await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
+        session.drain()
+        if len(session.replies()) > asked:
+            break
+    session.answers = session.replies()

@@ -1,0 +1,108 @@
+"""The campaign's judge on made-up runs: each way to end wrong is found, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fluxlock.analysis.rundata import RECORD_DTYPE, LogKind, RunData
+from fluxlock.campaign.grid import ANY, Fault
+from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG, judge
+from fluxlock.config import load_scenario
+from fluxlock.paths import ROOT
+
+SCENARIO = load_scenario(ROOT / "scenarios" / "campaign" / "six-step.toml")
+CLOCK_HZ, STEP, ROWS = 50e6, 500, 4000  # 40 ms
+SINCE = 1000 * STEP
+PIN = Fault("pin", (), frozenset({"fault_pin"}))
+
+
+def made(state: str = "running", fault: str = "none") -> RunData:
+    """A run at 40 000 r/min with 10 A that nothing has happened to; upper A, lower B are on throughout."""
+    records = np.zeros(ROWS, RECORD_DTYPE)
+    records["t_cycle"] = STEP * np.arange(ROWS)
+    records["omega_e"] = 40_000 / 60 * 2 * np.pi
+    records["ia"], records["ib"], records["torque_nm"], records["gates"] = 10.0, -10.0, 0.02, 0b1001
+    log = np.array([[100, LogKind.GATES, 0b1001, 0]], np.int64)
+    uart = ["ok", f"state {state}", f"fault {fault}", "ok"]
+    return RunData(
+        log=log, records=records, plant_events=np.zeros(0), zoom=records[:0], clock_hz=CLOCK_HZ, pole_pairs=1,
+        cycles=ROWS * STEP, wall_s=1.0, seed=1, uart=uart, isr={}, overruns=0, rejected=[],
+    )  # fmt: skip
+
+
+def ended(data: RunData, fault: Fault = PIN) -> tuple[str, tuple[str, ...]]:
+    """Outcome and reasons."""
+    verdict = judge(data, SCENARIO, fault, SINCE)
+    return verdict.outcome, verdict.reasons
+
+
+def stopped(fault: str) -> RunData:
+    """A run whose gates opened at the disturbance."""
+    data = made("fault", fault)
+    data.records["gates"][1010:] = 0
+    return replace(data, log=np.array([[100, 1, 0b1001, 0], [SINCE + 9, 1, 0, 0]], np.int64))
+
+
+def test_right_ends() -> None:
+    """Riding through, and stopping by the right name.
+
+    Verifies: CAMP-02
+    """
+    assert ended(made()) == (RIDDEN, ())
+    assert ended(stopped("fault_pin")) == (STOPPED, ())
+
+
+def test_wrong_names() -> None:
+    """Another name, running on where only a stop is right, no word, gates on in the fault state; upsets may do so.
+
+    Verifies: CAMP-02
+    """
+    silent = replace(made(), uart=[])
+    wrong = (stopped("overspeed"), silent, made("fault", "fault_pin"))
+    assert [ended(data)[0] for data in wrong] == [WRONG] * 3
+    assert ended(made(), replace(PIN, must_stop=True))[0] == WRONG
+    upset = Fault("upset", (), ANY)
+    assert {ended(data, upset)[0] for data in wrong} <= {RIDDEN, STOPPED}
+
+
+@pytest.mark.parametrize(("rows", "gates", "wrong"), [(12, 0b1001, True), (9, 0b1001, False), (500, 0, False)])
+def test_current(rows: int, gates: int, wrong: bool) -> None:
+    """Above the limit for more than 100 us with a gate on; a row is 10 us.
+
+    Verifies: CAMP-02
+    """
+    data = made()
+    data.records["ic"][1500 : 1500 + rows] = 50.0
+    data.records["gates"][1500 : 1500 + rows] = gates
+    assert (ended(data)[0] == WRONG) == wrong
+    assert (ended(data, Fault("upset", (), ANY))[0] == WRONG) == wrong
+    before = made()
+    before.records["ic"][500 : 500 + rows] = 50.0
+    assert ended(before)[0] == RIDDEN
+
+
+@pytest.mark.parametrize(("rows", "rpm", "wrong"), [(1200, 40_000, True), (800, 40_000, False), (1200, 100, False)])
+def test_torque(rows: int, rpm: float, wrong: bool) -> None:
+    """Braking for more than 10 ms where nobody asked for it.
+
+    Verifies: CAMP-02
+    """
+    data = made()
+    data.records["omega_e"] = rpm / 60 * 2 * np.pi
+    data.records["torque_nm"][1500 : 1500 + rows] = -0.02
+    assert (ended(data)[0] == WRONG) == wrong
+
+
+def test_gates() -> None:
+    """Both gates of a leg, and a dead time cut short.
+
+    Verifies: CAMP-02
+    """
+    overlap = np.array([[100, 1, 0b0001, 0], [SINCE, 1, 0b0011, 0], [SINCE + 1, 1, 0b0010, 0]], np.int64)
+    short = np.array([[100, 1, 0b0001, 0], [SINCE, 1, 0, 0], [SINCE + 9, 1, 0b0010, 0]], np.int64)
+    right = np.array([[100, 1, 0b0001, 0], [SINCE, 1, 0, 0], [SINCE + 10, 1, 0b0010, 0]], np.int64)
+    for log, outcome in ((overlap, WRONG), (short, WRONG), (right, RIDDEN)):
+        assert ended(replace(made(), log=log))[0] == outcome
