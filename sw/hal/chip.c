@@ -43,6 +43,7 @@ static void write_scheduler(uint32_t sampling, const parameters_t *p) {
                                       FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
 }
 
+SMALL_CODE_BEGIN
 COLD static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
@@ -79,6 +80,7 @@ COLD static void configure_safety(const parameters_t *p) {
   reg_write(REG(safety.lock), LOCK_KEY);
   reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
 }
+SMALL_CODE_END
 
 static uint32_t vector_control(const chip_vector_command_t *vector, const parameters_t *p) {
   const uint32_t regulate = (vector->regulate[0] ? 1u : 0u) | (vector->regulate[1] ? 2u : 0u);
@@ -91,6 +93,7 @@ static uint32_t vector_control(const chip_vector_command_t *vector, const parame
          FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, p->vector_miss_limit);
 }
 
+SMALL_CODE_BEGIN
 // Takes effect at the first tick.
 COLD static void configure_vector(const parameters_t *p) {
   const chip_vector_command_t off = {0};
@@ -111,6 +114,7 @@ COLD static void configure_vector(const parameters_t *p) {
   write_scheduler((uint32_t)p->sample_mode, p);
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
+SMALL_CODE_END
 
 SMALL_CODE_BEGIN
 COLD void chip_configure(const parameters_t *parameters) {
@@ -342,6 +346,7 @@ HOT static void write_loop(const chip_command_t *command, const parameters_t *p)
   reg_write(REG(zcd.amplitude), (command->crossing.source == ZCD_TERMINAL) ? peak_q17 : peak_q17 / 3u);
 }
 
+SMALL_CODE_BEGIN
 COLD static void start_auto_zero(const parameters_t *p) {
   uint32_t mask = 0;
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
@@ -351,6 +356,7 @@ COLD static void start_auto_zero(const parameters_t *p) {
                                       FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, p->auto_zero_log2) |
                                       FIELD(FL_SENSE_REGS__AUTO_ZERO__MASK, mask));
 }
+SMALL_CODE_END
 
 HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
   if (command->write_modes) {
