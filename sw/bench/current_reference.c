@@ -99,6 +99,7 @@ int main(void) {
   parameters = ((const parameter_block_t *)cpu_parameter_block())->parameters;
   const uint32_t tick_cycles = (uint32_t)parameters.tick_cycles;
   parameters.vector_tick_samples = 1;
+  parameters.watchdog_cycles = 0;  // no step reports here
   chip_gates_off();
   chip_configure(&parameters);
   chip_irq_configure(0, 0);
