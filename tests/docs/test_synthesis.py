@@ -39,14 +39,29 @@ def way(start: str, end: str, *delays: float) -> dict[str, Any]:
     return {"from": start, "to": end, "path": steps}
 
 
+def net(driver: str, start: str, cell: str, end: str, *delays: float) -> dict[str, Any]:
+    """A net of nextpnr's detailed report with one end."""
+    return {"driver": driver, "event": start, "endpoints": [{"cell": cell, "event": end, "delay": list(delays)}]}
+
+
 def test_pad_delays() -> None:
     """The longest ways between pads and flip-flops are found in nextpnr's report, other ways do not count.
 
     Verifies: BRD-07
     """
-    paths = [way(CLOCK, CLOCK, 17.0), way(PADS, CLOCK, 1.5, 2.0), way(CLOCK, PADS, 0.5, 3.0, 1.0), way(PADS, PADS, 9.0)]
-    assert timing.pad_delays({"critical_paths": paths}) == (4.5, 3.5)
-    assert timing.pad_delays({"critical_paths": paths[:1]}) == (0.0, 0.0)
+    asynchronous = timing.asynchronous_pads('# x\nBLOCK PATH FROM PORT "button_i";\nLOCATE COMP "d_i[0]" SITE "A1";\n')
+    assert asynchronous == {"button_i"}
+    nets = [
+        net("ff_a", CLOCK, "ff_b", CLOCK, 16.0, 17.0),
+        net("d_i[0]$tr_io", PADS, "ff_c", CLOCK, 3.4, 3.5),
+        net("lut", PADS, "ff_d", CLOCK, 3.3, 3.3),
+        net("button_i$tr_io", PADS, "ff_e", CLOCK, 8.0, 8.0),
+        net("ff_f", CLOCK, "q_o$tr_io", PADS, 4.4, 4.5),
+        net("ff_g", CLOCK, "clock_gate", PADS, 9.9, 9.9),
+        net("e_i$tr_io", PADS, "q_o$tr_io", PADS, 9.0, 9.0),
+    ]
+    assert timing.pad_delays({"detailed_net_timings": nets}, asynchronous) == (4.5, 3.5)
+    assert timing.pad_delays({"detailed_net_timings": nets[:1]}, asynchronous) == (0.0, 0.0)
 
 
 def test_critical_path() -> None:

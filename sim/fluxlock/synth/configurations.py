@@ -99,11 +99,12 @@ def build(config: Configuration, seed: int = 1) -> Result:
     """Synthesize, place, route and pack one configuration."""
     folder = WORK / config.name
     folder.mkdir(parents=True, exist_ok=True)
+    constraints = ROOT / "constraints" / config.constraints
     parameters: dict[str, int | str] = {**config.parameters, "Init": f'"{relative(empty_image())}"'}
     cells, yosys_s = synthesize(config.top, sources(), parameters, folder)
     device = Device(config.device, config.package, config.speed_grade, config.clock_mhz)
-    options = ["--seed", str(seed), "--router", "router2", "--lpf", relative(ROOT / "constraints" / config.constraints)]
-    options += ["--textcfg", relative(folder / "placed.config")]
+    options = ["--seed", str(seed), "--router", "router2", "--lpf", relative(constraints)]
+    options += ["--textcfg", relative(folder / "placed.config"), "--detailed-timing-report"]
     pads: tuple[float, float] | None = None
     steps: list[str] = []
     nextpnr_s = config.limit_s
@@ -114,7 +115,8 @@ def build(config: Configuration, seed: int = 1) -> Result:
         fmax = timing.placed_fmax_mhz(log.read_text(errors="replace"))
         problems = [not_routed(log, config.limit_s)]
     else:
-        fmax, pads, steps = timing.fmax_mhz(report), timing.pad_delays(report), timing.critical_path(report)
+        fmax, steps = timing.fmax_mhz(report), timing.critical_path(report)
+        pads = timing.pad_delays(report, timing.asynchronous_pads(constraints.read_text()))
         problems = limits_missed(config, fmax, pads)
         pack(folder)
     return Result(

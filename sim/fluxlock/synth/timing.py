@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 PAD = "<async>"
+PAD_CELL = "$tr_io"  # end of the name of a pad's cell, its port before it
 Path = dict[str, Any]
 
 
@@ -74,15 +75,26 @@ def critical_path(report: dict[str, Any]) -> list[str]:
     return [path_summary(path), *path_steps(path)] if path else []
 
 
-def pad_delays(report: dict[str, Any]) -> tuple[float, float]:
-    """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns."""
+def asynchronous_pads(constraints: str) -> set[str]:
+    """Ports whose ways do not count: lines `BLOCK PATH FROM PORT` of an LPF file, which nextpnr times all the same."""
+    return set(re.findall(r'^BLOCK PATH FROM PORT "([^"]+)";', constraints, re.MULTILINE))
 
-    def longest(from_pad: bool) -> float:
-        ways = (
-            path
-            for path in report["critical_paths"]
-            if (path["from"] == PAD) == from_pad and (path["to"] == PAD) != from_pad
-        )
-        return max(map(_delay, ways), default=0.0)
 
-    return longest(False), longest(True)
+def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, float]:
+    """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns.
+
+    `report` is a detailed one. Flip-flops that an asynchronous pad leads to make its synchroniser: not counted.
+    """
+    to_pad = from_pad = 0.0
+    for net in report["detailed_net_timings"]:
+        if net["driver"].removesuffix(PAD_CELL) in asynchronous:
+            continue
+        for end in net["endpoints"]:
+            if (net["event"] == PAD) == (end["event"] == PAD):
+                continue
+            longest = max(map(float, end["delay"]))
+            if net["event"] == PAD:
+                from_pad = max(from_pad, longest)
+            elif end["cell"].endswith(PAD_CELL):
+                to_pad = max(to_pad, longest)
+    return to_pad, from_pad
