@@ -54,7 +54,7 @@ def test_pad_delays() -> None:
     nets = [
         net("ff_a", CLOCK, "ff_b", CLOCK, 16.0, 17.0),
         net("d_i[0]$tr_io", PADS, "ff_c", CLOCK, 3.4, 3.5),
-        net("lut", PADS, "ff_d", CLOCK, 3.3, 3.3),
+        net("button_i_lut", PADS, "ff_d", CLOCK, 8.1, 8.1),
         net("button_i$tr_io", PADS, "ff_e", CLOCK, 8.0, 8.0),
         net("ff_f", CLOCK, "q_o$tr_io", PADS, 4.4, 4.5),
         net("ff_g", CLOCK, "clock_gate", PADS, 9.9, 9.9),

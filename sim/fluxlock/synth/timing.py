@@ -83,11 +83,13 @@ def asynchronous_pads(constraints: str) -> set[str]:
 def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, float]:
     """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns.
 
-    `report` is a detailed one. Flip-flops that an asynchronous pad leads to make its synchroniser: not counted.
+    `report` is a detailed one. Every input that has a limit leads straight to flip-flops; the asynchronous ones lead to
+    synchronisers, some by logic: not counted.
     """
     to_pad = from_pad = 0.0
     for net in report["detailed_net_timings"]:
-        if net["driver"].removesuffix(PAD_CELL) in asynchronous:
+        port = net["driver"].removesuffix(PAD_CELL)
+        if net["event"] == PAD and (port == net["driver"] or port in asynchronous):
             continue
         for end in net["endpoints"]:
             if (net["event"] == PAD) == (end["event"] == PAD):
