@@ -88,34 +88,39 @@ HOT static void vector_control_step(app_t *app) {
   }
 }
 
+SHARED static void six_step_control_step(app_t *app) {
+  drive_t *drive = &app->drive;
+  chip_snapshot_t snapshot;
+  chip_read(&snapshot);
+  if (drive->state == STATE_INIT) {
+    chip_read_offsets(&snapshot);
+  }
+  if (drive->command.read_sectors) {
+    chip_read_sectors(&snapshot);
+  }
+  if (drive->p->hall_mode != HALL_OFF) {
+    chip_read_hall(&snapshot);
+    if (drive->command.read_phases) {
+      chip_read_sectors(&snapshot);
+      chip_read_phases(&snapshot);
+    }
+  }
+  drive_step(drive, &snapshot);
+  write_guard(app);
+  chip_write(&drive->command, drive->p);
+  chip_read_freewheel(&app->telemetry->freewheel);
+  telemetry_update(app->telemetry, drive);
+}
+
 HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
-  if (drive->p != 0 && method_is_vector(drive->p->method)) {
-    vector_control_step(app);
-  } else if (drive->p != 0) {
-    chip_snapshot_t snapshot;
-    chip_read(&snapshot);
-    if (drive->state == STATE_INIT) {
-      chip_read_offsets(&snapshot);
-    }
-    if (drive->command.read_sectors) {
-      chip_read_sectors(&snapshot);
-    }
-    if (drive->p->hall_mode != HALL_OFF) {
-      chip_read_hall(&snapshot);
-      if (drive->command.read_phases) {
-        chip_read_sectors(&snapshot);
-        chip_read_phases(&snapshot);
-      }
-    }
-    drive_step(drive, &snapshot);
-    write_guard(app);
-    chip_write(&drive->command, drive->p);
-    chip_read_freewheel(&app->telemetry->freewheel);
-    telemetry_update(app->telemetry, drive);
-  } else {
+  if (drive->p == 0) {
     drive->tick++;
     telemetry_update(app->telemetry, drive);
+  } else if (method_is_vector(drive->p->method)) {
+    vector_control_step(app);
+  } else {
+    six_step_control_step(app);
   }
 }
 

@@ -29,6 +29,11 @@ void injection_frame_begin(injection_frame_t *state, const injection_frame_setti
 // Both angles, modulo a turn.
 static int32_t turned(int32_t a_q32, int32_t b_q32) { return (int32_t)((uint32_t)a_q32 + (uint32_t)b_q32); }
 
+// By how much the frame turns after one error.
+SHARED static int32_t follow(injection_frame_t *state, const injection_frame_settings_t *settings, int32_t error_q30) {
+  return pll_correct(&state->pll, &settings->pll, error_q30);
+}
+
 // i_q* within what the validity leaves.
 HOT static void regulate(injection_frame_t *state, const injection_frame_settings_t *settings,
                          const injection_frame_input_t *in) {
@@ -76,7 +81,7 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     command.turn_q32 = rest.turn_q32;
     command.reference_i_q25[0] = (complex_t){rest.current_i_q25, 0};
     if (rest.track) {
-      command.turn_q32 = turned(command.turn_q32, pll_correct(&state->pll, &settings->pll, state->error_q30));
+      command.turn_q32 = turned(command.turn_q32, follow(state, settings, state->error_q30));
     }
     state->resting = state->rest.phase != REST_FOUND;
   } else {
@@ -89,7 +94,7 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     state->judge = in->fresh;
     state->amplitude = in->amplitude;
     const int32_t error_q30 = injection_handover_error_q30(&state->handover, state->error_q30, in->emf_error_q30);
-    command.turn_q32 = pll_correct(&state->pll, &settings->pll, error_q30);
+    command.turn_q32 = follow(state, settings, error_q30);
     regulate(state, settings, in);
     command.turn_q32 = turned(command.turn_q32, follow_curve(state, settings, in->current_i_q25));
     const complex_t wanted = {in->current_wanted_i_q25.re, state->wanted_i_q25};

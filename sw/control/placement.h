@@ -1,6 +1,7 @@
 // What the compiler is to know of a function: on the path of the control step while running (HOT), the same and called
-// from one place of the image (INLINED) or large and called from several (SHARED), called by it on rare events only and kept out of line (COLD). SMALL_CODE_BEGIN
-// and SMALL_CODE_END enclose functions whose time does not matter.
+// from one place of the image (INLINED), large or called from several places (SHARED), called by it on rare events only
+// (COLD); the last two stay out of line. The core's conditional branches reach 4 KiB: in a longer function every rare case
+// costs the usual one a jump. SMALL_CODE_BEGIN and SMALL_CODE_END enclose functions whose time does not matter.
 #ifndef FL_PLACEMENT_H
 #define FL_PLACEMENT_H
 

@@ -60,7 +60,7 @@ HOT static int32_t large_error_q30(uint32_t across, uint32_t along, bool negativ
   return negative ? -(int32_t)error : (int32_t)error;
 }
 
-SHARED int32_t pll_error_from_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25,
+INLINED int32_t pll_error_from_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25,
                                    uint32_t *reciprocal) {
   const uint32_t across = (emf_v_q25.re < 0) ? 0u - (uint32_t)emf_v_q25.re : (uint32_t)emf_v_q25.re;
   const uint32_t along = (emf_v_q25.im < 0) ? 0u - (uint32_t)emf_v_q25.im : (uint32_t)emf_v_q25.im;
@@ -89,7 +89,7 @@ uint32_t pll_angle_turn_q32(const pll_t *pll) { return (uint32_t)(pll->angle_tur
 
 int32_t pll_speed_turn_q36(const pll_t *pll) { return (int32_t)round_shift(pll->speed_turn_q60, SPEED_BITS); }
 
-SHARED int32_t pll_correct(pll_t *pll, const pll_gains_t *gains, int32_t error_q30) {
+INLINED int32_t pll_correct(pll_t *pll, const pll_gains_t *gains, int32_t error_q30) {
   const int32_t correction_q32 = (int32_t)scale(error_q30, gains->angle);
   int64_t speed = pll->speed_turn_q60 + pll->acceleration_turn_q60 + scale(error_q30, gains->speed);
   if (gains->acceleration.mant != 0) {

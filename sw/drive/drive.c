@@ -20,6 +20,9 @@
 #define MISSES_BEFORE_TRIP 2u
 // 5 ms at 10 kHz.
 #define OUTRUN_TICKS 50u
+// The slow protection looks at every eighth tick, never at one that the watchdog hears of too (REPORT_TICKS of app.c).
+#define LOOK_TICKS 8u
+#define LOOK_AT 2u
 #define MID_CODE_Q4 (2048 * 16)
 // Trips that mean nothing while the gates are off anyway.
 #define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
@@ -453,7 +456,10 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
   if (drive->request != REQUEST_NONE) {
     drive_handle_request(drive);
   }
-  if (drive_supervise(drive, in) || protect_step(drive, in, drive->m.motor_q17, 1)) {
+  if (drive_supervise(drive, in)) {
+    return;
+  }
+  if (drive->tick % LOOK_TICKS == LOOK_AT && protect_step(drive, in, drive->m.motor_q17, LOOK_TICKS)) {
     return;
   }
   switch (drive->state) {

@@ -82,7 +82,7 @@ HOT static complex_t acting_v_q25(const drive_t *drive, const chip_vector_snapsh
   return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), drive->vector.late_v_q25);
 }
 
-SHARED void vector_observe(drive_t *drive, const chip_vector_snapshot_t *in) {
+INLINED static void observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const emf_observer_gains_t *gains = &v->design[v->used].observer;
   if (drive->p->vector_tick_samples > 1) {
@@ -109,6 +109,9 @@ SHARED void vector_observe(drive_t *drive, const chip_vector_snapshot_t *in) {
   v->correct_q32 = 0;
   v->holding = false;
 }
+
+// Of a drive with injection; the control step without one has its own copy.
+SHARED void vector_observe(drive_t *drive, const chip_vector_snapshot_t *in) { observe(drive, in); }
 
 HOT static void read_encoder(drive_t *drive, const chip_vector_snapshot_t *in) {
   vector_t *v = &drive->vector;
@@ -411,7 +414,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
     } else if (vector_frame_is_injected(drive)) {
       vector_injection_step(drive, in);
     } else {
-      vector_observe(drive, &in->vector);
+      observe(drive, &in->vector);
       if (v->frame == FRAME_FORCED) {
         vector_forced_step(drive, in);
       } else {

@@ -175,7 +175,7 @@ COLD static void learn_mounting(drive_t *drive, const chip_vector_snapshot_t *in
   }
 }
 
-HOT void vector_forced_step(drive_t *drive, const chip_snapshot_t *in) {
+SHARED void vector_forced_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   const parameters_t *p = drive->p;
   const bool stopping = drive->state == STATE_STOPPING;

@@ -286,7 +286,7 @@ HOT static void send_forward(drive_t *drive, const chip_injection_snapshot_t *se
   c->clear_injection = false;
 }
 
-HOT void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
+SHARED void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
   vector_t *v = &drive->vector;
   vector_injection_t *j = v->injection;
   const chip_injection_snapshot_t *seen = &in->injection;

@@ -228,8 +228,9 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
   if (command->vector.read_slow) {
     read_slow(snapshot);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
-  }  if (command->vector.read_currents) {
-    read_currents(snapshot);
+    if (command->vector.read_currents) {
+      read_currents(snapshot);
+    }
   }
 }
 
@@ -395,25 +396,11 @@ HOT static void write_limits(const chip_vector_command_t *vector) {
   }
 }
 
-INLINED void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
+// What changes with the design, limits and injection.
+COLD static void write_slow(const chip_command_t *command, const parameters_t *parameters) {
   const chip_vector_command_t *v = &command->vector;
-  if (v->write_control) {
-    reg_write(REG(foc.control), vector_control(v, parameters));
-  }
-  reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
-  if (v->write_correct) {
-    reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
-  }
   if (v->write_limits) {
     write_limits(v);
-  }
-  for (uint32_t s = 0; s < SUBSPACES; s++) {
-    if (v->write_reference) {
-      write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
-    }
-    if (!v->regulate[s]) {
-      write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
-    }
   }
   if (v->write_gains) {
     write_vector_gains(v);
@@ -425,6 +412,28 @@ INLINED void chip_write_vector(const chip_command_t *command, const parameters_t
   }
   if (v->write_injection) {
     chip_write_injection(command, parameters);
+  }
+}
+
+INLINED void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
+  const chip_vector_command_t *v = &command->vector;
+  if (v->write_control) {
+    reg_write(REG(foc.control), vector_control(v, parameters));
+  }
+  reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
+  if (v->write_correct) {
+    reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
+  }
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    if (v->write_reference) {
+      write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
+    }
+    if (!v->regulate[s]) {
+      write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
+    }
+  }
+  if (v->write_limits || v->write_gains || v->write_forward || v->write_injection) {
+    write_slow(command, parameters);
   }
   if (command->write_modes) {
     const int32_t samples = v->tick_by_samples ? parameters->vector_tick_samples : 0;

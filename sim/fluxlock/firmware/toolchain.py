@@ -122,7 +122,7 @@ def build_program(name: str) -> Path:
 def build_fuzz() -> Path:
     """Flat binary of the firmware with the main loop of `fuzz_main.c`: three phases, no injection."""
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
-    return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware", ("-DHELD=3",))
+    return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware")
 
 
 def build_program_library(name: str) -> Path:
