@@ -120,7 +120,7 @@ def build_program(name: str) -> Path:
 
 
 def build_fuzz() -> Path:
-    """Flat binary of the firmware with the main loop of `fuzz_main.c`: three phases, no injection."""
+    """Flat binary of the firmware with the main loop of `fuzz_main.c`: three phases."""
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
     return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware")
 
