@@ -9,7 +9,7 @@
 
 SMALL_CODE_BEGIN
 
-#define RING_LENGTH 128u
+#define RING_LENGTH 256u
 #define LINE_LENGTH 80u
 #define WORDS_MAX 4u
 
