@@ -396,12 +396,9 @@ HOT static void write_limits(const chip_vector_command_t *vector) {
   }
 }
 
-// What changes with the design, limits and injection.
+// What changes with design and injection.
 COLD static void write_slow(const chip_command_t *command, const parameters_t *parameters) {
   const chip_vector_command_t *v = &command->vector;
-  if (v->write_limits) {
-    write_limits(v);
-  }
   if (v->write_gains) {
     write_vector_gains(v);
   }
@@ -432,7 +429,10 @@ INLINED void chip_write_vector(const chip_command_t *command, const parameters_t
       write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
     }
   }
-  if (v->write_limits || v->write_gains || v->write_forward || v->write_injection) {
+  if (v->write_limits) {
+    write_limits(v);
+  }
+  if (v->write_gains || v->write_forward || v->write_injection) {
     write_slow(command, parameters);
   }
   if (command->write_modes) {
