@@ -389,7 +389,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   if (drive->command.vector.read_slow) {
     measure(drive, in);
-    if (drive->command.vector.read_currents) {
+    if (drive->tick % PROTECT_TICKS == GROUP_SUPERVISION) {
       (void)protect_step(drive, in, (int32_t)rough_length(in->vector.i_q17[0]), PROTECT_TICKS);
     }
   }
@@ -425,7 +425,8 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   const uint32_t next = (drive->tick + 1u) % VECTOR_GROUPS;
   drive->command.vector.read_slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
   if (drive->command.vector.read_slow) {
-    drive->command.vector.read_currents = (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
+    drive->command.vector.read_currents =
+        vector_injects(drive) || (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
   }
   drive->command.vector.read_steps =
       drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;

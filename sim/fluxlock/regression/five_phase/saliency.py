@@ -12,7 +12,7 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 # Inductances that the firmware believes over the true ones: it expects an HF current larger by as much, and sees the
 # ratio of the inductances, 2, smaller by as much. Derated from 1.4 on, a fault at 1.1.
-BELIEVED = (1.0, 0.6, 0.53)
+BELIEVED = (1.0, 0.6, 0.5)
 ASKED_S, END_S = 0.085, 0.09
 
 
