@@ -13,7 +13,7 @@
 #define UART_BIT_CYCLES 50u
 #define CONTROL_SOURCES ((uint32_t)IRQ_TICK | (uint32_t)IRQ_TRIP)
 #define DEFERRED_SOURCES ((uint32_t)IRQ_UART_RX | (uint32_t)IRQ_LOAD | (uint32_t)IRQ_MACHINE_TIMER)
-#define DESIGN_STAGES_PER_SECOND 1000u
+#define DESIGN_STAGES_PER_SECOND 900u
 // Control steps between two reports to the watchdog, which waits for twice as many.
 #define REPORT_TICKS 4u
 

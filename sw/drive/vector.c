@@ -429,8 +429,10 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
         vector_injects(drive) || (drive->tick + 1u) % PROTECT_TICKS == GROUP_SUPERVISION;
   }
   drive->command.vector.read_steps =
-      drive->command.vector.read_slow || next == GROUP_SPEED || drive->p->vector_tick_samples > 1;
-  drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
+      drive->p->vector_tick_samples > 1 || drive->command.vector.read_slow || next == GROUP_SPEED;
+  if (drive->command.write_modes) {
+    drive->command.vector.tick_by_samples = drive->state != STATE_INIT && drive->state != STATE_FAULT;
+  }
   command(drive);
   if (direct) {
     stage_direct(v, &drive->command.vector);
