@@ -14,7 +14,7 @@ from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "five-phase/tian.toml"
-POINTS = ((100.0, 2.0),)  # r/min, A
+POINTS = ((100.0, 2.0), (0.0, 2.0), (10.0, 2.0), (25.0, 2.0), (50.0, 0.0), (75.0, 2.0))  # r/min, A
 # r/min, A, angle at the start: at standstill what the dead time leaves depends on it.
 COMPENSATED_POINTS = (
     (100.0, 2.0, 10.0),

@@ -17,9 +17,9 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 SCENARIO = "five-phase/tian-printed.toml"
 METHODS = ("conventional", "lock-in")
-SPEEDS_RPM = (10.0, 85.0, 100.0)
+SPEEDS_RPM = (10.0, 25.0, 50.0, 85.0, 100.0)
 I_Q_A, LEAST_SHARE = 2.0, 0.8
-AT_SPEED_S, SETTLED_S, END_S = 0.2, 0.33, 0.36
+AT_SPEED_S, SETTLED_S, END_S = 0.2, 0.6, 0.65
 QUICK_RPM, QUICK_AT_SPEED_S, QUICK_SETTLED_S, QUICK_END_S = 50.0, 0.15, 0.27, 0.29
 BEYOND_RPM = 100.0
 TOP_RPM = 84.0  # where the load takes 2 A
