@@ -20,7 +20,16 @@ from fluxlock.firmware import injection_library as il
 from fluxlock.firmware.control_library import PiGains
 from fluxlock.firmware.vector_compiler import PI_INTEGRAL
 from fluxlock.firmware.vector_library import Machine, Observer, from_complex, observer_gains, real_gain, vector_library
-from tests.firmware.injection_bench import CLOCK_HZ, Q25, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
+from fluxlock.regression.five_phase.injection_bench import (
+    CLOCK_HZ,
+    Q25,
+    Q30,
+    Q32,
+    Q36,
+    TURN,
+    InjectionBench,
+    firmware_pll,
+)
 from tests.firmware.test_fw_injection_error import machine_for
 from tests.firmware.test_fw_rest_position import Setting
 

@@ -14,7 +14,7 @@ import pytest
 
 from fluxlock.analysis.injection_cases import DEAD_TIMES
 from fluxlock.firmware import injection_library as il
-from tests.firmware.injection_bench import Q25
+from fluxlock.regression.five_phase.injection_bench import Q25
 from tests.firmware.injection_frame_bench import (
     HERTZ,
     Q16,

@@ -14,7 +14,7 @@ from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
 from fluxlock.firmware import injection_library as il
 from fluxlock.firmware.vector_library import Complex, Pll, vector_library
-from tests.firmware.injection_bench import CLOCK_HZ, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
+from fluxlock.regression.five_phase.injection_bench import CLOCK_HZ, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
 
 SEED = 41
 Q16, Q21 = 2**16, 2**21
