@@ -13,9 +13,9 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -31,6 +31,9 @@ from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_sce
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
 from fluxlock.writable import refusal
+
+if TYPE_CHECKING:
+    from fluxlock.cosim.native_firmware import NativeFirmware
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -158,18 +161,30 @@ def run(
     ] = None,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST of the chip's signals (zoomed span).")] = False,
+    native: Annotated[
+        bool,
+        typer.Option("--native", help="The firmware runs on this machine and drives the chip's bus: no core."),
+    ] = False,
+    sanitize: Annotated[
+        bool, typer.Option("--sanitize", help="With --native: with the address and undefined behaviour sanitizers.")
+    ] = False,
+    debugger: Annotated[
+        str, typer.Option(metavar="COMMAND", help='With --native: starts the simulator, for instance "gdb --args".')
+    ] = "",
 ) -> None:
     """Run a scenario in closed loop and write result.json, trace.npz and plots."""
+    from fluxlock.cosim.native_firmware import native_firmware
     from fluxlock.cosim.parameters import check_parameters
 
+    firmware = native_firmware(native, sanitize, debugger)
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
     out_dir = out if out is not None else Path("build") / scenario.stem
     with _output(out_dir):
-        _run(loaded, out_dir, loaded.seed if seed is None else seed, waves)
+        _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware)
 
 
-def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool) -> None:
+def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: NativeFirmware | None) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
     from fluxlock.build import check_build
@@ -179,9 +194,10 @@ def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool) -> None:
     check_build()
     console, messages = Console(), Console(stderr=True)
     fault: SimulationFault | None = None
-    with _ProgressBar(messages, scenario.duration_s) as progress:
+    debugged = native is not None and native.debugger  # the debugger has the terminal
+    with nullcontext() if debugged else _ProgressBar(messages, scenario.duration_s) as progress:
         try:
-            data = run_scenario(scenario, out_dir, seed, waves, progress)
+            data = run_scenario(scenario, out_dir, seed, waves, progress, native=native)
         except SimulationFault as error:
             fault = error
             # Two records are the least that has an angle to measure against.

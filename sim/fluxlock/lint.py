@@ -15,6 +15,7 @@ from pathlib import Path
 
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
+from fluxlock.cosim.chip import CPU_HOST, CPU_HOST_ACCESS, rtl_sources
 from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
 from fluxlock.synth.configurations import load_configurations
 from fluxlock.synth.tools import WORK, memories, read_slang, relative, sources
@@ -70,7 +71,7 @@ def _missing() -> str:
 
 
 def verilator() -> str:
-    """Every top with every warning; waivers hold for generated code and the soft core only."""
+    """Every top, and the chip without its core: no warning; waivers hold for generated code and the core only."""
     generate_registers()
     files = [relative(WAIVERS), *map(relative, sources())]
     options = [
@@ -88,12 +89,14 @@ def verilator() -> str:
             # A block alone leaves constants of the packages unused.
             values = [f"-G{name}={value}" for name, value in parameters.items()]
             found.append(_run(["verilator", *options, "-Wno-UNUSEDPARAM", *values, "--top-module", block, *files]))
+    native = [relative(path) for path in (WAIVERS, CPU_HOST_ACCESS, *rtl_sources(native=True))]
+    found.append(_run(["verilator", *options, "--top-module", "fl_soc", *native]))
     return "\n".join(text for text in found if text)
 
 
 def verible() -> str:
     """Naming and form of the hand-written RTL."""
-    return _run(["verible-verilog-lint", "--rules_config", relative(VERIBLE_RULES), *_rtl()])
+    return _run(["verible-verilog-lint", "--rules_config", relative(VERIBLE_RULES), *_rtl(), relative(CPU_HOST)])
 
 
 def yosys() -> str:
@@ -124,6 +127,7 @@ def c_code() -> str:
         BENCH,
         SW,
         FirmwareError,
+        build_bus_library,
         build_canopen_library,
         build_commission,
         build_firmware,
@@ -143,6 +147,7 @@ def c_code() -> str:
         build_loader()
         build_fuzz()
         build_canopen_library()
+        build_bus_library()
         for source in sorted((SW / BENCH).glob("*.c")):
             build_program(source.stem)
     except FirmwareError as error:

@@ -23,6 +23,9 @@
 #include "cosim.h"
 #include "verilated.h"
 #include "verilated_vpi.h"
+#ifdef COSIM_CPU_HOST
+#include "cpu_host.h"
+#endif
 
 namespace {
 
@@ -469,32 +472,54 @@ bool settle() {
     return changed;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    for (int i = 1; i < argc; i++)
-        if (!strcmp(argv[i], "--replay")) return replay(argc, argv);
-    Verilated::commandArgs(argc, argv);
-#if VM_TRACE
-    Verilated::traceEverOn(true);
-#endif
-    const std::unique_ptr<Vtop> top(new Vtop(""));
-    Vtop* t = top.get();
-    Verilated::fatalOnVpiError(false);
-    vlog_startup_routines_bootstrap();
-    Verilated::addExitCb([](void*) { VerilatedVpi::callCbs(cbEndOfSimulation); }, nullptr);
+// The clock, native, and cocotb, woken when it has asked for it.
+struct loop_t {
+    Vtop* t;
 #if VM_TRACE
     // --waves-from M --waves-to N: waves.fst holds every clock edge of these cycles, and is complete when they are over.
     VerilatedFstC fst;
-    t->trace(&fst, 99);
-    const int64_t waves_from = atoll(argument(argc, argv, "--waves-from", "0").c_str());
-    const int64_t waves_to = atoll(argument(argc, argv, "--waves-to", "0").c_str());
+    int64_t waves_from = 0, waves_to = 0;
 #endif
-    power_up(t);
-    VerilatedVpi::callCbs(cbStartOfSimulation);
-    settle();
-    uint64_t next_edge = HALF_PERIOD;
-    while (!Verilated::gotFinish()) {
+    uint64_t next_edge = HALF_PERIOD, deadline = 0;
+    bool woken = true, watch = false, step = false;
+
+    // On to the end of the simulation, `one`: to the next rising edge. false: it is the end.
+    bool run(bool one) {
+        for (;;) {
+            while (next_edge <= deadline && !woken && !Verilated::gotFinish()) {  // edges at the deadline come before Python
+                main_time = next_edge;
+                next_edge += HALF_PERIOD;
+                if (step) VerilatedVpi::callCbs(cbNextSimTime), woken = true;
+                t->clk_i = !t->clk_i;
+                t->eval();
+                if (t->clk_i) {
+                    after_edge(t);
+                    if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
+                    if (watch) woken |= VerilatedVpi::callValueCbs();
+                }
+#if VM_TRACE
+                if (C.st.cycle >= waves_from && C.st.cycle <= waves_to) {
+                    if (!fst.isOpen()) fst.open("waves.fst");
+                    fst.dump(main_time);
+                } else if (fst.isOpen()) {
+                    fst.close();
+                }
+#endif
+                if (one && t->clk_i) return true;
+            }
+            if (!woken) {
+                if (main_time != deadline) VerilatedVpi::callCbs(cbNextSimTime);
+                main_time = deadline;
+                settle();
+                VerilatedVpi::callTimedCbs();
+            }
+            settle();
+            if (Verilated::gotFinish() || !wait()) return false;
+        }
+    }
+
+    // What Python has changed, and when it wants to be woken. false: never again.
+    bool wait() {
         do {
             do {
                 t->eval_step();
@@ -508,42 +533,56 @@ int main(int argc, char** argv) {
         } while (VerilatedVpi::evalNeeded());
         t->eval_end_step();
         VerilatedVpi::callCbs(cbReadOnlySynch);
-        const uint64_t deadline = VerilatedVpi::cbNextDeadline();
-        const bool watch = VerilatedVpi::hasCbs(cbValueChange), step = VerilatedVpi::hasCbs(cbNextSimTime);
-        if (deadline == ~0ULL && !watch && !step) break;
-        bool woken = false;
-        while (next_edge <= deadline && !woken && !Verilated::gotFinish()) {  // edges at the deadline come before Python
-            main_time = next_edge;
-            next_edge += HALF_PERIOD;
-            if (step) VerilatedVpi::callCbs(cbNextSimTime), woken = true;
-            t->clk_i = !t->clk_i;
-            t->eval();
-            if (t->clk_i) {
-                after_edge(t);
-                if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
-                if (watch) woken |= VerilatedVpi::callValueCbs();
-            }
-#if VM_TRACE
-            if (C.st.cycle >= waves_from && C.st.cycle <= waves_to) {
-                if (!fst.isOpen()) fst.open("waves.fst");
-                fst.dump(main_time);
-            } else if (fst.isOpen()) {
-                fst.close();
-            }
-#endif
-        }
-        if (woken) {
-            settle();
-            continue;
-        }
-        if (main_time != deadline) VerilatedVpi::callCbs(cbNextSimTime);
-        main_time = deadline;
-        settle();
-        VerilatedVpi::callTimedCbs();
-        settle();
+        deadline = VerilatedVpi::cbNextDeadline();
+        watch = VerilatedVpi::hasCbs(cbValueChange), step = VerilatedVpi::hasCbs(cbNextSimTime);
+        woken = false;
+        return deadline != ~0ULL || watch || step;
     }
-    C.fn = nullptr;
-    t->final();
-    VerilatedVpi::callCbs(cbEndOfSimulation);
-    return Verilated::threadContextp()->errorCount() > 0;
+
+    int finish() {
+        C.fn = nullptr;
+        t->final();
+#if VM_TRACE
+        if (fst.isOpen()) fst.close();
+#endif
+        VerilatedVpi::callCbs(cbEndOfSimulation);
+        return Verilated::threadContextp()->errorCount() > 0;
+    }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    for (int i = 1; i < argc; i++)
+        if (!strcmp(argv[i], "--replay")) return replay(argc, argv);
+    Verilated::commandArgs(argc, argv);
+#if VM_TRACE
+    Verilated::traceEverOn(true);
+#endif
+    const std::unique_ptr<Vtop> top(new Vtop(""));
+    static loop_t loop;
+    loop.t = top.get();
+    Verilated::fatalOnVpiError(false);
+    vlog_startup_routines_bootstrap();
+    Verilated::addExitCb([](void*) { VerilatedVpi::callCbs(cbEndOfSimulation); }, nullptr);
+#if VM_TRACE
+    loop.t->trace(&loop.fst, 99);
+    loop.waves_from = atoll(argument(argc, argv, "--waves-from", "0").c_str());
+    loop.waves_to = atoll(argument(argc, argv, "--waves-to", "0").c_str());
+#endif
+    power_up(loop.t);
+    VerilatedVpi::callCbs(cbStartOfSimulation);
+#ifdef COSIM_CPU_HOST
+    // --firmware FILE: what runs in place of the core.
+    cpu_host.chip = loop.t->rootp;
+    cpu_host.memory = memory;
+    cpu_host.clock = [] {
+        if (!loop.run(true)) exit(loop.finish());
+    };
+    while (loop.t->rst_i) cpu_host.clock();
+    cpu_host.run(argument(argc, argv, "--firmware", "").c_str());
+#else
+    loop.run(false);
+    return loop.finish();
+#endif
 }

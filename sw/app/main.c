@@ -34,7 +34,7 @@ int main(void) {
     chip_node_poll();
 #endif
     for (uint32_t i = 0; i < IDLE_ROUNDS; i++) {
-      __asm__ volatile("nop");
+      cpu_idle();
     }
   }
 }

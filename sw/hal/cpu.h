@@ -8,10 +8,13 @@
 
 
 #if defined(FL_HOST)
-static inline uint32_t critical_enter(void) { return 0; }
-static inline void critical_leave(uint32_t state) { (void)state; }
+// Of host_chip.c, or of the simulator that the firmware drives: sim/native/cpu_host.h.
+uint32_t critical_enter(void);
+void critical_leave(uint32_t state);
 void *cpu_parameter_block(void);
 void *cpu_telemetry(void);
+const void *cpu_can_setup(void);
+void cpu_idle(void);
 #else
 #define MSTATUS_MIE 8u
 
@@ -23,6 +26,9 @@ static inline uint32_t critical_enter(void) {
   return state & MSTATUS_MIE;
 }
 static inline void critical_leave(uint32_t state) { __asm__ volatile("csrs mstatus, %0" : : "r"(state) : "memory"); }
+
+// A clock, or more, in which nothing is done.
+static inline void cpu_idle(void) { __asm__ volatile("nop"); }
 
 static inline void *cpu_parameter_block(void) { return (void *)RAM_PARAMETER_BLOCK; }
 static inline void *cpu_telemetry(void) { return (void *)RAM_TELEMETRY; }

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 from fluxlock.config import load_scenario
+from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.outcome import Outcome, write_outcome
 from fluxlock.cosim.run import run_scenario
 from fluxlock.paths import BUILD, ROOT
@@ -14,17 +15,24 @@ from fluxlock.paths import BUILD, ROOT
 SEED = 1
 
 
-def drive(scenario: str | Path, name: str, *overrides: str, seed: int = SEED, log_strobes: bool = False) -> Outcome:
+def drive(
+    scenario: str | Path,
+    name: str,
+    *overrides: str,
+    seed: int = SEED,
+    log_strobes: bool = False,
+    native: NativeFirmware | None = None,
+) -> Outcome:
     """Run a scenario (absolute, or in scenarios/) with overrides; print the seed.
 
-    Result and plots stay in build/closed_loop/<name>.
+    Result and plots stay in build/closed_loop/<name>. native: see `run_scenario`.
     """
     path = ROOT / "scenarios" / scenario
     loaded = load_scenario(path, overrides)
     folder = BUILD / "closed_loop" / name
     shutil.rmtree(folder, ignore_errors=True)
     print(f"{path.name} {' '.join(overrides)} seed {seed}: {folder}")
-    data = run_scenario(loaded, folder, seed, log_strobes=log_strobes)
+    data = run_scenario(loaded, folder, seed, log_strobes=log_strobes, native=native)
     outcome = write_outcome(data, loaded, folder)
     print(json.dumps(outcome.metrics, indent=1))
     return outcome

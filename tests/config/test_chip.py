@@ -28,7 +28,8 @@ def test_chip_of_a_scenario(
     """
     monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml", overrides)
-    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides))
+    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides), False)
+    assert run.chip_of(scenario, native=True) == (False, phases, injection, bool(overrides), True)
 
 
 def test_can_and_injection() -> None:

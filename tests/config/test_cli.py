@@ -70,7 +70,12 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     state["uart"] = ["state ready", "fault none", "ok", "now none", "ok"]
 
     def run_scenario(
-        scenario: Scenario, out_dir: Path, seed: int, waves: bool, progress: Callable[[ProgressInfo], None]
+        scenario: Scenario,
+        out_dir: Path,
+        seed: int,
+        waves: bool,
+        progress: Callable[[ProgressInfo], None],
+        native: None,
     ) -> RunData:
         state["calls"].append((scenario.name, out_dir, seed, waves))
         progress(ProgressInfo(0.01, 0.02, 60_000.0, 1.1e6, "run"))
@@ -274,6 +279,13 @@ def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[st
         (["run", DEMO, "--seed", "x"], "error: --seed: must be a whole number from 0 to 2147483647, not 'x'"),
         (["run", DEMO, "--seed", "-1"], "error: --seed: must be a whole number from 0 to 2147483647, not '-1'"),
         (["run", DEMO, "--seed", "2147483648"], "error: --seed: must be a whole number from 0 to 2147483647"),
+        (["run", DEMO, "--sanitize"], "error: --sanitize: needs --native"),
+        (["run", DEMO, "--debugger", "gdb"], "error: --debugger: needs --native"),
+        (
+            ["run", DEMO, "--native", "--debugger", "no_such_gdb --args"],
+            "error: --debugger: no_such_gdb: there is no such",
+        ),
+        (["run", DEMO, "--native", "--debugger", "gdb '"], "error: --debugger: gdb ': No closing quotation"),
         (["run"], "error: fluxlock run: missing argument 'scenario'; see fluxlock run --help"),
         (["run", DEMO, "--bogus"], "error: fluxlock run: no such option: --bogus"),
         (["run", DEMO, "--out"], "error: fluxlock: option '--out' requires an argument"),

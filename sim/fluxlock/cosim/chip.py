@@ -16,14 +16,23 @@ import cocotb_tools.config
 from fluxlock.build import file_lock, generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
 from fluxlock.cosim.upsets import write_upset_table
-from fluxlock.memory import PUBLISHED_ADDRESS, RAM_WORDS
+from fluxlock.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
 
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
+CPU_HOST = NATIVE / "fl_cpu.sv"  # in place of the core
+CPU_HOST_ACCESS = NATIVE / "cpu_host.vlt"
+FOR_FIRMWARE = ("reg_*", "critical_*", "trap_enable", "cpu_*")  # what cpu_host.h defines
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
+WORDS = {
+    "PUBLISHED": PUBLISHED_ADDRESS,
+    "BLOCK": BLOCK_ADDRESS,
+    "CAN_SETUP": CAN_SETUP_ADDRESS,
+    "TELEMETRY": TELEMETRY_ADDRESS,
+}  # of the memory, that the simulator's main knows
 SCRIPTS = (Path(__file__), Path(__file__).with_name("upsets.py"))  # that decide what the chip is made of
 
 
@@ -38,12 +47,19 @@ class Chip:
     injection: bool = False
 
 
-def rtl_sources() -> list[Path]:
-    """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core."""
+def rtl_sources(native: bool = False) -> list[Path]:
+    """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core.
+
+    native: without the core, with what stands in its place when the firmware runs in the simulator's process.
+    """
     folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "can", "soc")
     blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
     blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
-    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, soft_core()]
+    core = [soft_core()]
+    if native:
+        blocks = [path for path in blocks if path.name != CPU_HOST.name]
+        core = [CPU_HOST]
+    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, *core]
 
 
 def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
@@ -77,23 +93,25 @@ def build_chip(
     phases: int = PHASES,
     injection: bool = False,
     can: bool = False,
+    native: bool = False,
 ) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
     phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
-    every run. waves: also able to write an FST; compiled quickly, somewhat slower. train: runs the chip for a moment;
-    with GCC the simulator is then compiled a second time with what was learnt of its branches, 1.1 to 1.3 times faster.
+    every run. native: without the core, for a firmware of this machine. waves: also able to write an FST; compiled
+    quickly, somewhat slower. train: runs the chip for a moment; with GCC the simulator is then compiled a second time
+    with what was learnt of its branches, 1.1 to 1.3 times faster.
     """
     generate_registers()
-    sources = rtl_sources()
-    scope = NATIVE / ("waves.vlt" if waves else "public.vlt")
+    sources = rtl_sources(native)
+    scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
-    inputs = [*sources, WAIVERS, scope, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
-    key = content_hash(inputs, RAM_WORDS, phases, injection, can, waves, profiled, env.get("CXX", ""))
+    inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
+    key = content_hash(inputs, RAM_WORDS, phases, injection, can, native, waves, profiled, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves, phases, injection)
-    made = {"key": key, "phases": phases, "injection": injection, "waves": waves}
+    made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves}
     with file_lock(BUILD / "chip" / f"{key}.lock"):
         if (folder / ".done").exists():
             return chip
@@ -101,6 +119,10 @@ def build_chip(
         folder.mkdir(parents=True)
         log = folder / "build.log"
         libs = cocotb_tools.config.libs_dir
+        known = " ".join(f"-DCOSIM_{name}_WORD={address // 4}" for name, address in WORDS.items())
+        exported = " ".join(
+            f"-Wl,--export-dynamic-symbol={name}" for name in ("cosim_*", *(FOR_FIRMWARE if native else ()))
+        )
         trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
@@ -109,10 +131,10 @@ def build_chip(
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
             "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
-            f"-DCOSIM_PUBLISHED_WORD={PUBLISHED_ADDRESS // 4}",
-            "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator -Wl,--export-dynamic-symbol=cosim_*",
+            f"{known}{' -DCOSIM_CPU_HOST' if native else ''}",
+            "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator {exported}",
             *(trace if waves else []),
-            str(NATIVE / "cosim_main.cpp"), str(WAIVERS), str(scope), *map(str, sources),
+            str(NATIVE / "cosim_main.cpp"), str(WAIVERS), *map(str, scopes), *map(str, sources),
         ]  # fmt: skip
         _run(command, log, env)
         write_upset_table(folder)

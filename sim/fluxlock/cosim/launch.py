@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.cosim.chip import TOP, Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
 from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
+from fluxlock.firmware import BusLibrary
 from fluxlock.paths import BUILD, ROOT
 
 Progress = Callable[[ProgressInfo], None]
@@ -56,34 +59,56 @@ def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
     return env
 
 
+@contextmanager
+def _interrupts_left_to(debugger: Sequence[str]) -> Iterator[None]:
+    """Ctrl-C at a debugger's terminal is meant for what it debugs."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if debugger else None
+    try:
+        yield
+    finally:
+        if debugger:
+            signal.signal(signal.SIGINT, before)
+
+
 def run_plan(
-    plan: SessionPlan, chip: Chip, progress: Progress | None = None, own_group: bool = False
+    plan: SessionPlan,
+    chip: Chip,
+    progress: Progress | None = None,
+    own_group: bool = False,
+    firmware: BusLibrary | None = None,
+    debugger: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Run a plan whose folder holds `firmware.hex`; return the meta data, leave the arrays in the folder.
 
     A chip that can write waveforms writes those of the plan's zoom window. own_group: Ctrl-C does not reach the
-    simulator; whoever has asked for that ends it.
+    simulator; whoever has asked for that ends it. firmware: of a chip without its core. debugger: words in front of the
+    simulator's command; it has the terminal then, in place of the log file.
     """
     folder = plan.folder
     for name in (META_FILE, PROGRESS_FILE, WAVE_FILE, GTKWAVE_FILE, SURFER_FILE):
         (folder / name).unlink(missing_ok=True)
-    command = [str(chip.executable)]
+    command = [*debugger, str(chip.executable)]
     if chip.waves:
         first, last = plan.plant.recording.zoom[0]
         command += ["--waves-from", str(first), "--waves-to", str(last)]
     log_path = folder / "simulator.log"
     env = simulator_environment(plan.save(), folder / "results.xml")
+    if firmware is not None:
+        command += ["--firmware", str(firmware.path)]
+        env.update(_sanitizer_environment(firmware))
     with log_path.open("w") as log:
         group = 0 if own_group else None
+        output = None if debugger else log
         process = subprocess.Popen(
-            command, cwd=folder, env=env, stdout=log, stderr=subprocess.STDOUT, process_group=group
+            command, cwd=folder, env=env, stdout=output, stderr=output and subprocess.STDOUT, process_group=group
         )
         stop = threading.Event()
         watcher = threading.Thread(target=_watch, args=(plan, progress, stop), daemon=True)
         if progress is not None:
             watcher.start()
         try:
-            process.wait()
+            with _interrupts_left_to(debugger):
+                process.wait()
         except BaseException:
             # Ctrl-C, SIGTERM: the simulator has nothing to clean up, and must not outlive the command.
             process.kill()
@@ -103,6 +128,14 @@ def run_plan(
         )
     meta: dict[str, Any] = json.loads(meta_path.read_text())
     return meta
+
+
+def _sanitizer_environment(firmware: BusLibrary) -> dict[str, str]:
+    """Their runtime, ahead of all libraries; what Python still holds at its end is no leak."""
+    if firmware.preload is None:
+        return {}
+    options = "detect_leaks=0:print_legend=0"
+    return {"LD_PRELOAD": str(firmware.preload), "ASAN_OPTIONS": options, "UBSAN_OPTIONS": "print_stacktrace=1"}
 
 
 def _watch(plan: SessionPlan, progress: Progress | None, stop: threading.Event) -> None:

@@ -14,9 +14,10 @@ from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import PHASES, Chip, build_chip
 from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
-from fluxlock.firmware import ParameterBlock, build_firmware, write_image
+from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
 from fluxlock.paths import BUILD, ROOT
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
@@ -26,8 +27,11 @@ TRAINING_CYCLES = 1_500_000
 
 def image_of(scenario: Scenario) -> Path:
     """The firmware that a scenario runs: its motor's phases; on a CAN bus with the node, and one method only."""
-    method = scenario.drive.method if scenario.can is not None else None
-    return build_firmware(BUILD / "firmware", scenario.motor.phases, method)
+    return build_firmware(BUILD / "firmware", *_variant(scenario))
+
+
+def _variant(scenario: Scenario) -> tuple[int, str | None]:
+    return scenario.motor.phases, scenario.drive.method if scenario.can is not None else None
 
 
 def prepare(
@@ -71,13 +75,15 @@ def prepare(
     )
 
 
-def ready_chip(waves: bool = False, phases: int = PHASES, injection: bool = False, can: bool = False) -> Chip:
+def ready_chip(
+    waves: bool = False, phases: int = PHASES, injection: bool = False, can: bool = False, native: bool = False
+) -> Chip:
     """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
 
-    The demo has three phases and no CAN: another chip is not trained.
+    The demo has three phases, a core and no CAN: another chip is not trained.
     """
-    if phases != PHASES or can:
-        return build_chip(waves, phases=phases, injection=injection, can=can)
+    if phases != PHASES or can or native:
+        return build_chip(waves, phases=phases, injection=injection, can=can, native=native)
 
     def train(chip: Chip) -> None:
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
@@ -86,10 +92,13 @@ def ready_chip(waves: bool = False, phases: int = PHASES, injection: bool = Fals
     return build_chip(waves, train, injection=injection)
 
 
-def chip_of(scenario: Scenario, waves: bool = False) -> Chip:
-    """The chip that a scenario runs on: its motor's phases, injection path and CAN controller if it uses them."""
+def chip_of(scenario: Scenario, waves: bool = False, native: bool = False) -> Chip:
+    """The chip that a scenario runs on: its motor's phases, injection path and CAN controller if it uses them.
+
+    native: without its core.
+    """
     injects = scenario.drive.vector.injection is not None
-    return ready_chip(waves, scenario.motor.phases, injects, scenario.can is not None)
+    return ready_chip(waves, scenario.motor.phases, injects, scenario.can is not None, native)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
@@ -139,17 +148,23 @@ def run_scenario(
     waves: bool = False,
     progress: Progress | None = None,
     log_strobes: bool = False,
+    native: NativeFirmware | None = None,
 ) -> RunData:
     """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
 
-    The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window.
+    The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window. native:
+    how the firmware runs in place of the chip's core.
     """
     if progress is not None:
         progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
     try:
-        chip = chip_of(scenario, waves)
+        chip = chip_of(scenario, waves, native is not None)
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
-        meta = run_plan(plan, chip, progress)
+        if native is None:
+            meta = run_plan(plan, chip, progress)
+        else:
+            library = build_bus_library(*_variant(scenario), native.sanitize)
+            meta = run_plan(plan, chip, progress, firmware=library, debugger=native.debugger)
     except (SimulatorError, RuntimeError) as error:
         raise SimulationFault(str(error)) from error
     data = collect(plan, meta, scenario.motor.pole_pairs)

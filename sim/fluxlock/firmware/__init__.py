@@ -5,7 +5,9 @@ from fluxlock.firmware.compiler import compile_parameters
 from fluxlock.firmware.schema import load_schema
 from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
 from fluxlock.firmware.toolchain import (
+    BusLibrary,
     FirmwareError,
+    build_bus_library,
     build_canopen_library,
     build_commission,
     build_firmware,
@@ -15,6 +17,7 @@ from fluxlock.firmware.toolchain import (
 )
 
 __all__ = [
+    "BusLibrary",
     "DriveSpec",
     "FirmwareError",
     "InverterSpec",
@@ -22,6 +25,7 @@ __all__ = [
     "ParameterBlock",
     "ParameterError",
     "VectorSpec",
+    "build_bus_library",
     "build_canopen_library",
     "build_commission",
     "build_firmware",

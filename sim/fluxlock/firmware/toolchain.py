@@ -5,8 +5,10 @@ Results are cached below `build/` under a hash of everything that enters them.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from fluxlock import memory
@@ -40,7 +42,13 @@ HOST_FLAGS = (
     *("-O1", "-g", "-fPIC", "-shared", "-DFL_HOST=1", "-fno-omit-frame-pointer"),
     *("-fsanitize=undefined", "-fsanitize-trap=undefined", "-Wl,-Bsymbolic"),
 )
-TARGET_ONLY = ("app/main.c", "hal/soc/")
+# With the machine's own compiler: zig brings no runtime of the address sanitizer.
+SANITIZER_FLAGS = (
+    *("-O1", "-g", "-fPIC", "-shared", "-DFL_HOST=1", "-fno-omit-frame-pointer"),
+    *("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-semantic-interposition", "-Wl,-Bsymbolic"),
+)
+SOC = "hal/soc/"
+TARGET_ONLY = ("app/main.c", SOC)
 HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
@@ -81,11 +89,18 @@ def generate_headers() -> tuple[Path, Path]:
     return _generate("params.h", c_header(load_schema())), _generate("ram.h", memory.c_header())
 
 
-def _zig(arguments: list[str]) -> None:
-    command = [sys.executable, "-m", "ziglang", *arguments]
-    done = subprocess.run(command, cwd=SW, capture_output=True, text=True, check=False)
+def _run(command: list[str]) -> str:
+    try:
+        done = subprocess.run(command, cwd=SW, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise FirmwareError(f"{command[0]}: {error.strerror}") from error
     if done.returncode:
         raise FirmwareError(f"firmware does not compile: {' '.join(command)}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def _zig(arguments: list[str]) -> None:
+    _run([sys.executable, "-m", "ziglang", *arguments])
 
 
 def _key(*extra: object) -> str:
@@ -101,16 +116,46 @@ def build_firmware(build_dir: Path | None = None, phases: int = 3, can_method: s
     can_method: the image with the CANopen node, for a chip with a CAN controller. It holds this one method of driving,
     "vector" without injection: the memory is too small for more.
     """
-    sources = _selected((*HOST_ONLY, *PROGRAMS), (".c", ".S"))
-    name, key = "fluxlock", ""
-    defined: tuple[str, ...] = ()
-    if phases != 3:
-        name, defined = f"fluxlock-{phases}", (f"-DPHASES={phases}",)
-    if can_method is not None:
-        node, key = _canopen(CANOPEN_HOST)
-        name, sources = f"{name}-can-{can_method}", [*sources, *node]
-        defined = (*defined, "-DFL_CAN=1", HELD[can_method])
+    name, node, defined, key = _variant(phases, can_method)
+    sources = [*_selected((*HOST_ONLY, *PROGRAMS), (".c", ".S")), *node]
     return _build_image(name, sources, build_dir or BUILD / "firmware", defined, key)
+
+
+def _variant(phases: int, can_method: str | None) -> tuple[str, list[str], tuple[str, ...], str]:
+    """Of an image: its name, the node's sources, what is defined, the hash of what _key does not know."""
+    name, defined = ("fluxlock", ()) if phases == 3 else (f"fluxlock-{phases}", (f"-DPHASES={phases}",))
+    if can_method is None:
+        return name, [], defined, ""
+    node, key = _canopen(CANOPEN_HOST)
+    return f"{name}-can-{can_method}", node, (*defined, "-DFL_CAN=1", HELD[can_method]), key
+
+
+@dataclass(frozen=True)
+class BusLibrary:
+    """The firmware as a library that drives the chip's bus; preload: what its process must load before anything."""
+
+    path: Path
+    preload: Path | None = None
+
+
+def build_bus_library(phases: int = 3, can_method: str | None = None, sanitize: bool = False) -> BusLibrary:
+    """The image's C sources, main() and all, for this machine: for a simulator of the chip without its core.
+
+    phases, can_method: as in `build_firmware`. Undefined behaviour traps; sanitize: the sanitizers of addresses and of
+    undefined behaviour report and end the process, for which there must be a GCC.
+    """
+    name, node, defined, key = _variant(phases, can_method)
+    sources = [*_selected((*HOST_ONLY, SOC, *PROGRAMS), (".c",)), *node]
+    name = f"lib{name}-bus"
+    folder = BUILD / "firmware"
+    if not sanitize:
+        return BusLibrary(_library(name, sources, folder, (*HOST_FLAGS, *WARNINGS, *defined), key))
+    compiler = os.environ.get("CC", "cc")
+    runtime = _run([compiler, "-print-file-name=libasan.so"]).strip()
+    if not Path(runtime).is_absolute():
+        raise FirmwareError(f"{compiler} has no address sanitizer: CC must name a GCC with its libasan")
+    flags = (*SANITIZER_FLAGS, "-std=c11", *defined)
+    return BusLibrary(_library(f"{name}-sanitized", sources, folder, flags, key, compiler), Path(runtime))
 
 
 def build_program(name: str) -> Path:
@@ -209,13 +254,24 @@ def build_canopen_library() -> Path:
 
 def _host_library(name: str, added: list[str], folder: Path, key: str = "", defined: tuple[str, ...] = ()) -> Path:
     """added: sources that _key does not know, and key: their hash."""
+    sources = [*_selected((*TARGET_ONLY, *PROGRAMS), (".c",)), *added]
+    return _library(name, sources, folder, (*HOST_FLAGS, *WARNINGS, *defined), key)
+
+
+def _library(
+    name: str, sources: list[str], folder: Path, flags: tuple[str, ...], key: str, compiler: str | None = None
+) -> Path:
+    """key: hash of the sources that _key does not know. compiler: of the machine, in place of zig's."""
     with file_lock(BUILD / ".firmware.lock"):
-        library = folder / f"{name}-{_key('host', WARNINGS, HOST_FLAGS, *filter(None, [key]))}.so"
+        library = folder / f"{name}-{_key('host', flags, *filter(None, [key, compiler]))}.so"
         if library.exists():
             return library
         folder.mkdir(parents=True, exist_ok=True)
         partial = library.with_suffix(".part")
-        sources = [*_selected((*TARGET_ONLY, *PROGRAMS), (".c",)), *added]
-        _zig(["cc", *HOST_FLAGS, *WARNINGS, *defined, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)])
+        arguments = [*flags, "-I.", f"-I{GENERATED}", *sources, "-o", str(partial)]
+        if compiler is None:
+            _zig(["cc", *arguments])
+        else:
+            _run([compiler, *arguments])
         partial.replace(library)
     return library

@@ -22,8 +22,6 @@ static struct {
   int32_t auto_zero[OFFSETS];
   fifo_t to_firmware;
   fifo_t from_firmware;
-  host_bus_read_t bus_read;
-  host_bus_write_t bus_write;
 } host;
 
 static void push(fifo_t *fifo, uint8_t byte) {
@@ -39,6 +37,9 @@ uint8_t *fl_host_telemetry(void) { return (uint8_t *)host.telemetry; }
 int32_t *fl_host_auto_zero_offsets(void) { return host.auto_zero; }
 void *cpu_parameter_block(void) { return host.block; }
 void *cpu_telemetry(void) { return host.telemetry; }
+// Ticks come between calls: nothing interrupts.
+uint32_t critical_enter(void) { return 0; }
+void critical_leave(uint32_t state) { (void)state; }
 
 static uint32_t *at(uint32_t address) { return &host.reg[((address - REG_BASE) / 4u) % HOST_REGISTER_WORDS]; }
 
@@ -52,11 +53,6 @@ void fl_host_reset(void) {
   for (uint32_t i = 0; i < OFFSETS; i++) {
     host.auto_zero[i] = 2048 * 16;
   }
-}
-
-void fl_host_set_bus(host_bus_read_t read, host_bus_write_t write) {
-  host.bus_read = read;
-  host.bus_write = write;
 }
 
 void fl_host_raise(uint32_t sources) { *at(REG(irq.pending)) |= sources; }
@@ -80,9 +76,6 @@ uint32_t fl_host_uart_receive(uint8_t *data, uint32_t length) {
 }
 
 uint32_t reg_read(uint32_t address) {
-  if (host.bus_read != 0) {
-    return host.bus_read(address);
-  }
   if (address == REG(uart.rx)) {
     fifo_t *fifo = &host.to_firmware;
     if (fifo->head == fifo->tail) {
@@ -117,9 +110,7 @@ static void auto_zero(uint32_t value) {
 }
 
 void reg_write(uint32_t address, uint32_t value) {
-  if (host.bus_write != 0) {
-    host.bus_write(address, value);
-  } else if (address == REG(uart.tx)) {
+  if (address == REG(uart.tx)) {
     push(&host.from_firmware, (uint8_t)value);
   } else if (address == REG(irq.pending)) {
     *at(address) &= ~value;

@@ -1,16 +1,13 @@
 // A stand-in for the chip's register file on a host: what a program outside needs to play the chip.
 //
 // Registers are plain memory but for those that act: UART FIFOs, interrupt pending bits, commit, trip clear,
-// auto-zero. With a bus set every access goes there instead, for example to the Verilated chip without its core.
+// auto-zero.
 #ifndef FL_HOST_CHIP_H
 #define FL_HOST_CHIP_H
 
 #include <stdint.h>
 
 #define HOST_REGISTER_WORDS 0x4000u  // fifteen windows of 4 KiB
-
-typedef uint32_t (*host_bus_read_t)(uint32_t address);
-typedef void (*host_bus_write_t)(uint32_t address, uint32_t value);
 
 // All registers, index = (address - base) / 4.
 uint32_t *fl_host_registers(void);
@@ -19,8 +16,6 @@ uint8_t *fl_host_parameter_block(void);
 uint8_t *fl_host_telemetry(void);
 // Everything as after reset.
 void fl_host_reset(void);
-// Route register accesses; null pointers: back to the register file.
-void fl_host_set_bus(host_bus_read_t read, host_bus_write_t write);
 // Set pending bits of interrupt sources.
 void fl_host_raise(uint32_t sources);
 // Bytes for the firmware's receiver, raising its interrupt; returns how many fitted.
