@@ -74,9 +74,8 @@ def page(document: dict[str, Any]) -> str:
         "| ridden through | the drive runs on, or has begun a new start by itself |",
         "| stopped by name | gates off, a fault name that belongs to the disturbance |",
         "| wrong | both gates of a leg on or the dead time cut; a phase current above the trip's limit for more than "
-        "100 µs with a gate on; torque against the command for more than 10 ms; a name that does not "
-        "belong to the "
-        "disturbance; running on where only a stop is right; a silent console |",
+        "100 µs with a gate on; torque against the command for more than 10 ms below the speed asked for; a "
+        "name that does not belong to the disturbance; running on where only a stop is right; a silent console |",
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
         "gates and current alone. Settings upsets are bits of the locked settings of the safety block, parameter "
