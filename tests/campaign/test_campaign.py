@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from fluxlock.campaign.grid import DRIVES
-from fluxlock.campaign.judge import WRONG
+import random
+
+from fluxlock.campaign.grid import DRIVES, PLANT_FAULTS, actions_of, upsets
+from fluxlock.campaign.judge import STOPPED, WRONG
 from fluxlock.campaign.run import grid, run_drive
 
 SEED = 1
@@ -20,6 +22,46 @@ def test_sample() -> None:
     for row in rows:
         print(row)
     assert not [(row["disturbance"], row["reasons"]) for row in rows if row["outcome"] == WRONG]
+
+
+def test_upsets_before_boot() -> None:
+    """A bit of the parameter block that has flipped: boot names it and starts nothing.
+
+    Verifies: CAMP-04
+    """
+    print(f"seed {SEED}")
+    (drive,) = (d for d in DRIVES if d.moments[0].boot)
+    rows = run_drive(drive, SEED, quick=True, jobs=1)
+    assert rows
+    for row in rows:
+        print(row)
+        assert row["outcome"] == STOPPED
+        assert row["fault"].startswith("parameter_")
+
+
+def test_the_grid_is_large_enough() -> None:
+    """500 runs or more, every fault in six-step operation and with vector control.
+
+    Verifies: CAMP-05
+    """
+    runs = {drive.name: grid(drive, SEED, quick=False) for drive in DRIVES}
+    assert sum(map(len, runs.values())) >= 500
+    for name in ("six-step", "vector"):
+        assert {fault.name for fault in PLANT_FAULTS} <= {run.fault.name for run in runs[name]}
+
+
+def test_a_register_by_name() -> None:
+    """An upset that names its register becomes the share by which the simulator finds it.
+
+    Verifies: CAMP-05
+    """
+    (fault,) = upsets(random.Random(SEED), 0, 0, 1)
+    name = str(fault.changes[0][2]["name"])
+    registers = [f"fl_soc__DOT__{x}" for x in ("a_q", "b_q", name, "c_q", "d_q", "e_q", "f_q")]
+    (action,) = actions_of(fault, 7, registers)
+    assert (action.cycle, action.kind) == (7, "register")
+    assert registers[int(action.arguments["share"] * len(registers))].endswith(name)
+    assert 0 <= action.arguments["bit_share"] < 1
 
 
 def test_the_seed_decides() -> None:

@@ -55,6 +55,18 @@ def test_right_ends() -> None:
     assert ended(stopped("fault_pin")) == (STOPPED, ())
 
 
+def test_refused_by_boot() -> None:
+    """State init with the name of a fault is a stop, without one it is not.
+
+    Verifies: CAMP-02
+    """
+    block = Fault("block", (), frozenset({"parameter_crc"}), must_stop=True)
+    off = stopped("none")
+    assert ended(replace(off, uart=["state init", "fault parameter_crc"]), block) == (STOPPED, ())
+    assert ended(replace(off, uart=["state init", "fault chip"]), block)[0] == WRONG
+    assert ended(replace(off, uart=["state init", "fault none"]), block)[0] == WRONG
+
+
 def test_wrong_names() -> None:
     """Another name, running on where only a stop is right, no word, gates on in the fault state; upsets may do so.
 
@@ -84,9 +96,24 @@ def test_current(rows: int, gates: int, wrong: bool) -> None:
     assert ended(before)[0] == RIDDEN
 
 
-@pytest.mark.parametrize(("rows", "rpm", "wrong"), [(1200, 40_000, True), (800, 40_000, False), (1200, 100, False)])
+@pytest.mark.parametrize(("pause", "wrong"), [(1, True), (5, True), (8, False)])
+def test_pauses_between_pulses(pause: int, wrong: bool) -> None:
+    """Current above the limit through 160 us of pulses with short pauses; after 80 us of open gates time starts anew.
+
+    Verifies: CAMP-02
+    """
+    data = made()
+    data.records["ic"][1500:1516] = 50.0
+    data.records["gates"][1508 : 1508 + pause] = 0
+    assert (ended(data)[0] == WRONG) == wrong
+
+
+@pytest.mark.parametrize(
+    ("rows", "rpm", "wrong"),
+    [(1200, 40_000, True), (800, 40_000, False), (1200, 100, False), (1200, 58_000, True), (1200, 62_000, False)],
+)
 def test_torque(rows: int, rpm: float, wrong: bool) -> None:
-    """Braking for more than 10 ms where nobody asked for it.
+    """Braking for more than 10 ms below the 60 000 r/min asked for; above them it is what was asked for.
 
     Verifies: CAMP-02
     """

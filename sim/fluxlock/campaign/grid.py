@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.plan import Action
 from fluxlock.memory import BLOCK_ADDRESS
+
+RUN_S = 0.040
+UPSET_S = 0.015
+# Twelve looks of the slow protection, and one more: 64 ticks of 100 us with vector control.
+SLOW_S = 0.090
 
 Change = tuple[float, str, Mapping[str, object]]  # after the moment (s), kind and arguments of an `Action`
 
@@ -17,6 +22,8 @@ LOCK = frozenset({"lost_lock", "start_failed"})
 LINK = frozenset({"under_voltage", "over_voltage"})
 CHANNEL = frozenset({"voltage_channel", "stuck_channel", "current_sum"})
 PIN = frozenset({"fault_pin"})
+SETTINGS = frozenset({"settings_changed"})
+PARAMETERS = frozenset({"parameter_magic", "parameter_version", "parameter_crc"})
 ANY = frozenset({"*"})
 
 
@@ -24,7 +31,8 @@ ANY = frozenset({"*"})
 class Fault:
     """One thing that goes wrong. names: faults that tell it rightly; "*": only gates and currents are judged.
 
-    must_stop: riding through is no right end. turning: only where the machine is driven already.
+    must_stop: riding through is no right end. turning: only where the machine is driven already. span_s: until the run
+    is judged; one that stops is judged earlier.
     """
 
     name: str
@@ -32,15 +40,26 @@ class Fault:
     names: frozenset[str]
     must_stop: bool = False
     turning: bool = False
+    span_s: float = RUN_S
+
+    @property
+    def upset(self) -> bool:
+        """A bit of the chip that flips."""
+        return any(kind in ("register", "memory") for _, kind, _ in self.changes)
 
 
 @dataclass(frozen=True)
 class Moment:
-    """An instant of a drive's scenario at which its runs part. turning: the machine is driven, with a lock."""
+    """An instant of a drive's scenario at which its runs part.
+
+    turning: the machine is driven, with a lock. boot: the program has not looked at its parameters yet; only these are
+    disturbed.
+    """
 
     name: str
     at_s: float
     turning: bool = True
+    boot: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +89,7 @@ DRIVES = (
         "campaign/vector.toml",
         (Moment("accelerating", 0.030), Moment("steady", 0.080), Moment("loaded", 0.110)),
     ),
+    Drive("boot", "campaign/six-step.toml", (Moment("reset", 1e-6, turning=False, boot=True),)),
 )
 
 
@@ -85,23 +105,27 @@ def _fault(kind: str, **arguments: object) -> Change:
     return (0.0, "fault", {"kind": kind, **arguments})
 
 
-def _later(seconds: float, change: Change) -> Change:
-    return (seconds, *change[1:])
+CLEAR = (1e-6, *_fault("clear")[1:])  # a sample later
 
 
-CLEAR = _fault("clear")
+def _glitch(channel: str, code: int, names: frozenset[str]) -> Fault:
+    return Fault(f"{channel} at {code} for 1 us", (_stuck(channel, code), CLEAR), names)
+
+
 SENSED_CURRENT = CHANNEL | CURRENT | LOCK
 SENSED_VOLTAGE = CHANNEL | CURRENT | LOCK
 MACHINE = CURRENT | LOCK | LINK | {"current_sum", "overspeed"}
 
 PLANT_FAULTS: tuple[Fault, ...] = (
-    *(Fault(f"{x} stuck", (_stuck(x),), SENSED_VOLTAGE) for x in ("va", "vb", "vc")),
+    *(Fault(f"{x} stuck", (_stuck(x),), SENSED_VOLTAGE) for x in ("va", "vb", "vc", "vsm")),
     *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED_VOLTAGE) for x, code in (("va", 4095), ("vb", 0))),
-    *(Fault(f"{x} stuck", (_stuck(x),), SENSED_CURRENT, must_stop=True) for x in ("ia", "ib", "ic", "idc")),
+    *(Fault(f"{x} stuck", (_stuck(x),), SENSED_CURRENT, must_stop=True) for x in ("ia", "ib", "ic")),
     *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED_CURRENT, must_stop=True)
-      for x, code in (("ia", 2048), ("ib", 4095), ("ic", 0), ("idc", 2048))),
-    Fault("vdc stuck", (_stuck("vdc"),), CHANNEL, must_stop=True),
-    Fault("vdc stuck at 3300", (_stuck("vdc", 3300),), CHANNEL, must_stop=True),
+      for x, code in (("ia", 2048), ("ib", 4095), ("ic", 0))),
+    Fault("idc stuck", (_stuck("idc"),), SENSED_CURRENT, must_stop=True, span_s=SLOW_S),
+    Fault("idc stuck at 2048", (_stuck("idc", 2048),), SENSED_CURRENT, must_stop=True, span_s=SLOW_S),
+    Fault("vdc stuck", (_stuck("vdc"),), CHANNEL, must_stop=True, span_s=SLOW_S),
+    Fault("vdc stuck at 3300", (_stuck("vdc", 3300),), CHANNEL, must_stop=True, span_s=SLOW_S),
     Fault("vdc stuck at 0", (_stuck("vdc", 0),), LINK, must_stop=True),
     *(Fault(f"{x} offset {lsb:+g} LSB", (_sensor(x, offset_lsb=lsb),), SENSED_CURRENT | LINK)
       for x, lsb in (("ia", 200.0), ("ib", -400.0), ("idc", 200.0), ("va", 200.0), ("vdc", -200.0))),
@@ -125,31 +149,63 @@ PLANT_FAULTS: tuple[Fault, ...] = (
     Fault("rotor jams", ((0.0, "mechanics", {"mode": "locked"}),), LOCK | CURRENT, turning=True),
     Fault("load tenfold", ((0.0, "load", {"constant_nm": 0.2}),), LOCK | CURRENT | {"overload"}),
     Fault("load drives", ((0.0, "load", {"constant_nm": -0.05}),), LOCK | LINK | CURRENT | {"overspeed"}),
-    Fault("fault pin for 1 us", (_fault("fault_pin"), _later(1e-6, CLEAR)), PIN, must_stop=True),
+    Fault("fault pin for 1 us", (_fault("fault_pin"), CLEAR), PIN, must_stop=True),
     Fault("fault pin", (_fault("fault_pin"),), PIN, must_stop=True),
     Fault("va, vb, vc at 4095 for 1 ms",
-          (*(_stuck(x, 4095) for x in ("va", "vb", "vc")), _later(1e-3, CLEAR)), SENSED_VOLTAGE),
-    Fault("ia at 4095 for 1 us", (_stuck("ia", 4095), _later(1e-6, CLEAR)), CURRENT),
+          (*(_stuck(x, 4095) for x in ("va", "vb", "vc")), (1e-3, *CLEAR[1:])), SENSED_VOLTAGE),
+    *(_glitch(x, 4095, SENSED_VOLTAGE) for x in ("va", "vb", "vc", "vsm")),
+    _glitch("va", 0, SENSED_VOLTAGE),
+    *(_glitch(x, 4095, CURRENT) for x in ("ia", "ib", "ic", "idc")),
+    _glitch("ib", 0, CURRENT),
+    *(_glitch("vdc", code, LINK) for code in (4095, 0)),
+    # Bits 1 to 3 of the plant's pins are those of the Hall sensors, which these machines do not have.
+    Fault("Hall pins for 1 us", (_fault("fault_pin", level=0b1110), CLEAR), LOCK),
+    Fault("noise on the console", ((0.0, "console", {"line": "\x01\x7fU"}),), frozenset()),
 )  # fmt: skip
 
 # Registers are drawn evenly by name, memory by address: image, state, stack, and the block that boot has checked.
 UPSET_BYTES = BLOCK_ADDRESS + 0x400
+# What fl_settings_lock watches, as fields of the safety block.
+SETTINGS_FIELDS = (
+    "guard_high_active_low", "guard_low_active_low", "dead_time_cycles", "trip_enable_source", "watchdog_cycles",
+    "current_limit_phase_lsb", "current_limit_dc_lsb", "voltage_limit_over_lsb", "voltage_limit_under_lsb",
+)  # fmt: skip
 
 
-def upsets(rng: random.Random, registers: int, words: int) -> list[Fault]:
-    """Single bits that flip: in a register, in the memory."""
+def upsets(rng: random.Random, registers: int, words: int, settings: int) -> list[Fault]:
+    """Single bits that flip: in a register, in the memory, in a locked setting."""
     found = []
     for number in range(registers):
         at = {"share": rng.random(), "bit_share": rng.random()}
-        found.append(Fault(f"register upset {number}", ((0.0, "register", at),), ANY))
+        found.append(Fault(f"register upset {number}", ((0.0, "register", at),), ANY, span_s=UPSET_S))
     for number in range(words):
         place = {"address": 4 * rng.randrange(0x80 // 4, UPSET_BYTES // 4), "bit": rng.randrange(32)}
-        found.append(Fault(f"memory upset {number}", ((0.0, "memory", place),), ANY))
+        found.append(Fault(f"memory upset {number}", ((0.0, "memory", place),), ANY, span_s=UPSET_S))
+    for number in range(settings):
+        field = {"name": f"u_safety__DOT__u_regs__DOT__field_storage_{rng.choice(SETTINGS_FIELDS)}"}
+        change = (0.0, "register", field | {"bit_share": rng.random()})
+        found.append(Fault(f"settings upset {number}", (change,), SETTINGS, must_stop=True, span_s=UPSET_S))
     return found
 
 
-def actions_of(fault: Fault, cycle: int) -> tuple[Action, ...]:
-    """The fault's changes at a moment."""
-    return tuple(
-        Action(cycle + round(at_s * CLOCK_HZ), kind, dict(arguments)) for at_s, kind, arguments in fault.changes
-    )
+def parameter_upsets(rng: random.Random, count: int, block_bytes: int) -> list[Fault]:
+    """Single bits of the parameter block that have flipped before the program looks at it."""
+    found = []
+    for number in range(count):
+        place = {"address": BLOCK_ADDRESS + 4 * rng.randrange(block_bytes // 4), "bit": rng.randrange(32)}
+        change = (0.0, "memory", place)
+        found.append(Fault(f"parameter upset {number}", (change,), PARAMETERS, must_stop=True, span_s=UPSET_S))
+    return found
+
+
+def actions_of(fault: Fault, cycle: int, registers: Sequence[str]) -> tuple[Action, ...]:
+    """The fault's changes at a moment. registers: the chip's, by which an upset's name becomes its share of all."""
+    actions = []
+    for at_s, kind, arguments in fault.changes:
+        told = dict(arguments)
+        if "name" in told:
+            wanted = str(told.pop("name"))
+            (number,) = (n for n, name in enumerate(registers) if name.endswith(wanted))
+            told["share"] = (number + 0.5) / len(registers)
+        actions.append(Action(cycle + round(at_s * CLOCK_HZ), kind, told))
+    return tuple(actions)

@@ -4,8 +4,9 @@ Wrong is, from the disturbance on:
   a leg with both gates on, or a gap between them shorter than the dead time;
   a phase current above the trip's limit for more than 100 us while any gate is on;
   torque against the commanded direction, mean of a millisecond, for more than 10 ms while a lock drives a rotor that
-  turns that way at a tenth of its highest speed or more;
+  turns that way at a tenth of its highest speed or more, slower than asked for (one that is driven faster is braked);
   a stop by a name that does not belong to the fault; a drive that runs on where it had to stop.
+A drive that boot refuses, with the name of a fault, has stopped. Gates all off for a pulse's pause count as on.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ from fluxlock.config import Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
 
 RIDDEN, STOPPED, WRONG = "ridden through", "stopped by name", "wrong"
-CURRENT_S, TORQUE_S, MEAN_S = 100e-6, 10e-3, 1e-3
+CURRENT_S, TORQUE_S, MEAN_S, PULSE_S = 100e-6, 10e-3, 1e-3, 60e-6
 # Of the limit: converter and noise. Of the rated torque: ripple, and what friction of the diodes leaves.
 CURRENT_MARGIN, TORQUE_SHARE, SLOW_SHARE = 1.03, 0.1, 0.1
+ASKED_SHARE = 0.99  # of the speed asked for: what the regulator may be off
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,27 @@ class Verdict:
     against_s: float
 
 
+def _stretches(true: BoolArray) -> tuple[np.ndarray, np.ndarray]:
+    """First rows of the stretches in which something holds, and the rows behind them."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(np.int8)))
+    return edges[::2], edges[1::2]
+
+
 def longest_s(t_s: np.ndarray, wrong: BoolArray) -> float:
     """Longest time for which something held without a break."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], wrong, [False])).astype(np.int8)))
-    if not edges.size:
+    begin, end = _stretches(wrong)
+    if not begin.size:
         return 0.0
-    begin, end = edges[::2], np.minimum(edges[1::2], t_s.size - 1)
-    return float(np.max(t_s[end] - t_s[begin]))
+    return float(np.max(t_s[np.minimum(end, t_s.size - 1)] - t_s[begin]))
+
+
+def gates_in_use(t_s: np.ndarray, on: BoolArray) -> BoolArray:
+    """Rows with a gate on, and those of the short pauses between them."""
+    used = on.copy()
+    for begin, end in zip(*_stretches(~on), strict=True):
+        if begin > 0 and end < t_s.size and t_s[end] - t_s[begin] < PULSE_S:
+            used[begin:end] = True
+    return used
 
 
 def _console(data: RunData, name: str) -> str:
@@ -52,20 +68,30 @@ def _console(data: RunData, name: str) -> str:
     return found[-1] if found else ""
 
 
+def _asked_rpm(scenario: Scenario, t_s: np.ndarray) -> np.ndarray:
+    """The speed that the console has asked for at these times."""
+    asked = np.zeros(t_s.size)
+    for event in scenario.events_in_order():
+        if event.speed_rpm is not None:
+            asked[t_s >= event.at_s] = event.speed_rpm
+    return asked
+
+
 def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> Verdict:
     """Judge a run that was disturbed at a cycle."""
     records = data.records[data.records["t_cycle"] >= since_cycle]
     t_s = records["t_cycle"] / data.clock_hz
-    gated = records["gates"] != 0
+    gated = gates_in_use(t_s, records["gates"] != 0)
     limit_a = CURRENT_MARGIN * scenario.inverter.protection.phase_current_a
     peak = np.max(np.abs(np.stack([records[name] for name in ("ia", "ib", "ic")])), axis=0)
     over_s = longest_s(t_s, (peak > limit_a) & gated)
     count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
     mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
     rated_nm = 1.5 * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a
-    slow = SLOW_SHARE * scenario.motor.max_speed_rpm / RPM_PER_RAD_S * scenario.motor.pole_pairs
-    turns = records["omega_e"] > slow
-    against_s = longest_s(t_s, (mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns)
+    speed_rpm = records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S
+    turns = speed_rpm > SLOW_SHARE * scenario.motor.max_speed_rpm
+    slower = speed_rpm < ASKED_SHARE * _asked_rpm(scenario, t_s)
+    against_s = longest_s(t_s, (mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns & slower)
     reasons = []
     safety = gate_safety(data)
     if safety.shoot_throughs:
@@ -75,7 +101,7 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> 
     if over_s > CURRENT_S:
         reasons.append(f"current above the limit for {1e6 * over_s:.0f} us")
     state, name = _console(data, "state"), _console(data, "fault")
-    stopped = state == "fault"
+    stopped = state == "fault" or (state == "init" and name != "none")
     if fault.names != ANY:
         if against_s > TORQUE_S:
             reasons.append(f"torque against the command for {1e3 * against_s:.0f} ms")

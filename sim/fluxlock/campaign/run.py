@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import random
+import re
 import shutil
 import threading
 from collections.abc import Callable
@@ -12,23 +13,25 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fluxlock.campaign.grid import PLANT_FAULTS, Drive, Fault, Moment, actions_of, upsets
+from fluxlock.campaign.grid import PLANT_FAULTS, Drive, Fault, Moment, actions_of, parameter_upsets, upsets
 from fluxlock.campaign.judge import WRONG, judge
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
+from fluxlock.cosim.upsets import TABLE
 from fluxlock.paths import BUILD, ROOT, content_hash
 
 FOLDER = BUILD / "campaign"
 RESULT = BUILD / "campaign.json"
 ROW_FILE = "row.json"
-RUN_S = 0.040  # of a plant fault
-UPSET_S = 0.015
 SETTLE_S = 2e-3  # in the fault state
-# Upsets a moment: registers, words of memory.
-FULL_UPSETS, QUICK_UPSETS = (20, 8), (6, 2)
+# Upsets a moment: registers, words of memory, locked settings.
+FULL_UPSETS, QUICK_UPSETS = (20, 8, 3), (6, 2, 1)
+# Upsets of the parameters, of which the block has more bytes.
+FULL_PARAMETERS, QUICK_PARAMETERS, PARAMETER_BYTES = 20, 2, 960
 POLL_S = 0.2
 
 Done = Callable[[int, int], None]  # runs that have ended, of all
@@ -49,9 +52,13 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     runs = []
     for moment in drive.moments[-1:] if quick else drive.moments:
         rng = random.Random(f"{seed} {drive.name} {moment.name}")
-        chosen = sorted(rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (3 if quick else 1)))
-        faults = [PLANT_FAULTS[n] for n in chosen] if quick else list(PLANT_FAULTS)
-        for fault in [*faults, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]:
+        if moment.boot:
+            faults = parameter_upsets(rng, QUICK_PARAMETERS if quick else FULL_PARAMETERS, PARAMETER_BYTES)
+        else:
+            chosen = rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (3 if quick else 1))
+            faults = [PLANT_FAULTS[n] for n in sorted(chosen)]
+            faults += upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))
+        for fault in faults:
             if fault.turning and not moment.turning:
                 continue
             name = fault.name.replace(" ", "-").replace(",", "").replace("%", "pc")
@@ -59,11 +66,15 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     return runs[::every]
 
 
-def _branch(run: Run) -> Branch:
+def _registers(chip: Chip) -> list[str]:
+    """Names of the chip's registers in the order of its table of upsets."""
+    return re.findall(r"UPSET\((\w+),", chip.executable.with_name(TABLE).read_text())
+
+
+def _branch(run: Run, registers: list[str]) -> Branch:
     cycle = round(run.moment.at_s * CLOCK_HZ)
-    span_s = UPSET_S if "upset" in run.fault.name else RUN_S
-    actions = actions_of(run.fault, cycle)
-    return Branch(cycle, actions, round(span_s * CLOCK_HZ), round(SETTLE_S * CLOCK_HZ), run.folder)
+    actions = actions_of(run.fault, cycle, registers)
+    return Branch(cycle, actions, round(run.fault.span_s * CLOCK_HZ), round(SETTLE_S * CLOCK_HZ), run.folder)
 
 
 def _row(run: Run, scenario: Scenario, plan: SessionPlan) -> dict[str, Any]:
@@ -94,7 +105,8 @@ class Book:
 
     def _key(self, run: Run) -> str:
         fault = run.fault
-        return content_hash([], self.equal, run.moment, fault.name, fault.changes, sorted(fault.names), fault.must_stop)
+        told = (fault.name, fault.changes, sorted(fault.names), fault.must_stop, fault.span_s)
+        return content_hash([], self.equal, run.moment, *told)
 
     def find(self, run: Run) -> dict[str, Any] | None:
         """Verdict of a finished run."""
@@ -124,6 +136,25 @@ def open_book(drive: Drive, seed: int) -> Book:
     return Book(scenario, plan, content_hash(sources, chip_of(scenario).key, settings, seed))
 
 
+def _unchecked(chip: Chip, folder: Path) -> Chip:
+    """The simulator without the assertions of the RTL: a bit that flips may break one, which would end the run."""
+    script = folder / "unchecked"
+    script.write_text(f'#!/bin/sh\nexec "{chip.executable}" +verilator+noassert "$@"\n', encoding="utf-8")
+    script.chmod(0o755)
+    return replace(chip, executable=script)
+
+
+def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) -> None:
+    """One simulator, copied for each of the runs. upset: without assertions."""
+    if not runs:
+        return
+    registers = _registers(chip)
+    plan = replace(book.plan, branches=tuple(_branch(run, registers) for run in runs), jobs=jobs)
+    meta = run_plan(plan, _unchecked(chip, plan.folder) if upset else chip)
+    if meta["fault"]:
+        raise SimulatorError(f"the undisturbed run of {runs[0].drive} broke off: {meta['fault']}")
+
+
 def run_drive(
     drive: Drive, seed: int, quick: bool, jobs: int, every: int = 1, done: Done | None = None
 ) -> list[dict[str, Any]]:
@@ -149,14 +180,13 @@ def run_drive(
                 done(len(runs) - sum(not (run.folder / ROW_FILE).exists() for run in left), len(runs))
 
     if left:
+        chip = chip_of(book.scenario)
         watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()
         try:
-            plan = replace(book.plan, branches=tuple(map(_branch, left)), jobs=jobs)
-            meta = run_plan(plan, chip_of(book.scenario))
+            for upset in (False, True):
+                _run_all(book, [run for run in left if run.fault.upset == upset], chip, jobs, upset)
         finally:
             stop.set()
             watcher.join()
-        if meta["fault"]:
-            raise SimulatorError(f"the undisturbed run of {drive.name} broke off: {meta['fault']}")
     return [book.find(run) or book.enter(run) for run in runs]
