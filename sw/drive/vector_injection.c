@@ -380,7 +380,8 @@ HOT void vector_injection_command(drive_t *drive) {
   }
   c->inject = j->command.inject;
   c->write_injection = c->inject != j->injecting;
-  if (c->inject && !j->injecting) {
+  // At the start the filters' time to settle is more.
+  if (c->inject && !j->injecting && j->left_out < FIRST_RESULTS) {
     j->left_out = FIRST_RESULTS;
   }
   j->injecting = c->inject;
