@@ -13,7 +13,7 @@
 #include "drive/vector_parts.h"
 
 #define SHARE_Q16 9830u               // 0.15 of the amplitude
-#define TURN_Q32 715827883u           // 60 degrees; a sound phase is quiet for 17
+#define TURN_Q32 1431655765u          // 120 degrees; a sound phase is quiet for 17, with dead time and no wave for 60 and more
 #define LEAST_SHIFT 3                 // amplitude below an eighth of the limit: nothing is judged
 #define FOUR_PHASES_Q16 44642         // 1 / 1.468
 
