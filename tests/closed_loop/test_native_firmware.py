@@ -120,6 +120,7 @@ def test_sanitizers_are_alive(fault: str, report: str, tmp_path: Path) -> None:
         run_library(BusLibrary(library, preload), tmp_path / "simulator", 10_000)
 
 
+# A debugger is none of the tools that may be assumed, and no registry that the lock file names has one.
 @pytest.mark.skipif(shutil.which("gdb") is None, reason="needs gdb: apt install gdb")
 def test_stops_in_a_debugger(tmp_path: Path) -> None:
     """A breakpoint: gdb stops in the C at a line of its source, sees its variables, and lets the run go on to its end.
