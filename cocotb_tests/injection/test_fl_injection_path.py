@@ -227,6 +227,35 @@ async def separator_finds_the_error(dut: Any, remove: int, degrees: float) -> No
 
 
 @cocotb.test()
+@cocotb.parametrize(updates=[40, 41, 42, 43])
+async def separator_goes_on_until_the_wave_has_gone(dut: Any, updates: int) -> None:
+    """The sample at which the wave ends is a peak: the regulators get the zero crossing before it, then samples.
+
+    Verifies: INJ-25
+    """
+    tb = TB(dut, math.radians(3.0), 125e-6)
+    settings = replace(Settings(), method=SEPARATOR, period=4, first=1)
+    await tb.start(settings)
+    fundamental = 1.0 + 3.0j
+    for _ in range(updates):
+        await tb.update(fundamental)
+    assert int(dut.active_o.value) == 1
+    dut.settings_i.value = replace(settings, enable=0).bits
+    scale = FULL_SCALE / CURRENT_SCALE_A
+    delays, ended = [], 0
+    while ended < 4:
+        await tb.update(fundamental)
+        ended += 1 - int(dut.active_o.value)
+        delays.append(int(dut.current_delay_o.value))
+        seen = complex(*unpack(int(dut.current_o.value), 18, 2))
+        assert abs(seen - fundamental * scale) < 3, f"{ended} after the end: {seen}, not {fundamental * scale}"
+        if ended == 1:
+            peak = abs(tb.samples[-1].current - fundamental * scale)
+            assert peak > 0.5 * U_V * 125e-6 / TIAN.lq_h * scale, f"no peak: {peak}"
+    assert delays[-4:] == [LATENCY[SEPARATOR], 0, 0, 0]
+
+
+@cocotb.test()
 async def samples_too_close_are_counted(dut: Any) -> None:
     """A sample while one is in work is ignored and counted; without remove the current passes unchanged.
 

@@ -250,6 +250,12 @@ async def dead_time_follows_the_edges(dut: Any, case: tuple[int, int, int]) -> N
     signs = [rising, falling] if double else [(rising + falling) / 2]
     wanted = {PERIOD // 2 // halves + round(sign * dead_time / halves) for sign in signs}
     assert {x for counts in seen for x in counts} == wanted, f"{seen} instead of {wanted}"
+    # Without the wave the edges of a carrier period before say the same.
+    await tb.write("injection.control", IQ << 1 | 1 << 5)
+    await tb.clocks(updates * PERIOD)
+    assert not int(dut.u_injection.active.value)
+    seen = [tb.counts[u] for u in tb.times["update_o"][-5:-1]]
+    assert {x for counts in seen for x in counts} == wanted, f"{seen} instead of {wanted} without a wave"
     # By the sampled currents, beyond the band.
     await tb.write("injection.control", 1 | IQ << 1)
     await tb.clocks(6 * PERIOD)

@@ -10,6 +10,7 @@
 // before the next update keeps its excursion of before, and so does one whose sample comes within 2 Phases clocks of
 // another edge's. Excursions are 0 until the first one of their phase, and for phases from 64 on: ahead is the sample then.
 //
+// Without a wave phase_i tells the halves of the carrier apart; what repeats is its ripple.
 // enable_i low: nothing is learned, and a word of the memory becomes 0 in every clock.
 // Formats: currents signed 18 bits, 2^17 = full scale; excursion and ahead saturate.
 // Latency: start_i to valid_o Latency clocks; least spacing the same (asserted; a closer start_i is ignored). ahead_o

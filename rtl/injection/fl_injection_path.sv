@@ -12,7 +12,7 @@
 // quarter: lag = 2^30 + the delay of the chain makes its reference. The band-pass runs with every method.
 // current_o: i - h with remove (band-passed part, saturated), with the separator the latest zero-crossing sample, i
 // itself before the first one; without remove i itself. current_valid_o with each one that is new. current_delay_o: clocks
-// from a sample that comes now to its current_o, 0 while the wave does not run or without remove.
+// from a sample that comes now to its current_o, 0 without remove and from the second update after the wave's end on.
 //
 // strobe_i latches phase and angle, sample_valid_i brings the current of that strobe: before the next one.
 // Latency of sample_valid_i, in clocks: current_valid_o and the results of lock-in and conventional LockInLatency, I/Q
@@ -44,6 +44,7 @@ module fl_injection_path
     input sample_t [1:0] current_i,       // d, q of subspace 1
 
     output logic                          active_o,
+    output logic                          begun_o,  // at the latest update
     output sample_t [Subspaces-1:0][ 1:0] voltage_o,
     output phase_t                        phase_o,
     output logic                          zero_o,
@@ -92,6 +93,17 @@ module fl_injection_path
       .phase_sample_o(phase_sample),
       .angle_sample_o(angle_sample)
   );
+
+  // The sample of the update at which the wave ended still holds its HF current.
+  logic before_q, waving;
+
+  assign begun_o = active_o && !before_q;
+  assign waving  = active_o || before_q;
+
+  always_ff @(posedge clk_i) begin
+    if (update_i) before_q <= active_o;
+    if (rst_i) before_q <= 1'b0;
+  end
 
   // The sample in work.
   logic take, run_q, lock_in_busy, lock_in_valid, iq_start, iq_busy, iq_valid;
@@ -218,7 +230,7 @@ module fl_injection_path
 
   always_ff @(posedge clk_i) begin
     if (fundamental_valid) fundamental_known_q <= 1'b1;
-    if (clear_i || !active_o || rst_i) fundamental_known_q <= 1'b0;
+    if (clear_i || !waving || rst_i) fundamental_known_q <= 1'b0;
   end
 
   fl_separator u_separator (
@@ -227,7 +239,7 @@ module fl_injection_path
       .valid_i            (run_q && separate),
       .current_i          (current_q),
       .phase_i            (phase_q[1:0]),
-      .clear_i            (clear_i || !active_o),
+      .clear_i            (clear_i || !waving),
       .fundamental_valid_o(fundamental_valid),
       .fundamental_o      (fundamental),
       .valid_o            (separator_valid),
@@ -269,7 +281,7 @@ module fl_injection_path
   assign sample_phase_o  = phase_q;
 
   always_comb begin
-    if (!active_o || !settings_i.remove) current_delay_o = '0;
+    if (!waving || !settings_i.remove) current_delay_o = '0;
     else if (separate) current_delay_o = 5'(SeparatorLatency);
     else current_delay_o = 5'(LockInLatency);
   end

@@ -53,7 +53,8 @@ module fl_injection_wb
     settings.amplitude[s][axis] = hwif_out.amplitude[2*s+axis].v_q17.value;
   end
 
-  logic active, zero, result_valid, peak, overflow;
+  phase_t wave_phase;
+  logic active, begun, zero, result_valid, peak, overflow;
   sample_t [Subspaces-1:0][1:0] voltage;
   sample_t [1:0] hf;
   phase_t phase;
@@ -74,8 +75,9 @@ module fl_injection_wb
       .sample_valid_i (tap_i.sample_valid),
       .current_i      (tap_i.current),
       .active_o       (active),
+      .begun_o        (begun),
       .voltage_o      (voltage),
-      .phase_o        (injection_o.phase),
+      .phase_o        (wave_phase),
       .zero_o         (zero),
       .current_valid_o(),
       .current_o      (injection_o.current),
@@ -92,7 +94,10 @@ module fl_injection_wb
       .overrun_o      (overruns)
   );
 
-  assign injection_o.edges = active && hwif_out.control.edges.value;
+  // Where the wave has ended the edges go on as those of its first phases: most of what they know is the carrier's ripple.
+  // Where it begins anew fl_edge_current forgets, for an update interval: the other phases are from another angle.
+  assign injection_o.edges = hwif_out.control.edges.value && !begun;
+  assign injection_o.phase = active ? wave_phase : settings.first + phase_t'(tap_i.second);
   assign injection_o.skip = active && settings.remove && settings.method == MethodSeparator && !zero;
 
   always_comb begin

@@ -238,6 +238,7 @@ typedef struct {
   bool fits;
   uint32_t used;
   volatile bool finished;
+  bool design_waits;        // a finished one is taken by the injection, with the wave
 
   // Current regulator in C: `used` changes where the chip has taken the set of the step before, the other one is written.
   direct_set_t direct[2];

@@ -384,7 +384,7 @@ INLINED void vector_drive_step(drive_t *drive, const chip_snapshot_t *in) {
   drive->command.vector.write_limits = false;
   drive->command.vector.write_forward = false;
   drive->command.vector.write_injection = false;
-  if (v->finished) {
+  if (v->finished && !v->design_waits) {
     vector_take_design(drive);
   }
   if (drive->command.vector.read_slow) {

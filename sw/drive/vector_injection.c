@@ -104,7 +104,7 @@ COLD void vector_injection_init(drive_t *drive, vector_machine_t *machine) {
 
 const vector_plant_t *vector_injection_plant(const drive_t *drive) {
   const vector_injection_t *j = drive->vector.injection;
-  const bool every = j->settings.error.method == INJECTION_SEPARATOR && !j->injecting;
+  const bool every = j->settings.error.method == INJECTION_SEPARATOR && !j->wanted;
   return every ? &j->single : &drive->vector.plant;
 }
 
@@ -135,6 +135,8 @@ COLD void vector_injection_begin(drive_t *drive) {
   // A low-pass that rises would be taken for a weak signal.
   j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
   j->forward = true;
+  j->wanted = true;
+  v->design_waits = false;
   j->observing = false;
   v->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
@@ -160,6 +162,8 @@ COLD void vector_injection_off(drive_t *drive) {
     command->reference_i_q17[s] = zero;
   }
   drive->vector.injection->injecting = false;
+  drive->vector.injection->wanted = false;
+  drive->vector.design_waits = false;
 }
 
 static fault_t fault_of(injection_verdict_t verdict) {
@@ -259,6 +263,20 @@ HOT static complex_t mean_state_v_q25(vector_injection_t *j, uint32_t tick, comp
   return sum;
 }
 
+// With the separator the regulators' gains change with the wave: a design for what the frame wants now waits for the wave's
+// change, and the change for it. True: they can change together, or the gains stay.
+HOT static bool gains_ready(drive_t *drive) {
+  vector_t *v = &drive->vector;
+  vector_injection_t *j = v->injection;
+  v->design_waits = j->wanted != j->forward && j->settings.error.method == INJECTION_SEPARATOR;
+  if (!v->design_waits) {
+    return true;
+  }
+  const bool meant = v->regulated == vector_injection_plant(drive);
+  v->finished = v->finished && meant;
+  return v->finished;
+}
+
 // The EMF as forward voltage while there is a wave. Before the wave comes and where it goes the regulator takes what
 // changes into its state, held for a tick. The set acts two steps from here.
 HOT static void send_forward(drive_t *drive, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
@@ -272,12 +290,17 @@ HOT static void send_forward(drive_t *drive, const chip_injection_snapshot_t *se
   // With the separator and a wave only the steps with an odd phase take a preset state.
   const bool takes =
       j->settings.error.method != INJECTION_SEPARATOR || !seen->active || seen->phase % 2u != 0u;
-  v->holding = j->command.inject != j->forward && takes;
-  j->forward = v->holding ? j->command.inject : j->forward;
+  j->wanted = j->command.inject;
+  v->holding = gains_ready(drive) && j->wanted != j->forward && takes;
+  j->forward = v->holding ? j->wanted : j->forward;
   j->forward_v_q25 = j->forward ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
   if (v->holding) {
     c->preset_v_q17[0] = to_q17(complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
     j->taken_in = WAVE_AFTER;
+    if (v->design_waits) {
+      vector_take_design(drive);
+      v->design_waits = false;
+    }
   } else if (j->taken_in > 0u) {
     j->taken_in--;
   }

@@ -34,6 +34,7 @@ struct vector_injection {
   uint32_t left_out;    // results of a wave that has just begun
   bool arrived;         // separator: a result in the step before
   bool injecting;       // as the chip was told
+  bool wanted;          // the frame wants a wave
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there

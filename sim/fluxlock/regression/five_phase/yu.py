@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import sequence_error
-from fluxlock.config import Motor
+from fluxlock.config import Motor, load_scenario
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.firmware.specs import SEQUENCES, Sequence
+from fluxlock.paths import ROOT
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
 from fluxlock.regression.runner import Runner
@@ -17,7 +20,8 @@ from fluxlock.regression.six_step.measures import Limits
 
 SCENARIO = "five-phase/yu.toml"
 SAMPLE_S = 125e-6
-SETTLED_S, END_S = 0.19, 0.23
+SETTLED_S = 0.19
+TURNS, NOISE_TURNS = 4, 32  # electrical ones in the window: least, and at the lowest speed
 SPEEDS_RPM = (50.0, 150.0, 300.0, 600.0)
 FORM_PERCENT = 3.0
 EXACT_RAD = 0.005
@@ -31,10 +35,31 @@ def closed_form_rad(motor: Motor, rpm: float, sequence: Sequence) -> float:
     return sequence_error(machine, motor.omega_e(rpm) * SAMPLE_S, sequence)
 
 
+def turns(sequence: Sequence, rpm: float) -> int:
+    """Electrical turns of the window: whole ones, and so many that the converters' noise weighs the same at all speeds.
+
+    The closed forms are proportional to the speed, the noise of a mean falls with the root of its time. The limit of
+    the exact sequence is the same at all speeds.
+    """
+    if sequence == "exact":
+        return TURNS
+    return max(TURNS, math.ceil(NOISE_TURNS * SPEEDS_RPM[0] / rpm))
+
+
+def noise_of_mean(run: Outcome, count: int) -> float:
+    """Standard error of the angle error's mean over the window (deg), from the means of its `count` turns."""
+    angles = run.analysis.angles
+    error = angles.error_deg[angles.cycle >= SETTLED_S * run.data.clock_hz]
+    means = [float(part.mean()) for part in np.array_split(error, count)]
+    return float(np.std(means, ddof=1)) / math.sqrt(count)
+
+
 def sequence_run(runner: Runner, sequence: Sequence, rpm: float, dead_time_us: float = 0.0) -> Outcome:
     """Driven at a speed without current and saturation, from a known rest."""
+    motor = load_scenario(ROOT / "scenarios" / SCENARIO).motor
+    window_s = turns(sequence, rpm) * math.tau / motor.omega_e(rpm)
     overrides = [
-        *driven(rpm, 0.0, SETTLED_S, END_S),
+        *driven(rpm, 0.0, SETTLED_S, SETTLED_S + window_s),
         *LINEAR,
         f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
         "initial.theta_deg=0",
@@ -63,10 +88,18 @@ def sequences(runner: Runner) -> Iterator[Row]:
                 form = closed_form_rad(run.scenario.motor, rpm, sequence)
                 values["closed_form_rad"] = form
                 values["over_closed_form_percent"] = None if mean is None else 100 * (math.radians(mean) / form - 1)
+                noise = math.radians(noise_of_mean(run, turns(sequence, rpm)))
+                values["standard_error_percent"] = 100 * abs(noise / form)
                 limits["over_closed_form_percent"] = (-FORM_PERCENT, FORM_PERCENT)
             yield Row(
                 f"five-phase/yu-sequences/{sequence}/{rpm:g}rpm",
-                {"motor": "Yu", "sequence": sequence, "speed_rpm": rpm, "dead_time_us": 0.0},
+                {
+                    "motor": "Yu",
+                    "sequence": sequence,
+                    "speed_rpm": rpm,
+                    "dead_time_us": 0.0,
+                    "turns": turns(sequence, rpm),
+                },
                 values,
                 limits,
             )
