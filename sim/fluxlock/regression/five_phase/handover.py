@@ -59,6 +59,7 @@ YU_DEAD = Course(
     ("drive.vector.speed_hz=8", "load.viscous_nm_s_per_rad=0"),
 )  # fmt: skip
 YU = replace(YU_DEAD, name="yu", overrides=(*YU_DEAD.overrides, "inverter.dead_time_s=0"))
+YU_SHORT = replace(YU_DEAD, load_nm=6.0, back_s=0.26, end_s=0.48)
 IPM = Course("ipm", "vector/ipm-injection.toml", 3000.0, 700.0, 6000.0, 0.7, 0.64, 1.14)
 IPM_SHORT = Course("ipm", "vector/ipm-injection.toml", 1300.0, 700.0, 6000.0, 0.7, 0.25, 0.44)
 
@@ -105,7 +106,7 @@ def dip_percent(run: Outcome, at_s: float) -> float:
 @case("five-phase/hand-over", long=True)
 def hand_over(runner: Runner) -> Iterator[Row]:
     """Standstill, rated speed, standstill under load, without a wave above the hand-over: jump of the angle, torque."""
-    for course in (IPM_SHORT,) if runner.quick else (YU, YU_DEAD, IPM):
+    for course in (YU_SHORT, IPM_SHORT) if runner.quick else (YU, YU_DEAD, IPM):
         run = runner.drive(course.scenario, course.name, *course.timeline())
         up_s, down_s = handed_over_s(run, course)
         values: dict[str, Number] = {
