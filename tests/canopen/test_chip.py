@@ -76,7 +76,8 @@ def test_full_bus(tmp_path: Path) -> None:
     # The long list at the end holds up nothing either.
     console += [(begin_s + 0.01 + span_s, "get idle"), (begin_s + 0.012 + span_s, "get")]
     events = ", ".join(f'{{at_s={at_s:.4f}, command="{line}"}}' for at_s, line in console)
-    start = ("initial.speed_rpm=60000", "drive.sync_rect=true", "window=[]", "expect=[]", f"event=[{events}]")
+    duration = f"duration_s={max(end_s, 1.6):.3f}"
+    start = ("initial.speed_rpm=60000", "drive.sync_rect=true", "window=[]", "expect=[]", f"event=[{events}]", duration)
     flood = Flood(frames, round(begin_s * CLOCK_HZ), 60_000)
     data, seen = run_chip(tmp_path, (CAN, *start), end_s, flood, batch_cycles=1_000)
     first, last = seen["span"]
