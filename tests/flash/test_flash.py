@@ -16,10 +16,19 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.flash.image import IMAGE_MAX_BYTES, pack_image, plan
+from fluxlock.flash.image import IMAGE_MAX_BYTES, pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import Loader, LoaderError, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
-from fluxlock.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES, FLASH_SECTOR_BYTES
+from fluxlock.memory import (
+    BLOCK_MAX_BYTES,
+    FLASH_BLOCK,
+    FLASH_CAN_SETUP,
+    FLASH_END,
+    FLASH_IMAGE,
+    FLASH_PAGE_BYTES,
+    FLASH_SECTOR_BYTES,
+    FLASH_STORE,
+)
 from fluxlock.paths import ROOT
 
 BLOCK = bytes(range(256)) * 3
@@ -77,6 +86,21 @@ def test_plan() -> None:
     for wrong in (BLOCK[:16], bytes(3073)):
         with pytest.raises(ValueError, match="parameter block"):
             plan(image, wrong)
+
+
+def test_plan_with_a_bus() -> None:
+    """Node-ID and bit rate go into the sector of the block, behind the longest one; stored objects are not touched.
+
+    Verifies: CO-28, BOOT-04
+    """
+    image, setup = pack_image(bytes(1000), 3), pack_can_setup(5, 1000)
+    plain, with_bus = plan(image, BLOCK), plan(image, BLOCK, setup)
+    assert with_bus.erase == plain.erase
+    (added,) = (step for step in with_bus.write if step not in plain.write)
+    assert added == (FLASH_CAN_SETUP, struct.pack("<3I", 5, 1000, zlib.crc32(struct.pack("<2I", 5, 1000))))
+    assert FLASH_BLOCK + BLOCK_MAX_BYTES <= FLASH_CAN_SETUP and FLASH_CAN_SETUP % FLASH_PAGE_BYTES == 0
+    assert with_bus.write[-2:] == plain.write[-2:]
+    assert max(with_bus.erase) + FLASH_SECTOR_BYTES <= FLASH_STORE
 
 
 def test_frames() -> None:
