@@ -36,7 +36,7 @@ can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random fr
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
 canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours
-	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen
+	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py
 
 test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a real vcan0, under User-Mode Linux where the kernel has none
 	@$(PY) -c 'from fluxlock.cosim.run import ready_chip; ready_chip(can=True)'
