@@ -22,6 +22,7 @@ from tests.canopen.test_fuzz import nonsense
 # The longest instruction: an interrupt waits for the one that the main loop is in.
 DIVISION_CYCLES = 35
 FUZZ = int(os.environ.get("FLUXLOCK_CAN_FUZZ", "1000"))  # frames
+NATIVE_FRAMES = 500
 
 pytestmark = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 
@@ -49,6 +50,15 @@ def test_control_is_undisturbed(tmp_path: Path) -> None:
     assert abs(np.diff(late[0]).mean() / np.diff(late[1]).mean() - 1) < 0.001
 
 
+def refused_frames(rng: random.Random, count: int) -> list[Frame]:
+    """Frames that the node must refuse or pass over."""
+    dictionary = load_dictionary()
+    drawn = [nonsense(rng, dictionary) for _ in range(count)]
+    return [
+        Frame(f.id, bool(f.flags & 1), bool(f.flags & 2), len(f.data), b"" if f.flags & 2 else f.data) for f in drawn
+    ]
+
+
 def load_of_core(lines: list[str], clocks: float) -> float:
     """Share of the time that the main loop did not idle, from the replies to two `get idle`, so many clocks apart."""
     idle = [int(line.split()[1]) for line in lines if line.startswith("idle ")]
@@ -64,12 +74,7 @@ def test_full_bus(tmp_path: Path) -> None:
     """
     seed = random.SystemRandom().getrandbits(32)
     print(f"seed {seed}")
-    rng = random.Random(seed)
-    dictionary = load_dictionary()
-    drawn = [nonsense(rng, dictionary) for _ in range(FUZZ)]
-    frames = [
-        Frame(f.id, bool(f.flags & 1), bool(f.flags & 2), len(f.data), b"" if f.flags & 2 else f.data) for f in drawn
-    ]
+    frames = refused_frames(random.Random(seed), FUZZ)
     begin_s, end_s = 0.15, 0.15 + FUZZ * 180e-6
     span_s = FUZZ * 60e-6 - 0.01  # over which the load of the core is measured, within the flood
     console = [(begin_s - 0.02, "get idle"), (begin_s - 0.002, "get idle"), (begin_s + 0.01, "get idle")]
@@ -112,6 +117,36 @@ def test_full_bus(tmp_path: Path) -> None:
     print(f"speed, r/min: {speed.min():.0f} to {speed.max():.0f}")
     assert speed.min() > 59_500
     assert speed.max() < 60_500
+
+
+def test_without_the_core(tmp_path: Path) -> None:
+    """The same C in the simulator's process on the chip's bus: refused frames back to back and commands between them.
+
+    As many answers, refusals and commands as with the core, none lost; the motor holds its speed.
+
+    Verifies: CO-29
+    """
+    seed = random.SystemRandom().getrandbits(32)
+    print(f"seed {seed}")
+    overrides = (CAN, "initial.speed_rpm=60000", "drive.sync_rect=true", "window=[]", "expect=[]", "event=[]")
+    runs = {}
+    for native in (False, True):
+        flood = Flood(refused_frames(random.Random(seed), NATIVE_FRAMES), round(0.1 * CLOCK_HZ), 60_000, every=50)
+        seconds = 0.1 + NATIVE_FRAMES * 180e-6
+        runs[native] = run_chip(tmp_path / str(native), overrides, seconds, flood, batch_cycles=1_000, native=native)
+        data, seen = runs[native]
+        print(seen)
+        assert seen["span"][1], "the flood did not end"
+        assert len(seen["latency"]) == seen["commands"] == NATIVE_FRAMES // 50
+        assert not [text for text in seen["emergencies"] if text.startswith("1081")], "frames lost"
+        assert data.overruns == 0
+        assert set(np.diff(data.rows(LogKind.UPDATE)[:, 0])) == {5000}
+        speed = data.records["omega_e"][data.records["t_cycle"] > seen["span"][0]] * 30 / np.pi / data.pole_pairs
+        print(f"speed, r/min: {speed.min():.0f} to {speed.max():.0f}")
+        assert speed.min() > 59_500 and speed.max() < 60_500
+    core, bus = (runs[native][1] for native in (False, True))
+    assert (bus["answers"], bus["refused"]) == (core["answers"], core["refused"])
+    assert max(bus["latency"]) <= max(core["latency"])
 
 
 def test_vector_image(tmp_path: Path) -> None:
