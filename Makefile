@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can canopen test-socketcan lint regression campaign mutation coverage bench synth formal docs setup
+.PHONY: help demo test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs setup
 .PHONY: clean distclean
 
 help: ## list the targets
@@ -36,7 +36,10 @@ can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random fr
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
 canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours
-	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen
+	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py
+
+native: $(TEST) ## the firmware in the simulator's process, on chips with five phases and with CAN too
+	@FLUXLOCK_NATIVE_CHIPS=1 FLUXLOCK_CAN_CHIP=1 $(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core
 
 test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a real vcan0, under User-Mode Linux where the kernel has none
 	@$(PY) -c 'from fluxlock.cosim.run import ready_chip; ready_chip(can=True)'

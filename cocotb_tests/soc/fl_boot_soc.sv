@@ -1,12 +1,16 @@
 // The whole chip with Boot, a flash and converters that show the middle of their range.
 `default_nettype none
 module fl_boot_soc #(
-    parameter string BootInit = "boot.hex"
+    parameter string Init     = "",
+    parameter string BootInit = "boot.hex",
+    parameter bit    Can      = 0
 ) (
     input  logic       clk_i,
     input  logic       rst_i,
     input  logic       uart_rx_i,
     output logic       uart_tx_o,
+    input  logic       can_rx_i,
+    output logic       can_tx_o,
     input  logic       flash_power_i,
     output logic [5:0] gate_o
 );
@@ -19,7 +23,8 @@ module fl_boot_soc #(
   always_ff @(posedge clk_i) converting_q <= rst_i ? '0 : {converting_q[Conversion-2:0], strobe};
 
   fl_soc #(
-      .Init    (""),
+      .Init    (Init),
+      .Can     (Can),
       .Boot    (1),
       .BootInit(BootInit)
   ) u_soc (
@@ -36,8 +41,8 @@ module fl_boot_soc #(
       .encoder_i        ('0),
       .uart_rx_i,
       .uart_tx_o,
-      .can_rx_i         (1'b1),
-      .can_tx_o         (),
+      .can_rx_i,
+      .can_tx_o,
       .spi_cs_no        (cs_n),
       .spi_sck_o        (sck),
       .spi_mosi_o       (mosi),

@@ -17,24 +17,25 @@ DEFAULT = "udp_multicast:239.74.163.2"
 def open_bus(name: str) -> can.BusABC:
     """The bus; ConfigError with what to do if it is not to be had."""
     interface, _, channel = name.partition(":")
-    if not _is_interface(interface) or not channel:
+    if not interface or not channel:
         raise ConfigError([Problem(OPTION, name, "must be INTERFACE:CHANNEL, for instance socketcan:vcan0")])
+    _check(OPTION, name, interface)
     return _open(OPTION, name, interface, channel)
 
 
 def join_bus(interface: str, channel: str) -> can.BusABC:
     """The same for the options --interface and --channel."""
-    if not _is_interface(interface):
-        text = "is no interface of python-can; socketcan, udp_multicast and virtual need no adapter"
-        raise ConfigError([Problem("--interface", interface, text)])
+    _check("--interface", "", interface)
     return _open("--channel", channel, interface, channel)
 
 
-def _is_interface(name: str) -> bool:
+def _check(option: str, shown: str, interface: str) -> None:
     # Slow to import, and not needed by other commands.
     import can
 
-    return name in can.VALID_INTERFACES
+    if interface not in can.VALID_INTERFACES:
+        text = f"{interface} is no interface of python-can; socketcan, udp_multicast and virtual need no adapter"
+        raise ConfigError([Problem(option, shown, text)])
 
 
 def _open(option: str, shown: str, interface: str, channel: str) -> can.BusABC:

@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from fluxlock.analysis.injection_cli import app as injection_app
-from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
+from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
+from fluxlock.progress import ProgressBar
 from fluxlock.writable import refusal
 
 if TYPE_CHECKING:
@@ -56,40 +56,6 @@ app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector")
 app.add_typer(injection_app)
 app.command()(flash)
-
-
-class _ProgressBar:
-    """Simulated time, motor speed and simulation rate while a run goes on."""
-
-    def __init__(self, console: Console, duration_s: float) -> None:
-        self._progress = Progress(
-            TextColumn("{task.fields[phase]:<10}"),
-            BarColumn(),
-            TextColumn("{task.completed:.3f}/{task.total:.3f} s"),
-            TextColumn("{task.fields[speed]:>8.0f} r/min"),
-            TextColumn("{task.fields[rate]:5.2f} Mcycle/s"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._task = self._progress.add_task("run", total=duration_s, phase="build", speed=0.0, rate=0.0)
-
-    def __enter__(self) -> _ProgressBar:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def __call__(self, info: ProgressInfo) -> None:
-        self._progress.update(
-            self._task,
-            completed=min(info.t_s, info.duration_s),
-            total=info.duration_s,
-            phase=info.phase,
-            speed=info.speed_rpm,
-            rate=info.rate_cycles_per_s / 1e6,
-        )
 
 
 def _seed(text: str) -> int:
@@ -195,7 +161,7 @@ def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: Nati
     console, messages = Console(), Console(stderr=True)
     fault: SimulationFault | None = None
     debugged = native is not None and native.debugger  # the debugger has the terminal
-    with nullcontext() if debugged else _ProgressBar(messages, scenario.duration_s) as progress:
+    with nullcontext() if debugged else ProgressBar(messages, scenario.duration_s) as progress:
         try:
             data = run_scenario(scenario, out_dir, seed, waves, progress, native=native)
         except SimulationFault as error:
@@ -285,7 +251,7 @@ def native(
 
 @app.command("can")
 def can_command(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table [can].")],
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table \\[can].")],
     interface: Annotated[str, typer.Option(help="Of python-can: socketcan, udp_multicast, ...")] = "udp_multicast",
     channel: Annotated[
         str, typer.Option(help="Of the interface: vcan0, a multicast address, ...")
@@ -305,15 +271,15 @@ def can_command(
     The simulation is slower than real time by the factor that it prints; give a master's timeouts that much more.
     Events of the scenario happen, windows and limits do not count. Ctrl-C ends the run and writes its results.
     """
-    from fluxlock.cosim.can_command import run_can
+    from fluxlock.cosim.can_command import join, run_can
     from fluxlock.cosim.parameters import check_parameters
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
     out_dir = out if out is not None else Path("build") / scenario.stem
     try:
-        with _output(out_dir):
-            run_can(loaded, interface, channel, out_dir, loaded.seed if seed is None else seed, seconds)
+        with join(loaded, interface, channel) as bus, _output(out_dir):
+            run_can(loaded, bus, f"{interface}:{channel}", out_dir, loaded.seed if seed is None else seed, seconds)
     except SimulationFault as error:
         _fail([f"simulation: {error}"])
 
@@ -338,7 +304,7 @@ def regression(
 @app.command()
 def campaign(
     drives: Annotated[
-        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, start, vector; all without.")
+        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, start, vector, boot; all without.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a third of the faults.")] = False,
     every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,

@@ -30,7 +30,9 @@ FLASH_IMAGE = 0x380000
 FLASH_PAGE_BYTES = 256
 FLASH_SECTOR_BYTES = 4096
 FLASH_BLOCK = FLASH_IMAGE + RAM_BYTES  # parameter block
+FLASH_CAN_SETUP = FLASH_BLOCK + TELEMETRY_OFFSET  # node-ID, kbit/s, CRC-32 of the two; behind the longest block
 FLASH_END = FLASH_BLOCK + FLASH_SECTOR_BYTES
+FLASH_STORE = FLASH_END  # two sectors that the firmware writes: stored objects of the CANopen node
 
 
 def c_header() -> str:
@@ -54,7 +56,9 @@ def c_header() -> str:
 #define BOOT_BYTES {BOOT_BYTES}
 #define FLASH_IMAGE 0x{FLASH_IMAGE:X}
 #define FLASH_BLOCK 0x{FLASH_BLOCK:X}
+#define FLASH_CAN_SETUP 0x{FLASH_CAN_SETUP:X}
 #define FLASH_END 0x{FLASH_END:X}
+#define FLASH_STORE 0x{FLASH_STORE:X}
 #define FLASH_PAGE_BYTES {FLASH_PAGE_BYTES}
 #define FLASH_SECTOR_BYTES {FLASH_SECTOR_BYTES}
 #define PARAMETER_BLOCK_MAX_BYTES {BLOCK_MAX_BYTES}

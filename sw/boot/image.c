@@ -1,6 +1,6 @@
 #include "boot/image.h"
 
-#include "boot/flash.h"
+#include "hal/flash.h"
 #include "control/crc32.h"
 #include "hal/reg.h"
 #include "params.h"

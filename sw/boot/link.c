@@ -1,6 +1,6 @@
 #include "boot/link.h"
 
-#include "boot/wait.h"
+#include "hal/wait.h"
 #include "control/crc32.h"
 #include "hal/reg.h"
 #include "hal/uart.h"

@@ -1,5 +1,5 @@
 // The loader: listens for a host, starts what the flash holds if all of it is right, else says why and waits for a host.
-#include "boot/flash.h"
+#include "hal/flash.h"
 #include "boot/image.h"
 #include "boot/link.h"
 #include "ram.h"

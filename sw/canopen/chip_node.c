@@ -1,6 +1,7 @@
 #include "canopen/chip_node.h"
 
 #include "canopen/canopen.h"
+#include "canopen/flash_store.h"
 #include "control/placement.h"
 #include "hal/can.h"
 #include "hal/chip.h"
@@ -23,6 +24,7 @@ static struct {
   uint32_t now_us;
   uint32_t stepped_us;
   uint32_t resets;  // of the node, as far as taken over
+  bool absent;      // without a node-ID: nothing is sent
   bool bus_off;
   bool waits;  // `next` is a frame that had no room
   can_frame_t next;
@@ -46,7 +48,7 @@ static bool memory_write(void *context, uint32_t slot, const void *data, uint32_
   return true;
 }
 
-static const storage_t storage = {.read = memory_read, .write = memory_write};
+static const storage_t volatile_storage = {.read = memory_read, .write = memory_write};
 
 // A bit rate that cannot be keeps the one before.
 static void join(void) {
@@ -66,11 +68,17 @@ static void set_filters(void) {
 }
 
 void chip_node_init(app_t *app) {
-  const uint32_t *setup = cpu_can_setup();
+  const storage_t *flash = flash_storage();
+  const uint32_t *in_ram = cpu_can_setup();
+  uint32_t setup[2] = {in_ram[0], in_ram[1]};
+  driver.absent = flash != 0 && !flash_can_setup(setup);
   driver.clocks_us = chip_clock_hz() / 1000000u;
   driver.then = chip_now();
   node.bit_rate_kbit_s = setup[1];
-  canopen_init(&node, app, &storage, setup[0], driver.now_us);
+  if (driver.absent) {
+    return;
+  }
+  canopen_init(&node, app, (flash != 0) ? flash : &volatile_storage, setup[0], driver.now_us);
   set_filters();
   join();
 }
@@ -103,6 +111,9 @@ static void send(void) {
 void chip_node_poll(void) {
   can_frame_t frame;
   bool lost = false;
+  if (driver.absent) {
+    return;
+  }
   tell_time();
   const bool came = can_take(&frame, &lost);
   if (lost) {

@@ -3,15 +3,12 @@
 
 #include "canopen/canopen.h"
 #include "canopen/drive_link.h"
+#include "canopen/flash_store.h"
 #include "canopen/objects.h"
+#include "hal/host/host_flash.h"
+#include "ram.h"
 
 static canopen_t node;
-
-// Non-volatile memory of a host: survives fl_can_boot.
-static struct {
-  uint8_t slot[STORE_SLOTS][4u * STORE_WORDS];
-  uint32_t failing;  // writes from now on do nothing and fail
-} memory;
 
 app_t *fl_host_app(void);
 void fl_can_boot(uint32_t node_id, uint32_t now_us);
@@ -25,27 +22,11 @@ uint32_t fl_can_wanted(uint32_t k, uint32_t *mask);
 uint32_t fl_can_value(uint32_t number);
 uint8_t *fl_can_memory(void);
 uint32_t fl_can_memory_bytes(void);
-void fl_can_fail_memory(uint32_t failing);
-
-static bool memory_read(void *context, uint32_t slot, void *data, uint32_t bytes) {
-  (void)context;
-  memcpy(data, memory.slot[slot], bytes);
-  return true;
-}
-
-static bool memory_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
-  (void)context;
-  if (memory.failing != 0u) {
-    return false;
-  }
-  memcpy(memory.slot[slot], data, bytes);
-  return true;
-}
-
-static const storage_t storage = {.read = memory_read, .write = memory_write};
 
 // After fl_host_boot.
-void fl_can_boot(uint32_t node_id, uint32_t now_us) { canopen_init(&node, fl_host_app(), &storage, node_id, now_us); }
+void fl_can_boot(uint32_t node_id, uint32_t now_us) {
+  canopen_init(&node, fl_host_app(), flash_storage(), node_id, now_us);
+}
 
 void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data) {
   can_frame_t frame = {.id = id, .flags = (uint8_t)flags, .length = (uint8_t)length};
@@ -80,6 +61,6 @@ uint32_t fl_can_wanted(uint32_t k, uint32_t *mask) {
 // Value of an entry by its number, as an SDO upload would read it.
 uint32_t fl_can_value(uint32_t number) { return objects_read(&node, number); }
 
-uint8_t *fl_can_memory(void) { return memory.slot[0]; }
-uint32_t fl_can_memory_bytes(void) { return sizeof memory.slot; }
-void fl_can_fail_memory(uint32_t failing) { memory.failing = failing; }
+// Sectors of both slots in the flash: they survive fl_can_boot.
+uint8_t *fl_can_memory(void) { return &fl_flash_contents()[FLASH_STORE - FLASH_BLOCK]; }
+uint32_t fl_can_memory_bytes(void) { return STORE_SLOTS * FLASH_SECTOR_BYTES; }

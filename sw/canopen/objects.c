@@ -24,7 +24,11 @@ static uint32_t check_store(const canopen_t *node, uint32_t value, uint32_t sign
   if (value != signature) {
     return SDO_REFUSED;
   }
-  return (is_enabled(node) || node->drive.state == PDS_QUICK_STOP) ? SDO_STATE : SDO_OK;
+  // The console may have started the motor too.
+  link_status_t status;
+  link_status(node->app, &status);
+  const bool turns = status.state == STATE_STARTING || status.state == STATE_RUNNING || status.state == STATE_STOPPING;
+  return (turns || is_enabled(node) || node->drive.state == PDS_QUICK_STOP) ? SDO_STATE : SDO_OK;
 }
 
 static uint32_t check_consumer(const canopen_t *node, uint32_t number, uint32_t value) {

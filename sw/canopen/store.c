@@ -112,8 +112,11 @@ bool store_forget(canopen_t *node) {
   if (storage == 0) {
     return false;
   }
+  // The newest one last: cut off between the two, it holds on, and not the one that it replaced.
+  const uint32_t last = (read_newest(node) == 0u) ? 0u : 1u;
   bool done = true;
-  for (uint32_t slot = 0; slot < STORE_SLOTS; slot++) {
+  for (uint32_t k = 0; k < STORE_SLOTS; k++) {
+    const uint32_t slot = (k == 0u) ? 1u - last : last;
     for (uint32_t i = 0; i < STORE_WORDS; i++) {
       node->image[i] = 0;
     }

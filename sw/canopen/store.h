@@ -31,7 +31,7 @@ uint32_t store_node_id(canopen_t *node);
 void store_load(canopen_t *node, uint32_t first, uint32_t last);
 // Write into the other slot, read back. False: the memory failed, the older image holds.
 bool store_save(canopen_t *node);
-// Make both slots invalid.
+// Make both slots invalid, the newest image last.
 bool store_forget(canopen_t *node);
 
 #endif

@@ -16,6 +16,7 @@ from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import CanPeer, CanSide
 from fluxlock.cosim.run import collect, prepare, ready_chip
+from fluxlock.firmware import build_bus_library
 from fluxlock.firmware.host import TELEMETRY_TARGET
 from fluxlock.memory import TELEMETRY_ADDRESS
 from fluxlock.paths import ROOT
@@ -156,11 +157,13 @@ def run_chip(
     batch_cycles: int = 5_000,
     log_can: bool = False,
     scenario: str = "demo.toml",
+    native: bool = False,
 ) -> tuple[RunData, Any]:
-    """What a run of the chip with CAN has recorded, and the peer's conclusion."""
+    """What a run of the chip with CAN has recorded, and the peer's conclusion. native: without core, six-step."""
     loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
     plan = prepare(loaded, folder, 1, stop_cycle=round(seconds * CLOCK_HZ))
     plan = replace(plan, peer=peer, batch_cycles=batch_cycles, log_can=log_can)
-    meta = run_plan(plan, ready_chip(can=True))
+    firmware = build_bus_library(can_method="six-step") if native else None
+    meta = run_plan(plan, ready_chip(can=True, native=native), firmware=firmware)
     assert not meta["fault"], meta["fault"]
     return collect(plan, meta, loaded.motor.pole_pairs), meta["conclusion"]

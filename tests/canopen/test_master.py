@@ -40,6 +40,7 @@ from tests.firmware.firmware_bench import Bench
 PATIENCE_S = 600.0
 SOCKETCAN = os.environ.get("FLUXLOCK_SOCKETCAN", "")
 CHANNELS = itertools.count()
+NATIVE_NODE = NODE + 1  # on a real vcan0 the chip hears all that the native program is sent, and answers late
 CHIP_S = 30.0  # simulated, at most
 PLOTS = BUILD / "canopen" / "chip"
 ON_CHIP = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
@@ -63,8 +64,8 @@ def bus_of(name: str) -> tuple[str, str]:
 @pytest.fixture
 def native() -> Iterator[Target]:
     """The native program in a thread, as fast as it goes."""
-    found = Target(*bus_of("native"), NODE)
-    drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NODE)
+    found = Target(*bus_of("native"), NATIVE_NODE)
+    drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NATIVE_NODE)
     end = threading.Event()
     with can.Bus(interface=found.interface, channel=found.channel) as bus:
         thread = threading.Thread(target=serve, args=(drive, bus, end.is_set, None))

@@ -52,7 +52,7 @@ def test_runs_with_its_console() -> None:
     [
         ("vcan0", "--can: vcan0: must be INTERFACE:CHANNEL"),
         ("virtual:", "--can: virtual:: must be INTERFACE:CHANNEL"),
-        ("carrier-pigeon:1", "--can: carrier-pigeon:1: must be INTERFACE:CHANNEL"),
+        ("carrier-pigeon:1", "--can: carrier-pigeon:1: carrier-pigeon is no interface of python-can"),
         (
             "socketcan:no_such_can0",
             "--can: socketcan:no_such_can0: (this kernel has no CAN|there is no such interface)",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import random
 import struct
 import zlib
@@ -9,11 +10,14 @@ from collections.abc import Callable
 
 import pytest
 
+from fluxlock.flash.image import pack_can_setup
+from fluxlock.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 # Words of an image, as sw/canopen/store.h lists them.
 LAYOUT, CRC, SEQUENCE, NODE_ID, VALUES = 1, 2, 3, 4, 5
+LABEL_WORDS = 8
 WINDOW_DEFAULT = 300
 
 
@@ -31,14 +35,18 @@ def power_up(bench: NodeBench) -> None:
 
 def slots(bench: NodeBench) -> list[list[int]]:
     """Both images as words."""
-    memory = bench.node.memory
-    words = struct.unpack(f"<{len(memory) // 4}I", memory)
-    half = len(words) // 2
-    return [list(words[:half]), list(words[half:])]
+    memory, count = bench.node.memory, image_words(bench)
+    return [list(struct.unpack_from(f"<{count}I", memory, at)) for at in (0, FLASH_SECTOR_BYTES)]
+
+
+def image_words(bench: NodeBench) -> int:
+    """Words of an image: header, values, length of the label, label."""
+    return VALUES + len(bench.node.dictionary.stored) + 1 + LABEL_WORDS
 
 
 def put_slots(bench: NodeBench, images: list[list[int]]) -> None:
-    bench.node.memory = b"".join(struct.pack(f"<{len(image)}I", *image) for image in images)
+    sectors = (struct.pack(f"<{len(image)}I", *image) for image in images)
+    bench.node.memory = b"".join(sector.ljust(FLASH_SECTOR_BYTES, b"\xff") for sector in sectors)
 
 
 def sealed(image: list[int], change: Callable[[list[int]], None]) -> list[int]:
@@ -169,6 +177,15 @@ def test_refused(bench: NodeBench) -> None:
     refuse("store_parameters_save_all", SAVE, 0x08000022)
     refuse("restore_defaults_restore_all", LOAD, 0x08000022)
     assert window_after_power_up(bench) == 11
+    # A motor that the console has started turns too.
+    bench.bench.fw.command("set speed_rpm 20000")
+    assert bench.bench.fw.command("start") == ["ok"]
+    bench.run(0.05)
+    assert bench.state == "disabled"
+    bench.write("velocity_window", 12)
+    refuse("store_parameters_save_all", SAVE, 0x08000022)
+    refuse("restore_defaults_restore_all", LOAD, 0x08000022)
+    assert window_after_power_up(bench) == 11
 
 
 def test_every_broken_bit(bench: NodeBench) -> None:
@@ -180,14 +197,13 @@ def test_every_broken_bit(bench: NodeBench) -> None:
     whole = bench.node.memory
     old, new = slots(bench)
     assert (old[SEQUENCE], new[SEQUENCE]) == (0, 1)
-    half = len(whole) // 2
-    for bit in range(8 * half):
+    for bit in range(32 * len(new)):
         memory = bytearray(whole)
-        memory[half + bit // 8] ^= 1 << bit % 8
+        memory[FLASH_SECTOR_BYTES + bit // 8] ^= 1 << bit % 8
         bench.node.memory = bytes(memory)
         bench.node.boot(bench.now_us)
         assert bench.node.value("velocity_window") == 11, bit
-    memory[half // 2] ^= 1
+    memory[2 * len(old)] ^= 1
     bench.node.memory = bytes(memory)
     assert window_after_power_up(bench) == WINDOW_DEFAULT
 
@@ -255,3 +271,123 @@ def test_sequence_wraps(bench: NodeBench) -> None:
     saved_windows(bench, 13)
     assert [image[SEQUENCE] for image in slots(bench)] == [1, 0]
     assert window_after_power_up(bench) == 13
+
+
+def objects_after_power_up(bench: NodeBench) -> tuple[int, int]:
+    """Two stored objects, one early and one late in the image."""
+    bench.node.restore_power()
+    bench.node.boot(bench.now_us)
+    return bench.node.value("emcy_inhibit_time"), bench.node.value("velocity_window")
+
+
+def test_power_cut_in_a_save(bench: NodeBench) -> None:
+    """Power that goes in the erase or in a page of a save leaves the older or the new objects, all of one image.
+
+    The cells that are cut off hold anything; the flash does not answer any more, so that the write is refused if the
+    drive still lives. The next save works.
+
+    Verifies: CO-15
+    """
+    seed = random.SystemRandom().getrandbits(32)
+    print(f"seed {seed}")
+    rng = random.Random(seed)
+    for value in (11, 12):
+        bench.write("emcy_inhibit_time", value)
+        bench.write("velocity_window", value)
+        save(bench)
+    whole = bench.node.memory
+    bytes_of_image = 4 * image_words(bench)
+    erase = [0, FLASH_SECTOR_BYTES - 1, *rng.sample(range(1, FLASH_SECTOR_BYTES - 1), 100)]
+    seen = set()
+    for cut in [*erase, *range(FLASH_SECTOR_BYTES, FLASH_SECTOR_BYTES + bytes_of_image)]:
+        bench.node.memory = whole
+        assert objects_after_power_up(bench) == (12, 12)
+        bench.write("emcy_inhibit_time", 13)
+        bench.write("velocity_window", 13)
+        bench.node.cut_power(cut, rng.getrandbits(32))
+        try:
+            save(bench)
+            done = True
+        except Aborted as error:
+            assert error.args[0] == 0x06060000
+            done = False
+        found = objects_after_power_up(bench)
+        assert found in ((12, 12), (13, 13)), cut
+        assert not done or found == (13, 13), cut
+        seen.add((done, found))
+    assert {(False, (12, 12)), (True, (13, 13))} <= seen
+    bench.write("velocity_window", 14)
+    save(bench)
+    assert objects_after_power_up(bench)[1] == 14
+
+
+def test_power_cut_in_a_restore(bench: NodeBench) -> None:
+    """Power that goes while the images are forgotten leaves the newest objects or the defaults, never those before.
+
+    Verifies: CO-15
+    """
+    seed = random.SystemRandom().getrandbits(32)
+    print(f"seed {seed}")
+    rng = random.Random(seed)
+    saved_windows(bench, 10)
+    for newest in (11, 12):
+        saved_windows(bench, newest)
+        whole = bench.node.memory
+        seen = set()
+        for cut in rng.sample(range(2 * FLASH_SECTOR_BYTES + 8 * image_words(bench)), 200):
+            bench.node.memory = whole
+            assert objects_after_power_up(bench)[1] == newest
+            bench.node.cut_power(cut, rng.getrandbits(32))
+            try:
+                bench.write("restore_defaults_restore_all", LOAD)
+            except Aborted as error:
+                assert error.args[0] == 0x06060000
+            seen.add(objects_after_power_up(bench)[1])
+        assert seen == {newest, WINDOW_DEFAULT}
+        bench.node.memory = whole
+
+
+def test_without_a_flash(bench: NodeBench) -> None:
+    """Where no flash answers at power-up the node comes up with its defaults, and a save is refused.
+
+    Verifies: CO-15
+    """
+    saved_windows(bench, 11)
+    bench.node.cut_power(0, 1)
+    with pytest.raises(Aborted):
+        save(bench)
+    assert window_after_power_up(bench) == WINDOW_DEFAULT
+    with pytest.raises(Aborted) as refused:
+        save(bench)
+    assert refused.value.args[0] == 0x06060000
+    bench.node.restore_power()
+    assert window_after_power_up(bench) == 11
+
+
+def test_setup_in_the_flash(bench: NodeBench) -> None:
+    """Node-ID and bit rate beside the parameter block are taken if their CRC and range are right.
+
+    Verifies: CO-28
+    """
+    library = bench.node.lib
+    library.fl_flash_contents.restype = ctypes.POINTER(ctypes.c_uint8)
+    library.flash_can_setup.restype = ctypes.c_bool
+    place_of_setup = FLASH_CAN_SETUP - FLASH_BLOCK
+
+    def taken(data: bytes) -> tuple[int, int] | None:
+        ctypes.memmove(ctypes.addressof(library.fl_flash_contents().contents) + place_of_setup, data, len(data))
+        setup = (ctypes.c_uint32 * 2)(77, 88)
+        if library.flash_can_setup(setup):
+            return setup[0], setup[1]
+        assert list(setup) == [77, 88]
+        return None
+
+    good = pack_can_setup(9, 500)
+    assert taken(good) == (9, 500)
+    for bit in range(8 * len(good)):
+        broken = bytearray(good)
+        broken[bit // 8] ^= 1 << bit % 8
+        assert taken(bytes(broken)) is None, bit
+    assert taken(pack_can_setup(0, 500)) is None
+    assert taken(pack_can_setup(128, 500)) is None
+    assert taken(b"\xff" * len(good)) is None

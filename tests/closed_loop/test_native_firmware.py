@@ -23,6 +23,7 @@ from fluxlock.firmware.toolchain import HOST_FLAGS, SANITIZER_FLAGS, SW, WARNING
 from fluxlock.paths import BUILD, GENERATED, ROOT
 from tests.closed_loop.support import SEED, drive
 
+YU = ROOT / "scenarios" / "five-phase" / "yu.toml"
 SPIN = Path(__file__).parent / "scenarios" / "spin.toml"
 NESTED = Path(__file__).parent / "nested.c"
 START = '{at_s=0.003,speed_rpm=24000},{at_s=0.004,command="start"}'
@@ -61,6 +62,25 @@ def test_drives_as_the_core_does() -> None:
     # The same C without its instructions' time.
     assert bus.data.isr["control"]["count"] == pytest.approx(core.data.isr["control"]["count"], abs=20)
     assert bus.data.isr["control"]["max"] < core.data.isr["control"]["min"]
+
+
+@pytest.mark.skipif("FLUXLOCK_NATIVE_CHIPS" not in os.environ, reason="builds two chips with five phases: make native")
+def test_five_phases_as_on_the_core() -> None:
+    """Yu's machine from an unknown rest angle by injection: found, locked and ramped as with the core.
+
+    Verifies: SYS-13
+    """
+    runs = [drive(YU, f"yu-{name}", native=native) for name, native in (("core", None), ("bus", NativeFirmware()))]
+    core, bus = runs
+    for run in runs:
+        assert not run.result["failures"] and not run.result["trips"] and run.data.overruns == 0
+    assert states(bus.data) == states(core.data)
+    t_s = np.linspace(0.0, 0.44, 441)
+    apart = np.abs(speed_rpm(bus.data, t_s) - speed_rpm(core.data, t_s))
+    a, b = (run.metrics["settled"]["angle_error_deg"] for run in runs)
+    print(f"speeds are apart by at most {apart.max():.2f} r/min; angle error {a}, {b}")
+    assert apart.max() < 0.02 * 150
+    assert abs(a["mean"] - b["mean"]) < 0.3 and abs(a["rms"] - b["rms"]) < 0.3
 
 
 def run_library(library: BusLibrary, folder: Path, cycles: int) -> str:

@@ -11,19 +11,26 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import click
 import pytest
+import typer
+import typer.core
+import typer.rich_utils
 from rich.console import Console
 
 from fluxlock import cli
-from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault, load_trace
+from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault, load_trace
+from fluxlock.campaign import command as campaign
+from fluxlock.campaign.grid import DRIVES
 from fluxlock.config import Scenario
 from fluxlock.cosim.run import rejected_lines
 from fluxlock.paths import ROOT
+from fluxlock.progress import ProgressBar
 from tests.analysis.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]
@@ -234,9 +241,96 @@ def test_progress_ends_at_the_duration() -> None:
     Verifies: FRONT-06
     """
     console = Console(file=io.StringIO(), width=120)
-    with cli._ProgressBar(console, 0.05) as bar:
+    with ProgressBar(console, 0.05) as bar:
         bar(ProgressInfo(0.054, 0.05, 0.0, 1e6, "simulating"))
         assert bar._progress.tasks[0].completed == 0.05
+
+
+def test_progress_counts_the_simulation() -> None:
+    """Times beside the bar begin anew when the building has ended.
+
+    Verifies: FRONT-06
+    """
+    clock = [0.0]
+    bar = ProgressBar(Console(file=io.StringIO(), width=120, get_time=lambda: clock[0]), 1.0)
+    task = bar._progress.tasks[0]
+    for at_s, t_s, phase, elapsed_s in (
+        (80.0, 0.0, BUILDING, 80.0),
+        (100.0, 0.0, "simulating", 0.0),
+        (110.0, 0.2, "simulating", 10.0),
+        (120.0, 0.4, "simulating", 20.0),
+    ):
+        clock[0] = at_s
+        bar(ProgressInfo(t_s, 1.0, 0.0, 1e6, phase))
+        assert task.elapsed == elapsed_s
+    assert task.time_remaining == 30.0
+
+
+def commands(group: typer.core.TyperGroup, *names: str) -> Iterator[tuple[list[str], click.Command]]:
+    """All commands below a group, with the words that call them."""
+    for name, command in group.commands.items():
+        words = [*names, name]
+        if isinstance(command, typer.core.TyperGroup):
+            yield from commands(command, *words)
+        else:
+            yield words, command
+
+
+def test_help_shows_all_that_is_written(invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No word of a help text is taken for markup.
+
+    Verifies: FRONT-34
+    """
+    monkeypatch.setattr(typer.rich_utils, "MAX_WIDTH", 400)
+    found = list(commands(typer.main.get_command(cli.app)))
+    assert len(found) > 10
+    for words, command in found:
+        code, out, _ = invoke(*words, "--help")
+        assert code == 0
+        for parameter in command.params:
+            text = getattr(parameter, "help", None) or ""
+            assert text.replace("\\[", "[") in out, words
+    assert "with the table [can]" in invoke("can", "--help")[1]
+
+
+def test_help_names_every_drive_of_the_campaign(invoke: Invoke) -> None:
+    """The drives that the command takes are those of its help.
+
+    Verifies: FRONT-34
+    """
+    names = ", ".join(drive.name for drive in DRIVES)
+    assert f"{names}; all without" in invoke("campaign", "--help")[1]
+
+
+def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`campaign --show` before any run has finished: one line, nothing written.
+
+    Verifies: FRONT-34
+    """
+    monkeypatch.setattr(campaign, "RESULT", tmp_path / "campaign.json")
+    monkeypatch.setattr(campaign, "run_drive", lambda *_: [])
+    code, out, err = invoke("campaign", "--show")
+    assert code == 2 and out == ""
+    assert err.splitlines()[-1].startswith("error: --show: no run has finished")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("scenario", "interface", "text"),
+    [
+        ("can", "pigeon", "--interface: pigeon is no interface of python-can"),
+        ("demo", "virtual", "demo.toml: can: is missing"),
+    ],
+)
+def test_refused_bus_leaves_no_folder(invoke: Invoke, tmp_path: Path, scenario: str, interface: str, text: str) -> None:
+    """A bus that cannot be had is one line, before a folder is made.
+
+    Verifies: CO-24
+    """
+    path = str(ROOT / "scenarios" / f"{scenario}.toml")
+    code, out, err = invoke("can", path, "--interface", interface, "--out", str(tmp_path / "o"))
+    assert code == 2 and out == "" and text in err and len(err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
 
 
 def test_interrupted(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:

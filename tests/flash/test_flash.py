@@ -16,10 +16,22 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.flash.image import IMAGE_MAX_BYTES, pack_image, plan
+from fluxlock.firmware import build_firmware
+from fluxlock.flash import loader
+from fluxlock.flash.command import flash
+from fluxlock.flash.image import IMAGE_MAX_BYTES, Plan, pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import Loader, LoaderError, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
-from fluxlock.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES, FLASH_SECTOR_BYTES
+from fluxlock.memory import (
+    BLOCK_MAX_BYTES,
+    FLASH_BLOCK,
+    FLASH_CAN_SETUP,
+    FLASH_END,
+    FLASH_IMAGE,
+    FLASH_PAGE_BYTES,
+    FLASH_SECTOR_BYTES,
+    FLASH_STORE,
+)
 from fluxlock.paths import ROOT
 
 BLOCK = bytes(range(256)) * 3
@@ -79,6 +91,21 @@ def test_plan() -> None:
             plan(image, wrong)
 
 
+def test_plan_with_a_bus() -> None:
+    """Node-ID and bit rate go into the sector of the block, behind the longest one; stored objects are not touched.
+
+    Verifies: CO-28, BOOT-04
+    """
+    image, setup = pack_image(bytes(1000), 3), pack_can_setup(5, 1000)
+    plain, with_bus = plan(image, BLOCK), plan(image, BLOCK, setup)
+    assert with_bus.erase == plain.erase
+    (added,) = (step for step in with_bus.write if step not in plain.write)
+    assert added == (FLASH_CAN_SETUP, struct.pack("<3I", 5, 1000, zlib.crc32(struct.pack("<2I", 5, 1000))))
+    assert FLASH_BLOCK + BLOCK_MAX_BYTES <= FLASH_CAN_SETUP and FLASH_CAN_SETUP % FLASH_PAGE_BYTES == 0
+    assert with_bus.write[-2:] == plain.write[-2:]
+    assert max(with_bus.erase) + FLASH_SECTOR_BYTES <= FLASH_STORE
+
+
 def test_frames() -> None:
     """Text and broken frames are passed over; a loader that stays silent is an error, after three tries.
 
@@ -114,6 +141,40 @@ def test_serial_port() -> None:
         assert 0.04 < time.monotonic() - start < 5.0
     os.close(other)
     os.close(line)
+
+
+@pytest.mark.parametrize("name", ["demo", "can"])
+def test_command_uploads(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """The image of the scenario, with its node and setup where it has a CAN bus.
+
+    Verifies: BOOT-04, CO-28
+    """
+    plans: list[Plan] = []
+
+    class Board:
+        def __init__(self, _: object) -> None:
+            pass
+
+        def find(self, _: int) -> tuple[int, int]:
+            return 1, 0xEF4016
+
+        def upload(self, steps: Plan, _: object) -> None:
+            plans.append(steps)
+
+        def start(self) -> str:
+            return "good"
+
+    monkeypatch.setattr(loader, "Loader", Board)
+    other, line = pty.openpty()
+    scenario = ROOT / "scenarios" / f"{name}.toml"
+    flash(scenario, Path(os.ttyname(line)))
+    os.close(other)
+    os.close(line)
+    written = dict(plans[0].write)
+    method = "six-step" if name == "can" else None
+    image = pack_image(build_firmware(can_method=method).read_bytes(), 3)
+    assert b"".join(written[address] for address in sorted(written) if address < FLASH_BLOCK) == image
+    assert written.get(FLASH_CAN_SETUP) == (pack_can_setup(5, 1000) if name == "can" else None)
 
 
 def test_command_refuses() -> None:

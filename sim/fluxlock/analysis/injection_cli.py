@@ -25,14 +25,21 @@ def _mark(accepted: bool) -> str:
 def injection(
     motor: Annotated[Path, typer.Argument(help="Motor file (TOML) with inductance_q_h.")],
     carrier_hz: Annotated[
-        float, typer.Option(min=100.0, max=1e6, help="Carrier frequency f_sw, Hz; that of Tian 2019 without.")
+        float,
+        typer.Option(
+            min=100.0, max=1e6, help="Carrier frequency f_sw of the inverter, Hz; the default is that of Tian 2019."
+        ),
     ] = CARRIER_HZ,
     speed_rpm: Annotated[
-        float | None, typer.Option(min=0.0, max=2e6, help="Highest speed with injection, r/min; default the motor's.")
+        float | None,
+        typer.Option(min=0.0, max=2e6, help="Highest speed with injection, r/min; without it the motor's."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for PNG and JSON.")] = Path("build/injection"),
 ) -> None:
-    """Feasible frequencies of the injection, f_sw / n, by Tian's rule: nominal, and strict over its errors."""
+    """Feasible frequencies of the injection, f_sw / n with n whole, by Tian's rule.
+
+    Nominal: with the values of the motor file. Strict: also with inductances off by 10 % and the angle by 10 deg.
+    """
     from fluxlock.analysis import injection_frequency as theory
 
     loaded = load_motor(motor)
@@ -53,7 +60,11 @@ def injection(
     shown = [c for c in found.choices if c.n <= FIRST_N or any(abs(c.n - n) <= AROUND for n in limits)]
     rows = [[str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict)] for c in shown]
     title = f"{loaded.name}: f_sw / n of {carrier_hz:g} Hz, to {speed:g} r/min"
-    print_table(title, ("n", "Hz", f"nominal {found.nominal_hz:.0f} Hz", f"strict {found.strict_hz:.0f} Hz"), rows)
+    print_table(
+        title,
+        ("n", "f_sw / n, Hz", f"nominal: from {found.nominal_hz:.0f} Hz", f"strict: from {found.strict_hz:.0f} Hz"),
+        rows,
+    )
     Console().print(
         f"largest n: {limits[1]} nominal, {limits[0]} strict (inductances within 10 %, angle within 10 deg)",
         highlight=False,

@@ -82,6 +82,9 @@ RECORD_DTYPE = np.dtype(
 PLANT_EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
 
 
+BUILDING = "building"  # the phase before a simulation runs
+
+
 @dataclass(frozen=True)
 class ProgressInfo:
     """State of a running simulation, for the progress bar."""

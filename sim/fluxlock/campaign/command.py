@@ -44,6 +44,9 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
 
             rows += run_drive(drive, seed, quick, jobs, every, done)
             total += len(grid(drive, seed, quick, every))
+    if not jobs and not rows:
+        text = "no run has finished with this seed on this chip and firmware: nothing to show; run it without --show"
+        raise ConfigError([Problem("--show", "", text)])
     chip: Chip = ready_chip()
     image = build_firmware(BUILD / "firmware")
     document = {

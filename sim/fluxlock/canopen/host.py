@@ -83,7 +83,7 @@ class HostNode:
 
     @property
     def memory(self) -> bytes:
-        """The non-volatile memory, both slots."""
+        """The non-volatile memory: the flash's sectors of both slots."""
         return ctypes.string_at(self.lib.fl_can_memory(), self.lib.fl_can_memory_bytes())
 
     @memory.setter
@@ -92,4 +92,12 @@ class HostNode:
 
     def fail_memory(self, failing: bool) -> None:
         """Writes to the non-volatile memory fail from now on, or work again."""
-        self.lib.fl_can_fail_memory(int(failing))
+        self.lib.fl_flash_protect(int(failing))
+
+    def cut_power(self, after_bytes: int, seed: int) -> None:
+        """The flash loses its power when so many more bytes have been erased or programmed, within the next."""
+        self.lib.fl_flash_cut(after_bytes, seed)
+
+    def restore_power(self) -> None:
+        """The flash answers again."""
+        self.lib.fl_flash_power_up()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fluxlock.analysis.rundata import ProgressInfo, SimulationFault
+from fluxlock.analysis.rundata import BUILDING, ProgressInfo, SimulationFault
 from fluxlock.commission.plate import NamePlate, first_guess
 from fluxlock.commission.procedure import Commissioning
 from fluxlock.commission.protocol import MeasurementError
@@ -57,7 +57,7 @@ def measure(
     """
     dialogue, block = known_of(bench)
     if progress is not None:
-        progress(ProgressInfo(0.0, bench.duration_s, 0.0, 0.0, "building"))
+        progress(ProgressInfo(0.0, bench.duration_s, 0.0, 0.0, BUILDING))
     try:
         chip = ready_chip()
         plan = prepare(bench, folder, seed, block=block)

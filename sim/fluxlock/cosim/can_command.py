@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.build import check_build
@@ -17,6 +18,9 @@ from fluxlock.config import ConfigError, Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
 from fluxlock.cosim.outcome import write_outcome
+
+if TYPE_CHECKING:
+    import can
 
 LONGEST_S = 3600.0
 REPORT_S = 5.0
@@ -54,22 +58,30 @@ class _Lines:
         print(text, file=sys.stderr, flush=True)
 
 
-def run_can(scenario: Scenario, interface: str, channel: str, out_dir: Path, seed: int, seconds: float | None) -> None:
-    """Run for a simulated time or until Ctrl-C, print what passed, write the results."""
+def join(scenario: Scenario, interface: str, channel: str) -> can.BusABC:
+    """The bus for a scenario; ConfigError if one of the two is not to be had."""
     if scenario.can is None:
         text = "is missing: the chip has a CAN bus only with it; add the table [can]"
         raise ConfigError([scenario.sources.problem("can", text)])
+    return join_bus(interface, channel)
+
+
+def run_can(
+    scenario: Scenario, bus: can.BusABC, bus_name: str, out_dir: Path, seed: int, seconds: float | None
+) -> None:
+    """Run for a simulated time or until Ctrl-C, print what passed, write the results. bus: of `join`."""
+    assert scenario.can is not None
     bus_of_chip = scenario.can
     check_build()
     limit = seconds if seconds is not None else LONGEST_S
     bare = scenario.model_copy(update={"window": [], "expect": [], "duration_s": limit})
     running: list[Bridge] = []
-    with join_bus(interface, channel) as bus, _ended_by_interrupt(running):
+    with _ended_by_interrupt(running):
 
         def ready(bridge: Bridge) -> None:
             running.append(bridge)
             chip = f"node {bus_of_chip.node_id}, {bus_of_chip.bit_rate_kbit_per_s} kbit/s"
-            print(f"{chip} on {interface}:{channel}, process {os.getpid()}", flush=True)
+            print(f"{chip} on {bus_name}, process {os.getpid()}", flush=True)
 
         data, traffic = run_on_bus(bare, bus, out_dir, seed, limit, _Lines(), ready)
     print(traffic.text, flush=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import ProgressInfo, Rejection, RunData, SimulationFault
+from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import PHASES, Chip, build_chip
@@ -156,7 +156,7 @@ def run_scenario(
     how the firmware runs in place of the chip's core.
     """
     if progress is not None:
-        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, "building"))
+        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, BUILDING))
     try:
         chip = chip_of(scenario, waves, native is not None)
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)

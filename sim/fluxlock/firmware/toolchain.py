@@ -187,7 +187,12 @@ def build_loader(listen_ms: int | None = None) -> Path:
     listen_ms: how long it listens for a host before it starts what the flash holds, default the loader's own.
     """
     name, defined = ("boot", ()) if listen_ms is None else (f"boot-{listen_ms}", (f"-DLISTEN_MS={listen_ms}u",))
-    sources = [*(f"{BOOT}{p.name}" for p in sorted((SW / BOOT).glob("*.[cS]"))), "control/crc32.c", "hal/uart.c"]
+    sources = [
+        *(f"{BOOT}{p.name}" for p in sorted((SW / BOOT).glob("*.[cS]"))),
+        "control/crc32.c",
+        "hal/flash.c",
+        "hal/uart.c",
+    ]
     binary = _build_image(name, sources, BUILD / "firmware", ("-Os", *defined), "", f"{BOOT}link.ld", BOOT_ADDRESS)
     image = binary.with_suffix(".hex")
     data = binary.read_bytes()[BOOT_ADDRESS:].ljust(BOOT_BYTES, b"\0")

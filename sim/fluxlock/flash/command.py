@@ -27,18 +27,21 @@ def flash(
 ) -> None:
     """Write firmware and parameter block of a scenario into the flash of a board and start them.
 
-    The loader listens for 0.2 s after a reset: reset the board while the command waits.
+    The loader listens for 0.2 s after a reset: reset the board while the command waits. A scenario with a
+    CAN bus gets the firmware with the CANopen node; what the node has stored stays.
     """
     from fluxlock.cosim.parameters import check_parameters, parameter_block
-    from fluxlock.firmware.toolchain import build_firmware
-    from fluxlock.flash.image import pack_image, plan
+    from fluxlock.cosim.run import image_of
+    from fluxlock.flash.image import pack_can_setup, pack_image, plan
     from fluxlock.flash.loader import HELLO_S, Loader, LoaderError
     from fluxlock.flash.serial_port import SerialPort
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
-    phases = loaded.motor.phases
-    steps = plan(pack_image(build_firmware(phases=phases).read_bytes(), phases), parameter_block(loaded).pack())
+    image = pack_image(image_of(loaded).read_bytes(), loaded.motor.phases)
+    bus = loaded.can
+    setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
+    steps = plan(image, parameter_block(loaded).pack(), setup)
     if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
         raise ConfigError([Problem("--port", str(port), "is no serial port that may be read and written")])
     console = Console()

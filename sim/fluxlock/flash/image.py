@@ -16,6 +16,7 @@ from fluxlock.memory import (
     BLOCK_ADDRESS,
     BLOCK_MAX_BYTES,
     FLASH_BLOCK,
+    FLASH_CAN_SETUP,
     FLASH_IMAGE,
     FLASH_PAGE_BYTES,
     FLASH_SECTOR_BYTES,
@@ -48,6 +49,12 @@ def pack_image(code: bytes, phases: int) -> bytes:
     return header.ljust(FLASH_PAGE_BYTES, b"\xff") + code
 
 
+def pack_can_setup(node_id: int, bit_rate_kbit_per_s: int) -> bytes:
+    """What the image with the CANopen node reads beside the parameter block."""
+    words = struct.pack("<2I", node_id, bit_rate_kbit_per_s)
+    return words + struct.pack("<I", zlib.crc32(words))
+
+
 @dataclass(frozen=True)
 class Plan:
     """Addresses to erase, then pages to write; what makes either part valid comes last."""
@@ -60,15 +67,17 @@ def _pages(address: int, data: bytes) -> list[tuple[int, bytes]]:
     return [(address + i, data[i : i + FLASH_PAGE_BYTES]) for i in range(0, len(data), FLASH_PAGE_BYTES)]
 
 
-def plan(image: bytes, block: bytes) -> Plan:
+def plan(image: bytes, block: bytes, can_setup: bytes = b"") -> Plan:
     """How image and parameter block get into the flash.
 
     The first sectors, with the header of the image and that of the block, go first and come back last, so that at no
-    moment a part of the old and a part of the new can be taken for a whole.
+    moment a part of the old and a part of the new can be taken for a whole. can_setup: of `pack_can_setup`, for an
+    image with the CANopen node. Stored objects lie behind and are not touched.
     """
     if not 4 * HEADER_WORDS < len(block) <= BLOCK_MAX_BYTES:
         raise ValueError(f"a parameter block of {len(block)} bytes")
     erase = [FLASH_BLOCK, *range(FLASH_IMAGE, FLASH_IMAGE + len(image), FLASH_SECTOR_BYTES)]
     head, *code = _pages(FLASH_IMAGE, image)
     first, *rest = _pages(FLASH_BLOCK, block)
-    return Plan(erase, [*code, *rest, first, head])
+    setup = _pages(FLASH_CAN_SETUP, can_setup)
+    return Plan(erase, [*code, *rest, *setup, first, head])

@@ -4,6 +4,7 @@
 
 #include "hal/chip.h"
 #include "hal/cpu.h"
+#include "hal/host/host_flash.h"
 #include "hal/reg.h"
 
 #define FIFO_LENGTH 65536u
@@ -22,6 +23,7 @@ static struct {
   int32_t auto_zero[OFFSETS];
   fifo_t to_firmware;
   fifo_t from_firmware;
+  uint32_t spi_rx;
 } host;
 
 static void push(fifo_t *fifo, uint8_t byte) {
@@ -88,6 +90,9 @@ uint32_t reg_read(uint32_t address) {
   if (address == REG(uart.status)) {
     return FL_UART_REGS__STATUS__TX_READY_bm;
   }
+  if (address == REG(spi.rx)) {
+    return host.spi_rx;
+  }
   return *at(address);
 }
 
@@ -112,6 +117,10 @@ static void auto_zero(uint32_t value) {
 void reg_write(uint32_t address, uint32_t value) {
   if (address == REG(uart.tx)) {
     push(&host.from_firmware, (uint8_t)value);
+  } else if (address == REG(spi.control)) {
+    host_flash_select(BITS(FL_SPI_REGS__CONTROL__SELECT, value) != 0u);
+  } else if (address == REG(spi.tx)) {
+    host.spi_rx = host_flash_exchange((uint8_t)value);
   } else if (address == REG(irq.pending)) {
     *at(address) &= ~value;
   } else if (address == REG(timer.update)) {

@@ -1,13 +1,13 @@
 // A stand-in for the chip's register file on a host: what a program outside needs to play the chip.
 //
 // Registers are plain memory but for those that act: UART FIFOs, interrupt pending bits, commit, trip clear,
-// auto-zero.
+// auto-zero, SPI flash (host_flash.h).
 #ifndef FL_HOST_CHIP_H
 #define FL_HOST_CHIP_H
 
 #include <stdint.h>
 
-#define HOST_REGISTER_WORDS 0x4000u  // fifteen windows of 4 KiB
+#define HOST_REGISTER_WORDS 0x4000u  // sixteen windows of 4 KiB
 
 // All registers, index = (address - base) / 4.
 uint32_t *fl_host_registers(void);

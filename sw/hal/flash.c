@@ -1,6 +1,6 @@
-#include "boot/flash.h"
+#include "hal/flash.h"
 
-#include "boot/wait.h"
+#include "hal/wait.h"
 #include "hal/reg.h"
 #include "ram.h"
 

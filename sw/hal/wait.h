@@ -1,4 +1,4 @@
-// Time in the loader: the chip's free-running counter.
+// Waiting by the chip's free-running counter: for the loader, and for the flash.
 #ifndef FL_WAIT_H
 #define FL_WAIT_H
 

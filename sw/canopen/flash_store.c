@@ -1,0 +1,50 @@
+#include "canopen/flash_store.h"
+
+#include "control/crc32.h"
+#include "control/placement.h"
+#include "hal/flash.h"
+#include "ram.h"
+
+SMALL_CODE_BEGIN
+
+_Static_assert(4u * STORE_WORDS <= FLASH_SECTOR_BYTES, "an image is larger than its sector");
+
+static uint32_t address_of(uint32_t slot) { return FLASH_STORE + slot * FLASH_SECTOR_BYTES; }
+
+static bool slot_read(void *context, uint32_t slot, void *data, uint32_t bytes) {
+  (void)context;
+  flash_read(address_of(slot), data, bytes);
+  return true;
+}
+
+// The page with the magic number and the checksum comes last.
+static bool slot_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
+  (void)context;
+  const uint8_t *from = data;
+  bool done = flash_erase(address_of(slot));
+  for (uint32_t end = bytes; done && end != 0u;) {
+    const uint32_t begin = (end - 1u) / FLASH_PAGE_BYTES * FLASH_PAGE_BYTES;
+    done = flash_program(address_of(slot) + begin, &from[begin], end - begin);
+    end = begin;
+  }
+  return done;
+}
+
+const storage_t *flash_storage(void) {
+  static const storage_t storage = {.read = slot_read, .write = slot_write};
+  const uint32_t identity = flash_identify();
+  return (identity == 0u || identity == 0xFFFFFFu) ? 0 : &storage;
+}
+
+bool flash_can_setup(uint32_t setup[2]) {
+  uint32_t found[3];
+  flash_read(FLASH_CAN_SETUP, (uint8_t *)found, sizeof found);
+  if (crc32((const uint8_t *)found, 8) != found[2] || found[0] < 1u || found[0] > 127u) {
+    return false;
+  }
+  setup[0] = found[0];
+  setup[1] = found[1];
+  return true;
+}
+
+SMALL_CODE_END
