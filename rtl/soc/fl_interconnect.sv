@@ -1,5 +1,7 @@
 // Register bus: one Wishbone slave port, one window of 4 KiB a block, read data registered.
 //
+// Read data get a register a block, cleared where the block is not strobed, and are joined behind it: the choice among the
+// registers of a block and the choice among the blocks each have a clock of their own.
 // A block is strobed for exactly one clock, takes a write or shows its read data combinationally in that clock; the
 // answer follows in the next clock. The acknowledge is made here, so that an access to a window or an offset where
 // nothing is answers (reads as zero, writes are lost) and never hangs the bus.
@@ -32,7 +34,7 @@ module fl_interconnect
 
   logic access;
   logic [PageWidth-1:0] page;
-  logic [31:0] rdat;
+  logic [Blocks-1:0][31:0] rdat_q;
 
   assign access     = stb_i && !ack_o;
   assign page       = adr_i[29:WindowWidth-2];
@@ -46,16 +48,15 @@ module fl_interconnect
     assign stb_o[i] = access && page == PageWidth'(i) && (req_o.adr >> AddressWidth[i]) == '0;
   end
 
-  // At most one block is strobed: an OR is shallower than a choice.
-  always_comb begin
-    rdat = '0;
-    for (int i = 0; i < Blocks; i++) rdat |= rdat_i[i] & {32{stb_o[i]}};
+  always_ff @(posedge clk_i) begin
+    for (int i = 0; i < Blocks; i++) rdat_q[i] <= stb_o[i] ? rdat_i[i] : '0;
+    ack_o <= access;
+    if (rst_i) ack_o <= 1'b0;
   end
 
-  always_ff @(posedge clk_i) begin
-    ack_o <= access;
-    if (access && !we_i) rdat_o <= rdat;
-    if (rst_i) ack_o <= 1'b0;
+  always_comb begin
+    rdat_o = '0;
+    for (int i = 0; i < Blocks; i++) rdat_o |= rdat_q[i];
   end
 
 endmodule

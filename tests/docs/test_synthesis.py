@@ -14,6 +14,7 @@ from fluxlock.synth import configurations, report, timing
 from fluxlock.synth.blocks import block_files, load_settings
 from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
+from fluxlock.synth.xilinx import XilinxCells, cells_of
 
 CLOCK, PADS = "posedge clk", timing.PAD
 CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0)
@@ -21,6 +22,7 @@ RESULT: dict[str, Any] = {
     "device": "LFE5U-85F", "speed_grade": 6, "clock_mhz": 50.0, "fmax_mhz": 51.26, "routed": True,
     "pad_output_ns": 4.0, "pad_input_ns": 3.0, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6, "block_ram": 5,
     "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
+    "xilinx": {"lut6": 9, "carry4": 8, "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4},
 }  # fmt: skip
 
 
@@ -165,6 +167,7 @@ def test_tables() -> None:
     assert " ".join(report.configuration_row("three-phase", RESULT)) == (
         "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 7 6 5 4 100 201 all limits met, seed 1"
     )
+    assert " ".join(report.xilinx_row("three-phase", RESULT)) == "three-phase 9 8 7 6 5 4"
     assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]
     placed = {**RESULT, "fmax_mhz": 38.25, "routed": False, "pad_output_ns": None, "problems": ["a", "b"]}
     row = report.configuration_row("three-phase", placed)
@@ -178,6 +181,17 @@ def test_tables() -> None:
     )
     with pytest.raises(ValueError, match="0 rows begin with 'Fmax'"):
         report.with_readme_rows("| LUT4 / carry | old |", report.readme_rows(RESULT))
+
+
+def test_xilinx_cells() -> None:
+    """LUTs of all sizes, flip-flops of all kinds and both sizes of block RAM are counted, a memory of LUTs by its LUTs.
+
+    Verifies: BRD-09
+    """
+    counts = {"LUT1": 1, "LUT3": 20, "LUT6": 300, "CARRY4": 4, "FDRE": 50, "FDSE": 6, "RAM32M": 2, "SRL16E": 1}
+    counts |= {"RAMB18E1": 3, "RAMB36E1": 10, "DSP48E1": 7, "MUXF7": 99}
+    assert cells_of(counts) == XilinxCells(lut6=321, carry4=4, ff=56, lut_ram=9, block_ram=23, dsp=7)
+    assert cells_of({}) == XilinxCells(0, 0, 0, 0, 0, 0)
 
 
 def test_rows_stay() -> None:

