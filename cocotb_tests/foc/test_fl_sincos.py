@@ -16,7 +16,7 @@ from fluxlock import tables
 from fluxlock.cosim.block import run_block_test
 
 CLOCK_NS = 20
-LATENCY = 3  # clocks, published by the module
+LATENCY = 4  # clocks, published by the module
 TURN = 1 << 32
 TABLE_ERROR = 1.05e-6  # of full scale, published by the module
 

@@ -35,7 +35,6 @@
 `default_nettype none
 module fl_foc
   import fl_pkg::sample_t;
-  import fl_pkg::sat_sample;
   import fl_foc_pkg::*;
 #(
     parameter int unsigned Phases = 3,
@@ -111,6 +110,16 @@ module fl_foc
 
   function automatic state_t sat_state(logic signed [39:0] x);
     return (x[39:27] == {13{x[39]}}) ? x[27:0] : {x[39], {27{!x[39]}}};
+  endfunction
+
+  // 2/P of the work register.
+  function automatic sample_t sat_current(logic signed [25:0] x);
+    return (x[25:17] == {9{x[25]}}) ? x[17:0] : {x[25], {17{!x[25]}}};
+  endfunction
+
+  // At most four products of voltages and cosines.
+  function automatic sample_t sat_voltage(logic signed [20:0] x);
+    return (x[20:17] == {4{x[20]}}) ? x[17:0] : {x[20], {17{!x[20]}}};
   endfunction
 
   // State in the format of voltages, rounded half up.
@@ -350,30 +359,39 @@ module fl_foc
     return subspace || !skip_q;
   endfunction
 
-  assign applied_d =
-      sat_sample(32'(forward_i[s2][axis2]) + (bypass_i ? 32'sd0 : 32'(to_voltage(state_q[s2][axis2]))));
+  // One sum of forward and state; the carry rounds the state half up.
+  logic signed [20:0] added;  // state and half a unit
+  logic signed [21:0] applied_sum;
+
+  assign added       = bypass_i ? '0 : state_q[s2][axis2][27:7];
+  assign applied_sum = 22'(added) + 22'($signed({forward_i[s2][axis2], 1'b1}));
+  assign applied_d = sat_voltage(applied_sum[21:1]);
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
-  sample_t taken;  // by the limit
+  state_t wanted_q;  // before the limit
 
-  assign taken = sample_t'((state_q[s1][axis1] - state_t'(sum >>> 17)) >>> 10);
+
+  // Base and rounded delta in one sum: the carry is the half of the delta's lowest bit.
+  logic signed [40:0] next_sum;
+
+  assign next_sum = 41'($signed({base_q[s3][axis3], 1'b1})) + 41'(delta_q);
+
+  logic unused;
+  assign unused = &{1'b0, applied_sum[0], next_sum[0]};
 
   always_ff @(posedge clk_i) begin
+    wanted_q <= state_q[s1][axis1];
     if (sum_q.last) begin
       unique case (sum_q.kind)
         SumProject: work_q[s1][axis1] <= state_t'(sum >>> 17);
-        SumCurrent: current_q[s1][axis1] <= sat_sample(32'(sum >>> 23));
+        SumCurrent: current_q[s1][axis1] <= sat_current(sum[48:23]);
         SumLimit:
         if (runs(s1)) begin
           limited_q[s1] <= less;
-          if (less) begin
-            state_q[s1][axis1] <= state_t'(sum >>> 17);
-            if (enable_i[s1] && !direct_i) back_q[s1][axis1] <= taken;
-          end
+          if (less) state_q[s1][axis1] <= state_t'(sum >>> 17);
         end
-        SumPhase:   voltage_q[sum_q.phase] <= sat_sample(32'(sum >>> 20));
-        SumBack:    base_q[s1][axis1] <= base_t'(state_q[s1][axis1]) + base_t'(sum >>> 7);
+        SumPhase:   voltage_q[sum_q.phase] <= sat_voltage(sum[40:20]);
         default:    ;
       endcase
     end
@@ -385,9 +403,9 @@ module fl_foc
       for (int unsigned axis = 0; axis < 2; axis++)
       if (runs(1'b0)) error_q[0][axis] <= error_of(reference_i[0][axis], filtered_i[axis]);
     end
-    if (regulator2) delta_q <= (shifted >>> 1) + 39'($signed({1'b0, shifted[0]}));
+    if (regulator2) delta_q <= shifted;
     if (regulator3 && !direct_i && runs(s3)) begin
-      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(40'(base_q[s3][axis3]) + 40'(delta_q));
+      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(next_sum[40:1]);
       else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
       back_q[s3][axis3] <= '0;
     end
@@ -400,9 +418,14 @@ module fl_foc
     if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
     if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
     if (tail_q[0].last && tail_q[0].kind == SumLimit) begin
-      applied_q[s2][axis2]        <= applied_d;
-      voltage_vector_q[s2][axis2] <= sat_sample(32'(applied_d) + 32'(inject_q[s2][axis2]));
+      applied_q[s2][axis2] <= applied_d;
+      if (limited_q[s2] && runs(s2) && enable_i[s2] && !direct_i)
+        back_q[s2][axis2] <= sample_t'((wanted_q - state_q[s2][axis2]) >>> 10);
     end
+    if (tail_q[1].last && tail_q[1].kind == SumLimit)
+      voltage_vector_q[s3][axis3] <= sat_voltage(21'(applied_q[s3][axis3]) + 21'(inject_q[s3][axis3]));
+    if (tail_q[0].last && tail_q[0].kind == SumBack)
+      base_q[s2][axis2] <= base_t'(state_q[s2][axis2]) + base_t'($signed(accumulator[Common]) >>> 7);
     if (rst_i) begin
       state_q   <= '0;
       base_q    <= '0;

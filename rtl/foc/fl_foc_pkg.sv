@@ -48,7 +48,7 @@ package fl_foc_pkg;
   localparam logic [1:0] Common = 2'd2;
 
   typedef struct packed {
-    // Angle looked up for the product three clocks later.
+    // Angle looked up for the product LookAhead clocks later.
     logic       look_inverse;     // with the lead
     logic       look_third;       // three times the angle
     logic       look_quadrature;
@@ -73,7 +73,7 @@ package fl_foc_pkg;
   localparam int unsigned MaxSteps = 128;
   typedef step_t [MaxSteps-1:0] program_t;
 
-  localparam int unsigned LookAhead = 3;  // fl_sincos
+  localparam int unsigned LookAhead = 4;  // fl_sincos
   localparam int unsigned RootClocks = 7;  // fl_sqrt
   localparam int unsigned RatioClocks = 6;  // fl_ratio
 
@@ -209,16 +209,17 @@ package fl_foc_pkg;
       p[gain_clock(phases, s)+8].last  = 1'b0;
       p[gain_clock(phases, s)+9].first = 1'b0;
     end
-    // Inverse Park of all phases at once.
+    // Inverse Park of all phases at once. With three the voltage's q comes last: the first two phases take d first.
     for (int unsigned k = 0; k < phases; k++) begin
       for (int unsigned i = 0; i < 2 * subspaces(phases); i++) begin
         t                              = inverse_clock(phases) + 2 * subspaces(phases) * k + i;
+        if (phases == 3 && k + i == 1) t = inverse_clock(phases) + 1 + i;
         p[t].x                         = XVoltage;
         p[t].c                         = CCosine;
         p[t].subspace                  = i[1];
         p[t].x_axis                    = i[0];
         p[t].phase                     = 3'(k);
-        p[t].accumulator               = Common;
+        p[t].accumulator               = (k == 0) ? 2'd0 : Common;
         p[t].kind                      = SumPhase;
         p[t].first                     = i == 0;
         p[t].last                      = i == 2 * subspaces(phases) - 1;

@@ -61,7 +61,7 @@ module fl_modulator
   typedef logic signed [19:0] half_clocks_t;
 
   // Settings of the vector in work.
-  logic [15:0] period_q, margin_in_q, margin_q, high_q, min_q;
+  logic [15:0] period_q, margin_in_q, margin_q, high_q, min_q, longest_q;
   logic [16:0] scale_q, band_q, slope_q;
   logic [4:0] scale_shift_q, slope_shift_q;  // one less than the setting: products are in half clocks
   logic [9:0] dead_time_q;
@@ -72,11 +72,23 @@ module fl_modulator
   endfunction
 
   function automatic sample_t beyond(sample_t i, logic [16:0] band);
-    sample_t size;
-    size = $signed({1'b0, band});
-    if (i > size) return i - size;
-    if (i < -size) return i + size;
-    return '0;
+    logic signed [18:0] less, more;
+    less = 19'(i) - 19'($signed({1'b0, band}));
+    more = 19'(i) + 19'($signed({1'b0, band}));
+    if (!less[18]) return less[17:0];
+    return more[18] ? more[17:0] : '0;
+  endfunction
+
+  // Saturation of v - z.
+  function automatic sample_t difference(sample_t v, sample_t z);
+    logic signed [18:0] y;
+    y = 19'(v) - 19'(z);
+    return (y[18] == y[17]) ? y[17:0] : {y[18], {17{!y[18]}}};
+  endfunction
+
+  // Products beyond 131071 clocks: nothing that follows tells them from the limit.
+  function automatic half_clocks_t sat_half_clocks(logic signed [35:0] x);
+    return (x[35:18] == {18{x[35]}}) ? x[19:0] : {{2{x[35]}}, {18{!x[35]}}};
   endfunction
 
   // Steps: the currents' products, beside them the search for the extremes; then the voltages' products.
@@ -88,55 +100,55 @@ module fl_modulator
   logic pair_q;
   logic [StepWidth-1:0] step_q;
   sample_t [Phases-1:0] v_q, i_q;  // the next one in the lowest place; v_q turns round
-  sample_t max_q, min_v_q, zero;
+  sample_t max_q, min_v_q, zero_q;
   logic accept, accept_early;
 
   assign accept       = valid_i && !busy_q;
   assign accept_early = early_i && !busy_q && !valid_i;
   assign on_last      = step_q == (early_q ? FirstVoltage - StepWidth'(1) : LastStep);
   assign on_voltage = step_q >= FirstVoltage;
-  assign zero       = sample_t'((19'(max_q) + 19'(min_v_q)) >>> 1);
 
-  // Pipeline with the flags of its stages: 1 operands, 2 product, 3 half clocks, 4 raw, 5 sum; then the compare.
+  // Pipeline with the flags of its stages: 1 operands, 2 product, 3 half clocks, 4 raw or compensation, 5 sum; then the
+  // compare.
   localparam int unsigned Stages = 6;
-  logic [3:1] current_q, early_last_q;
+  logic [4:1] current_q;
+  logic [3:1] early_last_q;
   logic [Stages-1:1] voltage_q, last_q;
   sample_t operand_q;
   logic signed [17:0] factor_q;
-  logic [4:0] shift_q, shift2_q;
+  logic [4:0] shift_q;
+  logic [2:0] shift2_q;
   logic signed [35:0] product_q, shifted;
   half_clocks_t half_q;
-  logic signed [18:0] rounded;
   logic signed [18:0] raw_q, sum_q;
-  logic signed [10:0] one_comp, comp;
+  logic signed [10:0] one_comp, one_comp_q, comp;
   logic [Phases-1:0][10:0] comp_q;  // the next one in the lowest place
-  logic edges, below, above;
-  logic [15:0] clamped, pulse;
+  logic signed [19:0] edges_from_q, edges_to_q;  // half clocks
+  logic edges_q, below, above;
+  logic [15:0] pulse;
   logic valid_q;
   logic [Phases-1:0][15:0] compare_q;
   logic [Phases-1:0] clipped_q;
 
   assign shifted = product_q >>> shift2_q;
-  // In half clocks: (period + half + 1) / 2 is period/2 + product, rounded half up.
-  assign rounded = 19'((20'(half_q) + (voltage_q[3] ? 20'($signed({1'b0, period_q})) : 20'sd0) + 20'sd1) >>> 1);
-  assign edges = raw_q > 0 && raw_q < 19'($signed({1'b0, period_q}));
 
+  // All limits are those of the half clocks before the rounding, (x + 1) >>> 1, so that they are looked at beside it.
   always_comb begin
-    if (rounded > 19'($signed({1'b0, dead_time_q}))) one_comp = $signed({1'b0, dead_time_q});
-    else if (rounded < -19'($signed({1'b0, dead_time_q}))) one_comp = -$signed({1'b0, dead_time_q});
-    else one_comp = rounded[10:0];
-    comp = (pair_q && !early_q) ? 11'((12'(one_comp) + 12'($signed(comp_q[0])) + 12'sd1) >>> 1) : one_comp;
+    if (half_q > 20'($signed({1'b0, dead_time_q, 1'b0}))) one_comp = $signed({1'b0, dead_time_q});
+    else if (half_q < 20'($signed({1'b1, ~dead_time_q, 1'b1}))) one_comp = -$signed({1'b0, dead_time_q});
+    else one_comp = 11'((half_q[11:0] + 12'd1) >> 1);
+    comp = (pair_q && !early_q) ? 11'((12'(one_comp_q) + 12'($signed(comp_q[0])) + 12'sd1) >>> 1) : one_comp_q;
   end
 
+  // Margins are at least the minimum pulse or 0, and neither is above half a period: a limited sum is a legal pulse.
   assign below = sum_q < 19'($signed({1'b0, margin_q}));
   assign above = sum_q > 19'($signed({1'b0, high_q}));
   always_comb begin
-    clamped = sum_q[15:0];
-    if (below) clamped = margin_q;
-    else if (above) clamped = high_q;
-    pulse = clamped;
-    if (clamped < min_q) pulse = '0;
-    else if (clamped > period_q - min_q) pulse = period_q;
+    if (below) pulse = margin_q;
+    else if (above) pulse = high_q;
+    else if (sum_q[15:0] < min_q) pulse = '0;
+    else if (sum_q[15:0] > longest_q) pulse = period_q;
+    else pulse = sum_q[15:0];
   end
 
   always_ff @(posedge clk_i) begin
@@ -156,12 +168,14 @@ module fl_modulator
       v_q       <= {v_q[0], v_q[Phases-1:1]};
       i_q       <= {i_q[0], i_q[Phases-1:1]};
       if (!on_voltage) begin
-        if (step_q == '0 || v_q[0] > max_q) max_q <= v_q[0];
-        if (step_q == '0 || v_q[0] < min_v_q) min_v_q <= v_q[0];
+        if (v_q[1] > max_q) max_q <= v_q[1];
+        if (v_q[1] < min_v_q) min_v_q <= v_q[1];
       end
     end
     if (accept) begin
       v_q           <= v_q17_i;
+      max_q         <= v_q17_i[0];
+      min_v_q       <= v_q17_i[0];
       pair_q        <= pair_i;
       period_q      <= cfg_period_i;
       margin_in_q   <= cfg_margin_i;
@@ -175,23 +189,31 @@ module fl_modulator
     else if (margin_in_q > period_q >> 1) margin_q <= period_q >> 1;
     else margin_q <= (margin_in_q < min_q) ? min_q : margin_in_q;
     high_q    <= period_q - margin_q;
+    longest_q <= period_q - min_q;
+    // 0 < raw < period
+    edges_from_q <= 20'sd1 - 20'($signed({1'b0, period_q}));
+    edges_to_q   <= 20'($signed({1'b0, period_q})) - 20'sd1;
 
-    current_q <= {current_q[2:1], step_on_q && !on_voltage};
+    current_q <= {current_q[3:1], step_on_q && !on_voltage};
     voltage_q <= {voltage_q[Stages-2:1], step_on_q && on_voltage};
     last_q    <= {last_q[Stages-2:1], step_on_q && on_last && !early_q};
     early_last_q <= {early_last_q[2:1], step_on_q && on_last && early_q};
 
-    operand_q <= on_voltage ? sat_sample(32'(v_q[0]) - 32'(zero)) : beyond(i_q[0], band_q);
+    // The last step before the voltages looks at the first one again: max and min are final there.
+    zero_q    <= sample_t'((19'(max_q) + 19'(min_v_q)) >>> 1);
+    operand_q <= on_voltage ? difference(v_q[0], zero_q) : beyond(i_q[0], band_q);
     factor_q  <= $signed({1'b0, on_voltage ? scale_q : slope_q});
     shift_q   <= on_voltage ? scale_shift_q : slope_shift_q;
-    product_q <= 36'(operand_q) * 36'(factor_q);
-    shift2_q  <= shift_q;
-    if (shifted > 36'sd262142) half_q <= 20'sd262142;
-    else if (shifted < -36'sd262142) half_q <= -20'sd262142;
-    else half_q <= shifted[19:0];
-    if (current_q[3]) comp_q <= {comp, comp_q[Phases-1:1]};
-    raw_q <= rounded;
-    sum_q <= edges ? raw_q + 19'($signed(comp_q[0])) : raw_q;
+    // Shifted by eights here, by the rest in the next stage.
+    product_q <= (36'(operand_q) * 36'(factor_q)) >>> {shift_q[4:3], 3'd0};
+    shift2_q  <= shift_q[2:0];
+    half_q    <= sat_half_clocks(shifted);
+    one_comp_q <= one_comp;
+    if (current_q[4]) comp_q <= {comp, comp_q[Phases-1:1]};
+    // In half clocks: (period + half + 1) / 2 is period/2 + product, rounded half up.
+    raw_q   <= 19'((half_q + 20'($signed({1'b0, period_q})) + 20'sd1) >>> 1);
+    edges_q <= half_q >= edges_from_q && half_q < edges_to_q;
+    sum_q   <= raw_q + (edges_q ? 19'($signed(comp_q[0])) : 19'sd0);
     if (voltage_q[4]) comp_q <= {comp_q[0], comp_q[Phases-1:1]};
     if (voltage_q[5]) begin
       compare_q <= {pulse, compare_q[Phases-1:1]};

@@ -11,7 +11,7 @@ module fl_sincos
   import fl_sine_pkg::*;
 #(
     parameter  int unsigned Width   = 18,
-    localparam int unsigned Latency = 3
+    localparam int unsigned Latency = 4
 ) (
     input  logic                    clk_i,
     input  logic                    rst_i,
@@ -29,13 +29,12 @@ module fl_sincos
   // Position in the quarter, mirrored in the second and fourth: 9 bits line, 17 bits position on it.
   logic [ 1:0] quarter;
   logic [25:0] position;
-  logic [16:0] along_q;
-  logic negative1_q, negative2_q;
-  sine_line_t line_q;
-  logic [21:0] start_q;
+  logic [16:0] along_q, along2_q;
+  logic negative_q, negative2_q, negative3_q;
+  sine_line_t line_q, line2_q;
+  logic signed [22:0] start_q, sum;
   logic signed [32:0] rise_q;
-  logic [22:0] magnitude;
-  logic [Width-2:0] rounded;
+  logic signed [Width-1:0] rounded;
   logic [Latency-1:0] valid_q;
 
   assign quarter  = angle_i[31:30] + {1'b0, cosine_i};
@@ -43,22 +42,34 @@ module fl_sincos
 
   // The lowest 4 bits of the angle move the result by 1e-8.
   logic unused;
-  assign unused = &{1'b0, angle_i[3:0], rise_q[32], rise_q[16:0]};
+  assign unused = &{1'b0, angle_i[3:0], rise_q[32], rise_q[16:0], sum[22-Width:0]};
 
-  // Times 2^(Width-1) - 1, rounded half up: the table's scale less its share of the 1 below the power of two.
-  assign magnitude = {1'b0, start_q} + {7'd0, rise_q[32:17]} - 23'(start_q >> (Width - 1));
-  assign rounded = (Width - 1)'((magnitude + 23'(1 << (22 - Width))) >> (23 - Width));
+  // What the line's start carries along, so that one sum is left: half a unit for the rounding, the share of the 1 below
+  // the power of two, and a unit less for a negative value, whose bits are turned over: -x = ~(x - 1).
+  function automatic logic signed [7:0] carried(logic [21:0] start, logic negative);
+    logic [7:0] y;
+    y = 8'(1 << (22 - Width)) - 8'(start >> (Width - 1));
+    return negative ? y - 8'(1 << (23 - Width)) : y;
+  endfunction
 
+  assign sum     = start_q + 23'($signed({1'b0, rise_q[32:17]}));
+  assign rounded = Width'(sum >>> (23 - Width));
+
+  // The memory's output has a register before the multiplier: both are slow.
   always_ff @(posedge clk_i) begin
     line_q      <= SineLines[position[25:17]];
     along_q     <= position[16:0];
-    negative1_q <= quarter[1];
+    negative_q  <= quarter[1];
 
-    start_q     <= line_q.start;
-    rise_q      <= 33'($signed({1'b0, along_q})) * 33'($signed({1'b0, line_q.rise}));
-    negative2_q <= negative1_q;
+    line2_q     <= line_q;
+    along2_q    <= along_q;
+    negative2_q <= negative_q;
 
-    value_o     <= negative2_q ? -$signed({1'b0, rounded}) : $signed({1'b0, rounded});
+    start_q     <= $signed({1'b0, line2_q.start}) + 23'(carried(line2_q.start, negative2_q));
+    rise_q      <= 33'($signed({1'b0, along2_q})) * 33'($signed({1'b0, line2_q.rise}));
+    negative3_q <= negative2_q;
+
+    value_o     <= negative3_q ? ~rounded : rounded;
     valid_q     <= {valid_q[Latency-2:0], valid_i};
     if (rst_i) valid_q <= '0;
   end

@@ -72,6 +72,8 @@ module fl_carrier
 
   // The running carrier.
   logic [15:0] count_q, last_q, width_d, width_q;
+  logic [16:0] next_q;  // count_q + 1
+  logic [16:0] end_q;  // last_q + 1
   logic [23:0] duty_q;
   logic pulse_d, pulse_q, full_d, full_q, pinned_q, start_q;
   logic early_d, early_q;  // the pulse began before this carrier's end, for the next one
@@ -124,7 +126,7 @@ module fl_carrier
   // Instants. A level that pulse_o takes at the next clock lasts comm_sched_i - 2 - now_i clocks until the commutation;
   // the compare is made one clock ahead.
   stamp_t until_comm;
-  logic wrap, restart, start, natural, near, near_q;
+  logic wrap_q, restart, start, natural, near, near_q;
   logic [12:0] near_limit_q;
   logic [16:0] reach;  // end of a pulse of min_pulse that started or went on at the next clock
   logic ended;  // the pulse's width is reached at the end of this clock
@@ -138,14 +140,13 @@ module fl_carrier
         signed'(until_comm) < signed'({19'b0, near_limit_q});
   end
   assign near = near_q && !comm_valid_i;
-  assign wrap = count_q >= last_q;
   assign restart = comm_valid_i && commutation_q == CommCsc;
-  assign start = wrap || restart;
-  assign natural = comm_valid_i && commutation_q == CommNsc && !wrap;
-  assign reach = {1'b0, count_q} + {5'b0, min_q} + 17'd1;
-  assign ended = {1'b0, count_q} + 17'd1 >= {1'b0, width_q};
+  assign start = wrap_q || restart;
+  assign natural = comm_valid_i && commutation_q == CommNsc && !wrap_q;
+  assign reach = next_q + {5'b0, min_q};
+  assign ended = next_q >= {1'b0, width_q};
   assign rest_short = !full_q && (ended || reach > {1'b0, width_q});
-  assign tail_short = reach > {1'b0, last_q} + 17'd1;
+  assign tail_short = reach > end_q;
 
   logic drop, drop_q;
   always_comb begin
@@ -206,7 +207,9 @@ module fl_carrier
 
   always_ff @(posedge clk_i) begin
     start_q   <= start;
-    count_q   <= start ? '0 : count_q + 16'd1;
+    count_q   <= start ? '0 : next_q[15:0];
+    next_q    <= start ? 17'd1 : next_q + 17'd1;
+    wrap_q    <= !start && next_q >= {1'b0, last_q};  // count_q reaches last_q; a period has 4 clocks or more
     pulse_q   <= pulse_d;
     width_q   <= width_d;
     full_q    <= full_d;
@@ -217,6 +220,7 @@ module fl_carrier
     dropped_q <= dropped_q + 16'(drop_q);
     if (start) begin
       last_q   <= last_c_q;
+      end_q    <= {1'b0, last_c_q} + 17'd1;
       duty_q   <= duty_c_q;
       pinned_q <= pinned_c_q;
     end
@@ -226,6 +230,8 @@ module fl_carrier
     if (rst_i) begin
       start_q   <= 1'b0;
       count_q   <= '0;
+      next_q    <= 17'd1;
+      wrap_q    <= 1'b0;
       pulse_q   <= 1'b0;
       width_q   <= '0;
       full_q    <= 1'b0;
@@ -235,6 +241,7 @@ module fl_carrier
       drop_q    <= 1'b0;
       dropped_q <= '0;
       last_q    <= '1;
+      end_q     <= 17'h10000;
       duty_q    <= '0;
       pinned_q  <= 1'b1;
       carry_q   <= '0;

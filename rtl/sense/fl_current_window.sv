@@ -74,8 +74,9 @@ module fl_current_window
   logic [15:0] length_q, delay_q, elapsed_d, elapsed_q;
   stamp_t shifted_now;
   logic in_window, whole, single, take_strobe;
-  stamp_t [1:0] open_time_q;
-  logic [1:0][15:0] span_q;
+  // Of the newest window and the one before: first clock, first clock after it, middle.
+  stamp_t newest_open_d, newest_open_q, newest_close_d, newest_close_q, newest_middle_d, newest_middle_q;
+  stamp_t older_open_q, older_close_q, older_middle_q;
   logic [1:0][7:0] expected_q;
   logic [1:0] whole_q;  // ran to its end
   logic want_q, got_single;  // length 0: the sample strobed at want_time_q is to come
@@ -91,16 +92,21 @@ module fl_current_window
   assign instant_o   = take_strobe || (in_window && elapsed_d == length_q >> 1);
 
   // The samples.
-  stamp_t newest_rel, older_rel;
   logic in_newest, in_older, add, fresh, complete;
   logic acc_slot_q, acc_open_q;
   logic [7:0] count_q;
   sum_t [Phases-1:0] sum_q;
 
-  assign newest_rel = sample_time_i - open_time_q[slot_q];
-  assign older_rel  = sample_time_i - open_time_q[!slot_q];
-  assign in_newest  = newest_rel < stamp_t'(span_q[slot_q]);
-  assign in_older   = older_rel < stamp_t'(span_q[!slot_q]);
+  function automatic logic earlier(stamp_t x, stamp_t y);
+    return signed'(x - y) < 0;
+  endfunction
+
+  assign newest_open_d   = open_q ? shifted_now : newest_open_q;
+  assign newest_close_d  = open_q ? shifted_now + stamp_t'(length_q) : newest_close_q;
+  assign newest_middle_d = open_q ? shifted_now + (stamp_t'(length_q) >> 1) : newest_middle_q;
+
+  assign in_newest  = !earlier(sample_time_i, newest_open_q) && earlier(sample_time_i, newest_close_q);
+  assign in_older   = !earlier(sample_time_i, older_open_q) && earlier(sample_time_i, older_close_q);
   assign add        = sample_valid_i && (in_newest || in_older);
   assign fresh      = !acc_open_q || acc_slot_q != (in_newest ? slot_q : !slot_q);
   assign complete   = acc_open_q && whole_q[acc_slot_q] && count_q == expected_q[acc_slot_q];
@@ -113,13 +119,18 @@ module fl_current_window
       slot_q              <= !slot_q;
       length_q            <= cfg_length_i;
       delay_q             <= cfg_delay_i;
-      span_q[!slot_q]     <= '0;
       whole_q[!slot_q]    <= 1'b0;
       expected_q[!slot_q] <= '0;
     end
-    if (open_q) begin
-      open_time_q[slot_q] <= shifted_now;
-      span_q[slot_q]      <= length_q;
+    newest_open_q   <= newest_open_d;
+    newest_close_q  <= newest_close_d;
+    newest_middle_q <= newest_middle_d;
+    if (open_d) begin
+      // Until its first clock the newest one holds no sample.
+      newest_close_q <= newest_open_d;
+      older_open_q   <= newest_open_d;
+      older_close_q  <= newest_close_d;
+      older_middle_q <= newest_middle_d;
     end
     elapsed_q <= elapsed_d + 16'd1;
     running_q <= in_window && !whole && !open_d;
@@ -138,7 +149,8 @@ module fl_current_window
       if (fresh || count_q != '1) begin
         count_q <= fresh ? 8'd1 : count_q + 8'd1;
         for (int unsigned x = 0; x < Phases; x++)
-          sum_q[x] <= (fresh ? '0 : sum_q[x]) + SumWidth'(to_offset_binary(sample_i[x]));
+          sum_q[x] <= fresh ? SumWidth'(to_offset_binary(sample_i[x])) :
+            sum_q[x] + SumWidth'(to_offset_binary(sample_i[x]));
       end
     end
     if (complete) begin
@@ -152,7 +164,10 @@ module fl_current_window
       waiting_q  <= 1'b0;
       slot_q     <= 1'b0;
       length_q   <= '0;
-      span_q     <= '0;
+      newest_open_q  <= '0;
+      newest_close_q <= '0;
+      older_open_q   <= '0;
+      older_close_q  <= '0;
       whole_q    <= '0;
       expected_q <= '0;
       acc_open_q <= 1'b0;
@@ -164,24 +179,42 @@ module fl_current_window
   logic divide_q;
   logic [2:0] digit_q;
   logic [7:0] divisor_q;
+  logic [9:0] triple_q;  // 3 * divisor_q
   stamp_t divide_time_q;
-  logic [Phases-1:0][8:0] remainder_d, remainder_q;
+  logic [Phases-1:0][7:0] remainder_d, remainder_q;
   offset_binary_t [Phases-1:0] rest_d, rest_q;
 
-  always_comb begin
-    remainder_d = remainder_q;
-    rest_d      = rest_q;
-    for (int unsigned x = 0; x < Phases; x++) begin
-      for (int unsigned bits = 0; bits < BitsPerClock; bits++) begin
-        remainder_d[x] = {remainder_d[x][7:0], rest_d[x][SampleWidth-1]};
-        rest_d[x]      = {rest_d[x][SampleWidth-2:0], remainder_d[x] >= {1'b0, divisor_q}};
-        if (rest_d[x][0]) remainder_d[x] = remainder_d[x] - {1'b0, divisor_q};
-      end
+  // Three bits of the quotient a clock: two by the multiples of the divisor side by side, then one.
+  for (genvar x = 0; x < Phases; x++) begin : gen_divider
+    logic [2:0] next;
+    logic [9:0] dividend;
+    logic [10:0] once, twice, thrice;
+    logic [7:0] rest;
+    logic [9:0] last;
+    logic unused;
+
+    assign next     = rest_q[x][SampleWidth-1-:BitsPerClock];
+    assign dividend = {remainder_q[x], next[2:1]};
+    assign once     = {1'b0, dividend} - {3'b0, divisor_q};
+    assign twice    = {1'b0, dividend} - {2'b0, divisor_q, 1'b0};
+    assign thrice   = {1'b0, dividend} - {1'b0, triple_q};
+    assign last     = {1'b0, rest, next[0]} - {2'b0, divisor_q};
+
+    always_comb begin
+      if (!twice[10]) rest = thrice[10] ? twice[7:0] : thrice[7:0];
+      else rest = once[10] ? dividend[7:0] : once[7:0];
+      remainder_d[x] = last[9] ? {rest[6:0], next[0]} : last[7:0];
+      rest_d[x] = {
+        rest_q[x][SampleWidth-1-BitsPerClock:0], !twice[10], twice[10] ? !once[10] : !thrice[10], !last[9]
+      };
     end
+
+    assign unused = &{1'b0, once, twice, thrice, last};
   end
 
-  function automatic logic [SumWidth:0] half_more(sum_t sum, logic [7:0] n);
-    return {1'b0, sum} + (SumWidth + 1)'(n >> 1);
+  // Below n * 2^SampleWidth.
+  function automatic sum_t half_more(sum_t sum, logic [7:0] n);
+    return sum + SumWidth'(n >> 1);
   endfunction
 
   logic valid_q;
@@ -207,7 +240,8 @@ module fl_current_window
       for (int unsigned x = 0; x < Phases; x++)
         {remainder_q[x], rest_q[x]} <= half_more(sum_q[x], count_q);
       divisor_q     <= count_q;
-      divide_time_q <= open_time_q[acc_slot_q] + (stamp_t'(span_q[acc_slot_q]) >> 1);
+      triple_q      <= {2'b0, count_q} + {1'b0, count_q, 1'b0};
+      divide_time_q <= (acc_slot_q == slot_q) ? newest_middle_q : older_middle_q;
       divide_q      <= 1'b1;
       digit_q       <= '0;
     end

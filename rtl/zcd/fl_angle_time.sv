@@ -52,42 +52,44 @@ module fl_angle_time #(
   logic [15:0] x_q;  // Q16
   logic [23:0] interval_q;
   logic linear_q, saturated_q, valid_q;
-  logic [16:0] node_q, next_q, angle_q;  // Q16 intervals
-  logic [6:0] address;
-  logic [23:0] factor;
-  logic [16:0] scale;
+  logic [16:0] node_q, node;  // Q16 intervals
+  logic [6:0] address_q;  // in the table
+  logic [23:0] factor_q;  // rise of the line, then the interval
+  logic [16:0] scale_q;  // place on the line, then the angle in intervals
   logic [40:0] product_q;
   logic beyond;
 
-  assign beyond  = value_i >= peak_i;
-  assign address = (state_q == Node) ? x_q[15:9] : x_q[15:9] + 7'd1;
-  assign factor  = (state_q == Line) ? 24'(next_q - node_q) : interval_q;
-  assign scale   = (state_q == Line) ? 17'(x_q[8:0]) : angle_q;
+  assign beyond = value_i >= peak_i;
+  assign node   = AsinQ16[address_q];
 
   always_ff @(posedge clk_i) begin
     valid_q <= 1'b0;
     unique case (state_q)
       Idle:    ;
       Divide: begin
-        x_q <= div_offset_i;
+        x_q       <= div_offset_i;
+        address_q <= (div_offset_i[15:9] < AsinLast) ? div_offset_i[15:9] : AsinLast;
         if (div_valid_i) begin
           saturated_q <= div_offset_i[15:9] >= AsinLast && !linear_q;
           state_q     <= Node;
         end
       end
       Node: begin
-        node_q  <= AsinQ16[saturated_q?AsinLast : address];
+        node_q <= node;
+        if (!saturated_q) address_q <= address_q + 7'd1;
         state_q <= NextNode;
       end
       NextNode: begin
-        next_q  <= AsinQ16[saturated_q?AsinLast : address];
-        state_q <= Line;
+        factor_q <= 24'(node - node_q);
+        scale_q  <= 17'(x_q[8:0]);
+        state_q  <= Line;
       end
       Line:    state_q <= Sum;
       Sum: begin
-        if (!linear_q) angle_q <= node_q + 17'((product_q + 41'd256) >> 9);
-        else angle_q <= saturated_q ? 17'h08000 : {2'b0, x_q[15:1]};
-        state_q <= Scale;
+        if (!linear_q) scale_q <= node_q + 17'((product_q + 41'd256) >> 9);
+        else scale_q <= saturated_q ? 17'h08000 : {2'b0, x_q[15:1]};
+        factor_q <= interval_q;
+        state_q  <= Scale;
       end
       Scale: begin
         valid_q <= 1'b1;
@@ -95,11 +97,12 @@ module fl_angle_time #(
       end
       default: state_q <= Idle;
     endcase
-    if (state_q == Line || state_q == Scale) product_q <= 41'(factor) * 41'(scale);
+    if (state_q == Line || state_q == Scale) product_q <= 41'(factor_q) * 41'(scale_q);
     if (start_i) begin
       interval_q  <= interval_i;
       linear_q    <= linear_i;
       saturated_q <= beyond;
+      address_q   <= AsinLast;
       valid_q     <= 1'b0;
       state_q     <= beyond ? Node : Divide;
     end

@@ -259,10 +259,16 @@ module fl_commutation_timer
   logic signed [26:0] difference, difference_q;
   logic [26:0] interval0_w, interval2_w;
   logic [26:0] difference_size;
-  logic signed [26:0] corrected_delay_q, sixth;
+  logic signed [26:0] corrected_delay_q, room_q, sixth;  // room: from partial_q to the interval
+  logic beyond_q;  // corrected_delay_q is beyond the interval
+  logic zc_load_q, hall_load_q, timeout_load_q;  // state_q is ZcLoad, HallLoad, TimeoutLoad
+  stamp_t next_base_q;  // zc_base_q and a mean interval
+  logic signed [27:0] corrected_sum;
   logic signed [16:0] hall_fraction;
   logic [24:0] rounded;
   stamp_t addend;
+  logic carry;  // half a unit that the addend lacks
+  logic [32:0] target_sum;
   logic period_known;
 
   // HALL: what the edge that is being worked on asks for.
@@ -275,7 +281,7 @@ module fl_commutation_timer
   assign period_known = period < 27'h0FFFFFF;
   assign correct = correction_q && run;
   // -4 t[n] + t[n-1] + 3 t[n-2]
-  assign interval0_w = 27'(interval);
+  assign interval0_w = 27'(meter_interval);  // a run is of measured ones
   assign interval2_w = 27'(interval2);
   assign difference = 27'(interval1) + interval2_w + (interval2_w << 1) - (interval0_w << 2);
   assign difference_size = difference_q[26] ? 27'(-difference_q) : 27'(difference_q);
@@ -322,40 +328,56 @@ module fl_commutation_timer
       state_q == CorrectionProduct || state_q == CorrectionSum || state_q == ZcLoad || state_q == HallProduct ||
       state_q == HallLoad;
 
-  // What is added to the base: the last product, rounded, or the sum with the correction, limited.
+  // What is added to the base: the last product, rounded, or the sum with the correction, limited. Products are rounded
+  // by the carry of the sum that they go into; -(x + r) = ~x + !r.
   assign rounded = product_q[28:4] + 25'(product_q[3]);
-  assign sixth = 27'($signed({5'b0, product_q[28:7]})) + 27'($signed({1'b0, product_q[6]}));
+  assign sixth = {27{negative_q}} ^ {5'b0, product_q[28:7]};
+  assign corrected_sum = 28'($signed({2'b0, partial_q, 1'b1})) + 28'($signed({sixth, negative_q ^ product_q[6]}));
+
+  logic unused;
+  assign unused = &{1'b0, corrected_sum[0], target_sum[0]};
 
   always_comb begin
     target_base = base_q;
     addend      = stamp_t'(forced_q);
-    if (state_q == ZcLoad) begin
+    carry       = 1'b0;
+    if (zc_load_q) begin
       target_base = zc_base_q;
-      addend      = stamp_t'(rounded);
-      if (corrected_q) begin
-        if (corrected_delay_q < 27'sd0) addend = '0;
-        else if (corrected_delay_q > 27'($signed({3'b0, interval}))) addend = stamp_t'(interval);
-        else addend = stamp_t'(corrected_delay_q);
-      end
-    end else if (state_q == HallLoad) begin
-      target_base = zc_base_q + (in_sector ? stamp_t'(mean_q) : '0);
-      addend      = negative_q ? -stamp_t'(rounded) : stamp_t'(rounded);
-    end else if (state_q == TimeoutLoad) begin
+      if (!corrected_q) begin
+        addend = stamp_t'(product_q[28:4]);
+        carry  = product_q[3];
+      end else if (corrected_delay_q[26]) addend = '0;
+      else if (beyond_q) addend = stamp_t'(meter_interval);
+      else addend = stamp_t'(corrected_delay_q);
+    end else if (hall_load_q) begin
+      target_base = in_sector ? next_base_q : zc_base_q;
+      addend      = {32{negative_q}} ^ stamp_t'(product_q[28:4]);
+      carry       = negative_q ^ product_q[3];
+    end else if (timeout_load_q) begin
       addend = stamp_t'(product_q);
     end else if (chain_q) begin
       addend = stamp_t'(mean_q);
     end
-    target = target_base + addend;
+    target_sum = {target_base, 1'b1} + {addend, carry};
+    target     = target_sum[32:1];
   end
 
   always_ff @(posedge clk_i) begin
     ahead_q       <= now_i + stamp_t'(CommLatencyCycles + 1);
     state_q       <= state_d;
+    zc_load_q      <= state_d == ZcLoad;
+    hall_load_q    <= state_d == HallLoad;
+    timeout_load_q <= state_d == TimeoutLoad;
+    next_base_q    <= zc_base_q + stamp_t'(mean_q);
     difference_q  <= difference;
     forced_load_q <= 1'b0;
     if (use_crossing || state_q == HallOperands) begin
       zc_base_q         <= (hall ? hall_time_i : zc_time_i) - stamp_t'(latency_q);
       timeout_pending_q <= 1'b0;
+    end
+    if (state_q == Idle || state_q == HallMeasure) begin
+      factor_q <= period[23:0];
+      scale_q  <= SixthQ19;
     end
     if (load_operands) begin
       factor_q <= interval;
@@ -369,14 +391,10 @@ module fl_commutation_timer
       factor_q   <= (difference_size[26:24] != '0) ? '1 : difference_size[23:0];
       scale_q    <= SixthQ19;
     end
+    room_q <= 27'($signed({3'b0, meter_interval})) - 27'($signed({2'b0, partial_q}));
     if (state_q == CorrectionSum) begin
-      corrected_delay_q <= 27'($signed({2'b0, partial_q})) + (negative_q ? -sixth : sixth);
-    end
-    if (state_q == Idle || state_q == HallMeasure) begin
-      if (state_d == MeanProduct) begin
-        factor_q <= period[23:0];
-        scale_q  <= SixthQ19;
-      end
+      corrected_delay_q <= corrected_sum[27:1];
+      beyond_q          <= $signed({sixth, negative_q ^ product_q[6]}) > $signed({room_q, 1'b0});
     end
     if (state_q == MeanLoad) begin
       mean_pending_q <= 1'b0;
@@ -391,15 +409,15 @@ module fl_commutation_timer
         state_q == HallProduct) begin
       product_q <= 29'((41'(factor_q) * 41'(scale_q)) >> 12);
     end
-    if (forced_load_q || state_q == ZcLoad || state_q == TimeoutLoad) begin
+    if (forced_load_q || zc_load_q || timeout_load_q) begin
       sched_q           <= target;
       armed_q           <= 1'b1;
-      is_timeout_q      <= state_q == TimeoutLoad;
+      is_timeout_q      <= timeout_load_q;
       chain_q           <= 1'b0;
       timeout_pending_q <= 1'b0;
     end
     if (chain_q && forced_load_q) target_sector_q <= sector_after(target_sector_q, reverse_q);
-    if (state_q == HallLoad) begin
+    if (hall_load_q) begin
       entry_q <= 1'b0;
       if (hall_ok_i && one_ahead) armed_q <= 1'b0;
       if (hall_ok_i && !one_ahead) begin
@@ -453,6 +471,9 @@ module fl_commutation_timer
     if (from_off) mean_q <= '1;
     if (rst_i) begin
       state_q           <= Idle;
+      zc_load_q         <= 1'b0;
+      hall_load_q       <= 1'b0;
+      timeout_load_q    <= 1'b0;
       armed_q           <= 1'b0;
       is_timeout_q      <= 1'b0;
       forced_load_q     <= 1'b0;

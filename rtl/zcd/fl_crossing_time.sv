@@ -79,7 +79,7 @@ module fl_crossing_time
   state_e state_d, state_q;
 
   // Samples around the crossing: 0..3 before it (a ring), 4..7 after it.
-  localparam int unsigned EntryBits = 32 + 18 + 1;
+  localparam int unsigned EntryBits = 32 + 17 + 1;
   (* ram_style = "distributed" *) logic [EntryBits-1:0] store[8];
   logic [EntryBits-1:0] entry_q;
   logic [1:0] newest_q;  // place of the last one before
@@ -88,6 +88,7 @@ module fl_crossing_time
   logic store_we;
   logic [2:0] store_address;
   logic take_before, take_after, past;
+  logic [16:0] size;
 
   logic late, can_interpolate, can_angle;
   logic busy, interpolated;
@@ -96,6 +97,7 @@ module fl_crossing_time
   assign late            = first_i;
   assign can_interpolate = method_i != ZcFirst && !late && !gap_long_i;
   assign can_angle       = known_i && peak_i != '0;
+  assign size            = magnitude(rel_i);
   assign past            = rising_i ? !rel_i[17] : (rel_i[17] || rel_i == '0);
 
   assign take_before     = count_i && open_i && !crossing_i;
@@ -107,7 +109,7 @@ module fl_crossing_time
   assign store_address   = take_before ? {1'b0, newest_q + 2'd1} : {1'b1, crossing_i ? 2'd0 : after_q[1:0]};
 
   always_ff @(posedge clk_i) begin
-    if (store_we) store[store_address] <= {past, rel_i, time_i};
+    if (store_we) store[store_address] <= {past, size, time_i};
     if (take_before) begin
       newest_q <= newest_q + 2'd1;
       before_q <= (before_next == 3'd4) ? 3'd4 : before_next + 3'd1;
@@ -147,11 +149,9 @@ module fl_crossing_time
   logic [7:0] there, open_work;
   logic [2:0] pick, pick_q;
   logic first_half, all_four, first_failed_q, second_failed_q, wait_over_q, enough, last_four_q;
-  logic signed [31:0] sum_first_q, sum_second_q, estimate, mean;
-  logic angle_start, angle_started_q, angle_valid, angle_done, angle_saturated;
-  logic [16:0] angle_value;
+  logic signed [31:0] sum_first_q, sum_second_q, sum_eight_q, since_base_q, addend, mean;
+  logic angle_start, angle_started_q, angle_first_q, angle_valid, angle_done, angle_saturated;
   logic [24:0] distance;
-  logic signed [31:0] signed_distance;
   stamp_t elapsed;
   logic [31:0] limit_q;
   logic [7:0] wait_q;
@@ -184,10 +184,13 @@ module fl_crossing_time
   assign enough = first_failed_q || (first_half && (!all_four || done_q == '1 || second_failed_q));
   assign elapsed = now_i - base_q;
 
-  // t_i - base_q -+ distance; sign by the side on which the sample lies.
-  assign signed_distance = $signed({7'd0, distance});
-  assign estimate = $signed(entry_q[31:0] - base_q) + (entry_q[EntryBits-1] ? -signed_distance : signed_distance);
-  assign mean = last_four_q ? (sum_first_q + sum_second_q + 32'sd4) >>> 3 : (sum_first_q + 32'sd2) >>> 2;
+  // t_i - base_q -+ distance; sign by the side on which the sample lies. The time is added while the distance is worked
+  // out: a sum that lacks a distance is not used.
+  always_comb begin
+    if (angle_first_q) addend = since_base_q;
+    else addend = entry_q[EntryBits-1] ? -$signed({7'd0, distance}) : $signed({7'd0, distance});
+  end
+  assign mean = last_four_q ? sum_eight_q >>> 3 : (sum_first_q + 32'sd2) >>> 2;
 
   logic busy_average;
   assign busy_average = state_q == Choose || state_q == Angle || state_q == Report;
@@ -222,8 +225,7 @@ module fl_crossing_time
     end
   end
 
-  assign angle_done  = angle_valid && angle_started_q;
-  assign angle_value = (state_q == Back) ? magnitude(value_after_q) : magnitude(sample_t'(entry_q[49:32]));
+  assign angle_done = angle_valid && angle_started_q;
 
   always_ff @(posedge clk_i) begin
     state_q         <= state_d;
@@ -234,17 +236,20 @@ module fl_crossing_time
       pick_q  <= pick;
       entry_q <= store[pick[2]?pick : {1'b0, newest_q-pick[1:0]}];
     end
+    if (crossing_i) entry_q[48:32] <= size;  // computed back: that of the crossing sample
+    since_base_q  <= $signed(entry_q[31:0] - base_q);
+    angle_first_q <= state_q == Angle && angle_start && !crossing_i;
+    if (angle_first_q || (state_q == Angle && angle_done)) begin
+      if (pick_q[1]) sum_second_q <= sum_second_q + addend;
+      else sum_first_q <= sum_first_q + addend;
+    end
     if (state_q == Angle && angle_done) begin
       done_q[pick_q] <= 1'b1;
-      if (pick_q[1]) begin
-        sum_second_q <= sum_second_q + estimate;
-        if (angle_saturated) second_failed_q <= 1'b1;
-      end else begin
-        sum_first_q <= sum_first_q + estimate;
-        if (angle_saturated) first_failed_q <= 1'b1;
-      end
+      if (angle_saturated && pick_q[1]) second_failed_q <= 1'b1;
+      if (angle_saturated && !pick_q[1]) first_failed_q <= 1'b1;
     end
     last_four_q <= done_q == '1 && !second_failed_q;
+    sum_eight_q <= sum_first_q + sum_second_q + 32'sd4;
     // Wait limit: interval * wait_q8 by shifts while the divider runs; then the clock decides.
     if (wait_count_q != 4'd0) begin
       wait_count_q <= wait_count_q - 4'd1;
@@ -284,7 +289,7 @@ module fl_crossing_time
       .clk_i,
       .rst_i,
       .start_i     (angle_start),
-      .value_i     (angle_value),
+      .value_i     (entry_q[48:32]),
       .peak_i,
       .interval_i,
       .linear_i,
@@ -309,7 +314,7 @@ module fl_crossing_time
       .abort_i (start_interpolation || div_start),
       .gap_i   (start_interpolation ? gap_i : '1),
       .before_i(start_interpolation ? magnitude(before_rel_q) : div_before),
-      .after_i (start_interpolation ? magnitude(rel_i) : div_after),
+      .after_i (start_interpolation ? size : div_after),
       .busy_o  (busy),
       .valid_o (interpolated),
       .offset_o(offset)

@@ -10,7 +10,7 @@
 // t_commutation is the first clock with the new gates (comm_applied_i + 1). A sample belongs to the visit by its sector
 // and by its time. Values are clocks, 24 bits, saturating; |i| of -2^17 counts as 2^17 - 1.
 // last_*: the last measurement. snap_*: sum, count, longest (with sector) and number of open ones since the tick before,
-// taken at tick_i; a measurement that ends in the clock of the tick belongs to the next. sum and counts saturate.
+// taken at tick_i; a measurement with done_o in the clock of the tick belongs to the next. sum and counts saturate.
 // Settings are taken over at update_i (reset: disabled). Enabling begins with the next commutation.
 // Latency: sample_valid_i to done_o 5 clocks direct, 23 interpolated.
 `default_nettype none
@@ -185,7 +185,11 @@ module fl_freewheel
   sector_t max_sector_q;
   logic [15:0] count_q, open_q;
 
-  assign sum = {1'b0, sum_q} + 33'(cycles);
+  // A clock after the result.
+  logic count_done, count_open;
+  assign count_done = done_o && !last_open_o;
+  assign count_open = done_o && last_open_o;
+  assign sum        = {1'b0, sum_q} + 33'(last_cycles_o);
 
   always_ff @(posedge clk_i) begin
     done_o <= finish || open;
@@ -206,17 +210,15 @@ module fl_freewheel
       count_q           <= '0;
       open_q            <= '0;
     end
-    if (finish || open) begin
-      if (tick_i || cycles > max_q) begin
-        max_q        <= cycles;
-        max_sector_q <= comm_sector_q;
-      end
+    if (done_o && (tick_i || last_cycles_o > max_q)) begin
+      max_q        <= last_cycles_o;
+      max_sector_q <= last_sector_o;
     end
-    if (finish && !open) begin
-      sum_q <= tick_i ? 32'(cycles) : sum[32] ? '1 : sum[31:0];
+    if (count_done) begin
+      sum_q <= tick_i ? 32'(last_cycles_o) : sum[32] ? '1 : sum[31:0];
       if (tick_i || count_q != '1) count_q <= tick_i ? 16'd1 : count_q + 16'd1;
     end
-    if (open && (tick_i || open_q != '1)) open_q <= tick_i ? 16'd1 : open_q + 16'd1;
+    if (count_open && (tick_i || open_q != '1)) open_q <= tick_i ? 16'd1 : open_q + 16'd1;
     if (rst_i) begin
       done_o            <= 1'b0;
       last_cycles_o     <= '0;
