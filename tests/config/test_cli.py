@@ -308,11 +308,18 @@ def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_pa
     Verifies: FRONT-34
     """
     monkeypatch.setattr(campaign, "RESULT", tmp_path / "campaign.json")
-    monkeypatch.setattr(campaign, "run_drive", lambda *_: [])
-    code, out, err = invoke("campaign", "--show")
-    assert code == 2 and out == ""
-    assert err.splitlines()[-1].startswith("error: --show: no run has finished")
+    monkeypatch.setattr(campaign, "FOLDER", tmp_path / "runs")
+    expected = "error: --show: no run has finished with this seed on this chip and firmware; run it without --show"
+    assert invoke("campaign", "--show") == (2, "", f"{expected}\n")
     assert not list(tmp_path.iterdir())
+    # Runs of another firmware.
+    monkeypatch.setattr(campaign, "run_drive", lambda *_: [])
+    row = tmp_path / "runs" / DRIVES[0].name / "moment" / campaign.ROW_FILE
+    row.parent.mkdir(parents=True)
+    row.touch()
+    code, out, err = invoke("campaign", "--show")
+    assert code == 2 and out == "" and err.splitlines()[-1] == expected
+    assert not (tmp_path / "campaign.json").exists()
 
 
 @pytest.mark.parametrize(

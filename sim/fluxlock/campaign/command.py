@@ -13,13 +13,18 @@ from rich.table import Table
 from fluxlock.campaign.grid import DRIVES
 from fluxlock.campaign.judge import WRONG
 from fluxlock.campaign.page import kinds, score
-from fluxlock.campaign.run import RESULT, grid, run_drive
+from fluxlock.campaign.run import FOLDER, RESULT, ROW_FILE, grid, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.run import ready_chip
 from fluxlock.firmware import build_firmware
 from fluxlock.paths import BUILD
 from fluxlock.writable import check_file
+
+
+def _nothing_to_show() -> ConfigError:
+    text = "no run has finished with this seed on this chip and firmware; run it without --show"
+    return ConfigError([Problem("--show", "", text)])
 
 
 def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> bool:
@@ -31,12 +36,16 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     missing = [name for name in names if name not in known]
     if missing:
         raise ConfigError([Problem("campaign", name, f"no drive; drives: {', '.join(known)}") for name in missing])
+    drives = [drive for drive in DRIVES if not names or drive.name in names]
+    # Before a chip is built only to find what has been run on it.
+    if not jobs and not any(any((FOLDER / drive.name).rglob(ROW_FILE)) for drive in drives):
+        raise _nothing_to_show()
     check_file(RESULT)
     rows: list[dict[str, Any]] = []
     total = 0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
-        for drive in (d for d in DRIVES if not names or d.name in names):
+        for drive in drives:
             task = progress.add_task(drive.name, total=None)
 
             def done(ended: int, count: int, task: Any = task) -> None:  # noqa: ANN401  a number of rich's
@@ -45,8 +54,7 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
             rows += run_drive(drive, seed, quick, jobs, every, done)
             total += len(grid(drive, seed, quick, every))
     if not jobs and not rows:
-        text = "no run has finished with this seed on this chip and firmware: nothing to show; run it without --show"
-        raise ConfigError([Problem("--show", "", text)])
+        raise _nothing_to_show()
     chip: Chip = ready_chip()
     image = build_firmware(BUILD / "firmware")
     document = {
