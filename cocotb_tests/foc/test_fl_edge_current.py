@@ -66,7 +66,7 @@ class TB(Bench):
     def __init__(self, dut: Any) -> None:
         super().__init__(dut)
         self.phases = len(dut.req_h_i.value)
-        self.latency = 2 * self.phases + 2
+        self.latency = 2 * self.phases + 3
         self.model = Model(self.phases)
         self.requests = [0] * self.phases
 

@@ -21,7 +21,7 @@ module fl_edge_current
   import fl_pkg::*;
 #(
     parameter int unsigned Phases = 3,
-    localparam int unsigned Latency = 2 * Phases + 2  // clocks from start_i to valid_o
+    localparam int unsigned Latency = 2 * Phases + 3  // clocks from start_i to valid_o
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -67,9 +67,9 @@ module fl_edge_current
   sample_t [Phases-1:0] step_q, acting_q;
   logic [11:0] step_phase_q, acting_phase_q;
   logic step_known_q, acting_known_q;
-  logic start, reading_q, found_valid_q;
+  logic start, reading_q, found_valid_q, sum_valid_q;
 
-  assign start = start_i && !reading_q && !found_valid_q;
+  assign start = start_i && !reading_q && !found_valid_q && !sum_valid_q;
 
   always_ff @(posedge clk_i) begin
     if (update_i) begin
@@ -148,8 +148,10 @@ module fl_edge_current
     found_q <= mem[{step_phase_q[PhaseBits-1:0], read_q}];
   end
 
-  // Reading: address, excursion, sum.
+  // Reading: address, excursion, operands, sum.
   sample_t [1:0][Phases-1:0] ahead_q;
+  sample_t step_current_q, excursion_q;
+  place_t sum_place_q;
   logic valid_q;
 
   always_ff @(posedge clk_i) begin
@@ -163,17 +165,21 @@ module fl_edge_current
       read_q    <= following(read_q);
       reading_q <= !is_last(read_q);
     end
-    if (found_valid_q) begin
-      ahead_q[found_place_q.edge_kind][found_place_q.leg] <=
-          sat_sample(32'(step_q[found_place_q.leg]) + ((enable_i && in_range) ? 32'(found_q) : 32'sd0));
-    end
-    valid_q <= found_valid_q && is_last(found_place_q);
+    sum_valid_q    <= found_valid_q;
+    sum_place_q    <= found_place_q;
+    step_current_q <= step_q[found_place_q.leg];
+    excursion_q    <= (enable_i && in_range) ? found_q : '0;
+    if (sum_valid_q)
+      ahead_q[sum_place_q.edge_kind][sum_place_q.leg] <= sat_sample(32'(step_current_q) + 32'(excursion_q));
+    valid_q <= sum_valid_q && is_last(sum_place_q);
     if (rst_i) begin
       clear_q       <= '0;
       reading_q     <= 1'b0;
       read_q        <= '0;
       found_valid_q <= 1'b0;
       found_place_q <= '0;
+      sum_valid_q   <= 1'b0;
+      sum_place_q   <= '0;
       ahead_q       <= '0;
       valid_q       <= 1'b0;
     end

@@ -53,24 +53,29 @@ module fl_injection
   end
 
   logic active_q, start, wrap;
-  phase_t phase_q, period_q, first_q, next, sample_q;
+  phase_t phase_q, next_q, period_q, first_q, sample_q;
   logic [35:0] angle_q;
   logic [31:0] angle_sample_q;
   sample_t [Subspaces-1:0][1:0] amplitude_q;
 
-  assign next  = (phase_q + phase_t'(1) == period_q) ? '0 : phase_q + phase_t'(1);
+  function automatic phase_t following(phase_t phase, phase_t period);
+    return (phase + phase_t'(1) == period) ? '0 : phase + phase_t'(1);
+  endfunction
+
   assign start = update_i && !active_q && enable_i && !second_i;
-  assign wrap  = update_i && active_q && next == first_q;
+  assign wrap  = update_i && active_q && next_q == first_q;
 
   always_ff @(posedge clk_i) begin
     if (start) begin
       active_q <= 1'b1;
       phase_q  <= first_i;
+      next_q   <= following(first_i, period_i);
       period_q <= period_i;
       first_q  <= first_i;
     end else if (update_i && active_q) begin
       active_q <= !wrap || enable_i;
-      phase_q  <= next;
+      phase_q  <= next_q;
+      next_q   <= following(next_q, period_q);
     end
     if (start || wrap) amplitude_q <= amplitude_i;
     angle_q <= (update_i && active_q && phase_q == '0) ? '0 : angle_q + {4'd0, rate_i};
@@ -81,6 +86,7 @@ module fl_injection
     if (rst_i) begin
       active_q       <= 1'b0;
       phase_q        <= '0;
+      next_q         <= phase_t'(1);
       period_q       <= phase_t'(2);
       first_q        <= '0;
       amplitude_q    <= '0;

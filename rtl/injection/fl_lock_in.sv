@@ -173,29 +173,35 @@ module fl_lock_in
     endcase
   end
 
-  // Results.
+  // Results: of a filter, and of the mixer, whose shift is a setting. What they depend on is known a clock before.
   step_t done, after;
-  sum_t scaled, result, doubled1, doubled2;
-  logic clip, clip_q;
+  sum_t scaled, offset, result, mixed, doubled1, doubled2;
+  logic clip, clip_q, fine_q, scale_q, integrate_q;
+  logic [4:0] mix_shift_q;
 
   assign done  = tail_q[2];
   assign after = tail_q[3];
 
+  always_ff @(posedge clk_i) begin
+    fine_q      <= tail_q[1].low ? low_i.fine : band_i.fine;
+    scale_q     <= tail_q[1].op == OpScale;
+    integrate_q <= tail_q[1].op == OpIntegrate;
+    mix_shift_q <= 5'd17 - {1'b0, gain(tail_q[1].axis, sine_i, shift_i)};
+  end
+
   always_comb begin
-    unique case (done.op)
-      OpScale: scaled = sum_i >>> 16;
-      OpMix:   scaled = sum_i >>> (5'd17 - {1'b0, gain(done.axis, sine_i, shift_i)});
-      default: scaled = (done.low ? low_i.fine : band_i.fine) ? sum_i >>> 22 : sum_i >>> 17;
-    endcase
-    result = scaled;
-    if (done.op == OpIntegrate) result = scaled + sum_t'($signed(s2_q[done.low][done.axis]));
+    if (scale_q) scaled = sum_i >>> 16;
+    else scaled = fine_q ? sum_i >>> 22 : sum_i >>> 17;
+    offset = integrate_q ? sum_t'($signed(s2_q[done.low][done.axis])) : '0;
+    result = scaled + offset;
+    mixed  = sum_i >>> mix_shift_q;
   end
 
   assign doubled1 = (sum_t'($signed(v1_q[after.axis])) <<< 1) - sum_t'($signed(s1_q[after.low][after.axis]));
   assign doubled2 = (sum_t'($signed(v2_q[after.axis])) <<< 1) - sum_t'($signed(s2_q[after.low][after.axis]));
 
   always_comb begin
-    clip = done.op != OpNone && done.op != OpState && clips(result);
+    clip = (done.op == OpMix) ? clips(mixed) : done.op != OpNone && done.op != OpState && clips(result);
     if (after.op == OpIntegrate) clip = clip || clips(doubled1) || clips(doubled2);
   end
 
@@ -208,7 +214,7 @@ module fl_lock_in
       OpInput:     v1_q[done.axis] <= sat_state(result);
       OpIntegrate: v2_q[done.axis] <= sat_state(result);
       OpScale:     band_q[done.axis] <= sat_state(result);
-      OpMix:       mixed_q[done.axis] <= sat_state(result);
+      OpMix:       mixed_q[done.axis] <= sat_state(mixed);
       default:     ;
     endcase
     if (after.op == OpIntegrate) begin

@@ -122,9 +122,7 @@ package fl_pkg;
 
   // Saturate a signed 32-bit value to a sample.
   function automatic sample_t sat_sample(logic signed [31:0] x);
-    if (x > 32'sd131071) return 18'sd131071;
-    else if (x < -32'sd131072) return -18'sd131072;
-    else return sample_t'(x);
+    return (x[31:17] == {15{x[31]}}) ? x[17:0] : {x[31], {17{!x[31]}}};
   endfunction
 
 endpackage
