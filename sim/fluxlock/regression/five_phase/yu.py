@@ -57,9 +57,9 @@ def noise_of_mean(run: Outcome, count: int) -> float:
 def sequence_run(runner: Runner, sequence: Sequence, rpm: float, dead_time_us: float = 0.0) -> Outcome:
     """Driven at a speed without current and saturation, from a known rest."""
     motor = load_scenario(ROOT / "scenarios" / SCENARIO).motor
-    window_s = turns(sequence, rpm) * math.tau / motor.omega_e(rpm)
+    end_s = round(SETTLED_S + turns(sequence, rpm) * math.tau / motor.omega_e(rpm), 5)
     overrides = [
-        *driven(rpm, 0.0, SETTLED_S, SETTLED_S + window_s),
+        *driven(rpm, 0.0, SETTLED_S, end_s),
         *LINEAR,
         f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
         "initial.theta_deg=0",
