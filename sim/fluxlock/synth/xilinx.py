@@ -24,7 +24,7 @@ LUT_RAM = {
 class XilinxCells:
     """Counts after `synth_xilinx`."""
 
-    lut6: int  # LUTs of one to six inputs, each one LUT6 unless two share one
+    lut6: int  # LUTs of one to six inputs, each one LUT6 unless two share one; inverters go into them
     carry4: int
     ff: int
     lut_ram: int  # LUT6 that memories and shift registers take, not in lut6
