@@ -5,9 +5,6 @@ request nobody looks at the first two, and a field that only software writes kee
 request. It keeps all fields in one structure, which Verilator copies as a whole twice a clock: each field becomes a
 variable of its own, which Verilator writes in place as long as no process reads it after writing it; hence the reset
 at the end. The bus sees the same, and a simulation of the whole chip runs faster.
-
-A write merges old and new bits by a mask; with a condition a byte lane instead a synthesized field takes the enable of
-its flip-flops for that, not a LUT a bit.
 """
 
 from __future__ import annotations
@@ -32,13 +29,6 @@ FIELD = re.compile(
     r" +always_ff @\(posedge clk\) begin\n(?P<reset> +if\(rst\) begin\n[^\n]*\n)"
     r" +end else begin\n +if\(field_combo[^\n]*\n[^\n]*\n +end\n +end\n(?P=i)end\n"
 )
-
-# What a write makes of a field: the bits whose byte lane is selected are taken over.
-MERGED = re.compile(
-    r"\((?P<store>[^\s&|]+) & ~decoded_wr_biten\[(?P<high>\d+):(?P<low>\d+)\]\) \| "
-    r"\(decoded_wr_data\[(?P=high):(?P=low)\] & decoded_wr_biten\[(?P=high):(?P=low)\]\)"
-)
-BYTE = 8
 
 STORAGE = re.compile(
     r" +typedef struct \{\n(?P<body>(?: {8}[^\n]*\n)*) +\} field_storage_t;\n +field_storage_t field_storage;\n"
@@ -89,34 +79,15 @@ def _gate(text: str, pattern: re.Pattern[str], condition: str, default: str = ""
     return text
 
 
-def _written(store: str, value: str) -> str:
-    """Statements, in one line, that take a write over: a condition a byte lane, which a flip-flop's enable can be."""
-    merged = MERGED.fullmatch(value)
-    if merged is None or merged["store"] != store:
-        return f"{store} <= {value};"
-    high, low = int(merged["high"]), int(merged["low"])
-    lanes = []
-    for first in range(low - low % BYTE, high + 1, BYTE):
-        top, bottom = min(high, first + BYTE - 1), max(low, first)
-        part = f"[{top - low}:{bottom - low}]" if high > low else ""
-        lanes.append(f"if(decoded_wr_biten[{bottom}]) {store}{part} <= decoded_wr_data[{top}:{bottom}];")
-    return " ".join(lanes)
-
-
-def _field(match: re.Match[str]) -> str:
-    """A field that only software writes, in one process under the request."""
-    indent, strobe = match["i"], match["strobe"]
-    return (
-        f"{indent}always_ff @(posedge clk) begin\n"
-        f"{indent}    if(decoded_req) begin\n"
-        f"{indent}        if(decoded_req_is_wr & {strobe}) begin {_written(match['store'], match['next'])} end\n"
-        f"{indent}    end\n{match['reset']}{indent}    end\n{indent}end\n"
-    )
-
-
 def gate_with_request(text: str) -> str:
     """Text of a register block (`fl_*_regs.sv`) with decoder, read multiplexer and fields under the bus request."""
-    text = FIELD.sub(_field, text)
+    text = FIELD.sub(
+        r"\g<i>always_ff @(posedge clk) begin\n"
+        r"\g<i>    if(decoded_req) begin\n"
+        r"\g<i>        if(decoded_req_is_wr & \g<strobe>) \g<store> <= \g<next>;\n"
+        r"\g<i>    end\n\g<reset>\g<i>    end\n\g<i>end\n",
+        text,
+    )
     text = _gate(text, DECODE, "cpuif_req_masked", "decoded_reg_strb = '{default: '0};\n")
     text = _gate(text, READBACK, "decoded_req & ~decoded_req_is_wr")
     text, count = STORAGE.subn(_storage, text)
