@@ -178,7 +178,7 @@ class Analysis:
     def angles(self) -> Series:
         """Published angle at every current sample of the vector path: that of the frame and what firmware adds.
 
-        Samples before the plant's first record or after its last one are left out: nobody knows the rotor's angle there.
+        Samples before the plant's first record or after its last one are left out: the true angle is not known there.
         """
         rows = self.data.rows(LogKind.ANGLE)
         rows = rows[(rows[:, 0] >= self.track.first_cycle) & (rows[:, 0] <= self.track.last_cycle)]
