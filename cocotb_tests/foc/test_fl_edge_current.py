@@ -16,6 +16,7 @@ from fluxlock.cosim.block import run_block_test
 
 KNOWN_PHASES = 64
 RISING, FALLING = 0, 1
+NONE = -(1 << 17)  # an excursion that is not known
 
 
 @dataclass
@@ -30,16 +31,17 @@ class Interval:
 
 @dataclass
 class Model:
-    """Excursions by phase, kind and leg; the step whose voltage acts."""
+    """Excursions of before and the next ones by phase, kind and leg; the step whose voltage acts."""
 
     phases: int
     excursion: dict[tuple[int, int, int], int] = field(default_factory=dict)
+    following: dict[tuple[int, int, int], int] = field(default_factory=dict)
     acting: tuple[list[int], int] | None = None
 
     def ahead(self, current: Sequence[int], phase: int) -> list[int]:
         """Rising edges of all legs, then falling ones."""
         return [
-            clip(current[leg] + self.excursion.get((phase, kind, leg), 0), 18)
+            clip(current[leg] + self.following.get((phase, kind, leg), 0), 18)
             for kind in (RISING, FALLING)
             for leg in range(self.phases)
         ]
@@ -58,7 +60,11 @@ class Model:
             for kind, leg in after:
                 written = clock + 1 + kind * self.phases + leg
                 if self.acting[1] < KNOWN_PHASES and written <= interval.length:
-                    self.excursion[self.acting[1], kind, leg] = clip(values[leg] - self.acting[0][leg], 18)
+                    place = (self.acting[1], kind, leg)
+                    new = clip(values[leg] - self.acting[0][leg], 18)
+                    before = self.excursion.get(place, NONE)
+                    self.following[place] = new if before == NONE else clip(2 * new - before, 18)
+                    self.excursion[place] = new
         self.acting = None if interval.step is None else interval.step[1:]
 
 
@@ -164,35 +170,44 @@ async def follows_the_model(dut: Any) -> None:
     assert moved > 500, f"only {moved} currents moved"
 
 
-@cocotb.test()
-async def repeating_current_is_foreseen(dut: Any) -> None:
-    """A current that repeats with the wave on top of one that changes slowly: right from the second period on.
-
-    Verifies: FOC-13
-    """
+async def repeat(tb: TB, slope: int, right_from: int) -> None:
+    """Excursions that repeat with the wave and grow with every period, on top of a current that stays."""
     rng = random.Random(5)
-    tb = TB(dut)
-    await tb.start()
     period = 8
-    excursion = [[draw(rng, tb.phases) for _ in range(2)] for _ in range(period)]
-    excursion = [[[x // 8 for x in legs] for legs in kinds] for kinds in excursion]
+    at_first = [[[x // 8 for x in draw(rng, tb.phases)] for _ in range(2)] for _ in range(period)]
     base = [rng.randrange(-20_000, 20_000) for _ in range(tb.phases)]
     sampled = [rng.randrange(-20_000, 20_000) for _ in range(period)]
-    for n in range(4 * period):
+
+    def excursion(n: int, kind: int) -> list[int]:
+        return [x + slope * (n // period) * (leg - 1) for leg, x in enumerate(at_first[n % period][kind])]
+
+    await tb.forget()
+    for n in range(5 * period):
         # The voltage of interval n has the phase n, and was computed from the sample of interval n - 1.
         acting = (n - 1) % period
         edges = [(60 + leg, RISING, leg) for leg in range(tb.phases)]
         edges += [(160 + leg, FALLING, leg) for leg in range(tb.phases)]
         samples = [
-            (at, [b + sampled[acting] + x for b, x in zip(base, excursion[n % period][kind], strict=True)])
+            (at, [b + sampled[acting] + x for b, x in zip(base, excursion(n, kind), strict=True)])
             for at, kind in ((80, RISING), (180, FALLING))
         ]
         current = [b + sampled[n % period] for b in base]
         got = await tb.interval(Interval(250, edges, samples, (10, current, (n + 1) % period)))
-        if n > period:
-            following = excursion[(n + 1) % period]
-            wanted = [c + x for kind in range(2) for c, x in zip(current, following[kind], strict=True)]
+        if n >= right_from * period:
+            wanted = [c + x for kind in range(2) for c, x in zip(current, excursion(n + 1, kind), strict=True)]
             assert got == wanted, f"interval {n}: {got} instead of {wanted}"
+
+
+@cocotb.test()
+async def repeating_current_is_foreseen(dut: Any) -> None:
+    """Excursions that repeat are right from the second period on, those that change evenly from the third.
+
+    Verifies: FOC-13
+    """
+    tb = TB(dut)
+    await tb.start()
+    await repeat(tb, 0, right_from=1)
+    await repeat(tb, 150, right_from=2)
 
 
 @cocotb.test()

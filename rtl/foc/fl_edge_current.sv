@@ -1,21 +1,22 @@
-// Currents at the edges of the legs that are to come, from those of the same edges an injection period before.
+// Currents at the edges of the legs that are to come, from those of the same edges one and two injection periods before.
 //
 // What a leg loses to the dead time depends on the sign of its current at its own edge. That is not the current of the
 // sample from which its voltage is computed: the HF current moves on, and the ripple of the carrier comes on top. Both
-// repeat with the wave, and so does
+// repeat with the wave, and turn with the rotor; so do
 //   excursion[phase][edge][leg] = i[first sample that comes after the edge] - i[step whose voltage made the edge]
-//   ahead[edge][leg] = i[this step] + excursion[phase of this step's voltage][edge][leg]
+//   next[phase][edge][leg] = 2 excursion - the excursion before, or excursion where none was before
+//   ahead[edge][leg] = i[this step] + next[phase of this step's voltage][edge][leg]
 // edge: 0 rising, 1 falling, of req_h_i. phase: place of a voltage in the wave, phase_i at start_i; the step between two
 // update_i acts from the second one on. A sample belongs to the interval in which it comes: an edge after which none comes
-// before the next update keeps its excursion of before, and so does one whose sample comes within 2 Phases clocks of
-// another edge's. Excursions are 0 until the first one of their phase, and for phases from 64 on: ahead is the sample then.
+// before the next update keeps its values of before, and so does one whose sample comes within 2 Phases clocks of
+// another edge's. next is 0 until the first excursion of its phase, and for phases from 64 on: ahead is the sample then.
 //
 // Without a wave phase_i tells the halves of the carrier apart; what repeats is its ripple.
 // enable_i low: nothing is learned, and a word of the memory becomes 0 in every clock.
-// Formats: currents signed 18 bits, 2^17 = full scale; excursion and ahead saturate.
+// Formats: currents signed 18 bits, 2^17 = full scale; excursion, next and ahead saturate. An excursion of -2^17 counts as none.
 // Latency: start_i to valid_o Latency clocks; least spacing the same (asserted; a closer start_i is ignored). ahead_o
 // stays until the next start_i.
-// Uses a block RAM: 1024 x 18 bits with five phases, 512 with three.
+// Uses two block RAMs: 1024 x 18 bits each with five phases, 512 with three.
 `default_nettype none
 module fl_edge_current
   import fl_pkg::*;
@@ -130,32 +131,54 @@ module fl_edge_current
     end
   end
 
-  // Memory: one port writes, one reads.
-  (* no_rw_check *) sample_t mem[1 << AddressBits];
-  logic [AddressBits-1:0] clear_q;
-  sample_t found_q;
+  // Learning: excursion and the one before, next, both written.
+  localparam sample_t None = {1'b1, {$bits(sample_t) - 1{1'b0}}};
+  typedef logic [AddressBits-1:0] address_t;
+  (* no_rw_check *) sample_t latest_mem[1 << AddressBits];
+  (* no_rw_check *) sample_t next_mem[1 << AddressBits];
+  address_t clear_q, read_address, learn_address, compare_address_q, write_address_q;
+  sample_t before_q, excursion_q, latest_q, next_q, found_q;
   place_t read_q, found_place_q;
-  logic in_range;
+  logic compare_q, store_q, in_range;
 
-  assign in_range = step_phase_q[11:PhaseBits] == '0;
+  assign learn_address = {acting_phase_q[PhaseBits-1:0], write_q};
+  assign read_address  = {step_phase_q[PhaseBits-1:0], read_q};
+  assign in_range      = step_phase_q[11:PhaseBits] == '0;
 
   always_ff @(posedge clk_i) begin
-    if (!enable_i) mem[clear_q] <= '0;
-    else if (store) begin
-      mem[{acting_phase_q[PhaseBits-1:0], write_q}] <=
-          sat_sample(32'(sample_q[write_q.leg]) - 32'(acting_q[write_q.leg]));
+    before_q          <= latest_mem[learn_address];
+    excursion_q       <= sat_sample(32'(sample_q[write_q.leg]) - 32'(acting_q[write_q.leg]));
+    compare_address_q <= learn_address;
+    compare_q         <= store;
+
+    latest_q        <= excursion_q;
+    next_q          <= (before_q == None) ? excursion_q : sat_sample(2 * 32'(excursion_q) - 32'(before_q));
+    write_address_q <= compare_address_q;
+    store_q         <= compare_q;
+
+    if (!enable_i) begin
+      latest_mem[clear_q] <= None;
+      next_mem[clear_q]   <= '0;
+    end else if (store_q) begin
+      latest_mem[write_address_q] <= latest_q;
+      next_mem[write_address_q]   <= next_q;
     end
-    found_q <= mem[{step_phase_q[PhaseBits-1:0], read_q}];
+    found_q <= next_mem[read_address];
+
+    if (rst_i || !enable_i) begin
+      compare_q <= 1'b0;
+      store_q   <= 1'b0;
+    end
   end
 
-  // Reading: address, excursion, operands, sum.
+  // Reading: address, move, operands, sum.
   sample_t [1:0][Phases-1:0] ahead_q;
-  sample_t step_current_q, excursion_q;
+  sample_t step_current_q, move_q;
   place_t sum_place_q;
   logic valid_q;
 
   always_ff @(posedge clk_i) begin
-    clear_q       <= clear_q + AddressBits'(1);
+    clear_q       <= clear_q + address_t'(1);
     found_valid_q <= reading_q;
     found_place_q <= read_q;
     if (start) begin
@@ -168,9 +191,9 @@ module fl_edge_current
     sum_valid_q    <= found_valid_q;
     sum_place_q    <= found_place_q;
     step_current_q <= step_q[found_place_q.leg];
-    excursion_q    <= (enable_i && in_range) ? found_q : '0;
+    move_q         <= (enable_i && in_range) ? found_q : '0;
     if (sum_valid_q)
-      ahead_q[sum_place_q.edge_kind][sum_place_q.leg] <= sat_sample(32'(step_current_q) + 32'(excursion_q));
+      ahead_q[sum_place_q.edge_kind][sum_place_q.leg] <= sat_sample(32'(step_current_q) + 32'(move_q));
     valid_q <= sum_valid_q && is_last(sum_place_q);
     if (rst_i) begin
       clear_q       <= '0;

@@ -16,7 +16,7 @@ from fluxlock.analysis import injection_cases as cases
 from fluxlock.analysis import injection_kernel as kernel
 from fluxlock.analysis import injection_machine
 from fluxlock.analysis.injection_cases import TIAN_BEST, TIAN_TS, YU_BEST, YU_PRINTED, Row, machine, tian, yu
-from fluxlock.analysis.injection_dead_time import WAYS, yu_start_rad
+from fluxlock.analysis.injection_dead_time import LIMITS, WAYS, yu_driven_rad, yu_start_rad
 from fluxlock.analysis.injection_loop import Course, Inverter, Loop, Schedule, Settings, designed_pll
 from fluxlock.config.motor import machine_params
 from fluxlock.paths import ROOT
@@ -124,6 +124,15 @@ def test_switched_legs() -> None:
     speed = np.where(mean.times(0.6) > 0.3, mean.motor.omega_e(50.0), 0.0)
     without = mean.run(Schedule(0.6, speed_rad_s=speed)).largest_mean(0.2)
     assert yu_start_rad({}, 0.0, 0.6, dead_time_s=0.0) == pytest.approx(without, abs=0.01)
+
+
+def test_currents_at_the_edges_turn_with_the_rotor() -> None:
+    """16 degrees of the rotor an injection period: taken as they were they would cost 0.05 rad.
+
+    Verifies: INJT-05
+    """
+    edges, moved, sampled = (abs(yu_driven_rad(way, 600.0, 0.6)) for way in WAYS.values())
+    assert edges <= LIMITS["driven"] < min(moved, sampled)
 
 
 def test_mechanics() -> None:

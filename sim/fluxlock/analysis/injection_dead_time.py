@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fluxlock.analysis.injection_cases import DEAD_TIME_S, TIAN_BEST, YU_BEST, Row, tian, yu
+from fluxlock.analysis.injection_cases import DEAD_TIME_S, TIAN_BEST, YU_BEST, YU_PRINTED, Row, tian, yu
 from fluxlock.analysis.injection_loop import Loop, Schedule
 
 WAYS: dict[str, dict[str, bool]] = {
@@ -22,7 +22,8 @@ WAYS: dict[str, dict[str, bool]] = {
     "sampled currents": {"model": False},
 }
 BRAKES_NM = {"no load": 0.0, "rated brake": 11.0}
-LIMITS = {"yu": 0.07, "tian": 1.0}  # rad, deg; of the currents at the edges
+LIMITS = {"yu": 0.07, "tian": 1.0, "driven": 0.005}  # rad, deg, rad; of the currents at the edges
+SPEEDS_RPM = (150.0, 600.0)
 REST_ANGLES_RAD = np.arange(6) * math.pi / 30
 
 
@@ -51,6 +52,12 @@ def tian_standstill_deg(way: dict[str, bool]) -> float:
     return max(means, key=abs)
 
 
+def yu_driven_rad(way: dict[str, bool], rpm: float, seconds: float = 1.0) -> float:
+    """Mean error of the exact sequence on a driven shaft without current and saturation."""
+    loop = switched(yu(replace(YU_PRINTED, sequence="exact"), DEAD_TIME_S, saturated=False), way)
+    return loop.run(Schedule(seconds, imposed_rad_s=loop.motor.omega_e(rpm))).statistics(0.2, raw=True).mean
+
+
 def rows() -> list[Row]:
     """All ways; limits for the one that the chip has."""
     found = []
@@ -59,6 +66,9 @@ def rows() -> list[Row]:
         for load, brake_nm in BRAKES_NM.items():
             value = yu_start_rad(way, brake_nm)
             found.append(Row(f"yu 0 to 50 r/min, {load}, {text}", value, "rad", LIMITS["yu"] if limited else None))
+        for rpm in SPEEDS_RPM:
+            limit = LIMITS["driven"] if limited else None
+            found.append(Row(f"yu driven at {rpm:g} r/min, {text}", yu_driven_rad(way, rpm), "rad", limit))
         value = tian_standstill_deg(way)
         found.append(Row(f"tian standstill, {text}", value, "deg", LIMITS["tian"] if limited else None))
     return found

@@ -135,7 +135,8 @@ def run(
     legs = np.zeros(n)  # mean voltages that act
     legs_next = np.zeros(n)
     edges = np.zeros((2, n))
-    learned = np.zeros((c.period, 2, n))
+    learned = np.zeros((c.period, 2, n))  # of the next period
+    excursion = np.full((c.period, 2, n), np.nan)
     older_i = np.zeros((2, n))  # sampled one and two steps before
     seen_i = np.zeros(n)
     last_i = np.zeros(n)  # a sample before
@@ -272,7 +273,10 @@ def run(
         if inv.edges and step > 2:
             for x in range(n):
                 for edge in range(2):
-                    learned[phase, edge, x] = converted(inv, edges[edge, x]) - older_i[1, x]
+                    before = excursion[phase, edge, x]
+                    new = converted(inv, edges[edge, x]) - older_i[1, x]
+                    excursion[phase, edge, x] = new
+                    learned[phase, edge, x] = new if math.isnan(before) else 2 * new - before
         older_i[1, :] = older_i[0]
         older_i[0, :] = seen_i
         delta = speed * c.ts

@@ -39,8 +39,8 @@ class Inverter:
     where the compensation is whole. predict: samples by which the compensation extrapolates the current, for it acts
     later; 1.5 is the middle. model: it moves the known HF current on instead. current_full_scale_a 0: exact currents.
     average: converter samples a current. switched: every edge of the legs at its instant, zone_a does not count; edges:
-    then the compensation takes the currents at the same edges an injection period before, moved by what the sampled
-    current has changed.
+    then the compensation takes the currents at the same edges, extrapolated from one and two injection periods before,
+    moved by what the sampled current has changed.
     """
 
     supply_v: float

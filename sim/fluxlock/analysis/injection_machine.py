@@ -66,8 +66,8 @@ class InverterSet(NamedTuple):
     """dead_vs: voltage-seconds that a late edge costs, V s. zone: current (A) at which it is lost for certain.
 
     compensation_zone (A): where the compensation is whole. predict: samples by which its current is extrapolated.
-    model: the known HF current is moved on instead. edges: the currents at the same edges an injection period before,
-    with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB; average: converter samples a
+    model: the known HF current is moved on instead. edges: the currents at the same edges, extrapolated from one and
+    two injection periods before, with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB; average: converter samples a
     current sample. switched: every edge at its instant instead of mean voltages, with the ripple of the carrier.
     """
 
