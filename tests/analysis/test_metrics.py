@@ -6,6 +6,7 @@ One clock is 0.0072 deg at 60 000 r/min; stamps are whole clocks, so 0.01 deg is
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -291,6 +292,20 @@ def test_angle_error_of_the_estimate(speed: float) -> None:
     assert half["max"] == pytest.approx(180.0, abs=ANGLE_TOL_DEG)
     empty = Analysis(make_run(drive)).window(0.002, 0.018)["angle_error_deg"]
     assert empty == {"mean": None, "rms": None, "max": None}
+
+
+def test_angles_beyond_the_records_are_left_out() -> None:
+    """A sample after the plant's last record, or before its first, has no true angle: it is no sample, not a NaN.
+
+    Verifies: VCONF-05
+    """
+    whole = make_vector_run(Drive(), np.array([2.0]))
+    data = replace(whole, records=whole.records[10:-10])
+    seen, rows = Analysis(data).angles, whole.rows(LogKind.ANGLE)[:, 0]
+    first, last = data.records["t_cycle"][[0, -1]]
+    assert np.array_equal(seen.cycle, rows[(rows >= first) & (rows <= last)])
+    assert 0 < seen.cycle.size < rows.size
+    assert np.allclose(seen.error_deg, 2.0, atol=ANGLE_TOL_DEG)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)

@@ -29,6 +29,9 @@ NESTED = Path(__file__).parent / "nested.c"
 START = '{at_s=0.003,speed_rpm=24000},{at_s=0.004,command="start"}'
 LOOKS = f'event=[{{at_s=0.002,command="status"}},{START},{{at_s=0.1,command="status"}}]'
 SHORT = ("window=[]", "expect=[]", "duration_s=0.02", f"event=[{START}]")
+# Mean and rms of the same run differ by 0.010 degrees (standard deviation) between seeds 1 to 4: the converters' noise
+# in 290 commutations. Two runs whose code takes another time see other samples; four deviations of their difference.
+APART_DEG = 4 * 2**0.5 * 0.010
 
 
 def states(data: RunData) -> list[str]:
@@ -58,7 +61,7 @@ def test_drives_as_the_core_does() -> None:
     assert apart[t_s > 0.12].max() < 0.002 * 24_000
     for error in ("commutation_error_deg", "zcp_error_deg"):
         a, b = (run.metrics["held"][error] for run in (core, bus))
-        assert abs(a["mean"] - b["mean"]) < 0.02 and abs(a["rms"] - b["rms"]) < 0.02, (error, a, b)
+        assert abs(a["mean"] - b["mean"]) < APART_DEG and abs(a["rms"] - b["rms"]) < APART_DEG, (error, a, b)
     # The same C without its instructions' time.
     assert bus.data.isr["control"]["count"] == pytest.approx(core.data.isr["control"]["count"], abs=20)
     assert bus.data.isr["control"]["max"] < core.data.isr["control"]["min"]

@@ -176,8 +176,12 @@ class Analysis:
 
     @cached_property
     def angles(self) -> Series:
-        """Published angle at every current sample of the vector path: that of the frame and what firmware adds."""
+        """Published angle at every current sample of the vector path: that of the frame and what firmware adds.
+
+        Samples before the plant's first record or after its last one are left out: the true angle is not known there.
+        """
         rows = self.data.rows(LogKind.ANGLE)
+        rows = rows[(rows[:, 0] >= self.track.first_cycle) & (rows[:, 0] <= self.track.last_cycle)]
         cycle, none = rows[:, 0].astype(np.float64), np.zeros(len(rows), dtype=np.int64)
         theta, direction = self.track.theta_rad(cycle), self.track.direction(cycle)
         error = wrap_deg(np.asarray((rows[:, 2] + rows[:, 3]) * (360.0 / 2**32) - np.degrees(theta)))

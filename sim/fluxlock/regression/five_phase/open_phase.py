@@ -38,6 +38,13 @@ def found_turns(run: Outcome, first_s: float, second_s: float, rpm: float) -> tu
 @case("five-phase/open-phase")
 def open_phase(runner: Runner) -> Iterator[Row]:
     """Phase C opens at speed: found within a turn, ridden through; then phase E: stopped. Both by name."""
+    yield opened(runner, 0.0)
+    if not runner.quick:
+        yield opened(runner, 2.0)
+
+
+def opened(runner: Runner, dead_time_us: float) -> Row:
+    """One run and its row."""
     rpm, load_nm = 600.0, 3.0
     first_s, second_s, end_s = (0.29, 0.33, 0.345) if runner.quick else (0.32, 0.44, 0.46)
     events = [
@@ -56,9 +63,10 @@ def open_phase(runner: Runner) -> Iterator[Row]:
         "drive.accel_rpm_per_s=3000",
         "drive.vector.speed_hz=8",
         f"load.coulomb_nm={load_nm:g}",
-        "inverter.dead_time_s=0",
+        f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
     ]
-    run = runner.drive(SCENARIO, "run", *overrides)
+    ending = f"/{dead_time_us:g}us" if dead_time_us else ""
+    run = runner.drive(SCENARIO, "run" + ending.replace("/", "-"), *overrides)
     first, second = found_turns(run, first_s, second_s, rpm)
     records = run.data.records
     time_s = records["t_cycle"] / run.data.clock_hz
@@ -76,9 +84,9 @@ def open_phase(runner: Runner) -> Iterator[Row]:
         "phase_current_a.max": float(np.abs([records[f"i{x}"][settled] for x in "abde"]).max()),
         **angle_values(run),
     }
-    yield Row(
-        "five-phase/open-phase",
-        {"motor": "Yu", "speed_rpm": rpm, "load_nm": load_nm, "dead_time_us": 0.0},
+    return Row(
+        f"five-phase/open-phase{ending}",
+        {"motor": "Yu", "speed_rpm": rpm, "load_nm": load_nm, "dead_time_us": dead_time_us},
         values,
         {
             "found_turns": (0, TURNS),

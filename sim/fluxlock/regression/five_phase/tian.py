@@ -91,31 +91,31 @@ def settled_s(run: Outcome) -> float:
     return float(angles.cycle[np.abs(angles.error_deg) > WITHIN_DEG][-1] - begin) / run.data.clock_hz
 
 
-def start_run(runner: Runner, theta_deg: float) -> Outcome:
+def start_run(runner: Runner, theta_deg: float, dead_time_us: float = 0.0) -> Outcome:
     """Free rotor at an angle that the estimate takes for 0, 2 A at once."""
     events = [event(0.002, "speed_rpm", 130.0), event(0.004, "command", "start")]
     overrides = [
         *timeline(0.12, events, [("steady", 0.08, 0.12)]),
         "expect=[]",
         *AT_THE_LIMIT,
-        "inverter.dead_time_s=0",
+        f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
         f"initial.theta_deg={theta_deg:g}",
         "drive.current_limit_a=2.0",
         "drive.accel_rpm_per_s=100000",
     ]
-    return runner.drive(SCENARIO, f"{theta_deg:g}", *overrides)
+    return runner.drive(SCENARIO, f"{theta_deg:g}" + (f"-{dead_time_us:g}us" if dead_time_us else ""), *overrides)
 
 
 @case("five-phase/tian-start")
 def start(runner: Runner) -> Iterator[Row]:
     """Free rotor, 2 A at once while the estimate is 30 degrees off: time until it is right."""
-    for theta_deg in (30.0, -30.0):
-        if runner.quick and theta_deg < 0:
+    for theta_deg, dead_time_us in ((30.0, 0.0), (-30.0, 0.0), (30.0, 2.0), (-30.0, 2.0)):
+        if runner.quick and (theta_deg, dead_time_us) != (30.0, 0.0):
             continue
-        run = start_run(runner, theta_deg)
+        run = start_run(runner, theta_deg, dead_time_us)
         yield Row(
-            f"five-phase/tian-start/{-theta_deg:g}deg",
-            {"motor": "Tian", "error_deg": -theta_deg, "iq_a": 2.0, "dead_time_us": 0.0},
+            f"five-phase/tian-start/{-theta_deg:g}deg" + (f"-{dead_time_us:g}us" if dead_time_us else ""),
+            {"motor": "Tian", "error_deg": -theta_deg, "iq_a": 2.0, "dead_time_us": dead_time_us},
             {"settled_s": settled_s(run), **angle_values(run)},
             {"settled_s": (None, SETTLED_MOST_S), "trips": (0, 0)},
         )
