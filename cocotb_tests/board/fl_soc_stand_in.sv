@@ -22,6 +22,7 @@ module fl_soc
     output logic      [  Phases-1:0] gate_h_o,
     output logic      [  Phases-1:0] gate_l_o,
     output logic      [2*Phases-1:0] gate_o,
+    output logic                     brake_o,
     input  logic                     fault_pin_i,
     input  logic      [         2:0] hall_i,
     input  logic      [         2:0] encoder_i,
@@ -112,6 +113,7 @@ module fl_soc
       .gate_o
   );
 
+  assign brake_o           = encoder_i[0];
   assign uart_tx_o         = uart_rx_i;
   assign can_tx_o          = can_rx_i;
   assign spi_cs_no         = 1'b1;

@@ -125,6 +125,16 @@ async def fault_pin_turns_the_gates_off(dut: Any) -> None:
     assert int(dut.led_o.value) == 0b0011
 
 
+@cocotb.test
+async def brake_pin_is_the_chips(dut: Any) -> None:
+    """The stand-in's brake follows encoder input A."""
+    await run_up(dut)
+    for level in (1, 0, 1, 0):
+        dut.encoder_i.value = level
+        await ClockCycles(dut.clk_i, 2)
+        assert int(dut.brake_o.value) == level
+
+
 def test_fl_board() -> None:
     """Reset times; bad, missed and late conversions and the fault pin to the gates.
 

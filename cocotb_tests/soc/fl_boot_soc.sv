@@ -36,6 +36,7 @@ module fl_boot_soc #(
       .gate_h_o         (),
       .gate_l_o         (),
       .gate_o,
+      .brake_o          (),
       .fault_pin_i      (1'b0),
       .hall_i           ('0),
       .encoder_i        ('0),

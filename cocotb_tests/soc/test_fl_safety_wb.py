@@ -1,4 +1,4 @@
-"""Watchdog and lock behind the register bus, up to the gates."""
+"""Watchdog, lock and brake chopper behind the register bus, up to the gates."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 
 GUARD, DEAD_TIME, ENABLE, CURRENT, VOLTAGE, COMMAND, TRIP = range(0, 28, 4)
-LOCK, WATCHDOG, FEED, MONITOR = range(0x2C, 0x3C, 4)
+LOCK, WATCHDOG, FEED, MONITOR, BRAKE, BRAKE_LEVEL, BRAKE_TIME = range(0x2C, 0x48, 4)
 KEY, CLEAR = 0x10CC, 0xA5 << 8
 DEADLINE = 0x80
-EXPIRED, WRONG, CHANGED = 1, 2, 4
+EXPIRED, WRONG, CHANGED, BRAKE_OVER = 1, 2, 4, 8
 # What the lock holds, by address, with the bits that count.
 HELD = {
     GUARD: 0x30, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
-    LOCK: 0xFFFF,
+    LOCK: 0xFFFF, BRAKE: 0x0FFFFF01, BRAKE_LEVEL: 0x0FFF0FFF, BRAKE_TIME: 0xFFFFFFFF,
 }  # fmt: skip
 MIDDLE = sum(0x800 << 12 * i for i in range(9))
 
@@ -41,7 +41,14 @@ class TB(Bench):
 
     async def caused(self) -> tuple[int, int]:
         """Latched trips, and what the monitor tells."""
-        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0x7
+        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0xF
+
+    async def vdc(self, code: int) -> None:
+        """A sample set with this code of vdc."""
+        self.dut.adc_code_i.value = MIDDLE & ~(0xFFF << 72) | code << 72
+        self.dut.adc_valid_i.value = 1
+        await self.clocks()
+        self.dut.adc_valid_i.value = 0
 
 
 @cocotb.test
@@ -134,11 +141,65 @@ async def upset_of_a_locked_setting_trips(dut: Any) -> None:
         assert not tb.on()
 
 
-def test_fl_safety_wb() -> None:
-    """Watchdog, lock and upsets of locked settings up to the gates.
+@cocotb.test
+async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
+    """By its registers: off after reset, on while the link is high, tripped or not, overload by its own name."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.vdc(4095)
+    await tb.clocks(2)
+    assert dut.brake_o.value == 0, "after a reset there is no brake"
+    await tb.write(BRAKE_LEVEL, 3000 | 2800 << 16)
+    await tb.write(BRAKE_TIME, 100)
+    await tb.write(BRAKE, 1 | 60 << 8)
+    await tb.write(LOCK, KEY)
+    await tb.enable()
+    await tb.clocks(1100)
+    assert tb.on()
+    for code, on in ((3000, 0), (3001, 1), (2800, 1), (2799, 0)):
+        await tb.vdc(code)
+        await tb.clocks()
+        assert int(dut.brake_o.value) == on, f"code {code}"
+        assert await tb.read(BRAKE) == 60 << 8 | on << 1 | 1
+    await tb.write(COMMAND, 1)
+    await tb.clocks(3)
+    assert not tb.on()
+    await tb.vdc(3500)
+    assert dut.brake_o.value == 1, "a trip leaves the brake alone"
+    await tb.write(COMMAND, CLEAR)
+    await tb.clocks(2)
+    await tb.enable()
+    await tb.clocks(30)
+    assert tb.on()
+    for _ in range(12):
+        await tb.vdc(3500)
+        await tb.clocks(9)
+    assert dut.brake_o.value == 0
+    assert not tb.on()
+    assert await tb.caused() == (DEADLINE, BRAKE_OVER)
+    await tb.write(COMMAND, CLEAR)
+    await tb.clocks(2)
+    await tb.enable()
+    assert not tb.on(), "the link has not been low since"
+    assert await tb.caused() == (DEADLINE, BRAKE_OVER)
+    await tb.vdc(2799)
+    await tb.write(COMMAND, CLEAR)
+    await tb.clocks(2)
+    await tb.enable()
+    await tb.clocks(2)
+    assert tb.on()
+    assert await tb.caused() == (0, 0)
+    await tb.vdc(3500)
+    await tb.clocks(70)
+    assert dut.brake_o.value == 0, "samples have stopped"
+    assert tb.on()
 
-    Verifies: SAFE-13, SAFE-14, SAFE-15
+
+def test_fl_safety_wb() -> None:
+    """Watchdog, lock, upsets of locked settings up to the gates, and the brake chopper.
+
+    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18
     """
-    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock")
+    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")
     sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
     run_block_test("fl_safety_wb", sources, __name__, registers=["safety"])

@@ -31,6 +31,7 @@ module fl_board
 
     output logic [Phases-1:0] gate_h_o,
     output logic [Phases-1:0] gate_l_o,
+    output logic              brake_o,      // brake chopper, active high
     input  logic              fault_pin_i,
     input  logic [       2:0] hall_i,       // C, B, A
     input  logic [       2:0] encoder_i,    // Z, B, A
@@ -137,6 +138,7 @@ module fl_board
       .gate_h_o,
       .gate_l_o,
       .gate_o           (gate),
+      .brake_o,
       .fault_pin_i      (fault_pin_i || adc_fault),
       .hall_i,
       .encoder_i,

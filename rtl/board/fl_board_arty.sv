@@ -16,6 +16,7 @@ module fl_board_arty #(
 
     output logic [2:0] gate_h_o,
     output logic [2:0] gate_l_o,
+    output logic       brake_o,      // brake chopper, high: on
     input  logic       fault_pin_i,  // high or open: fault
     input  logic [2:0] hall_i,       // C, B, A
     input  logic [2:0] encoder_i,    // Z, B, A
@@ -62,6 +63,7 @@ module fl_board_arty #(
       .adc_sdata_i,
       .gate_h_o,
       .gate_l_o,
+      .brake_o,
       .fault_pin_i,
       .hall_i,
       .encoder_i,

@@ -23,6 +23,7 @@ module fl_board_ulx3s #(
 
     output logic [Phases-1:0] gate_h_o,
     output logic [Phases-1:0] gate_l_o,
+    output logic              brake_o,      // brake chopper, high: on
     input  logic              fault_pin_i,  // high or open: fault
     input  logic [       2:0] hall_i,       // C, B, A
     input  logic [       2:0] encoder_i,    // Z, B, A
@@ -85,6 +86,7 @@ module fl_board_ulx3s #(
       .adc_sdata_i,
       .gate_h_o,
       .gate_l_o,
+      .brake_o,
       .fault_pin_i,
       .hall_i,
       .encoder_i,

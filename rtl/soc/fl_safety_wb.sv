@@ -1,6 +1,7 @@
-// Gate guard, trips, watchdog and lock with their registers.
+// Gate guard, trips, watchdog, brake chopper and lock with their registers.
 //
-// The watchdog and a locked setting that changed act as the deadline trip; the monitor register tells them apart.
+// The watchdog, a locked setting that changed and the brake chopper's longest on-time act as the deadline trip; the
+// monitor register tells them apart.
 `default_nettype none
 module fl_safety_wb
   import fl_pkg::*;
@@ -29,6 +30,7 @@ module fl_safety_wb
     output logic [  Phases-1:0] gate_h_o,  // pins
     output logic [  Phases-1:0] gate_l_o,
     output logic [2*Phases-1:0] gate_o,
+    output logic                brake_o,   // pin, active high
 
     output logic  tripped_o,     // level
     output logic  trip_event_o,  // pulse
@@ -44,15 +46,15 @@ module fl_safety_wb
   localparam logic [7:0] ClearKey = 8'hA5;
   logic trip, clear;
   logic clear_written_q, feed_written_q;
-  logic locked, changed, expired, wrong;
-  logic [2:0] monitor_q;
+  logic locked, changed, expired, wrong, brake_overload;
+  logic [3:0] monitor_q;
 
   // Key and report act once, in the clock after they have been written.
   assign clear = clear_written_q && hwif_out.command.clear_key.value == ClearKey;
   always_ff @(posedge clk_i) begin
     clear_written_q <= hwif_out.command.clear_key.swmod;
     feed_written_q  <= hwif_out.feed.step.swmod;
-    monitor_q       <= (clear ? 3'd0 : monitor_q) | {changed, wrong, expired};
+    monitor_q       <= (clear ? 4'd0 : monitor_q) | {brake_overload, changed, wrong, expired};
     if (rst_i) begin
       clear_written_q <= 1'b0;
       feed_written_q  <= 1'b0;
@@ -69,11 +71,16 @@ module fl_safety_wb
   assign hwif_in.voltage_limit.over_lsb.swwel   = locked;
   assign hwif_in.voltage_limit.under_lsb.swwel  = locked;
   assign hwif_in.watchdog.cycles.swwel          = locked;
+  assign hwif_in.brake.enable.swwel             = locked;
+  assign hwif_in.brake.age_cycles.swwel         = locked;
+  assign hwif_in.brake_level.on_lsb.swwel       = locked;
+  assign hwif_in.brake_level.off_lsb.swwel      = locked;
+  assign hwif_in.brake_time.cycles.swwel        = locked;
   assign hwif_in.lock.key.swwel                 = locked;
   assign hwif_in.monitor.cause.next             = monitor_q;
   assign hwif_in.monitor.locked.next            = locked;
 
-  localparam int unsigned SettingsWidth = 2 + 10 + TripSources + 4 * AdcWidth + 24;
+  localparam int unsigned SettingsWidth = 2 + 10 + TripSources + 4 * AdcWidth + 24 + 1 + 20 + 2 * AdcWidth + 32;
   fl_settings_lock #(
       .Width(SettingsWidth)
   ) u_lock (
@@ -89,7 +96,12 @@ module fl_safety_wb
         hwif_out.current_limit.dc_lsb.value,
         hwif_out.voltage_limit.over_lsb.value,
         hwif_out.voltage_limit.under_lsb.value,
-        hwif_out.watchdog.cycles.value
+        hwif_out.watchdog.cycles.value,
+        hwif_out.brake.enable.value,
+        hwif_out.brake.age_cycles.value,
+        hwif_out.brake_level.on_lsb.value,
+        hwif_out.brake_level.off_lsb.value,
+        hwif_out.brake_time.cycles.value
       }),
       .locked_o  (locked),
       .changed_o (changed)
@@ -106,6 +118,22 @@ module fl_safety_wb
       .wrong_o     (wrong)
   );
 
+  localparam int unsigned ChannelVdc = 2 * Phases;
+  fl_brake u_brake (
+      .clk_i,
+      .rst_i,
+      .enable_i            (hwif_out.brake.enable.value),
+      .cfg_on_lsb_i        (hwif_out.brake_level.on_lsb.value),
+      .cfg_off_lsb_i       (hwif_out.brake_level.off_lsb.value),
+      .cfg_longest_cycles_i(hwif_out.brake_time.cycles.value),
+      .cfg_age_cycles_i    (hwif_out.brake.age_cycles.value),
+      .adc_valid_i,
+      .vdc_i               (adc_code_i[ChannelVdc]),
+      .brake_o,
+      .overload_o          (brake_overload)
+  );
+
+  assign hwif_in.brake.on.next      = brake_o;
   assign hwif_in.guard.enable.hwclr = trip;
   assign hwif_in.gates.gate.next    = 10'(gate_o);
   assign tripped_o                  = trip;
@@ -121,7 +149,7 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
-      .deadline_i     (deadline_i || expired || wrong || changed),
+      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload),
       .guard_enable_i (hwif_out.guard.enable.value),
       .cfg_enable_i   (hwif_out.trip_enable.source.value),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),

@@ -43,6 +43,7 @@ module fl_soc
     output logic [  Phases-1:0] gate_h_o,     // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
     output logic [2*Phases-1:0] gate_o,       // before polarity: bit 2X upper, 2X+1 lower switch of leg X
+    output logic                brake_o,      // pin of the brake chopper, active high
     input  logic                fault_pin_i,  // asynchronous, active high
     input  logic [         2:0] hall_i,       // Hall sensors C, B, A; asynchronous, 0 where there are none
     input  logic [         2:0] encoder_i,    // encoder Z, B, A; asynchronous, 0 where there is none
@@ -428,6 +429,7 @@ module fl_soc
       .gate_h_o,
       .gate_l_o,
       .gate_o,
+      .brake_o,
       .tripped_o   (tripped),
       .trip_event_o(trip_event),
       .trip_cause_o(trip_cause)

@@ -3,7 +3,8 @@
 #include <cstdint>
 
 // Plant kernel: advance to t_cycle with the old gates, then take `gates`.
-// gates: bit 2X = upper, 2X+1 = lower switch of leg X, in force from now on. flags: bit 0 sample strobe, bit 1 gates changed.
+// gates: bit 2X = upper, 2X+1 = lower switch of leg X, in force from now on. flags: bit 0 sample strobe, bit 1 gates changed,
+// bit 2 the brake switch, in force from now on.
 // state: double[], io: int32[32], [0..channels-1] converter codes, [16] heartbeat, [17] pins (bit 0 gate-driver fault, 1..3 Hall A, B, C),
 // [18] encoder A, B, Z in bits 0, 1, 2, [19] clocks within which the next call must come for it, 0: there is none.
 // Returns 0, else a fault code; the kernel is not called again after one.

@@ -60,6 +60,7 @@ struct cosim_t {
     bool log_strobes = false;
     bool log_can = false;
     int32_t gates = 0;
+    int brake = 0;
     int32_t pins = 0;
     int64_t conversion = 35;
     int64_t valid_at = NEVER;  // adc_valid_i rises after this edge
@@ -220,7 +221,7 @@ void set_pins(Vtop* t, int32_t pins) {
 
 void plant_event(Vtop* t, int32_t flags) {
     C.st.events++;
-    C.st.edges += flags >> 1;
+    C.st.edges += flags >> 1 & 1;
     C.st.strobes += flags & 1;
     if (R.on) {
         if (flags & 1) {
@@ -263,7 +264,9 @@ void slow_step(Vtop* t) {
             R.gate_rows.push_back(C.gates);
         }
     }
-    if (flags || C.st.cycle >= C.plant_at) plant_event(t, flags);
+    const bool brake = t->brake_o != C.brake;
+    C.brake = t->brake_o;
+    if (flags || brake || C.st.cycle >= C.plant_at) plant_event(t, flags | C.brake << 2);
     if ((flags & 1) && C.log_strobes) log_row(LOG_STROBE, 0, 0);
     if (t->trc_valid_o) {
         if (t->trc_comm_valid_o) log_row(LOG_COMMUTATION, t->trc_sector_o, unwrap(t, t->trc_comm_sched_o));
@@ -295,7 +298,7 @@ void slow_step(Vtop* t) {
 // After every rising edge.
 inline void after_edge(Vtop* t) {
     C.st.cycle++;
-    if (__builtin_expect((t->gate_o != C.gates) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
+    if (__builtin_expect((t->gate_o != C.gates) | (t->brake_o != C.brake) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
                              (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
         slow_step(t);
 }

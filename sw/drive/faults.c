@@ -37,6 +37,7 @@ const char *fault_name(fault_t fault) {
       [FAULT_COMMAND_TIMEOUT] = "command_timeout",
       [FAULT_OPEN_PHASE] = "open_phase",
       [FAULT_OPEN_PHASES] = "open_phases",
+      [FAULT_BRAKE_OVERLOAD] = "brake_overload",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }
@@ -62,6 +63,9 @@ fault_t fault_of_trip(uint32_t causes) {
 fault_t fault_of_monitor(uint32_t monitor) {
   if ((monitor & MONITOR_CHANGED) != 0u) {
     return FAULT_SETTINGS_CHANGED;
+  }
+  if ((monitor & MONITOR_BRAKE) != 0u) {
+    return FAULT_BRAKE_OVERLOAD;
   }
   return ((monitor & (MONITOR_EXPIRED | MONITOR_WRONG)) != 0u) ? FAULT_WATCHDOG : FAULT_DEADLINE;
 }

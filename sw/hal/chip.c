@@ -77,6 +77,11 @@ COLD static void configure_safety(const parameters_t *p) {
                                            FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__UNDER_LSB, p->trip_under_voltage_lsb));
   reg_write(REG(safety.trip_enable), (uint32_t)p->trip_enable);
   reg_write(REG(safety.watchdog), (uint32_t)p->watchdog_cycles);
+  reg_write(REG(safety.brake_level), FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__ON_LSB, p->brake_on_lsb) |
+                                         FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__OFF_LSB, p->brake_off_lsb));
+  reg_write(REG(safety.brake_time), (uint32_t)p->brake_longest_cycles);
+  reg_write(REG(safety.brake), FIELD(FL_SAFETY_REGS__BRAKE__ENABLE, p->brake_longest_cycles != 0 ? 1 : 0) |
+                                   FIELD(FL_SAFETY_REGS__BRAKE__AGE_CYCLES, p->brake_age_cycles));
   reg_write(REG(safety.lock), LOCK_KEY);
   reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
 }

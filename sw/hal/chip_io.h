@@ -53,6 +53,7 @@ enum {
   MONITOR_EXPIRED = 1u << 0,
   MONITOR_WRONG = 1u << 1,
   MONITOR_CHANGED = 1u << 2,
+  MONITOR_BRAKE = 1u << 3,
 };
 
 // How the machine is driven, fixed by the parameters.

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from fluxlock.analysis.rundata import LogKind
+from fluxlock.cosim.outcome import Outcome
 from tests.closed_loop.support import drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+LOW_LINK = ("inverter.supply_v=12", "inverter.supply_diode=true", "inverter.protection.over_voltage_v=20")
 
 
 def test_over_current() -> None:
@@ -47,6 +49,39 @@ def test_fault_pin() -> None:
     assert off[0, 1] == 0 and off[0, 0] == pin[0, 0] + 3
     assert len(off) == 1, "gates stay off"
     assert "fault_pin" in run.console()
+
+
+def spun_up(name: str, ohm: float, *overrides: str) -> Outcome:
+    """A machine that feeds the link through the diodes of open gates, beside a brake resistor."""
+    brake = f"{{off_v = 13, on_v = 14, resistance_ohm = {ohm:g}, longest_on_s = 2e-3}}"
+    return drive(SCENARIOS / "brake.toml", name, *LOW_LINK, f"inverter.brake_chopper={brake}", *overrides)
+
+
+def test_brake_chopper() -> None:
+    """The chip's brake pin holds the link between its thresholds, before a trip and after it.
+
+    Verifies: SYS-17
+    """
+    run = spun_up("brake", 0.5)
+    assert not run.result["failures"]
+    records = run.data.records
+    held = records["vdc"][records["t_cycle"] > 0.0065 * run.data.clock_hz]
+    # The divider's pole, one sample and its conversion at 25 V/ms, noise and rounding.
+    assert held.min() > 12.9
+    assert held.max() < 14.1
+    rises = ((held[:-1] < 13.5) & (held[1:] >= 13.5)).sum()
+    assert rises > 20, "it goes to and fro between the thresholds"
+
+
+def test_brake_chopper_beyond_its_time() -> None:
+    """A resistor that the machine overpowers is off after its longest time: fault by name, the link rises.
+
+    Verifies: SYS-17
+    """
+    run = spun_up("brake-overload", 5.0, 'expect_trip=["fault_pin", "deadline"]', "expect_fault=brake_overload")
+    assert not run.result["failures"]
+    assert run.data.fault == "brake_overload"
+    assert run.data.records["vdc"][-1] > 14.5
 
 
 def test_lost_lock() -> None:

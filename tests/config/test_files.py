@@ -22,6 +22,7 @@ from fluxlock.paths import ROOT
 from fluxlock.plant.params import CHANNEL_NAMES
 
 DEMO = ROOT / "scenarios" / "demo.toml"
+BRAKE = "{off_v = %g, on_v = %g, resistance_ohm = 1, longest_on_s = 0.1}"
 
 
 def names(folder: str) -> list[str]:
@@ -318,6 +319,10 @@ def test_speed_target_by_console_line() -> None:
         ("inverter.supply_v=29.5", "sensing.voltage_full_scale_v: 30 V leaves no room for an over-voltage trip"),
         ("inverter.protection.over_voltage_v=30", "over_voltage_v: 30 V is not below sensing.voltage_full_scale_v"),
         ("inverter.protection.over_voltage_v=25", "over_voltage_v: 25 V is not above supply_v (25 V)"),
+        (f"inverter.brake_chopper={BRAKE % (25, 27)}", "brake_chopper.off_v: 25 V is not above supply_v (25 V)"),
+        (f"inverter.brake_chopper={BRAKE % (26, 29.4)}", "on_v: 29.4 V is not below the over-voltage trip (29.4 V)"),
+        (f"inverter.brake_chopper={BRAKE % (26, 26.02)}", "off_v: 26 V is less than 4 converter steps"),
+        (f"inverter.brake_chopper={BRAKE % (26, 27)}", "OK"),
         ("inverter.protection.under_voltage_v=25", "under_voltage_v: 25 V is not below supply_v (25 V)"),
         ("event[0].command=status", "--set: event[0]: needs exactly one action"),
         ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),

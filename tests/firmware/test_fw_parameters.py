@@ -27,6 +27,7 @@ from fluxlock.firmware import (
 )
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
+from fluxlock.firmware.specs import BrakeSpec
 from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
@@ -280,7 +281,23 @@ def test_power_stage_keys_reach_the_block() -> None:
     assert values["trip_under_voltage_lsb"] == round(0.6 * 25 / 30 * 4096)
     values = compile_parameters(MOTOR_1, replace(inverter, voltage_full_scale_v=40.0), drive).values
     assert values["trip_over_voltage_lsb"] == round(1.25 * 25 / 40 * 4096)
+    assert values["brake_longest_cycles"] == 0, "the chip drives no brake"
     stated = replace(inverter, over_voltage_v=28.0, under_voltage_v=20.0)
     values = compile_parameters(MOTOR_1, stated, drive).values
     assert values["trip_over_voltage_lsb"] == round(28 / 30 * 4096)
     assert values["trip_under_voltage_lsb"] == round(20 / 30 * 4096)
+
+
+def test_brake_keys_reach_the_block() -> None:
+    """Thresholds in raw codes, longest time in clocks, age of four sample sets in the longest gap between two.
+
+    Verifies: FW-50
+    """
+    brake = BrakeSpec(on_v=27.5, off_v=26.0, longest_on_s=0.25)
+    inverter = replace(INVERTER_1, voltage_full_scale_v=30.0, sample_period_s=2e-6, brake=brake)
+    values = compile_parameters(MOTOR_1, inverter, DriveSpec()).values
+    assert (values["brake_on_lsb"], values["brake_off_lsb"]) == (3755, 3550)
+    assert values["brake_longest_cycles"] == 12_500_000
+    assert values["brake_age_cycles"] == 4 * 100
+    values = compile_parameters(MOTOR_1, inverter, DriveSpec(zcd_sampling="carrier")).values
+    assert values["brake_age_cycles"] == 4 * values["carrier_longest_cycles"]

@@ -11,6 +11,7 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec
+from fluxlock.firmware.specs import BrakeSpec
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
 
@@ -204,7 +205,14 @@ def test_silent_console(lines: bool) -> None:
 
 @pytest.mark.parametrize(
     ("monitor", "name"),
-    [(0, "deadline"), (1, "watchdog"), (2, "watchdog"), (4, "settings_changed"), (6, "settings_changed")],
+    [
+        (0, "deadline"),
+        (1, "watchdog"),
+        (2, "watchdog"),
+        (4, "settings_changed"),
+        (6, "settings_changed"),
+        (8, "brake_overload"),
+    ],
 )
 def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
     """The monitor register names what the deadline trip means.
@@ -217,6 +225,22 @@ def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
     bench.trip(0x80)
     bench.run(0.0003)
     assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+
+
+@pytest.mark.parametrize("brake", [None, BrakeSpec(on_v=14.0, off_v=13.0, longest_on_s=0.5)])
+def test_brake_is_set_at_boot(brake: BrakeSpec | None) -> None:
+    """Thresholds, time and age, before the lock; without a brake of the inverter file it is off.
+
+    Verifies: FW-50
+    """
+    bench = Bench(inverter=replace(INVERTER_1, brake=brake))
+    assert bench.get("safety.lock") == 0x10CC
+    assert bench.get("safety.brake") & 1 == (brake is not None)
+    assert bench.get("safety.brake") >> 8 == 4 * 50
+    assert bench.get("safety.brake_time") == (25_000_000 if brake else 0)
+    step = INVERTER_1.voltage_full_scale_v / 4096
+    level = round(14.0 / step) | round(13.0 / step) << 16 if brake else 0
+    assert bench.get("safety.brake_level") == level
 
 
 def test_watchdog_gets_every_step_and_settings_are_locked() -> None:

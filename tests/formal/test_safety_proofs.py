@@ -56,6 +56,7 @@ PROOFS = [
     "fl_adc_fault",
     "fl_watchdog",
     "fl_settings_lock",
+    "fl_brake",
     "fl_can",
     "fl_can_rx",
     "fl_can_tx",
@@ -67,7 +68,7 @@ def test_proof(name: str) -> None:
     """The safety properties hold for every input.
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10, SAFE-13,
-    SAFE-14, SAFE-15,
+    SAFE-14, SAFE-15, SAFE-17, SAFE-18,
     VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert prove(name, name) == "PASS"
@@ -76,6 +77,7 @@ def test_proof(name: str) -> None:
 CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl_can_tx.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
 ADC, DOG, LOCK = "fl_adc_fault.sv", "fl_watchdog.sv", "fl_settings_lock.sv"
+BRAKE = "fl_brake.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -148,6 +150,13 @@ BROKEN = {
     "lock opens again": ("fl_settings_lock", LOCK, "if (key_i == Key) locked_o <= 1'b1;", "locked_o <= key_i == Key;"),
     "lock without key": ("fl_settings_lock", LOCK, "key_i == Key", "key_i[15:1] == Key[15:1]"),
     "parity follows the settings": ("fl_settings_lock", LOCK, "if (!locked_o) parity_q", "parity_q"),
+    "brake a clock too long": ("fl_brake", BRAKE, "used_q >= cfg_longest", "used_q > cfg_longest"),
+    "pause gives brake time back": ("fl_brake", BRAKE, "if (below) used_q", "if (below || !brake_d) used_q"),
+    "brake on again by itself": ("fl_brake", BRAKE, "(overload_o || (wanted", "(1'b0 || (wanted"),
+    "brake on without samples": ("fl_brake", BRAKE, "(brake_o && !stale)", "brake_o"),
+    "samples a clock older": ("fl_brake", BRAKE, "+ 21'd1 >= {", "+ 21'd1 > {"),
+    "brake without enable": ("fl_brake", BRAKE, "= enable_i && !below &&", "= !below &&"),
+    "brake off at its threshold": ("fl_brake", BRAKE, "vdc_i < cfg_off", "vdc_i <= cfg_off"),
     "ramp turns round": ("fl_leg_carrier", LEGS, "ramp_q - 16'd2;", "ramp_q ^ 16'd2;"),
 }
 

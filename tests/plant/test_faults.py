@@ -88,6 +88,28 @@ def test_supply_diode_and_chopper() -> None:
     assert (vdc[:-1] > vdc[1:]).any() and (vdc[:-1] < vdc[1:]).any()
 
 
+@pytest.mark.parametrize("mode", ["py", "jit"])
+def test_driven_chopper(mode: str) -> None:
+    """It is on when its switch is, whatever the link: the capacitor follows the divider of both resistors.
+
+    Verifies: PLANT-24
+    """
+    link = {"inverter__dc_link_c_f": 20e-6, "inverter__supply_r_ohm": 2.0}
+    plant = Plant(motor_1(**link, inverter__chopper_driven=True, inverter__chopper_ohm=3.0), seed=1, mode=mode)
+    plant.advance(1000)
+    assert plant.state[L.VDC] == pytest.approx(25.0, rel=1e-12)
+    plant.set_brake(True)
+    tau_s = 20e-6 * 2.0 * 3.0 / 5.0
+    plant.advance(1500)
+    plant.set_gates(0)
+    plant.sample(2000)
+    reached = 15.0 + 10.0 * math.exp(-20e-6 / tau_s)
+    assert plant.state[L.VDC] == pytest.approx(reached, rel=1e-6)
+    plant.set_brake(False)
+    plant.advance(3000)
+    assert plant.state[L.VDC] == pytest.approx(25.0 - (25.0 - reached) * math.exp(-20e-6 / 40e-6), rel=1e-6)
+
+
 def test_fault_pin() -> None:
     """The pin shows at once, stays through events, and clears.
 

@@ -169,6 +169,7 @@ UPSET_BYTES = BLOCK_ADDRESS + 0x400
 SETTINGS_FIELDS = (
     "guard_high_active_low", "guard_low_active_low", "dead_time_cycles", "trip_enable_source", "watchdog_cycles",
     "current_limit_phase_lsb", "current_limit_dc_lsb", "voltage_limit_over_lsb", "voltage_limit_under_lsb",
+    "brake_enable", "brake_age_cycles", "brake_level_on_lsb", "brake_level_off_lsb", "brake_time_cycles",
 )  # fmt: skip
 
 

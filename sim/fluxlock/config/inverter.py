@@ -7,6 +7,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
+from fluxlock.firmware.specs import over_voltage_limit
 
 
 class Sensing(Model):
@@ -71,6 +72,14 @@ class BrakeChopper(Model):
     on_v: float = quantity("DC-link voltage at which it turns on.", "V", 1, 2000)
     off_v: float = quantity("DC-link voltage at which it turns off.", "V", 1, 2000)
     resistance_ohm: float = quantity("Resistance.", "Ohm", 0.01, 1e4)
+    longest_on_s: float | None = quantity(
+        "The chip's brake pin drives it, for no longer than this between two falls of the link below `off_v`.",
+        "s",
+        1e-4,
+        40,
+        default=None,
+        absent="it acts by itself, for any time",
+    )
 
     @model_validator(mode="after")
     def _hysteresis(self) -> Self:
@@ -156,6 +165,7 @@ class Inverter(Model):
                     f"({with_unit(self.sensing.current_full_scale_a, 'A')})",
                 )
         self._check_voltage_limits()
+        self._check_brake()
         return self
 
     def _check_voltage_limits(self) -> None:
@@ -174,3 +184,21 @@ class Inverter(Model):
         if under_v is not None and under_v >= self.supply_v:
             text = f"{with_unit(under_v, 'V')} is not below supply_v ({supply}): the drive would trip at once"
             raise conflict("protection.under_voltage_v", text)
+
+    def _check_brake(self) -> None:
+        """A brake switch that the chip drives works above the supply and below the trip, by codes that differ."""
+        brake, full_v = self.brake_chopper, self.sensing.voltage_full_scale_v
+        if brake is None or brake.longest_on_s is None:
+            return
+        over_v = self.protection.over_voltage_v
+        limit_v = over_voltage_limit(self.supply_v, full_v) if over_v is None else over_v
+        on, off, limit = (with_unit(volts, "V") for volts in (brake.on_v, brake.off_v, limit_v))
+        if brake.off_v <= self.supply_v:
+            text = f"{off} is not above supply_v ({with_unit(self.supply_v, 'V')}): it would never turn off"
+            raise conflict("brake_chopper.off_v", text)
+        if brake.on_v >= limit_v:
+            raise conflict("brake_chopper.on_v", f"{on} is not below the over-voltage trip ({limit})")
+        least_v = 4 * full_v / 2**self.sensing.bits
+        if brake.on_v - brake.off_v < least_v:
+            text = f"{off} is less than 4 converter steps ({with_unit(least_v, 'V')}) below on_v ({on})"
+            raise conflict("brake_chopper.off_v", text)

@@ -69,6 +69,7 @@ DriveFault = Literal[
     "command_timeout",
     "open_phase",
     "open_phases",
+    "brake_overload",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 

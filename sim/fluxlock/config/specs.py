@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fluxlock.config.scenario import Scenario
-from fluxlock.firmware.specs import DriveSpec, EncoderSpec, InverterSpec, MotorSpec, ThirdSpec
+from fluxlock.firmware.specs import BrakeSpec, DriveSpec, EncoderSpec, InverterSpec, MotorSpec, ThirdSpec
 
 CLOCK_HZ = 50e6
 
@@ -60,6 +60,9 @@ def inverter_spec(s: Scenario) -> InverterSpec:
         under_voltage_v=i.protection.under_voltage_v,
         conversion_s=i.sensing.conversion_s,
         noise_lsb=i.sensing.noise_lsb,
+        brake=BrakeSpec(i.brake_chopper.on_v, i.brake_chopper.off_v, i.brake_chopper.longest_on_s)
+        if i.brake_chopper and i.brake_chopper.longest_on_s
+        else None,
     )
 
 

@@ -33,6 +33,7 @@ def inverter_params(i: Inverter) -> InverterParams:
         chopper_ohm=i.brake_chopper.resistance_ohm if i.brake_chopper else 0.0,
         chopper_on_v=i.brake_chopper.on_v if i.brake_chopper else 0.0,
         chopper_off_v=i.brake_chopper.off_v if i.brake_chopper else 0.0,
+        chopper_driven=i.brake_chopper is not None and i.brake_chopper.longest_on_s is not None,
     )
 
 

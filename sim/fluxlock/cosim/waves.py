@@ -68,6 +68,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "safety": (
         "b u_safety.u_guard.enable_i",
         "b fault_pin_i",
+        "b brake_o",
         "b tripped",
         "b trip_event",
         "b trip_cause.phase_current",

@@ -26,6 +26,7 @@ from fluxlock.firmware.specs import (
     ZcdSampling,
     current_bandwidth_max_hz,
     least_pulse_s,
+    over_voltage_limit,
     settling_s,
 )
 from fluxlock.firmware.vector_compiler import vector_parameters
@@ -36,6 +37,9 @@ Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
 
 # The watchdog waits for so many control steps, of which every fourth is told.
 WATCHDOG_TICKS = 8
+# The brake switch turns off when that many sample sets in a row have stayed away; what its register holds.
+BRAKE_AGE_SETS = 4
+BRAKE_AGE_MAX = 2**20 - 1
 # Sum of the phase currents that is none of noise and offsets: the larger of both.
 SUM_RATED_SHARE = 0.1
 SUM_LSB = 16.0
@@ -229,10 +233,12 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
     def code(volts: float) -> int:
         return int(min(2**inverter.bits - 1, round(volts / v_lsb)))
 
+    once_cycles = cycles(longest_s) if drive.zcd_sampling == "carrier" else 0
+
     supply = inverter.supply_v
-    # A limit at the converter's full scale could never be exceeded.
-    over_v = min(1.25 * supply, 0.98 * inverter.voltage_full_scale_v)
-    over_v = inverter.over_voltage_v if inverter.over_voltage_v is not None else over_v
+    over_v = inverter.over_voltage_v
+    if over_v is None:
+        over_v = over_voltage_limit(supply, inverter.voltage_full_scale_v)
     under_v = inverter.under_voltage_v if inverter.under_voltage_v is not None else 0.6 * supply
 
     def turn60(degrees: float) -> int:
@@ -272,6 +278,10 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "trip_over_voltage_lsb": code(over_v),
         "trip_under_voltage_lsb": code(under_v),
         "watchdog_cycles": WATCHDOG_TICKS * cycles(tick),
+        "brake_on_lsb": code(inverter.brake.on_v) if inverter.brake else 0,
+        "brake_off_lsb": code(inverter.brake.off_v) if inverter.brake else 0,
+        "brake_longest_cycles": cycles(inverter.brake.longest_on_s) if inverter.brake else 0,
+        "brake_age_cycles": min(BRAKE_AGE_MAX, BRAKE_AGE_SETS * max(cycles(inverter.sample_period_s), once_cycles)),
         "rated_i_q17": min(Q17, round(motor.rated_current_a * amp_q17)),
         "overload_ticks": round((OVERLOAD_S if motor.overload_s is None else motor.overload_s) / tick),
         "sum_limit_q17": round(max(SUM_RATED_SHARE * motor.rated_current_a * amp_q17, SUM_LSB * Q17 / half_codes)),

@@ -98,6 +98,20 @@ class MotorSpec:
 
 
 @dataclass(frozen=True)
+class BrakeSpec:
+    """Brake chopper that the chip drives: link voltages of its switch, longest time with it on."""
+
+    on_v: float
+    off_v: float
+    longest_on_s: float
+
+
+def over_voltage_limit(supply_v: float, full_scale_v: float) -> float:
+    """Over-voltage trip of an inverter that states none: at the converter's full scale it could never be exceeded."""
+    return min(1.25 * supply_v, 0.98 * full_scale_v)
+
+
+@dataclass(frozen=True)
 class InverterSpec:
     """Inverter with its sensing chain and protections; None chooses a value from the others."""
 
@@ -121,6 +135,7 @@ class InverterSpec:
     under_voltage_v: float | None = None
     conversion_s: float = 0.4e-6
     noise_lsb: float = 0.0
+    brake: BrakeSpec | None = None
 
 
 @dataclass(frozen=True)

@@ -208,7 +208,7 @@ def next_event(s: Vector, order: int) -> float:
             if at < best:
                 best = at
                 s[L.EVENT_LEG] = -1.0
-        if s[L.CHOPPER_G] != 0.0:
+        if s[L.CHOPPER_G] != 0.0 and s[L.CHOPPER_DRIVEN] == 0.0:
             rising = s[L.CHOPPER_ON] == 0.0
             at = link_zero(s, order, s[L.CHOPPER_ON_V] if rising else s[L.CHOPPER_OFF_V], rising)
             if at < best:
@@ -232,7 +232,7 @@ def switch_link(s: Vector) -> None:
             s[L.SOURCE_ON] = 0.0
         elif excess < -L.TOLERANCE_V:
             s[L.SOURCE_ON] = 1.0
-    if s[L.CHOPPER_G] != 0.0:
+    if s[L.CHOPPER_G] != 0.0 and s[L.CHOPPER_DRIVEN] == 0.0:
         # An event ends within rounding of its threshold.
         if s[L.VDC] >= s[L.CHOPPER_ON_V] - MARGIN_V:
             s[L.CHOPPER_ON] = 1.0

@@ -135,7 +135,7 @@ def hall_pins(s: Vector) -> int:
 
 
 def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -> int:
-    """Advance to t_cycle, sample and record as flagged, then take the gates. Returns a fault code."""
+    """Advance to t_cycle, sample and record as flagged, then take gates and brake. Returns a fault code."""
     old = int(s[L.GATES])
     cycles = t_cycle - s[L.T_CYCLE]
     if cycles < 0.0:
@@ -162,6 +162,8 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
         code = record_zoom(s, old)
         if code != L.OK:
             return code
+    if s[L.CHOPPER_DRIVEN] != 0.0:
+        s[L.CHOPPER_ON] = 1.0 if flags & L.BRAKE else 0.0
     if gates != old:
         s[L.GATES] = gates
         # Diodes that the new gates turn on are logged here, at the edge, and idc and vdc follow at once.

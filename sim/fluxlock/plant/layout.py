@@ -69,6 +69,7 @@ SUPPLY_DIODE = _take()
 CHOPPER_ON_V = _take()
 CHOPPER_OFF_V = _take()
 CHOPPER_G = _take()  # 1 / resistance, 0 = none
+CHOPPER_DRIVEN = _take()  # 1: by the flag BRAKE of the calls, not by its thresholds
 
 LEG_FAULT = _take(LEGS)  # WHOLE .. STUCK_LOW
 
@@ -197,6 +198,7 @@ FREE, IMPOSED, LOCKED = range(3)
 EXTINCTION, DIODE_ON = 1, 2
 WHOLE, BROKEN, STUCK_HIGH, STUCK_LOW = range(4)
 STROBE = 1  # flag bit
+BRAKE = 4  # flag bit: switch of a driven chopper
 TOLERANCE_V = 1e-9  # a diode turns on this far beyond its threshold
 
 # --- io

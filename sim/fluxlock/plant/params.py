@@ -188,7 +188,8 @@ class InverterParams:
     """Two switches with diodes a leg, supply and DC link.
 
     Without capacitor (dc_link_c_f = 0) the supply and its resistance feed the legs directly and take energy
-    back. The chopper turns on at chopper_on_v and off at chopper_off_v; chopper_ohm = 0: there is none.
+    back. The chopper turns on at chopper_on_v and off at chopper_off_v, with chopper_driven by `Plant.set_brake` or the
+    chip's brake pin instead; chopper_ohm = 0: there is none.
     """
 
     supply_v: float
@@ -201,6 +202,7 @@ class InverterParams:
     chopper_ohm: float = 0.0
     chopper_on_v: float = 0.0
     chopper_off_v: float = 0.0
+    chopper_driven: bool = False
 
     def __post_init__(self) -> None:
         require(finite_at_least(0.0, self.supply_v), "supply_v", self.supply_v, "at least 0")
@@ -220,7 +222,7 @@ class InverterParams:
             self.dc_link_c_f,
             "above 0 with a brake chopper",
         )
-        if self.chopper_ohm > 0.0:
+        if self.chopper_ohm > 0.0 and not self.chopper_driven:
             ordered = 0.0 < self.chopper_off_v < self.chopper_on_v
             require(ordered, "chopper_off_v", self.chopper_off_v, "above 0 and below chopper_on_v")
 

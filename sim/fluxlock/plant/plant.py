@@ -80,22 +80,30 @@ class Plant:
         return self._kernel.address
 
     def step(self, t_cycle: int, gates: int, flags: int = 0) -> None:
-        """Advance to t_cycle with the old gates, sample if flags bit 0 is set, then take the gates."""
+        """Advance to t_cycle with the old gates, sample if flags bit 0 is set, then take gates and brake (bit 2)."""
         code = self._kernel.call(t_cycle, gates, flags)
         if code != L.OK:
             raise PlantError(self.fault_text(code, t_cycle)) from self._kernel.error
 
     def advance(self, t_cycle: int) -> None:
         """Advance to t_cycle."""
-        self.step(t_cycle, int(self.state[L.GATES]))
+        self.step(t_cycle, int(self.state[L.GATES]), self._brake)
 
     def set_gates(self, gates: int) -> None:
         """Change the gates now."""
-        self.step(int(self.state[L.T_CYCLE]), gates, 2)
+        self.step(int(self.state[L.T_CYCLE]), gates, 2 | self._brake)
+
+    def set_brake(self, on: bool) -> None:
+        """Switch a driven brake chopper now."""
+        self.step(int(self.state[L.T_CYCLE]), int(self.state[L.GATES]), L.BRAKE if on else 0)
+
+    @property
+    def _brake(self) -> int:
+        return L.BRAKE if self.state[L.CHOPPER_ON] else 0
 
     def sample(self, t_cycle: int) -> npt.NDArray[np.int32]:
         """Advance to t_cycle, sample there and return the codes of all channels."""
-        self.step(t_cycle, int(self.state[L.GATES]), L.STROBE)
+        self.step(t_cycle, int(self.state[L.GATES]), L.STROBE | self._brake)
         return self.io[: len(self.channels)].copy()
 
     def fault_text(self, code: int, t_cycle: int | None = None) -> str:

@@ -131,6 +131,7 @@ def initial_state(params: PlantParams, seed: int) -> FloatArray:
     s[L.SUPPLY_DIODE] = inverter.supply_diode
     s[L.CHOPPER_ON_V] = inverter.chopper_on_v
     s[L.CHOPPER_OFF_V] = inverter.chopper_off_v
+    s[L.CHOPPER_DRIVEN] = inverter.chopper_driven
     s[L.CHOPPER_G] = 1.0 / inverter.chopper_ohm if inverter.chopper_ohm > 0.0 else 0.0
 
     mechanics = params.mechanics
