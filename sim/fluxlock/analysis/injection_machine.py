@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -16,11 +17,13 @@ import numpy as np
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Motor
 from fluxlock.config.motor import machine_params
-from fluxlock.paths import BUILD
+from fluxlock.paths import BUILD, content_hash
 from fluxlock.plant.magnetics import FluxMap
 
 F = TypeVar("F", bound=Callable[..., object])
-FOLDER = BUILD / "injection"
+# numba looks at the file of a function only, not at those of the functions that it calls.
+SOURCES = [Path(__file__).with_name(f"injection_{name}.py") for name in ("machine", "kernel")]
+FOLDER = BUILD / "injection" / content_hash(SOURCES)
 # State: currents d, q, d3, q3, electrical angle and speed, torque.
 THETA_AT, OMEGA_AT, TORQUE_AT = 4, 5, 6
 
@@ -67,8 +70,9 @@ class InverterSet(NamedTuple):
 
     compensation_zone (A): where the compensation is whole. predict: samples by which its current is extrapolated.
     model: the known HF current is moved on instead. edges: the currents at the same edges, extrapolated from one and
-    two injection periods before, with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB; average: converter samples a
-    current sample. switched: every edge at its instant instead of mean voltages, with the ripple of the carrier.
+    two injection periods before, with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB;
+    average: converter samples a current sample. switched: every edge at its instant instead of mean voltages, with the
+    ripple of the carrier.
     """
 
     vdc: float

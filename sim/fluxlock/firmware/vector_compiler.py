@@ -57,6 +57,8 @@ WEAKENING_CURRENT_SHARE = 0.8
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
 # Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
 DEAD_TIME_ZONE_SHARE = 0.25
+# The same with the currents at the edges themselves, as injection has them: docs/theory/five-phase.md, Dead time.
+EDGE_ZONE_SHARE = 0.075
 DEAD_TIME_LSB = 8.0
 MISS_LIMIT = 2
 # Share of the shortest quarter of a line that the encoder's filter takes.
@@ -237,7 +239,7 @@ def _modulator(
     lost = max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)) if vector.dead_time_compensation else 0
     ripple = ripple_a_per_v(motor, timing, clock)
     zone_a = max(
-        DEAD_TIME_ZONE_SHARE * ripple * inverter.supply_v / math.sqrt(3.0),
+        (EDGE_ZONE_SHARE if vector.injection else DEAD_TIME_ZONE_SHARE) * ripple * inverter.supply_v / math.sqrt(3.0),
         DEAD_TIME_LSB * inverter.current_full_scale_a / 2.0**inverter.bits,
     )
     band = ripple * (Q17 / inverter.current_full_scale_a) * (inverter.voltage_full_scale_v / Q25)

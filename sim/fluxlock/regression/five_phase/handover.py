@@ -120,7 +120,7 @@ def hand_over(runner: Runner) -> Iterator[Row]:
         yield Row(
             f"five-phase/hand-over/{course.name}",
             {
-                "motor": course.name,
+                "motor": run.scenario.motor.name,
                 "speed_rpm": course.top_rpm,
                 "handover_rpm": course.handover_rpm,
                 "load_nm": course.load_nm,
