@@ -73,6 +73,7 @@ def run_can(
     assert scenario.can is not None
     bus_of_chip = scenario.can
     check_build()
+    print("building what has changed; a chip takes minutes", file=sys.stderr, flush=True)
     limit = seconds if seconds is not None else LONGEST_S
     bare = scenario.model_copy(update={"window": [], "expect": [], "duration_s": limit})
     running: list[Bridge] = []

@@ -157,7 +157,7 @@ class Session:
         batches = range(plan.batch_cycles, end, plan.batch_cycles)
         stops = merge((cycle for cycle in planned if cycle < end and cycle not in batches), batches, [end])
         pending = sorted(plan.actions, key=lambda a: a.cycle)
-        node = native.open_can(plan.peer.timing) if plan.peer is not None else None
+        node = native.open_can(plan.peer.timing, plan.can_place) if plan.peer is not None else None
         native.log_can(plan.log_can)
         self.begin = time.perf_counter()
         for stop in stops:
