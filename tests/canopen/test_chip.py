@@ -115,6 +115,8 @@ def test_full_bus(tmp_path: Path) -> None:
     assert "now none" in lines
     updates = data.rows(LogKind.UPDATE)[:, 0]
     assert set(np.diff(updates)) == {5000}
+    assert data.cycles - updates[-1] <= 5000, "a run that its peer ends is over with its log"
+    assert data.records["t_cycle"][-1] <= data.cycles
     assert data.isr["control_entry"]["max"] <= ENTRY_MAX_CYCLES
     commutations = data.rows(LogKind.COMMUTATION)
     delay = commutations[:, 0] - commutations[:, 3]
