@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import ipaddress
 from typing import TYPE_CHECKING
 
 from fluxlock.config import ConfigError, Problem
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
 OPTION = "--can"
 DEFAULT = "udp_multicast:239.74.163.2"
+USUAL_CHANNELS = {"udp_multicast": DEFAULT.partition(":")[2], "socketcan": "vcan0"}
 
 
 def open_bus(name: str) -> can.BusABC:
@@ -19,22 +21,42 @@ def open_bus(name: str) -> can.BusABC:
     interface, _, channel = name.partition(":")
     if not interface or not channel:
         raise ConfigError([Problem(OPTION, name, "must be INTERFACE:CHANNEL, for instance socketcan:vcan0")])
-    _check(OPTION, name, interface)
+    _check(OPTION, name, interface, channel)
     return _open(OPTION, name, interface, channel)
+
+
+def usual_channel(interface: str) -> str:
+    """Of an interface without --channel; ConfigError where there is none."""
+    _check("--interface", "", interface)
+    if interface not in USUAL_CHANNELS:
+        raise ConfigError([Problem("--channel", "", f"is missing: {interface} has none that goes without saying")])
+    return USUAL_CHANNELS[interface]
 
 
 def join_bus(interface: str, channel: str) -> can.BusABC:
     """The same for the options --interface and --channel."""
     _check("--interface", "", interface)
+    _check("--channel", "", interface, channel)
     return _open("--channel", channel, interface, channel)
 
 
-def _check(option: str, shown: str, interface: str) -> None:
+def _is_multicast(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).is_multicast
+    except ValueError:
+        return False
+
+
+def _check(option: str, shown: str, interface: str, channel: str = "") -> None:
     # Slow to import, and not needed by other commands.
     import can
 
     if interface not in can.VALID_INTERFACES:
         text = f"{interface} is no interface of python-can; socketcan, udp_multicast and virtual need no adapter"
+        raise ConfigError([Problem(option, shown, text)])
+    # python-can opens it and says of the failure no more than that the socket cannot be configured.
+    if interface == "udp_multicast" and channel and not _is_multicast(channel):
+        text = f"{channel} is no multicast address, as {USUAL_CHANNELS[interface]}"
         raise ConfigError([Problem(option, shown, text)])
 
 

@@ -26,6 +26,7 @@ from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
+from fluxlock.can_bus import usual_channel
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
@@ -254,8 +255,8 @@ def can_command(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table \\[can].")],
     interface: Annotated[str, typer.Option(help="Of python-can: socketcan, udp_multicast, ...")] = "udp_multicast",
     channel: Annotated[
-        str, typer.Option(help="Of the interface: vcan0, a multicast address, ...")
-    ] = DEFAULT_BUS.partition(":")[2],
+        str | None, typer.Option(help="Of the interface, default vcan0 of socketcan, 239.74.163.2 of udp_multicast.")
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.001, max=3600.0, help="Simulated time to run; without it until Ctrl-C.")
     ] = None,
@@ -279,7 +280,8 @@ def can_command(
     out_dir = out if out is not None else Path("build") / scenario.stem
     try:
         with join(loaded, interface, channel) as bus, _output(out_dir):
-            run_can(loaded, bus, f"{interface}:{channel}", out_dir, loaded.seed if seed is None else seed, seconds)
+            name = f"{interface}:{channel or usual_channel(interface)}"
+            run_can(loaded, bus, name, out_dir, loaded.seed if seed is None else seed, seconds)
     except SimulationFault as error:
         _fail([f"simulation: {error}"])
 

@@ -362,9 +362,10 @@ API int32_t cosim_upset(int32_t n, int32_t bit) {
     model[upsets[n].offset + static_cast<size_t>(bit) / 8] ^= static_cast<char>(1 << bit % 8);
     return 0;
 }
-// A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum.
-API int32_t cosim_can_open(int32_t brp, int32_t prop, int32_t ps1, int32_t ps2, int32_t sjw) {
-    C.can_nodes.push_back(C.can.open(C.st.cycle, {brp, prop, ps1, ps2, sjw}));
+// A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum; the node's clock is fast
+// by the error, the delay to the chip in clocks.
+API int32_t cosim_can_open(int32_t brp, int32_t prop, int32_t ps1, int32_t ps2, int32_t sjw, double error, double delay) {
+    C.can_nodes.push_back(C.can.open(C.st.cycle, {brp, prop, ps1, ps2, sjw, error, delay}));
     plan();
     return static_cast<int32_t>(C.can_nodes.size()) - 1;
 }
@@ -390,6 +391,8 @@ API void cosim_can_state(int32_t node, can_state_t* state) {
     const can_node_t& n = *C.can_nodes[static_cast<size_t>(node)];
     *state = {static_cast<int64_t>(n.queue.size()), n.sent, n.errors, n.tec, n.rec, n.bus_off};
 }
+// A disturbance: the bus has this level from a cycle up to another, both to come.
+API void cosim_can_force(int64_t start, int64_t end, int32_t level) { C.can.force(start, end, level), plan(); }
 API void cosim_can_log(int32_t on) { C.log_can = on != 0; }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes

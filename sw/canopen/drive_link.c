@@ -86,10 +86,17 @@ void link_order(app_t *app, const link_order_t *order) {
       (order->torque && !settings_target_current(&next, p, order->current_ma))) {
     return;
   }
-  next.current_limit_q17 = drive_current_q17(p, order->limit_ma);
-  next.torque_mode = order->torque;
+  const int32_t limit_q17 = drive_current_q17(p, order->limit_ma);
+  // What the node orders only: a copy of all settings would hold the control step off for some 200 clocks.
+  settings_t *settings = &app->drive.settings;
   const uint32_t state = critical_enter();
-  app->drive.settings = next;
+  settings->target_rpm = next.target_rpm;
+  settings->accel_rpm_s = next.accel_rpm_s;
+  settings->accel_rpm_q20 = next.accel_rpm_q20;
+  settings->accel_rpm_q8 = next.accel_rpm_q8;
+  settings->current_limit_q17 = limit_q17;
+  settings->torque_mode = order->torque;
+  settings->target_i_q25 = next.target_i_q25;
   app->drive.settings_fresh = true;
   critical_leave(state);
 }

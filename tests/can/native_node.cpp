@@ -28,9 +28,11 @@ void node_last(const can_node_t* node, uint32_t* head, uint8_t* data) {
 }
 
 can_bus_t* bus_new() { return new can_bus_t; }
-can_node_t* bus_open(can_bus_t* bus, int64_t now, int brp, int prop, int ps1, int ps2, int sjw) {
-    return bus->open(now, {brp, prop, ps1, ps2, sjw});
+can_node_t* bus_open(can_bus_t* bus, int64_t now, int brp, int prop, int ps1, int ps2, int sjw, double clock_error,
+                     double delay) {
+    return bus->open(now, {brp, prop, ps1, ps2, sjw, clock_error, delay});
 }
+void bus_force(can_bus_t* bus, int64_t start, int64_t end, int level) { bus->force(start, end, level); }
 void bus_chip(can_bus_t* bus, int64_t now, int level) { bus->chip(now, level); }
 void bus_run(can_bus_t* bus, int64_t now) { bus->run(now); }
 int64_t bus_next(const can_bus_t* bus) { return bus->next; }

@@ -20,7 +20,7 @@ from fluxlock.config.motor import machine_params
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.launch import run_plan
-from fluxlock.cosim.plan import CanSide
+from fluxlock.cosim.plan import CanPlace, CanSide
 from fluxlock.cosim.program import Row, script_plan, wait
 from fluxlock.cosim.run import ready_chip
 from fluxlock.paths import ROOT
@@ -34,10 +34,11 @@ SEED = 1
 
 @dataclass
 class Peer:
-    """Sends its frames, one a wake-up, keeps what it gets."""
+    """Sends its frames, one a wake-up, keeps what it gets. glitch: clocks until the bus is dominant for a bit."""
 
     timing: BitTiming
     frames: list[Frame]
+    glitch: int = 0
     taken: list[Frame] = field(default_factory=list)
     state: list[int] = field(default_factory=list)
     finished: bool = False
@@ -45,6 +46,9 @@ class Peer:
     def exchange(self, cycle: int, node: CanSide) -> None:
         if self.frames:
             node.send(self.frames.pop(0))
+            if self.glitch:
+                begin = cycle + self.glitch
+                node.disturb(begin, begin + self.timing.bit_cycles, 0)  # type: ignore[attr-defined]
         while (frame := node.take()) is not None:
             self.taken.append(frame)
         state = node.state  # type: ignore[attr-defined]
@@ -64,11 +68,22 @@ def commands(frame: Frame, buffer: int) -> list[Row]:
     ]
 
 
+FAR = 5.0  # clocks: there and back, and the chip's own way, within the propagation segment
+
+
 @pytest.mark.skipif("FLUXLOCK_CAN_FRAMES" not in os.environ, reason="builds a chip: make can")
-def test_frames_both_ways(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("place", "glitch"),
+    [(CanPlace(), 0), (CanPlace(0.005, FAR), 0), (CanPlace(-0.005, FAR), 0), (CanPlace(), 2_500)],
+    ids=["near", "far-fast", "far-slow", "disturbed"],
+)
+def test_frames_both_ways(tmp_path: Path, place: CanPlace, glitch: int) -> None:
     """Chip and node send at the same time: every frame arrives once and unchanged, no error on the bus.
 
-    Verifies: CAN-26
+    Also where the node is away and its clock wrong by 0.5 %. Where the bus is disturbed errors are found and everything
+    is sent all the same.
+
+    Verifies: CAN-26, CAN-27
     """
     seed = random.randrange(1 << 32)
     print(f"seed {seed}")
@@ -91,9 +106,13 @@ def test_frames_both_ways(tmp_path: Path) -> None:
         clock_period_s=1.0 / CLOCK_HZ,
     )
     plan = script_plan(rows, plant, (2 * FRAMES + 8) * TICK / CLOCK_HZ, tmp_path, SEED)
-    plan = replace(plan, peer=Peer(timing, others), batch_cycles=TICK)
+    plan = replace(plan, peer=Peer(timing, others, glitch), can_place=place, batch_cycles=TICK)
     meta = run_plan(plan, ready_chip(can=True))
     assert not meta["fault"]
     found = meta["conclusion"]
+    if glitch:  # a sender that is disturbed behind the end of the frame sends it twice
+        assert set(found["taken"]) == {repr(frame) for frame in mine}
+        assert found["state"][:2] == [0, FRAMES] and found["state"][2] > 0
+        return
     assert found["taken"] == [repr(frame) for frame in mine]
     assert found["state"] == [0, FRAMES, 0, 0, 0]

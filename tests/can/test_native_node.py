@@ -21,6 +21,7 @@ from fluxlock.paths import BUILD, ROOT, content_hash
 NATIVE = ROOT / "sim" / "native"
 SOURCES = [Path(__file__).with_name("native_node.cpp"), NATIVE / "can_node.h", NATIVE / "can_bus.h"]
 BITS = 12_000
+BUS_JOINED = 2000  # clocks: every node has seen its eleven recessive bits
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +63,15 @@ class Native:
         count = 0 if head[2] else min(head[3], 8)
         assert not any(data[count:])
         return Frame(head[0], bool(head[1]), bool(head[2]), head[3], bytes(data)[:count])
+
+
+def open_node(
+    lib: ctypes.CDLL, bus: ctypes.c_void_p, now: int, timing: BitTiming, error: float = 0.0, delay: float = 0.0
+) -> int:
+    """The address of a node on a native bus."""
+    segments = (timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
+    place = (ctypes.c_double(error), ctypes.c_double(delay))
+    return int(lib.bus_open(bus, ctypes.c_int64(now), *segments, *place))
 
 
 class Pair(Native):
@@ -163,8 +173,7 @@ def test_bus(library: ctypes.CDLL) -> None:
     natives: list[Native] = []
     for timing in timings:
         now = rng.randrange(100)
-        segments = (timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
-        natives.append(Native(library, library.bus_open(address, ctypes.c_int64(now), *segments)))
+        natives.append(Native(library, open_node(library, address, now, timing)))
     frames = [[told_apart(Frame.draw(rng), x) for _ in range(25)] for x in range(4)]
     chip.mac.queue.extend(frames[3])
     for native, own in zip(natives, frames, strict=False):
@@ -191,3 +200,65 @@ def test_bus(library: ctypes.CDLL) -> None:
             from_y = [f for f in taken if f.id >> (18 if f.ext else 0) & 3 == y]
             assert from_y == (frames[y] if y != x else []), f"{x} received {len(from_y)} frames of {y}"
     assert not chip.mac.faults and not any(native.view[6] for native in natives)
+
+
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_delays_errors_disturbances(library: ctypes.CDLL, disturbed: bool) -> None:
+    """Nodes far apart, clocks fast and slow up to what the timing bears: levels and nodes as on the Python bus.
+
+    Undisturbed nothing is lost or changed.
+
+    Verifies: CAN-27
+    """
+    seed = random.randrange(1 << 32)
+    print(f"seed {seed}")
+    rng = random.Random(seed)
+    address = ctypes.c_void_p(library.bus_new())
+    timing = BitTiming(2, 9, 7, 8, 4)
+    here = Bus()
+    chip = here.port(0.0, lambda now, level: None)
+    macs, natives = [], []
+    for _ in range(4):
+        error = rng.choice([-1, 1]) * min(0.005, timing.tolerance)
+        # There and back within the propagation segment.
+        delay = rng.uniform(0, (timing.prop - 1) * timing.brp / 4)
+        now = rng.randrange(100)
+        node = here.node(timing, timing.brp / (1.0 + error), delay, float(now))
+        macs.append(node.mac)
+        natives.append(Native(library, open_node(library, address, now, timing, error, delay)))
+    frames = [[told_apart(Frame.draw(rng), x) for _ in range(12)] for x in range(4)]
+    now, change, forced_until = 0, BUS_JOINED, 0
+    while now < 1_500_000:
+        if now == BUS_JOINED:
+            for mac, native, own in zip(macs, natives, frames, strict=True):
+                mac.queue.extend(own)
+                for frame in own:
+                    native.send(frame)
+        now = min(ceil(here.wake_at), library.bus_next(address), change)
+        if now == change:  # the chip's place, without a protocol: a glitch of a few clocks
+            level = 1 - chip.sent if disturbed else 1
+            here.run(now - 1)
+            chip.drive(now, level)
+            library.bus_chip(address, ctypes.c_int64(now), level)
+            change = now + (rng.randrange(1, 40) if level == 0 else rng.randrange(20_000, 60_000))
+        elif disturbed and now > forced_until and rng.random() < 0.0005:
+            start, end, level = now + rng.randrange(1, 50), now + rng.randrange(50, 400), rng.randrange(2)
+            forced_until = end
+            here.force(start, end, level)
+            library.bus_force(address, ctypes.c_int64(start), ctypes.c_int64(end), level)
+        here.run(now)
+        library.bus_run(address, ctypes.c_int64(now))
+        assert library.bus_level(address) == here.level
+        for mac, native in zip(macs, natives, strict=True):
+            native.look()
+            found = list(native.view)
+            wanted = [mac.level, mac.between, mac.bus_off, mac.tec, mac.rec, len(mac.sent), len(mac.faults)]
+            assert found == [*wanted, len(mac.received)], now
+        if not any(mac.queue for mac in macs) and now > 900_000:
+            break
+    assert not any(mac.queue for mac in macs)
+    assert any(mac.faults for mac in macs) == disturbed
+    for x, mac in enumerate(macs):
+        for y in range(4):
+            got = [f for f in mac.received if f.id >> (18 if f.ext else 0) & 3 == y]
+            assert disturbed or got == (frames[y] if y != x else [])

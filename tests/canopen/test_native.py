@@ -53,6 +53,8 @@ def test_runs_with_its_console() -> None:
         ("vcan0", "--can: vcan0: must be INTERFACE:CHANNEL"),
         ("virtual:", "--can: virtual:: must be INTERFACE:CHANNEL"),
         ("carrier-pigeon:1", "--can: carrier-pigeon:1: carrier-pigeon is no interface of python-can"),
+        ("udp_multicast:10.0.0.1", "--can: udp_multicast:10.0.0.1: 10.0.0.1 is no multicast address"),
+        ("udp_multicast:pigeon", "--can: udp_multicast:pigeon: pigeon is no multicast address"),
         (
             "socketcan:no_such_can0",
             "--can: socketcan:no_such_can0: (this kernel has no CAN|there is no such interface)",
@@ -98,6 +100,18 @@ def test_memory_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--memory: .*: is no memory of this drive: 5 bytes"):
         MemoryFile(path, again.drive)
     assert [p.name for p in tmp_path.iterdir()] == ["drive.bin"]
+
+
+def test_memory_file_in_a_new_folder(tmp_path: Path) -> None:
+    """The folder of the file is made with it; a folder in its place is refused.
+
+    Verifies: CO-18
+    """
+    bench = NodeBench()
+    MemoryFile(tmp_path / "of" / "mine" / "drive.bin", bench.drive)
+    assert (tmp_path / "of" / "mine" / "drive.bin").is_file()
+    with pytest.raises(ConfigError, match=r"--memory: .*: is a folder; name a file"):
+        MemoryFile(tmp_path / "of", bench.drive)
 
 
 def test_same_drive_as_the_scenario() -> None:

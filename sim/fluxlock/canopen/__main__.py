@@ -35,10 +35,17 @@ def write_files(folder: Path, node: int) -> list[Path]:
     return [folder / name for name in texts]
 
 
+def node_id(text: str) -> int:
+    """Of the command line."""
+    if not text.isdecimal() or not 1 <= int(text) <= 127:
+        raise argparse.ArgumentTypeError(f"{text} is no node-ID, permitted 1 to 127")
+    return int(text)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Write the files; with `--check` only compare the page: exit code 1 if it is out of date."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--node", type=int, default=NODE, choices=range(1, 128), metavar="1..127", help="node-ID")
+    parser.add_argument("--node", type=node_id, default=NODE, metavar="1..127", help="node-ID")
     parser.add_argument("--check", action="store_true", help="fail if the page is out of date, write nothing")
     options = parser.parse_args(arguments)
     text = page_text(load_dictionary())

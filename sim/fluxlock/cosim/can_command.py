@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.build import check_build
-from fluxlock.can_bus import join_bus
+from fluxlock.can_bus import join_bus, usual_channel
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
@@ -58,12 +58,12 @@ class _Lines:
         print(text, file=sys.stderr, flush=True)
 
 
-def join(scenario: Scenario, interface: str, channel: str) -> can.BusABC:
-    """The bus for a scenario; ConfigError if one of the two is not to be had."""
+def join(scenario: Scenario, interface: str, channel: str | None) -> can.BusABC:
+    """The bus for a scenario; ConfigError if one of the two is not to be had. channel: else the usual one."""
     if scenario.can is None:
         text = "is missing: the chip has a CAN bus only with it; add the table [can]"
         raise ConfigError([scenario.sources.problem("can", text)])
-    return join_bus(interface, channel)
+    return join_bus(interface, channel or usual_channel(interface))
 
 
 def run_can(
@@ -73,6 +73,7 @@ def run_can(
     assert scenario.can is not None
     bus_of_chip = scenario.can
     check_build()
+    print("building what has changed; a chip takes minutes", file=sys.stderr, flush=True)
     limit = seconds if seconds is not None else LONGEST_S
     bare = scenario.model_copy(update={"window": [], "expect": [], "duration_s": limit})
     running: list[Bridge] = []

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming
+from fluxlock.cosim.plan import CanPlace
 
 
 class Status(ctypes.Structure):
@@ -62,6 +63,10 @@ class CanNode:
         identifier, ext, rtr, dlc = self._head
         count = 0 if rtr else min(dlc, 8)
         return Frame(identifier, bool(ext), bool(rtr), dlc, bytes(self._data)[:count])
+
+    def disturb(self, start: int, end: int, level: int) -> None:
+        """The bus has this level, 0 dominant, from one cycle up to another, both to come."""
+        self._lib.cosim_can_force(ctypes.c_int64(start), ctypes.c_int64(end), level)
 
     @property
     def waiting(self) -> int:
@@ -156,9 +161,10 @@ class Native:
         if self._lib.cosim_upset_memory(ctypes.c_uint32(address), bit):
             raise ValueError(f"there is no bit {bit} at {address:#x}")
 
-    def open_can(self, timing: BitTiming) -> CanNode:
+    def open_can(self, timing: BitTiming, place: CanPlace) -> CanNode:
         """Put a node on the CAN bus of the chip's pins; its first bit begins now. `brp` is in clocks of the chip."""
-        number = self._lib.cosim_can_open(timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
+        far = (ctypes.c_double(place.clock_error), ctypes.c_double(place.delay_cycles))
+        number = self._lib.cosim_can_open(timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw, *far)
         return CanNode(self._lib, number)
 
     def log_can(self, on: bool) -> None:

@@ -83,6 +83,14 @@ class CanSide(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class CanPlace:
+    """Where a peer's node is: its clock is fast by clock_error (relative), the chip delay_cycles away, each way."""
+
+    clock_error: float = 0.0
+    delay_cycles: float = 0.0
+
+
 class CanPeer(Protocol):
     """Whoever is on the chip's CAN bus. Pickled into the simulator's process.
 
@@ -108,9 +116,9 @@ class SessionPlan:
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
     in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
-    peer: is on the chip's CAN bus; not with a dialogue. log_can: log the levels of chip and bus. branches: copies of
-    the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch: words of the soft
-    core's memory that a copy looks at.
+    peer: is on the chip's CAN bus, at can_place; not with a dialogue. log_can: log the levels of chip and bus.
+    branches: copies of the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch:
+    words of the soft core's memory that a copy looks at.
     """
 
     plant: PlantParams
@@ -128,6 +136,7 @@ class SessionPlan:
     plant_mode: str = "jit"
     dialogue: Dialogue | None = None
     peer: CanPeer | None = None
+    can_place: CanPlace = CanPlace()
     log_can: bool = False
     branches: tuple[Branch, ...] = ()
     jobs: int = 1

@@ -157,7 +157,7 @@ class Session:
         batches = range(plan.batch_cycles, end, plan.batch_cycles)
         stops = merge((cycle for cycle in planned if cycle < end and cycle not in batches), batches, [end])
         pending = sorted(plan.actions, key=lambda a: a.cycle)
-        node = native.open_can(plan.peer.timing) if plan.peer is not None else None
+        node = native.open_can(plan.peer.timing, plan.can_place) if plan.peer is not None else None
         native.log_can(plan.log_can)
         self.begin = time.perf_counter()
         for stop in stops:
@@ -180,6 +180,7 @@ class Session:
         if plan.recording:
             native.save_recording(plan.folder / RECORDING_FILE)
         self.log_end = sum(map(len, self.logs))
+        self.end_cycle = native.status.cycle
         await self.ask_statistics()
 
     async def converse(self) -> None:
@@ -239,7 +240,7 @@ class Session:
         """Write arrays and meta data into the plan's folder."""
         log = np.concatenate(self.logs) if self.logs else np.zeros((0, 4), np.int64)
         end = getattr(self, "log_end", len(log))
-        limit = self.plan.duration_cycles
+        limit = min(self.plan.duration_cycles, getattr(self, "end_cycle", self.plan.duration_cycles))
         records = self.plant.records()
         events = self.plant.events()
         zoom = self.plant.zoom_records()

@@ -12,6 +12,7 @@ from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.native.drive import NativeDrive, drive_of_scenario
 from fluxlock.native.serve import serve
+from fluxlock.writable import check_file
 
 
 class Terminal:
@@ -37,6 +38,9 @@ class MemoryFile:
 
     def __init__(self, path: Path, drive: NativeDrive) -> None:
         self._path, self._node = path, drive.node
+        if path.is_dir():
+            raise ConfigError([Problem("--memory", str(path), "is a folder; name a file")])
+        check_file(path)
         if path.exists():
             data = path.read_bytes()
             if len(data) != len(self._node.memory):
@@ -66,6 +70,7 @@ def run_native(
     memory: Path | None = None,
 ) -> None:
     """Run for a simulated time, or until Ctrl-C; says at the end how fast it was. speed: None: as fast as it goes."""
+    print("compiling what has changed", file=sys.stderr, flush=True)
     drive = drive_of_scenario(scenario, node_id)
     terminal = Terminal(drive)
     file = MemoryFile(memory, drive) if memory is not None else None
