@@ -13,6 +13,7 @@ module fl_gate_guard_f #(
     input logic              low_active_low_i,
     input logic [       9:0] dead_time_i,
     input logic              trip_i,
+    input logic              short_i,
     input logic [Phases-1:0] req_h_i,
     input logic [Phases-1:0] req_l_i
 );
@@ -23,18 +24,20 @@ module fl_gate_guard_f #(
   fl_gate_guard #(.Phases(Phases)) dut (.*);
 
   logic first = 1'b1;
-  logic rst_q, allowed_q, enable_q, high_low_q, low_low_q;
+  logic rst_q, allowed_q, shorted_q, tripped_q, enable_q, high_low_q, low_low_q;
   logic [Phases-1:0] req_h_q, req_l_q;
-  // Polarity as it must show: the port's at the last clock without enable or with reset.
+  // Polarity as it must show: the port's at the last clock without enable and short, or with reset.
   logic pol_h, pol_l;
   always_ff @(posedge clk_i) begin
     first     <= 1'b0;
     rst_q     <= rst_i;
     allowed_q <= enable_i && !trip_i && !rst_i;
+    shorted_q <= trip_i && short_i && !rst_i;
+    tripped_q <= trip_i;
     enable_q  <= enable_i;
     req_h_q   <= req_h_i;
     req_l_q   <= req_l_i;
-    if (!enable_i || rst_i) begin
+    if ((!enable_i && !(trip_i && short_i)) || rst_i) begin
       pol_h <= high_active_low_i;
       pol_l <= low_active_low_i;
     end
@@ -76,12 +79,14 @@ module fl_gate_guard_f #(
         a_never_both : assert (!(h && l));
         if (h && !h_q) a_gap_h : assert (off_l >= 11'(need_l));
         if (l && !l_q) a_gap_l : assert (off_h >= 11'(need_h));
-        if (!allowed_q) a_off : assert (!h && !l);
+        if (!allowed_q && !shorted_q) a_off : assert (!h && !l);
+        if (tripped_q) a_trip_h : assert (!h);
         if (!req_h_q[x] || req_l_q[x]) a_off_h : assert (!h);
-        if (!req_l_q[x] || req_h_q[x]) a_off_l : assert (!l);
+        if ((!req_l_q[x] || req_h_q[x]) && !shorted_q) a_off_l : assert (!l);
         // As soon as the dead time is over, not later (off_* already counts the clock in which it is on).
         if (allowed_q && req_h_q[x] && !req_l_q[x] && !l_q && off_l >= 11'(need_l)) a_on_h : assert (h);
         if (allowed_q && req_l_q[x] && !req_h_q[x] && !h_q && off_h >= 11'(need_h)) a_on_l : assert (l);
+        if (shorted_q && !h_q && off_h >= 11'(need_h)) a_short_l : assert (l);
         a_pin_h : assert (gate_h_o[x] == (h ^ pol_h));
         a_pin_l : assert (gate_l_o[x] == (l ^ pol_l));
 

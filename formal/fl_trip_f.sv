@@ -1,5 +1,7 @@
 // Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
 // or level to the gates; a latched trip holds until the key, and the key clears only what is gone; enables are locked.
+// A trip opens all gates, or the upper ones where a short circuit may be made: chosen, the guard enabled before the trip,
+// and no cause since the trip began that rules it out.
 //
 // Deviations are worked out here with signed integers, not with the block's function.
 `default_nettype none
@@ -24,6 +26,8 @@ module fl_trip_f
     input adc_code_t                cfg_dc_lsb_i,
     input adc_code_t                cfg_over_lsb_i,
     input adc_code_t                cfg_under_lsb_i,
+    input logic                     cfg_short_i,
+    input logic                     never_i,
     input logic                     clear_i,
     input logic      [         2:0] log_index_i,
     input logic      [         9:0] dead_time_i,
@@ -31,7 +35,7 @@ module fl_trip_f
     input logic      [  Phases-1:0] req_l_i
 );
 
-  logic trip, event_pulse, log_valid;
+  logic trip, short, event_pulse, log_valid;
   trip_t event_cause, latched, present, first_cause, log_cause;
   logic [7:0] count;
   stamp_t log_stamp;
@@ -58,8 +62,11 @@ module fl_trip_f
       .cfg_dc_lsb_i,
       .cfg_over_lsb_i,
       .cfg_under_lsb_i,
+      .cfg_short_i,
+      .never_i,
       .clear_i,
       .trip_o       (trip),
+      .short_o      (short),
       .event_o      (event_pulse),
       .event_cause_o(event_cause),
       .latched_o    (latched),
@@ -84,6 +91,7 @@ module fl_trip_f
       .low_active_low_i (1'b0),
       .dead_time_i,
       .trip_i           (trip),
+      .short_i          (short),
       .req_h_i,
       .req_l_i,
       .gate_h_o         (gate_h),
@@ -114,9 +122,19 @@ module fl_trip_f
   logic first = 1'b1;
   logic [2:0] since_reset;  // clocks since reset, saturates at 7
   logic [3:1] pin_q;
-  logic trip_q, clear_q, valid_q, lost_q, software_q, deadline_q;
-  // The gates were forced off two clocks after a sample set with an enabled cause.
-  logic code_trip_q;
+  logic trip_q, short_q, clear_q, valid_q, lost_q, software_q, deadline_q;
+  // Two clocks after a sample set with an enabled cause, with one that rules a short out.
+  logic code_trip_q, code_open_q;
+  // A cause that rules a short out: enabled and present, latched, or told; then: there was one since the clock before the
+  // trip. The guard was enabled in that clock, and a short chosen ever since.
+  logic forbids, forbids_q, spoilt, chosen;
+  assign forbids = never_i || ({latched.phase_current, latched.dc_current, latched.fault_pin} != '0) ||
+      (present.phase_current && enable.phase_current) || (present.dc_current && enable.dc_current) ||
+      (present.fault_pin && enable.fault_pin);
+  logic [Phases-1:0] upper;
+  for (genvar x = 0; x < Phases; x++) begin : gen_upper
+    assign upper[x] = gate[2*x];
+  end
   always_ff @(posedge clk_i) begin
     first       <= 1'b0;
     since_reset <= rst_i ? 3'd0 : (&since_reset ? since_reset : since_reset + 3'd1);
@@ -132,11 +150,19 @@ module fl_trip_f
     software_q  <= software_i && !rst_i;
     deadline_q  <= deadline_i && !rst_i;
     code_trip_q <= valid_q && (codes_q & enable) != '0 && since_reset >= 3'd1;
+    code_open_q <= valid_q && since_reset >= 3'd1 &&
+        ((codes_q.phase_current && enable.phase_current) || (codes_q.dc_current && enable.dc_current));
+    short_q     <= short;
+    forbids_q   <= forbids;
+    spoilt      <= forbids || (trip && spoilt);
+    chosen      <= cfg_short_i && (trip ? chosen : guard_enable_i);
     if (!guard_enable_i) enable <= cfg_enable_i;
     if (adc_valid_i) shown <= of_codes;
     if (rst_i) begin
       enable <= '0;
       shown  <= '0;
+      spoilt <= 1'b0;
+      chosen <= 1'b0;
     end
   end
 
@@ -153,7 +179,11 @@ module fl_trip_f
         a_under_voltage : assert (present.under_voltage == shown.under_voltage);
         a_cause : assert (trip == ((latched | (present & enable)) != '0));
         a_any : assert (latched == '0 || trip);
-        a_off : assert (!trip_q || gate == '0);
+        a_upper_off : assert (!trip_q || upper == '0);
+        a_off : assert (!trip_q || short_q || gate == '0);
+        a_forbidden : assert (!trip_q || !forbids_q || gate == '0);
+        a_short : assert (short == (trip && cfg_short_i && !forbids && !spoilt && chosen));
+        a_armed : assert (dut.armed_q == (chosen && !spoilt));
         if (since_reset >= 3'd1) begin
           a_hold : assert ((latched_q & ~latched) == '0 || clear_q);
           a_gone : assert ((latched_q & ~latched & present_q & enable_q) == '0);
@@ -169,10 +199,13 @@ module fl_trip_f
         end
         // Off at the third edge after the pin, two clocks after a sample set, one clock after a pulse.
         if (since_reset >= 3'd3) a_pin : assert (!pin_q[3] || !enable_q.fault_pin || gate == '0);
-        if (since_reset >= 3'd2) a_code_gates : assert (!code_trip_q || gate == '0);
-        a_lost_gates : assert (!lost_q || !enable_q.lost_lock || gate == '0);
-        a_software_gates : assert (!software_q || !enable_q.software || gate == '0);
-        a_deadline_gates : assert (!deadline_q || !enable_q.deadline || gate == '0);
+        if (since_reset >= 3'd2) begin
+          a_code_upper : assert (!code_trip_q || upper == '0);
+          a_code_gates : assert (!code_open_q || gate == '0);
+        end
+        a_lost_gates : assert (!lost_q || !enable_q.lost_lock || gate == '0 || (short_q && upper == '0));
+        a_software_gates : assert (!software_q || !enable_q.software || gate == '0 || (short_q && upper == '0));
+        a_deadline_gates : assert (!deadline_q || !enable_q.deadline || gate == '0 || (short_q && upper == '0));
       end
   end
 

@@ -92,6 +92,7 @@ module fl_vector_chain
       .low_active_low_i (1'b0),
       .dead_time_i,
       .trip_i,
+      .short_i          (1'b0),
       .req_h_i          (req_h),
       .req_l_i          (req_l),
       .gate_h_o         (gate_h),

@@ -43,7 +43,7 @@ class GuardTb:
         self.dut = dut
         self.phases = len(dut.req_h_i)
         self.inputs = {"enable_i": 0, "trip_i": 0, "req_h_i": 0, "req_l_i": 0, "dead_time_i": 5}
-        self.inputs |= {"high_active_low_i": 0, "low_active_low_i": 0}
+        self.inputs |= {"high_active_low_i": 0, "low_active_low_i": 0, "short_i": 0}
 
     async def start(self) -> None:
         for name, value in {**self.inputs, "rst_i": 1}.items():
@@ -69,11 +69,13 @@ class GuardTb:
         x = self.inputs
         await FallingEdge(self.dut.clk_i)
         allowed = bool(x["enable_i"] and not x["trip_i"])
-        if not x["enable_i"]:
+        shorted = bool(x["trip_i"] and x["short_i"])
+        if not x["enable_i"] and not shorted:
             self.polarity = (x["high_active_low_i"], x["low_active_low_i"])
         gate, pin_h, pin_l = 0, 0, 0
         for i, leg in enumerate(self.legs):
-            h, low = leg.step(bool(x["req_h_i"] >> i & 1), bool(x["req_l_i"] >> i & 1), allowed, x["dead_time_i"])
+            wants = (bool(x["req_h_i"] >> i & 1), bool(x["req_l_i"] >> i & 1), allowed)
+            h, low = leg.step(*((False, True, True) if shorted else wants), x["dead_time_i"])
             gate |= h << (2 * i) | low << (2 * i + 1)
             pin_h |= (h ^ self.polarity[0]) << i
             pin_l |= (low ^ self.polarity[1]) << i
@@ -105,7 +107,9 @@ async def random_requests(dut: Dut) -> None:
             changes["dead_time_i"] = rng.choice([0, 1, 2, 3, 4, 9, 20])
         if rng.random() < 0.03:
             changes["enable_i"] = int(rng.random() < 0.8)
-        changes["trip_i"] = int(rng.random() < 0.01)
+        if rng.random() < (0.2 if tb.inputs["trip_i"] else 0.01):
+            changes["trip_i"] = 1 - tb.inputs["trip_i"]
+        changes["short_i"] = int(rng.random() < (0.95 if tb.inputs["short_i"] else 0.05))
         changes["high_active_low_i"], changes["low_active_low_i"] = rng.randrange(2), rng.randrange(2)
         await tb.step(**changes)
         on_clocks += int(dut.gate_o.value) != 0
@@ -148,6 +152,34 @@ async def trip_and_enable_act_at_once(dut: Dut) -> None:
         await tb.idle(3)
         await tb.step(**{name: on})
         assert int(dut.gate_o.value) != 0, "the same gate may turn on again at once"
+
+
+@cocotb.test()
+async def short_circuit(dut: Dut) -> None:
+    """A trip with a short: upper gates off at once, lower ones on after the dead time, whatever is asked or enabled."""
+    tb = GuardTb(dut)
+    await tb.start()
+    everything = (1 << tb.phases) - 1
+    lower = sum(2 << 2 * x for x in range(tb.phases))
+    await tb.step(enable_i=1, req_h_i=everything)
+    await tb.idle(RESET_WAIT)
+    for dead in (2, 7, 600):
+        await tb.step(dead_time_i=dead, trip_i=0, short_i=1, enable_i=1, req_h_i=everything, req_l_i=0)
+        await tb.idle(dead + 2)
+        assert int(dut.gate_o.value) == lower >> 1, "a short without a trip changes nothing"
+        await tb.step(trip_i=1)
+        for _ in range(dead):
+            assert int(dut.gate_o.value) == 0
+            await tb.step(enable_i=0)
+        for requests in ((everything, 0), (0, everything), (everything, everything), (0, 0)):
+            assert int(dut.gate_o.value) == lower
+            await tb.step(req_h_i=requests[0], req_l_i=requests[1])
+        await tb.step(short_i=0)
+        assert int(dut.gate_o.value) == 0, "the end of the short opens at once"
+        await tb.step(enable_i=1, req_h_i=0, req_l_i=everything, trip_i=0)
+        assert int(dut.gate_o.value) == lower
+        await tb.step(trip_i=1, short_i=1)
+        assert int(dut.gate_o.value) == lower, "lower gates that are on stay on"
 
 
 @cocotb.test()
@@ -210,12 +242,13 @@ async def assertion_is_alive(dut: Dut) -> None:
 def test_fl_gate_guard(phases: int) -> None:
     """Gate guard block test.
 
-    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05
+    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-19
     """
     cases = [
         "random_requests",
         "dead_time_is_exact",
         "trip_and_enable_act_at_once",
+        "short_circuit",
         "reset_turns_off_and_waits",
         "reset_forgets_which_gate_was_on",
     ]

@@ -38,6 +38,7 @@ class TripTb:
             "rst_i": 1, "adc_valid_i": 0, "adc_code_i": 0, "fault_pin_i": 0, "lost_i": 0, "software_i": 0,
             "deadline_i": 0, "guard_enable_i": 0, "cfg_enable_i": ALL, "cfg_phase_lsb_i": 1000, "cfg_dc_lsb_i": 500,
             "cfg_over_lsb_i": 3000, "cfg_under_lsb_i": 1000, "clear_i": 0, "log_index_i": 0, "req_h_i": 7,
+            "req_l_i": 0, "dead_time_i": 2, "cfg_short_i": 0, "never_i": 0,
         }  # fmt: skip
         for name, value in (inputs | settings).items():
             getattr(self.dut, name).value = value
@@ -420,6 +421,7 @@ async def event_pulse(dut: Dut) -> None:
         if tb.get("event_o"):
             events.append(tb.get("event_cause_o"))
     assert events == [PIN], f"a further cause is an event of its own: {events}"
+    assert tb.get("log_cause_o") == PIN
 
 
 def test_fl_trip() -> None:

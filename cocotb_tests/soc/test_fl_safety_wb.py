@@ -1,4 +1,4 @@
-"""Watchdog, lock and brake chopper behind the register bus, up to the gates."""
+"""Watchdog, lock, safe state and brake chopper behind the register bus, up to the gates."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from fluxlock.cosim.block import run_block_test
 
 GUARD, DEAD_TIME, ENABLE, CURRENT, VOLTAGE, COMMAND, TRIP = range(0, 28, 4)
 LOCK, WATCHDOG, FEED, MONITOR, BRAKE, BRAKE_LEVEL, BRAKE_TIME = range(0x2C, 0x48, 4)
+GATES = 0x28
 KEY, CLEAR = 0x10CC, 0xA5 << 8
+SHORT = 1 << 8  # of GUARD
 DEADLINE = 0x80
 EXPIRED, WRONG, CHANGED, BRAKE_OVER = 1, 2, 4, 8
 # What the lock holds, by address, with the bits that count.
 HELD = {
-    GUARD: 0x30, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
+    GUARD: 0x130, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
     LOCK: 0xFFFF, BRAKE: 0x0FFFFF01, BRAKE_LEVEL: 0x0FFF0FFF, BRAKE_TIME: 0xFFFFFFFF,
 }  # fmt: skip
 MIDDLE = sum(0x800 << 12 * i for i in range(9))
@@ -142,6 +144,46 @@ async def upset_of_a_locked_setting_trips(dut: Any) -> None:
 
 
 @cocotb.test
+async def safe_state_by_register(dut: Any) -> None:
+    """A short after a trip, held by the lock, ended by the key; an upset of the settings opens it for good."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.write(GUARD, SHORT)
+    await tb.write(LOCK, KEY)
+    await tb.clocks(2)
+    await tb.enable()
+    await tb.clocks(1100)
+    assert await tb.read(GATES) == 0b001001
+    await tb.write(COMMAND, 1)
+    await tb.clocks(2)
+    assert await tb.read(GATES) == 0b101000, "only leg A waits for its dead time of 50 clocks"
+    await tb.clocks(60)
+    assert await tb.read(GUARD) == SHORT, "the trip has cleared the enable bit, the lock held the rest"
+    assert await tb.read(GATES) == 0b101010
+    await tb.write(GUARD, 0)
+    await tb.clocks(2)
+    assert await tb.read(GATES) == 0b101010, "what disables the drive does not end a short"
+    await tb.write(COMMAND, CLEAR)
+    await tb.clocks(3)
+    assert not tb.on()
+    await tb.enable()
+    await tb.clocks(60)
+    assert await tb.read(GATES) == 0b001001
+    await tb.write(COMMAND, 1)
+    await tb.clocks(60)
+    assert await tb.read(GATES) == 0b101010
+    parity = dut.u_lock.parity_q
+    parity.value = 1 - int(parity.value)
+    await tb.clocks(4)
+    assert not tb.on()
+    assert await tb.caused() == (DEADLINE | 0x40, CHANGED)
+    await tb.write(COMMAND, CLEAR)
+    await tb.enable()
+    await tb.clocks(60)
+    assert not tb.on()
+
+
+@cocotb.test
 async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
     """By its registers: off after reset, on while the link is high, tripped or not, overload by its own name."""
     tb = TB(dut)
@@ -196,9 +238,9 @@ async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
 
 
 def test_fl_safety_wb() -> None:
-    """Watchdog, lock, upsets of locked settings up to the gates, and the brake chopper.
+    """Watchdog, lock, upsets of locked settings up to the gates, safe state, and the brake chopper.
 
-    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18
+    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18, SAFE-20
     """
     names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")
     sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]

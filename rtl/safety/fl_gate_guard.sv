@@ -6,10 +6,15 @@
 // Both requests of a leg together turn both gates off. After a reset a leg waits 1023 clocks, the longest dead time:
 // what was on before is not known. Legs are independent.
 //
-// Latency: 1 clock; trip_i combinationally forces the next value of every output register to off.
-// Polarity is taken over while enable_i is low and held while it is high; during reset the pins show "off" in the
-// polarity at the ports.
-// Asserted: never both gates of a leg; off in the clock after trip_i. Proved for all inputs: formal/fl_gate_guard.sby.
+// short_i beside trip_i asks every leg for its lower gate alone, whatever is requested or enabled: an active short
+// circuit of the machine. Without trip_i it does nothing.
+//
+// Latency: 1 clock; trip_i combinationally forces the next value of every output register to off, with short_i that of
+// the upper gates.
+// Polarity is taken over while enable_i is low and held while it is high, and in a short; during reset the pins show
+// "off" in the polarity at the ports.
+// Asserted: never both gates of a leg; off in the clock after trip_i, in a short the upper ones. Proved for all inputs:
+// formal/fl_gate_guard.sby.
 `default_nettype none
 module fl_gate_guard #(
     parameter int unsigned Phases = 3
@@ -21,6 +26,7 @@ module fl_gate_guard #(
     input  logic                low_active_low_i,
     input  logic [         9:0] dead_time_i,        // clocks
     input  logic                trip_i,
+    input  logic                short_i,            // with trip_i: lower gates on
     input  logic [  Phases-1:0] req_h_i,
     input  logic [  Phases-1:0] req_l_i,
     output logic [  Phases-1:0] gate_h_o,           // pins
@@ -33,6 +39,7 @@ module fl_gate_guard #(
   end
 
   logic [9:0] dead_time;
+  logic shorted, switching;
   logic high_low_d, high_low_q, low_low_d, low_low_q;
   logic [Phases-1:0] gate_h_d, gate_h_q, gate_l_d, gate_l_q;
   logic [Phases-1:0] pin_h_q, pin_l_q;
@@ -41,14 +48,16 @@ module fl_gate_guard #(
   logic [Phases-1:0][9:0] wait_q;  // clocks that the blocked gate must still stay off
 
   assign dead_time  = (dead_time_i < 10'd2) ? 10'd2 : dead_time_i;
-  assign high_low_d = enable_i ? high_low_q : high_active_low_i;
-  assign low_low_d  = enable_i ? low_low_q : low_active_low_i;
+  assign shorted    = trip_i && short_i;
+  assign switching  = enable_i && !trip_i;
+  assign high_low_d = (enable_i || shorted) ? high_low_q : high_active_low_i;
+  assign low_low_d  = (enable_i || shorted) ? low_low_q : low_active_low_i;
 
   always_comb begin
     for (int unsigned x = 0; x < Phases; x++) begin
       over[x] = wait_q[x] <= 10'd1;
-      gate_h_d[x] = enable_i && !trip_i && req_h_i[x] && !req_l_i[x] && !gate_l_q[x] && (over[x] || !block_h_q[x]);
-      gate_l_d[x] = enable_i && !trip_i && req_l_i[x] && !req_h_i[x] && !gate_h_q[x] && (over[x] || !block_l_q[x]);
+      gate_h_d[x] = switching && req_h_i[x] && !req_l_i[x] && !gate_l_q[x] && (over[x] || !block_h_q[x]);
+      gate_l_d[x] = (shorted || (switching && req_l_i[x] && !req_h_i[x])) && !gate_h_q[x] && (over[x] || !block_l_q[x]);
     end
   end
 
@@ -90,13 +99,14 @@ module fl_gate_guard #(
     end
   end
 
-  logic tripped_q;
+  logic tripped_q, shorted_q;
   always_ff @(posedge clk_i) begin
     tripped_q <= trip_i && !rst_i;
+    shorted_q <= shorted;
     if (!rst_i) begin
       assert ((gate_h_q & gate_l_q) == '0)
       else $error("fl_gate_guard: both gates of a leg on");
-      assert (!tripped_q || (gate_h_q | gate_l_q) == '0)
+      assert (!tripped_q || (gate_h_q | (shorted_q ? '0 : gate_l_q)) == '0)
       else $error("fl_gate_guard: gate on after a trip");
     end
   end

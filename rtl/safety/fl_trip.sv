@@ -11,10 +11,15 @@
 //
 // A latched cause is cleared by clear_i only if it is not present (or not enabled) in that clock. Enables are taken
 // over while guard_enable_i is low and held while it is high.
+// short_o beside trip_o: the guard is to turn the lower gates on, an active short circuit in place of open gates. Only
+// with cfg_short_i, only where the guard was enabled when the trip came, and only as long as no cause is latched or
+// present that rules it out: phase or DC over-current, the fault pin, never_i. Such a cause opens the gates as fast as
+// without a short, and they then stay off until every cause has been cleared and the guard was enabled again.
+//
 // Log: every clock in which an enabled cause appears that is not yet latched makes an entry, with the time stamp of
 // that clock (the gates change one clock later), the new causes, and of the last sample set the phase with the largest
 // |code - 2048| and its code. It is readable 3 clocks later; log outputs follow log_index_i by one clock.
-// Asserted: trip_o holds until clear_i.
+// Asserted: trip_o holds until clear_i; no short_o with a cause that rules it out.
 `default_nettype none
 module fl_trip
   import fl_pkg::*;
@@ -37,8 +42,11 @@ module fl_trip
     input  adc_code_t                cfg_dc_lsb_i,     // largest deviation from 2048
     input  adc_code_t                cfg_over_lsb_i,   // largest vdc code
     input  adc_code_t                cfg_under_lsb_i,  // smallest vdc code
+    input  logic                     cfg_short_i,      // 1: short circuit after a trip, 0: gates off
+    input  logic                     never_i,          // level: no short circuit now
     input  logic                     clear_i,          // key matched
     output logic                     trip_o,           // gates off, to the guard; clears the guard's enable register
+    output logic                     short_o,          // with trip_o: lower gates on, to the guard
     output logic                     event_o,          // pulse: event_cause_o was latched
     output trip_t                    event_cause_o,
     output trip_t                    latched_o,
@@ -124,7 +132,7 @@ module fl_trip
   );
 
   // Latching.
-  trip_t present, active, fresh, latched_d, latched_q, first_q, event_cause_q, enable_q;
+  trip_t present, active, causes, fresh, latched_d, latched_q, first_q, event_cause_q, enable_q;
   logic event_q;
   logic [7:0] count_q;
   always_comb begin
@@ -140,7 +148,14 @@ module fl_trip
   assign active    = present & enable_q;
   assign fresh     = active & ~latched_q;
   assign latched_d = (clear_i ? trip_t'('0) : latched_q) | active;
-  assign trip_o    = (latched_q | active) != '0;
+  assign causes    = latched_q | active;
+  assign trip_o    = causes != '0;
+
+  // Active short circuit. armed_q: the guard was enabled before the trip, and nothing has ruled a short out since.
+  logic may_short, armed_q;
+  assign may_short = cfg_short_i && !never_i && !causes.phase_current && !causes.dc_current && !causes.fault_pin;
+  assign short_o   = trip_o && armed_q && may_short;
+  always_ff @(posedge clk_i) armed_q <= !rst_i && may_short && (trip_o ? armed_q : guard_enable_i);
 
   // Log: the entry is put together one clock after the event.
   (* no_rw_check *) log_entry_t log_mem[LogEntries];
@@ -198,6 +213,8 @@ module fl_trip
     if (!rst_i) begin
       assert (!held_q || trip_o)
       else $error("fl_trip: trip released without clear");
+      assert (!short_o || {causes.phase_current, causes.dc_current, causes.fault_pin} == '0)
+      else $error("fl_trip: short circuit with a cause that rules it out");
     end
   end
 

@@ -44,7 +44,7 @@ module fl_safety_wb
   end
 
   localparam logic [7:0] ClearKey = 8'hA5;
-  logic trip, clear;
+  logic trip, short, clear;
   logic clear_written_q, feed_written_q;
   logic locked, changed, expired, wrong, brake_overload;
   logic [3:0] monitor_q;
@@ -64,6 +64,7 @@ module fl_safety_wb
 
   assign hwif_in.guard.high_active_low.swwel    = locked;
   assign hwif_in.guard.low_active_low.swwel     = locked;
+  assign hwif_in.guard.safe_state.swwel         = locked;
   assign hwif_in.dead_time.cycles.swwel         = locked;
   assign hwif_in.trip_enable.source.swwel       = locked;
   assign hwif_in.current_limit.phase_lsb.swwel  = locked;
@@ -80,7 +81,7 @@ module fl_safety_wb
   assign hwif_in.monitor.cause.next             = monitor_q;
   assign hwif_in.monitor.locked.next            = locked;
 
-  localparam int unsigned SettingsWidth = 2 + 10 + TripSources + 4 * AdcWidth + 24 + 1 + 20 + 2 * AdcWidth + 32;
+  localparam int unsigned SettingsWidth = 3 + 10 + TripSources + 4 * AdcWidth + 24 + 1 + 20 + 2 * AdcWidth + 32;
   fl_settings_lock #(
       .Width(SettingsWidth)
   ) u_lock (
@@ -90,6 +91,7 @@ module fl_safety_wb
       .settings_i({
         hwif_out.guard.high_active_low.value,
         hwif_out.guard.low_active_low.value,
+        hwif_out.guard.safe_state.value,
         hwif_out.dead_time.cycles.value,
         hwif_out.trip_enable.source.value,
         hwif_out.current_limit.phase_lsb.value,
@@ -156,8 +158,11 @@ module fl_safety_wb
       .cfg_dc_lsb_i   (hwif_out.current_limit.dc_lsb.value),
       .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
       .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
+      .cfg_short_i    (hwif_out.guard.safe_state.value),
+      .never_i        (changed),
       .clear_i        (clear),
       .trip_o         (trip),
+      .short_o        (short),
       .event_o        (trip_event_o),
       .event_cause_o  (trip_cause_o),
       .latched_o      (hwif_in.trip.latched.next),
@@ -182,6 +187,7 @@ module fl_safety_wb
       .low_active_low_i (hwif_out.guard.low_active_low.value),
       .dead_time_i      (hwif_out.dead_time.cycles.value),
       .trip_i           (trip),
+      .short_i          (short),
       .req_h_i,
       .req_l_i,
       .gate_h_o,

@@ -69,7 +69,8 @@ COLD static void configure_crossings(const parameters_t *p) {
 COLD static void configure_safety(const parameters_t *p) {
   const uint32_t polarity = (uint32_t)p->gate_polarity;
   reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
-                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
+                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1) |
+                                   FIELD(FL_SAFETY_REGS__GUARD__SAFE_STATE, p->safe_state));
   reg_write(REG(safety.dead_time), (uint32_t)p->dead_time_cycles);
   reg_write(REG(safety.current_limit), FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__PHASE_LSB, p->trip_phase_lsb) |
                                            FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__DC_LSB, p->trip_dc_lsb));

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from fluxlock.cosim.outcome import Outcome
 from tests.closed_loop.support import drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+UPPER, LOWER = 0b010101, 0b101010
 LOW_LINK = ("inverter.supply_v=12", "inverter.supply_diode=true", "inverter.protection.over_voltage_v=20")
 
 
@@ -82,6 +84,38 @@ def test_brake_chopper_beyond_its_time() -> None:
     assert not run.result["failures"]
     assert run.data.fault == "brake_overload"
     assert run.data.records["vdc"][-1] > 14.5
+
+
+@pytest.mark.parametrize("safe_state", ["short", "off"])
+def test_safe_state_above_the_speed_of_the_link(safe_state: str) -> None:
+    """Tripped by over-voltage: shorted, the link stays and the currents settle at flux over inductance; open, it rises.
+
+    Verifies: SYS-18
+    """
+    overrides = ("inverter.supply_v=14", "inverter.supply_diode=true", "inverter.protection.over_voltage_v=17")
+    choice = f"inverter.protection.safe_state={safe_state}"
+    run = drive(SCENARIOS / "active-short.toml", f"safe-state-{safe_state}", *overrides, choice)
+    assert not run.result["failures"]
+    assert run.data.fault == "over_voltage"
+    clock_hz, records, gates = run.data.clock_hz, run.data.records, run.gates()
+    trip = run.data.rows(LogKind.TRIP)[0, 0]
+    after = gates[gates[:, 0] >= trip - 3]
+    assert not (after[:, 1] & UPPER).any()
+    motor, inverter = run.scenario.motor, run.scenario.inverter
+    omega_e = motor.omega_e(110_000)
+    emf_v = motor.psi_vs[0] * omega_e
+    if safe_state == "off":
+        assert not after[:, 1].any()
+        assert records["vdc"].max() == pytest.approx(math.sqrt(3) * emf_v - 2 * inverter.diode_drop_v, abs=0.2)
+        return
+    assert after[-1, 1] == LOWER
+    assert after[-1, 0] <= trip + 1 + round(inverter.dead_time_s * clock_hz)
+    assert records["vdc"].max() < 17.1
+    held = records["t_cycle"] > 0.040 * clock_hz
+    currents = [records[name] for name in ("ia", "ib", "ic")]
+    impedance = abs(motor.resistance_ohm[0] + inverter.on_resistance_ohm + 1j * omega_e * motor.inductance_h[0])
+    assert max(abs(i[held]).max() for i in currents) == pytest.approx(emf_v / impedance, rel=0.01)
+    assert max(abs(i).max() for i in currents) < 2 * emf_v / impedance
 
 
 def test_lost_lock() -> None:

@@ -323,6 +323,11 @@ def test_speed_target_by_console_line() -> None:
         (f"inverter.brake_chopper={BRAKE % (26, 29.4)}", "on_v: 29.4 V is not below the over-voltage trip (29.4 V)"),
         (f"inverter.brake_chopper={BRAKE % (26, 26.02)}", "off_v: 26 V is less than 4 converter steps"),
         (f"inverter.brake_chopper={BRAKE % (26, 27)}", "OK"),
+        (
+            "inverter.protection.safe_state=short",
+            "the short-circuit current of the motor (45.5 A) trips phase_current_a",
+        ),
+        ("inverter.protection.safe_state=on", "protection.safe_state: "),
         ("inverter.protection.under_voltage_v=25", "under_voltage_v: 25 V is not below supply_v (25 V)"),
         ("event[0].command=status", "--set: event[0]: needs exactly one action"),
         ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),

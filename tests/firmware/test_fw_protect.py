@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec
-from fluxlock.firmware.specs import BrakeSpec
+from fluxlock.firmware.specs import BrakeSpec, SafeState
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
 
@@ -225,6 +225,17 @@ def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
     bench.trip(0x80)
     bench.run(0.0003)
     assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+
+
+@pytest.mark.parametrize(("choice", "bit"), [("off", 0), ("short", 1)])
+def test_safe_state_is_set_at_boot(choice: SafeState, bit: int) -> None:
+    """It reaches the guard's register with the polarity, before the lock.
+
+    Verifies: FW-51
+    """
+    bench = Bench(inverter=replace(INVERTER_1, safe_state=choice, low_active_low=True))
+    assert bench.get("safety.lock") == 0x10CC
+    assert bench.get("safety.guard") == bit << 8 | 1 << 5
 
 
 @pytest.mark.parametrize("brake", [None, BrakeSpec(on_v=14.0, off_v=13.0, longest_on_s=0.5)])

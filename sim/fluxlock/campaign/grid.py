@@ -167,7 +167,8 @@ PLANT_FAULTS: tuple[Fault, ...] = (
 UPSET_BYTES = BLOCK_ADDRESS + 0x400
 # What fl_settings_lock watches, as fields of the safety block.
 SETTINGS_FIELDS = (
-    "guard_high_active_low", "guard_low_active_low", "dead_time_cycles", "trip_enable_source", "watchdog_cycles",
+    "guard_high_active_low", "guard_low_active_low", "guard_safe_state", "dead_time_cycles", "trip_enable_source",
+    "watchdog_cycles",
     "current_limit_phase_lsb", "current_limit_dc_lsb", "voltage_limit_over_lsb", "voltage_limit_under_lsb",
     "brake_enable", "brake_age_cycles", "brake_level_on_lsb", "brake_level_off_lsb", "brake_time_cycles",
 )  # fmt: skip

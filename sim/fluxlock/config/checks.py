@@ -160,6 +160,23 @@ def _reach(s: Scenario) -> list[Problem]:
     return problems
 
 
+def _short_circuit(s: Scenario) -> list[Problem]:
+    """An active short circuit lasts only where its current, flux over inductance at speed, is below the trip."""
+    if s.inverter.protection.safe_state == "off":
+        return []
+    motor = s.motor
+    current_a = max(psi / h for psi, h in zip(motor.psi_vs, motor.inductance_h, strict=True))
+    if motor.third is not None:
+        current_a += abs(motor.third.psi_vs) / motor.third.inductance_d_h
+    limit_a = s.inverter.protection.phase_current_a
+    if current_a < limit_a:
+        return []
+    text = (
+        f"the short-circuit current of the motor ({current_a:.1f} A) trips phase_current_a ({with_unit(limit_a, 'A')})"
+    )
+    return [Problem(s.sources.inverter, "protection.safe_state", text)]
+
+
 def _power_stage(s: Scenario) -> list[Problem]:
     file, problems = s.sources.scenario, []
     period_s = 1.0 / s.drive.carrier_hz
@@ -337,7 +354,7 @@ def check_scenario(scenario: Scenario) -> list[Problem]:
         return problems
     checks = (
         *(other_methods_keys, check_vector, _times, _power_stage, _console, _switches),
-        *(_hall, _initial, _reach, _can),
+        *(_short_circuit, _hall, _initial, _reach, _can),
     )
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

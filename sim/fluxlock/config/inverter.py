@@ -7,7 +7,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
-from fluxlock.firmware.specs import over_voltage_limit
+from fluxlock.firmware.specs import SafeState, over_voltage_limit
 
 
 class Sensing(Model):
@@ -49,7 +49,7 @@ class Sensing(Model):
 
 
 class Protection(Model):
-    """Limits that turn all gates off in hardware."""
+    """Limits at which the hardware trips, and what it does then."""
 
     phase_current_a: float = quantity("Phase current, both signs.", "A", 0.1, 5000)
     dc_current_a: float = quantity("DC-link current, both signs.", "A", 0.1, 5000)
@@ -63,6 +63,11 @@ class Protection(Model):
     )
     under_voltage_v: float | None = quantity(
         "DC-link voltage below which the drive trips; 0 = never.", "V", 0, 2000, default=None, absent="0.6 `supply_v`"
+    )
+    safe_state: SafeState = Field(
+        default="off",
+        description="After a hardware trip: all gates off, or the lower ones on (`short`), an active short circuit of "
+        "the machine, unless the cause is over-current, the fault pin or a changed setting.",
     )
 
 

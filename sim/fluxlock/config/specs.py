@@ -60,6 +60,7 @@ def inverter_spec(s: Scenario) -> InverterSpec:
         under_voltage_v=i.protection.under_voltage_v,
         conversion_s=i.sensing.conversion_s,
         noise_lsb=i.sensing.noise_lsb,
+        safe_state=i.protection.safe_state,
         brake=BrakeSpec(i.brake_chopper.on_v, i.brake_chopper.off_v, i.brake_chopper.longest_on_s)
         if i.brake_chopper and i.brake_chopper.longest_on_s
         else None,

@@ -278,6 +278,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "trip_over_voltage_lsb": code(over_v),
         "trip_under_voltage_lsb": code(under_v),
         "watchdog_cycles": WATCHDOG_TICKS * cycles(tick),
+        "safe_state": 1 if inverter.safe_state == "short" else 0,
         "brake_on_lsb": code(inverter.brake.on_v) if inverter.brake else 0,
         "brake_off_lsb": code(inverter.brake.off_v) if inverter.brake else 0,
         "brake_longest_cycles": cycles(inverter.brake.longest_on_s) if inverter.brake else 0,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Emf = Literal["sinusoidal", "trapezoidal"]
+SafeState = Literal["off", "short"]
 Commutation = Literal["RSC", "NSC", "CSC"]
 Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
 Balance = Literal["none", "vertical", "both"]
@@ -136,6 +137,7 @@ class InverterSpec:
     conversion_s: float = 0.4e-6
     noise_lsb: float = 0.0
     brake: BrakeSpec | None = None
+    safe_state: SafeState = "off"
 
 
 @dataclass(frozen=True)

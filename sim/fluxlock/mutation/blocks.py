@@ -39,7 +39,7 @@ BLOCKS = {
         Block(
             name="fl_trip",
             sources=("safety/fl_sync.sv", "safety/fl_trip.sv"),
-            test_modules=("cocotb_tests.safety.test_fl_trip",),
+            test_modules=("cocotb_tests.safety.test_fl_trip", "cocotb_tests.safety.test_active_short"),
             goal_percent=95.0,
             bench="fl_safety_chain",
             instance="u_trip",
