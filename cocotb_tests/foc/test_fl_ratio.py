@@ -23,7 +23,7 @@ async def ratio_is_exact(dut: Any) -> None:
     """
     rng = random.Random(1)
     bits, ratio_bits = len(dut.whole_i.value), len(dut.ratio_o.value)
-    latency = (ratio_bits + 2) // 3
+    latency = (ratio_bits + 3) // 3
     top = (1 << bits) - 1
     dut.start_i.value = 0
     dut.rst_i.value = 1

@@ -1,6 +1,7 @@
 // Integer square root: root = floor(sqrt(radicand)), three result bits a clock, the first ones in that of the start.
 //
-// Digit by digit: the next two bits of the radicand join the remainder, and the trial 4 * root + 1 is taken off if it fits.
+// By digits of three bits: the next six bits of the radicand join the remainder, 16 * k * root + k^2 is taken off for all
+// digits k at once, and the last difference that is not below zero stays.
 // Unsigned integers without scaling; exact for every radicand. A start while one runs replaces it.
 // Latency: start_i to valid_o Latency clocks; root_o is valid from valid_o to the next start.
 `default_nettype none
@@ -25,31 +26,41 @@ module fl_sqrt #(
   localparam int unsigned WorkBits = 2 * BitsPerClock * Iterations;  // the radicand with zeros above it
   localparam int unsigned CountBits = fl_pkg::idx_width(Iterations + 1);
 
+  localparam int unsigned TrialBits = RootBits + 2 * BitsPerClock + 2;  // its sign on top
+
+  typedef logic signed [TrialBits-1:0] trial_t;
   typedef struct packed {
     logic [RootBits:0]   remainder;  // at most 2 * root
     logic [RootBits-1:0] root;
     logic [WorkBits-1:0] radicand;   // bits still to come, highest first
   } work_t;
 
-  function automatic work_t digit(work_t w);
-    logic [RootBits+2:0] joined;
-    logic [RootBits+3:0] trial;
-    joined = {w.remainder, w.radicand[WorkBits-1-:2]};
-    trial  = {1'b0, joined} - {2'b00, w.root, 2'b01};
+  // All digits side by side: a clock holds one difference of at most three terms and the choice among them.
+  function automatic work_t digits(work_t w);
+    trial_t joined, root;
+    trial_t [7:0] trial;
+    logic [7:0][31:0] wide;
+    fl_pkg::digit8_t y;
+    joined   = trial_t'({1'b0, w.remainder, w.radicand[WorkBits-1-:2*BitsPerClock]});
+    root     = trial_t'({1'b0, w.root});
+    // 16 * k * root + k^2, the square split such that it does not overlap the roots.
+    trial[0] = joined;
+    trial[1] = joined - (root << 4 | trial_t'(1));
+    trial[2] = joined - (root << 5 | trial_t'(4));
+    trial[3] = joined - (root << 5) - (root << 4 | trial_t'(9));
+    trial[4] = joined - (root << 6 | trial_t'(16));
+    trial[5] = joined - (root << 6 | trial_t'(16)) - (root << 4 | trial_t'(9));
+    trial[6] = joined - (root << 6 | trial_t'(32)) - (root << 5 | trial_t'(4));
+    trial[7] = joined - (root << 7 | trial_t'(49)) + (root << 4);
+    for (int unsigned k = 0; k < 8; k++) wide[k] = 32'(signed'(trial[k]));
+    y = fl_pkg::digit8(wide);
     return
     '{
-        remainder: trial[RootBits+3] ? joined[RootBits:0] : trial[RootBits:0],
-        root: {w.root[RootBits-2:0], !trial[RootBits+3]},
-        radicand: {w.radicand[WorkBits-3:0], 2'b00}
+        remainder: y.difference[RootBits:0],
+        root: RootBits'({w.root, y.digit}),
+        radicand: w.radicand << 2 * BitsPerClock
     }
     ;
-  endfunction
-
-  function automatic work_t digits(work_t w);
-    work_t y;
-    y = w;
-    for (int unsigned i = 0; i < BitsPerClock; i++) y = digit(y);
-    return y;
   endfunction
 
   // The first digits, of the highest bits alone: a table, so that no chain of carries lies behind the radicand's logic.

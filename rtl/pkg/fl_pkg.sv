@@ -125,4 +125,25 @@ package fl_pkg;
     return (x[31:17] == {15{x[31]}}) ? x[17:0] : {x[31], {17{!x[31]}}};
   endfunction
 
+  // Digit of a division or root by 8: the last of eight falling differences that is not below zero, and its number.
+  typedef struct packed {
+    logic [2:0]  digit;
+    logic [31:0] difference;
+  } digit8_t;
+
+  function automatic digit8_t digit8(logic [7:0][31:0] difference);
+    logic [7:0] fits;
+    logic [3:0][31:0] of_pair;
+    logic [1:0][31:0] of_half;
+    digit8_t y;
+    for (int unsigned k = 0; k < 8; k++) fits[k] = !difference[k][31];
+    for (int unsigned k = 0; k < 4; k++) of_pair[k] = fits[2*k+1] ? difference[2*k+1] : difference[2*k];
+    for (int unsigned k = 0; k < 2; k++) of_half[k] = fits[4*k+2] ? of_pair[2*k+1] : of_pair[2*k];
+    y.difference = fits[4] ? of_half[1] : of_half[0];
+    y.digit[2]   = fits[4];
+    y.digit[1]   = fits[4] ? fits[6] : fits[2];
+    y.digit[0]   = fits[4] ? (fits[6] ? fits[7] : fits[5]) : (fits[2] ? fits[3] : fits[1]);
+    return y;
+  endfunction
+
 endpackage

@@ -2,9 +2,10 @@
 
 PeakRDL decodes the address, builds the read data and works out the next value of every field in every clock. Without a
 request nobody looks at the first two, and a field that only software writes keeps its value: all three go under the
-request. It keeps all fields in one structure, which Verilator copies as a whole twice a clock: each field becomes a
-variable of its own, which Verilator writes in place as long as no process reads it after writing it; hence the reset
-at the end. The bus sees the same, and a simulation of the whole chip runs faster.
+request. It asks for one address after the other, of which synthesis makes as long a chain: read data become one choice
+among the addresses. It keeps all fields in one structure, which Verilator copies as a whole twice a clock: each field
+becomes a variable of its own, which Verilator writes in place as long as no process reads it after writing it; hence
+the reset at the end. The bus sees the same, and a simulation of the whole chip runs faster.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ FIELD = re.compile(
     r" +always_ff @\(posedge clk\) begin\n(?P<reset> +if\(rst\) begin\n[^\n]*\n)"
     r" +end else begin\n +if\(field_combo[^\n]*\n[^\n]*\n +end\n +end\n(?P=i)end\n"
 )
+READ_REGISTER = re.compile(r"^(?P<i> +)if\(rd_mux_addr == (?P<address>[^\n]*)\) begin$", re.MULTILINE)
 
 STORAGE = re.compile(
     r" +typedef struct \{\n(?P<body>(?: {8}[^\n]*\n)*) +\} field_storage_t;\n +field_storage_t field_storage;\n"
@@ -65,6 +67,15 @@ def _storage(match: re.Match[str]) -> str:
     return "".join(f"    {kind} {_name(path)};\n" for kind, path in found)
 
 
+def _choice(match: re.Match[str]) -> str:
+    """Read data by a choice among the addresses, which all differ, in place of one question after another."""
+    body, count = READ_REGISTER.subn(r"\g<i>\g<address>: begin", match["body"])
+    if count == 0 or "if(" in body:
+        raise ValueError("the register generator's output has changed: read data are not a list of registers")
+    case = f"        case (rd_mux_addr)\n{body}            default: ;\n        endcase\n"
+    return f"{match['head']}{case}{match['tail']}"
+
+
 def _gate(text: str, pattern: re.Pattern[str], condition: str, default: str = "") -> str:
     """Put the body of the one place that matches under a condition."""
 
@@ -88,9 +99,11 @@ def gate_with_request(text: str) -> str:
         r"\g<i>    end\n\g<reset>\g<i>    end\n\g<i>end\n",
         text,
     )
+    text = READBACK.sub(_choice, LOOP.sub(_unrolled, text))
     text = _gate(text, DECODE, "cpuif_req_masked", "decoded_reg_strb = '{default: '0};\n")
-    text = _gate(text, READBACK, "decoded_req & ~decoded_req_is_wr")
+    # The strobe alone, which also clears the register behind the data: synthesis leaves it out of the data's way.
+    text = _gate(text, READBACK, "decoded_req")
     text, count = STORAGE.subn(_storage, text)
     if count != 1:
         raise ValueError(f"the register generator's output has changed: {count} places match {STORAGE.pattern!r}")
-    return ACCESS.sub(lambda match: _name(match["path"]), LOOP.sub(_unrolled, text))
+    return ACCESS.sub(lambda match: _name(match["path"]), text)

