@@ -220,15 +220,20 @@ def test_interrupted(tmp_path: Path) -> None:
     """
     words = command(str(CAN_SCENARIO), "--channel", "239.74.163.78", "--out", str(tmp_path))
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0)
-    with can.Bus(interface="udp_multicast", channel="239.74.163.78") as bus:
-        message = bus.recv(10 * PATIENCE_S)
-        assert message is not None
-        assert (message.arbitration_id, bytes(message.data)) == (0x705, b"\0")
-    os.killpg(process.pid, signal.SIGINT)
+    try:
+        # Other groups of this machine are heard too: the chip's boot-up is waited for, whatever else comes.
+        with can.Bus(interface="udp_multicast", channel="239.74.163.78") as bus:
+            while True:
+                message = bus.recv(10 * PATIENCE_S)
+                assert message is not None
+                if (message.arbitration_id, bytes(message.data)) == (0x705, b"\0"):
+                    break
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
     out, errors = process.communicate(timeout=10 * PATIENCE_S)
     assert process.returncode == 0, errors
     first, traffic, results = out.splitlines()
     assert first.startswith("node 5, 1000 kbit/s on udp_multicast:239.74.163.78, process ")
-    assert "times slower than real time; frames: 1 from the chip, 0 to it" in traffic
+    assert "times slower than real time; frames: 1 from the chip, " in traffic
     assert results == f"results in {tmp_path}"
     assert (tmp_path / "result.json").exists()
