@@ -135,7 +135,7 @@ BROKEN = {
         "if (deviation(codes[x]) > limit)",
         "if (deviation(codes[x]) >= limit)",
     ),
-    "present cause waits for the latch": ("fl_trip", TRIP, "(latched_q | active) != '0;", "latched_q != '0;"),
+    "present cause waits for the latch": ("fl_trip", TRIP, "= causes != '0;", "= latched_q != '0;"),
     "short nobody chose": ("fl_trip", TRIP, "= cfg_short_i && !never_i", "= !never_i"),
     "short of a drive that was off": (
         "fl_trip",
