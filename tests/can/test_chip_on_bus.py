@@ -47,6 +47,7 @@ class Peer:
         if self.frames:
             node.send(self.frames.pop(0))
             if self.glitch:
+                # The protocol of a side knows no disturbance; the native bus's node, which this one is, does.
                 begin = cycle + self.glitch
                 node.disturb(begin, begin + self.timing.bit_cycles, 0)  # type: ignore[attr-defined]
         while (frame := node.take()) is not None:
