@@ -63,12 +63,20 @@ module fl_can_f
     if (first)
       assume (rst_i);
       else begin
+        // What the bit stream processor has made ready for a bit is of the state in which the bit finds it.
+        assert (dut.u_bit_timing.sample_q != '0);
+        assert (dut.u_bit_timing.quantum_q == '0 || dut.u_bit_timing.sample_q == {1'b0, dut.timing_q.tseg1} + 7'd1);
+        assert (!dut.u_bit_timing.strobe_q || dut.u_bit_timing.quantum_q == dut.u_bit_timing.sample_q + 7'd1);
+        if (dut.sample && dut.u_bsp.state_q == StBusOff) begin
+          assert (dut.u_bsp.view_q.last == (run_q == 4'd10) && dut.u_bsp.view_q.count == {2'b0, run_q} + 6'd1);
+          assert (!dut.u_bsp.view_q.stuffed && !dut.u_bsp.view_q.stuff_bit);
+        end
         a_silent : assert (!silent_q || tx_o);
         a_on : assert (dut.enable_q == on_q);
         a_listen : assert (dut.listen_q == listen_q);
         a_loopback : assert (dut.loopback_q == loopback_q);
         if (bus_off_o) begin
-          assert ({1'b0, dut.u_confinement.quiet_q} <= runs_q && run_q <= 4'd10);
+          assert (8'(dut.u_confinement.quiet_q) + 8'(dut.u_confinement.count_q.quiet11) <= runs_q && run_q <= 4'd10);
           if (dut.u_bsp.state_q == StBusOff) assert (dut.u_bsp.count_q == {2'b0, run_q});
         end else assert (dut.u_bsp.state_q != StBusOff || bus_off_q);
         if (bus_off_q && !bus_off_o) a_recovered : assert (rst_q || runs_q >= 8'd128);

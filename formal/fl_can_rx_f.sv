@@ -91,6 +91,7 @@ module fl_can_rx_f
         a_count : assert (lost_count_o == count_q);
         a_level : assert (level_q <= 3'(Depth) && valid_o == (level_q != '0));
         a_indices : assert (dut.u_fifo.write_q[1:0] == write_q && dut.u_fifo.read_q[1:0] == read_q);
+        a_full : assert (dut.full == (level_q == 3'(Depth)));
         a_distance : assert (3'(dut.u_fifo.write_q - dut.u_fifo.read_q) == level_q);
         a_lost : assert (dut.lost_q == lost_q);
         if ({1'b0, 2'(place_i - read_q)} < level_q) a_memory : assert (dut.u_fifo.mem[place_i] == followed_q);

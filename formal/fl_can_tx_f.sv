@@ -41,13 +41,13 @@ module fl_can_tx_f
     put_q          <= put_i;
     asked_before_q <= asked_q | abort_i;
     asked_q        <= (asked_q | abort_i) & pending_o;
-    if (start_i) on_bus_q <= frame_o;
     for (int unsigned x = 0; x < 3; x++) begin
       if (put_i[x] && !pending_o[x]) begin
         frame_q[x]    <= put_frame_i;
         priority_q[x] <= put_priority_i;
         asked_q[x]    <= 1'b0;
       end
+      if (start_i && dut.best[x]) on_bus_q <= frame_q[x];
     end
     if (rst_i) begin
       busy_q  <= 1'b0;
@@ -60,12 +60,12 @@ module fl_can_tx_f
       assume (rst_i);
       else begin
         assume (!start_i || (request_o && !busy_q && enable_i));
-        assume (!sent_i || (busy_q && !stop_i && enable_i));
+        assume (!sent_i || (busy_q && !stop_i));
         assert (busy_q == (dut.chosen_q != '0));
         assert ((dut.chosen_q & (dut.chosen_q - 3'd1)) == '0 && (dut.chosen_q & ~pending_o) == '0);
-        assert ((dut.abort_q & ~pending_o) == '0 && (dut.abort_q & ~asked_q) == '0);
+        assert ((dut.abort_q & ~pending_o) == '0 && dut.abort_q == (asked_q & pending_o));
         a_stays : assert (!busy_q || frame_o == on_bus_q);
-        a_request : assert (request_o == (pending_o != '0));
+        a_request : assert (request_o == ((pending_o & ~dut.abort_q) != '0));
         if (!rst_q) a_sent : assert ((sent_o != '0) == sent_q);
         a_chosen : assert ((dut.best != '0) == request_o);
       end
@@ -76,12 +76,11 @@ module fl_can_tx_f
     always_comb begin
       highest = 1'b1;
       for (int unsigned y = 0; y < 3; y++) begin
-        if (pending_o[y] && (priority_q[y] > priority_q[x] || (priority_q[y] == priority_q[x] && y < x))) highest = 1'b0;
+        if (pending_o[y] && !asked_q[y] && (priority_q[y] > priority_q[x] || (priority_q[y] == priority_q[x] && y < x))) highest = 1'b0;
       end
       if (!first) begin
         if (pending_o[x]) assert (dut.frame_q[x] == frame_q[x] && dut.priority_q[x] == priority_q[x]);
-        a_best : assert (dut.best[x] == (pending_o[x] && highest));
-        if (dut.best[x] && !busy_q) a_frame : assert (frame_o == frame_q[x]);
+        a_best : assert (dut.best[x] == (pending_o[x] && !asked_q[x] && highest));
         if (!rst_q) begin
           a_told : assert ((sent_o[x] ^ aborted_o[x]) == (pending_q[x] && !pending_o[x]));
           a_once : assert (!(sent_o[x] && aborted_o[x]));

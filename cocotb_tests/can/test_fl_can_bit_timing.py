@@ -49,6 +49,10 @@ class TB:
         self.model = BitClock(self.timing, self.timing.brp)
         self.seen = 1  # at the last look
         self.sending = 1
+        # The block's strobes come a clock after what decides them, and with them the answers to a sample.
+        self.strobes = False, False
+        self.bit = 1
+        self.driven = 1
 
     async def clock(self, level: int) -> bool:
         """One clock with this level on the bus; compares strobes and level sent with the model; True at a sample."""
@@ -56,34 +60,43 @@ class TB:
         if level != self.level:
             dut.rx_i.value = self.level = level
         await Timer(CLOCK_NS // 4, "ns")
-        assert int(dut.tx_o.value) == self.sending, f"clock {self.cycle}: sends {1 - self.sending}"
+        assert int(dut.tx_o.value) == self.driven, f"clock {self.cycle}: sends {1 - self.driven}"
+        got = bool(dut.sample_o.value), bool(dut.start_o.value)
+        assert got == self.strobes, f"clock {self.cycle}: sample, start {got}, not {self.strobes}: {vars(model)}"
+        assert not got[0] or int(dut.bit_o.value) == self.bit
+        if got[1]:
+            self.driven = self.sending
+        assert int(dut.tx_next_o.value) == self.driven
         # The quantum that the next rising edge ends: an edge of the bus lies in its middle.
         end = self.cycle + 1
         sample = start = False
         if end % self.timing.brp == 0:
+            first = end - model.begin == self.timing.brp
             if self.seen and not level:
                 start = model.edge(end - self.timing.brp / 2, self.sending == 0)
             self.seen = level
             if start:
                 model.ended(self.hard)
+                # In the synchronisation segment there is nothing to restart.
+                start = not first
             elif end == model.sample_at and model.before_sample:
                 model.sampled(level)
                 sample = True
             elif end == model.end_at:
                 model.ended(self.hard)
                 start = True
-        got = int(dut.sample_o.value), int(dut.start_o.value)
-        assert got == (sample, start), f"clock {self.cycle}: sample, start {got}, not {(sample, start)}: {vars(model)}"
-        assert not sample or int(dut.bit_o.value) == level
+        self.strobes, self.bit = (sample, start), level
         if start:
             self.sending = self.tx
         await Timer(CLOCK_NS - CLOCK_NS // 4, "ns")
+        # What was answered to a sample a clock before.
+        dut.tx_i.value, dut.hard_i.value = self.tx, self.hard
         self.cycle = end
         return sample
 
     def answer(self, tx: int, hard: bool) -> None:
         """What the protocol decides at a sample."""
-        self.dut.tx_i.value, self.dut.hard_i.value = self.tx, self.hard = tx, hard
+        self.tx, self.hard = tx, hard
 
 
 @cocotb.test

@@ -5,7 +5,8 @@
 // while disabled, in bus-off, listening, looping back, and in reset; one clock after a change to any of these.
 // listen_i: acknowledges nothing, sends nothing; its own dominant levels reach only itself; counters stay.
 // loopback_i: receives what it sends, the bus neither sees nor disturbs it.
-// Latency of the pins: rx_i to the bit timing 2 clocks, tx_o 1 clock behind the bit timing.
+// Latency of the pins: rx_i to the bit timing 2 clocks, from there 2 clocks to tx_o. sent_o and the error counters follow the
+// bit that moves them by 2 clocks. timing_i must be there a clock before enable_i rises.
 `default_nettype none
 module fl_can
   import fl_can_pkg::*;
@@ -72,7 +73,7 @@ module fl_can
   end
 
   // Pins.
-  logic rx_sync, rx_line, tx_line, tx_q;
+  logic rx_sync, rx_line, tx_next, tx_line, tx_q;
 
   fl_sync #(
       .ResetValue(1'b1)
@@ -87,14 +88,14 @@ module fl_can
   assign rx_line = loopback_q ? tx_line : rx_sync && (tx_line || !listen_q);
 
   always_ff @(posedge clk_i) begin
-    tx_q <= tx_line || silent || rst_i;
+    tx_q <= tx_next || silent || rst_i;
   end
 
   assign tx_o = tx_q;
 
   // Protocol.
   logic sample, sampled, tx_bit, hard, sof, valid;
-  logic request, tx_start, tx_sent, tx_stop;
+  logic request, tx_start, tx_sent, tx_stop, tx_sent_q, tx_stop_q;
   can_frame_t tx_frame, rx_frame;
   can_count_t count;
   logic [31:0] stamp_q;
@@ -107,6 +108,7 @@ module fl_can
       .rx_i    (rx_line),
       .hard_i  (hard),
       .tx_i    (tx_bit),
+      .tx_next_o(tx_next),
       .tx_o    (tx_line),
       .start_o (),
       .sample_o(sample),
@@ -151,7 +153,14 @@ module fl_can
 
   always_ff @(posedge clk_i) begin
     if (sof) stamp_q <= now_i;
-    if (rst_i) stamp_q <= '0;
+    // The next start of frame is bits away: the end of a frame may reach the buffers a clock later.
+    tx_sent_q <= tx_sent;
+    tx_stop_q <= tx_stop;
+    if (rst_i) begin
+      stamp_q   <= '0;
+      tx_sent_q <= 1'b0;
+      tx_stop_q <= 1'b0;
+    end
   end
 
   // Frames.
@@ -172,8 +181,8 @@ module fl_can
       .request_o(request),
       .frame_o  (tx_frame),
       .start_i  (tx_start),
-      .sent_i   (tx_sent),
-      .stop_i   (tx_stop)
+      .sent_i   (tx_sent_q),
+      .stop_i   (tx_stop_q)
   );
 
   fl_can_rx #(

@@ -2,7 +2,7 @@
 //
 // Transmit counter: +8, -1, bus-off from 256. Receive counter: +1, +8, saturates at 255; -1, from above 127 to 119.
 // Error passive: a counter above 127. Bus-off ends, with both counters 0, after 128 runs of eleven recessive bits counted
-// while recover_i. frozen_i: events do nothing. Latency: 1 clock.
+// while recover_i. frozen_i: events do nothing. Latency: 2 clocks.
 `default_nettype none
 module fl_can_confinement
   import fl_can_pkg::*;
@@ -24,10 +24,17 @@ module fl_can_confinement
   logic [7:0] tec_q, rec_q;
   logic [6:0] quiet_q;
   logic bus_off_q;
+  can_count_t count_q;
+
+  always_ff @(posedge clk_i) begin
+    count_q         <= count_i;
+    count_q.quiet11 <= count_i.quiet11 && bus_off_q;
+    if (rst_i) count_q <= '0;
+  end
 
   always_ff @(posedge clk_i) begin
     if (bus_off_q) begin
-      if (count_i.quiet11 && recover_i) begin
+      if (count_q.quiet11 && recover_i) begin
         quiet_q <= quiet_q + 7'd1;
         if (quiet_q == '1) begin
           bus_off_q <= 1'b0;
@@ -37,14 +44,14 @@ module fl_can_confinement
       end
     end else if (!frozen_i) begin
       quiet_q <= '0;
-      if (count_i.tx_add8) begin
+      if (count_q.tx_add8) begin
         if (tec_q >= 8'd248) bus_off_q <= 1'b1;
         else tec_q <= tec_q + 8'd8;
       end
-      if (count_i.tx_less1 && tec_q != '0) tec_q <= tec_q - 8'd1;
-      if (count_i.rx_add1 && rec_q != '1) rec_q <= rec_q + 8'd1;
-      if (count_i.rx_add8) rec_q <= (rec_q > 8'd247) ? '1 : rec_q + 8'd8;
-      if (count_i.rx_less1 && rec_q != '0) rec_q <= rec_q[7] ? 8'd119 : rec_q - 8'd1;
+      if (count_q.tx_less1 && tec_q != '0) tec_q <= tec_q - 8'd1;
+      if (count_q.rx_add1 && rec_q != '1) rec_q <= rec_q + 8'd1;
+      if (count_q.rx_add8) rec_q <= (rec_q > 8'd247) ? '1 : rec_q + 8'd8;
+      if (count_q.rx_less1 && rec_q != '0) rec_q <= rec_q[7] ? 8'd119 : rec_q - 8'd1;
     end
     if (rst_i) begin
       tec_q     <= '0;

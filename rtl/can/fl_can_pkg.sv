@@ -33,7 +33,7 @@ package fl_can_pkg;
   typedef struct packed {
     logic        lost;    // frames between the one before and this were lost to a full FIFO
     logic [2:0]  filter;  // the first that matched
-    logic [31:0] stamp;   // sample point of the start of frame, clocks
+    logic [31:0] stamp;   // the clock after the sample point of the start of frame
     can_frame_t  frame;
   } can_entry_t;
 
@@ -53,7 +53,7 @@ package fl_can_pkg;
     logic rx_add1;
     logic rx_add8;
     logic rx_less1;
-    logic quiet11;   // eleven recessive bits in a row
+    logic quiet11;   // in bus-off, eleven recessive bits in a row
   } can_count_t;
 
   // One bit of the cyclic redundancy check, x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.

@@ -2,8 +2,10 @@
 // equals, chosen anew for every start of frame.
 //
 // put_i: frame and priority into a buffer, which waits from the next clock; refused if it is waiting already.
-// abort_i: a waiting buffer is given up at once; one whose frame is on the bus when that ends without success.
-// frame_o stays from start_i to sent_i, stop_i or enable_i low. sent_o, aborted_o, refused_o: pulses, latency 1 clock.
+// abort_i: a waiting buffer is not chosen from the next clock and given up in it; one whose frame is on the bus when that ends
+// without success.
+// frame_o is there from the clock after start_i to sent_i, stop_i or enable_i low. sent_o, refused_o: pulses, latency 1 clock;
+// aborted_o 2 clocks.
 `default_nettype none
 module fl_can_tx
   import fl_can_pkg::*;
@@ -36,15 +38,17 @@ module fl_can_tx
 
   can_frame_t [Buffers-1:0] frame_q;
   logic [Buffers-1:0][1:0] priority_q;
-  logic [Buffers-1:0] pending_q, abort_q;  // abort_q: when it comes off the bus
-  logic [Buffers-1:0] best, chosen_q, on_bus;  // one bit at most
+  logic [Buffers-1:0] pending_q, abort_q;  // abort_q: unless it is on the bus
+  logic [Buffers-1:0] waiting, best, chosen_q;  // one bit at most
   logic [Buffers-1:0] sent_q, aborted_q, refused_q;
+
+  assign waiting = pending_q & ~abort_q;
 
   always_comb begin
     best = '0;
     for (int unsigned level = 0; level < 4; level++) begin
       for (int unsigned x = Buffers; x > 0; x--) begin
-        if (pending_q[x-1] && priority_q[x-1] == 2'(level)) begin
+        if (waiting[x-1] && priority_q[x-1] == 2'(level)) begin
           best      = '0;
           best[x-1] = 1'b1;
         end
@@ -52,18 +56,18 @@ module fl_can_tx
     end
   end
 
-  assign on_bus    = (chosen_q != '0) ? chosen_q : start_i ? best : '0;
-  assign request_o = pending_q != '0;
+  assign request_o = waiting != '0;
 
   always_comb begin
     frame_o = '0;
     for (int unsigned x = 0; x < Buffers; x++) begin
-      if ((chosen_q != '0) ? chosen_q[x] : best[x]) frame_o |= frame_q[x];
+      if (chosen_q[x]) frame_o |= frame_q[x];
     end
   end
 
   always_ff @(posedge clk_i) begin
-    chosen_q  <= (sent_i || stop_i || !enable_i) ? '0 : on_bus;
+    if (sent_i || stop_i || !enable_i) chosen_q <= '0;
+    else if (start_i && chosen_q == '0) chosen_q <= best;
     sent_q    <= '0;
     aborted_q <= '0;
     refused_q <= put_i & pending_q;
@@ -73,18 +77,15 @@ module fl_can_tx
         priority_q[x] <= put_priority_i;
         pending_q[x]  <= 1'b1;
       end
-      if (on_bus[x] && sent_i) begin
+      if (chosen_q[x] && sent_i) begin
         pending_q[x] <= 1'b0;
         abort_q[x]   <= 1'b0;
         sent_q[x]    <= 1'b1;
-      end else if (pending_q[x] && (abort_i[x] || abort_q[x])) begin
-        if (on_bus[x] && !stop_i && enable_i) abort_q[x] <= 1'b1;
-        else begin
-          pending_q[x] <= 1'b0;
-          abort_q[x]   <= 1'b0;
-          aborted_q[x] <= 1'b1;
-        end
-      end
+      end else if (abort_q[x] && (!chosen_q[x] || stop_i || !enable_i)) begin
+        pending_q[x] <= 1'b0;
+        abort_q[x]   <= 1'b0;
+        aborted_q[x] <= 1'b1;
+      end else if (pending_q[x] && abort_i[x]) abort_q[x] <= 1'b1;
     end
     if (rst_i) begin
       chosen_q   <= '0;

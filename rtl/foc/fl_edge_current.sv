@@ -14,6 +14,7 @@
 // Without a wave phase_i tells the halves of the carrier apart; what repeats is its ripple.
 // enable_i low: nothing is learned, and a word of the memory becomes 0 in every clock.
 // Formats: currents signed 18 bits, 2^17 = full scale; excursion, next and ahead saturate. An excursion of -2^17 counts as none.
+// What a sample teaches is written into the memory 4 to 2 Phases + 3 clocks after it.
 // Latency: start_i to valid_o Latency clocks; least spacing the same (asserted; a closer start_i is ignored). ahead_o
 // stays until the next start_i.
 // Uses two block RAMs: 1024 x 18 bits each with five phases, 512 with three.
@@ -136,20 +137,26 @@ module fl_edge_current
   typedef logic [AddressBits-1:0] address_t;
   (* no_rw_check *) sample_t latest_mem[1 << AddressBits];
   (* no_rw_check *) sample_t next_mem[1 << AddressBits];
-  address_t clear_q, read_address, learn_address, compare_address_q, write_address_q;
-  sample_t before_q, excursion_q, latest_q, next_q, found_q;
+  address_t clear_q, read_address, learn_address, look_address_q, compare_address_q, write_address_q;
+  sample_t read_before_q, before_q, read_excursion_q, excursion_q, latest_q, next_q, found_q;
   place_t read_q, found_place_q;
-  logic compare_q, store_q, in_range;
+  logic look_q, compare_q, store_q, in_range;
 
   assign learn_address = {acting_phase_q[PhaseBits-1:0], write_q};
   assign read_address  = {step_phase_q[PhaseBits-1:0], read_q};
   assign in_range      = step_phase_q[11:PhaseBits] == '0;
 
   always_ff @(posedge clk_i) begin
-    before_q          <= latest_mem[learn_address];
-    excursion_q       <= sat_sample(32'(sample_q[write_q.leg]) - 32'(acting_q[write_q.leg]));
-    compare_address_q <= learn_address;
-    compare_q         <= store;
+    read_before_q    <= latest_mem[learn_address];
+    read_excursion_q <= sat_sample(32'(sample_q[write_q.leg]) - 32'(acting_q[write_q.leg]));
+    look_address_q   <= learn_address;
+    look_q           <= store;
+
+    // A clock for the way out of the block RAM.
+    before_q          <= read_before_q;
+    excursion_q       <= read_excursion_q;
+    compare_address_q <= look_address_q;
+    compare_q         <= look_q;
 
     latest_q        <= excursion_q;
     next_q          <= (before_q == None) ? excursion_q : sat_sample(2 * 32'(excursion_q) - 32'(before_q));
@@ -166,6 +173,7 @@ module fl_edge_current
     found_q <= next_mem[read_address];
 
     if (rst_i || !enable_i) begin
+      look_q    <= 1'b0;
       compare_q <= 1'b0;
       store_q   <= 1'b0;
     end

@@ -35,6 +35,19 @@ module fl_sqrt #(
     logic [WorkBits-1:0] radicand;   // bits still to come, highest first
   } work_t;
 
+  // a - b - c and a - b + c with one chain of carries: the three terms become two without one.
+  function automatic trial_t less_both(trial_t a, trial_t b, trial_t c);
+    trial_t carry;
+    carry = trial_t'({(a & ~b) | (a & ~c) | (~b & ~c), 1'b1});
+    return (a ^ b ^ c) - ~carry;
+  endfunction
+
+  function automatic trial_t less_plus(trial_t a, trial_t b, trial_t c);
+    trial_t carry;
+    carry = trial_t'({(a & ~b) | (a & c) | (~b & c), 1'b1});
+    return (a ^ ~b ^ c) + carry;
+  endfunction
+
   // All digits side by side: a clock holds one difference of at most three terms and the choice among them.
   function automatic work_t digits(work_t w);
     trial_t joined, root;
@@ -47,11 +60,11 @@ module fl_sqrt #(
     trial[0] = joined;
     trial[1] = joined - (root << 4 | trial_t'(1));
     trial[2] = joined - (root << 5 | trial_t'(4));
-    trial[3] = joined - (root << 5) - (root << 4 | trial_t'(9));
+    trial[3] = less_both(joined, root << 5, root << 4 | trial_t'(9));
     trial[4] = joined - (root << 6 | trial_t'(16));
-    trial[5] = joined - (root << 6 | trial_t'(16)) - (root << 4 | trial_t'(9));
-    trial[6] = joined - (root << 6 | trial_t'(32)) - (root << 5 | trial_t'(4));
-    trial[7] = joined - (root << 7 | trial_t'(49)) + (root << 4);
+    trial[5] = less_both(joined, root << 6 | trial_t'(16), root << 4 | trial_t'(9));
+    trial[6] = less_both(joined, root << 6 | trial_t'(32), root << 5 | trial_t'(4));
+    trial[7] = less_plus(joined, root << 7 | trial_t'(49), root << 4);
     for (int unsigned k = 0; k < 8; k++) wide[k] = 32'(signed'(trial[k]));
     y = fl_pkg::digit8(wide);
     return

@@ -26,10 +26,11 @@ module fl_fifo #(
   logic [Width-1:0] mem[Depth];
   // One bit more than the index tells full from empty.
   logic [IndexWidth:0] write_q, read_q;
-  logic push, pop;
+  logic push, pop, full_q;
 
   assign valid_o = write_q != read_q;
-  assign full_o  = (write_q ^ read_q) == (IndexWidth + 1)'(Depth);
+  // A flip-flop: it decides in the clock of a push about the write enable of every memory.
+  assign full_o  = full_q;
   assign data_o  = mem[read_q[IndexWidth-1:0]];
   assign push    = push_i && !full_o;
   assign pop     = pop_i && valid_o;
@@ -41,7 +42,9 @@ module fl_fifo #(
   always_ff @(posedge clk_i) begin
     if (push) write_q <= write_q + 1'b1;
     if (pop) read_q <= read_q + 1'b1;
+    full_q <= !pop && (full_q || (push && write_q - read_q == (IndexWidth + 1)'(Depth - 1)));
     if (rst_i) begin
+      full_q  <= 1'b0;
       write_q <= '0;
       read_q  <= '0;
     end
