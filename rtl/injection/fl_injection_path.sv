@@ -30,7 +30,7 @@ module fl_injection_path
     localparam int unsigned LockInLatency = 40,
     localparam int unsigned IqLatency = 41,
     localparam int unsigned SeparatorLatency = 2,
-    localparam int unsigned BusyClocks = 47
+    localparam int unsigned BusyClocks = 48
 ) (
     input logic clk_i,
     input logic rst_i,
