@@ -5,8 +5,12 @@ simulation time 0, the process forks once a mutant. The child sets the selector,
 tests, so that cocotb runs them; the first that fails ends it. The parent only waits, writes one JSON line a mutant and
 in the end holds a single empty test.
 
-Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by the end of the
-simulation (an assertion of the bench), or by using up its CPU time: a test waits for what never comes.
+Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by a test that
+takes much more simulated time than on the block as it is (it waits for what never comes), by the end of the simulation
+(an assertion of the bench), or by using up its CPU time.
+
+A first round runs on each mutant the tests at the front of that order, up to a share of all tests' time. A second one,
+with the outcomes of the first, runs the rest.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import os
 import resource
 import sys
 from importlib import import_module
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -29,6 +34,8 @@ from fluxlock.paths import ROOT
 
 JOB_VARIABLE = "FLUXLOCK_MUTATION_JOB"
 TIME_LIMIT_FACTOR, TIME_LIMIT_EXTRA_S = 2.0, 5.0  # of the CPU time that the block as it is needs
+CLOCK_LIMIT_FACTOR, CLOCK_LIMIT_EXTRA_NS = 2.0, 2000.0  # of the simulated time that a test needs on it
+FIRST_SHARE = 0.15  # of the time of all tests
 
 
 @cocotb.test()
@@ -49,17 +56,20 @@ def find_tests(modules: list[str], left_out: list[str]) -> list[Any]:
 
 
 def outcome(results: Path, status: int) -> dict[str, Any]:
-    """What became of one mutant: `killed_by` is empty if all tests passed; `times` of the tests that passed."""
+    """What became of one mutant: `killed_by` is empty if all tests passed; `times` and `simulated_ns` of those."""
     times: dict[str, float] = {}
+    simulated: dict[str, float] = {}
+    found = {"killed_by": "", "times": times, "simulated_ns": simulated}
     if not results.exists():
-        over = os.WIFSIGNALED(status)
-        return {"killed_by": "time" if over else "simulation stopped", "times": times}
+        return found | {"killed_by": "time" if os.WIFSIGNALED(status) else "simulation stopped"}
     for case in ElementTree.parse(results).getroot().iter("testcase"):
         name = f"{case.get('classname')}.{case.get('name')}"
         if case.find("failure") is not None or case.find("error") is not None:
-            return {"killed_by": name, "times": times}
+            return found | {"killed_by": name}
         times[name] = float(case.get("time") or 0.0)
-    return {"killed_by": "", "times": times}
+        properties = {item.get("name"): item.get("value", "") for item in case.iter("property")}
+        simulated[name] = float(properties["sim_time_duration"])
+    return found
 
 
 class Server:
@@ -71,8 +81,10 @@ class Server:
         self.tests = find_tests(job["modules"], job["left_out"])
         self.kills = {test.fullname: 0 for test in self.tests}
         self.times = {test.fullname: 1.0 for test in self.tests}
+        self.passed: dict[str, list[str]] = job["passed"]  # in the first round, by mutant
         self.cpu_limit_s = 0
         self.running: dict[int, int] = {}  # process to mutant
+        self.mutant = 0  # in a child
 
     def results(self, mutant: int) -> Path:
         """Result file of one mutant's tests."""
@@ -81,6 +93,16 @@ class Server:
     def order(self) -> list[Any]:
         """Best first: mutants found a second of running time."""
         return sorted(self.tests, key=lambda t: -(self.kills[t.fullname] + 0.1) / (self.times[t.fullname] + 0.01))
+
+    def chosen(self, mutant: int) -> list[Any]:
+        """Tests of this round for a mutant, in their order."""
+        if not mutant:
+            return self.tests
+        if self.passed:
+            return [test for test in self.order() if test.fullname not in self.passed[str(mutant)]]
+        limit_s = FIRST_SHARE * sum(self.times.values())
+        ends = accumulate(self.times[test.fullname] for test in self.order())
+        return [test for i, (test, end) in enumerate(zip(self.order(), ends, strict=True)) if not i or end <= limit_s]
 
     def start(self, mutant: int) -> bool:
         """Fork; True in the child, which is then ready to run the tests."""
@@ -103,6 +125,7 @@ class Server:
         for name in self.job["selector"]:
             handle = getattr(handle, name)
         handle.set(Immediate(mutant))
+        self.mutant = mutant
         return True
 
     def wait(self) -> tuple[int, dict[str, Any]]:
@@ -118,13 +141,20 @@ class Server:
         return mutant, found
 
     def run(self) -> bool:
-        """Run the block as it is, then every mutant; True in a child."""
-        if self.start(0):
-            return True
-        _, baseline = self.wait()
-        if baseline["killed_by"]:
-            return False
+        """Run the block as it is, unless that was done, then every mutant; True in a child."""
+        baseline = self.job["baseline"]
+        if baseline is None:
+            if self.start(0):
+                return True
+            _, baseline = self.wait()
+            if baseline["killed_by"]:
+                return False
         self.times |= baseline["times"]
+        for test in self.tests:
+            test.timeout = (
+                round(CLOCK_LIMIT_FACTOR * baseline["simulated_ns"][test.fullname] + CLOCK_LIMIT_EXTRA_NS),
+                "ns",
+            )
         self.cpu_limit_s = round(TIME_LIMIT_FACTOR * baseline["cpu_s"] + TIME_LIMIT_EXTRA_S)
         for mutant in self.job["mutants"]:
             if len(self.running) >= self.job["jobs"]:
@@ -141,4 +171,4 @@ if JOB_VARIABLE in os.environ:
     _server = Server(json.loads(Path(os.environ[JOB_VARIABLE]).read_text()))
     if _server.run():
         del every_mutant_was_run
-        globals().update({f"test_{i}": test for i, test in enumerate(_server.order())})
+        globals().update({f"test_{i}": test for i, test in enumerate(_server.chosen(_server.mutant))})
