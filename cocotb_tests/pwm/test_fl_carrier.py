@@ -312,10 +312,11 @@ async def carry_is_bounded(dut: Dut) -> None:
 
 
 @cocotb.test()
-async def carry_is_bounded_at_the_longest_period(dut: Dut) -> None:
+@cocotb.parametrize(period=[0x5555, 0xAAAA])
+async def carry_is_bounded_at_long_periods(dut: Dut, period: int) -> None:
     """More than one period is owed, then more than one was given too much: one period of it is remembered."""
     tb = Chain(dut)
-    period, duty, late = 0xFFFF, 0x8000, 0xC000  # late: a clock at which the pulse is over
+    duty, late = period // 2, period * 3 // 4  # late: a clock at which the pulse is over
     await tb.start(period=PERIOD, commutation=CSC)
     await tb.update(period=period, duty_q8=duty << 8)
     row = await tb.run(1, {})
