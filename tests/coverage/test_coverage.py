@@ -61,9 +61,10 @@ def test_reasons_fit_what_is_not_reached() -> None:
     assert report == [f"- {FILE}:2 (else) `if (b)`: never", f"- {FILE}:3 (if) `if (c)`: no reason given"]
     assert len(problems) == 2
     assert problems[0].startswith(f"{FILE}:3 (if)") and "reached, or not there: 'a <= 1'" in problems[1]
-    text = page(files, {}, {}, report) + details(files, {}, {})
+    text = page(files, {}, {}, report, ["safety", "zcd"]) + details(files, {}, {})
     assert f"| {FILE} | 3 | 33.3 | 1 | 0.0 |" in text and f"- {other}:1 (if) `if (d)`" in text
     assert "| rtl/safety | 3 | 33.3 | 1 | 0.0 |\n| rtl/zcd | 1 | 0.0 | 0 | - |\n| all | 4 | 25.0 | 1 | 0.0 |" in text
+    assert "\nBlock tests of safety, zcd.\n" in text
 
 
 def test_folders_are_added_up() -> None:
@@ -127,13 +128,20 @@ def test_missing_reason_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     counts = read_points([counter(3, "branch", "if", 0, "rtl/safety/fl_sync.sv"), counter(4, "line", "block", 1)])
     files = summary(counts, {FILE: [""] * 9, "rtl/safety/fl_sync.sv": ["a"] * 9})
     written = tmp_path / "page.md"
+
+    def run_tests(folders: list[str], _: int) -> int:
+        (tmp_path / "coverage").mkdir()
+        (tmp_path / "coverage" / "folders").write_text(" ".join(folders))
+        return 0
+
     for module, name, value in (
         (command, "FOLDER", tmp_path / "coverage"),
         (command, "PAGE", written),
         (software, "run_tests", lambda _: True),
         (software, "read_c", lambda: {"sw/a.c": [4, 3, 9, 8]}),
         (software, "read_python", lambda: {"sim/fluxlock/b/c.py": [2, 1, 4, 4]}),
-        (rtl, "run_tests", lambda *_: (tmp_path / "coverage").mkdir()),
+        (rtl, "FOLDERS", tmp_path / "coverage" / "folders"),
+        (rtl, "run_tests", run_tests),
         (rtl, "read_files", lambda: files),
         (rtl, "read_reasons", dict),
     ):

@@ -21,7 +21,7 @@ async def delays_by_a_clock(dut: Any) -> None:
 
 @cocotb.test()
 async def keeps_a_level(dut: Any) -> None:
-    """Long, for the second round."""
+    """Takes longer than the least time that a test is given."""
     dut.rst_i.value, dut.a_i.value, dut.b_i.value = 0, 1, 0
     Clock(dut.clk_i, 20, "ns").start()
     await FallingEdge(dut.clk_i)

@@ -22,7 +22,7 @@ SMALL = Block(
     goal_percent=50.0,
     left_out=("left_out",),
 )
-TESTS = ("delays_by_a_clock", "keeps_a_level")  # the second, longer, is for a second round
+TESTS = ("delays_by_a_clock", "keeps_a_level")
 COUNT = 16
 
 

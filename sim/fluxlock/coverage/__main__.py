@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files = rtl.read_files()
     c, python = (software.read_c(), software.read_python()) if whole else ({}, {})
     explained, problems = rtl.explain(files, rtl.read_reasons())
-    text = page(files, c, python, explained)
+    text = page(files, c, python, explained, rtl.FOLDERS.read_text(encoding="utf-8").split())
     results = {"rtl": files, "c": c, "python": python}
     (FOLDER / "coverage.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     (FOLDER / "report.md").write_text(text + details(files, c, python), encoding="utf-8")

@@ -47,9 +47,25 @@ def table(first: str, columns: str, rows: Mapping[str, Numbers]) -> list[str]:
     return [*lines, *(f"| {name} | {cells(*n[:2])} | {cells(*n[2:])} |" for name, n in rows.items())]
 
 
-def page(rtl: Mapping[str, Any], c: Mapping[str, Numbers], python: Mapping[str, Numbers], safety: Iterable[str]) -> str:
-    """Numbers by folder, and why something in the safety blocks is not reached."""
-    lines = [HEAD, "## RTL", "", *table("folder", RTL_COLUMNS, by_folder(rtl_numbers(rtl), 2))]
+def page(
+    rtl: Mapping[str, Any],
+    c: Mapping[str, Numbers],
+    python: Mapping[str, Numbers],
+    safety: Iterable[str],
+    tested: Iterable[str],
+) -> str:
+    """Numbers by folder, and why something in the safety blocks is not reached.
+
+    tested: folders of the block tests that were run.
+    """
+    lines = [
+        HEAD,
+        "## RTL",
+        "",
+        f"Block tests of {', '.join(tested)}.",
+        "",
+        *table("folder", RTL_COLUMNS, by_folder(rtl_numbers(rtl), 2)),
+    ]
     lines += ["", f"Not reached in `{EXPLAINED}`:", "", *(list(safety) or ["Nothing."])]
     lines += ["", "## C", "", *table("folder", SOFTWARE_COLUMNS, by_folder(c, 2))]
     lines += ["", "## Python", "", *table("package", SOFTWARE_COLUMNS, by_folder(python, 3))]

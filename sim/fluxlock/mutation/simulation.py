@@ -8,9 +8,6 @@ in the end holds a single empty test.
 Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by a test that
 takes much more simulated time than on the block as it is (it waits for what never comes), by the end of the simulation
 (an assertion of the bench), or by using up its CPU time.
-
-A first round runs on each mutant the tests at the front of that order, up to a share of all tests' time. A second one,
-with the outcomes of the first, runs the rest.
 """
 
 from __future__ import annotations
@@ -21,7 +18,6 @@ import os
 import resource
 import sys
 from importlib import import_module
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -35,7 +31,6 @@ from fluxlock.paths import ROOT
 JOB_VARIABLE = "FLUXLOCK_MUTATION_JOB"
 TIME_LIMIT_FACTOR, TIME_LIMIT_EXTRA_S = 2.0, 5.0  # of the CPU time that the block as it is needs
 CLOCK_LIMIT_FACTOR, CLOCK_LIMIT_EXTRA_NS = 2.0, 2000.0  # of the simulated time that a test needs on it
-FIRST_SHARE = 0.15  # of the time of all tests
 
 
 @cocotb.test()
@@ -81,10 +76,8 @@ class Server:
         self.tests = find_tests(job["modules"], job["left_out"])
         self.kills = {test.fullname: 0 for test in self.tests}
         self.times = {test.fullname: 1.0 for test in self.tests}
-        self.passed: dict[str, list[str]] = job["passed"]  # in the first round, by mutant
         self.cpu_limit_s = 0
         self.running: dict[int, int] = {}  # process to mutant
-        self.mutant = 0  # in a child
 
     def results(self, mutant: int) -> Path:
         """Result file of one mutant's tests."""
@@ -93,16 +86,6 @@ class Server:
     def order(self) -> list[Any]:
         """Best first: mutants found a second of running time."""
         return sorted(self.tests, key=lambda t: -(self.kills[t.fullname] + 0.1) / (self.times[t.fullname] + 0.01))
-
-    def chosen(self, mutant: int) -> list[Any]:
-        """Tests of this round for a mutant, in their order."""
-        if not mutant:
-            return self.tests
-        if self.passed:
-            return [test for test in self.order() if test.fullname not in self.passed[str(mutant)]]
-        limit_s = FIRST_SHARE * sum(self.times.values())
-        ends = accumulate(self.times[test.fullname] for test in self.order())
-        return [test for i, (test, end) in enumerate(zip(self.order(), ends, strict=True)) if not i or end <= limit_s]
 
     def start(self, mutant: int) -> bool:
         """Fork; True in the child, which is then ready to run the tests."""
@@ -125,7 +108,6 @@ class Server:
         for name in self.job["selector"]:
             handle = getattr(handle, name)
         handle.set(Immediate(mutant))
-        self.mutant = mutant
         return True
 
     def wait(self) -> tuple[int, dict[str, Any]]:
@@ -141,14 +123,12 @@ class Server:
         return mutant, found
 
     def run(self) -> bool:
-        """Run the block as it is, unless that was done, then every mutant; True in a child."""
-        baseline = self.job["baseline"]
-        if baseline is None:
-            if self.start(0):
-                return True
-            _, baseline = self.wait()
-            if baseline["killed_by"]:
-                return False
+        """Run the block as it is, then every mutant; True in a child."""
+        if self.start(0):
+            return True
+        _, baseline = self.wait()
+        if baseline["killed_by"]:
+            return False
         self.times |= baseline["times"]
         for test in self.tests:
             test.timeout = (
@@ -171,4 +151,4 @@ if JOB_VARIABLE in os.environ:
     _server = Server(json.loads(Path(os.environ[JOB_VARIABLE]).read_text()))
     if _server.run():
         del every_mutant_was_run
-        globals().update({f"test_{i}": test for i, test in enumerate(_server.chosen(_server.mutant))})
+        globals().update({f"test_{i}": test for i, test in enumerate(_server.order())})
