@@ -22,14 +22,15 @@ RUN := .venv/.group-run
 TEST := $(RUN) .venv/.group-test
 LINT := $(RUN) .venv/.group-lint
 FORMAL := .venv/.group-formal
+COVERAGE := .venv/.group-coverage
 SYNTH := $(RUN) .venv/.group-synth
 
-setup: $(TEST) $(LINT) $(FORMAL) $(SYNTH) ## install every dependency group
+setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## install every dependency group
 
 demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
-test: $(TEST) $(FORMAL) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
+test: $(TEST) $(FORMAL) $(COVERAGE) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
 	@$(PY) -m pytest -n $(JOBS) --dist worksteal --durations 25
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
@@ -68,7 +69,7 @@ mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests
 	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
 	@$(PY) -m fluxlock.docs.mutation
 
-coverage: $(TEST) ## statements and toggles of the RTL reached by the block tests: build/coverage (BLOCKS=...: some folders)
+coverage: $(TEST) $(COVERAGE) ## RTL, C and Python reached by the tests: build/coverage/report.md (BLOCKS=...: RTL of some folders)
 	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
 
 docs: $(TEST) ## register reference, schema pages, verification matrix

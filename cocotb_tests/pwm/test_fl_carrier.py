@@ -106,6 +106,54 @@ async def any_period_duty_and_minimum(dut: Dut) -> None:
 
 
 @cocotb.test()
+async def every_bit_of_the_fraction_counts(dut: Dut) -> None:
+    """Duties of one bit below a clock in carriers of odd length: over many of them nothing is lost or gained."""
+    tb = Chain(dut)
+    await tb.start(period=9)
+    for duty_q8 in (*(1 << bit for bit in range(8)), 0x255):
+        await tb.update(duty_q8=duty_q8)
+        await tb.run(4 * 9, {})
+        rows = carriers(await tb.run(520 * 9, {}))
+        error = np.cumsum([256 * on - duty_q8 for _, _, on in rows])
+        assert np.ptp(error) <= 255, f"duty {duty_q8} / 256: accumulated error spans {np.ptp(error)} / 256 clocks"
+
+
+@cocotb.test()
+async def shortest_gap_at_any_period(dut: Dut) -> None:
+    """A gap of the minimum is opened, one of a clock less is not and counts; a duty of the period has none, uncounted.
+
+    The carriers of a whole period between the others clear what is owed.
+    """
+    tb = Chain(dut)
+    await tb.start(period=PERIOD)
+    await tb.align(PERIOD)
+    await tb.skip(2)
+    row = await tb.run(1, {})
+    at, length = tb.now - 1, PERIOD  # at: clock 2 of the running carrier
+    for period in (1 << bit for bit in range(7, 16)):
+        minimum = period // 16
+        for duty, on, counted in (
+            (period, period, 0),
+            (period - minimum + 1, period, 1),
+            (period, period, 0),
+            (period - minimum, period - minimum, 0),
+        ):
+            await tb.update(period=period, duty_q8=duty << 8, min_pulse=minimum)
+            await tb.skip(at + length - tb.now)
+            first = await tb.run(1, {})
+            at, length = at + length, period
+            where = f"period {period}, minimum {minimum}, duty {duty}"
+            assert int(first.dropped[0] - row.dropped[0]) % 65536 == counted, f"{where}: counted is not {counted}"
+            row = first
+            if duty != period:
+                await tb.update(duty_q8=period << 8)
+                await tb.skip(at + length - tb.now)
+                row = await tb.run(1, {})
+                at += length
+                assert int(row.last_on[0]) == on, f"{where}: {row.last_on[0]} clocks"
+
+
+@cocotb.test()
 async def pulse_is_at_the_start(dut: Dut) -> None:
     tb = Chain(dut)
     await tb.start(period=PERIOD, duty_q8=37 * 256)
@@ -261,6 +309,46 @@ async def carry_is_bounded(dut: Dut) -> None:
         rows = carriers(await tb.run(30 * PERIOD, {}))
         extra = sum(on - 15 for _, _, on in rows)
         assert abs(extra) <= 20, f"{extra} clocks came back after duty {pinned}"
+
+
+@cocotb.test()
+@cocotb.parametrize(period=[0x5555, 0xAAAA])
+async def carry_is_bounded_at_long_periods(dut: Dut, period: int) -> None:
+    """More than one period is owed, then more than one was given too much: one period of it is remembered."""
+    tb = Chain(dut)
+    duty, late = period // 2, period * 3 // 4  # late: a clock at which the pulse is over
+    await tb.start(period=PERIOD, commutation=CSC)
+    await tb.update(period=period, duty_q8=duty << 8)
+    row = await tb.run(1, {})
+    while not row.start[0] or row.last_length[0] == 0:
+        row = await tb.run(1, {})
+    start = tb.now - 1  # of the first long carrier
+
+    async def widths(count: int) -> list[int]:
+        """Clocks of the pulse of this carrier and the next ones, read in the third clock of the carrier after each."""
+        nonlocal start
+        found = []
+        for _ in range(count):
+            start += period
+            await tb.skip(start + 2 - tb.now)
+            found.append(int((await tb.run(1, {})).last_on[0]))
+        return found
+
+    async def announce(clock: int, valid: int) -> None:
+        """A commutation that is overdue and never comes, from this clock of the running carrier on."""
+        await tb.skip(start + clock - tb.now)
+        await tb.run(1, {0: {"sched_valid_i": valid, "comm_sched_i": tb.now % (1 << 32)}})
+
+    await announce(late, 1)
+    assert await widths(3) == [duty, 0, 0]
+    await announce(late, 0)
+    extra = sum(await widths(4)) - 3 * duty
+    assert abs(extra - period) <= 4, f"{extra} clocks came back"  # a pulse is planned 3 clocks ahead
+    await announce(8, 1)
+    assert await widths(3) == [period] * 3
+    await announce(late, 0)
+    missing = 3 * duty - sum((await widths(4))[1:])
+    assert abs(missing - period) <= 4, f"{missing} clocks were taken back"
 
 
 def test_fl_carrier() -> None:

@@ -269,6 +269,74 @@ async def pulse_runs_into_a_carrier_without_one(dut: Dut, duty: int, at: int, on
     assert counted == [at < PERIOD, on > 0], f"{counted} counted"
 
 
+@cocotb.test()
+async def tail_at_any_period(dut: Dut) -> None:
+    """NSC: a rest of the carrier of the minimum is left, one of a clock less is filled and counted."""
+    dut._log.info("seed %d", cocotb.RANDOM_SEED)
+    rng = random.Random(cocotb.RANDOM_SEED)
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=NSC)
+    await tb.align(PERIOD)
+    start, length = tb.now, PERIOD
+
+    async def next_carrier() -> None:
+        nonlocal start
+        start += length
+        await tb.skip(start - tb.now)
+
+    for bits in range(6, 16):
+        for short in (0, 1):
+            period = rng.randrange(1 << bits, 2 << bits)
+            minimum, duty = min(period // 8, 4095), period // 2
+            p = period - minimum + short
+            # What is owed is cleared by a carrier without a pulse.
+            await tb.update(period=period, min_pulse=minimum, duty_q8=0)
+            await next_carrier()
+            length = period
+            await tb.update(duty_q8=duty << 8)
+            await next_carrier()
+            before = await tb.run(1, {})
+            drive: Drive = {}
+            await tb.skip(p - 10 - 1)
+            schedule(drive, tb.now, 10 - 1 + COMM_TO_GATE, 0, True)
+            await tb.run(12, drive)
+            await next_carrier()
+            after = await tb.run(3, {})
+            where = f"period {period}, duty {duty}, minimum {minimum}, commutation at {p}"
+            on, expected = int(after.last_on[2]), sum(levels(period, duty, minimum, p))
+            assert (int(after.last_length[2]), on) == (period, expected), f"{where}: {on} clocks, not {expected}"
+            assert (after.dropped[0] - before.dropped[0]) % 65536 == short, f"{where}: counted is not {short}"
+
+
+@cocotb.test()
+async def carrier_changed_twice_counts_once(dut: Dut) -> None:
+    """NSC: too little is owed for a pulse, then the carrier's rest is filled at a commutation."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=NSC, min_pulse=12, duty_q8=8 << 8)
+    await tb.align(PERIOD)
+    while not (await tb.run(PERIOD, {})).pulse.any():
+        pass
+    drive: Drive = {}
+    schedule(drive, tb.now, 95 - 1 + COMM_TO_GATE, 60, True)
+    trace = await tb.run(PERIOD + 1, drive)
+    assert trace.pulse[:PERIOD].tolist() == [int(c >= 95) for c in range(PERIOD)]
+    assert (trace.dropped[PERIOD] - trace.dropped[0]) % 65536 == 1
+
+
+@cocotb.test()
+async def ended_pulse_stays_off(dut: Dut) -> None:
+    """NSC: a pulse ended for its short rest does not return at a second commutation, though its rest is now allowed."""
+    tb = Chain(dut)
+    await tb.start(period=PERIOD, commutation=NSC, min_pulse=12, duty_q8=40 << 8)
+    await tb.align(PERIOD)
+    drive: Drive = {}
+    add(drive, 31, cfg_min_pulse_i=2)
+    pulse(drive, [31], "update_i")
+    pulse(drive, [31, 35], "comm_valid_i")
+    trace = await tb.run(PERIOD, drive)
+    assert trace.pulse.tolist() == [int(c < 32) for c in range(PERIOD)]
+
+
 def test_fl_carrier_commutation() -> None:
     """Carrier block test, commutations.
 

@@ -117,6 +117,8 @@ async def samples_that_stop_turn_it_off(dut: Any) -> None:
         while left < min(age, 1200) + 5 and (await tb.clock(1, None))[0]:
             left += 1
         assert left == (4 if age > 1000 else age - 1)
+        later = [(await tb.clock(1, None))[0] for _ in range(5)]
+        assert not any(later), "older than the counter of the age reaches: still off"
         assert await tb.clock(1, ON) == (0, 0), "a fresh code in the hysteresis does not turn it on"
         assert await tb.clock(1, ON + 1) == (1, 0)
 

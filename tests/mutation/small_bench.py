@@ -20,5 +20,16 @@ async def delays_by_a_clock(dut: Any) -> None:
 
 
 @cocotb.test()
+async def keeps_a_level(dut: Any) -> None:
+    """Takes longer than the least time that a test is given."""
+    dut.rst_i.value, dut.a_i.value, dut.b_i.value = 0, 1, 0
+    Clock(dut.clk_i, 20, "ns").start()
+    await FallingEdge(dut.clk_i)
+    for _ in range(5000):
+        await FallingEdge(dut.clk_i)
+        assert dut.y_o.value == 1
+
+
+@cocotb.test()
 async def left_out(_: Any) -> None:
     raise AssertionError("a test that is left out was run")

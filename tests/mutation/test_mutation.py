@@ -22,6 +22,7 @@ SMALL = Block(
     goal_percent=50.0,
     left_out=("left_out",),
 )
+TESTS = ("delays_by_a_clock", "keeps_a_level")
 COUNT = 16
 
 
@@ -46,7 +47,7 @@ def test_outcome_of_each_mutant(result: dict[str, Any]) -> None:
     harmless = ("12.19-12.28 ", "12.12-12.29 B[0] stuck at 1")
     assert all(text.startswith(harmless) for text in by_result["equal"]), by_result
     assert any(" Q[0] stuck at 1" in text for text in by_result["killed"]), by_result
-    assert list(result["tests"]) == ["tests.mutation.small_bench.delays_by_a_clock"]
+    assert list(result["tests"]) == [f"tests.mutation.small_bench.{name}" for name in TESTS]
 
 
 def test_same_seed_same_mutants() -> None:

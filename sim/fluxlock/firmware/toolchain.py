@@ -47,6 +47,12 @@ SANITIZER_FLAGS = (
     *("-O1", "-g", "-fPIC", "-shared", "-DFL_HOST=1", "-fno-omit-frame-pointer"),
     *("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-semantic-interposition", "-Wl,-Bsymbolic"),
 )
+# With the machine's GCC, which counts lines and branches when COVERAGE_VARIABLE names a folder: for that, unoptimised.
+COVERAGE_VARIABLE = "FLUXLOCK_C_COVERAGE"
+COVERAGE_FLAGS = (
+    *("-O0", "-g", "-fPIC", "-shared", "-std=c11", "-DFL_HOST=1", "-Wl,-Bsymbolic"),
+    *("--coverage", "-fprofile-abs-path", "-fno-semantic-interposition"),
+)
 SOC = "hal/soc/"
 TARGET_ONLY = ("app/main.c", SOC)
 HOST_ONLY = ("app/host_main.c", "hal/host/")
@@ -267,6 +273,9 @@ def _library(
     name: str, sources: list[str], folder: Path, flags: tuple[str, ...], key: str, compiler: str | None = None
 ) -> Path:
     """key: hash of the sources that _key does not know. compiler: of the machine, in place of zig's."""
+    if compiler is None and (counts := os.environ.get(COVERAGE_VARIABLE)):
+        compiler, folder = os.environ.get("CC", "cc"), Path(counts)
+        flags = (*COVERAGE_FLAGS, *(flag for flag in flags if flag.startswith("-D") and flag not in COVERAGE_FLAGS))
     with file_lock(BUILD / ".firmware.lock"):
         library = folder / f"{name}-{_key('host', flags, *filter(None, [key, compiler]))}.so"
         if library.exists():

@@ -26,6 +26,7 @@ def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
             *edits,
             "memory_map",
             "opt_clean",
+            "rename -hide w:* t:$*ff* %x:+[Q] %d",  # joined are registers and ports, not what lies between
             f"rename {block.name} {name}",
             f"design -stash {name}",
         ]

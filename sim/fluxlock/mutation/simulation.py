@@ -5,8 +5,9 @@ simulation time 0, the process forks once a mutant. The child sets the selector,
 tests, so that cocotb runs them; the first that fails ends it. The parent only waits, writes one JSON line a mutant and
 in the end holds a single empty test.
 
-Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by the end of the
-simulation (an assertion of the bench), or by using up its CPU time: a test waits for what never comes.
+Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by a test that
+takes much more simulated time than on the block as it is (it waits for what never comes), by the end of the simulation
+(an assertion of the bench), or by using up its CPU time.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from fluxlock.paths import ROOT
 
 JOB_VARIABLE = "FLUXLOCK_MUTATION_JOB"
 TIME_LIMIT_FACTOR, TIME_LIMIT_EXTRA_S = 2.0, 5.0  # of the CPU time that the block as it is needs
+CLOCK_LIMIT_FACTOR, CLOCK_LIMIT_EXTRA_NS = 2.0, 2000.0  # of the simulated time that a test needs on it
 
 
 @cocotb.test()
@@ -49,17 +51,20 @@ def find_tests(modules: list[str], left_out: list[str]) -> list[Any]:
 
 
 def outcome(results: Path, status: int) -> dict[str, Any]:
-    """What became of one mutant: `killed_by` is empty if all tests passed; `times` of the tests that passed."""
+    """What became of one mutant: `killed_by` is empty if all tests passed; `times` and `simulated_ns` of those."""
     times: dict[str, float] = {}
+    simulated: dict[str, float] = {}
+    found = {"killed_by": "", "times": times, "simulated_ns": simulated}
     if not results.exists():
-        over = os.WIFSIGNALED(status)
-        return {"killed_by": "time" if over else "simulation stopped", "times": times}
+        return found | {"killed_by": "time" if os.WIFSIGNALED(status) else "simulation stopped"}
     for case in ElementTree.parse(results).getroot().iter("testcase"):
         name = f"{case.get('classname')}.{case.get('name')}"
         if case.find("failure") is not None or case.find("error") is not None:
-            return {"killed_by": name, "times": times}
+            return found | {"killed_by": name}
         times[name] = float(case.get("time") or 0.0)
-    return {"killed_by": "", "times": times}
+        properties = {item.get("name"): item.get("value", "") for item in case.iter("property")}
+        simulated[name] = float(properties["sim_time_duration"])
+    return found
 
 
 class Server:
@@ -125,6 +130,11 @@ class Server:
         if baseline["killed_by"]:
             return False
         self.times |= baseline["times"]
+        for test in self.tests:
+            test.timeout = (
+                round(CLOCK_LIMIT_FACTOR * baseline["simulated_ns"][test.fullname] + CLOCK_LIMIT_EXTRA_NS),
+                "ns",
+            )
         self.cpu_limit_s = round(TIME_LIMIT_FACTOR * baseline["cpu_s"] + TIME_LIMIT_EXTRA_S)
         for mutant in self.job["mutants"]:
             if len(self.running) >= self.job["jobs"]:

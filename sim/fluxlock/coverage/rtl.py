@@ -1,18 +1,15 @@
-"""Coverage of the RTL by its block tests: `python -m fluxlock.coverage [FOLDER...]`, without one all of cocotb_tests.
+"""Coverage of the RTL by its block tests.
 
 The tests run on builds with Verilator's counters of statements, branches and signal toggles; points of all builds and
-instances are added up. Results: build/coverage/index.md and coverage.json. Every statement and branch of `rtl/safety`
-that no test reaches must have its reason in `docs/verification/uncovered.toml`: a table a file, entries with `code`
-(part of the line) and `reason`. A reason that fits no uncovered line is an error.
+instances are added up. Every statement and branch of `rtl/safety` that no test reaches must have its reason in
+`docs/verification/uncovered.toml`: a table a file, entries with `code` (part of the line) and `reason`. A reason that
+fits no uncovered line is an error.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -25,17 +22,10 @@ from fluxlock.cosim.block import COVERAGE_VARIABLE
 from fluxlock.paths import BUILD, ROOT
 
 FOLDER = BUILD / "coverage"
+COUNTS = FOLDER / "rtl"
+FOLDERS = COUNTS / "folders"  # whose tests were run
 REASONS = ROOT / "docs" / "verification" / "uncovered.toml"
 EXPLAINED = "rtl/safety/"
-
-HEAD = """# Coverage of the RTL
-
-Written by `python -m fluxlock.coverage {folders}`: block tests of these folders. Statements are blocks and branches,
-toggles both directions of every bit of every signal.
-
-| file | statements | reached / % | toggles | reached / % |
-|---|---|---|---|---|
-"""
 
 
 @dataclass(frozen=True, order=True)
@@ -115,57 +105,23 @@ def explain(files: dict[str, Any], reasons: dict[str, list[dict[str, str]]]) -> 
     return report, problems
 
 
-def page(files: dict[str, Any], explained: list[str], folders: Sequence[str]) -> str:
-    """The report."""
-
-    def cells(numbers: list[int]) -> str:
-        return f"{numbers[0]} | {100.0 * numbers[1] / numbers[0]:.1f}" if numbers[0] else "0 | -"
-
-    text = HEAD.format(folders=" ".join(folders))
-    for file, entry in files.items():
-        text += f"| {file} | {cells(entry['statements'])} | {cells(entry['toggles'])} |\n"
-    text += f"\n## Not reached in {EXPLAINED}\n\n" + ("\n".join(explained) or "Nothing.") + "\n"
-    text += "\n## Not reached elsewhere\n\n"
-    for file, entry in files.items():
-        if not file.startswith(EXPLAINED):
-            text += "".join(f"- {file}:{r['line']} ({r['what']}) `{r['code']}`\n" for r in entry["uncovered"])
-    return text
-
-
 def run_tests(folders: Sequence[str], jobs: int) -> int:
     """Run the block tests with counters; pytest's exit code."""
-    shutil.rmtree(FOLDER, ignore_errors=True)
-    FOLDER.mkdir(parents=True)
+    COUNTS.mkdir(parents=True)
+    FOLDERS.write_text("\n".join([*folders, ""]), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", *(f"cocotb_tests/{folder}" for folder in folders)]
     if jobs > 1:
         command += ["-n", str(jobs)]
-    return subprocess.run(command, cwd=ROOT, env=os.environ | {COVERAGE_VARIABLE: str(FOLDER)}, check=False).returncode
+    return subprocess.run(command, cwd=ROOT, env=os.environ | {COVERAGE_VARIABLE: str(COUNTS)}, check=False).returncode
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run, write the report; exit code 1 if a test fails or a reason is missing or stale."""
-    there = sorted(p.parent.name for p in (ROOT / "cocotb_tests").glob("*/__init__.py"))
-    parser = argparse.ArgumentParser(prog="python -m fluxlock.coverage", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("folders", nargs="*", metavar="FOLDER", help=f"of {', '.join(there)}; default: all")
-    parser.add_argument("--jobs", type=int, default=1)
-    options = parser.parse_args(arguments)
-    folders = options.folders or there
-    if unknown := [folder for folder in folders if folder not in there]:
-        parser.error(f"FOLDER must be of {', '.join(there)}, not {', '.join(unknown)}")
-    if run_tests(folders, options.jobs):
-        print("error: tests failed", file=sys.stderr)
-        return 1
-    counts = merge(read_points(p.read_text(encoding="utf-8").splitlines()) for p in sorted(FOLDER.glob("*.dat")))
+def read_files() -> dict[str, Any]:
+    """Summary of what the tests have counted."""
+    counts = merge(read_points(p.read_text(encoding="utf-8").splitlines()) for p in sorted(COUNTS.glob("*.dat")))
     sources = {file: (ROOT / file).read_text(encoding="utf-8").splitlines() for file in {p.file for p in counts}}
-    files = summary(counts, sources)
-    report, problems = explain(files, tomllib.loads(REASONS.read_text(encoding="utf-8")))
-    (FOLDER / "coverage.json").write_text(json.dumps(files, indent=1) + "\n", encoding="utf-8")
-    (FOLDER / "index.md").write_text(page(files, report, folders), encoding="utf-8")
-    print(f"written: {FOLDER / 'index.md'}")
-    for problem in problems:
-        print(f"error: {problem}", file=sys.stderr)
-    return 1 if problems else 0
+    return summary(counts, sources)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def read_reasons() -> dict[str, list[dict[str, str]]]:
+    """Reasons for what no test reaches, by file."""
+    return tomllib.loads(REASONS.read_text(encoding="utf-8"))

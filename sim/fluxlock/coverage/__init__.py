@@ -1,0 +1,1 @@
+"""Coverage of RTL, C and Python by the tests, in one report."""
