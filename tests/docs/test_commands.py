@@ -62,7 +62,8 @@ def check_make(words: list[str]) -> None:
         if word.startswith("CASES="):
             assert select([word.removeprefix("CASES=")]), f"no case {word}"
         elif word.startswith("ONLY="):
-            built = {ALL_BLOCKS, *load_configurations(), *block_files(load_settings())}
+            settings = load_settings()
+            built = {ALL_BLOCKS, *load_configurations(), *block_files(settings), *settings.sets}
             assert word.removeprefix("ONLY=") in built, f"neither configuration nor block {word}"
         elif "=" not in word:
             assert word in TARGETS, f"no target {word}"

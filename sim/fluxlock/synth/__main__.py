@@ -1,10 +1,11 @@
 """Synthesis: `python -m fluxlock.synth [NAME...]`, a configuration, a block or `blocks` for all of them.
 
-Configurations of `constraints/configurations.toml` go through Yosys, nextpnr and ecppack to a bitstream; blocks of the
-RTL go through Yosys and nextpnr out of context. Fails if a latch is inferred, if the clock is not reached, if a way
-between pad and flip-flop is too long or if nextpnr does not end in time, and prints which, with the critical path.
-Results, failed or not, go to `build/synth.json`, into the tables of `docs/reference/synthesis.md` and the README; there
-a row stays as it is until its configuration or block is built again.
+Configurations of `constraints/configurations.toml` go through Yosys, nextpnr and ecppack to a bitstream; blocks of
+the RTL, one by one or as the sets of `constraints/blocks.toml`, go through Yosys and nextpnr out of context. Fails if a
+latch is inferred, if the clock is not reached, if a way between pad and flip-flop is too long or if nextpnr does not
+end in time, and prints which, with the critical path. Results, failed or not, go to `build/synth.json`, into the tables
+of `docs/reference/synthesis.md` and the README; there a row stays as it is until its configuration or block is built
+again.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 
 from fluxlock.paths import BUILD
 from fluxlock.synth import report
-from fluxlock.synth.blocks import ALL_BLOCKS, BlockResult, Settings, block_files, build_block, load_settings
+from fluxlock.synth.blocks import ALL_BLOCKS, BlockResult, Settings, block_files, build_block, build_set, load_settings
 from fluxlock.synth.configurations import CONFIGURATIONS, Configuration, Result, build, load_configurations
 from fluxlock.synth.report import Results
 from fluxlock.synth.tools import SynthesisError, relative, sources
@@ -55,14 +56,18 @@ def run_configurations(wanted: list[Configuration], seed: int) -> dict[str, Resu
     return results
 
 
-def run_blocks(wanted: dict[str, Path], settings: Settings, seed: int, jobs: int) -> dict[str, BlockResult | None]:
-    """Build each, `jobs` at a time; None: a tool failed."""
+def run_blocks(
+    wanted: list[str], paths: dict[str, Path], settings: Settings, seed: int, jobs: int
+) -> dict[str, BlockResult | None]:
+    """Build each block or set of blocks, `jobs` at a time; None: a tool failed."""
     files = sources()
     results: dict[str, BlockResult | None] = {}
 
     def one(name: str) -> BlockResult | SynthesisError:
         try:
-            return build_block(name, wanted[name], files, settings, seed)
+            if name in settings.sets:
+                return build_set(settings.sets[name], paths, files, settings, seed)
+            return build_block(name, paths[name], files, settings, seed)
         except SynthesisError as error:
             return error
 
@@ -91,29 +96,30 @@ def main() -> int:
     parser.add_argument(
         "name",
         nargs="*",
-        help=f"configuration ({', '.join(configurations)}), block, or {ALL_BLOCKS}; default: all configurations",
+        help=f"configuration ({', '.join(configurations)}), block, set of blocks ({', '.join(settings.sets)}), or "
+        f"{ALL_BLOCKS}; default: all configurations",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the placement")
     parser.add_argument("--jobs", type=int, default=1, help="blocks at a time")
     options = parser.parse_args()
     names = options.name or list(configurations)
-    unknown = [name for name in names if name not in {*configurations, *blocks, ALL_BLOCKS}]
+    unknown = [name for name in names if name not in {*configurations, *blocks, *settings.sets, ALL_BLOCKS}]
     if unknown:
-        known = ", ".join([*configurations, ALL_BLOCKS])
+        known = ", ".join([*configurations, *settings.sets, ALL_BLOCKS])
         print(
             f"{relative(CONFIGURATIONS)}: no configuration and no block {unknown[0]!r}; there are: {known}",
             file=sys.stderr,
         )
         return 2
     new_configurations = run_configurations([configurations[n] for n in names if n in configurations], options.seed)
-    wanted = blocks if ALL_BLOCKS in names else {name: blocks[name] for name in names if name in blocks}
-    new_blocks = run_blocks(wanted, settings, options.seed, options.jobs) if wanted else {}
+    wanted = list(blocks) if ALL_BLOCKS in names else [name for name in names if name in {*blocks, *settings.sets}]
+    new_blocks = run_blocks(wanted, blocks, settings, options.seed, options.jobs) if wanted else {}
     results = {"configurations": finished(new_configurations), "blocks": finished(new_blocks)}
     # Read only now: another run may have ended meanwhile.
     stored: dict[str, Results] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     kept = {kind: stored.get(kind, {}) | new for kind, new in results.items()}
     RESULTS.write_text(json.dumps(kept, indent=2) + "\n")
-    report.write(results["configurations"], results["blocks"], (configurations, blocks))
+    report.write(results["configurations"], results["blocks"], settings.sets, (configurations, blocks))
     new: dict[str, Result | BlockResult | None] = {**new_configurations, **new_blocks}
     failed = [name for name, result in new.items() if result is None or result.problems]
     if failed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,17 @@ from fluxlock.synth.tools import (
 
 BLOCKS = ROOT / "constraints" / "blocks.toml"
 ALL_BLOCKS = "blocks"  # name of all of them on the command line
+AREAS = ("lut4", "carry", "ff", "block_ram", "lut_ram", "dsp")  # counts of a BlockResult
+
+
+@dataclass(frozen=True)
+class BlockSet:
+    """Blocks whose areas are summed."""
+
+    name: str
+    description: str
+    wish: dict[str, int]  # most of "lut", LUT4 + 2 x carry, and "dsp"
+    blocks: dict[str, dict[str, int]]  # module: parameters
 
 
 @dataclass(frozen=True)
@@ -31,6 +43,7 @@ class Settings:
     clock_mhz: float  # the chip's: every block must reach it
     limit_s: float  # of nextpnr, for one block, processor time
     left_out: dict[str, str]  # module: why it is not built alone
+    sets: dict[str, BlockSet]
 
 
 @dataclass(frozen=True)
@@ -54,13 +67,15 @@ def load_settings() -> Settings:
     with BLOCKS.open("rb") as file:
         values = tomllib.load(file)
     device = Device(values["device"], values["package"], values["speed_grade"], values["aim_mhz"])
-    return Settings(device, values["clock_mhz"], values["limit_s"], values["left_out"])
+    sets = {name: BlockSet(name=name, **table) for name, table in values["sets"].items()}
+    return Settings(device, values["clock_mhz"], values["limit_s"], values["left_out"], sets)
 
 
 def block_files(settings: Settings) -> dict[str, Path]:
     """All blocks by name: modules of the RTL that are neither package, register wrapper, board top nor left out."""
     files = {path.stem: path for path in sorted(RTL.glob("*/fl_*.sv"))}
-    unknown = set(settings.left_out) - set(files)
+    named = {*settings.left_out, *(module for group in settings.sets.values() for module in group.blocks)}
+    unknown = named - set(files)
     if unknown:
         raise SynthesisError(f"{relative(BLOCKS)}: no module {', '.join(sorted(unknown))}")
     return {
@@ -70,12 +85,17 @@ def block_files(settings: Settings) -> dict[str, Path]:
     }
 
 
-def build_block(name: str, path: Path, files: list[Path], settings: Settings, seed: int) -> BlockResult:
-    """Synthesize, place and route one block alone."""
-    folder = WORK / "blocks" / name
+def build_block(
+    name: str, path: Path, files: list[Path], settings: Settings, seed: int, fixed: dict[str, int] | None = None
+) -> BlockResult:
+    """Synthesize, place and route one block alone; fixed: parameters that are not its defaults."""
+    folder = WORK / "blocks" / "-".join([name, *(f"{key}{value}" for key, value in (fixed or {}).items())])
     folder.mkdir(parents=True, exist_ok=True)
     image = f'"{relative(empty_image())}"'
-    parameters: dict[str, int | str] = {"Init": image} if "string Init" in path.read_text() else {}
+    parameters: dict[str, int | str] = {
+        **(fixed or {}),
+        **({"Init": image} if "string Init" in path.read_text() else {}),
+    }
     cells, used_s = synthesize(name, files, parameters, folder)
     options = ["--seed", str(seed), "--router", "router2", "--out-of-context"]
     fmax, problems, steps = None, [], []
@@ -99,4 +119,18 @@ def build_block(name: str, path: Path, files: list[Path], settings: Settings, se
         problems=problems,
         critical_path=steps,
         cpu_s=round(used_s, 1),
+    )
+
+
+def build_set(group: BlockSet, paths: dict[str, Path], files: list[Path], settings: Settings, seed: int) -> BlockResult:
+    """The blocks of a set, one after the other: sums of their areas, least Fmax."""
+    built = {name: build_block(name, paths[name], files, settings, seed, fixed) for name, fixed in group.blocks.items()}
+    slowest = min(built.values(), key=lambda r: r.fmax_mhz or math.inf)
+    totals = {key: sum(getattr(r, key) for r in built.values()) for key in AREAS}
+    return BlockResult(
+        fmax_mhz=slowest.fmax_mhz,
+        **totals,
+        problems=[f"{name}: {problem}" for name, r in built.items() for problem in r.problems],
+        critical_path=slowest.critical_path,
+        cpu_s=round(sum(r.cpu_s for r in built.values()), 1),
     )

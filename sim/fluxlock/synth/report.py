@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fluxlock.paths import ROOT
+from fluxlock.synth.blocks import BlockSet
 
 PAGE = ROOT / "docs" / "reference" / "synthesis.md"
 README = ROOT / "README.md"
@@ -38,6 +39,10 @@ CONFIGURATION_HEAD = [
     "Yosys / CPU s", "nextpnr / CPU s", "result",
 ]  # fmt: skip
 XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
+SET_HEAD = [
+    "set", "least Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP",
+    "wish: LUT4 + 2 × carry, DSP",
+]  # fmt: skip
 BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP"]
 
 
@@ -63,6 +68,11 @@ def block_row(name: str, r: dict[str, Any]) -> list[str]:
     """Area and timing of a block alone."""
     row = [name, _number(r["fmax_mhz"]), str(r["lut4"]), str(r["carry"]), str(r["lut4"] + 2 * r["carry"])]
     return row + [str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")]
+
+
+def set_row(group: BlockSet, r: dict[str, Any]) -> list[str]:
+    """Area of a set of blocks, and what was wished."""
+    return [*block_row(group.name, r), f"{group.wish['lut']}, {group.wish['dsp']}"]
 
 
 def with_rows(text: str, marker: str, head: list[str], new: list[list[str]], order: Iterable[str]) -> str:
@@ -101,15 +111,19 @@ def with_readme_rows(text: str, rows: dict[str, str]) -> str:
     return text
 
 
-def write(configurations: Results, blocks: Results, orders: tuple[Iterable[str], Iterable[str]]) -> None:
-    """New results into the page's tables, and those of the chip of record into the README."""
+def write(
+    configurations: Results, blocks: Results, sets: dict[str, BlockSet], orders: tuple[Iterable[str], Iterable[str]]
+) -> None:
+    """New results into the page's tables, and those of the chip of record into the README; blocks: with the sets."""
     text = PAGE.read_text(encoding="utf-8")
     rows = [configuration_row(name, result) for name, result in configurations.items()]
     text = with_rows(text, "synth", CONFIGURATION_HEAD, rows, orders[0])
     rows = [xilinx_row(name, result) for name, result in configurations.items()]
     text = with_rows(text, "xilinx", XILINX_HEAD, rows, orders[0])
-    rows = [block_row(name, result) for name, result in blocks.items()]
+    rows = [block_row(name, result) for name, result in blocks.items() if name not in sets]
     text = with_rows(text, "blocks", BLOCK_HEAD, rows, orders[1])
+    rows = [set_row(sets[name], result) for name, result in blocks.items() if name in sets]
+    text = with_rows(text, "sets", SET_HEAD, rows, sets)
     PAGE.write_text(text, encoding="utf-8")
     if RECORD in configurations:
         text = with_readme_rows(README.read_text(encoding="utf-8"), readme_rows(configurations[RECORD]))
