@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from fluxlock.synth import blocks, configurations, report, timing
-from fluxlock.synth.blocks import BlockResult, BlockSet, block_files, load_settings
+from fluxlock.synth.blocks import AREAS, BlockResult, BlockSet, block_files, load_settings
 from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
 from fluxlock.synth.xilinx import XilinxCells, cells_of
@@ -248,14 +248,18 @@ def test_sets() -> None:
                 assert re.search(rf"parameter +int unsigned +{name}\b", text), f"{group.name}: {module} has no {name}"
     with pytest.MonkeyPatch.context() as patch:
         results = [
-            BlockResult(fmax, *(10 * i + k for k in range(6)), [f"problem {i}"] if i == 2 else [], [f"way {i}"], 1.5)
+            BlockResult(
+                fmax_mhz=fmax,
+                **{name: 10 * i + k for k, name in enumerate(AREAS)},
+                problems=[f"problem {i}"] if i == 2 else [],
+                critical_path=[f"way {i}"],
+                cpu_s=1.5,
+            )
             for i, fmax in enumerate((120.0, None, 90.0))
         ]
         patch.setattr(blocks, "build_block", lambda *_: results.pop(0))
         group = BlockSet("x", "", {"lut": 5, "dsp": 2}, {"fl_a": {}, "fl_b": {}, "fl_c": {}})
         total = blocks.build_set(group, dict.fromkeys(group.blocks, Path()), [], settings, 1)
     assert (total.fmax_mhz, total.critical_path, total.problems) == (90.0, ["way 2"], ["fl_c: problem 2"])
-    assert [getattr(total, name) for name in ("lut4", "carry", "ff", "block_ram", "lut_ram", "dsp")] == [
-        30 + 3 * k for k in range(6)
-    ]
+    assert [getattr(total, name) for name in AREAS] == [30 + 3 * k for k in range(6)]
     assert report.set_row(group, asdict(total))[-1] == "5, 2"
