@@ -13,7 +13,7 @@ SMALL_CODE_BEGIN
 #define SYNC 0xA5u
 #define BIT_CYCLES 50u  // 1 Mbit/s at 50 MHz, as the console
 #define GAP_MS 20u      // longest pause within a frame on the UART
-#define LEAVE_MS 20u
+#define DRAIN_MS 100u  // longest wait for the bus: an answer takes 45 ms at 10 kbit/s
 #define SEGMENT_BYTES 7u
 #define PLACE 0x3Fu  // of a segment's first byte; the rest is the mark
 
@@ -121,16 +121,16 @@ bool link_receive(link_t *link, link_frame_t *frame, uint32_t limit_ms) {
 static uint32_t can_pending(void) { return BITS(FL_CAN_REGS__STATUS__PENDING, reg_read(REG(can.status))); }
 
 // Wait until the buffers are empty, give up what they hold otherwise.
-static void clear_buffers(uint32_t limit_ms) {
+static void clear_buffers(void) {
   const uint32_t start = wait_now();
-  while (can_pending() != 0u && !wait_over(start, limit_ms)) {
+  while (can_pending() != 0u && !wait_over(start, DRAIN_MS)) {
   }
   reg_write(REG(can.tx_command), FL_CAN_REGS__TX_COMMAND__ABORT0_bm | FL_CAN_REGS__TX_COMMAND__ABORT1_bm |
                                      FL_CAN_REGS__TX_COMMAND__ABORT2_bm);
 }
 
 static void send_segments(const link_t *link, const uint8_t *raw, uint32_t count, uint8_t mark) {
-  clear_buffers(LEAVE_MS);
+  clear_buffers();
   can_frame_t segment = {.id = (LINK_ID_TO_HOST + link->node) | CAN_ID_EXTENDED};
   for (uint32_t at = 0; at < count; at += SEGMENT_BYTES) {
     const uint32_t bytes = count - at < SEGMENT_BYTES ? count - at : SEGMENT_BYTES;
@@ -169,7 +169,7 @@ void link_say(const char *text) {
 void link_leave(void) {
   while (BITS(FL_UART_REGS__STATUS__TX_IDLE, reg_read(REG(uart.status))) == 0u) {
   }
-  clear_buffers(LEAVE_MS);
+  clear_buffers();
   reg_write(REG(can.control), FL_CAN_REGS__CONTROL__RECOVER_bm);
 }
 

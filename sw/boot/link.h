@@ -62,7 +62,7 @@ void link_copy(uint8_t *to, const uint8_t *from, uint32_t count);
 // Little endian, as the core.
 uint32_t link_word(const uint8_t *bytes);
 
-// Wait until the last byte has left the chip, on CAN no longer than LEAVE_MS, and leave the bus as after a reset.
+// Wait until the last byte has left the chip, on CAN for 0.1 s at most, and leave the bus as after a reset.
 void link_leave(void);
 
 #endif

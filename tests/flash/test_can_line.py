@@ -12,11 +12,15 @@ import threading
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 
+from fluxlock.config import ConfigError
 from fluxlock.flash.can_line import CanLine, PythonCan
+from fluxlock.flash.command import flash
 from fluxlock.flash.image import pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import ERASE, HELLO, START, WRITE, Loader, LoaderError
 from fluxlock.paths import ROOT
@@ -191,22 +195,32 @@ def test_answers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "text"),
+    ("options", "text"),
     [
-        ("", 2, "--port: is missing"),
-        ("--port README.md --can virtual:x", 2, "leave out --port"),
-        ("--port README.md --node 3", 2, "--node: 3: goes with --can only"),
-        ("--port README.md --bit-rate 500", 2, "goes with --can only"),
-        ("--can virtual", 2, "must be INTERFACE:CHANNEL"),
-        ("--can virtual:nobody --node 7 --wait-s 0.2", 1, "is 7 the node-ID in the board's flash"),
+        ({}, "--port: is missing"),
+        ({"port": Path("README.md"), "can": "virtual:x"}, "leave out --port"),
+        ({"port": Path("README.md"), "node": 3}, "--node: 3: goes with --can only"),
+        ({"port": Path("README.md"), "bit_rate": 500}, "--bit-rate: 500: goes with --can only"),
+        ({"can": "virtual"}, "must be INTERFACE:CHANNEL"),
     ],
 )
-def test_command(words: str, code: int, text: str) -> None:
-    """Options that do not go together, and a bus without a board, end with one line and their exit code.
+def test_options(options: dict[str, Any], text: str) -> None:
+    """Options that do not go together are named.
 
     Verifies: BOOT-09
     """
-    command = [sys.executable, "-m", "fluxlock", "flash", "scenarios/demo.toml", *words.split()]
+    with pytest.raises(ConfigError) as error:
+        flash(ROOT / "scenarios" / "demo.toml", **options)
+    assert [text in str(problem) for problem in error.value.problems] == [True]
+
+
+def test_command() -> None:
+    """A bus without a board ends with one line and exit code 1.
+
+    Verifies: BOOT-09
+    """
+    words = ["flash", "scenarios/demo.toml", "--can", "virtual:nobody", "--node", "7", "--wait-s", "0.2"]
+    command = [sys.executable, "-m", "fluxlock", *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == code and done.stderr.count("\n") == 1, done.stderr
-    assert text in done.stderr
+    assert done.returncode == 1 and done.stderr.count("\n") == 1, done.stderr
+    assert "is 7 the node-ID in the board's flash" in done.stderr

@@ -201,8 +201,8 @@ def test_dead_bus() -> None:
     for _ in range(3):
         start = chip.clock
         link.send(Received(0, bytes(8), True, 1))
-        assert chip.clock - start < 25 * CLOCKS_A_MS and len(chip.waiting) == 3
+        assert chip.clock - start < 105 * CLOCKS_A_MS and len(chip.waiting) == 3
     start = chip.clock
     link.leave()
-    assert chip.clock - start < 25 * CLOCKS_A_MS
+    assert chip.clock - start < 105 * CLOCKS_A_MS
     assert not chip.waiting and chip.control == 0b1000, "as after a reset"

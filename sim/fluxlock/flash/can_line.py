@@ -101,9 +101,9 @@ class PythonCan:
                     self.full = True
                     return False
                 time.sleep(RETRY_S)
-        except can.CanError as error:
+        except (can.CanError, OSError) as error:
             # What has no number is a sender that has waited in vain.
-            if error.error_code is not None:
+            if getattr(error, "error_code", error) is not None:
                 raise LoaderError(f"bus: {error}") from None
             self.full = True
             return False
@@ -118,7 +118,7 @@ class PythonCan:
         while (left := end - time.monotonic()) > 0:
             try:
                 message = self.bus.recv(left)
-            except can.CanError as error:
+            except (can.CanError, OSError) as error:
                 raise LoaderError(f"bus: {error}") from None
             if message is None:
                 break
