@@ -1,15 +1,19 @@
-// The part of a chip with Boot that the loader uses: core, RAM and ROM, bus, system registers, UART, SPI, with a flash.
+// The part of a chip with Boot that the loader uses: core, RAM and ROM, bus, system registers, UART, SPI, with a flash;
+// with Can the CAN controller.
 `default_nettype none
 module fl_boot_chain
   import fl_pkg::*;
   import fl_map_pkg::*;
 #(
-    parameter string BootInit = "boot.hex"
+    parameter string BootInit = "boot.hex",
+    parameter bit    Can      = 0
 ) (
     input  logic clk_i,
     input  logic rst_i,
     input  logic uart_rx_i,
     output logic uart_tx_o,
+    input  logic can_rx_i,
+    output logic can_tx_o,
     input  logic flash_power_i
 );
 
@@ -95,8 +99,25 @@ module fl_boot_chain
       .miso_i(miso)
   );
 
+  if (Can) begin : g_can
+    fl_can_wb u_can (
+        .clk_i,
+        .rst_i,
+        .req_i  (req),
+        .stb_i  (stb[CanBus]),
+        .rdat_o (rdat[CanBus]),
+        .now_i  (now),
+        .rx_i   (can_rx_i),
+        .tx_o   (can_tx_o),
+        .event_o()
+    );
+  end else begin : g_no_can
+    assign can_tx_o     = 1'b1;
+    assign rdat[CanBus] = '0;
+  end
+
   for (genvar i = 0; i < Blocks; i++) begin : g_absent
-    if (i != 32'(Sys) && i != 32'(Uart) && i != 32'(Spi)) begin : g_zero
+    if (i != 32'(Sys) && i != 32'(Uart) && i != 32'(Spi) && i != 32'(CanBus)) begin : g_zero
       assign rdat[i] = '0;
     end
   end

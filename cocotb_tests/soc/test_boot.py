@@ -19,7 +19,7 @@ from cocotb_tests.soc.boot_bench import BootBench, Line, build_program, make_blo
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.flash.image import IMAGE_MAX_BYTES, pack_image, plan
-from fluxlock.flash.loader import HELLO, WRITE, Loader, LoaderError, frame
+from fluxlock.flash.loader import HELLO, WRITE, Loader, LoaderError, SerialLine, frame
 from fluxlock.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES
 from fluxlock.paths import REGISTER_BLOCKS, ROOT
 from fluxlock.soft_core import soft_core
@@ -106,7 +106,7 @@ async def host_writes_and_starts(dut: Any) -> None:
     await tb.start()
     code = build_program()
     image, block = pack_image(code, PHASES), make_block()
-    loader = Loader(Line(tb))
+    loader = Loader(SerialLine(Line(tb)))
     assert await bridge(loader.find)(20) == (1, 0xEF4016)
     for address in (FLASH_IMAGE, FLASH_BLOCK):
         tb.fill(address, b"\xff" * 4096)
@@ -156,7 +156,7 @@ async def power_cut_never_starts_a_half(dut: Any) -> None:
         tb.fill(FLASH_IMAGE, old)
         tb.fill(FLASH_BLOCK, block)
         await tb.reset()
-        loader = Loader(Line(tb))
+        loader = Loader(SerialLine(Line(tb)))
         await bridge(loader.find)(20)
         plug = cocotb.start_soon(tb.cut_power(cut + 1))
         with pytest.raises(LoaderError, match="does not answer") as error:

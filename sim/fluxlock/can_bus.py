@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import ipaddress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fluxlock.config import ConfigError, Problem
 
@@ -13,16 +13,22 @@ if TYPE_CHECKING:
 
 OPTION = "--can"
 DEFAULT = "udp_multicast:239.74.163.2"
+# Error numbers of a sender that must wait.
+FULL = (errno.ENOBUFS, errno.EAGAIN)
 USUAL_CHANNELS = {"udp_multicast": DEFAULT.partition(":")[2], "socketcan": "vcan0"}
 
 
-def open_bus(name: str) -> can.BusABC:
-    """The bus; ConfigError with what to do if it is not to be had."""
+def open_bus(name: str, kbit_per_s: int | None = None) -> can.BusABC:
+    """The bus; ConfigError with what to do if it is not to be had.
+
+    kbit_per_s: for adapters; a kernel's interface has its own bit rate.
+    """
     interface, _, channel = name.partition(":")
     if not interface or not channel:
         raise ConfigError([Problem(OPTION, name, "must be INTERFACE:CHANNEL, for instance socketcan:vcan0")])
     _check(OPTION, name, interface, channel)
-    return _open(OPTION, name, interface, channel)
+    settings = {} if kbit_per_s is None else {"bitrate": 1000 * kbit_per_s}
+    return _open(OPTION, name, interface, channel, settings)
 
 
 def usual_channel(interface: str) -> str:
@@ -37,7 +43,20 @@ def join_bus(interface: str, channel: str) -> can.BusABC:
     """The same for the options --interface and --channel."""
     _check("--interface", "", interface)
     _check("--channel", "", interface, channel)
-    return _open("--channel", channel, interface, channel)
+    return _open("--channel", channel, interface, channel, {})
+
+
+def has_taken(bus: can.BusABC, message: can.Message) -> bool:
+    """Hand a message to the interface; False: it has no room now."""
+    import can
+
+    try:
+        bus.send(message, timeout=1.0)
+    except can.CanOperationError as error:
+        if error.error_code not in FULL:
+            raise
+        return False
+    return True
 
 
 def _is_multicast(address: str) -> bool:
@@ -60,11 +79,11 @@ def _check(option: str, shown: str, interface: str, channel: str = "") -> None:
         raise ConfigError([Problem(option, shown, text)])
 
 
-def _open(option: str, shown: str, interface: str, channel: str) -> can.BusABC:
+def _open(option: str, shown: str, interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
     import can
 
     try:
-        return can.Bus(channel=channel, interface=interface)
+        return can.Bus(channel=channel, interface=interface, **settings)
     except (can.CanError, OSError, ValueError) as error:
         raise ConfigError([Problem(option, shown, _reason(interface, channel, error))]) from None
 

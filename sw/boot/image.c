@@ -1,10 +1,13 @@
 #include "boot/image.h"
 
+#include "control/placement.h"
 #include "hal/flash.h"
 #include "control/crc32.h"
 #include "hal/reg.h"
 #include "params.h"
 #include "ram.h"
+
+SMALL_CODE_BEGIN
 
 #define ENTRY 0x80u
 #define NOTHING_ANSWERS 0x00FFFFFFu
@@ -69,3 +72,5 @@ void image_start(void) {
   }
   ((void (*)(void))ENTRY)();
 }
+
+SMALL_CODE_END

@@ -1,8 +1,12 @@
-// The loader: listens for a host, starts what the flash holds if all of it is right, else says why and waits for a host.
+// The loader: listens for a host on UART and CAN, starts what the flash holds if all of it is right, else says why and
+// waits for a host.
+#include "control/placement.h"
 #include "hal/flash.h"
 #include "boot/image.h"
 #include "boot/link.h"
 #include "ram.h"
+
+SMALL_CODE_BEGIN
 
 #ifndef LISTEN_MS
 #define LISTEN_MS 200u
@@ -14,18 +18,13 @@ enum { DONE = 0, UNKNOWN = 1, RANGE = 2, FLASH = 3, REFUSED = 4 };
 
 void boot_main(void);
 
-static uint32_t word_of(const uint8_t *bytes) {
-  return bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
-}
-
 static void put_word(link_frame_t *frame, uint32_t word) {
-  for (uint32_t i = 0; i < 4u; i++) {
-    frame->payload[frame->length++] = (uint8_t)(word >> (8u * i));
-  }
+  link_copy(&frame->payload[frame->length], (const uint8_t *)&word, sizeof word);
+  frame->length += sizeof word;
 }
 
 static uint8_t erase(const link_frame_t *frame) {
-  const uint32_t address = word_of(frame->payload);
+  const uint32_t address = link_word(frame->payload);
   if (frame->length != 4u || address < FLASH_IMAGE || address >= FLASH_END || address % FLASH_SECTOR_BYTES != 0u) {
     return RANGE;
   }
@@ -33,7 +32,7 @@ static uint8_t erase(const link_frame_t *frame) {
 }
 
 static uint8_t write(const link_frame_t *frame) {
-  const uint32_t address = word_of(frame->payload);
+  const uint32_t address = link_word(frame->payload);
   if (frame->length < 5u) {
     return RANGE;
   }
@@ -45,7 +44,7 @@ static uint8_t write(const link_frame_t *frame) {
 }
 
 // Answer to a frame, in its place.
-static void serve(link_frame_t *frame) {
+static void serve(const link_t *link, link_frame_t *frame) {
   const uint8_t code = frame->code;
   const uint8_t result = code == HELLO || code == CHECK || code == START ? DONE
                          : code == ERASE                                 ? erase(frame)
@@ -62,45 +61,54 @@ static void serve(link_frame_t *frame) {
     frame->code = found == BOOT_GOOD ? DONE : REFUSED;
     put_word(frame, (uint32_t)found);
     if (code == START && found == BOOT_GOOD) {
-      link_send(frame);
-      link_drain();
+      link_send(link, frame);
+      link_leave();
       image_start();
     }
   }
-  link_send(frame);
+  link_send(link, frame);
 }
 
 static void say(boot_result_t result) {
-  static const char *const names[] = {"",
-                                      "no flash",
-                                      "no image",
-                                      "image header CRC",
-                                      "image format",
-                                      "image is for another chip",
-                                      "image length",
-                                      "image CRC",
-                                      "no parameter block",
-                                      "parameter block version",
-                                      "parameter block length",
-                                      "parameter block CRC"};
+  // In the order of boot_result_t, behind each other: pointers would take room in the ROM.
+  static const char names[] =
+      "no flash\0"
+      "no image\0"
+      "image header CRC\0"
+      "image format\0"
+      "image is for another chip\0"
+      "image length\0"
+      "image CRC\0"
+      "no parameter block\0"
+      "parameter block version\0"
+      "parameter block length\0"
+      "parameter block CRC";
+  const char *name = names;
+  for (uint32_t i = BOOT_NO_FLASH; i < (uint32_t)result; name++) {
+    i += *name == '\0' ? 1u : 0u;
+  }
   link_say("boot: not started: ");
-  link_say(names[result]);
+  link_say(name);
   link_say("\r\n");
 }
 
 void boot_main(void) {
+  link_t link;
   link_frame_t frame;
-  link_configure();
-  if (!link_receive(&frame, LISTEN_MS)) {
+  link_configure(&link);
+  if (!link_receive(&link, &frame, LISTEN_MS)) {
     const boot_result_t result = image_load();
     if (result == BOOT_GOOD) {
+      link_leave();
       image_start();
     }
     say(result);
-    link_receive(&frame, LINK_FOREVER);
+    link_receive(&link, &frame, LINK_FOREVER);
   }
   for (;;) {
-    serve(&frame);
-    link_receive(&frame, LINK_FOREVER);
+    serve(&link, &frame);
+    link_receive(&link, &frame, LINK_FOREVER);
   }
 }
+
+SMALL_CODE_END

@@ -4,6 +4,7 @@
 #include "canopen/flash_store.h"
 #include "control/placement.h"
 #include "hal/can.h"
+#include "hal/can_setup.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 

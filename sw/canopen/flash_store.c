@@ -1,6 +1,5 @@
 #include "canopen/flash_store.h"
 
-#include "control/crc32.h"
 #include "control/placement.h"
 #include "hal/flash.h"
 #include "ram.h"
@@ -34,17 +33,6 @@ const storage_t *flash_storage(void) {
   static const storage_t storage = {.read = slot_read, .write = slot_write};
   const uint32_t identity = flash_identify();
   return (identity == 0u || identity == 0xFFFFFFu) ? 0 : &storage;
-}
-
-bool flash_can_setup(uint32_t setup[2]) {
-  uint32_t found[3];
-  flash_read(FLASH_CAN_SETUP, (uint8_t *)found, sizeof found);
-  if (crc32((const uint8_t *)found, 8) != found[2] || found[0] < 1u || found[0] > 127u) {
-    return false;
-  }
-  setup[0] = found[0];
-  setup[1] = found[1];
-  return true;
 }
 
 SMALL_CODE_END

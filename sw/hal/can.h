@@ -1,4 +1,5 @@
-// The CAN controller, polled: frames in and out in their order, standard identifiers.
+// The CAN controller, polled: frames in and out in their order. Identifiers are standard ones, extended ones with
+// CAN_ID_EXTENDED where they are sent or filtered.
 #ifndef FL_CAN_H
 #define FL_CAN_H
 
@@ -6,11 +7,13 @@
 #include <stdint.h>
 
 #include "hal/can_frame.h"
+#include "hal/reg.h"
 
 #define CAN_FILTERS 8u
+#define CAN_ID_EXTENDED FL_CAN_REGS__TX_ID__EXT_bm
 
 typedef struct {
-  uint32_t id;    // 11 bits
+  uint32_t id;
   uint32_t mask;  // bits that must be equal; of no use with enable false
   bool enable;
 } can_filter_t;
@@ -20,7 +23,7 @@ typedef struct {
 uint32_t can_bit_timing(uint32_t clock_hz, uint32_t kbit_s);
 // Leave the bus, take the timing, join it again after eleven recessive bits; bus-off ends by itself.
 void can_join(uint32_t bit_timing);
-// What the k-th filter keeps of the standard data frames; others are dropped by the hardware.
+// What the k-th filter keeps of the data frames; others are dropped by the hardware.
 void can_set_filter(uint32_t k, const can_filter_t *filter);
 // The oldest frame received. False: there is none. *lost: frames before it were lost to a full FIFO.
 bool can_take(can_frame_t *frame, bool *lost);

@@ -18,8 +18,8 @@ import can
 import pytest
 
 from fluxlock.can.frame import Frame
+from fluxlock.can_bus import FULL
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.cosim import can_bridge
 from fluxlock.cosim.can_bridge import Bridge, frame_of, message_of
 from fluxlock.cosim.can_command import join
 from fluxlock.cosim.can_link import QUEUE, LinkPeer
@@ -96,7 +96,7 @@ class FullBus:
     def send(self, message: can.Message, timeout: float | None = None) -> None:
         if random.random() < 0.2:
             self.refused += 1
-            raise can.CanOperationError("no buffer space", error_code=can_bridge.FULL[0])
+            raise can.CanOperationError("no buffer space", error_code=FULL[0])
         self.bus.send(message, timeout)
 
     def recv(self, timeout: float) -> can.Message | None:

@@ -20,7 +20,7 @@ from fluxlock.firmware import build_firmware
 from fluxlock.flash import loader
 from fluxlock.flash.command import flash
 from fluxlock.flash.image import IMAGE_MAX_BYTES, Plan, pack_can_setup, pack_image, plan
-from fluxlock.flash.loader import Loader, LoaderError, frame, read_frame
+from fluxlock.flash.loader import Loader, LoaderError, SerialLine, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
 from fluxlock.memory import (
     BLOCK_MAX_BYTES,
@@ -118,10 +118,10 @@ def test_frames() -> None:
     assert read_frame(Deaf(good[:-1]), 1.0) is None
     port = Deaf()
     with pytest.raises(LoaderError, match="does not answer"):
-        Loader(port).check()
+        Loader(SerialLine(port)).check()
     assert port.sent == 3 * frame(4)
     with pytest.raises(LoaderError, match="reset the board"):
-        Loader(port).find(2)
+        Loader(SerialLine(port)).find(0.01)
 
 
 def test_serial_port() -> None:
@@ -155,7 +155,7 @@ def test_command_uploads(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         def __init__(self, _: object) -> None:
             pass
 
-        def find(self, _: int) -> tuple[int, int]:
+        def find(self, _: float) -> tuple[int, int]:
             return 1, 0xEF4016
 
         def upload(self, steps: Plan, _: object) -> None:

@@ -6,7 +6,6 @@ python-can the simulation waits until the interface has room.
 
 from __future__ import annotations
 
-import errno
 import socket
 import threading
 import time
@@ -20,6 +19,7 @@ import can
 from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
+from fluxlock.can_bus import has_taken
 from fluxlock.config import Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.can_link import CanLink, LinkPeer
@@ -35,7 +35,6 @@ RECEIVE_BYTES = 1 << 22
 # Interfaces that hand a sender its own frames back.
 ECHOING = ("UdpMulticastBus",)
 ECHOES_MAX = 4096
-FULL = (errno.ENOBUFS, errno.EAGAIN)
 
 
 @dataclass(frozen=True)
@@ -110,15 +109,14 @@ class Bridge:
             self._echoes.append(frame)
         while not self._stop.is_set():
             try:
-                self.bus.send(message, timeout=1.0)
+                taken = has_taken(self.bus, message)
             except can.CanOperationError as error:
-                if error.error_code not in FULL:
-                    self._fail(error)
-                    return
-                time.sleep(RETRY_S)
-            else:
+                self._fail(error)
+                return
+            if taken:
                 self.from_chip += 1
                 return
+            time.sleep(RETRY_S)
 
     def _in(self) -> None:
         # What came before the simulator joined waits here.

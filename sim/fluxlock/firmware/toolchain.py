@@ -58,7 +58,8 @@ TARGET_ONLY = ("app/main.c", SOC)
 HOST_ONLY = ("app/host_main.c", "hal/host/")
 BENCH = "bench/"  # programs of their own, a source each
 COMMISSION = "commission/"  # the program that measures a machine
-BOOT = "boot/"  # the loader
+BOOT = "boot/"  # the loader, and what it has of the firmware
+BOOT_PARTS = ("control/crc32.c", *(f"hal/{name}.c" for name in ("can", "can_setup", "flash", "uart")))
 FUZZ_MAIN = "app/fuzz_main.c"  # in place of main.c: writes to registers at random
 PROGRAMS = (BENCH, COMMISSION, BOOT, FUZZ_MAIN)
 HELD = {"six-step": "-DHELD=1", "vector": "-DHELD=2"}  # what the images with the node drive: chip_io.h
@@ -193,17 +194,18 @@ def build_loader(listen_ms: int | None = None) -> Path:
     listen_ms: how long it listens for a host before it starts what the flash holds, default the loader's own.
     """
     name, defined = ("boot", ()) if listen_ms is None else (f"boot-{listen_ms}", (f"-DLISTEN_MS={listen_ms}u",))
-    sources = [
-        *(f"{BOOT}{p.name}" for p in sorted((SW / BOOT).glob("*.[cS]"))),
-        "control/crc32.c",
-        "hal/flash.c",
-        "hal/uart.c",
-    ]
+    sources = [*(f"{BOOT}{p.name}" for p in sorted((SW / BOOT).glob("*.[cS]"))), *BOOT_PARTS]
     binary = _build_image(name, sources, BUILD / "firmware", ("-Os", *defined), "", f"{BOOT}link.ld", BOOT_ADDRESS)
     image = binary.with_suffix(".hex")
     data = binary.read_bytes()[BOOT_ADDRESS:].ljust(BOOT_BYTES, b"\0")
     image.write_text("".join(f"{int.from_bytes(data[i : i + 4], 'little'):08x}\n" for i in range(0, len(data), 4)))
     return image
+
+
+def build_link_library(registers: Path) -> Path:
+    """The loader's frames on UART and CAN for this machine. registers: C source of reg_read and reg_write."""
+    sources = [f"{BOOT}link.c", *BOOT_PARTS, str(registers)]
+    return _library("libboot-link", sources, BUILD / "firmware", (*HOST_FLAGS, *WARNINGS), content_hash([registers]))
 
 
 def _canopen(without: str) -> tuple[list[str], str]:

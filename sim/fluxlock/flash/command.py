@@ -4,28 +4,77 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import Progress
 
+from fluxlock.can_bus import OPTION as CAN_OPTION
+from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, load_scenario
+
+if TYPE_CHECKING:
+    from fluxlock.flash.loader import Line
 
 EXIT_FAILED = 1
 
 
+@contextmanager
+def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | None) -> Iterator[Line]:
+    """The line to the board that the options name."""
+    from fluxlock.flash.can_line import KBIT_PER_S_DEFAULT, NODE_DEFAULT, CanLine, PythonCan
+    from fluxlock.flash.loader import SerialLine
+    from fluxlock.flash.serial_port import SerialPort
+
+    if can is not None:
+        if port is not None:
+            raise ConfigError([Problem(CAN_OPTION, can, "is a line of its own: leave out --port")])
+        bus = open_bus(can, KBIT_PER_S_DEFAULT if bit_rate is None else bit_rate)
+        with bus:
+            yield CanLine(PythonCan(bus), NODE_DEFAULT if node is None else node)
+        return
+    for option, value in (("--node", node), ("--bit-rate", bit_rate)):
+        if value is not None:
+            raise ConfigError([Problem(option, str(value), f"goes with {CAN_OPTION} only")])
+    if port is None:
+        raise ConfigError([Problem("--port", "", f"is missing: a serial port, or {CAN_OPTION} INTERFACE:CHANNEL")])
+    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
+        raise ConfigError([Problem("--port", str(port), "is no serial port that may be read and written")])
+    with SerialPort(port) as serial:
+        yield SerialLine(serial)
+
+
 def flash(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML): its firmware and parameter block.")],
-    port: Annotated[Path, typer.Option(help="Serial port of the board, for example /dev/ttyUSB0.")],
+    port: Annotated[Path | None, typer.Option(help="Serial port of the board, for example /dev/ttyUSB0.")] = None,
+    can: Annotated[
+        str | None,
+        typer.Option(CAN_OPTION, metavar="INTERFACE:CHANNEL", help="In place of it the board's bus: socketcan:can0."),
+    ] = None,
+    node: Annotated[
+        int | None,
+        typer.Option(min=0, max=127, help="With --can: node-ID stored in the board's flash, default 0: none is."),
+    ] = None,
+    bit_rate: Annotated[
+        int | None,
+        typer.Option(
+            min=10,
+            max=1000,
+            metavar="KBIT_PER_S",
+            help="With --can: what is stored in the board's flash, default 500; socketcan has the kernel's.",
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
     wait_s: Annotated[float, typer.Option(min=0.1, help="How long to wait for the loader, s.")] = 60.0,
 ) -> None:
-    """Write firmware and parameter block of a scenario into the flash of a board and start them.
+    """Write firmware and parameter block of a scenario into the flash of a board, by UART or CAN, and start them.
 
     The loader listens for 0.2 s after a reset: reset the board while the command waits. A scenario with a
     CAN bus gets the firmware with the CANopen node; what the node has stored stays.
@@ -33,8 +82,7 @@ def flash(
     from fluxlock.cosim.parameters import check_parameters, parameter_block
     from fluxlock.cosim.run import image_of
     from fluxlock.flash.image import pack_can_setup, pack_image, plan
-    from fluxlock.flash.loader import HELLO_S, Loader, LoaderError
-    from fluxlock.flash.serial_port import SerialPort
+    from fluxlock.flash.loader import Loader, LoaderError
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
@@ -42,14 +90,12 @@ def flash(
     bus = loaded.can
     setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
     steps = plan(image, parameter_block(loaded).pack(), setup)
-    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
-        raise ConfigError([Problem("--port", str(port), "is no serial port that may be read and written")])
     console = Console()
-    with SerialPort(port) as line:
+    with _line(port, can, node, bit_rate) as line:
         loader = Loader(line)
         try:
             console.print("waiting for the loader: reset the board", highlight=False)
-            version, identity = loader.find(max(1, round(wait_s / HELLO_S)))
+            version, identity = loader.find(wait_s)
             console.print(f"loader {version}, flash {identity:06x}", highlight=False)
             with Progress(console=Console(stderr=True)) as bar:
                 task = bar.add_task("write", total=None)

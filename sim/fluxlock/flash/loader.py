@@ -1,8 +1,12 @@
-"""The loader's protocol on a serial line (docs/reference/boot.md), and the upload of image and parameter block."""
+"""The loader's protocol (docs/reference/boot.md), its frames on a serial line, the upload of image and parameter block.
+
+Frames on CAN: `fluxlock.flash.can_line`.
+"""
 
 from __future__ import annotations
 
 import struct
+import time
 import zlib
 from collections.abc import Callable
 from typing import Protocol
@@ -47,10 +51,37 @@ class Port(Protocol):
         """Bytes that came, less than `count` of them if the time is over."""
 
 
-def frame(code: int, payload: bytes = b"") -> bytes:
-    """Frame of a command or an answer."""
+class Line(Protocol):
+    """What carries frames."""
+
+    def send(self, code: int, payload: bytes) -> None:
+        """A command; what came before is no answer to it."""
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """Code and payload of the next whole frame that is right; None: there is none in time."""
+
+    def trouble(self) -> str:
+        """What the line knows of why there is no answer; empty: nothing."""
+
+
+def pack(code: int, payload: bytes = b"") -> bytes:
+    """A command or an answer with its CRC."""
     body = struct.pack("<BH", code, len(payload)) + payload
-    return bytes([SYNC]) + body + struct.pack("<I", zlib.crc32(body))
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def unpack(packed: bytes) -> tuple[int, bytes] | None:
+    """Code and payload; None: not right, or not all of it."""
+    if len(packed) < 7:
+        return None
+    code, length = struct.unpack_from("<BH", packed)
+    body, crc = packed[: 3 + length], packed[3 + length : 7 + length]
+    return (int(code), body[3:]) if crc == struct.pack("<I", zlib.crc32(body)) else None
+
+
+def frame(code: int, payload: bytes = b"") -> bytes:
+    """Frame of a command or an answer on a serial line."""
+    return bytes([SYNC]) + pack(code, payload)
 
 
 def read_frame(port: Port, timeout_s: float) -> tuple[int, bytes] | None:
@@ -64,45 +95,69 @@ def read_frame(port: Port, timeout_s: float) -> tuple[int, bytes] | None:
         head = port.read(3, timeout_s)
         if len(head) < 3:
             return None
-        code, length = struct.unpack("<BH", head)
+        (length,) = struct.unpack_from("<H", head, 1)
         rest = port.read(length + 4, timeout_s)
         if len(rest) < length + 4:
             return None
-        if zlib.crc32(head + rest[:length]) == struct.unpack("<I", rest[length:])[0]:
-            return int(code), rest[:length]
+        if found := unpack(head + rest):
+            return found
+
+
+class SerialLine:
+    """Frames on a serial line."""
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+
+    def send(self, code: int, payload: bytes) -> None:
+        """See `Line`."""
+        self.port.write(frame(code, payload))
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """See `Line`."""
+        return read_frame(self.port, timeout_s)
+
+    def trouble(self) -> str:
+        """A serial line sees nothing of its other end."""
+        return ""
 
 
 class Loader:
     """The loader at the other end of a line."""
 
-    def __init__(self, port: Port) -> None:
-        self.port = port
+    def __init__(self, line: Line) -> None:
+        self.line = line
+
+    def _silence(self, text: str) -> LoaderError:
+        trouble = self.line.trouble()
+        return LoaderError(f"{text}; {trouble}" if trouble else text)
 
     def _ask(self, code: int, payload: bytes = b"") -> tuple[int, bytes]:
         """Answer to a command, which is repeated if there is none: all commands may be done twice."""
         for _ in range(TRIES):
-            self.port.write(frame(code, payload))
-            answer = read_frame(self.port, ANSWER_S)
+            self.line.send(code, payload)
+            answer = self.line.receive(ANSWER_S)
             if answer:
                 return answer
-        raise LoaderError("the loader does not answer any more")
+        raise self._silence("the loader does not answer any more")
 
     def _do(self, what: str, code: int, payload: bytes) -> None:
         result, _ = self._ask(code, payload)
         if result:
             raise LoaderError(f"{what}: {RESULTS[result] if result < len(RESULTS) else result}")
 
-    def find(self, tries: int) -> tuple[int, int]:
+    def find(self, wait_s: float) -> tuple[int, int]:
         """Version of the loader and identity of the flash; asks until a chip that has been reset answers."""
-        for _ in range(tries):
-            self.port.write(frame(HELLO))
-            answer = read_frame(self.port, HELLO_S)
+        end = time.monotonic() + wait_s
+        while time.monotonic() < end:
+            self.line.send(HELLO, b"")
+            answer = self.line.receive(HELLO_S)
             if answer and answer[0] == 0 and len(answer[1]) == 8:
-                while read_frame(self.port, HELLO_S):
+                while self.line.receive(HELLO_S):
                     pass  # the loader may have heard more than one
                 version, identity = struct.unpack("<2I", answer[1])
                 return version, identity
-        raise LoaderError("no loader answers: reset the board while this waits")
+        raise self._silence("no loader answers: reset the board while this waits")
 
     def upload(self, plan: Plan, progress: Callable[[int, int], None] = lambda done, total: None) -> None:
         """Erase and write; progress: called with steps done and their number."""

@@ -1,0 +1,18 @@
+// Registers of the loader's link on this machine: whoever has loaded the library plays the chip.
+#include "hal/reg.h"
+
+typedef uint32_t (*reader_t)(uint32_t address);
+typedef void (*writer_t)(uint32_t address, uint32_t value);
+
+void fl_link_registers(reader_t read, writer_t write);
+
+static reader_t reader;
+static writer_t writer;
+
+void fl_link_registers(reader_t read, writer_t write) {
+  reader = read;
+  writer = write;
+}
+
+uint32_t reg_read(uint32_t address) { return reader(address); }
+void reg_write(uint32_t address, uint32_t value) { writer(address, value); }
