@@ -96,7 +96,7 @@ static void read_every_block(void) {
   put(29, fluxlock_regs.foc.period);
   put(32, fluxlock_regs.sys.blocks);
   fluxlock_regs.sys.scratch = 0x12345678u;
-  *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // less than a word: no effect
+  *(volatile uint8_t *)(uintptr_t)0x80000012u = 0xABu;  // byte lane of scratch
   put(12, fluxlock_regs.sys.scratch);
   const uint32_t t0 = fluxlock_regs.sys.time_now;
   const uint32_t t1 = fluxlock_regs.sys.time_now;

@@ -4,9 +4,10 @@ package fl_bus_pkg;
   localparam int unsigned WindowWidth = 12;  // one window of 4 KiB a block
 
   typedef struct packed {
-    logic we;  // of the whole word
+    logic we;
     logic [WindowWidth-1:0] adr;  // byte address inside the block's window
     logic [31:0] wdat;
+    logic [3:0] sel;  // byte lanes
   } bus_req_t;
 
 endpackage

@@ -86,7 +86,7 @@ module fl_capture_wb
       .wb_stall(),
       .wb_adr  (req_i.adr[fl_capture_regs_pkg::FL_CAPTURE_REGS_MIN_ADDR_WIDTH-1:0]),
       .wb_odat (req_i.wdat),
-      .wb_sel  ('1),
+      .wb_sel  (req_i.sel),
       .wb_ack  (),
       .wb_err  (),
       .wb_idat (rdat_o),

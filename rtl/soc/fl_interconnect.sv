@@ -4,8 +4,7 @@
 // registers of a block and the choice among the blocks each have a clock of their own.
 // A block is strobed for exactly one clock, takes a write or shows its read data combinationally in that clock; the
 // answer follows in the next clock. The acknowledge is made here, so that an access to a window or an offset where
-// nothing is answers (reads as zero, writes are lost) and never hangs the bus. A write of less than a word has no effect:
-// an enable a byte in every register would take a tenth of the chip's LUTs.
+// nothing is answers (reads as zero, writes are lost) and never hangs the bus.
 // Latency: 1 clock from stb_i to ack_o, one access every 2 clocks.
 `default_nettype none
 module fl_interconnect
@@ -33,20 +32,20 @@ module fl_interconnect
 
   localparam int unsigned PageWidth = 30 + 2 - WindowWidth;
 
-  logic access, whole;
+  logic access;
   logic [PageWidth-1:0] page;
   logic [Blocks-1:0][31:0] rdat_q;
 
   assign access     = stb_i && !ack_o;
-  assign whole      = !we_i || sel_i == '1;
   assign page       = adr_i[29:WindowWidth-2];
 
   assign req_o.we   = we_i;
   assign req_o.adr  = {adr_i[WindowWidth-3:0], 2'b00};
   assign req_o.wdat = wdat_i;
+  assign req_o.sel  = sel_i;
 
   for (genvar i = 0; i < Blocks; i++) begin : g_block
-    assign stb_o[i] = access && whole && page == PageWidth'(i) && (req_o.adr >> AddressWidth[i]) == '0;
+    assign stb_o[i] = access && page == PageWidth'(i) && (req_o.adr >> AddressWidth[i]) == '0;
   end
 
   always_ff @(posedge clk_i) begin
