@@ -16,6 +16,7 @@ module fl_lock_in_bench
     input  filter_t        low_i,
     input  logic    [ 2:0] shift_i,
     output logic           busy_o,
+    output logic           hf_valid_o,
     output logic           valid_o,
     output sample_t [ 1:0] hf_o,
     output state_t         error_o,

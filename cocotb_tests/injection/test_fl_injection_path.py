@@ -15,11 +15,12 @@ from cocotb_tests.injection.models import FULL_SCALE, SOURCES, TURN, Filter, pac
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine
 from fluxlock.cosim.block import run_block_test
 
-SPACING = 80  # clocks from update to update
+SPACING = 110  # clocks from update to update
 SAMPLE_CLOCKS = 3  # strobe to sample
 LOCK_IN, CONVENTIONAL, IQ, SEPARATOR = range(4)
-LATENCY = {LOCK_IN: 26, CONVENTIONAL: 26, IQ: 27, SEPARATOR: 2}
-BUSY_CLOCKS = 33
+LATENCY = {LOCK_IN: 40, CONVENTIONAL: 40, IQ: 41, SEPARATOR: 2}
+CURRENT_LATENCY = 19  # SEPARATOR with remove: that of its result
+BUSY_CLOCKS = 48
 U_V, VOLTAGE_SCALE_V, CURRENT_SCALE_A = 20.0, 250.0, 20.0
 TIAN = HfMachine(r_ohm=0.0, ld_h=6.54e-3, lq_h=8.32e-3)
 PATH_SOURCES = [
@@ -135,10 +136,10 @@ class TB(Bench):
         dut.current_i.value = pack((0x15555, 0x15555), 18)
         method = self.settings.method
         found = Sample(complex(*codes), None, 0j, None, 0, 0)
-        early = SEPARATOR if method == SEPARATOR and self.settings.remove else LOCK_IN
+        early = LATENCY[SEPARATOR] if method == SEPARATOR and self.settings.remove else CURRENT_LATENCY
         for clock in range(1, BUSY_CLOCKS + 2):
             if int(dut.current_valid_o.value):
-                assert clock == LATENCY[early], f"current after {clock} clocks"
+                assert clock == early, f"current after {clock} clocks"
                 found.regulated = complex(*unpack(int(dut.current_o.value), 18, 2))
                 found.hf = complex(*unpack(int(dut.hf_o.value), 18, 2))
             if int(dut.result_valid_o.value):
@@ -269,7 +270,7 @@ async def samples_too_close_are_counted(dut: Any) -> None:
     dut.current_i.value = 0
     await tb.clocks(5)
     dut.sample_valid_i.value = 0
-    await tb.clocks(LATENCY[LOCK_IN] - 6)
+    await tb.clocks(CURRENT_LATENCY - 6)
     assert int(dut.current_valid_o.value) == 1
     assert unpack(int(dut.current_o.value), 18, 2) == [1000, -1000]
     assert int(dut.overrun_o.value) == 5

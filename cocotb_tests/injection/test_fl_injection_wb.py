@@ -16,7 +16,7 @@ from cocotb_tests.injection.models import Filter, IqBits, LockInBits, square
 from fluxlock.cosim.block import run_block_test
 
 LOCK_IN, _, IQ, SEPARATOR = range(4)
-PAUSE = {LOCK_IN: 29, SEPARATOR: 5}  # clocks on top of the latency, published
+PAUSE = {LOCK_IN: 22, SEPARATOR: 5}  # clocks on top of the latency, published
 PERIOD, OFFSET = 600, 60  # clocks
 AMPLITUDE = (20_000, -6_000)  # d, q
 

@@ -13,7 +13,7 @@ from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, IqBits, Pair, pack, unpack
 from fluxlock.cosim.block import run_block_test
 
-BUSY_CLOCKS = 7
+BUSY_CLOCKS = 8
 
 
 class TB(Bench):
@@ -34,9 +34,9 @@ class TB(Bench):
         dut.current_i.value, dut.phase_i.value = pack((0x15555, 0x15555), 18), 0xFFF
         dut.cosine_i.value, dut.sine_value_i.value = cosine & 0x3FFFF, sine & 0x3FFFF
         result = (unpack(int(dut.sum_o.value), 32, 4), int(dut.count_o.value)) if int(dut.valid_o.value) else None
-        await self.clocks(4)
+        await self.clocks(5)
         dut.cosine_i.value, dut.sine_value_i.value = 0x15555, 0x15555
-        await self.clocks(BUSY_CLOCKS - 5)
+        await self.clocks(BUSY_CLOCKS - 6)
         assert int(dut.busy_o.value) == 1 and int(dut.valid_o.value) == 0
         await self.clocks(1)
         assert int(dut.busy_o.value) == 0, f"busy after {BUSY_CLOCKS} clocks"

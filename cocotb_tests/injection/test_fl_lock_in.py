@@ -15,8 +15,11 @@ from cocotb_tests.measured import measured
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, LockIn
 from fluxlock.cosim.block import run_block_test
 
-LATENCY = 25
-REFERENCE_LATENCY = 11
+HF_LATENCY = 18
+REFERENCE_LATENCY = 18
+LATENCY = 39
+CLIPPED_LATENCY = 41
+CURRENT_CLOCKS = 3  # that the current must stay after the start
 
 TIAN = HfMachine(r_ohm=1.3, ld_h=6.54e-3, lq_h=8.32e-3)
 FS_HZ, F0_HZ, LOW_HZ, K_BAND, K_LOW = 10_300.0, 257.5, 51.5, 0.45, math.sqrt(2)
@@ -44,14 +47,21 @@ class TB(Bench):
         dut.start_i.value = 1
         await self.clocks(1)
         dut.start_i.value = 0
+        await self.clocks(CURRENT_CLOCKS)
         dut.current_i.value = pack((0x15555, 0x15555), 18)
-        await self.clocks(REFERENCE_LATENCY - 1)
+        await self.clocks(HF_LATENCY - CURRENT_CLOCKS - 2)
+        assert int(dut.hf_valid_o.value) == 0
+        await self.clocks(1)
+        assert int(dut.hf_valid_o.value) == 1, f"no HF current after {HF_LATENCY} clocks"
+        hf = unpack(int(dut.hf_o.value), 18, 2)
         dut.reference_i.value = reference & 0x3FFFF
-        await self.clocks(LATENCY - REFERENCE_LATENCY - 1)
+        await self.clocks(2)
+        dut.reference_i.value = 0x15555
+        await self.clocks(LATENCY - REFERENCE_LATENCY - 3)
         assert int(dut.valid_o.value) == 0 and int(dut.busy_o.value) == 1
         await self.clocks(1)
         assert int(dut.valid_o.value) == 1 and int(dut.busy_o.value) == 0, f"not done after {LATENCY} clocks"
-        hf = unpack(int(dut.hf_o.value), 18, 2)
+        assert unpack(int(dut.hf_o.value), 18, 2) == hf
         return (hf[0], hf[1]), dut.error_o.value.to_signed(), dut.magnitude_o.value.to_signed()
 
 
@@ -98,7 +108,7 @@ async def equations_hold_bit_by_bit(dut: Any) -> None:
         expected = (model.hf, model.error, model.magnitude)
         assert got == expected, f"run {n}: {got} instead of {expected}: {model}, current {current}"
         await tb.clocks(rng.choice([0, 0, 1, 2, 5]))
-    await tb.clocks(1)
+    await tb.clocks(CLIPPED_LATENCY - LATENCY)
     assert int(dut.clipped_o.value) == model.clipped
     assert min(counts) > 300, f"{counts[1]} runs saturated, {counts[0]} did not"
 
@@ -171,7 +181,7 @@ async def position_is_that_of_floating_point(dut: Any) -> None:
     for reference in ("sign", "sine"):
         measured(f"{reference}_deg", max(value for name, value in worst.items() if reference in name))
     dut._log.info("worst %.4f degree", max(worst.values()))
-    await tb.clocks(1)
+    await tb.clocks(CLIPPED_LATENCY - LATENCY)
     assert int(dut.clipped_o.value) == 0
 
 
@@ -215,7 +225,6 @@ async def starts_while_busy_are_counted(dut: Any) -> None:
         dut.start_i.value = 1
         await tb.clocks(1)
         dut.start_i.value = 0
-        dut.current_i.value = 0
         await tb.clocks(after - 1)
         dut.start_i.value = 1
         await tb.clocks(1)

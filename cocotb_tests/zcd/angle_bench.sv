@@ -17,6 +17,10 @@ module angle_bench (
   logic div_start, div_valid;
   logic [16:0] div_before, div_after;
   logic [15:0] div_offset;
+  logic [24:0] distance;
+  logic half;
+
+  assign distance_o = distance + 25'(half);
 
   fl_angle_time u_angle (
       .div_start_o (div_start),
@@ -24,6 +28,8 @@ module angle_bench (
       .div_after_o (div_after),
       .div_valid_i (div_valid),
       .div_offset_i(div_offset),
+      .distance_o  (distance),
+      .half_o      (half),
       .*
   );
 

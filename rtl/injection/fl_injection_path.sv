@@ -15,9 +15,9 @@
 // from a sample that comes now to its current_o, 0 without remove and from the second update after the wave's end on.
 //
 // strobe_i latches phase and angle, sample_valid_i brings the current of that strobe: before the next one.
-// Latency of sample_valid_i, in clocks: current_valid_o and the results of lock-in and conventional LockInLatency, I/Q
-// (with the first sample of the next period) IqLatency, separator SeparatorLatency. busy_o from sample_valid_i on for
-// BusyClocks; a sample in between is ignored and counted in overrun_o. settings_i must not change while busy_o, but
+// Latency of sample_valid_i, in clocks: current_valid_o CurrentLatency, results of lock-in and conventional LockInLatency,
+// I/Q (with the first sample of the next period) IqLatency, separator SeparatorLatency with its current. busy_o from
+// sample_valid_i on for BusyClocks; a sample in between is ignored and counted in overrun_o. settings_i must not change while busy_o, but
 // what fl_injection takes over at a period's start may at any time.
 // One multiplier for all methods (fl_injection_mac), another one and a block RAM for the sine (fl_sincos).
 `default_nettype none
@@ -26,10 +26,11 @@ module fl_injection_path
   import fl_injection_pkg::*;
 #(
     parameter int unsigned Subspaces = 2,
-    localparam int unsigned LockInLatency = 26,
-    localparam int unsigned IqLatency = 27,
+    localparam int unsigned CurrentLatency = 19,
+    localparam int unsigned LockInLatency = 40,
+    localparam int unsigned IqLatency = 41,
     localparam int unsigned SeparatorLatency = 2,
-    localparam int unsigned BusyClocks = 33
+    localparam int unsigned BusyClocks = 48
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -106,7 +107,7 @@ module fl_injection_path
   end
 
   // The sample in work.
-  logic take, run_q, lock_in_busy, lock_in_valid, iq_start, iq_busy, iq_valid;
+  logic take, run_q, lock_in_busy, lock_in_valid, hf_valid, iq_start, iq_busy, iq_valid;
   logic [15:0] overrun_q;
   sample_t [1:0] current_q;
   phase_t phase_q;
@@ -189,6 +190,7 @@ module fl_injection_path
       .mac_o      (lock_in_mac),
       .sum_i      (sum),
       .busy_o     (lock_in_busy),
+      .hf_valid_o (hf_valid),
       .valid_o    (lock_in_valid),
       .hf_o,
       .error_o    (error),
@@ -276,14 +278,14 @@ module fl_injection_path
     endcase
   end
 
-  assign current_valid_o = (separate && settings_i.remove) ? fundamental_valid : lock_in_valid;
+  assign current_valid_o = (separate && settings_i.remove) ? fundamental_valid : hf_valid;
   assign overrun_o       = overrun_q;
   assign sample_phase_o  = phase_q;
 
   always_comb begin
     if (!waving || !settings_i.remove) current_delay_o = '0;
     else if (separate) current_delay_o = 5'(SeparatorLatency);
-    else current_delay_o = 5'(LockInLatency);
+    else current_delay_o = 5'(CurrentLatency);
   end
 
   always_comb begin

@@ -15,14 +15,14 @@
 // The multiplier is outside: fl_injection_mac between mac_o, 0 when nothing is asked for, and sum_i.
 // Latency: start_i of a period's first sample to valid_o with the sums of the one before 1 clock; busy_o for BusyClocks
 // after each start, in which a further start is ignored and counted (saturating). Current and phase are taken at start_i,
-// the reference is read in the four clocks after it. clear_i acts at once.
+// the reference is read in clocks 2 to 5. clear_i acts at once.
 `default_nettype none
 module fl_iq_demod
   import fl_pkg::sample_t;
   import fl_injection_pkg::*;
 #(
     localparam int unsigned Latency = 1,
-    localparam int unsigned BusyClocks = 7
+    localparam int unsigned BusyClocks = 8
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -48,7 +48,7 @@ module fl_iq_demod
     output logic [15:0]              overrun_o
 );
 
-  logic [2:0] clock_q;  // clocks since the start, 0: idle
+  logic [3:0] clock_q;  // clocks since the start, 0: idle
   logic start, wrap;
   logic [15:0] overrun_q;
   phase_t phase_q;
@@ -58,9 +58,9 @@ module fl_iq_demod
   assign wrap  = phase_i < phase_q;
 
   always_ff @(posedge clk_i) begin
-    if (start) clock_q <= 3'd1;
-    else if (clock_q == 3'(BusyClocks)) clock_q <= '0;
-    else if (clock_q != '0) clock_q <= clock_q + 3'd1;
+    if (start) clock_q <= 4'd1;
+    else if (clock_q == 4'(BusyClocks)) clock_q <= '0;
+    else if (clock_q != '0) clock_q <= clock_q + 4'd1;
     if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
     if (start) begin
       current_q <= current_i;
@@ -75,24 +75,31 @@ module fl_iq_demod
     end
   end
 
-  // Products in clocks 1..4: axis 0, 0, 1, 1; real, imaginary alternating.
-  logic imaginary, axis;
-  logic signed [1:0] level;
+  // Products in clocks 2..5: axis 0, 0, 1, 1; imaginary, real alternating. The square reference, a quarter further on for
+  // the real part, is found in the clock before.
+  logic multiply_q, imaginary_q, axis_q;
+  logic signed [1:0] level_q;
+  phase_t quarter_q;
 
-  assign axis      = clock_q > 3'd2;
-  assign imaginary = !clock_q[0];
-  assign level     = square(imaginary ? phase_q : phase_sum(phase_q, period_i >> 2, period_i), period_i);
+  always_ff @(posedge clk_i) begin
+    multiply_q  <= clock_q != '0 && clock_q <= 4'd4;
+    axis_q      <= clock_q > 4'd2;
+    imaginary_q <= clock_q[0];
+    quarter_q   <= phase_sum(phase_q, period_i >> 2, period_i);
+    level_q     <= square(clock_q[0] ? phase_q : quarter_q, period_i);
+    if (rst_i) multiply_q <= 1'b0;
+  end
 
   always_comb begin
     mac_o = '0;
-    if (clock_q != '0 && clock_q <= 3'd4) begin
+    if (multiply_q) begin
       mac_o.enable      = 1'b1;
-      mac_o.accumulator = axis;
+      mac_o.accumulator = axis_q;
       mac_o.first       = 1'b1;
       mac_o.half        = sine_i ? 5'd14 : 5'd13;
-      mac_o.c           = 25'($signed(current_q[axis]));
-      if (sine_i) mac_o.x = imaginary ? sine_value_i : cosine_i;
-      else mac_o.x = {level, 16'd0};
+      mac_o.c           = 25'($signed(current_q[axis_q]));
+      if (sine_i) mac_o.x = imaginary_q ? sine_value_i : cosine_i;
+      else mac_o.x = {level_q, 16'd0};
     end
   end
 
@@ -104,8 +111,8 @@ module fl_iq_demod
   logic [11:0] count_q, result_count_q;
 
   assign product = sine_i ? 21'(sum_i >>> 15) : 21'(sum_i >>> 14);
-  assign sum_on  = clock_q >= 3'd4;
-  assign place   = clock_q[1:0];
+  assign sum_on  = clock_q >= 4'd5;
+  assign place   = {clock_q >= 4'd7, clock_q[0]};
 
   always_ff @(posedge clk_i) begin
     valid_q <= start && wrap && known_q && !full_q;

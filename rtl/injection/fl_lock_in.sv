@@ -13,19 +13,27 @@
 // reference 2^17 = 1. Every product sum is exact and rounded half up once; whatever exceeds 24 bits saturates, and runs
 // in which that happened are counted in clipped_o (saturating). Settings must not change while busy_o.
 //
-// One run a sample, at whatever rate the coefficients are made for. clear_i zeroes the states (between runs).
+// One run a sample, at whatever rate the coefficients are made for. clear_i: the next run begins with states of 0; in
+// the clocks of a run it does not touch that run.
 // The multiplier is outside: fl_injection_mac between mac_o, 0 when nothing is asked for, and sum_i.
-// Latency: start_i to valid_o Latency clocks; current_i is taken at start_i, reference_i is read from clock
-// ReferenceLatency on until busy_o falls. Outputs stay from valid_o to the next start. A start while busy is ignored
-// and counted (saturating).
+// Latency: start_i to valid_o Latency clocks, to hf_valid_o, from which hf_o is that of the run, HfLatency. current_i is
+// read in clocks 2 and 3, reference_i from clock ReferenceLatency on for two clocks. Outputs stay until
+// those of the next run. clipped_o is up to date ClippedLatency after start_i. A start while busy is ignored and counted
+// (saturating).
+//
+// One serial data path: sums are shifted in two clocks, one adder makes of them, of the current or of the result before
+// what is stored, limited in the same clock. Its first operand has 25 bits: what is beyond them limits the result, for
+// no state has more than 24. States are in LUT RAM, of which the multiplier has a port and the adder one.
 `default_nettype none
 module fl_lock_in
   import fl_pkg::sample_t;
   import fl_pkg::sat_sample;
   import fl_injection_pkg::*;
 #(
-    localparam int unsigned ReferenceLatency = 11,
-    localparam int unsigned Latency = 25
+    localparam int unsigned HfLatency = 18,
+    localparam int unsigned ReferenceLatency = 18,
+    localparam int unsigned Latency = 39,
+    localparam int unsigned ClippedLatency = 41
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -45,6 +53,7 @@ module fl_lock_in
     input  sum_t sum_i,
 
     output logic                  busy_o,
+    output logic                  hf_valid_o,
     output logic                  valid_o,
     output sample_t [ 1:0]        hf_o,
     output state_t                error_o,
@@ -53,6 +62,7 @@ module fl_lock_in
     output logic    [15:0]        overrun_o
 );
 
+  // Products.
   typedef enum logic [2:0] {
     OpNone,
     OpState,      // a1 s1
@@ -62,75 +72,134 @@ module fl_lock_in
     OpMix         // r h
   } op_e;
 
+  // What the adder makes. Of a product's sum: v1, v2, h, r h.
+  typedef enum logic [3:0] {
+    AddNone,
+    AddCurrent,    // i - s2: x - s2 of the band-pass
+    AddMixed,      // result before - s2: that of the low-pass
+    AddInput,      // v1
+    AddDouble1,    // 2 v1 - s1: s1
+    AddScale,      // h
+    AddIntegrate,  // g v1 + s2: v2
+    AddDouble2,    // 2 v2 - s2: s2
+    AddMix         // r h
+  } add_e;
+
   typedef struct packed {
     op_e  op;
     logic low;   // low-pass instead of band-pass
     logic axis;  // 0: d, 1: q
   } step_t;
 
-  localparam logic [4:0] LastClock = 5'(Latency - 1);
+  typedef struct packed {
+    add_e add;
+    logic low;
+    logic axis;
+  } sum_step_t;
 
-  logic [4:0] clock_q;  // clocks since the start, 0: idle
-  step_t step;
-  step_t [3:0] tail_q;  // [2]: its sum is there, [3]: its result is
+  localparam logic [5:0] FirstClock = 6'd2;  // both tables go on every second clock, d before q
+  localparam logic [5:0] LastClock = 6'(Latency);
+
+  logic [5:0] clock_q;  // clocks since the start + 1, 0: idle
+  step_t step_d, step_q;
+  sum_step_t early, load_q, add_q;
   logic start, valid_q;
   logic [15:0] overrun_q;
 
   assign start = start_i && clock_q == '0;
 
-  // A result is an operand four clocks after its step.
+  // A product is asked for the clock after its entry, its sum is shifted with the entry of the adder 4 clocks after it,
+  // and stored 2 clocks later.
   always_comb begin
-    unique case (clock_q)
-      5'd1:    step = '{op: OpState, low: 1'b0, axis: 1'b0};
-      5'd2:    step = '{op: OpInput, low: 1'b0, axis: 1'b0};
-      5'd3:    step = '{op: OpState, low: 1'b0, axis: 1'b1};
-      5'd4:    step = '{op: OpInput, low: 1'b0, axis: 1'b1};
-      5'd6:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b0};
-      5'd7:    step = '{op: OpScale, low: 1'b0, axis: 1'b0};
-      5'd8:    step = '{op: OpIntegrate, low: 1'b0, axis: 1'b1};
-      5'd9:    step = '{op: OpScale, low: 1'b0, axis: 1'b1};
-      5'd11:   step = '{op: OpMix, low: 1'b1, axis: 1'b0};
-      5'd12:   step = '{op: OpState, low: 1'b1, axis: 1'b0};
-      5'd13:   step = '{op: OpMix, low: 1'b1, axis: 1'b1};
-      5'd15:   step = '{op: OpInput, low: 1'b1, axis: 1'b0};
-      5'd16:   step = '{op: OpState, low: 1'b1, axis: 1'b1};
-      5'd17:   step = '{op: OpInput, low: 1'b1, axis: 1'b1};
-      5'd19:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b0};
-      5'd21:   step = '{op: OpIntegrate, low: 1'b1, axis: 1'b1};
-      default: step = '{op: OpNone, low: 1'b0, axis: 1'b0};
+    unique case (clock_q[5:1])
+      5'd1:    step_d.op = OpState;
+      5'd2:    step_d.op = OpInput;
+      5'd5:    step_d.op = OpScale;
+      5'd6:    step_d.op = OpIntegrate;
+      5'd9:    step_d.op = OpMix;
+      5'd12:   step_d.op = OpState;
+      5'd13:   step_d.op = OpInput;
+      5'd16:   step_d.op = OpIntegrate;
+      default: step_d.op = OpNone;
     endcase
+    step_d.low  = clock_q[5:1] >= 5'd12;
+    step_d.axis = clock_q[0];
+    unique case (clock_q[5:1])
+      5'd1:    early.add = AddCurrent;
+      5'd4:    early.add = AddInput;
+      5'd5:    early.add = AddDouble1;
+      5'd7:    early.add = AddScale;
+      5'd8:    early.add = AddIntegrate;
+      5'd9:    early.add = AddDouble2;
+      5'd11:   early.add = AddMix;
+      5'd12:   early.add = AddMixed;
+      5'd15:   early.add = AddInput;
+      5'd16:   early.add = AddDouble1;
+      5'd18:   early.add = AddIntegrate;
+      5'd19:   early.add = AddDouble2;
+      default: early.add = AddNone;
+    endcase
+    early.low  = clock_q[5:1] >= 5'd12;
+    early.axis = clock_q[0];
   end
 
   always_ff @(posedge clk_i) begin
-    tail_q  <= {tail_q[2:0], step};
+    step_q  <= step_d;
+    load_q  <= early;
+    add_q   <= load_q;
     valid_q <= clock_q == LastClock;
-    if (start) clock_q <= 5'd1;
+    if (start) clock_q <= FirstClock;
     else if (clock_q == LastClock) clock_q <= '0;
-    else if (clock_q != '0) clock_q <= clock_q + 5'd1;
+    else if (clock_q != '0) clock_q <= clock_q + 6'd1;
     if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
     if (rst_i) begin
       clock_q   <= '0;
-      tail_q    <= '0;
+      step_q    <= '0;
+      load_q    <= '0;
+      add_q     <= '0;
       valid_q   <= 1'b0;
       overrun_q <= '0;
     end
   end
 
-  // Operands. v1 and v2 are those of the filter in work, by axis.
-  sample_t [1:0] current_q;
-  state_t [1:0][1:0] s1_q, s2_q;  // [low][axis]
-  state_t [1:0] band_q, mixed_q, v1_q, v2_q;
+  // States of the first run after a clear are read as 0.
+  logic clear_q, fresh_q;
+
+  always_ff @(posedge clk_i) begin
+    if (start) begin
+      fresh_q <= clear_q || clear_i;
+      clear_q <= 1'b0;
+    end else if (clear_i) begin
+      clear_q <= 1'b1;
+    end
+    if (rst_i) clear_q <= 1'b1;
+  end
+
+  // Operands of the products: s1, v1, x. x is x - s2 of the filter in work or, between both, h.
+  typedef logic signed [24:0] operand_t;
+
+  (* ram_style = "distributed" *) operand_t operands[8];
+  logic [2:0] operand_address, operand_store;
+  operand_t operand, result, result_q;
   filter_t filter;
   sample_t reference;
-  logic signed [24:0] x;
+  logic negative_q, zero_q;  // h_d
 
-  assign filter = step.low ? low_i : band_i;
-  assign x = step.low ? 25'($signed(mixed_q[step.axis])) : 25'($signed({current_q[step.axis], 4'd0}));
+  always_comb begin
+    unique case (step_q.op)
+      OpState:            operand_address = {1'b0, step_q.low, step_q.axis};
+      OpInput, OpMix:     operand_address = {2'b11, step_q.axis};
+      default:            operand_address = {2'b10, step_q.axis};
+    endcase
+  end
+
+  assign operand = operands[operand_address];
+  assign filter  = step_q.low ? low_i : band_i;
 
   always_comb begin
     if (sine_i) reference = reference_i;
-    else if (band_q[0] == '0) reference = '0;
-    else reference = band_q[0][23] ? -18'sd65536 : 18'sd65536;
+    else if (zero_q) reference = '0;
+    else reference = negative_q ? -18'sd65536 : 18'sd65536;
   end
 
   // Shift of a mixed product beyond 2^-17: the sign is 2^16.
@@ -140,102 +209,163 @@ module fl_lock_in
 
   always_comb begin
     mac_o             = '0;
-    mac_o.enable      = step.op != OpNone;
-    mac_o.accumulator = step.axis;
-    mac_o.first       = step.op != OpNone && step.op != OpInput;
-    unique case (step.op)
+    mac_o.enable      = step_q.op != OpNone;
+    mac_o.accumulator = step_q.axis;
+    mac_o.first       = step_q.op != OpNone && step_q.op != OpInput;
+    if (step_q.op != OpNone && !(step_q.op == OpState && fresh_q)) mac_o.c = operand;
+    unique case (step_q.op)
       OpState: begin
         mac_o.x    = filter.a1;
-        mac_o.c    = 25'($signed(s1_q[step.low][step.axis]));
         mac_o.high = filter.fine;
         mac_o.half = filter.fine ? 5'd21 : 5'd16;
       end
-      OpInput: begin
-        mac_o.x = filter.a2;
-        mac_o.c = x - 25'($signed(s2_q[step.low][step.axis]));
-      end
+      OpInput: mac_o.x = filter.a2;
       OpIntegrate: begin
         mac_o.x    = filter.g;
-        mac_o.c    = 25'($signed(v1_q[step.axis]));
         mac_o.half = filter.fine ? 5'd21 : 5'd16;
       end
       OpScale: begin
         mac_o.x    = band_k_i;
-        mac_o.c    = 25'($signed(v1_q[step.axis]));
         mac_o.half = 5'd15;
       end
       OpMix: begin
         mac_o.x    = reference;
-        mac_o.c    = 25'($signed(band_q[step.axis]));
-        mac_o.half = 5'd16 - {1'b0, gain(step.axis, sine_i, shift_i)};
+        mac_o.half = 5'd16 - {1'b0, gain(step_q.axis, sine_i, shift_i)};
       end
       default: ;
     endcase
   end
 
-  // Results: of a filter, and of the mixer, whose shift is a setting. What they depend on is known a clock before.
-  step_t done, after;
-  sum_t scaled, offset, result, mixed, doubled1, doubled2;
-  logic clip, clip_q, fine_q, scale_q, integrate_q;
-  logic [4:0] mix_shift_q;
+  // Shift by 9 to 17 or 22: 9 with 0, 4, 8 or 13 more, then 0 to 3.
+  localparam int unsigned LeastShift = 9;
+  localparam int unsigned ShiftedBits = SumBits - LeastShift;
 
-  assign done  = tail_q[2];
-  assign after = tail_q[3];
+  logic [3:0] more;
+  logic signed [ShiftedBits-1:0] raw, shifted_q;
+  logic [1:0] rest_q;
+  logic over;
 
-  always_ff @(posedge clk_i) begin
-    fine_q      <= tail_q[1].low ? low_i.fine : band_i.fine;
-    scale_q     <= tail_q[1].op == OpScale;
-    integrate_q <= tail_q[1].op == OpIntegrate;
-    mix_shift_q <= 5'd17 - {1'b0, gain(tail_q[1].axis, sine_i, shift_i)};
-  end
+  assign raw = ShiftedBits'(sum_i >>> LeastShift);
 
   always_comb begin
-    if (scale_q) scaled = sum_i >>> 16;
-    else scaled = fine_q ? sum_i >>> 22 : sum_i >>> 17;
-    offset = integrate_q ? sum_t'($signed(s2_q[done.low][done.axis])) : '0;
-    result = scaled + offset;
-    mixed  = sum_i >>> mix_shift_q;
-  end
-
-  assign doubled1 = (sum_t'($signed(v1_q[after.axis])) <<< 1) - sum_t'($signed(s1_q[after.low][after.axis]));
-  assign doubled2 = (sum_t'($signed(v2_q[after.axis])) <<< 1) - sum_t'($signed(s2_q[after.low][after.axis]));
-
-  always_comb begin
-    clip = (done.op == OpMix) ? clips(mixed) : done.op != OpNone && done.op != OpState && clips(result);
-    if (after.op == OpIntegrate) clip = clip || clips(doubled1) || clips(doubled2);
-  end
-
-  state_t error_q, magnitude_q;
-  logic [15:0] clipped_q;
-
-  always_ff @(posedge clk_i) begin
-    if (start) current_q <= current_i;
-    unique case (done.op)
-      OpInput:     v1_q[done.axis] <= sat_state(result);
-      OpIntegrate: v2_q[done.axis] <= sat_state(result);
-      OpScale:     band_q[done.axis] <= sat_state(result);
-      OpMix:       mixed_q[done.axis] <= sat_state(mixed);
-      default:     ;
+    unique case (early.add)
+      AddScale: more = 4'd7;
+      AddMix:   more = 4'd8 - gain(early.axis, sine_i, shift_i);
+      default:  more = (early.low ? low_i.fine : band_i.fine) ? 4'd13 : 4'd8;
     endcase
-    if (after.op == OpIntegrate) begin
-      s1_q[after.low][after.axis] <= sat_state(doubled1);
-      s2_q[after.low][after.axis] <= sat_state(doubled2);
+  end
+
+  always_ff @(posedge clk_i) begin
+    unique case (more[3:2])
+      2'd0: shifted_q <= raw;
+      2'd1: shifted_q <= raw >>> 4;
+      2'd2: shifted_q <= raw >>> 8;
+      2'd3: shifted_q <= raw >>> 13;
+    endcase
+    rest_q <= (more[3:2] == 2'd3) ? 2'd0 : more[1:0];
+  end
+
+  // Beyond 25 bits after the rest of the shift.
+  always_comb begin
+    over = shifted_q[ShiftedBits-2:27] != {(ShiftedBits - 28) {shifted_q[ShiftedBits-1]}};
+    for (int unsigned i = 0; i < 3; i++)
+    if (rest_q <= 2'(i) && shifted_q[24+i] != shifted_q[ShiftedBits-1]) over = 1'b1;
+  end
+
+  // Operands of the adder.
+  (* ram_style = "distributed" *) state_t states[8];  // {s2, low, axis}
+  logic second, subtract;
+  state_t state;
+  operand_t left_q, right_q;
+  logic carry_q, over_q, over_negative_q, use_state;
+
+  assign second = load_q.add != AddDouble1;
+  assign state  = states[{second, load_q.low, load_q.axis}];
+  assign subtract = load_q.add == AddCurrent || load_q.add == AddMixed || load_q.add == AddDouble1 ||
+      load_q.add == AddDouble2;
+  assign use_state = (subtract || load_q.add == AddIntegrate) && !fresh_q;
+
+  always_ff @(posedge clk_i) begin
+    unique case (load_q.add)
+      AddCurrent:             left_q <= 25'($signed({current_i[load_q.axis], 4'd0}));
+      AddMixed:               left_q <= result_q;
+      AddDouble1, AddDouble2: left_q <= result_q <<< 1;
+      default:                left_q <= 25'(shifted_q >>> rest_q);
+    endcase
+    over_q <= over && (load_q.add == AddInput || load_q.add == AddScale || load_q.add == AddIntegrate ||
+        load_q.add == AddMix);
+    over_negative_q <= shifted_q[ShiftedBits-1];
+    right_q <= (use_state ? 25'(state) : 25'sd0) ^ {25{subtract}};
+    carry_q <= subtract;
+  end
+
+  // Sum, limited to 24 bits but for the differences, which fit.
+  logic signed [25:0] sum;
+  logic limited, clip, negative;
+
+  assign sum      = 26'(left_q) + 26'(right_q) + 26'($signed({1'b0, carry_q}));
+  assign limited  = add_q.add != AddNone && add_q.add != AddCurrent && add_q.add != AddMixed;
+  assign clip     = limited && (over_q || sum[25:23] != {3{sum[25]}});
+  assign negative = over_q ? over_negative_q : sum[25];
+  assign result   = clip ? {{2{negative}}, {23{!negative}}} : sum[24:0];
+
+  logic store_state, store_operand;
+
+  always_comb begin
+    store_state   = add_q.add == AddDouble1 || add_q.add == AddDouble2;
+    store_operand = 1'b1;
+    unique case (add_q.add)
+      AddDouble1:                     operand_store = {1'b0, add_q.low, add_q.axis};
+      AddInput:                       operand_store = {2'b10, add_q.axis};
+      AddCurrent, AddMixed, AddScale: operand_store = {2'b11, add_q.axis};
+      default: begin
+        operand_store = {2'b11, add_q.axis};
+        store_operand = 1'b0;
+      end
+    endcase
+  end
+
+  always_ff @(posedge clk_i) begin
+    result_q <= result;
+    if (store_operand) operands[operand_store] <= result;
+    if (store_state) states[{add_q.add==AddDouble2, add_q.low, add_q.axis}] <= result[23:0];
+  end
+
+  // Results.
+  state_t error_q, magnitude_q;
+  sample_t [1:0] hf_q;
+  logic [15:0] clipped_q;
+  logic clip_q, hf_valid_q, is_hf_q, hf_axis_q;
+
+  // Band-passed current in the format of currents, rounded half up.
+  function automatic sample_t to_sample(operand_t y);
+    return sat_sample(32'(y >>> 4) + 32'($signed({1'b0, y[3]})));
+  endfunction
+
+  always_ff @(posedge clk_i) begin
+    if (add_q.add == AddIntegrate && add_q.low) begin
+      if (add_q.axis) error_q <= result[23:0];
+      else magnitude_q <= result[23:0];
     end
-    if (clock_q == LastClock) {error_q, magnitude_q} <= {sat_state(result), v2_q[0]};
+    is_hf_q    <= add_q.add == AddScale;
+    hf_axis_q  <= add_q.axis;
+    hf_valid_q <= is_hf_q && hf_axis_q;
+    if (is_hf_q) hf_q[hf_axis_q] <= to_sample(result_q);
+    if (is_hf_q && !hf_axis_q) begin
+      negative_q <= result_q[23];
+      zero_q     <= result_q == '0;
+    end
 
-    clip_q <= !start && (clip_q || clip);
-    if (valid_q && (clip_q || clip) && clipped_q != '1) clipped_q <= clipped_q + 16'd1;
-
-    if (clear_i || rst_i) begin
-      s1_q <= '0;
-      s2_q <= '0;
+    // The last sum of a run tells whether it was clipped.
+    clip_q <= clip_q || clip;
+    if (add_q.add == AddDouble2 && add_q.low && add_q.axis) begin
+      clip_q <= 1'b0;
+      if ((clip_q || clip) && clipped_q != '1) clipped_q <= clipped_q + 16'd1;
     end
     if (rst_i) begin
-      current_q   <= '0;
-      v1_q        <= '0;
-      v2_q        <= '0;
-      band_q      <= '0;
-      mixed_q     <= '0;
+      hf_q        <= '0;
+      is_hf_q     <= 1'b0;
+      hf_valid_q  <= 1'b0;
       error_q     <= '0;
       magnitude_q <= '0;
       clip_q      <= 1'b0;
@@ -243,12 +373,8 @@ module fl_lock_in
     end
   end
 
-  // Band-passed current in the format of currents, rounded half up.
-  function automatic sample_t to_sample(state_t y);
-    return sat_sample(32'(y >>> 4) + 32'($signed({1'b0, y[3]})));
-  endfunction
-
-  assign hf_o        = {to_sample(band_q[1]), to_sample(band_q[0])};
+  assign hf_o        = hf_q;
+  assign hf_valid_o  = hf_valid_q;
   assign busy_o      = clock_q != '0;
   assign valid_o     = valid_q;
   assign error_o     = error_q;

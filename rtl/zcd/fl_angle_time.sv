@@ -6,7 +6,8 @@
 // x is a quotient of 16 bits from the divider that the crossing's interpolation uses too (fl_interpolator with
 // gap = 2^16 - 1, before = value, after = peak - value); asin is a table of 128 segments with straight lines between.
 //
-// Formats: value and peak in the same unit, magnitudes; interval and distance in clocks. x at and beyond 125/128
+// Formats: value and peak in the same unit, magnitudes; interval and distance in clocks. distance = distance_o + half_o:
+// the rounding is left to the sum that it goes into. x at and beyond 125/128
 // (linear: beyond 1) saturates: distance is that of the limit (1.29, linear 0.5 intervals), saturated_o comes with it;
 // nothing wraps. Error for x <= 0.95: at most interval * 3.2e-4 (0.02 degrees) + 1 clock; up to the limit
 // interval * 1.1e-3 + 1 clock.
@@ -31,80 +32,85 @@ module fl_angle_time #(
     input  logic [15:0] div_offset_i,
     output logic        busy_o,
     output logic        valid_o,
-    output logic [24:0] distance_o,    // clocks
+    output logic [24:0] distance_o,    // clocks, rounded down
+    output logic        half_o,        // one more
     output logic        saturated_o
 );
 
-  import fl_asin_pkg::AsinQ16;
-  import fl_asin_pkg::AsinLast;
+  import fl_asin_pkg::*;
 
   typedef enum logic [2:0] {
     Idle,
-    Divide,    // x is being found
-    Node,      // table: node below x
-    NextNode,  // table: node above x
-    Line,      // product of the slope
-    Sum,       // angle in intervals
-    Scale      // times the interval
+    Divide,  // x is being found
+    Read,    // table: line at x
+    Line,    // product of the slope
+    Sum,     // angle in intervals
+    Scale,   // times the interval, in two parts
+    Add      // of them
   } state_e;
 
   state_e state_q;
   logic [15:0] x_q;  // Q16
   logic [23:0] interval_q;
   logic linear_q, saturated_q, valid_q;
-  logic [16:0] node_q, node;  // Q16 intervals
-  logic [6:0] address_q;  // in the table
+  logic [6:0] address;  // in the table
+  asin_line_t entry_q;
+  logic [16:0] start_q;  // of the line
   logic [23:0] factor_q;  // rise of the line, then the interval
   logic [16:0] scale_q;  // place on the line, then the angle in intervals
-  logic [40:0] product_q;
+  logic [28:0] low_q, high_q;  // products of the scale with 12 bits of the factor each
+  logic [25:0] distance_q;  // clocks and a half
   logic beyond;
 
   assign beyond = value_i >= peak_i;
-  assign node   = AsinQ16[address_q];
+
+  // The memory's output has a register before the multiplier: both are slow.
+  assign address = (start_i || div_offset_i[15:9] >= AsinLast) ? AsinLast : div_offset_i[15:9];
+
+  always_ff @(posedge clk_i) begin
+    entry_q <= AsinLines[address];
+  end
 
   always_ff @(posedge clk_i) begin
     valid_q <= 1'b0;
     unique case (state_q)
       Idle:    ;
       Divide: begin
-        x_q       <= div_offset_i;
-        address_q <= (div_offset_i[15:9] < AsinLast) ? div_offset_i[15:9] : AsinLast;
+        x_q <= div_offset_i;
         if (div_valid_i) begin
           saturated_q <= div_offset_i[15:9] >= AsinLast && !linear_q;
-          state_q     <= Node;
+          state_q     <= Read;
         end
       end
-      Node: begin
-        node_q <= node;
-        if (!saturated_q) address_q <= address_q + 7'd1;
-        state_q <= NextNode;
-      end
-      NextNode: begin
-        factor_q <= 24'(node - node_q);
+      Read: begin
+        factor_q <= 24'(entry_q.rise);
+        start_q  <= entry_q.start;
         scale_q  <= 17'(x_q[8:0]);
         state_q  <= Line;
       end
       Line:    state_q <= Sum;
       Sum: begin
-        if (!linear_q) scale_q <= node_q + 17'((product_q + 41'd256) >> 9);
+        if (!linear_q) scale_q <= start_q + 17'((low_q + 29'd256) >> 9);
         else scale_q <= saturated_q ? 17'h08000 : {2'b0, x_q[15:1]};
         factor_q <= interval_q;
         state_q  <= Scale;
       end
-      Scale: begin
+      Scale:   state_q <= Add;
+      Add: begin
         valid_q <= 1'b1;
         state_q <= Idle;
       end
       default: state_q <= Idle;
     endcase
-    if (state_q == Line || state_q == Scale) product_q <= 41'(factor_q) * 41'(scale_q);
+    low_q  <= 29'(factor_q[11:0]) * 29'(scale_q);
+    high_q <= 29'(factor_q[23:12]) * 29'(scale_q);
+    if (state_q == Add) distance_q <= 26'(({high_q, 12'd0} + 41'(low_q)) >> 15);
     if (start_i) begin
       interval_q  <= interval_i;
       linear_q    <= linear_i;
       saturated_q <= beyond;
-      address_q   <= AsinLast;
       valid_q     <= 1'b0;
-      state_q     <= beyond ? Node : Divide;
+      state_q     <= beyond ? Read : Divide;
     end
     if (rst_i) begin
       state_q <= Idle;
@@ -117,7 +123,8 @@ module fl_angle_time #(
   assign div_after_o  = peak_i - value_i;
   assign busy_o       = state_q != Idle;
   assign valid_o      = valid_q;
-  assign distance_o   = 25'((product_q + 41'h8000) >> 16);
+  assign distance_o   = distance_q[25:1];
+  assign half_o       = distance_q[0];
   assign saturated_o  = saturated_q;
 
 endmodule

@@ -1,7 +1,8 @@
 // Time of a crossing that fl_zcd has found: direct, interpolated, averaged, or computed back.
 //
 // Samples come with count_i when they count for the visit, in order of time: those before the crossing, the crossing
-// sample itself (with crossing_i), those after it. rel is the value against the threshold.
+// sample itself (with crossing_i), those after it. rel is the value against the threshold; time, rel and past stay for
+// the clock after count_i too.
 //   direct        t = time of the crossing sample: late crossings, method FIRST, gaps above 65535 clocks
 //   interpolated  t = t_before + gap * |rel_before| / (|rel_before| + |rel|), the straight line across the gap
 //   averaged      t = mean of t_i -+ d(|rel_i|), 4 samples before and 4 after, else 2 and 2 (d: fl_angle_time);
@@ -39,7 +40,7 @@ module fl_crossing_time
     input logic           count_i,
     input logic           crossing_i,      // with count_i
     input logic           open_i,          // with count_i: the visit's crossing is still to come
-    input logic           rising_i,
+    input logic           past_i,          // at or past the threshold
     input sector_t        sector_i,
     input stamp_t         time_i,
     input sample_t        rel_i,
@@ -67,6 +68,11 @@ module fl_crossing_time
     return value[17] ? 17'(-value) : 17'(value);
   endfunction
 
+  // x + y + carry in one adder.
+  function automatic logic signed [31:0] plus(logic signed [31:0] x, logic signed [31:0] y, logic carry);
+    return 32'(({x, 1'b1} + {y, carry}) >> 1);
+  endfunction
+
   typedef enum logic [2:0] {
     Idle,
     Interpolate,  // the divider runs
@@ -78,19 +84,19 @@ module fl_crossing_time
 
   state_e state_d, state_q;
 
-  // Samples around the crossing: 0..3 before it (a ring), 4..7 after it.
+  // Samples around the crossing: 0..7 before it (a ring, four are used), 8..11 after it. A sample is written where it would
+  // belong, whether it is before the crossing shows later; that of the crossing comes once more, as the first one after.
   localparam int unsigned EntryBits = 32 + 17 + 1;
-  (* ram_style = "distributed" *) logic [EntryBits-1:0] store[8];
+  (* ram_style = "distributed" *) logic [EntryBits-1:0] store[16];
   logic [EntryBits-1:0] entry_q;
-  logic [1:0] newest_q;  // place of the last one before
+  logic [2:0] newest_q;  // place of the last one before
   logic [2:0] before_q, after_q;  // samples stored, 0..4
   logic [2:0] before_next;
-  logic store_we;
-  logic [2:0] store_address;
-  logic take_before, take_after, past;
-  logic [16:0] size;
+  logic [3:0] store_address;
+  logic take_before, take_after;
+  logic [16:0] size, before_size_q;
 
-  logic late, can_interpolate, can_angle;
+  logic late, can_interpolate, can_angle, begun_q;  // begun: the clock after crossing_i
   logic busy, interpolated;
   logic [15:0] offset;
 
@@ -98,20 +104,22 @@ module fl_crossing_time
   assign can_interpolate = method_i != ZcFirst && !late && !gap_long_i;
   assign can_angle       = known_i && peak_i != '0;
   assign size            = magnitude(rel_i);
-  assign past            = rising_i ? !rel_i[17] : (rel_i[17] || rel_i == '0);
 
   assign take_before     = count_i && open_i && !crossing_i;
   assign take_after      = count_i && !open_i && !crossing_i && after_q != 3'd4;
   assign before_next     = first_i ? 3'd0 : before_q;
 
   // The ring turns with every sample before the crossing.
-  assign store_we        = take_before || take_after || crossing_i;
-  assign store_address   = take_before ? {1'b0, newest_q + 2'd1} : {1'b1, crossing_i ? 2'd0 : after_q[1:0]};
+  always_comb begin
+    if (begun_q) store_address = 4'd8;
+    else if (open_i) store_address = {1'b0, newest_q + 3'd1};
+    else store_address = {1'b1, after_q};
+  end
 
   always_ff @(posedge clk_i) begin
-    if (store_we) store[store_address] <= {past, size, time_i};
+    if (count_i || begun_q) store[store_address] <= {past_i, size, time_i};
     if (take_before) begin
-      newest_q <= newest_q + 2'd1;
+      newest_q <= newest_q + 3'd1;
       before_q <= (before_next == 3'd4) ? 3'd4 : before_next + 3'd1;
       after_q  <= 3'd4;
     end
@@ -128,10 +136,14 @@ module fl_crossing_time
   logic late_q, direct_q, average_q;
   sector_t sector_q;
   sample_t before_rel_q, value_after_q, value_before_q;
-  stamp_t base_q;
+  stamp_t base_q, correction, corrected;
+  logic correction_carry, interpolate_q, back_q, report_q;  // state_q is Interpolate, Back, Report
 
   always_ff @(posedge clk_i) begin
-    if (take_before) before_rel_q <= rel_i;
+    if (take_before) begin
+      before_rel_q  <= rel_i;
+      before_size_q <= size;
+    end
     if (crossing_i) begin
       late_q         <= late;
       average_q      <= method_i == ZcAveraged && before_q >= 3'd2 && can_angle;
@@ -140,7 +152,7 @@ module fl_crossing_time
       value_before_q <= late ? '0 : before_rel_q;
       base_q         <= can_interpolate ? before_time_i : time_i;
     end else if (interpolated && state_q == Interpolate) begin
-      base_q <= base_q + stamp_t'(offset);
+      base_q <= corrected;
     end
   end
 
@@ -149,7 +161,8 @@ module fl_crossing_time
   logic [7:0] there, open_work;
   logic [2:0] pick, pick_q;
   logic first_half, all_four, first_failed_q, second_failed_q, wait_over_q, enough, last_four_q;
-  logic signed [31:0] sum_first_q, sum_second_q, sum_eight_q, since_base_q, addend, mean;
+  logic signed [31:0] sum_first_q, sum_eight_q, since_base_q, addend, mean;
+  logic carry, half;  // that the addend lacks
   logic angle_start, angle_started_q, angle_first_q, angle_valid, angle_done, angle_saturated;
   logic [24:0] distance;
   stamp_t elapsed;
@@ -184,13 +197,18 @@ module fl_crossing_time
   assign enough = first_failed_q || (first_half && (!all_four || done_q == '1 || second_failed_q));
   assign elapsed = now_i - base_q;
 
-  // t_i - base_q -+ distance; sign by the side on which the sample lies. The time is added while the distance is worked
-  // out: a sum that lacks a distance is not used.
+  // t_i - base_q -+ distance; sign by the side on which the sample lies, -(x + h) = ~x + !h. The time is added while the
+  // distance is worked out: a sum that lacks a distance is not used. Sums begin with half their number.
   always_comb begin
-    if (angle_first_q) addend = since_base_q;
-    else addend = entry_q[EntryBits-1] ? -$signed({7'd0, distance}) : $signed({7'd0, distance});
+    if (angle_first_q) begin
+      addend = since_base_q;
+      carry  = 1'b0;
+    end else begin
+      addend = {32{entry_q[EntryBits-1]}} ^ {7'd0, distance};
+      carry  = entry_q[EntryBits-1] ^ half;
+    end
   end
-  assign mean = last_four_q ? sum_eight_q >>> 3 : (sum_first_q + 32'sd2) >>> 2;
+  assign mean = last_four_q ? sum_eight_q >>> 3 : sum_first_q >>> 2;
 
   logic busy_average;
   assign busy_average = state_q == Choose || state_q == Angle || state_q == Report;
@@ -229,19 +247,23 @@ module fl_crossing_time
 
   always_ff @(posedge clk_i) begin
     state_q         <= state_d;
+    begun_q         <= crossing_i;
+    interpolate_q   <= state_d == Interpolate;
+    back_q          <= state_d == Back;
+    report_q        <= state_d == Report;
     direct_q        <= crossing_i && state_d == Idle;
     // What the unit still worked on for a crossing that is gone is not taken.
     angle_started_q <= (state_q == Back || state_q == Angle) && state_d == state_q && !crossing_i;
     if (state_q == Choose) begin
       pick_q  <= pick;
-      entry_q <= store[pick[2]?pick : {1'b0, newest_q-pick[1:0]}];
+      entry_q <= store[pick[2]?{2'b10, pick[1:0]} : {1'b0, newest_q-{1'b0, pick[1:0]}}];
     end
     if (crossing_i) entry_q[48:32] <= size;  // computed back: that of the crossing sample
     since_base_q  <= $signed(entry_q[31:0] - base_q);
     angle_first_q <= state_q == Angle && angle_start && !crossing_i;
     if (angle_first_q || (state_q == Angle && angle_done)) begin
-      if (pick_q[1]) sum_second_q <= sum_second_q + addend;
-      else sum_first_q <= sum_first_q + addend;
+      sum_eight_q <= plus(sum_eight_q, addend, carry);
+      if (!pick_q[1]) sum_first_q <= plus(sum_first_q, addend, carry);
     end
     if (state_q == Angle && angle_done) begin
       done_q[pick_q] <= 1'b1;
@@ -249,7 +271,6 @@ module fl_crossing_time
       if (angle_saturated && !pick_q[1]) first_failed_q <= 1'b1;
     end
     last_four_q <= done_q == '1 && !second_failed_q;
-    sum_eight_q <= sum_first_q + sum_second_q + 32'sd4;
     // Wait limit: interval * wait_q8 by shifts while the divider runs; then the clock decides.
     if (wait_count_q != 4'd0) begin
       wait_count_q <= wait_count_q - 4'd1;
@@ -257,19 +278,19 @@ module fl_crossing_time
       limit_q      <= (limit_q >> 1) + (wait_q[0] ? {1'b0, interval_i, 7'd0} : 32'd0);
     end
     if (busy_average && (elapsed >= 32'(limit_q[31:8]) && !elapsed[31] || comm_applied_i)) wait_over_q <= 1'b1;
-    if (crossing_i) begin
+    // Used when the interpolation is done at the earliest.
+    if (begun_q) begin
       done_q          <= '0;
-      sum_first_q     <= '0;
-      sum_second_q    <= '0;
+      sum_first_q     <= 32'sd2;
+      sum_eight_q     <= 32'sd4;
       first_failed_q  <= 1'b0;
       second_failed_q <= 1'b0;
       wait_over_q     <= 1'b0;
       limit_q         <= '0;
       wait_q          <= wait_q8_i;
       wait_count_q    <= 4'd8;
-    end else if (comm_applied_i) begin
-      wait_over_q <= 1'b1;
     end
+    if (comm_applied_i && !crossing_i) wait_over_q <= 1'b1;
     if (rst_i) begin
       state_q  <= Idle;
       direct_q <= 1'b0;
@@ -301,6 +322,7 @@ module fl_crossing_time
       .busy_o      (),
       .valid_o     (angle_valid),
       .distance_o  (distance),
+      .half_o      (half),
       .saturated_o (angle_saturated)
   );
 
@@ -313,7 +335,7 @@ module fl_crossing_time
       .start_i (start_interpolation || div_start),
       .abort_i (start_interpolation || div_start),
       .gap_i   (start_interpolation ? gap_i : '1),
-      .before_i(start_interpolation ? magnitude(before_rel_q) : div_before),
+      .before_i(start_interpolation ? before_size_q : div_before),
       .after_i (start_interpolation ? size : div_after),
       .busy_o  (busy),
       .valid_o (interpolated),
@@ -321,22 +343,32 @@ module fl_crossing_time
   );
 
   // Report.
-  logic report_interpolated, report_back, report_mean, back_taken, mean_taken, emit;
+  logic report_interpolated, report_back, report_mean, back_right, back_taken, mean_taken, emit;
 
   assign report_interpolated = state_q == Interpolate && interpolated && !average_q;
   assign report_back         = state_q == Back && angle_done;
   assign report_mean         = state_q == Report;
-  assign back_taken          = report_back && (linear_i || !angle_saturated);
+  assign back_right          = linear_i || !angle_saturated;
+  assign back_taken          = report_back && back_right;
   assign mean_taken          = report_mean && first_half;
   assign emit                = direct_q || report_interpolated || report_back || report_mean;
+
+  // One sum for all of them; the interpolated time is also the base of the mean.
+  always_comb begin
+    correction       = '0;
+    correction_carry = 1'b0;
+    if (interpolate_q) correction = stamp_t'(offset);
+    else if (back_q && back_right) begin
+      correction       = ~stamp_t'(distance);
+      correction_carry = !half;
+    end else if (report_q && first_half) correction = stamp_t'(mean);
+  end
+  assign corrected = stamp_t'(plus($signed(base_q), $signed(correction), correction_carry));
 
   always_ff @(posedge clk_i) begin
     zc_valid_o <= emit;
     if (emit) begin
-      zc_time_o <= base_q;
-      if (report_interpolated) zc_time_o <= base_q + stamp_t'(offset);
-      if (back_taken) zc_time_o <= base_q - stamp_t'(distance);
-      if (mean_taken) zc_time_o <= base_q + stamp_t'(mean);
+      zc_time_o         <= corrected;
       zc_late_o         <= late_q;
       zc_back_o         <= back_taken;
       zc_averaged_o     <= mean_taken;

@@ -122,19 +122,20 @@ module fl_zcd
   end
 
   // Stage 1: pick the sector's channel and threshold. The mean of the terminals takes two clocks more:
-  // sum / 3 = sum * 0x55555 / 2^20, which is the exactly rounded quotient for every sum of three samples.
+  // sum / 3 = sum * 0x55555 / 2^20, which is the exactly rounded quotient for every sum of three samples. With sum =
+  // 4 h + l: sum * 0x55555 = 2^4 h * 0x15555 + sum + 4 l * 0x15555, one multiplier for h's 18 bits.
+  localparam logic [20:0] ThirdLow[4] = '{21'h080000, 21'h0D5554, 21'h12AAA8, 21'h17FFFC};  // 2^19 + 4 l * 0x15555
   logic mean_q, third_q, wait1_q, wait2_q, fresh_q, valid1_q, valid2_q, valid3_q;
   sample_t value_q, vdc_q;
   logic signed [19:0] sum_q;
-  logic signed [22:0] sum_x5;
-  logic signed [26:0] sum_x85_q;
+  logic signed [34:0] third_high_q;
+  logic signed [21:0] third_low_q;  // and half a unit
   logic signed [39:0] third_product;
   logic [16:0] threshold1_q;
   stamp_t time_q;
   pwm_state_t pwm_q;
 
-  assign sum_x5        = (23'(sum_q) <<< 2) + 23'(sum_q);
-  assign third_product = (40'(sum_x85_q) <<< 8) + 40'(sum_x85_q) + (40'(sum_x5) <<< 16);
+  assign third_product = (40'(third_high_q) <<< 4) + 40'(third_low_q);
   assign valid1_q      = mean_q ? wait2_q : fresh_q;
 
   always_ff @(posedge clk_i) begin
@@ -143,8 +144,9 @@ module fl_zcd
     wait2_q   <= wait1_q;
     valid2_q  <= valid1_q;
     valid3_q  <= valid2_q;
-    sum_x85_q <= (27'(sum_x5) <<< 4) + 27'(sum_x5);
-    if (wait1_q) value_q <= sample_t'((third_product + 40'sh80000) >>> 20);
+    third_high_q <= 35'($signed(sum_q[19:2])) * 35'sh15555;
+    third_low_q  <= 22'(sum_q) + $signed({1'b0, ThirdLow[sum_q[1:0]]});
+    if (wait1_q) value_q <= sample_t'(third_product >>> 20);
     if (sample_valid_i && enable_q) begin
       value_q      <= (source_q == ZcStarPoint) ? sample_i[StarChannel] : sample_i[floating_phase(sample_pwm_i.sector)];
       sum_q        <= 20'(sample_i[0]) + 20'(sample_i[1]) + 20'(sample_i[2]);
@@ -169,20 +171,32 @@ module fl_zcd
 
   // Stage 2: threshold product, limits, ages, distances to the sample before and to the last one that counted.
   logic signed [35:0] product_q;
-  logic signed [18:0] low_q, high_q;  // value - margin, value + margin
-  logic signed [20:0] low, high, low_limit, high_limit;
+  // Clamped: low < 0, of the third harmonic low + (2 low - vdc) < 0; room < 0, of the third harmonic 2 room < high, which
+  // is room + floor(-high / 2) < 0.
+  logic signed [18:0] low, low_q, high;  // value - margin, value + margin
+  logic signed [19:0] room, room_q;  // vdc - high
+  logic signed [20:0] low_more_q;
+  logic low_below, room_below;
+  logic signed [17:0] room_more_q;
+  logic room_carry_q;
   logic aged_q, long_q, gap_long_q;
   logic [15:0] since_q, gap_q;  // clocks
   stamp_t previous_time_q, before_time_q, since, gap;
 
+  assign low   = 19'(value_q) - 19'($signed({1'b0, margin_q}));
+  assign high  = 19'(value_q) + 19'($signed({1'b0, margin_q}));
+  assign room  = 20'(vdc_q) - 20'(high);
   assign since = time_q - previous_time_q;
   assign gap   = time_q - before_time_q;
 
   always_ff @(posedge clk_i) begin
     if (valid1_q) begin
       product_q  <= 36'(vdc_q) * 36'($signed({1'b0, threshold1_q}));
-      low_q      <= 19'(value_q) - 19'($signed({1'b0, margin_q}));
-      high_q     <= 19'(value_q) + 19'($signed({1'b0, margin_q}));
+      low_q      <= low;
+      room_q     <= room;
+      low_more_q   <= third_q ? (21'(low) <<< 1) - 21'(vdc_q) : '0;
+      room_more_q  <= third_q ? ~high[18:1] : '0;
+      room_carry_q <= third_q && !high[0];
       aged_q     <= pwm_q.on && pwm_q.age >= settle_q && pwm_q.comm_age >= blank_q;
       long_q     <= since[31:16] != '0;
       since_q    <= since[15:0];
@@ -195,24 +209,28 @@ module fl_zcd
   logic known_q, applied_q;  // known: there is a sample before since enabling
   sector_t previous_sector_q;
   sample_t rel_q;
-  logic clamped_q, same_state_q, new_visit_q;
+  logic clamped_q, same_state_q, new_visit_q, zero, zero_q;  // zero: of rel
+  sample_t below;
   logic same_sector, visit_break;
+
+  // rel is value + below, and 1 unless it is rounded: 0 where all bits differ, or where each sum is the carry that the bits
+  // below it give, with no chain through the bits.
+  assign below       = ~product_q[34:17];
+  assign zero        = (value_q ^ below) == (product_q[16] ? {value_q[16:0] | below[16:0], 1'b0} : '1);
 
   assign same_sector = known_q && pwm_q.sector == previous_sector_q;
   // A pause of the sampler outlasts the 16-bit age: then only the commutation pulse tells.
   assign visit_break = long_q ? applied_q : pwm_q.comm_age < since_q;
 
-  // Third harmonic: both sides of the comparison three times as large.
-  assign low         = third_q ? (21'(low_q) <<< 1) + 21'(low_q) : 21'(low_q);
-  assign high        = third_q ? (21'(high_q) <<< 1) + 21'(high_q) : 21'(high_q);
-  assign low_limit   = third_q ? 21'(vdc_q) : 21'sd0;
-  assign high_limit  = third_q ? 21'(vdc_q) <<< 1 : 21'(vdc_q);
+  assign low_below   = 21'(low_q) + low_more_q < 21'sd0;
+  assign room_below  = 21'(room_q) + 21'(room_more_q) + 21'($signed({1'b0, room_carry_q})) < 21'sd0;
 
   always_ff @(posedge clk_i) begin
     if (comm_applied_i) applied_q <= 1'b1;
     if (valid2_q) begin
       rel_q <= 18'(19'(value_q) - 19'(product_q >>> 17) - 19'($signed({1'b0, product_q[16]})));
-      clamped_q <= low < low_limit || high > high_limit;
+      zero_q <= zero;
+      clamped_q <= low_below || room_below;
       same_state_q <= same_sector && !long_q && pwm_q.age >= since_q;
       new_visit_q <= !same_sector || visit_break;
       known_q <= 1'b1;
@@ -232,7 +250,7 @@ module fl_zcd
     rising      = pwm_q.sector[0] ^ reverse_q;
     run_before  = same_state_q ? run_q : '0;
     counts      = aged_q && !clamped_q && run_before >= need_q;
-    past        = rising ? !rel_q[17] : (rel_q[17] || rel_q == '0);
+    past        = rising ? !rel_q[17] : (rel_q[17] || zero_q);
     open        = new_visit_q || !done_q;
     have_before = !new_visit_q && have_before_q;
     count       = valid3_q && counts;
@@ -268,7 +286,7 @@ module fl_zcd
       .count_i       (count),
       .crossing_i    (crossing),
       .open_i        (open),
-      .rising_i      (rising),
+      .past_i        (past),
       .sector_i      (pwm_q.sector),
       .time_i        (time_q),
       .rel_i         (rel_q),

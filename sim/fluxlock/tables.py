@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 from fluxlock.paths import RTL
@@ -24,14 +25,21 @@ def asin_q16() -> list[int]:
 def asin_package() -> str:
     """Text of the package that holds the arc sine."""
     nodes = asin_q16()
-    rows = [", ".join(f"17'd{n}" for n in nodes[i : i + 9]) for i in range(0, len(nodes), 9)]
-    body = ",\n".join(f"    {row}" for row in rows)
-    return f"""// Arc sine in intervals of 60 degrees: node i is round(asin(i / {SEGMENTS}) / (pi / 3) * 2^16).
+    rises = [after - node for node, after in pairwise(nodes)] + [0]
+    words = [f"29'h{node << 12 | rise:08x}" for node, rise in zip(nodes, rises, strict=True)]
+    body = ",\n".join(f"    {', '.join(words[i : i + 8])}" for i in range(0, len(words), 8))
+    return f"""// Arc sine in intervals of 60 degrees, 2^16 = 1: lines from asin(i / {SEGMENTS}) / (pi / 3) to
+// the next; the last has no rise.
 // Written by `python -m fluxlock.tables`; a test checks it.
 package fl_asin_pkg;
 
+  typedef struct packed {{
+    logic [16:0] start;
+    logic [11:0] rise;
+  }} asin_line_t;
+
   localparam logic [6:0] AsinLast = 7'd{LAST};
-  localparam logic [16:0] AsinQ16[{LAST + 1}] = '{{
+  localparam logic [28:0] AsinLines[{LAST + 1}] = '{{
 {body}
   }};
 
