@@ -312,7 +312,7 @@ async def carry_is_bounded(dut: Dut) -> None:
 
 
 @cocotb.test()
-@cocotb.parametrize(period=[0x5555, 0xAAAA])
+@cocotb.parametrize(period=[0x5555, 0xAAAA, 0xFFFF])
 async def carry_is_bounded_at_long_periods(dut: Dut, period: int) -> None:
     """More than one period is owed, then more than one was given too much: one period of it is remembered."""
     tb = Chain(dut)

@@ -30,7 +30,6 @@ TESTS = (
     "config",
     "commission",
     "figures",
-    "campaign",
     "docs",
     "coverage",
     "flash",
