@@ -300,7 +300,9 @@ typedef struct {
   uint32_t tick;
   uint32_t state_ticks;  // since entry into the state, or into the phase of a start
   uint32_t calm_ticks;
+  uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   uint32_t failed_starts;
+  bool pulled_out;  // the last start failed because a load turned the rotor: it may be caught again
   uint32_t restarts;
   uint32_t lost_locks;  // since boot
   volatile uint32_t heard_tick;  // of the console's last line

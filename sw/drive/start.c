@@ -13,6 +13,8 @@
 #define CLEAR_SETTLE_TICKS 4u
 #define ALIGN_LEG_FIRST 0u
 #define ALIGN_LEG_SECOND 1u
+// 1 ms at 10 kHz; the current is filtered.
+#define ALIGN_PULLED_TICKS 10u
 #define HALVINGS_MAX 4u
 #define SQRT2_Q16 92682u
 #define INTERVAL_MAX 0xFFFFFFu
@@ -44,6 +46,7 @@ void start_begin(drive_t *drive) {
   drive->calm_ticks = 0;
   catch_reset(&drive->rotor);
   stuck_reset(&drive->stuck);
+  drive->pulled_ticks = 0;
   enter_phase(drive, START_COAST);
   // The edges are measured while the rotor coasts.
   drive->command.timer = drive->hall.driving ? COMMUTATION_HALL : COMMUTATION_OFF;
@@ -52,6 +55,7 @@ void start_begin(drive_t *drive) {
 
 void start_failed(drive_t *drive) {
   drive->failed_starts++;
+  drive->pulled_out = false;
   if (drive->failed_starts > (uint32_t)drive->p->start_retries) {
     drive_enter_fault(drive, FAULT_START_FAILED);
     return;
@@ -78,6 +82,11 @@ static void begin_lock(drive_t *drive) {
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
 #define STUCK_TICKS 500u
 
+// Channels that show an EMF without a rotor are given up. What a load has turned is no such failure.
+static bool may_catch(const drive_t *drive) {
+  return drive->settings.catch_rotor && (drive->failed_starts < CATCH_FAILURES_MAX || drive->pulled_out);
+}
+
 // The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.
 static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_rpm_q8) {
   const int32_t emf_q17 = gain_apply(speed_rpm_q8, drive->p->emf) / 256;
@@ -88,8 +97,7 @@ static bool plausible(const drive_t *drive, int32_t line_emf_q17, int32_t speed_
 static bool caught(drive_t *drive, const int32_t v_q17[PHASES], int32_t line_emf_q17) {
   const parameters_t *p = drive->p;
   int32_t mean_step = 0;
-  if (!drive->settings.catch_rotor || drive->failed_starts >= CATCH_FAILURES_MAX ||
-      line_emf_q17 < p->catch_v_q17) {
+  if (!may_catch(drive) || line_emf_q17 < p->catch_v_q17) {
     catch_reset(&drive->rotor);
     return false;
   }
@@ -133,8 +141,7 @@ static bool caught_by_edges(drive_t *drive) {
   const bool wrong = drive->hall.backward != (drive->settings.target_rpm < 0);
   const bool fast = wrong ? emf_v_q25 / 256 >= p->catch_v_q17 : m->speed_rpm_q8 >= p->handover_rpm * 256;
   const bool turning = m->speed_valid && !hall_rotor_slow(drive) && fast;
-  if (!drive->settings.catch_rotor || drive->failed_starts >= CATCH_FAILURES_MAX || !turning ||
-      m->speed_rpm_q8 / 256 > p->overspeed_rpm || m->vdc_v_q25 == 0) {
+  if (!may_catch(drive) || !turning || m->speed_rpm_q8 / 256 > p->overspeed_rpm || m->vdc_v_q25 == 0) {
     drive->calm_ticks = 0;
     return false;
   }
@@ -212,6 +219,19 @@ static void align(drive_t *drive, uint32_t leg, uint32_t rise_ticks) {
   }
   legs(drive, LEG_LOW, leg, LEG_PWM_HIGH);
   drive_apply_voltage(drive, u, true);
+}
+
+// A load that is stronger than the alignment turns the rotor; the standing voltage would brake it, with a current that grows
+// with its speed. With the gates off it coasts, and is caught. True: let go.
+static bool let_go(drive_t *drive) {
+  const bool over = drive->m.motor_q17 > drive->p->align_limit_q17;
+  drive->pulled_ticks = over ? drive->pulled_ticks + 1u : 0u;
+  if (drive->pulled_ticks < ALIGN_PULLED_TICKS) {
+    return false;
+  }
+  start_failed(drive);
+  drive->pulled_out = true;
+  return true;
 }
 
 // Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
@@ -356,12 +376,18 @@ COLD void start_step(drive_t *drive, const chip_snapshot_t *in) {
       }
       break;
     case START_ALIGN_FIRST:
+      if (let_go(drive)) {
+        break;
+      }
       align(drive, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
       if (drive->state_ticks >= (uint32_t)p->align_ticks) {
         enter_phase(drive, START_ALIGN_SECOND);
       }
       break;
     case START_ALIGN_SECOND:
+      if (let_go(drive)) {
+        break;
+      }
       align(drive, ALIGN_LEG_SECOND, 0);
       if (drive->state_ticks >= (uint32_t)p->align_ticks) {
         begin_ramp(drive);

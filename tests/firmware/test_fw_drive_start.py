@@ -145,3 +145,28 @@ def test_start_waits_for_a_spinning_rotor() -> None:
     assert bench.model.rpm < 6_500
     assert bench.until_state("running", 1.0)
     assert bench.trips == 0
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("phase", ["first", "second"])
+def test_alignment_lets_go_of_a_driven_rotor(direction: int, phase: str) -> None:
+    """A load stronger than the alignment turns the rotor: gates off within 12 ms, then it is caught and runs.
+
+    The standing voltage would brake it at growing current up to the trip.
+
+    Verifies: FW-52
+    """
+    bench = Bench()
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {direction * 40_000}")
+    bench.fw.command("start")
+    wanted = {"first": 2, "second": 3}[phase]
+    assert bench.run(1.0, lambda: bench.fw.telemetry()["phase"] == wanted)
+    bench.run(0.02)
+    bench.model.set_load(replace(FAN_1, constant_nm=-direction * 50e-3))
+    assert bench.run(0.012, lambda: bench.fw.telemetry()["phase"] == 0)
+    assert bench.get("safety.guard") & 1 == 0
+    assert abs(bench.model.rpm) < 7_000
+    assert bench.until_state("running", 0.2)
+    assert np.sign(bench.model.rpm) == direction
+    assert bench.trips == 0

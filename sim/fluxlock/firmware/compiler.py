@@ -47,6 +47,8 @@ SUM_LSB = 16.0
 STILL_NOISE_LSB = 0.75
 STILL_S = 25e-3
 
+# Of the alignment current: a rotor that swings into its place, even from beside the dead point, stays below 1.6.
+ALIGN_LIMIT = 2.0
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
 RAMP_SECTORS_MIN = 10
@@ -357,6 +359,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "align_ticks": ticks(align_s),
         "align_ramp_ticks": ticks(0.2 * align_s),
         "align_v_q25": max(1, round(1.5 * m.r_phase * start_a * volt)),
+        "align_limit_q17": max(1, min(Q17, round(ALIGN_LIMIT * start_a * amp_q17))),
         "start_v_q25": max(1, round(start_v * volt)),
         "start_emf": gain(START_EMF_SHARE * m.k_e * volt / rpm_q8, "start_emf"),
         "lock_v_q25": max(1, round(0.5 * start_v * volt)),
