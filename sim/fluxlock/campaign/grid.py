@@ -147,7 +147,8 @@ PLANT_FAULTS: tuple[Fault, ...] = (
     Fault("supply fails", ((0.0, "supply", {"supply_v": 0.0}),), LINK | LOCK, must_stop=True),
     Fault("supply rises to 29.5 V", ((0.0, "supply", {"supply_v": 29.5, "ramp_s": 1e-3}),), LINK, must_stop=True),
     Fault("rotor jams", ((0.0, "mechanics", {"mode": "locked"}),), LOCK | CURRENT, turning=True),
-    Fault("load tenfold", ((0.0, "load", {"constant_nm": 0.2}),), LOCK | CURRENT | {"overload"}),
+    # A constant torque: one that is stronger than the alignment turns a rotor that stands backwards, faster and faster.
+    Fault("load tenfold", ((0.0, "load", {"constant_nm": 0.2}),), LOCK | CURRENT | {"overload", "overspeed"}),
     Fault("load drives", ((0.0, "load", {"constant_nm": -0.05}),), LOCK | LINK | CURRENT | {"overspeed"}),
     Fault("fault pin for 1 us", (_fault("fault_pin"), CLEAR), PIN, must_stop=True),
     Fault("fault pin", (_fault("fault_pin"),), PIN, must_stop=True),
