@@ -103,44 +103,47 @@ module fl_iq_demod
     end
   end
 
-  // Sums three clocks later.
+  // Sums three clocks later, in clocks 5..8. They go round: turn_q[0] is the next one in turn, and after four all are in
+  // their places again. They turn when they are full too, so that clear_i may come in between.
+  localparam int unsigned Place[4] = '{1, 0, 3, 2};  // of turn_q in the result: 2 axis + imaginary
   logic signed [20:0] product;
-  logic [1:0] place;
-  logic sum_on, known_q, full_q, valid_q, overflow_q;
-  logic [3:0][31:0] sum_q, result_q;
+  logic sum_on_q, subtract_q, known_q, full_q, valid_q, overflow_q;
+  logic [31:0] turned;
+  logic [3:0][31:0] turn_q, result_q;
   logic [11:0] count_q, result_count_q;
 
   assign product = sine_i ? 21'(sum_i >>> 15) : 21'(sum_i >>> 14);
-  assign sum_on  = clock_q >= 4'd5;
-  assign place   = {clock_q >= 4'd7, clock_q[0]};
+  assign turned  = subtract_q ? turn_q[0] - 32'(product) : turn_q[0] + 32'(product);
 
   always_ff @(posedge clk_i) begin
-    valid_q <= start && wrap && known_q && !full_q;
+    sum_on_q   <= clock_q >= 4'd4 && clock_q != 4'(BusyClocks);
+    subtract_q <= !clock_q[0];  // the imaginary parts
+    valid_q    <= start && wrap && known_q && !full_q;
     if (start && wrap) begin
       known_q <= 1'b1;
       full_q  <= 1'b0;
-      sum_q   <= '0;
+      turn_q  <= '0;
       count_q <= 12'd1;
       if (known_q && full_q) overflow_q <= 1'b1;
       if (known_q && !full_q) begin
-        result_q       <= sum_q;
+        for (int unsigned n = 0; n < 4; n++) result_q[Place[n]] <= turn_q[n];
         result_count_q <= count_q;
       end
     end else if (start) begin
       if (count_q == '1) full_q <= 1'b1;
       else count_q <= count_q + 12'd1;
-    end else if (sum_on && !full_q) begin
-      if (place[0]) sum_q[place] <= sum_q[place] - 32'(product);
-      else sum_q[place] <= sum_q[place] + 32'(product);
+    end else if (sum_on_q) begin
+      turn_q <= {turned, turn_q[3:1]};
     end
     if (clear_i || rst_i) begin
       known_q    <= 1'b0;
       full_q     <= 1'b0;
       overflow_q <= 1'b0;
       count_q    <= '0;
-      sum_q      <= '0;
+      turn_q     <= '0;
     end
     if (rst_i) begin
+      sum_on_q       <= 1'b0;
       valid_q        <= 1'b0;
       result_q       <= '0;
       result_count_q <= '0;

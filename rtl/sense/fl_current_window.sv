@@ -179,37 +179,47 @@ module fl_current_window
   logic divide_q;
   logic [2:0] digit_q;
   logic [7:0] divisor_q;
-  logic [9:0] triple_q;  // 3 * divisor_q
+  logic [10:0] times3_q, times5_q, times7_q;  // multiples of divisor_q
+  logic [7:1][10:0] multiple;
   stamp_t divide_time_q;
   logic [Phases-1:0][7:0] remainder_d, remainder_q;
   offset_binary_t [Phases-1:0] rest_d, rest_q;
 
-  // Three bits of the quotient a clock: two by the multiples of the divisor side by side, then one.
+  assign multiple = {
+    times7_q,
+    {times3_q[9:0], 1'b0},
+    times5_q,
+    {1'b0, divisor_q, 2'b00},
+    times3_q,
+    {2'b00, divisor_q, 1'b0},
+    {3'b000, divisor_q}
+  };
+
+  // Three bits of the quotient a clock, by all multiples of the divisor side by side.
   for (genvar x = 0; x < Phases; x++) begin : gen_divider
-    logic [2:0] next;
-    logic [9:0] dividend;
-    logic [10:0] once, twice, thrice;
-    logic [7:0] rest;
-    logic [9:0] last;
+    logic [10:0] dividend;  // below 8 * divisor_q
+    logic [7:0][11:0] left;  // less each multiple
+    logic [2:0] digit;
     logic unused;
 
-    assign next     = rest_q[x][SampleWidth-1-:BitsPerClock];
-    assign dividend = {remainder_q[x], next[2:1]};
-    assign once     = {1'b0, dividend} - {3'b0, divisor_q};
-    assign twice    = {1'b0, dividend} - {2'b0, divisor_q, 1'b0};
-    assign thrice   = {1'b0, dividend} - {1'b0, triple_q};
-    assign last     = {1'b0, rest, next[0]} - {2'b0, divisor_q};
+    assign dividend = {remainder_q[x], rest_q[x][SampleWidth-1-:BitsPerClock]};
 
     always_comb begin
-      if (!twice[10]) rest = thrice[10] ? twice[7:0] : thrice[7:0];
-      else rest = once[10] ? dividend[7:0] : once[7:0];
-      remainder_d[x] = last[9] ? {rest[6:0], next[0]} : last[7:0];
-      rest_d[x] = {
-        rest_q[x][SampleWidth-1-BitsPerClock:0], !twice[10], twice[10] ? !once[10] : !thrice[10], !last[9]
-      };
+      left[0] = {1'b0, dividend};
+      for (int unsigned n = 1; n < 8; n++) left[n] = {1'b0, dividend} - {1'b0, multiple[n]};
+      digit[2] = !left[4][11];
+      digit[1] = digit[2] ? !left[6][11] : !left[2][11];
+      unique case (digit[2:1])
+        2'd0: digit[0] = !left[1][11];
+        2'd1: digit[0] = !left[3][11];
+        2'd2: digit[0] = !left[5][11];
+        2'd3: digit[0] = !left[7][11];
+      endcase
+      remainder_d[x] = left[digit][7:0];
+      rest_d[x]      = {rest_q[x][SampleWidth-1-BitsPerClock:0], digit};
     end
 
-    assign unused = &{1'b0, once, twice, thrice, last};
+    assign unused = &{1'b0, left};
   end
 
   // Below n * 2^SampleWidth.
@@ -240,7 +250,9 @@ module fl_current_window
       for (int unsigned x = 0; x < Phases; x++)
         {remainder_q[x], rest_q[x]} <= half_more(sum_q[x], count_q);
       divisor_q     <= count_q;
-      triple_q      <= {2'b0, count_q} + {1'b0, count_q, 1'b0};
+      times3_q      <= {3'b000, count_q} + {2'b00, count_q, 1'b0};
+      times5_q      <= {3'b000, count_q} + {1'b0, count_q, 2'b00};
+      times7_q      <= {count_q, 3'b000} - {3'b000, count_q};
       divide_time_q <= (acc_slot_q == slot_q) ? newest_middle_q : older_middle_q;
       divide_q      <= 1'b1;
       digit_q       <= '0;

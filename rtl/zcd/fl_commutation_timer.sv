@@ -118,7 +118,7 @@ module fl_commutation_timer
   logic force_on_miss_q;
   logic [7:0] miss_limit_q;
   logic [15:0] latency_q, timeout_q;
-  logic [23:0] forced_q;
+  logic [23:0] forced_d, forced_q;
   logic signed [17:0] fraction_d;
   logic [16:0] fraction_q;  // k
   logic correction_q, hall_timed_q, reverse_q;
@@ -129,11 +129,16 @@ module fl_commutation_timer
 
   always_comb begin
     mode_d = mode_q;
-    if (update_i) mode_d = cfg_mode_i;
+    forced_d = forced_q;
+    if (update_i) begin
+      mode_d   = cfg_mode_i;
+      forced_d = (cfg_forced_interval_i < MinForcedInterval) ? MinForcedInterval : cfg_forced_interval_i;
+    end
   end
 
   always_ff @(posedge clk_i) begin
-    mode_q <= mode_d;
+    mode_q   <= mode_d;
+    forced_q <= forced_d;
     if (update_i) begin
       force_on_miss_q <= cfg_force_on_miss_i;
       miss_limit_q    <= cfg_miss_limit_i;
@@ -144,7 +149,6 @@ module fl_commutation_timer
       hall_offset_q   <= cfg_hall_offset_q16_i;
       advance_q       <= cfg_advance_q16_i;
       reverse_q       <= cfg_reverse_i;
-      forced_q        <= (cfg_forced_interval_i < MinForcedInterval) ? MinForcedInterval : cfg_forced_interval_i;
       if (fraction_d < 18'sd0) fraction_q <= '0;
       else if (fraction_d > 18'sd65536) fraction_q <= 17'h10000;
       else fraction_q <= fraction_d[16:0];
@@ -251,7 +255,7 @@ module fl_commutation_timer
 
   state_e state_d, state_q;
   logic timeout_pending_q, mean_pending_q, entry_q, forced_load_q, load_operands, correct, corrected_q;
-  logic [23:0] factor_q, mean_q;
+  logic [23:0] factor_q, mean_d, mean_q;
   logic [16:0] scale_q;
   logic [28:0] product_q;  // without the 12 lowest bits of the product
   logic [24:0] partial_q;  // interval * k
@@ -260,11 +264,15 @@ module fl_commutation_timer
   logic [26:0] interval0_w, interval2_w;
   logic [26:0] difference_size;
   logic signed [26:0] corrected_delay_q, room_q, sixth;  // room: from partial_q to the interval
-  logic beyond_q;  // corrected_delay_q is beyond the interval
+  logic load_corrected;  // next, the sum with the correction
+  logic beyond;  // the corrected delay is beyond the interval
   logic zc_load_q, hall_load_q, timeout_load_q;  // state_q is ZcLoad, HallLoad, TimeoutLoad
+  // What is added in this clock: a product and its sign, the timeout's, the corrected delay, something else.
+  logic add_fraction_q, add_negative_q, add_corrected_q, add_other_q, from_zc_q;
+  logic [23:0] other_d, other_q;  // interval, mean or forced interval
   stamp_t next_base_q;  // zc_base_q and a mean interval
   logic signed [27:0] corrected_sum;
-  logic signed [16:0] hall_fraction;
+  logic signed [16:0] hall_offset, hall_fraction, hall_negated;  // offset less advance, and the other way round
   logic [24:0] rounded;
   stamp_t addend;
   logic carry;  // half a unit that the addend lacks
@@ -285,7 +293,9 @@ module fl_commutation_timer
   assign interval2_w = 27'(interval2);
   assign difference = 27'(interval1) + interval2_w + (interval2_w << 1) - (interval0_w << 2);
   assign difference_size = difference_q[26] ? 27'(-difference_q) : 27'(difference_q);
-  assign hall_fraction = 17'($signed(hall_offset_q[hall_sector])) - 17'(advance_q);
+  assign hall_offset = 17'($signed(hall_offset_q[hall_sector]));
+  assign hall_fraction = hall_offset - 17'(advance_q);
+  assign hall_negated = 17'(advance_q) - hall_offset;
 
   always_comb begin
     state_d       = state_q;
@@ -339,30 +349,37 @@ module fl_commutation_timer
 
   always_comb begin
     target_base = base_q;
-    addend      = stamp_t'(forced_q);
-    carry       = 1'b0;
-    if (zc_load_q) begin
-      target_base = zc_base_q;
-      if (!corrected_q) begin
-        addend = stamp_t'(product_q[28:4]);
-        carry  = product_q[3];
-      end else if (corrected_delay_q[26]) addend = '0;
-      else if (beyond_q) addend = stamp_t'(meter_interval);
-      else addend = stamp_t'(corrected_delay_q);
-    end else if (hall_load_q) begin
-      target_base = in_sector ? next_base_q : zc_base_q;
-      addend      = {32{negative_q}} ^ stamp_t'(product_q[28:4]);
-      carry       = negative_q ^ product_q[3];
-    end else if (timeout_load_q) begin
-      addend = stamp_t'(product_q);
-    end else if (chain_q) begin
-      addend = stamp_t'(mean_q);
-    end
+    if (from_zc_q) target_base = (hall_load_q && in_sector) ? next_base_q : zc_base_q;
+    addend = ({32{add_fraction_q}} & ({32{add_negative_q}} ^ stamp_t'(product_q[28:4]))) |
+        ({32{timeout_load_q}} & stamp_t'(product_q)) |
+        ({32{add_corrected_q}} & stamp_t'(corrected_delay_q)) | ({32{add_other_q}} & stamp_t'(other_q));
+    carry = add_fraction_q && (add_negative_q ^ product_q[3]);
     target_sum = {target_base, 1'b1} + {addend, carry};
     target     = target_sum[32:1];
   end
 
+  assign load_corrected = state_q == CorrectionSum && state_d == ZcLoad;
+  assign beyond = $signed({sixth, negative_q ^ product_q[6]}) > $signed({room_q, 1'b0});
+
+  always_comb begin
+    mean_d = mean_q;
+    if (state_q == MeanLoad) mean_d = period_known ? 24'(product_q[28:7]) + 24'(product_q[6]) : meter_interval;
+    if (from_off || rst_i) mean_d = '1;
+
+    // Where the correction leads beyond it, the interval.
+    other_d = (mode_d == TimerForced) ? forced_d : mean_d;
+    if (load_corrected) other_d = meter_interval;
+  end
+
   always_ff @(posedge clk_i) begin
+    // Chosen a clock ahead: the sum takes a clock for itself.
+    other_q         <= other_d;
+    from_zc_q       <= state_d == ZcLoad || state_d == HallLoad;
+    add_fraction_q  <= (state_d == ZcLoad && !load_corrected) || state_d == HallLoad;
+    add_negative_q  <= negative_q && state_d == HallLoad;
+    add_corrected_q <= load_corrected && !corrected_sum[27] && !beyond;
+    add_other_q     <= load_corrected ? !corrected_sum[27] && beyond :
+        state_d != ZcLoad && state_d != HallLoad && state_d != TimeoutLoad;
     ahead_q       <= now_i + stamp_t'(CommLatencyCycles + 1);
     state_q       <= state_d;
     zc_load_q      <= state_d == ZcLoad;
@@ -392,17 +409,13 @@ module fl_commutation_timer
       scale_q    <= SixthQ19;
     end
     room_q <= 27'($signed({3'b0, meter_interval})) - 27'($signed({2'b0, partial_q}));
-    if (state_q == CorrectionSum) begin
-      corrected_delay_q <= corrected_sum[27:1];
-      beyond_q          <= $signed({sixth, negative_q ^ product_q[6]}) > $signed({room_q, 1'b0});
-    end
+    if (state_q == CorrectionSum) corrected_delay_q <= corrected_sum[27:1];
     if (state_q == MeanLoad) begin
       mean_pending_q <= 1'b0;
-      mean_q         <= period_known ? 24'(product_q[28:7]) + 24'(product_q[6]) : meter_interval;
     end
     if (state_q == HallOperands) begin
       factor_q   <= mean_q;
-      scale_q    <= hall_fraction[16] ? 17'(-hall_fraction) : 17'(hall_fraction);
+      scale_q    <= hall_fraction[16] ? hall_negated : hall_fraction;
       negative_q <= hall_fraction[16];
     end
     if (state_q == ZcProduct || state_q == TimeoutProduct || state_q == MeanProduct || state_q == CorrectionProduct ||
@@ -468,7 +481,7 @@ module fl_commutation_timer
       mean_pending_q    <= 1'b0;
       chain_q           <= 1'b0;
     end
-    if (from_off) mean_q <= '1;
+    mean_q <= mean_d;
     if (rst_i) begin
       state_q           <= Idle;
       zc_load_q         <= 1'b0;
@@ -483,7 +496,6 @@ module fl_commutation_timer
       chain_q           <= 1'b0;
       corrected_q       <= 1'b0;
       sched_q           <= '0;
-      mean_q            <= '1;
       left_sector_q     <= NoSector;
     end
   end
@@ -531,6 +543,8 @@ module fl_commutation_timer
     end else begin
       assert (!(comm_valid_o && fire))
       else $error("fl_commutation_timer: two commutations in a row");
+      assert (!forced_load_q || chain_q == (mode_q != TimerForced))
+      else $error("fl_commutation_timer: the interval added is not that of the schedule");
     end
   end
 

@@ -137,7 +137,9 @@ module fl_crossing_time
   sector_t sector_q;
   sample_t before_rel_q, value_after_q, value_before_q;
   stamp_t base_q, correction, corrected;
-  logic correction_carry, interpolate_q, back_q, report_q;  // state_q is Interpolate, Back, Report
+  logic correction_carry;
+  logic interpolate_q, back_q;  // state_q is Interpolate; Back and the distance is used
+  logic mean_four_q, mean_eight_q;  // state_q is Report, of the first half or of all
 
   always_ff @(posedge clk_i) begin
     if (take_before) begin
@@ -157,13 +159,15 @@ module fl_crossing_time
   end
 
   // Averaging. Order of work: after 0, before 0, 1 make up the first half with after 1; then the second one.
-  logic [7:0] done_q;  // worked out: before 0..3 (from the newest), after 0..3
+  logic [7:0] done_d, done_q;  // worked out: before 0..3 (from the newest), after 0..3
   logic [7:0] there, open_work;
   logic [2:0] pick, pick_q;
-  logic first_half, all_four, first_failed_q, second_failed_q, wait_over_q, enough, last_four_q;
-  logic signed [31:0] sum_first_q, sum_eight_q, since_base_q, addend, mean;
+  logic first_half_d, first_half_q, first_failed_d, first_failed_q, all_four, second_failed_q, enough;
+  logic last_four;  // of eight are in the sum, the one worked out in this clock not counted
+  logic wait_over, wait_over_q, limit_passed_q;
+  logic signed [31:0] sum_first_q, sum_eight_q, since_base_q, addend;
   logic carry, half;  // that the addend lacks
-  logic angle_start, angle_started_q, angle_first_q, angle_valid, angle_done, angle_saturated;
+  logic angle_start, angle_started_q, angle_first_q, angle_valid, angle_done, angle_saturated, back_right;
   logic [24:0] distance;
   stamp_t elapsed;
   logic [31:0] limit_q;
@@ -192,9 +196,23 @@ module fl_crossing_time
     endcase
   end
 
-  assign first_half = done_q[1:0] == '1 && done_q[5:4] == '1 && !first_failed_q;
+  always_comb begin
+    done_d         = done_q;
+    first_failed_d = first_failed_q;
+    if (state_q == Angle && angle_done) begin
+      done_d[pick_q] = 1'b1;
+      if (angle_saturated && !pick_q[1]) first_failed_d = 1'b1;
+    end
+    if (begun_q) begin
+      done_d         = '0;
+      first_failed_d = 1'b0;
+    end
+  end
+
+  assign first_half_d = done_d[1:0] == '1 && done_d[5:4] == '1 && !first_failed_d;
   assign all_four = before_q == 3'd4;
-  assign enough = first_failed_q || (first_half && (!all_four || done_q == '1 || second_failed_q));
+  assign enough = first_failed_q || (first_half_q && (!all_four || done_q == '1 || second_failed_q));
+  assign last_four = done_q == '1 && !second_failed_q;
   assign elapsed = now_i - base_q;
 
   // t_i - base_q -+ distance; sign by the side on which the sample lies, -(x + h) = ~x + !h. The time is added while the
@@ -208,9 +226,9 @@ module fl_crossing_time
       carry  = entry_q[EntryBits-1] ^ half;
     end
   end
-  assign mean = last_four_q ? sum_eight_q >>> 3 : sum_first_q >>> 2;
 
-  logic busy_average;
+  logic busy_average, busy_average_q;
+  assign wait_over    = wait_over_q || (busy_average_q && limit_passed_q);
   assign busy_average = state_q == Choose || state_q == Angle || state_q == Report;
 
   always_comb begin
@@ -224,12 +242,12 @@ module fl_crossing_time
         if (angle_done) state_d = Idle;
       end
       Choose: begin
-        if (enough || wait_over_q) state_d = Report;
+        if (enough || wait_over) state_d = Report;
         else if (open_work != '0) state_d = Angle;
       end
       Angle: begin
         angle_start = !angle_started_q;
-        if (wait_over_q) state_d = Report;
+        if (wait_over) state_d = Report;
         else if (angle_done) state_d = Choose;
       end
       Report: state_d = Idle;
@@ -243,14 +261,17 @@ module fl_crossing_time
     end
   end
 
+  assign back_right = linear_i || !angle_saturated;
   assign angle_done = angle_valid && angle_started_q;
 
   always_ff @(posedge clk_i) begin
     state_q         <= state_d;
     begun_q         <= crossing_i;
+    // The sum of the report chooses by these alone. What they tell of holds until then: back_right since the angle's start.
     interpolate_q   <= state_d == Interpolate;
-    back_q          <= state_d == Back;
-    report_q        <= state_d == Report;
+    back_q          <= state_d == Back && back_right;
+    mean_four_q     <= state_d == Report && first_half_d && !last_four;
+    mean_eight_q    <= state_d == Report && first_half_d && last_four;
     direct_q        <= crossing_i && state_d == Idle;
     // What the unit still worked on for a crossing that is gone is not taken.
     angle_started_q <= (state_q == Back || state_q == Angle) && state_d == state_q && !crossing_i;
@@ -265,25 +286,24 @@ module fl_crossing_time
       sum_eight_q <= plus(sum_eight_q, addend, carry);
       if (!pick_q[1]) sum_first_q <= plus(sum_first_q, addend, carry);
     end
-    if (state_q == Angle && angle_done) begin
-      done_q[pick_q] <= 1'b1;
-      if (angle_saturated && pick_q[1]) second_failed_q <= 1'b1;
-      if (angle_saturated && !pick_q[1]) first_failed_q <= 1'b1;
-    end
-    last_four_q <= done_q == '1 && !second_failed_q;
+    done_q         <= done_d;
+    first_failed_q <= first_failed_d;
+    first_half_q   <= first_half_d;
+    if (state_q == Angle && angle_done && angle_saturated && pick_q[1]) second_failed_q <= 1'b1;
     // Wait limit: interval * wait_q8 by shifts while the divider runs; then the clock decides.
     if (wait_count_q != 4'd0) begin
       wait_count_q <= wait_count_q - 4'd1;
       wait_q       <= {1'b0, wait_q[7:1]};
       limit_q      <= (limit_q >> 1) + (wait_q[0] ? {1'b0, interval_i, 7'd0} : 32'd0);
     end
-    if (busy_average && (elapsed >= 32'(limit_q[31:8]) && !elapsed[31] || comm_applied_i)) wait_over_q <= 1'b1;
+    // The comparison takes a clock for itself.
+    limit_passed_q <= elapsed >= 32'(limit_q[31:8]) && !elapsed[31];
+    busy_average_q <= busy_average;
+    wait_over_q    <= wait_over;
     // Used when the interpolation is done at the earliest.
     if (begun_q) begin
-      done_q          <= '0;
       sum_first_q     <= 32'sd2;
       sum_eight_q     <= 32'sd4;
-      first_failed_q  <= 1'b0;
       second_failed_q <= 1'b0;
       wait_over_q     <= 1'b0;
       limit_q         <= '0;
@@ -343,25 +363,20 @@ module fl_crossing_time
   );
 
   // Report.
-  logic report_interpolated, report_back, report_mean, back_right, back_taken, mean_taken, emit;
+  logic report_interpolated, report_back, report_mean, back_taken, mean_taken, emit;
 
   assign report_interpolated = state_q == Interpolate && interpolated && !average_q;
   assign report_back         = state_q == Back && angle_done;
   assign report_mean         = state_q == Report;
-  assign back_right          = linear_i || !angle_saturated;
-  assign back_taken          = report_back && back_right;
-  assign mean_taken          = report_mean && first_half;
+  assign back_taken          = report_back && back_q;
+  assign mean_taken          = report_mean && first_half_q;
   assign emit                = direct_q || report_interpolated || report_back || report_mean;
 
   // One sum for all of them; the interpolated time is also the base of the mean.
   always_comb begin
-    correction       = '0;
-    correction_carry = 1'b0;
-    if (interpolate_q) correction = stamp_t'(offset);
-    else if (back_q && back_right) begin
-      correction       = ~stamp_t'(distance);
-      correction_carry = !half;
-    end else if (report_q && first_half) correction = stamp_t'(mean);
+    correction = ({32{interpolate_q}} & stamp_t'(offset)) | ({32{back_q}} & ~stamp_t'(distance)) |
+        ({32{mean_four_q}} & stamp_t'(sum_first_q >>> 2)) | ({32{mean_eight_q}} & stamp_t'(sum_eight_q >>> 3));
+    correction_carry = back_q && !half;
   end
   assign corrected = stamp_t'(plus($signed(base_q), $signed(correction), correction_carry));
 

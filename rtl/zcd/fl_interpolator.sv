@@ -41,8 +41,9 @@ module fl_interpolator #(
   state_e state_q;
   logic [CountBits-1:0] count_q;
   logic [TimeBits-1:0] gap_q;
-  logic [ValueBits-1:0] before_q;
+  logic [ValueBits-1:0] before_q, after_q;
   logic [SumBits-1:0] sum_q;
+  logic [ProductBits-1:0] product_q;  // of the operands a clock before
   logic [ProductBits-1:0] work_q;  // remainder above, dividend bits and quotient below
   logic [SumBits+1:0] trial;
   logic valid_q;
@@ -51,16 +52,21 @@ module fl_interpolator #(
   assign trial = {1'b0, work_q[ProductBits-1-:SumBits+1]} - {2'b00, sum_q};
 
   always_ff @(posedge clk_i) begin
-    valid_q <= 1'b0;
+    valid_q   <= 1'b0;
+    // Operands and product are taken every clock: the multiplier takes half of its clock, and whoever starts may know late.
+    gap_q     <= gap_i;
+    before_q  <= before_i;
+    after_q   <= after_i;
+    product_q <= ProductBits'(gap_q) * ProductBits'(before_q);
     unique case (state_q)
       Idle: ;
       Multiply: begin
-        work_q  <= ProductBits'(gap_q) * ProductBits'(before_q);
+        sum_q   <= SumBits'(before_q) + SumBits'(after_q);
         state_q <= Round;
       end
       // Half the divisor turns the truncating division into rounding. gap < 2^TimeBits, so the quotient still fits.
       Round: begin
-        work_q  <= work_q + ProductBits'(sum_q >> 1);
+        work_q  <= product_q + ProductBits'(sum_q >> 1);
         count_q <= CountBits'(TimeBits - 1);
         state_q <= Divide;
       end
@@ -78,12 +84,7 @@ module fl_interpolator #(
       valid_q <= 1'b0;
       state_q <= Idle;
     end
-    if (start_i) begin
-      gap_q    <= gap_i;
-      before_q <= before_i;
-      sum_q    <= SumBits'(before_i) + SumBits'(after_i);
-      state_q  <= Multiply;
-    end
+    if (start_i) state_q <= Multiply;
     if (rst_i) begin
       state_q <= Idle;
       valid_q <= 1'b0;
