@@ -125,13 +125,14 @@ module fl_foc
   step_t step_q, product_q, sum_q;
   step_t [2:0] tail_q;
   logic start, valid_q;
+  logic busy_q, full_q;  // clock_q is not 0, overrun_q counts no further
   logic waiting, go, gone_q, abandon;
   logic [15:0] number_q, overrun_q;
 
-  assign start   = start_i && clock_q == '0;
+  assign start   = start_i && !busy_q;
   assign waiting = direct_i && !gone_q && clock_q == WaitClock;
   assign go      = waiting && go_i && go_number_i == number_q;
-  assign abandon = direct_i && abandon_i && clock_q != '0;
+  assign abandon = direct_i && abandon_i && busy_q;
 
   // The pause ends with the clock of filtered_i, the first step that needs its error follows.
   logic [5:0] pause_q;
@@ -146,11 +147,11 @@ module fl_foc
     if (rst_i) pause_q <= '0;
   end
 
-  // Of waiting the first clock has the step that the run goes on with: its product counts for nothing.
+  // While it waits the run repeats the step that it goes on with: the products count for nothing.
   always_ff @(posedge clk_i) begin
     if (start) step_q <= Program[1];
-    else if (go) step_q <= Program[ResumeClock];
-    else if (clock_q == '0 || waiting || (pausing && !resume)) step_q <= '0;
+    else if (!busy_q || (pausing && !resume)) step_q <= '0;
+    else if (waiting) step_q <= Program[ResumeClock];
     else step_q <= Program[clock_q+7'd1];
     product_q <= step_q;
     sum_q     <= product_q;
@@ -158,15 +159,22 @@ module fl_foc
     tail_q[1] <= tail_q[0];
     tail_q[2] <= tail_q[1];
     valid_q   <= clock_q == 7'(Latency - 1) && !abandon;
+    if (start) busy_q <= 1'b1;
+    else if (clock_q == LastClock || abandon) busy_q <= 1'b0;
     if (start) clock_q <= 7'd1;
     else if (clock_q == LastClock || abandon) clock_q <= '0;
     else if (go) clock_q <= ResumeClock;
-    else if (clock_q != '0 && !waiting && (!pausing || resume)) clock_q <= clock_q + 7'd1;
+    else if (busy_q && !waiting && (!pausing || resume)) clock_q <= clock_q + 7'd1;
     if (start) gone_q <= 1'b0;
     else if (go) gone_q <= 1'b1;
     if (start) number_q <= number_q + 16'd1;
-    if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
+    if (start_i && busy_q && !full_q) begin
+      overrun_q <= overrun_q + 16'd1;
+      full_q    <= overrun_q == 16'hFFFE;
+    end
     if (rst_i) begin
+      busy_q    <= 1'b0;
+      full_q    <= 1'b0;
       clock_q   <= '0;
       step_q    <= '0;
       product_q <= '0;
@@ -269,8 +277,8 @@ module fl_foc
 
   // Half of the unit that remains.
   wide_t half_unit_q;
-  logic [2:0] write_q;
-  logic [2:0][SumBits-1:0] accumulator;
+  logic write_q;
+  wide_t single_sum, pair_sum;
 
   always_ff @(posedge clk_i) begin
     unique case (product_q.kind)
@@ -279,7 +287,7 @@ module fl_foc
       SumBack:            half_unit_q <= wide_t'(1 << 9);
       default:            half_unit_q <= '0;
     endcase
-    write_q <= (product_q.kind == SumNone || rst_i) ? '0 : 3'd1 << product_q.accumulator;
+    write_q <= product_q.kind != SumNone && !rst_i;
   end
 
   fl_mac #(
@@ -288,16 +296,17 @@ module fl_foc
   ) u_mac (
       .clk_i,
       .rst_i,
-      .x_i          (x),
-      .c_i          (c),
-      .square_i     (product_q.square),
-      .subtract_i   (product_q.subtract),
-      .high_i       (product_q.high),
-      .write_i      (write_q),
-      .select_i     (sum_q.accumulator),
-      .first_i      (sum_q.first),
-      .init_i       (half_unit_q),
-      .accumulator_o(accumulator)
+      .x_i       (x),
+      .c_i       (c),
+      .square_i  (product_q.square),
+      .high_i    (product_q.high),
+      .enable_i  (write_q),
+      .pair_i    (sum_q.pair),
+      .first_i   (sum_q.first),
+      .init_i    (half_unit_q),
+      .subtract_i(sum_q.subtract),
+      .single_o  (single_sum),
+      .pair_o    (pair_sum)
   );
 
   // Circle limit.
@@ -311,7 +320,7 @@ module fl_foc
       .clk_i,
       .rst_i,
       .start_i   (tail_q[0].last && tail_q[0].kind == SumSquare),
-      .radicand_i(accumulator[Common][39:0]),
+      .radicand_i(single_sum[39:0]),
       .valid_o   (root_valid),
       .root_o    (root)
   );
@@ -330,21 +339,22 @@ module fl_foc
       .ratio_o(factor)
   );
 
-  // Sums to their destinations, from the clock after the last product's on; s2 to s4: subspace then and later.
-  logic s2, s3, s4, axis2, axis3, axis4;
+  // Sums to their destinations, from the clock after the last product's on; s1 to s4: subspace before, then and later.
+  logic s1, s2, s3, s4, axis1, axis2, axis3, axis4;
   logic regulator4;
 
+  assign {s1, axis1} = {(Subspaces > 1) && sum_q.subspace, sum_q.axis};
   assign {s2, axis2} = {(Subspaces > 1) && tail_q[0].subspace, tail_q[0].axis};
   assign {s3, axis3} = {(Subspaces > 1) && tail_q[1].subspace, tail_q[1].axis};
   assign {s4, axis4} = {(Subspaces > 1) && tail_q[2].subspace, tail_q[2].axis};
   assign regulator4 = tail_q[2].last && tail_q[2].kind == SumRegulator;
 
+  // Saturates at +-(2^17 - 1).
   function automatic sample_t error_of(sample_t wanted, sample_t i);
     logic signed [18:0] difference;
     difference = 19'(wanted) - 19'(i);
-    if (difference > 19'sd131071) return 18'sd131071;
-    else if (difference < -19'sd131071) return -18'sd131071;
-    else return sample_t'(difference);
+    if (difference[18] != difference[17]) return {difference[18], {16{!difference[18]}}, 1'b1};
+    else return {difference[17:1], difference[0] || (difference[17] && difference[16:1] == '0)};
   endfunction
 
   // The regulator of a subspace takes its step in this run.
@@ -353,73 +363,89 @@ module fl_foc
   endfunction
 
   // Regulator: shifter, sum with the state, saturation and rounding, a clock each. Base and rounded delta are one sum: the
-  // carry is the half of the delta's lowest bit.
+  // carry is the half of the delta's lowest bit. A preset is a base without a delta.
   logic signed [38:0] delta_q;
+  base_t from_q;
   logic signed [40:0] next_sum;
   logic signed [39:0] next_q;
   logic next_fits;
   state_t next;
   work_t next_work;
 
-  assign next_sum  = 41'($signed({base_q[s3][axis3], 1'b1})) + 41'(delta_q);
+  assign next_sum  = 41'($signed({from_q, 1'b1})) + 41'(delta_q);
   assign next_fits = next_q[39:27] == {13{next_q[39]}};
   assign next      = next_fits ? next_q[27:0] : {next_q[39], {27{!next_q[39]}}};
   assign next_work = next_fits ? to_voltage(next_q[27:0]) : {next_q[39], 1'b1, 19'd0};
 
   always_ff @(posedge clk_i) begin
-    delta_q <= 39'($signed({accumulator[axis2][40:3], 1'b0}) >>> shift_i[s2]);
-    next_q  <= next_sum[40:1];
+    delta_q <= 39'($signed({pair_sum[40:3], 1'b0}) >>> shift_i[s2]);
+    from_q  <= base_q[s2][axis2];
+    if (!enable_i[s2]) begin
+      delta_q <= '0;
+      from_q  <= base_t'($signed({preset_i[s2][axis2], 8'd0}));
+    end
+    next_q <= next_sum[40:1];
   end
 
   // Limit: one sum of forward and the state as it is or limited; the carry rounds the state half up.
-  state_t kept_q;  // before the limit
-  state_t bounded;
-  logic signed [20:0] added;  // state and half a unit
+  state_t kept_q, kept2_q;  // before the limit
+  logic bound_q;  // the limit acts
+  logic apply_bound_q;  // and its result is applied
+  logic signed [20:0] apply_kept_q;  // else this: state and half a unit
+  sample_t forward_q;
+  logic signed [20:0] added;
   logic signed [21:0] applied_sum;
 
-  assign bounded     = (less && runs(s2)) ? accumulator[Common][47:20] : state_q[s2][axis2];
-  assign added       = bypass_i ? '0 : bounded[27:7];
-  assign applied_sum = 22'(added) + 22'($signed({forward_i[s2][axis2], 1'b1}));
+  assign added       = ({21{apply_bound_q}} & single_sum[47:27]) | apply_kept_q;
+  assign applied_sum = 22'(added) + 22'($signed({forward_q, 1'b1}));
+
+  always_ff @(posedge clk_i) begin
+    kept_q        <= state_q[s1][axis1];
+    kept2_q       <= kept_q;
+    bound_q       <= less && runs(s1);
+    apply_bound_q <= less && runs(s1) && !bypass_i;
+    apply_kept_q  <= ((less && runs(s1)) || bypass_i) ? '0 : state_q[s1][axis1][27:7];
+    forward_q     <= forward_i[s1][axis1];
+  end
 
   logic unused;
   assign unused = &{1'b0, applied_sum[0], next_sum[0]};
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
-  logic [SumBits-1:0] phase_sum;
-
-  assign phase_sum = accumulator[(tail_q[0].accumulator == Common) ? Common : 2'd0];
 
   always_ff @(posedge clk_i) begin
-    kept_q <= state_q[s2][axis2];
     if (tail_q[0].last) begin
       unique case (tail_q[0].kind)
-        SumCurrent: current_q[s2][axis2] <= sat_sample(accumulator[Common][ParkShift+:21]);
+        SumCurrent: current_q[s2][axis2] <= sat_sample(single_sum[ParkShift+:21]);
         SumSquare:  ratio_s_q <= s2;
         SumLimit: begin
           applied_q[s2][axis2] <= sat_sample(applied_sum[21:1]);
           if (runs(s2)) limited_q[s2] <= less;
         end
-        SumPhase:   voltage_q[tail_q[0].phase] <= sat_sample(phase_sum[40:20]);
-        SumBack:    base_q[s2][axis2] <= base_t'(state_q[s2][axis2]) + base_t'($signed(accumulator[Common][39:10]));
+        SumPhase:   voltage_q[tail_q[0].phase] <= sat_sample(tail_q[0].pair ? pair_sum[40:20] : single_sum[40:20]);
+        SumBack:    base_q[s2][axis2] <= base_t'(state_q[s2][axis2]) + base_t'($signed(single_sum[39:10]));
         default:    ;
       endcase
     end
-    if (tail_q[1].last && tail_q[1].kind == SumCurrent && runs(s3))
-      error_q[s3][axis3] <= error_of(reference_i[s3][axis3], current_q[s3][axis3]);
-    if (resume) begin
-      current_q[0] <= filtered_i;
-      for (int unsigned axis = 0; axis < 2; axis++)
-      if (runs(1'b0)) error_q[0][axis] <= error_of(reference_i[0][axis], filtered_i[axis]);
+    for (int unsigned n = 0; n < Subspaces; n++) begin
+      for (int unsigned axis = 0; axis < 2; axis++) begin
+        logic measured, filtered;
+        measured = tail_q[1].last && tail_q[1].kind == SumCurrent && s3 == n[0] && axis3 == axis[0];
+        filtered = resume && n == 0;
+        if ((measured || filtered) && runs(n[0]))
+          error_q[n][axis] <= error_of(reference_i[n][axis], filtered ? filtered_i[axis] : current_q[n][axis]);
+        if (filtered) current_q[n][axis] <= filtered_i[axis];
+      end
     end
     if (tail_q[1].last && tail_q[1].kind == SumLimit && limited_q[s3] && runs(s3) && enable_i[s3] && !direct_i)
-      back_q[s3][axis3] <= sample_t'((kept_q - state_q[s3][axis3]) >>> 10);
+      back_q[s3][axis3] <= sample_t'((kept2_q - state_q[s3][axis3]) >>> 10);
     if (regulator4 && !direct_i && runs(s4)) begin
-      state_q[s4][axis4] <= enable_i[s4] ? next : {{2{preset_i[s4][axis4][17]}}, preset_i[s4][axis4], 8'd0};
-      work_q[s4][axis4]  <= enable_i[s4] ? next_work : work_t'(preset_i[s4][axis4]);
+      state_q[s4][axis4] <= next;
+      work_q[s4][axis4]  <= next_work;
       back_q[s4][axis4]  <= '0;
     end
-    if (tail_q[0].last && tail_q[0].kind == SumLimit && less && runs(s2)) state_q[s2][axis2] <= bounded;
+    if (tail_q[0].last && tail_q[0].kind == SumLimit && bound_q) state_q[s2][axis2] <= single_sum[47:20];
     if (go && !abandon) begin
       state_q <= wanted_i;
       for (int unsigned n = 0; n < Subspaces; n++)
@@ -440,7 +466,7 @@ module fl_foc
   assign first_o   = tail_q[1].last && tail_q[1].kind == SumCurrent && !s3 && axis3;
   assign waiting_o = waiting;
   assign number_o  = number_q;
-  assign busy_o    = clock_q != '0;
+  assign busy_o    = busy_q;
   assign valid_o   = valid_q;
   assign voltage_o = voltage_q;
   assign current_o = current_q;

@@ -44,9 +44,6 @@ package fl_foc_pkg;
     SumBack        // to what the next step starts from
   } sum_e;
 
-  // Accumulators 0 and 1: the regulator's d and q; 2: everything else.
-  localparam logic [1:0] Common = 2'd2;
-
   typedef struct packed {
     // Angle looked up for the product LookAhead clocks later.
     logic       look_inverse;     // with the lead
@@ -61,7 +58,7 @@ package fl_foc_pkg;
     logic       c_axis;
     logic [2:0] phase;
     // Sum.
-    logic [1:0] accumulator;
+    logic       pair;             // of accumulators that take turns
     sum_e       kind;
     logic       axis;             // of the sum's destination
     logic       first;
@@ -153,7 +150,7 @@ package fl_foc_pkg;
         y.subspace    = s != 0;
         y.x_axis      = q_error;
         y.c_axis      = q_error ^ q_sum;
-        y.accumulator = {1'b0, q_sum};
+        y.pair        = 1'b1;
         y.kind        = SumRegulator;
         y.axis        = q_sum;
         y.first       = i < 2;
@@ -169,7 +166,6 @@ package fl_foc_pkg;
         p[t].c                         = c_of(CCosine);
         p[t].subspace                  = s != 0;
         p[t].phase                     = 3'(i % phases);
-        p[t].accumulator               = Common;
         p[t].kind                      = SumCurrent;
         p[t].axis                      = i >= phases;
         p[t].first                     = i % phases == 0;
@@ -186,7 +182,6 @@ package fl_foc_pkg;
         p[t].subspace    = s != 0;
         p[t].x_axis      = i[0];
         p[t].c_axis      = i[0];
-        p[t].accumulator = Common;
         p[t].kind        = SumSquare;
         p[t].axis        = i[0];
         p[t].first       = !i[0];
@@ -200,7 +195,6 @@ package fl_foc_pkg;
         p[t].c           = c_of(CFactor);
         p[t].subspace    = s != 0;
         p[t].x_axis      = i[1];
-        p[t].accumulator = Common;
         p[t].kind        = SumLimit;
         p[t].axis        = i[1];
         p[t].first       = !i[0];
@@ -215,7 +209,6 @@ package fl_foc_pkg;
         p[t].subspace    = s != 0;
         p[t].x_axis      = i[0];
         p[t].c_axis      = i[0] ^ i[1];
-        p[t].accumulator = Common;
         p[t].kind        = SumBack;
         p[t].axis        = i[1];
         p[t].first       = !i[0];
@@ -223,7 +216,8 @@ package fl_foc_pkg;
         p[t].subtract    = i == 1;
       end
     end
-    // Inverse Park of all phases at once. With three the voltage's q comes last: the first two phases take d first.
+    // Inverse Park of all phases at once. With three the voltage's q comes last: the first two phases take
+    // d first, in turns.
     for (int unsigned k = 0; k < phases; k++) begin
       for (int unsigned i = 0; i < 2 * subspaces(phases); i++) begin
         t                              = inverse_clock(phases) + 2 * subspaces(phases) * k + i;
@@ -233,7 +227,7 @@ package fl_foc_pkg;
         p[t].subspace                  = i[1];
         p[t].x_axis                    = i[0];
         p[t].phase                     = 3'(k);
-        p[t].accumulator               = (k == 0) ? 2'd0 : Common;
+        p[t].pair                      = phases == 3 && k < 2;
         p[t].kind                      = SumPhase;
         p[t].first                     = i == 0;
         p[t].last                      = i == 2 * subspaces(phases) - 1;
