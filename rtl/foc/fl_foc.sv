@@ -126,32 +126,34 @@ module fl_foc
   step_t [2:0] tail_q;
   logic start, valid_q;
   logic busy_q, full_q;  // clock_q is not 0, overrun_q counts no further
-  logic waiting, go, gone_q, abandon;
+  logic waiting_q, go, gone_q, abandon;
   logic [15:0] number_q, overrun_q;
 
   assign start   = start_i && !busy_q;
-  assign waiting = direct_i && !gone_q && clock_q == WaitClock;
-  assign go      = waiting && go_i && go_number_i == number_q;
+  assign go      = waiting_q && go_i && go_number_i == number_q;
   assign abandon = direct_i && abandon_i && busy_q;
 
   // The pause ends with the clock of filtered_i, the first step that needs its error follows.
   logic [5:0] pause_q;
-  logic pausing, resume;
-
-  assign pausing = clock_q == PauseClock && pause_q != '0;
-  assign resume  = pausing && pause_q == 6'd1;
+  logic pausing_q, resume_q;
 
   always_ff @(posedge clk_i) begin
     if (start) pause_q <= (pause_i == '0) ? '0 : {1'b0, pause_i} + 6'(PauseClocks + 1);
-    else if (pausing) pause_q <= pause_q - 6'd1;
-    if (rst_i) pause_q <= '0;
+    else if (pausing_q) pause_q <= pause_q - 6'd1;
+    pausing_q <= !abandon && ((clock_q == PauseClock - 7'd1 && pause_q != '0) || (pausing_q && !resume_q));
+    resume_q  <= !abandon && pausing_q && pause_q == 6'd2;
+    if (rst_i) begin
+      pause_q   <= '0;
+      pausing_q <= 1'b0;
+      resume_q  <= 1'b0;
+    end
   end
 
   // While it waits the run repeats the step that it goes on with: the products count for nothing.
   always_ff @(posedge clk_i) begin
     if (start) step_q <= Program[1];
-    else if (!busy_q || (pausing && !resume)) step_q <= '0;
-    else if (waiting) step_q <= Program[ResumeClock];
+    else if (!busy_q || (pausing_q && !resume_q)) step_q <= '0;
+    else if (waiting_q) step_q <= Program[ResumeClock];
     else step_q <= Program[clock_q+7'd1];
     product_q <= step_q;
     sum_q     <= product_q;
@@ -164,7 +166,8 @@ module fl_foc
     if (start) clock_q <= 7'd1;
     else if (clock_q == LastClock || abandon) clock_q <= '0;
     else if (go) clock_q <= ResumeClock;
-    else if (busy_q && !waiting && (!pausing || resume)) clock_q <= clock_q + 7'd1;
+    else if (busy_q && !waiting_q && (!pausing_q || resume_q)) clock_q <= clock_q + 7'd1;
+    waiting_q <= direct_i && !gone_q && !abandon && (clock_q == WaitClock - 7'd1 || (waiting_q && !go));
     if (start) gone_q <= 1'b0;
     else if (go) gone_q <= 1'b1;
     if (start) number_q <= number_q + 16'd1;
@@ -181,6 +184,7 @@ module fl_foc
       sum_q     <= '0;
       tail_q    <= '0;
       valid_q   <= 1'b0;
+      waiting_q <= 1'b0;
       gone_q    <= 1'b0;
       number_q  <= '0;
       overrun_q <= '0;
@@ -250,7 +254,8 @@ module fl_foc
   work_t [Subspaces-1:0][1:0] work_q;  // state in the format of voltages
   base_t [Subspaces-1:0][1:0] base_q;  // state and what comes back from the limit
   logic [16:0] factor;
-  sample_t x, voltage;
+  sample_t x;
+  sample_t [Subspaces-1:0][1:0] voltage;
   sample_t coefficient;  // 18 bits, above the lowest ones of c
   logic signed [CosineBits-1:0] c;
   state_t state_x;
@@ -258,18 +263,24 @@ module fl_foc
 
   assign s           = (Subspaces > 1) && step_q.subspace;
   assign state_x     = state_q[s][step_q.x_axis];
-  assign voltage     = sat_sample(21'(applied_q[s][step_q.x_axis]) + 21'(inject_q[s][step_q.x_axis]));
   assign coefficient = ({18{step_q.c[CGain]}} & gain_i[s][step_q.c_axis])
       | ({18{step_q.c[CHold]}} & hold_i[s][step_q.c_axis])
       | ({18{step_q.c[CFactor]}} & {1'b0, factor})
       | ({18{step_q.c[CRatio]}} & ratio_i[s][step_q.c_axis]);
+
+  // Side by side, so that the choice comes last.
+  always_comb begin
+    for (int unsigned n = 0; n < Subspaces; n++)
+    for (int unsigned axis = 0; axis < 2; axis++)
+    voltage[n][axis] = sat_sample(21'(applied_q[n][axis]) + 21'(inject_q[n][axis]));
+  end
 
   assign x = ({18{step_q.x[XCurrent]}} & phase_current_q[step_q.phase])
       | ({18{step_q.x[XError]}} & error_q[s][step_q.x_axis])
       | ({18{step_q.x[XSquare]}} & work_q[s][step_q.x_axis][20:3])
       | ({18{step_q.x[XStateHigh]}} & state_x[27:10])
       | ({18{step_q.x[XStateLow]}} & {8'd0, state_x[9:0]})
-      | ({18{step_q.x[XVoltage]}} & voltage)
+      | ({18{step_q.x[XVoltage]}} & voltage[s][step_q.x_axis])
       | ({18{step_q.x[XBack]}} & back_q[s][step_q.x_axis]);
   assign c = ({21{step_q.c[CCosine]}} & cosine)
       | ({21{step_q.c[CSquare]}} & work_q[s][step_q.c_axis])
@@ -299,12 +310,12 @@ module fl_foc
       .x_i       (x),
       .c_i       (c),
       .square_i  (product_q.square),
-      .high_i    (product_q.high),
       .enable_i  (write_q),
       .pair_i    (sum_q.pair),
       .first_i   (sum_q.first),
       .init_i    (half_unit_q),
       .subtract_i(sum_q.subtract),
+      .high_i    (sum_q.high),
       .single_o  (single_sum),
       .pair_o    (pair_sum)
   );
@@ -432,7 +443,7 @@ module fl_foc
       for (int unsigned axis = 0; axis < 2; axis++) begin
         logic measured, filtered;
         measured = tail_q[1].last && tail_q[1].kind == SumCurrent && s3 == n[0] && axis3 == axis[0];
-        filtered = resume && n == 0;
+        filtered = resume_q && n == 0;
         if ((measured || filtered) && runs(n[0]))
           error_q[n][axis] <= error_of(reference_i[n][axis], filtered ? filtered_i[axis] : current_q[n][axis]);
         if (filtered) current_q[n][axis] <= filtered_i[axis];
@@ -440,16 +451,20 @@ module fl_foc
     end
     if (tail_q[1].last && tail_q[1].kind == SumLimit && limited_q[s3] && runs(s3) && enable_i[s3] && !direct_i)
       back_q[s3][axis3] <= sample_t'((kept2_q - state_q[s3][axis3]) >>> 10);
-    if (regulator4 && !direct_i && runs(s4)) begin
-      state_q[s4][axis4] <= next;
-      work_q[s4][axis4]  <= next_work;
-      back_q[s4][axis4]  <= '0;
-    end
-    if (tail_q[0].last && tail_q[0].kind == SumLimit && bound_q) state_q[s2][axis2] <= single_sum[47:20];
-    if (go && !abandon) begin
-      state_q <= wanted_i;
-      for (int unsigned n = 0; n < Subspaces; n++)
-      for (int unsigned axis = 0; axis < 2; axis++) work_q[n][axis] <= to_voltage(wanted_i[n][axis]);
+    // Nothing else comes while a run waits.
+    if (waiting_q) begin
+      if (go && !abandon) begin
+        state_q <= wanted_i;
+        for (int unsigned n = 0; n < Subspaces; n++)
+        for (int unsigned axis = 0; axis < 2; axis++) work_q[n][axis] <= to_voltage(wanted_i[n][axis]);
+      end
+    end else begin
+      if (regulator4 && !direct_i && runs(s4)) begin
+        state_q[s4][axis4] <= next;
+        work_q[s4][axis4]  <= next_work;
+        back_q[s4][axis4]  <= '0;
+      end
+      if (tail_q[0].last && tail_q[0].kind == SumLimit && bound_q) state_q[s2][axis2] <= single_sum[47:20];
     end
     if (rst_i) begin
       state_q   <= '0;
@@ -464,7 +479,7 @@ module fl_foc
   end
 
   assign first_o   = tail_q[1].last && tail_q[1].kind == SumCurrent && !s3 && axis3;
-  assign waiting_o = waiting;
+  assign waiting_o = waiting_q;
   assign number_o  = number_q;
   assign busy_o    = busy_q;
   assign valid_o   = valid_q;

@@ -3,8 +3,7 @@
 //   sum = init or accumulator +- x * c * (high ? 2^HighShift : 1)
 //   sum = init or accumulator + c * c               with square_i; x is c without its lowest CBits - 18 bits
 // Accumulators: one, and a pair that takes turns: a sum for the pair goes on from the last but one for the pair.
-// x and c are operands of two clocks before, square and high of the clock before, everything else of the clock of the sum.
-// c is wider than the multiplier of the device: its upper 18 bits go through it (18 x 18, one DSP), its lowest
+// x and c are operands of two clocks before, square of the clock before, everything else of the clock of the sum. c is wider than the multiplier of the device: its upper 18 bits go through it (18 x 18, one DSP), its lowest
 // CBits - 18 bits are rows of an adder. They are 0 in a product that is shifted or subtracted (asserted).
 // Signed integers, exact; the caller bounds the sums (asserted: no overflow).
 // Latency: operands to the accumulator 3 clocks.
@@ -21,13 +20,13 @@ module fl_mac #(
     input logic signed [CBits-1:0] c_i,
 
     input logic square_i,
-    input logic high_i,
 
     input  logic                      enable_i,    // write an accumulator
     input  logic                      pair_i,      // of the pair
     input  logic                      first_i,     // from init_i
     input  logic signed [SumBits-1:0] init_i,
     input  logic                      subtract_i,
+    input  logic                      high_i,
     output logic signed [SumBits-1:0] single_o,
     output logic signed [SumBits-1:0] pair_o       // the last sum for the pair
 );
@@ -49,7 +48,7 @@ module fl_mac #(
   low_t [LowBits-1:0] rows;
   low_t low, low_q;
   logic signed [ProductBits-1:0] product;
-  sum_t spread, high_q, base, sum;
+  sum_t spread, high_q, base, term, sum;
   sum_t single_q, pair_q, other_q;  // other: the last but one for the pair
 
   // c = 2^LowBits x + l: c * c = 2^(2 LowBits) x * x + l (2^(LowBits+1) x + l).
@@ -65,15 +64,12 @@ module fl_mac #(
 
   assign product = ProductBits'(x_q) * ProductBits'($signed(c_q[CBits-1:LowBits]));
 
-  always_comb begin
-    if (square_i) spread = sum_t'(product) <<< 2 * LowBits;
-    else if (high_i) spread = sum_t'(product) <<< LowBits + HighShift;
-    else spread = sum_t'(product) <<< LowBits;
-  end
+  assign spread = square_i ? sum_t'(product) <<< 2 * LowBits : sum_t'(product) <<< LowBits;
 
   // -y = ~y + 1: low_q is 0 then, and its place takes the 1.
   assign base = first_i ? init_i : pair_i ? other_q : single_q;
-  assign sum  = base + (subtract_i ? ~high_q : high_q) + (sum_t'(low_q) | sum_t'({1'b0, subtract_i}));
+  assign term = (high_i ? high_q <<< HighShift : high_q) ^ {SumBits{subtract_i}};
+  assign sum  = base + term + (sum_t'(low_q) | sum_t'({1'b0, subtract_i}));
 
   always_ff @(posedge clk_i) begin
     x_q    <= x_i;
@@ -86,13 +82,11 @@ module fl_mac #(
       other_q <= pair_q;
     end
     if (!rst_i) begin
-      assert (!high_i || c_q[LowBits-1:0] == '0)
-      else $error("fl_mac: a product that is shifted has a c with lowest bits");
-      assert (!subtract_i || low_q == '0)
-      else $error("fl_mac: a product that is subtracted has a c with lowest bits");
+      assert (!(subtract_i || high_i) || low_q == '0)
+      else $error("fl_mac: a product that is shifted or subtracted has a c with lowest bits");
     end
     if (!rst_i && enable_i) begin
-      assert ((base[SumBits-1] != (high_q[SumBits-1] ^ subtract_i)) || sum[SumBits-1] == base[SumBits-1])
+      assert ((base[SumBits-1] != term[SumBits-1]) || sum[SumBits-1] == base[SumBits-1])
       else $error("fl_mac: sum overflows");
     end
   end
