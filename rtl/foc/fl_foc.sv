@@ -31,7 +31,7 @@
 // Phase currents, theta, park, lead, pause, skip and inject are taken at start_i; all other inputs must not change while
 // busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
-// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
+// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and two block RAMs: 2/P is in the second table.
 `default_nettype none
 module fl_foc
   import fl_pkg::sample_t;

@@ -176,44 +176,44 @@ package fl_foc_pkg;
       end
       // |u|^2 is one sum over both axes.
       for (int unsigned i = 0; i < 2; i++) begin
-        t                = gain_clock(phases, s) + 6 + i;
-        p[t].x           = x_of(XSquare);
-        p[t].c           = c_of(CSquare);
-        p[t].subspace    = s != 0;
-        p[t].x_axis      = i[0];
-        p[t].c_axis      = i[0];
-        p[t].kind        = SumSquare;
-        p[t].axis        = i[0];
-        p[t].first       = !i[0];
-        p[t].last        = i[0];
-        p[t].square      = 1'b1;
+        t             = gain_clock(phases, s) + 6 + i;
+        p[t].x        = x_of(XSquare);
+        p[t].c        = c_of(CSquare);
+        p[t].subspace = s != 0;
+        p[t].x_axis   = i[0];
+        p[t].c_axis   = i[0];
+        p[t].kind     = SumSquare;
+        p[t].axis     = i[0];
+        p[t].first    = !i[0];
+        p[t].last     = i[0];
+        p[t].square   = 1'b1;
       end
       // Halves of the state, the high one first.
       for (int unsigned i = 0; i < 4; i++) begin
-        t                = limit_clock(phases, s) + i;
-        p[t].x           = x_of(i[0] ? XStateLow : XStateHigh);
-        p[t].c           = c_of(CFactor);
-        p[t].subspace    = s != 0;
-        p[t].x_axis      = i[1];
-        p[t].kind        = SumLimit;
-        p[t].axis        = i[1];
-        p[t].first       = !i[0];
-        p[t].last        = i[0];
-        p[t].high        = !i[0];
+        t             = limit_clock(phases, s) + i;
+        p[t].x        = x_of(i[0] ? XStateLow : XStateHigh);
+        p[t].c        = c_of(CFactor);
+        p[t].subspace = s != 0;
+        p[t].x_axis   = i[1];
+        p[t].kind     = SumLimit;
+        p[t].axis     = i[1];
+        p[t].first    = !i[0];
+        p[t].last     = i[0];
+        p[t].high     = !i[0];
       end
       // Back: d = r_d b_d - r_q b_q, q = r_q b_d + r_d b_q.
       for (int unsigned i = 0; i < 4; i++) begin
-        t                = back_clock(phases, s) + i;
-        p[t].x           = x_of(XBack);
-        p[t].c           = c_of(CRatio);
-        p[t].subspace    = s != 0;
-        p[t].x_axis      = i[0];
-        p[t].c_axis      = i[0] ^ i[1];
-        p[t].kind        = SumBack;
-        p[t].axis        = i[1];
-        p[t].first       = !i[0];
-        p[t].last        = i[0];
-        p[t].subtract    = i == 1;
+        t             = back_clock(phases, s) + i;
+        p[t].x        = x_of(XBack);
+        p[t].c        = c_of(CRatio);
+        p[t].subspace = s != 0;
+        p[t].x_axis   = i[0];
+        p[t].c_axis   = i[0] ^ i[1];
+        p[t].kind     = SumBack;
+        p[t].axis     = i[1];
+        p[t].first    = !i[0];
+        p[t].last     = i[0];
+        p[t].subtract = i == 1;
       end
     end
     // Inverse Park of all phases at once. With three the voltage's q comes last: the first two phases take

@@ -12,10 +12,10 @@
 module fl_sincos
   import fl_sine_pkg::*;
 #(
-    parameter  int unsigned Width   = 18,
+    parameter  int unsigned Width            = 18,
     parameter  int unsigned ScaleNumerator   = 1,
     parameter  int unsigned ScaleDenominator = 1,
-    localparam int unsigned Latency = 4
+    localparam int unsigned Latency          = 4
 ) (
     input  logic                    clk_i,
     input  logic                    rst_i,
@@ -65,7 +65,7 @@ module fl_sincos
 
   // Position in the quarter, mirrored in the second and fourth: 9 bits line, 17 bits position on it.
   logic [ 1:0] quarter;
-  logic [8+(Tables-1):0] address;
+  logic [Tables+7:0] address;
   logic [25:0] position;
   logic [16:0] along_q, along2_q;
   logic negative_q, negative2_q, negative3_q;
