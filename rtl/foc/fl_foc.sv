@@ -420,7 +420,21 @@ module fl_foc
   end
 
   logic unused;
-  assign unused = &{1'b0, applied_sum[0], next_sum[0]};
+  assign unused = &{1'b0, applied_sum[0], next_sum[0], single_sum[48], pair_sum[48:41], pair_sum[2:0]};
+
+  // Currents for the errors: measured in the clock before, or filtered at the end of a pause.
+  sample_t [Subspaces-1:0][1:0] taken_current;
+  logic [Subspaces-1:0][1:0] taken;
+
+  always_comb begin
+    taken_current = current_q;
+    taken         = '0;
+    if (tail_q[1].last && tail_q[1].kind == SumCurrent) taken[s3][axis3] = 1'b1;
+    if (resume_q) begin
+      taken_current[0] = filtered_i;
+      taken[0]         = '1;
+    end
+  end
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
@@ -441,12 +455,8 @@ module fl_foc
     end
     for (int unsigned n = 0; n < Subspaces; n++) begin
       for (int unsigned axis = 0; axis < 2; axis++) begin
-        logic measured, filtered;
-        measured = tail_q[1].last && tail_q[1].kind == SumCurrent && s3 == n[0] && axis3 == axis[0];
-        filtered = resume_q && n == 0;
-        if ((measured || filtered) && runs(n[0]))
-          error_q[n][axis] <= error_of(reference_i[n][axis], filtered ? filtered_i[axis] : current_q[n][axis]);
-        if (filtered) current_q[n][axis] <= filtered_i[axis];
+        if (taken[n][axis] && runs(n[0])) error_q[n][axis] <= error_of(reference_i[n][axis], taken_current[n][axis]);
+        if (resume_q && n == 0) current_q[n][axis] <= filtered_i[axis];
       end
     end
     if (tail_q[1].last && tail_q[1].kind == SumLimit && limited_q[s3] && runs(s3) && enable_i[s3] && !direct_i)

@@ -3,8 +3,9 @@
 //   sum = init or accumulator +- x * c * (high ? 2^HighShift : 1)
 //   sum = init or accumulator + c * c               with square_i; x is c without its lowest CBits - 18 bits
 // Accumulators: one, and a pair that takes turns: a sum for the pair goes on from the last but one for the pair.
-// x and c are operands of two clocks before, square of the clock before, everything else of the clock of the sum. c is wider than the multiplier of the device: its upper 18 bits go through it (18 x 18, one DSP), its lowest
-// CBits - 18 bits are rows of an adder. They are 0 in a product that is shifted or subtracted (asserted).
+// x and c are operands of two clocks before, square of the clock before, everything else of the clock of the sum. c is
+// wider than the multiplier of the device: its upper 18 bits go through it (18 x 18, one DSP), its lowest CBits - 18 bits
+// are rows of an adder. They are 0 in a product that is shifted or subtracted (asserted).
 // Signed integers, exact; the caller bounds the sums (asserted: no overflow).
 // Latency: operands to the accumulator 3 clocks.
 `default_nettype none
