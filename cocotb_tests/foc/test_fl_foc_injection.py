@@ -12,7 +12,7 @@ from cocotb_tests.foc.foc_bench import FULL_SCALE, LATENCY, SOURCES, TB, TURN, P
 from cocotb_tests.foc.test_fl_foc import draw, pair, seeded
 from fluxlock.cosim.block import run_block_test
 
-FIRST_LATENCY = {3: 16, 5: 20}  # clocks, published by the module
+FIRST_LATENCY = {3: 14, 5: 18}  # clocks, published by the module
 PAUSE_CLOCKS = 3
 
 

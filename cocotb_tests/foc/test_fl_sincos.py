@@ -25,7 +25,7 @@ async def start(dut: Any) -> None:
     dut.rst_i.value = 1
     dut.valid_i.value = 0
     dut.angle_i.value = 0
-    dut.cosine_i.value = 0
+    dut.cosine_i.value = dut.scaled_i.value = 0
     Clock(dut.clk_i, CLOCK_NS, unit="ns").start()
     await FallingEdge(dut.clk_i)
     await Timer(3 * CLOCK_NS, "ns")
@@ -78,6 +78,35 @@ async def error_is_within_the_bound(dut: Any) -> None:
 
 
 @cocotb.test()
+async def scaled_values_are_within_the_bound(dut: Any) -> None:
+    """With a scale: the values from the second table, mixed with plain ones; without: scaled_i does not count.
+
+    Verifies: FOC-02
+    """
+    width = len(dut.value_o.value)
+    share = int(dut.ScaleNumerator.value) / int(dut.ScaleDenominator.value)
+    rng = random.Random(4)
+    await start(dut)
+    asked = [(rng.randrange(TURN), rng.randrange(2)) for _ in range(4000)]
+    asked += [((line << 21) + d & (TURN - 1), line & 1) for line in range(2048) for d in (-16, -1, 0, 1, 1 << 20)]
+    scaled = [rng.randrange(2) for _ in asked]
+    found = []
+    for i in range(len(asked) + LATENCY):
+        if i >= LATENCY:
+            found.append(dut.value_o.value.to_signed())
+        if i < len(asked):
+            (dut.angle_i.value, dut.cosine_i.value), dut.scaled_i.value = asked[i], scaled[i]
+        await Timer(CLOCK_NS, "ns")
+    bound = 0.5 + TABLE_ERROR * (1 << (width - 1))
+    for (angle, cosine), with_scale, value in zip(asked, scaled, found, strict=True):
+        wanted = exact(width, angle, cosine)
+        if with_scale and share < 1:
+            wanted *= share * (1 << (width - 1)) / ((1 << (width - 1)) - 1)
+        context = f"angle {angle:#010x}, cosine {cosine}, scaled {with_scale}"
+        assert abs(value - wanted) <= bound, f"{context}: {value} instead of {wanted:.3f}"
+
+
+@cocotb.test()
 async def quadrants_agree(dut: Any) -> None:
     """Zeros and peaks are exact, half a turn changes the sign and nothing else, cosine leads sine by a quarter.
 
@@ -96,10 +125,11 @@ async def quadrants_agree(dut: Any) -> None:
     assert await values(dut, [(a - quarter & (TURN - 1), 1) for a in angles]) == sines
 
 
-@pytest.mark.parametrize("width", [18, 21])
-def test_fl_sincos(width: int) -> None:
-    """Sine block test over widths."""
-    run_block_test("fl_sincos", ["foc/fl_sine_pkg.sv", "foc/fl_sincos.sv"], __name__, parameters={"Width": width})
+@pytest.mark.parametrize(("width", "scale"), [(18, (1, 1)), (21, (1, 1)), (21, (2, 3)), (21, (4, 5))])
+def test_fl_sincos(width: int, scale: tuple[int, int]) -> None:
+    """Sine block test over widths and scales."""
+    parameters = {"Width": width, "ScaleNumerator": scale[0], "ScaleDenominator": scale[1]}
+    run_block_test("fl_sincos", ["foc/fl_sine_pkg.sv", "foc/fl_sincos.sv"], __name__, parameters=parameters)
 
 
 def test_table_is_current() -> None:

@@ -31,7 +31,7 @@
 // Phase currents, theta, park, lead, pause, skip and inject are taken at start_i; all other inputs must not change while
 // busy_o. A start while busy
 // is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
-// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and one block RAM.
+// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and two block RAMs: 2/P is in the second table.
 `default_nettype none
 module fl_foc
   import fl_pkg::sample_t;
@@ -39,10 +39,10 @@ module fl_foc
 #(
     parameter int unsigned Phases = 3,
     localparam int unsigned Subspaces = subspaces(Phases),
-    localparam int unsigned Latency = last_clock(Phases) + 2,
+    localparam int unsigned Latency = last_clock(Phases) + 4,
     localparam int unsigned Spacing = Latency + 3,
     localparam int unsigned WaitLatency = wait_clock(Phases),
-    localparam int unsigned FirstLatency = pause_clock(Phases) + 2,
+    localparam int unsigned FirstLatency = gain_clock(Phases, 0) - 1,
     localparam int unsigned PauseClocks = 3
 ) (
     input logic clk_i,
@@ -99,86 +99,92 @@ module fl_foc
   localparam logic [6:0] PauseClock = 7'(pause_clock(Phases));
   localparam logic [6:0] ResumeClock = 7'(resume_clock(Phases));
   localparam int unsigned CosineBits = 21;
-  localparam int unsigned SumBits = 50;
-  // 2 / P, 2^20 = 1, times 2^20 / (2^20 - 1) because that is the cosines' amplitude.
-  localparam logic signed [CosineBits-1:0] TwoOverPhases = CosineBits'(((2 << 20) + 2 + Phases / 2) / Phases);
+  localparam int unsigned SumBits = 49;
+  // 2 / P is in the cosines of the currents; with five phases 4 / P, for their resolution.
+  localparam int unsigned ParkNumerator = (Phases == 5) ? 4 : 2;
+  localparam int unsigned ParkShift = (Phases == 5) ? 21 : 20;
 
   typedef logic signed [27:0] state_t;
   typedef logic signed [SumBits-1:0] wide_t;
 
   typedef logic signed [29:0] base_t;
+  typedef logic signed [20:0] work_t;
 
-  function automatic state_t sat_state(logic signed [39:0] x);
-    return (x[39:27] == {13{x[39]}}) ? x[27:0] : {x[39], {27{!x[39]}}};
-  endfunction
-
-  // 2/P of the work register.
-  function automatic sample_t sat_current(logic signed [25:0] x);
-    return (x[25:17] == {9{x[25]}}) ? x[17:0] : {x[25], {17{!x[25]}}};
-  endfunction
-
-  // At most four products of voltages and cosines.
-  function automatic sample_t sat_voltage(logic signed [20:0] x);
+  // At most five products with cosines.
+  function automatic sample_t sat_sample(logic signed [20:0] x);
     return (x[20:17] == {4{x[20]}}) ? x[17:0] : {x[20], {17{!x[20]}}};
   endfunction
 
   // State in the format of voltages, rounded half up.
-  function automatic logic signed [20:0] to_voltage(state_t u);
-    return 21'(u >>> 8) + 21'($signed({1'b0, u[7]}));
+  function automatic work_t to_voltage(state_t u);
+    return work_t'(u >>> 8) + work_t'($signed({1'b0, u[7]}));
   endfunction
 
-  // Step of this clock, and those of the products whose sum, whose tail is in this clock.
+  // Step whose operands are chosen in this clock, and those of the product, of the sum and behind it.
   logic [6:0] clock_q;  // clocks since the start, 0: idle
-  step_t step_q, sum_q;
+  step_t step_q, product_q, sum_q;
   step_t [2:0] tail_q;
   logic start, valid_q;
-  logic waiting, go, go_q, gone_q, abandon;
+  logic busy_q, full_q;  // clock_q is not 0, overrun_q counts no further
+  logic waiting_q, go, gone_q, abandon;
   logic [15:0] number_q, overrun_q;
 
-  assign start   = start_i && clock_q == '0;
-  assign waiting = direct_i && !gone_q && clock_q == WaitClock;
-  assign go      = waiting && go_i && go_number_i == number_q;
-  assign abandon = direct_i && abandon_i && clock_q != '0;
+  assign start   = start_i && !busy_q;
+  assign go      = waiting_q && go_i && go_number_i == number_q;
+  assign abandon = direct_i && abandon_i && busy_q;
 
-  // The pause counts from its first clock, whose step is the last one of the current.
+  // The pause ends with the clock of filtered_i, the first step that needs its error follows.
   logic [5:0] pause_q;
-  logic pausing, resume;
-
-  assign pausing = clock_q == PauseClock && pause_q != '0;
-  assign resume  = pausing && pause_q == 6'd1;
+  logic pausing_q, resume_q;
 
   always_ff @(posedge clk_i) begin
-    if (start) pause_q <= (pause_i == '0) ? '0 : {1'b0, pause_i} + 6'(PauseClocks);
-    else if (pausing) pause_q <= pause_q - 6'd1;
-    if (rst_i) pause_q <= '0;
+    if (start) pause_q <= (pause_i == '0) ? '0 : {1'b0, pause_i} + 6'(PauseClocks + 1);
+    else if (pausing_q) pause_q <= pause_q - 6'd1;
+    pausing_q <= !abandon && ((clock_q == PauseClock - 7'd1 && pause_q != '0) || (pausing_q && !resume_q));
+    resume_q  <= !abandon && pausing_q && pause_q == 6'd2;
+    if (rst_i) begin
+      pause_q   <= '0;
+      pausing_q <= 1'b0;
+      resume_q  <= 1'b0;
+    end
   end
 
-  // The clock of waiting has no step: nothing is under way when the run goes on.
+  // While it waits the run repeats the step that it goes on with: the products count for nothing.
   always_ff @(posedge clk_i) begin
     if (start) step_q <= Program[1];
-    else if (clock_q == '0 || waiting || pausing) step_q <= '0;
+    else if (!busy_q || (pausing_q && !resume_q)) step_q <= '0;
+    else if (waiting_q) step_q <= Program[ResumeClock];
     else step_q <= Program[clock_q+7'd1];
-    sum_q     <= step_q;
+    product_q <= step_q;
+    sum_q     <= product_q;
     tail_q[0] <= sum_q;
     tail_q[1] <= tail_q[0];
     tail_q[2] <= tail_q[1];
     valid_q   <= clock_q == 7'(Latency - 1) && !abandon;
-    go_q      <= go && !abandon;
+    if (start) busy_q <= 1'b1;
+    else if (clock_q == LastClock || abandon) busy_q <= 1'b0;
     if (start) clock_q <= 7'd1;
     else if (clock_q == LastClock || abandon) clock_q <= '0;
     else if (go) clock_q <= ResumeClock;
-    else if (clock_q != '0 && !waiting && !pausing) clock_q <= clock_q + 7'd1;
+    else if (busy_q && !waiting_q && (!pausing_q || resume_q)) clock_q <= clock_q + 7'd1;
+    waiting_q <= direct_i && !gone_q && !abandon && (clock_q == WaitClock - 7'd1 || (waiting_q && !go));
     if (start) gone_q <= 1'b0;
     else if (go) gone_q <= 1'b1;
     if (start) number_q <= number_q + 16'd1;
-    if (start_i && !start && overrun_q != '1) overrun_q <= overrun_q + 16'd1;
+    if (start_i && busy_q && !full_q) begin
+      overrun_q <= overrun_q + 16'd1;
+      full_q    <= overrun_q == 16'hFFFE;
+    end
     if (rst_i) begin
+      busy_q    <= 1'b0;
+      full_q    <= 1'b0;
       clock_q   <= '0;
       step_q    <= '0;
+      product_q <= '0;
       sum_q     <= '0;
       tail_q    <= '0;
       valid_q   <= 1'b0;
-      go_q      <= 1'b0;
+      waiting_q <= 1'b0;
       gone_q    <= 1'b0;
       number_q  <= '0;
       overrun_q <= '0;
@@ -211,9 +217,9 @@ module fl_foc
   localparam logic [Phases-1:0][31:0] PhaseAngles = phase_angles(1);
   localparam logic [Phases-1:0][31:0] ThirdAngles = phase_angles(3);
 
-  // Cosine of n (theta - k delta), a quarter further on for the quadrature.
-  logic [31:0] angle, look;
-  logic third;
+  // Cosine of n (theta - k delta), a quarter further on for the quadrature. The first one, of phase 0, needs no difference.
+  logic [31:0] angle, look, look_q;
+  logic third, scaled_q, first_look_q;
   logic signed [CosineBits-1:0] cosine;
 
   assign angle = angle_q[step_q.look_inverse];
@@ -221,65 +227,78 @@ module fl_foc
   assign look  = third ? angle + {angle[30:0], 1'b0} - ThirdAngles[step_q.look_phase]
                        : angle - PhaseAngles[step_q.look_phase];
 
+  always_ff @(posedge clk_i) begin
+    look_q       <= {look[31:30] + {1'b0, step_q.look_quadrature}, look[29:0]};
+    scaled_q     <= start || !step_q.look_inverse;
+    first_look_q <= start;
+  end
+
   fl_sincos #(
-      .Width(CosineBits)
+      .Width           (CosineBits),
+      .ScaleNumerator  (ParkNumerator),
+      .ScaleDenominator(Phases)
   ) u_cosine (
       .clk_i,
       .rst_i,
       .valid_i (1'b0),
-      .angle_i ({look[31:30] + {1'b0, step_q.look_quadrature}, look[29:0]}),
+      .angle_i (first_look_q ? angle_q[0] : look_q),
       .cosine_i(1'b1),
+      .scaled_i(scaled_q),
       .valid_o (),
       .value_o (cosine)
   );
 
   // Operands. Selections beyond a build's subspaces and phases do not occur in its program.
-  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q, voltage_vector_q, back_q;
-  state_t [Subspaces-1:0][1:0] work_q, state_q;
+  sample_t [Subspaces-1:0][1:0] error_q, current_q, applied_q, back_q;
+  state_t [Subspaces-1:0][1:0] state_q;
+  work_t [Subspaces-1:0][1:0] work_q;  // state in the format of voltages
   base_t [Subspaces-1:0][1:0] base_q;  // state and what comes back from the limit
   logic [16:0] factor;
   sample_t x;
+  sample_t [Subspaces-1:0][1:0] voltage;
+  sample_t coefficient;  // 18 bits, above the lowest ones of c
   logic signed [CosineBits-1:0] c;
+  state_t state_x;
   logic s;  // subspace of the operands
 
-  assign s = (Subspaces > 1) && step_q.subspace;
+  assign s           = (Subspaces > 1) && step_q.subspace;
+  assign state_x     = state_q[s][step_q.x_axis];
+  assign coefficient = ({18{step_q.c[CGain]}} & gain_i[s][step_q.c_axis])
+      | ({18{step_q.c[CHold]}} & hold_i[s][step_q.c_axis])
+      | ({18{step_q.c[CFactor]}} & {1'b0, factor})
+      | ({18{step_q.c[CRatio]}} & ratio_i[s][step_q.c_axis]);
 
+  // Side by side, so that the choice comes last.
   always_comb begin
-    unique case (step_q.x)
-      XCurrent:   x = phase_current_q[step_q.phase];
-      XError:     x = error_q[s][step_q.x_axis];
-      XWorkHigh:  x = work_q[s][step_q.x_axis][27:10];
-      XWorkLow:   x = {8'd0, work_q[s][step_q.x_axis][9:0]};
-      XStateHigh: x = state_q[s][step_q.x_axis][27:10];
-      XStateLow:  x = {8'd0, state_q[s][step_q.x_axis][9:0]};
-      XVoltage:   x = voltage_vector_q[s][step_q.x_axis];
-      XBack:      x = back_q[s][step_q.x_axis];
-      default:    x = '0;
-    endcase
-    unique case (step_q.c)
-      CCosine:        c = cosine;
-      CTwoOverPhases: c = TwoOverPhases;
-      CGain:          c = CosineBits'(gain_i[s][step_q.c_axis]);
-      CHold:          c = CosineBits'(hold_i[s][step_q.c_axis]);
-      CSquare:        c = work_q[s][step_q.c_axis][CosineBits-1:0];
-      CFactor:        c = {4'd0, factor};
-      CRatio:         c = CosineBits'(ratio_i[s][step_q.c_axis]);
-      default:        c = '0;
-    endcase
+    for (int unsigned n = 0; n < Subspaces; n++)
+    for (int unsigned axis = 0; axis < 2; axis++)
+    voltage[n][axis] = sat_sample(21'(applied_q[n][axis]) + 21'(inject_q[n][axis]));
   end
 
-  // Half of the unit that remains.
-  wide_t half_unit, sum;
-  logic [2:0][SumBits-1:0] accumulator;
+  assign x = ({18{step_q.x[XCurrent]}} & phase_current_q[step_q.phase])
+      | ({18{step_q.x[XError]}} & error_q[s][step_q.x_axis])
+      | ({18{step_q.x[XSquare]}} & work_q[s][step_q.x_axis][20:3])
+      | ({18{step_q.x[XStateHigh]}} & state_x[27:10])
+      | ({18{step_q.x[XStateLow]}} & {8'd0, state_x[9:0]})
+      | ({18{step_q.x[XVoltage]}} & voltage[s][step_q.x_axis])
+      | ({18{step_q.x[XBack]}} & back_q[s][step_q.x_axis]);
+  assign c = ({21{step_q.c[CCosine]}} & cosine)
+      | ({21{step_q.c[CSquare]}} & work_q[s][step_q.c_axis])
+      | {coefficient, 3'd0};
 
-  always_comb begin
-    unique case (sum_q.kind)
-      SumProject, SumLimit: half_unit = wide_t'(1 << 16);
-      SumCurrent:           half_unit = wide_t'(1 << 22);
-      SumPhase:             half_unit = wide_t'(1 << 19);
-      SumBack:              half_unit = wide_t'(1 << 6);
-      default:              half_unit = '0;
+  // Half of the unit that remains.
+  wide_t half_unit_q;
+  logic write_q;
+  wide_t single_sum, pair_sum;
+
+  always_ff @(posedge clk_i) begin
+    unique case (product_q.kind)
+      SumCurrent:         half_unit_q <= wide_t'(1 << (ParkShift - 1));
+      SumLimit, SumPhase: half_unit_q <= wide_t'(1 << 19);
+      SumBack:            half_unit_q <= wide_t'(1 << 9);
+      default:            half_unit_q <= '0;
     endcase
+    write_q <= product_q.kind != SumNone && !rst_i;
   end
 
   fl_mac #(
@@ -288,16 +307,17 @@ module fl_foc
   ) u_mac (
       .clk_i,
       .rst_i,
-      .x_i          (x),
-      .c_i          (c),
-      .enable_i     (sum_q.kind != SumNone),
-      .select_i     (sum_q.accumulator),
-      .first_i      (sum_q.first),
-      .init_i       (half_unit),
-      .subtract_i   (sum_q.subtract),
-      .high_i       (sum_q.high),
-      .sum_o        (sum),
-      .accumulator_o(accumulator)
+      .x_i       (x),
+      .c_i       (c),
+      .square_i  (product_q.square),
+      .enable_i  (write_q),
+      .pair_i    (sum_q.pair),
+      .first_i   (sum_q.first),
+      .init_i    (half_unit_q),
+      .subtract_i(sum_q.subtract),
+      .high_i    (sum_q.high),
+      .single_o  (single_sum),
+      .pair_o    (pair_sum)
   );
 
   // Circle limit.
@@ -311,7 +331,7 @@ module fl_foc
       .clk_i,
       .rst_i,
       .start_i   (tail_q[0].last && tail_q[0].kind == SumSquare),
-      .radicand_i(accumulator[Common][39:0]),
+      .radicand_i(single_sum[39:0]),
       .valid_o   (root_valid),
       .root_o    (root)
   );
@@ -330,28 +350,22 @@ module fl_foc
       .ratio_o(factor)
   );
 
-  // Sums to their destinations; the regulator's go through shifter, state and rounding, a clock each.
-  logic signed [38:0] shifted, delta_q;
-  sample_t applied_d;
+  // Sums to their destinations, from the clock after the last product's on; s1 to s4: subspace before, then and later.
   logic s1, s2, s3, s4, axis1, axis2, axis3, axis4;
-  logic regulator2, regulator3, regulator4;
+  logic regulator4;
 
   assign {s1, axis1} = {(Subspaces > 1) && sum_q.subspace, sum_q.axis};
   assign {s2, axis2} = {(Subspaces > 1) && tail_q[0].subspace, tail_q[0].axis};
   assign {s3, axis3} = {(Subspaces > 1) && tail_q[1].subspace, tail_q[1].axis};
   assign {s4, axis4} = {(Subspaces > 1) && tail_q[2].subspace, tail_q[2].axis};
-  assign regulator2 = tail_q[0].last && tail_q[0].kind == SumRegulator;
-  assign regulator3 = tail_q[1].last && tail_q[1].kind == SumRegulator;
   assign regulator4 = tail_q[2].last && tail_q[2].kind == SumRegulator;
 
-  assign shifted = $signed({accumulator[axis2][37:0], 1'b0}) >>> shift_i[s2];
-
+  // Saturates at +-(2^17 - 1).
   function automatic sample_t error_of(sample_t wanted, sample_t i);
     logic signed [18:0] difference;
     difference = 19'(wanted) - 19'(i);
-    if (difference > 19'sd131071) return 18'sd131071;
-    else if (difference < -19'sd131071) return -18'sd131071;
-    else return sample_t'(difference);
+    if (difference[18] != difference[17]) return {difference[18], {16{!difference[18]}}, 1'b1};
+    else return {difference[17:1], difference[0] || (difference[17] && difference[16:1] == '0)};
   endfunction
 
   // The regulator of a subspace takes its step in this run.
@@ -359,73 +373,109 @@ module fl_foc
     return subspace || !skip_q;
   endfunction
 
-  // One sum of forward and state; the carry rounds the state half up.
-  logic signed [20:0] added;  // state and half a unit
+  // Regulator: shifter, sum with the state, saturation and rounding, a clock each. Base and rounded delta are one sum: the
+  // carry is the half of the delta's lowest bit. A preset is a base without a delta.
+  logic signed [38:0] delta_q;
+  base_t from_q;
+  logic signed [40:0] next_sum;
+  logic signed [39:0] next_q;
+  logic next_fits;
+  state_t next;
+  work_t next_work;
+
+  assign next_sum  = 41'($signed({from_q, 1'b1})) + 41'(delta_q);
+  assign next_fits = next_q[39:27] == {13{next_q[39]}};
+  assign next      = next_fits ? next_q[27:0] : {next_q[39], {27{!next_q[39]}}};
+  assign next_work = next_fits ? to_voltage(next_q[27:0]) : {next_q[39], 1'b1, 19'd0};
+
+  always_ff @(posedge clk_i) begin
+    delta_q <= 39'($signed({pair_sum[40:3], 1'b0}) >>> shift_i[s2]);
+    from_q  <= base_q[s2][axis2];
+    if (!enable_i[s2]) begin
+      delta_q <= '0;
+      from_q  <= base_t'($signed({preset_i[s2][axis2], 8'd0}));
+    end
+    next_q <= next_sum[40:1];
+  end
+
+  // Limit: one sum of forward and the state as it is or limited; the carry rounds the state half up.
+  state_t kept_q, kept2_q;  // before the limit
+  logic bound_q;  // the limit acts
+  logic apply_bound_q;  // and its result is applied
+  logic signed [20:0] apply_kept_q;  // else this: state and half a unit
+  sample_t forward_q;
+  logic signed [20:0] added;
   logic signed [21:0] applied_sum;
 
-  assign added       = bypass_i ? '0 : state_q[s2][axis2][27:7];
-  assign applied_sum = 22'(added) + 22'($signed({forward_i[s2][axis2], 1'b1}));
-  assign applied_d = sat_voltage(applied_sum[21:1]);
+  assign added       = ({21{apply_bound_q}} & single_sum[47:27]) | apply_kept_q;
+  assign applied_sum = 22'(added) + 22'($signed({forward_q, 1'b1}));
+
+  always_ff @(posedge clk_i) begin
+    kept_q        <= state_q[s1][axis1];
+    kept2_q       <= kept_q;
+    bound_q       <= less && runs(s1);
+    apply_bound_q <= less && runs(s1) && !bypass_i;
+    apply_kept_q  <= ((less && runs(s1)) || bypass_i) ? '0 : state_q[s1][axis1][27:7];
+    forward_q     <= forward_i[s1][axis1];
+  end
+
+  logic unused;
+  assign unused = &{1'b0, applied_sum[0], next_sum[0], single_sum[48], pair_sum[48:41], pair_sum[2:0]};
+
+  // Currents for the errors: measured in the clock before, or filtered at the end of a pause.
+  sample_t [Subspaces-1:0][1:0] taken_current;
+  logic [Subspaces-1:0][1:0] taken;
+
+  always_comb begin
+    taken_current = current_q;
+    taken         = '0;
+    if (tail_q[1].last && tail_q[1].kind == SumCurrent) taken[s3][axis3] = 1'b1;
+    if (resume_q) begin
+      taken_current[0] = filtered_i;
+      taken[0]         = '1;
+    end
+  end
 
   sample_t [Phases-1:0] voltage_q;
   logic [Subspaces-1:0] limited_q;
-  state_t wanted_q;  // before the limit
-
-
-  // Base and rounded delta in one sum: the carry is the half of the delta's lowest bit.
-  logic signed [40:0] next_sum;
-
-  assign next_sum = 41'($signed({base_q[s3][axis3], 1'b1})) + 41'(delta_q);
-
-  logic unused;
-  assign unused = &{1'b0, applied_sum[0], next_sum[0]};
 
   always_ff @(posedge clk_i) begin
-    wanted_q <= state_q[s1][axis1];
-    if (sum_q.last) begin
-      unique case (sum_q.kind)
-        SumProject: work_q[s1][axis1] <= state_t'(sum >>> 17);
-        SumCurrent: current_q[s1][axis1] <= sat_current(sum[48:23]);
-        SumLimit:
-        if (runs(s1)) begin
-          limited_q[s1] <= less;
-          if (less) state_q[s1][axis1] <= state_t'(sum >>> 17);
+    if (tail_q[0].last) begin
+      unique case (tail_q[0].kind)
+        SumCurrent: current_q[s2][axis2] <= sat_sample(single_sum[ParkShift+:21]);
+        SumSquare:  ratio_s_q <= s2;
+        SumLimit: begin
+          applied_q[s2][axis2] <= sat_sample(applied_sum[21:1]);
+          if (runs(s2)) limited_q[s2] <= less;
         end
-        SumPhase:   voltage_q[sum_q.phase] <= sat_voltage(sum[40:20]);
+        SumPhase:   voltage_q[tail_q[0].phase] <= sat_sample(tail_q[0].pair ? pair_sum[40:20] : single_sum[40:20]);
+        SumBack:    base_q[s2][axis2] <= base_t'(state_q[s2][axis2]) + base_t'($signed(single_sum[39:10]));
         default:    ;
       endcase
     end
-    if (tail_q[0].last && tail_q[0].kind == SumCurrent && runs(s2)) begin
-      error_q[s2][axis2] <= error_of(reference_i[s2][axis2], current_q[s2][axis2]);
-    end
-    if (resume) begin
-      current_q[0] <= filtered_i;
-      for (int unsigned axis = 0; axis < 2; axis++)
-      if (runs(1'b0)) error_q[0][axis] <= error_of(reference_i[0][axis], filtered_i[axis]);
-    end
-    if (regulator2) delta_q <= shifted;
-    if (regulator3 && !direct_i && runs(s3)) begin
-      if (enable_i[s3]) state_q[s3][axis3] <= sat_state(next_sum[40:1]);
-      else state_q[s3][axis3] <= {{2{preset_i[s3][axis3][17]}}, preset_i[s3][axis3], 8'd0};
-      back_q[s3][axis3] <= '0;
-    end
-    if (go && !abandon) state_q <= wanted_i;
     for (int unsigned n = 0; n < Subspaces; n++) begin
       for (int unsigned axis = 0; axis < 2; axis++) begin
-        if (go_q) work_q[n][axis] <= 28'(to_voltage(state_q[n][axis]));
+        if (taken[n][axis] && runs(n[0])) error_q[n][axis] <= error_of(reference_i[n][axis], taken_current[n][axis]);
+        if (resume_q && n == 0) current_q[n][axis] <= filtered_i[axis];
       end
     end
-    if (regulator4) work_q[s4][axis4] <= 28'(to_voltage(state_q[s4][axis4]));
-    if (tail_q[0].last && tail_q[0].kind == SumSquare) ratio_s_q <= s2;
-    if (tail_q[0].last && tail_q[0].kind == SumLimit) begin
-      applied_q[s2][axis2] <= applied_d;
-      if (limited_q[s2] && runs(s2) && enable_i[s2] && !direct_i)
-        back_q[s2][axis2] <= sample_t'((wanted_q - state_q[s2][axis2]) >>> 10);
+    if (tail_q[1].last && tail_q[1].kind == SumLimit && limited_q[s3] && runs(s3) && enable_i[s3] && !direct_i)
+      back_q[s3][axis3] <= sample_t'((kept2_q - state_q[s3][axis3]) >>> 10);
+    // Nothing else comes while a run waits.
+    if (waiting_q) begin
+      if (go && !abandon) begin
+        state_q <= wanted_i;
+        for (int unsigned n = 0; n < Subspaces; n++)
+        for (int unsigned axis = 0; axis < 2; axis++) work_q[n][axis] <= to_voltage(wanted_i[n][axis]);
+      end
+    end else begin
+      if (regulator4 && !direct_i && runs(s4)) begin
+        state_q[s4][axis4] <= next;
+        work_q[s4][axis4]  <= next_work;
+        back_q[s4][axis4]  <= '0;
+      end
+      if (tail_q[0].last && tail_q[0].kind == SumLimit && bound_q) state_q[s2][axis2] <= single_sum[47:20];
     end
-    if (tail_q[1].last && tail_q[1].kind == SumLimit)
-      voltage_vector_q[s3][axis3] <= sat_voltage(21'(applied_q[s3][axis3]) + 21'(inject_q[s3][axis3]));
-    if (tail_q[0].last && tail_q[0].kind == SumBack)
-      base_q[s2][axis2] <= base_t'(state_q[s2][axis2]) + base_t'($signed(accumulator[Common]) >>> 7);
     if (rst_i) begin
       state_q   <= '0;
       base_q    <= '0;
@@ -433,16 +483,15 @@ module fl_foc
       error_q   <= '0;
       current_q <= '0;
       applied_q <= '0;
-      voltage_vector_q <= '0;
       voltage_q <= '0;
       limited_q <= '0;
     end
   end
 
-  assign first_o   = tail_q[0].last && tail_q[0].kind == SumCurrent && !s2 && axis2;
-  assign waiting_o = waiting;
+  assign first_o   = tail_q[1].last && tail_q[1].kind == SumCurrent && !s3 && axis3;
+  assign waiting_o = waiting_q;
   assign number_o  = number_q;
-  assign busy_o    = clock_q != '0;
+  assign busy_o    = busy_q;
   assign valid_o   = valid_q;
   assign voltage_o = voltage_q;
   assign current_o = current_q;

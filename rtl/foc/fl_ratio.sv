@@ -34,6 +34,13 @@ module fl_ratio #(
 
   typedef logic signed [TrialBits-1:0] trial_t;
 
+  // a - b - c with one chain of carries: the three terms become two without one.
+  function automatic trial_t less_both(trial_t a, trial_t b, trial_t c);
+    trial_t carry;
+    carry = trial_t'({(a & ~b) | (a & ~c) | (~b & ~c), 1'b1});
+    return (a ^ b ^ c) - ~carry;
+  endfunction
+
   logic [WholeBits-1:0] remainder_q;  // below whole
   trial_t whole, whole_q, whole3_q, whole5_q, whole7_q;  // times 1, 3, 5, 7
   logic [Bits-1:0] ratio_q;
@@ -55,7 +62,7 @@ module fl_ratio #(
     first_trial[0] = first;
     first_trial[1] = first - whole;
     first_trial[2] = first - (whole <<< 1);
-    first_trial[3] = first - (whole <<< 1) - whole;
+    first_trial[3] = less_both(first, whole <<< 1, whole);
     trial[0]       = shifted;
     trial[1]       = shifted - whole_q;
     trial[2]       = shifted - (whole_q <<< 1);

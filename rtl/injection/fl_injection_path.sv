@@ -143,6 +143,7 @@ module fl_injection_path
       .valid_i (run_q),
       .angle_i (angle_q),
       .cosine_i(look_q),
+      .scaled_i(1'b0),
       .valid_o (value_valid),
       .value_o (value)
   );
