@@ -86,8 +86,11 @@ async def equations_hold_bit_by_bit(dut: Any) -> None:
     tb = TB(dut)
     await tb.start(model)
     counts = [0, 0]
-    for n in range(3000):
+    for n in range(9000):
         if n % 60 == 0:
+            # A draw of filters lasts for 60 runs: some seeds need more draws for enough that saturate.
+            if n >= 3000 and min(counts) > 300:
+                break
             fs = 10 ** rng.uniform(3.5, 5.5)
             if n % 180 > 0:
                 filters = [Filter.design(rng.uniform(0.001, 0.24) * fs, fs, rng.uniform(0.1, 1.9)) for _ in range(2)]
