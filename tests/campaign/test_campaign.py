@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import random
+from pathlib import Path
 
 import pytest
 
-from fluxlock.campaign import command
+from fluxlock.campaign import run
 from fluxlock.campaign.grid import DRIVES, PLANT_FAULTS, actions_of, upsets
 from fluxlock.campaign.judge import STOPPED, WRONG
-from fluxlock.campaign.run import FOLDER, grid, run_drive
+from fluxlock.campaign.run import grid, run_drive
 from fluxlock.config import ConfigError
 
 SEED = 1
@@ -77,17 +78,18 @@ def test_the_seed_decides() -> None:
     for drive in DRIVES:
         assert grid(drive, 5, quick=False) == grid(drive, 5, quick=False)
         assert grid(drive, 5, quick=False) != grid(drive, 6, quick=False)
-        names = [run.folder for run in grid(drive, 5, quick=False)]
+        names = [one.folder for one in grid(drive, 5, quick=False)]
         assert len(set(names)) == len(names)
 
 
-def test_one_at_a_time() -> None:
-    """A second campaign in the checkout is refused: it would clear the folders in which the first one's runs write.
+def test_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second campaign of a drive is refused: it would clear the folders in which the first one's runs write.
 
     Verifies: CAMP-01
     """
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    with (FOLDER / ".lock").open("w") as lock:
+    monkeypatch.setattr(run, "FOLDER", tmp_path)
+    (tmp_path / "boot").mkdir()
+    with (tmp_path / "boot" / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         with pytest.raises(ConfigError, match="another campaign is using it"):
-            command.run(["boot"], quick=True, every=1, seed=SEED, jobs=1)
+            run.run_drive(DRIVES[-1], SEED, quick=True, jobs=1)

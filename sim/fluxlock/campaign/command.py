@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fluxlock.campaign.grid import DRIVES, Drive
+from fluxlock.campaign.grid import DRIVES
 from fluxlock.campaign.judge import WRONG
 from fluxlock.campaign.page import kinds, score
 from fluxlock.campaign.run import FOLDER, RESULT, ROW_FILE, grid, run_drive
@@ -29,19 +27,6 @@ def _nothing_to_show() -> ConfigError:
     return ConfigError([Problem("--show", "", text)])
 
 
-@contextmanager
-def _alone() -> Iterator[None]:
-    """One campaign at a time in this checkout: it clears the folders of its runs."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    with (FOLDER / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            text = "another campaign is using it; wait for its end, or look at what has finished with --show"
-            raise ConfigError([Problem("campaign", str(FOLDER), text)]) from None
-        yield
-
-
 def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> bool:
     """Run the grid of the named drives, print a table, write the document; False if a run ended wrong.
 
@@ -56,14 +41,6 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     if not jobs and not any(any((FOLDER / drive.name).rglob(ROW_FILE)) for drive in drives):
         raise _nothing_to_show()
     check_file(RESULT)
-    if jobs:
-        with _alone():
-            return _run(drives, quick, every, seed, jobs)
-    return _run(drives, quick, every, seed, jobs)
-
-
-def _run(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int) -> bool:
-    """The same for drives that there are."""
     rows: list[dict[str, Any]] = []
     total = 0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import random
 import re
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fluxlock.campaign.grid import PLANT_FAULTS, Drive, Fault, Moment, actions_of, parameter_upsets, upsets
 from fluxlock.campaign.judge import WRONG, judge
-from fluxlock.config import Scenario, load_scenario
+from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
@@ -155,15 +156,35 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) ->
         raise SimulatorError(f"the undisturbed run of {runs[0].drive} broke off: {meta['fault']}")
 
 
+@contextlib.contextmanager
+def _alone(drive: Drive) -> Iterator[None]:
+    """One process at a time runs a drive's grid: it clears the folders of the runs that are left."""
+    folder = FOLDER / drive.name
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            text = "another campaign is using it; wait for its end, or look at what has finished with --show"
+            raise ConfigError([Problem("campaign", str(folder), text)]) from None
+        yield
+
+
 def run_drive(
     drive: Drive, seed: int, quick: bool, jobs: int, every: int = 1, done: Done | None = None
 ) -> list[dict[str, Any]]:
     """All runs of a drive, judged; those finished before with equal inputs are read. jobs 0: only those."""
-    book = open_book(drive, seed)
     runs = grid(drive, seed, quick, every)
-    left = [run for run in runs if book.find(run) is None]
     if jobs == 0:
+        book = open_book(drive, seed)
         return [row for row in map(book.find, runs) if row is not None]
+    with _alone(drive):
+        return _run_left(open_book(drive, seed), runs, jobs, done)
+
+
+def _run_left(book: Book, runs: list[Run], jobs: int, done: Done | None) -> list[dict[str, Any]]:
+    """Run what the book has no verdict of; all verdicts."""
+    left = [run for run in runs if book.find(run) is None]
     for run in left:
         shutil.rmtree(run.folder, ignore_errors=True)
     stop = threading.Event()
