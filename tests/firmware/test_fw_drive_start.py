@@ -170,3 +170,26 @@ def test_alignment_lets_go_of_a_driven_rotor(direction: int, phase: str) -> None
     assert bench.until_state("running", 0.2)
     assert np.sign(bench.model.rpm) == direction
     assert bench.trips == 0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{}, {"inertia_kgm2": 1e-6}, {"inertia_kgm2": 2.5e-7}, {"psi_vs": 1.15e-3}, {"resistance_ohm": 14e-3}],
+)
+def test_alignment_keeps_a_rotor_that_swings(change: dict[str, float]) -> None:
+    """From any angle, also beside the dead point of either vector, and with a wrong file: one alignment, no second one.
+
+    Verifies: FW-52
+    """
+    for theta_rad in (*np.arange(0.0, 6.3, 0.5), 3.1, 3.14, 1.06, 5.2, 5.24):
+        bench = Bench(theta_rad=float(theta_rad), model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+        assert bench.until_state("ready", 0.1)
+        bench.fw.command("set speed_rpm 20000")
+        bench.fw.command("start")
+        seen = [0]
+        while seen[-1] != 4 and bench.now < 0.5:
+            bench.step()
+            phase = bench.fw.telemetry()["phase"]
+            if phase != seen[-1]:
+                seen.append(phase)
+        assert seen == [0, 1, 2, 3, 4], f"theta {theta_rad:.2f} rad: phases {seen}"
