@@ -22,6 +22,13 @@ PACKAGES = (RTL / "pkg" / "fl_pkg.sv",)
 COVERAGE_VARIABLE = "FLUXLOCK_RTL_COVERAGE"
 COVERAGE_ARGUMENTS = ("--coverage-line", "--coverage-toggle")
 WAIVERS = RTL / "verilator_waivers.vlt"
+# Registers at random, assertions on; one C++ file, little of it, in which a test's time is not spent.
+BUILD_ARGUMENTS = (
+    *("--x-assign", "unique", "--x-initial", "unique", "--assert"),
+    *("-Wall", "-Wno-fatal"),
+    *("--output-split", "0", "-CFLAGS", "-O1"),
+)
+OBJECT_CACHE = ROOT / "tools" / "object_cache.sh"
 
 
 def register_sources(*blocks: str) -> list[Path]:
@@ -56,6 +63,7 @@ def run_block_test(
     files = [*PACKAGES, *register_sources(*registers), *(RTL / s for s in sources)]
     values = dict(parameters or {})
     counts = os.environ.get(COVERAGE_VARIABLE)
+    arguments = [*BUILD_ARGUMENTS, *(COVERAGE_ARGUMENTS if counts else ())]
     key = content_hash(files, toplevel, sorted(values.items()), waves, *([COVERAGE_ARGUMENTS] if counts else []))
     build_dir = BUILD / "block" / f"{toplevel}-{key}"
     name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
@@ -63,7 +71,7 @@ def run_block_test(
     run_dir.mkdir(parents=True, exist_ok=True)
     runner = get_runner("verilator")
     saved = dict(os.environ)
-    os.environ.update(tool_environment())
+    os.environ.update(tool_environment(), OBJCACHE=f"sh '{OBJECT_CACHE}' '{BUILD / 'block' / 'runtime'}'")
     try:
         with file_lock(BUILD / "block" / f"{toplevel}-{key}.lock"):
             if not (build_dir / ".done").exists():
@@ -75,20 +83,7 @@ def run_block_test(
                     timescale=("1ns", "1ns"),
                     waves=waves,
                     always=True,
-                    build_args=[
-                        "--x-assign",
-                        "unique",
-                        "--x-initial",
-                        "unique",
-                        "--assert",
-                        *(COVERAGE_ARGUMENTS if counts else ()),
-                        "-Wall",
-                        "-Wno-fatal",
-                        "--output-split",
-                        "0",
-                        "-CFLAGS",
-                        "-O1",
-                    ],
+                    build_args=arguments,
                     log_file=build_dir / "build.log",
                 )
                 (build_dir / ".done").touch()
