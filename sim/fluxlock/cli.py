@@ -308,7 +308,7 @@ def campaign(
     drives: Annotated[
         list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, start, vector, boot; all without.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a third of the faults.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a sixth of the faults.")] = False,
     every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,
     show: Annotated[bool, typer.Option("--show", help="Run nothing: the runs that have finished.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,

@@ -24,7 +24,7 @@ def test_sample() -> None:
     """
     print(f"seed {SEED}")
     rows = run_drive(DRIVES[0], SEED, quick=True, jobs=1)
-    assert len(rows) > 15
+    assert len(rows) > 10
     for row in rows:
         print(row)
     assert not [(row["disturbance"], row["reasons"]) for row in rows if row["outcome"] == WRONG]

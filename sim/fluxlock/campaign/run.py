@@ -30,7 +30,7 @@ RESULT = BUILD / "campaign.json"
 ROW_FILE = "row.json"
 SETTLE_S = 2e-3  # in the fault state
 # Upsets a moment: registers, words of memory, locked settings.
-FULL_UPSETS, QUICK_UPSETS = (20, 8, 3), (6, 2, 1)
+FULL_UPSETS, QUICK_UPSETS = (20, 8, 3), (3, 1, 1)
 # Upsets of the parameters, of which the block has more bytes.
 FULL_PARAMETERS, QUICK_PARAMETERS, PARAMETER_BYTES = 20, 2, 960
 POLL_S = 0.2
@@ -49,14 +49,14 @@ class Run:
 
 
 def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
-    """The runs of a drive. quick: its last moment, a third of the faults; every: one run of so many."""
+    """The runs of a drive. quick: its last moment, a sixth of the faults; every: one run of so many."""
     runs = []
     for moment in drive.moments[-1:] if quick else drive.moments:
         rng = random.Random(f"{seed} {drive.name} {moment.name}")
         if moment.boot:
             faults = parameter_upsets(rng, QUICK_PARAMETERS if quick else FULL_PARAMETERS, PARAMETER_BYTES)
         else:
-            chosen = rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (3 if quick else 1))
+            chosen = rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (6 if quick else 1))
             faults = [PLANT_FAULTS[n] for n in sorted(chosen)]
             faults += upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))
         for fault in faults:

@@ -66,11 +66,15 @@ Body = Callable[["Runner"], Iterable[Row]]
 
 @dataclass(frozen=True)
 class Case:
-    """A named function that yields rows; its docstring says what it shows. long: begun before the others."""
+    """A named function that yields rows; its docstring says what it shows.
+
+    long: begun before the others. tested: `make test` runs its short version, as `make regression QUICK=1` does of all.
+    """
 
     id: str
     body: Body
     long: bool = False
+    tested: bool = True
 
     @property
     def title(self) -> str:
@@ -82,13 +86,13 @@ class Case:
 CASES: dict[str, Case] = {}
 
 
-def case(name: str, long: bool = False) -> Callable[[Body], Body]:
+def case(name: str, long: bool = False, tested: bool = True) -> Callable[[Body], Body]:
     """Register a case under `<set>/<name>`."""
 
     def register(body: Body) -> Body:
         if name in CASES:
             raise ValueError(f"case {name} is registered twice")
-        CASES[name] = Case(name, body, long)
+        CASES[name] = Case(name, body, long, tested)
         return body
 
     return register

@@ -61,7 +61,6 @@ YU_DEAD = Course(
 YU = replace(YU_DEAD, name="yu", overrides=(*YU_DEAD.overrides, "inverter.dead_time_s=0"))
 YU_SHORT = replace(YU_DEAD, load_nm=6.0, back_s=0.26, end_s=0.48)
 IPM = Course("ipm", "vector/ipm-injection.toml", 3000.0, 700.0, 6000.0, 0.7, 0.64, 1.14)
-IPM_SHORT = Course("ipm", "vector/ipm-injection.toml", 1300.0, 700.0, 6000.0, 0.7, 0.25, 0.44)
 
 
 def means(time_s: FloatArray, values: FloatArray, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray]:
@@ -106,7 +105,7 @@ def dip_percent(run: Outcome, at_s: float) -> float:
 @case("five-phase/hand-over", long=True)
 def hand_over(runner: Runner) -> Iterator[Row]:
     """Standstill, rated speed, standstill under load, without a wave above the hand-over: jump of the angle, torque."""
-    for course in (YU_SHORT, IPM_SHORT) if runner.quick else (YU, YU_DEAD, IPM):
+    for course in (YU_SHORT,) if runner.quick else (YU, YU_DEAD, IPM):
         run = runner.drive(course.scenario, course.name, *course.timeline())
         up_s, down_s = handed_over_s(run, course)
         values: dict[str, Number] = {

@@ -62,7 +62,7 @@ def best(runner: Runner) -> Iterator[Row]:
         )
 
 
-@case("five-phase/tian-dead-time", long=True)
+@case("five-phase/tian-dead-time", long=True, tested=False)
 def dead_time(runner: Runner) -> Iterator[Row]:
     """Driven shaft, 2 us of compensated dead time: mean of the angle error."""
     for rpm, i_q_a, theta_deg in COMPENSATED_POINTS:

@@ -46,7 +46,7 @@ def _limits(speed_rpm: float) -> Limits:
     }
 
 
-@case("six-step/zcd-source")
+@case("six-step/zcd-source", tested=False)
 def zcd_source(runner: Runner) -> Iterator[Row]:
     """Terminal voltage, third harmonic of the star point and of the mean of three, sinusoidal and trapezoidal EMF."""
     for source in ("mean",) if runner.quick else SOURCES:
