@@ -35,6 +35,12 @@ KEY = "drive.vector.injection"
         (IPM, ["motor.inductance_q_h=0.1e-3"], "inductance_q_h: 0.0001 H is not above inductance_h (0.0002 H)"),
         (YU, ["drive.vector.handover_rpm=1600"], "handover_rpm: 1600 r/min is above max_speed_rpm of the motor"),
         (YU, ["drive.vector.handover_rpm=10"], "handover_rpm: 10 r/min has an EMF of 924 mV, less than 10 steps"),
+        (YU, [f"{KEY}.search_current_a=7.5"], f"{KEY}.search_current_a: 7.5 A is above drive.current_limit_a (7 A)"),
+        (
+            YU,
+            [f"{KEY}.search_current_a=7"],
+            "legs of one side carry 11.3 A together at some angles; permitted below 5.87",
+        ),
         (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
     ],
 )
