@@ -55,6 +55,16 @@ def test_refused(path: Path, overrides: list[str], expected: str) -> None:
     assert any(expected in line for line in lines), lines
 
 
+def test_only_the_cause() -> None:
+    """A limit of the current beyond the trip is named itself, not the wave that would have no room beside it.
+
+    Verifies: INJC-09
+    """
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(IPM, ["drive.current_limit_a=30"])
+    assert [problem.key for problem in caught.value.problems] == ["drive.current_limit_a"]
+
+
 @pytest.mark.parametrize("path", [TIAN, YU, IPM])
 def test_parameters(path: Path) -> None:
     """Wave, ratio of the inductances and expected current by hand; the whole block fits.
