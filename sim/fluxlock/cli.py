@@ -373,6 +373,8 @@ def mutate(
 ) -> None:
     """Put defects into RTL blocks, one at a time, and see how many the block tests find: build/mutate/BLOCK.json.
 
+    A run that was stopped goes on from there if block, tests and seed are the same.
+
     `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
     """
     from fluxlock.mutation.command import mutate as run_mutate

@@ -92,6 +92,9 @@ def test_command(tmp_path: Path) -> None:
         if file == "five-phase-tian":
             (row,) = (line for line in result.output.splitlines() if "257.5" in line)
             assert [c.strip() for c in row.strip("│").split("│")] == ["40", "257.5", "yes", "no"]
+            assert [
+                c.strip() for line in result.output.splitlines() if "…" in line for c in line.strip("│").split("│")
+            ] == (["…"] * 4), "one row stands for those that are left out"
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -93,3 +94,20 @@ def test_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         with pytest.raises(ConfigError, match="another campaign is using it"):
             run.run_drive(DRIVES[-1], SEED, quick=True, jobs=1)
+
+
+def test_progress_of_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A campaign whose runs have all ended before shows all of them as ended, without a chip.
+
+    Verifies: CAMP-01
+    """
+
+    class Kept:
+        def find(self, one: run.Run) -> dict[str, Any]:
+            return {"fault": one.fault.name}
+
+    monkeypatch.setattr(run, "FOLDER", tmp_path)
+    monkeypatch.setattr(run, "open_book", lambda *_: Kept())
+    seen: list[tuple[int, int]] = []
+    rows = run.run_drive(DRIVES[-1], SEED, quick=True, jobs=1, done=lambda ended, count: seen.append((ended, count)))
+    assert seen == [(len(rows), len(rows))] and rows

@@ -35,6 +35,12 @@ KEY = "drive.vector.injection"
         (IPM, ["motor.inductance_q_h=0.1e-3"], "inductance_q_h: 0.0001 H is not above inductance_h (0.0002 H)"),
         (YU, ["drive.vector.handover_rpm=1600"], "handover_rpm: 1600 r/min is above max_speed_rpm of the motor"),
         (YU, ["drive.vector.handover_rpm=10"], "handover_rpm: 10 r/min has an EMF of 924 mV, less than 10 steps"),
+        (YU, [f"{KEY}.search_current_a=7.5"], f"{KEY}.search_current_a: 7.5 A is above drive.current_limit_a (7 A)"),
+        (
+            YU,
+            [f"{KEY}.search_current_a=7"],
+            "legs of one side carry 11.3 A together at some angles; permitted below 5.87",
+        ),
         (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
     ],
 )
@@ -47,6 +53,16 @@ def test_refused(path: Path, overrides: list[str], expected: str) -> None:
         load_scenario(path, overrides)
     lines = [f"{p.key}: {p.message}" for p in caught.value.problems]
     assert any(expected in line for line in lines), lines
+
+
+def test_only_the_cause() -> None:
+    """A limit of the current beyond the trip is named itself, not the wave that would have no room beside it.
+
+    Verifies: INJC-09
+    """
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(IPM, ["drive.current_limit_a=30"])
+    assert [problem.key for problem in caught.value.problems] == ["drive.current_limit_a"]
 
 
 @pytest.mark.parametrize("path", [TIAN, YU, IPM])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import pytest
 from fluxlock.docs import mutation as mutation_page
 from fluxlock.mutation.blocks import BLOCKS, Block
 from fluxlock.mutation.equivalence import proved_equal
-from fluxlock.mutation.netlist import SELECTOR, make_netlist, parse_list, with_selector
+from fluxlock.mutation.netlist import SELECTOR, folder, make_netlist, parse_list, with_selector
+from fluxlock.mutation.run import run_mutants
 from fluxlock.mutation.score import measure, score_percent
 from fluxlock.paths import ROOT, RTL
 
@@ -48,6 +50,29 @@ def test_outcome_of_each_mutant(result: dict[str, Any]) -> None:
     assert all(text.startswith(harmless) for text in by_result["equal"]), by_result
     assert any(" Q[0] stuck at 1" in text for text in by_result["killed"]), by_result
     assert list(result["tests"]) == [f"tests.mutation.small_bench.{name}" for name in TESTS]
+
+
+def test_a_stopped_run_goes_on(result: dict[str, Any]) -> None:
+    """What has ended is kept, what was being written is not; another seed of the tests begins anew.
+
+    Verifies: MUT-01
+    """
+    netlist = make_netlist(SMALL, COUNT, 1)
+    numbers, out = [m.number for m in netlist.mutants], folder(SMALL) / "outcomes.jsonl"
+    begun = [json.loads(line) for line in out.read_text().splitlines()]
+    half = begun[: 1 + COUNT // 2]
+    marked = [{**line, "cpu_s": 99.0} for line in half]
+    out.write_text("".join(json.dumps(line) + "\n" for line in marked) + '{"mutant": 3, "kil')
+
+    def cpu_of(seed: int) -> list[float]:
+        outcomes = run_mutants(SMALL, netlist, numbers, seed, 1, lambda _: None)
+        killed = {row["mutant"] for row in result["mutants"] if row["result"] == "killed"}
+        assert {n for n in numbers if outcomes[n]["killed_by"]} == killed
+        return [outcomes[number]["cpu_s"] for number in numbers]
+
+    kept = {line["mutant"] for line in half}
+    assert [cpu_s == 99.0 for cpu_s in cpu_of(1)] == [number in kept for number in numbers]
+    assert 99.0 not in cpu_of(2)
 
 
 def test_same_seed_same_mutants() -> None:

@@ -58,7 +58,11 @@ def injection(
     prepare_folder(out, "injection.png", "injection.json")
     limits = (found.largest_n(strict=True), found.largest_n(strict=False))
     shown = [c for c in found.choices if c.n <= FIRST_N or any(abs(c.n - n) <= AROUND for n in limits)]
-    rows = [[str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict)] for c in shown]
+    rows: list[list[str]] = []
+    for before, c in zip([None, *shown], shown, strict=False):
+        if before and c.n > before.n + 1:
+            rows.append(["…"] * 4)  # like the row before, all of them are in the file
+        rows.append([str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict)])
     title = f"{loaded.name}: f_sw / n of {carrier_hz:g} Hz, to {speed:g} r/min"
     print_table(
         title,

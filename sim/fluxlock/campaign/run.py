@@ -194,12 +194,16 @@ def _run_left(book: Book, runs: list[Run], jobs: int, done: Done | None) -> list
             with contextlib.suppress(json.JSONDecodeError):  # half written
                 book.enter(run)
 
+    def report() -> None:
+        if done is not None:
+            done(len(runs) - sum(not (run.folder / ROW_FILE).exists() for run in left), len(runs))
+
     def watch() -> None:
         while not stop.wait(POLL_S):
             enter_ended()
-            if done is not None:
-                done(len(runs) - sum(not (run.folder / ROW_FILE).exists() for run in left), len(runs))
+            report()
 
+    report()
     if left:
         chip = chip_of(book.scenario)
         watcher = threading.Thread(target=watch, daemon=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fluxlock.config.console import CURRENT_LIMITS, number_of_line, switch_of_line
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
@@ -203,11 +205,35 @@ def _power_stage(s: Scenario) -> list[Problem]:
         limit = with_unit(s.current_limit_a, "A")
         text = f"{with_unit(start_a, 'A')} is above drive.current_limit_a ({limit})"
         problems.append(Problem(file, "drive.start.current_a", text))
+    problems += _search_current(s)
     start_hz = s.drive.start.carrier_hz
     if start_hz is not None and start_hz > s.drive.carrier_hz:
         limit = with_unit(s.drive.carrier_hz, "Hz")
         text = f"{with_unit(start_hz, 'Hz')} is above drive.carrier_hz ({limit})"
         problems.append(Problem(file, "drive.start.carrier_hz", text))
+    return problems
+
+
+def _search_current(s: Scenario) -> list[Problem]:
+    """Search of the rotor: its current is below the drive's limit, and the trip of the link does not come before it."""
+    injection = s.drive.vector.injection
+    current_a = injection.search_current_a if injection else None
+    if current_a is None:
+        return []
+    problems, key = [], "drive.vector.injection.search_current_a"
+    if current_a > s.current_limit_a:
+        text = f"{with_unit(current_a, 'A')} is above drive.current_limit_a ({with_unit(s.current_limit_a, 'A')})"
+        problems.append(Problem(s.sources.scenario, key, text))
+    # Phases of one sign that the link carries together, at the worst angle: sum of |cos|, halved.
+    share = 0.5 / math.sin(math.pi / (2 * s.motor.phases))
+    trip_a = s.inverter.protection.dc_current_a
+    if share * current_a >= trip_a:
+        text = (
+            f"{with_unit(current_a, 'A')} and protection.dc_current_a of the inverter ({with_unit(trip_a, 'A')}): the "
+            f"legs of one side carry {share * current_a:.1f} A together at some angles; permitted below "
+            f"{trip_a / share:.2f} A, less what the injected wave needs"
+        )
+        problems.append(Problem(s.sources.scenario, key, text))
     return problems
 
 

@@ -245,7 +245,7 @@ def _injection(s: Scenario) -> Iterator[Problem]:
         yield Problem(file, "drive.vector.injection.amplitude_v", text)
     peak_a = spec.amplitude_v * spec.period * timing.sample_cycles / CLOCK_HZ / (4 * l_d)
     most_a = s.inverter.protection.phase_current_a - s.current_limit_a
-    if peak_a >= most_a:
+    if 0.0 < most_a <= peak_a:  # a limit of the current beyond the trip is a problem of its own
         text = (
             f"{with_unit(spec.amplitude_v, 'V')} over {spec.period} updates makes {peak_a:.3g} A, beside "
             f"drive.current_limit_a permitted up to {most_a:.3g} A (protection.phase_current_a of the inverter)"

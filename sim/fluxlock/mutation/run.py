@@ -11,21 +11,14 @@ from typing import Any
 from fluxlock.cosim.block import run_block_test
 from fluxlock.mutation.blocks import Block
 from fluxlock.mutation.netlist import SELECTOR, Netlist, folder
-from fluxlock.mutation.simulation import JOB_VARIABLE
-from fluxlock.paths import ROOT
+from fluxlock.mutation.simulation import JOB_VARIABLE, read_outcomes
+from fluxlock.paths import ROOT, RTL
 
 POLL_S = 0.5
 
 
 class MutationError(RuntimeError):
     """The tests cannot be run on the block's netlist."""
-
-
-def read_outcomes(path: Path) -> dict[int, dict[str, Any]]:
-    """Outcome by mutant so far; a line still being written is left for the next look."""
-    lines = path.read_text().splitlines(keepends=True) if path.exists() else []
-    found = [json.loads(line) for line in lines if line.endswith("\n")]
-    return {entry.pop("mutant"): entry for entry in found}
 
 
 def _watch(path: Path, progress: Callable[[int], None], done: threading.Event) -> None:
@@ -38,11 +31,13 @@ def run_mutants(
 ) -> dict[int, dict[str, Any]]:
     """Outcome of each of the mutants `numbers`, and of the block as it is (0), which must pass.
 
-    progress: called now and then with the number of mutants that are through.
+    Outcomes of a run before with the same inputs are kept. progress: called now and then with the number of mutants
+    that are through.
     """
     work = folder(block)
     out, job = work / "outcomes.jsonl", work / "job.json"
-    out.unlink(missing_ok=True)
+    bench = [ROOT / name if name.startswith("cocotb_tests/") else name for name in block.bench_sources]
+    environment = {**block.environment, "COCOTB_RANDOM_SEED": str(seed)}
     job.write_text(
         json.dumps(
             {
@@ -53,10 +48,11 @@ def run_mutants(
                 "folder": str(work),
                 "out": str(out),
                 "jobs": jobs,
+                "sources": [str(RTL / name) for name in (netlist.verilog, *bench)],
+                "environment": environment,
             }
         )
     )
-    bench = [ROOT / name if name.startswith("cocotb_tests/") else name for name in block.bench_sources]
     done = threading.Event()
     watcher = threading.Thread(target=_watch, args=(out, progress, done), daemon=True)
     watcher.start()

@@ -5,6 +5,8 @@ simulation time 0, the process forks once a mutant. The child sets the selector,
 tests, so that cocotb runs them; the first that fails ends it. The parent only waits, writes one JSON line a mutant and
 in the end holds a single empty test.
 
+Outcomes of an earlier start with the same netlist, bench, tests and seed are kept: a run that was stopped goes on.
+
 Tests that have found many mutants in little time come first. A mutant is killed by a failing test, by a test that
 takes much more simulated time than on the block as it is (it waits for what never comes), by the end of the simulation
 (an assertion of the bench), or by using up its CPU time.
@@ -26,7 +28,7 @@ import cocotb
 from cocotb.handle import Immediate
 from cocotb.regression import Test, TestGenerator
 
-from fluxlock.paths import ROOT
+from fluxlock.paths import ROOT, content_hash
 
 JOB_VARIABLE = "FLUXLOCK_MUTATION_JOB"
 TIME_LIMIT_FACTOR, TIME_LIMIT_EXTRA_S = 2.0, 5.0  # of the CPU time that the block as it is needs
@@ -48,6 +50,19 @@ def find_tests(modules: list[str], left_out: list[str]) -> list[Any]:
             elif isinstance(item, TestGenerator):
                 tests += item.generate_tests()
     return [test for test in tests if test.func.__name__ not in left_out]
+
+
+def source_files() -> set[Path]:
+    """Modules of this checkout that are loaded: the tests and all that they use."""
+    paths = {Path(name) for m in list(sys.modules.values()) if (name := getattr(m, "__file__", None))}
+    return {path for path in paths if path.is_relative_to(ROOT) and not path.is_relative_to(ROOT / ".venv")}
+
+
+def read_outcomes(path: Path) -> dict[int, dict[str, Any]]:
+    """Outcome by mutant so far; a line still being written is left for the next look."""
+    lines = path.read_text().splitlines(keepends=True) if path.exists() else []
+    found = [json.loads(line) for line in lines if line.endswith("\n")]
+    return {entry.pop("mutant"): entry for entry in found}
 
 
 def outcome(results: Path, status: int) -> dict[str, Any]:
@@ -78,6 +93,9 @@ class Server:
         self.times = {test.fullname: 1.0 for test in self.tests}
         self.cpu_limit_s = 0
         self.running: dict[int, int] = {}  # process to mutant
+        self.out = Path(job["out"])
+        sources = [*map(Path, job["sources"]), *source_files()]
+        self.inputs = content_hash(sources, [test.fullname for test in self.tests], job["environment"])
 
     def results(self, mutant: int) -> Path:
         """Result file of one mutant's tests."""
@@ -118,12 +136,23 @@ class Server:
         self.results(mutant).unlink(missing_ok=True)
         if found["killed_by"] in self.kills:
             self.kills[found["killed_by"]] += 1
-        with Path(self.job["out"]).open("a") as out:
+        with self.out.open("a") as out:
             out.write(json.dumps({"mutant": mutant, **found}) + "\n")
         return mutant, found
 
+    def left(self) -> list[int]:
+        """Mutants without an outcome for these inputs; outcomes of others go."""
+        kept, written_for = read_outcomes(self.out), self.folder / "inputs"
+        if not written_for.exists() or written_for.read_text() != self.inputs:
+            kept = {}
+        # Without a line that was being written when a run was stopped.
+        self.out.write_text("".join(json.dumps({"mutant": n, **found}) + "\n" for n, found in kept.items()))
+        written_for.write_text(self.inputs)
+        return [mutant for mutant in self.job["mutants"] if mutant not in kept]
+
     def run(self) -> bool:
-        """Run the block as it is, then every mutant; True in a child."""
+        """Run the block as it is, then every mutant that is left; True in a child."""
+        left = self.left()
         if self.start(0):
             return True
         _, baseline = self.wait()
@@ -136,7 +165,7 @@ class Server:
                 "ns",
             )
         self.cpu_limit_s = round(TIME_LIMIT_FACTOR * baseline["cpu_s"] + TIME_LIMIT_EXTRA_S)
-        for mutant in self.job["mutants"]:
+        for mutant in left:
             if len(self.running) >= self.job["jobs"]:
                 self.wait()
             if self.start(mutant):

@@ -22,6 +22,8 @@ from fluxlock.synth.tools import (
 
 BLOCKS = ROOT / "constraints" / "blocks.toml"
 ALL_BLOCKS = "blocks"  # name of all of them on the command line
+# A block that comes to this share of what is aimed at may reach it with another seed and its slow ways ripped up.
+NEAR = 0.9
 AREAS = ("lut4", "carry", "ff", "block_ram", "lut_ram", "dsp")  # counts of a BlockResult
 
 
@@ -41,7 +43,8 @@ class Settings:
 
     device: Device
     clock_mhz: float  # the chip's: every block must reach it
-    limit_s: float  # of nextpnr, for one block, processor time
+    limit_s: float  # of nextpnr, for one block and attempt, processor time
+    seeds: int  # tried until one reaches what is aimed at
     left_out: dict[str, str]  # module: why it is not built alone
     sets: dict[str, BlockSet]
 
@@ -68,7 +71,7 @@ def load_settings() -> Settings:
         values = tomllib.load(file)
     device = Device(values["device"], values["package"], values["speed_grade"], values["aim_mhz"])
     sets = {name: BlockSet(name=name, **table) for name, table in values["sets"].items()}
-    return Settings(device, values["clock_mhz"], values["limit_s"], values["left_out"], sets)
+    return Settings(device, values["clock_mhz"], values["limit_s"], values["seeds"], values["left_out"], sets)
 
 
 def block_files(settings: Settings) -> dict[str, Path]:
@@ -85,6 +88,32 @@ def block_files(settings: Settings) -> dict[str, Path]:
     }
 
 
+@dataclass(frozen=True)
+class BlockPlacement:
+    """What one attempt came to."""
+
+    fmax_mhz: float  # infinite: no way from flip-flop to flip-flop; 0: not routed
+    problems: list[str]
+    critical_path: list[str]
+    used_s: float  # processor time
+
+
+def place_block(folder: Path, settings: Settings, seed: int, *, rip_up: bool) -> BlockPlacement:
+    """Place and route the netlist in `folder` once, out of context.
+
+    rip_up: the router takes slow ways apart again until the clock is reached; it does not end where it cannot be.
+    """
+    options = ["--seed", str(seed), "--router", "router2", "--out-of-context", *(["--tmg-ripup"] * rip_up)]
+    try:
+        report, used_s = place_and_route(settings.device, folder, options, settings.limit_s)
+    except TimeLimitError as error:
+        return BlockPlacement(0.0, [str(error)], [], settings.limit_s)
+    fmax = timing.fmax_mhz(report) or math.inf
+    slow = fmax < settings.clock_mhz
+    problems = [f"clock: {fmax:.1f} MHz, below {settings.clock_mhz:.1f} MHz"] if slow else []
+    return BlockPlacement(fmax, problems, timing.critical_path(report), used_s)
+
+
 def build_block(
     name: str, path: Path, files: list[Path], settings: Settings, seed: int, fixed: dict[str, int] | None = None
 ) -> BlockResult:
@@ -97,28 +126,25 @@ def build_block(
         **({"Init": image} if "string Init" in path.read_text() else {}),
     }
     cells, used_s = synthesize(name, files, parameters, folder)
-    options = ["--seed", str(seed), "--router", "router2", "--out-of-context"]
-    fmax, problems, steps = None, [], []
-    try:
-        report, nextpnr_s = place_and_route(settings.device, folder, options, settings.limit_s)
-        used_s += nextpnr_s
-    except TimeLimitError as error:
-        problems = [str(error)]
-    else:
-        fmax, steps = timing.fmax_mhz(report), timing.critical_path(report)
-        if fmax is not None and fmax < settings.clock_mhz:
-            problems = [f"clock: {fmax:.1f} MHz, below {settings.clock_mhz:.1f} MHz"]
+    placements = [place_block(folder, settings, seed, rip_up=False)]
+    aim = settings.device.clock_mhz
+    if NEAR * aim <= placements[0].fmax_mhz < aim:
+        for other in range(seed, seed + settings.seeds):
+            placements.append(place_block(folder, settings, other, rip_up=True))
+            if placements[-1].fmax_mhz >= aim:
+                break
+    best = max(placements, key=lambda p: p.fmax_mhz)
     return BlockResult(
-        fmax_mhz=fmax and round(fmax, 1),
+        fmax_mhz=round(best.fmax_mhz, 1) if 0.0 < best.fmax_mhz < math.inf else None,
         lut4=cells.get("LUT4", 0),
         carry=cells.get("CCU2C", 0),
         ff=cells.get("TRELLIS_FF", 0),
         block_ram=cells.get("DP16KD", 0),
         lut_ram=cells.get("TRELLIS_DPR16X4", 0),
         dsp=cells.get("MULT18X18D", 0),
-        problems=problems,
-        critical_path=steps,
-        cpu_s=round(used_s, 1),
+        problems=best.problems,
+        critical_path=best.critical_path,
+        cpu_s=round(used_s + sum(p.used_s for p in placements), 1),
     )
 
 
