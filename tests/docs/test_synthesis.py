@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -182,6 +183,28 @@ def test_latch_fails() -> None:
     )
     with pytest.raises(SynthesisError, match=r"latch: latches inferred: latch/\S*"):
         synthesize("latch", [source], {}, folder)
+
+
+def test_small_control_sets() -> None:
+    """An enable of a few flip-flops becomes logic, one of many stays an enable.
+
+    Verifies: BRD-07
+    """
+    folder = WORK / "test-control-sets"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / "sets.sv"
+    source.write_text(
+        "module sets (input logic clk_i, few_i, many_i, input logic [15:0] d_i, output logic [3:0] few_o, "
+        "output logic [15:0] many_o);\n"
+        "always_ff @(posedge clk_i) if (few_i) few_o <= d_i[3:0];\n"
+        "always_ff @(posedge clk_i) if (many_i) many_o <= ~d_i;\nendmodule\n"
+    )
+    counts, _ = synthesize("sets", [source], {}, folder)
+    assert counts["TRELLIS_FF"] == 20 and counts["LUT4"] >= 4
+    top = json.loads((folder / "netlist.json").read_text())["modules"]["sets"]
+    (many,) = top["ports"]["many_i"]["bits"]
+    enables = [tuple(c["connections"].get("CE", ())) for c in top["cells"].values() if c["type"] == "TRELLIS_FF"]
+    assert enables.count((many,)) == 16 and set(enables) - {(many,)} <= {(), ("1",)}
 
 
 def test_tables() -> None:

@@ -28,6 +28,11 @@ DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
 # What the mapping to LUTs reckons for a wire between two of them, ps. With Yosys' own 300 carry chains are the longest
 # ways of the chip, and a dozen LUTs in a row stay in core and register reads; routed, a wire takes 1000 or more.
 WIRE_PS = 1000
+# Flip-flops that share an enable or a synchronous reset, at least: of smaller sets these become logic. A tile has few
+# wires for them; with the hundreds of small sets of the three-phase chip the router does not end.
+CONTROL_SET_FFS = 8
+# What a flip-flop of the ECP5 can be, as `synth_ecp5` asks for it.
+FLIP_FLOPS = "$_DFF_?_ 01", "$_DFF_?P?_ r", "$_SDFF_?P?_ r", "$_DFFE_??_ 01", "$_DFFE_?P??_ r", "$_SDFFE_?P??_ r"
 # Yosys may stop here: nothing of ours takes a tenth of it.
 YOSYS_LIMIT_S = 3600.0
 
@@ -140,8 +145,18 @@ def synthesize(
     netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
     script = folder / "synth.ys"
     synth = f"synth_ecp5 -top {top}"
-    # The pass as it is, but for the wire of its step map_luts; its latches cannot be there after the elaboration.
-    mapping = [f"{synth} -run :map_luts", f"abc9 -W {WIRE_PS}", "clean", f"{synth} -run map_cells: -json {netlist}"]
+    # The pass as it is, but for small control sets and the wire of its step map_luts; its latches cannot be there after
+    # the elaboration.
+    cells = " ".join(f"-cell {kind}" for kind in FLIP_FLOPS)
+    control_sets = f"dfflegalize {cells} -mince {CONTROL_SET_FFS} -minsrst {CONTROL_SET_FFS}"
+    mapping = [
+        f"{synth} -run :map_ffs",
+        control_sets,
+        f"{synth} -run map_ffs:map_luts",
+        f"abc9 -W {WIRE_PS}",
+        "clean",
+        f"{synth} -run map_cells: -json {netlist}",
+    ]
     script.write_text("\n".join([*elaboration(top, files, parameters), *mapping, f"tee -q -o {stat} stat -json", ""]))
     log = folder / "yosys.log"
     try:
