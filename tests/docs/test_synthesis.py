@@ -199,12 +199,13 @@ def test_small_control_sets() -> None:
         "always_ff @(posedge clk_i) if (few_i) few_o <= d_i[3:0];\n"
         "always_ff @(posedge clk_i) if (many_i) many_o <= ~d_i;\nendmodule\n"
     )
-    counts, _ = synthesize("sets", [source], {}, folder)
+    counts, _ = synthesize("sets", [source], {}, folder, control_set_ffs=8)
     assert counts["TRELLIS_FF"] == 20 and counts["LUT4"] >= 4
     top = json.loads((folder / "netlist.json").read_text())["modules"]["sets"]
     (many,) = top["ports"]["many_i"]["bits"]
     enables = [tuple(c["connections"].get("CE", ())) for c in top["cells"].values() if c["type"] == "TRELLIS_FF"]
     assert enables.count((many,)) == 16 and set(enables) - {(many,)} <= {(), ("1",)}
+    assert all(config.control_set_ffs > 1 for config in load_configurations().values())
 
 
 def test_tables() -> None:

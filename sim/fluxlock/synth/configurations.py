@@ -40,6 +40,7 @@ class Configuration:
     pad_output_ns: float  # flip-flop to pad, most
     pad_input_ns: float  # pad to flip-flop, most
     limit_s: float  # of nextpnr, processor time, one seed
+    control_set_ffs: int = 1  # enables and synchronous resets of fewer flip-flops become logic
     seeds: int = 1  # placements that are tried until one meets all limits
     parameters: dict[str, int] = field(default_factory=dict)
 
@@ -149,7 +150,7 @@ def build(config: Configuration, seed: int = 1) -> Result:
     folder.mkdir(parents=True, exist_ok=True)
     parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
     files = sources()
-    cells, yosys_s = synthesize(config.top, files, parameters, folder)
+    cells, yosys_s = synthesize(config.top, files, parameters, folder, config.control_set_ffs)
     xilinx, xilinx_s = count_xilinx(files, parameters, folder)
     best, nextpnr_s = best_placement(config, folder, seed)
     return Result(

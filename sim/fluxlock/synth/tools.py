@@ -28,9 +28,6 @@ DEVICES = {"LFE5U-25F": "--25k", "LFE5U-45F": "--45k", "LFE5U-85F": "--85k"}
 # What the mapping to LUTs reckons for a wire between two of them, ps. With Yosys' own 300 carry chains are the longest
 # ways of the chip, and a dozen LUTs in a row stay in core and register reads; routed, a wire takes 1000 or more.
 WIRE_PS = 1000
-# Flip-flops that share an enable or a synchronous reset, at least: of smaller sets these become logic. A tile has few
-# wires for them; with the hundreds of small sets of the three-phase chip the router does not end.
-CONTROL_SET_FFS = 8
 # What a flip-flop of the ECP5 can be, as `synth_ecp5` asks for it.
 FLIP_FLOPS = "$_DFF_?_ 01", "$_DFF_?P?_ r", "$_SDFF_?P?_ r", "$_DFFE_??_ 01", "$_DFFE_?P??_ r", "$_SDFFE_?P??_ r"
 # Yosys may stop here: nothing of ours takes a tenth of it.
@@ -139,16 +136,19 @@ def elaboration(top: str, files: list[Path], parameters: dict[str, int | str]) -
 
 
 def synthesize(
-    top: str, files: list[Path], parameters: dict[str, int | str], folder: Path
+    top: str, files: list[Path], parameters: dict[str, int | str], folder: Path, control_set_ffs: int = 1
 ) -> tuple[dict[str, int], float]:
-    """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches."""
+    """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches.
+
+    control_set_ffs: enables and synchronous resets of fewer flip-flops become logic.
+    """
     netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
     script = folder / "synth.ys"
     synth = f"synth_ecp5 -top {top}"
     # The pass as it is, but for small control sets and the wire of its step map_luts; its latches cannot be there after
     # the elaboration.
     cells = " ".join(f"-cell {kind}" for kind in FLIP_FLOPS)
-    control_sets = f"dfflegalize {cells} -mince {CONTROL_SET_FFS} -minsrst {CONTROL_SET_FFS}"
+    control_sets = f"dfflegalize {cells} -mince {control_set_ffs} -minsrst {control_set_ffs}"
     mapping = [
         f"{synth} -run :map_ffs",
         control_sets,
