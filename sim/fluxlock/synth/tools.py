@@ -148,11 +148,13 @@ def synthesize(
     # The pass as it is, but for small control sets and the wire of its step map_luts; its latches cannot be there after
     # the elaboration.
     cells = " ".join(f"-cell {kind}" for kind in FLIP_FLOPS)
-    control_sets = f"dfflegalize {cells} -mince {control_set_ffs} -minsrst {control_set_ffs}"
-    mapping = [
+    control_sets = [
         f"{synth} -run :map_ffs",
-        control_sets,
+        f"dfflegalize {cells} -mince {control_set_ffs} -minsrst {control_set_ffs}",
         f"{synth} -run map_ffs:map_luts",
+    ]
+    mapping = [
+        *(control_sets if control_set_ffs > 1 else [f"{synth} -run :map_luts"]),
         f"abc9 -W {WIRE_PS}",
         "clean",
         f"{synth} -run map_cells: -json {netlist}",
