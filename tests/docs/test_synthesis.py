@@ -142,13 +142,19 @@ def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], 
 
     Verifies: BRD-07
     """
-    left = list(outcomes)
+    left, placed = list(outcomes), []
     settings = load_settings()
+
+    def place_block(_: Path, __: blocks.Settings, seed: int, *, rip_up: bool) -> BlockPlacement:
+        placed.append((seed, rip_up))
+        return BlockPlacement(left.pop(0), [], [], 10.0)
+
     assert (settings.device.clock_mhz, settings.seeds) == (100.0, 4)
     monkeypatch.setattr(blocks, "synthesize", lambda *_: ({"LUT4": 7}, 1.0))
-    monkeypatch.setattr(blocks, "place_block", lambda *_, **__: BlockPlacement(left.pop(0), [], [], 10.0))
+    monkeypatch.setattr(blocks, "place_block", place_block)
     result = blocks.build_block("fl_fifo", block_files(settings)["fl_fifo"], [], settings, 1)
     assert (result.fmax_mhz, result.lut4, result.cpu_s, left) == (fmax, 7, 1.0 + 10.0 * tried, [])
+    assert placed == [(1, False), (1, True), (2, True), (3, True), (4, True)][:tried]
 
 
 def test_tool_is_stopped(tmp_path: Path) -> None:
@@ -170,19 +176,25 @@ def test_tool_is_stopped(tmp_path: Path) -> None:
     log.unlink()
 
 
+def small_module(name: str, text: str) -> tuple[list[Path], Path]:
+    """Source of a module and the folder that it is synthesized in."""
+    folder = WORK / f"test-{name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / f"{name}.sv"
+    source.write_text(f"module {name} {text}\nendmodule\n")
+    return [source], folder
+
+
 def test_latch_fails() -> None:
     """A latch fails synthesis and is named.
 
     Verifies: BRD-09
     """
-    folder = WORK / "test-latch"
-    folder.mkdir(parents=True, exist_ok=True)
-    source = folder / "latch.sv"
-    source.write_text(
-        "module latch (input logic a_i, b_i, output logic y_o);\nalways_latch if (a_i) y_o = b_i;\nendmodule\n"
+    sources, folder = small_module(
+        "latch", "(input logic a_i, b_i, output logic y_o);\nalways_latch if (a_i) y_o = b_i;"
     )
     with pytest.raises(SynthesisError, match=r"latch: latches inferred: latch/\S*"):
-        synthesize("latch", [source], {}, folder)
+        synthesize("latch", sources, {}, folder)
 
 
 def test_small_control_sets() -> None:
@@ -190,16 +202,14 @@ def test_small_control_sets() -> None:
 
     Verifies: BRD-07
     """
-    folder = WORK / "test-control-sets"
-    folder.mkdir(parents=True, exist_ok=True)
-    source = folder / "sets.sv"
-    source.write_text(
-        "module sets (input logic clk_i, few_i, many_i, input logic [15:0] d_i, output logic [3:0] few_o, "
+    sources, folder = small_module(
+        "sets",
+        "(input logic clk_i, few_i, many_i, input logic [15:0] d_i, output logic [3:0] few_o, "
         "output logic [15:0] many_o);\n"
         "always_ff @(posedge clk_i) if (few_i) few_o <= d_i[3:0];\n"
-        "always_ff @(posedge clk_i) if (many_i) many_o <= ~d_i;\nendmodule\n"
+        "always_ff @(posedge clk_i) if (many_i) many_o <= ~d_i;",
     )
-    counts, _ = synthesize("sets", [source], {}, folder, control_set_ffs=8)
+    counts, _ = synthesize("sets", sources, {}, folder, control_set_ffs=8)
     assert counts["TRELLIS_FF"] == 20 and counts["LUT4"] >= 4
     top = json.loads((folder / "netlist.json").read_text())["modules"]["sets"]
     (many,) = top["ports"]["many_i"]["bits"]
