@@ -55,6 +55,17 @@ def test_refused(path: Path, overrides: list[str], expected: str) -> None:
     assert any(expected in line for line in lines), lines
 
 
+def test_no_search() -> None:
+    """Without a search its current does not matter: a driven shaft without current.
+
+    Verifies: INJC-09
+    """
+    low = "drive.current_limit_a=0.05"
+    with pytest.raises(ConfigError, match="search_current_a"):
+        load_scenario(YU, [low])
+    load_scenario(YU, [low, f"{KEY}.search=false"])
+
+
 def test_only_the_cause() -> None:
     """A limit of the current beyond the trip is named itself, not the wave that would have no room beside it.
 

@@ -217,7 +217,7 @@ def _power_stage(s: Scenario) -> list[Problem]:
 def _search_current(s: Scenario) -> list[Problem]:
     """Search of the rotor: its current is below the drive's limit, and the trip of the link does not come before it."""
     injection = s.drive.vector.injection
-    current_a = injection.search_current_a if injection else None
+    current_a = injection.search_current_a if injection and injection.search else None
     if current_a is None:
         return []
     problems, key = [], "drive.vector.injection.search_current_a"
