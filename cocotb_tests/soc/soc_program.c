@@ -118,6 +118,20 @@ static void try_unmapped(void) {
   put(16, fluxlock_regs.sys.id);  // nor the first window
 }
 
+// Between the banks of a RAM smaller than its window no memory is; in a whole one the values come back.
+static void try_between_banks(void) {
+  static const uint32_t addresses[] = {0x00014000u, 0x0001DFFCu};
+  uint32_t found = 0;
+  for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {
+    REG(addresses[i]) = addresses[i];
+    found += REG(addresses[i]) == addresses[i];
+  }
+  put(38, found);
+  REG(0x00010000u) = 0x600DBA2Eu;  // a bank's first word, where there is one: not that of another
+  put(39, REG(0x00010000u));
+  put(40, REG(0x00000080u));  // the program's first word
+}
+
 // Three times the data cache, words and bytes, so that lines are refilled in bursts.
 static void try_ram(void) {
   volatile uint32_t *words = (volatile uint32_t *)(uintptr_t)SCRATCH_RAM;
@@ -148,6 +162,9 @@ static void try_fetch(void) {
   __asm__ volatile("csrw mtvec, %0" ::"r"(&return_cause));
   for (unsigned i = 0; i < sizeof addresses / sizeof addresses[0]; i++) {
     faults += ((uint32_t (*)(void))(uintptr_t)addresses[i])() == 1u;
+  }
+  if (MAILBOX[38] == 0u) {
+    faults += ((uint32_t (*)(void))(uintptr_t)0x00014000u)() == 1u;
   }
   put(28, faults);
 }
@@ -253,6 +270,7 @@ static void run_vector(uint32_t by_core) {
 int main(void) {
   read_every_block();
   try_unmapped();
+  try_between_banks();
   try_ram();
   try_fetch();
   try_interrupts();

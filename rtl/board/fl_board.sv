@@ -15,6 +15,7 @@ module fl_board
     parameter  bit          Vector      = 1'b1,
     parameter  bit          Injection   = 1'b0,
     parameter  bit          Can         = 1'b0,
+    parameter  int unsigned RamWords    = 32768,           // of the core: fl_cpu
     parameter  string       Init        = "firmware.hex",
     parameter  bit          Boot        = 0,               // start from the SPI flash
     parameter  string       BootInit    = "boot.hex",
@@ -126,6 +127,7 @@ module fl_board
       .Vector   (Vector),
       .Injection(Injection),
       .Can      (Can),
+      .RamWords (RamWords),
       .Init     (Init),
       .Boot     (Boot),
       .BootInit (BootInit)

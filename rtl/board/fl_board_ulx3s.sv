@@ -1,4 +1,4 @@
-// Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C.
+// Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C; with fewer words of RAM also its smaller devices.
 //
 // The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets.
 // Boot = 1: firmware and parameter block come from the configuration flash, whose clock pin is reached through USRMCLK.
@@ -9,6 +9,7 @@ module fl_board_ulx3s #(
     parameter  bit          Vector    = 1'b1,
     parameter  bit          Injection = 1'b0,
     parameter  bit          Can       = 1'b0,
+    parameter  int unsigned RamWords  = 32768,           // of the core: fl_cpu
     parameter  string       Init      = "firmware.hex",
     parameter  bit          Boot      = 0,
     parameter  string       BootInit  = "boot.hex",
@@ -74,6 +75,7 @@ module fl_board_ulx3s #(
       .Vector   (Vector),
       .Injection(Injection),
       .Can      (Can),
+      .RamWords (RamWords),
       .Init     (Init),
       .Boot     (Boot),
       .BootInit (BootInit)

@@ -1,15 +1,21 @@
 // VexRiscv with its RAM, and the bus to the registers.
 //
-// Memory map (byte addresses): 0 .. 4*Words-1 RAM, 4 KiB of ROM behind it with Boot = 1, 0x8000_0000 and above registers (uncached in the core), anything
-// else reads as zero and takes writes without effect. Instructions come straight from RAM or ROM, one a clock; a fetch
-// from anywhere else is an access fault. Data pass a cache of 4 KiB, whose bursts are served at one beat a clock.
-// irq_current_i is the software interrupt (cause 3), irq_control_i the machine timer interrupt (cause 7), irq_deferred_i
-// the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80, with Boot = 1 the first word of the ROM, whose
-// contents BootInit holds: the loader is there after every reset, whatever the firmware did.
+// Memory map (byte addresses): RAM in a window of the power of two that is not less than Words; 4 KiB of ROM behind the
+// window with Boot = 1; 0x8000_0000 and above registers (uncached in the core); anything else reads as zero and takes
+// writes without effect. A RAM that does not fill its window is one bank a power of two, since block RAMs of one depth
+// would need a wide choice among their outputs: the largest from 0 on, the others behind it, but the smallest at the
+// window's end, where stack, parameter block and telemetry are whatever the size. 22 528 words: 16 384 and 4096 from 0,
+// 2048 at 0x1_E000.
+// Instructions come straight from RAM or ROM, one a clock; a fetch from anywhere else is an access fault. Data pass a cache
+// of 4 KiB, whose bursts are served at one beat a clock.
+// irq_current_i is the software interrupt (cause 3), irq_control_i the machine timer interrupt (cause 7),
+// irq_deferred_i the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80,
+// with Boot = 1 the first word of the ROM, whose contents BootInit holds: the loader is there after every reset, whatever
+// the firmware did.
 `default_nettype none
 module fl_cpu #(
     parameter int unsigned Words = 32768,
-    parameter string Init = "firmware.hex",
+    parameter string Init = "firmware.hex",  // of the largest bank
     parameter bit Boot = 0,
     parameter string BootInit = "boot.hex"
 ) (
@@ -30,12 +36,33 @@ module fl_cpu #(
 );
 
   localparam int unsigned AddressWidth = $clog2(Words);
+  localparam int unsigned Window = 1 << AddressWidth;
+  localparam int unsigned Largest = $clog2(Words + 1) - 1;  // bank, as below
   localparam int unsigned BootWords = 1024;
   localparam int unsigned BootWidth = $clog2(BootWords);
-  localparam logic [29:0] BootPage = 30'(Words / BootWords);
-  localparam logic [31:0] ResetVector = Boot ? 4 * Words : 32'h0000_0080;
+  localparam logic [29:0] BootPage = 30'(Window / BootWords);
+  localparam logic [31:0] ResetVector = Boot ? 4 * Window : 32'h0000_0080;
   localparam logic [2:0] CtiIncrementing = 3'd2;
 
+  // Bank n has 2^n words; those that there are, are the bits of Words.
+  typedef logic [Largest:0] banks_t;
+
+  // Bank that a word address belongs to, none for an address without RAM.
+  function automatic banks_t bank_of(logic [29:0] word);
+    int unsigned first;
+    bank_of = '0;
+    first   = 0;
+    for (int n = Largest; n >= 0; n--) begin
+      if (Words[n]) begin
+        if (Words % (1 << n) == 0) first = Window - (1 << n);  // the smallest
+        bank_of[n] = word >> n == 30'(first >> n);
+        first += 1 << n;
+      end
+    end
+  endfunction
+
+  banks_t i_bank, i_bank_q, d_bank, d_bank_q;
+  logic [Largest:0][31:0] i_bank_rdat, d_bank_rdat;
   logic i_en, i_outside_q, i_boot_q;
   logic [29:0] i_adr;
   logic [31:0] i_rdat, i_ram_rdat, i_boot_rdat;
@@ -86,10 +113,12 @@ module fl_cpu #(
   always_ff @(posedge clk_i) begin
     if (i_en) begin
       i_boot_q    <= Boot && i_adr >> BootWidth == BootPage;
-      i_outside_q <= i_adr[29:AddressWidth] != '0 && !(Boot && i_adr >> BootWidth == BootPage);
+      i_bank_q    <= i_bank;
+      i_outside_q <= i_bank == '0 && !(Boot && i_adr >> BootWidth == BootPage);
     end
   end
 
+  assign i_bank    = bank_of(i_adr);
   assign i_rdat    = i_boot_q ? i_boot_rdat : i_ram_rdat;
 
   assign d_word[29:3] = d_adr[29:3];
@@ -97,13 +126,15 @@ module fl_cpu #(
   // Data port: a write is acknowledged at once, a read in the next clock.
   assign d_io      = d_word[29];
   assign d_memory  = d_cyc && d_stb && !d_io;
-  assign d_ram     = d_word[28:AddressWidth] == '0;
+  assign d_bank    = bank_of({1'b0, d_word[28:0]});
+  assign d_ram     = d_bank != '0;
   assign d_ram_adr = d_adr[AddressWidth-1:0] + AddressWidth'(d_read_ack_q);
   assign d_ack     = d_io ? io_ack_i : (d_we ? d_memory : d_read_ack_q);
 
   always_ff @(posedge clk_i) begin
     d_read_ack_q <= d_memory && !d_we && (!d_read_ack_q || d_cti == CtiIncrementing);
     d_ram_q      <= d_ram;
+    d_bank_q     <= d_bank;
     d_boot_q     <= Boot && d_adr[28:0] >> BootWidth == BootPage[28:0];
     if (rst_i) d_read_ack_q <= 1'b0;
   end
@@ -122,18 +153,47 @@ module fl_cpu #(
   assign io_sel_o  = d_sel;
 
   fl_ram #(
-      .Words(Words),
+      .Words(1 << Largest),
       .Init (Init)
   ) u_ram (
       .clk_i,
       .a_en_i  (i_en),
-      .a_adr_i (i_adr[AddressWidth-1:0]),
-      .a_rdat_o(i_ram_rdat),
-      .b_we_i  ({4{d_memory && d_ram && d_we}} & d_sel),
-      .b_adr_i (d_we ? d_word[AddressWidth-1:0] : d_ram_adr),
+      .a_adr_i (i_adr[Largest-1:0]),
+      .a_rdat_o(i_bank_rdat[Largest]),
+      .b_we_i  ({4{d_memory && d_bank[Largest] && d_we}} & d_sel),
+      .b_adr_i (d_we ? d_word[Largest-1:0] : d_ram_adr[Largest-1:0]),
       .b_wdat_i(d_wdat),
-      .b_rdat_o(d_ram_rdat)
+      .b_rdat_o(d_bank_rdat[Largest])
   );
+
+  for (genvar n = 0; n < Largest; n++) begin : g_bank
+    if (Words[n]) begin : g_ram
+      fl_ram #(
+          .Words(1 << n),
+          .Init ("")
+      ) u_ram (
+          .clk_i,
+          .a_en_i  (i_en),
+          .a_adr_i (i_adr[n-1:0]),
+          .a_rdat_o(i_bank_rdat[n]),
+          .b_we_i  ({4{d_memory && d_bank[n] && d_we}} & d_sel),
+          .b_adr_i (d_we ? d_word[n-1:0] : d_ram_adr[n-1:0]),
+          .b_wdat_i(d_wdat),
+          .b_rdat_o(d_bank_rdat[n])
+      );
+    end else begin : g_none
+      assign {i_bank_rdat[n], d_bank_rdat[n]} = '0;
+    end
+  end
+
+  always_comb begin
+    i_ram_rdat = i_bank_rdat[Largest];
+    d_ram_rdat = d_bank_rdat[Largest];
+    for (int n = 0; n < Largest; n++) begin
+      if (i_bank_q[n]) i_ram_rdat = i_bank_rdat[n];
+      if (d_bank_q[n]) d_ram_rdat = d_bank_rdat[n];
+    end
+  end
 
   if (Boot) begin : g_boot
     fl_ram #(

@@ -24,7 +24,7 @@ module fl_soc
     parameter  int unsigned Phases       = 3,
     parameter  bit          Vector       = 1'b1,            // 0: six-step only, three phases
     parameter  int unsigned ClockHz      = 50_000_000,
-    parameter  int unsigned RamWords     = 32768,
+    parameter  int unsigned RamWords     = 32768,           // less: in banks, see fl_cpu
     parameter  string       Init         = "firmware.hex",
     parameter  int unsigned CaptureDepth = 1024,
     parameter  bit          Injection    = 0,

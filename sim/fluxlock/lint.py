@@ -112,8 +112,12 @@ def yosys() -> str:
             (f"{block}-{i}", block, values | (memories(values) if block in TOPS else {}))
             for i, values in enumerate(all_)
         ]
-    found = []
+    found, read = [], set()
     for name, top, parameters in builds:
+        same = (top, *sorted(parameters.items()))
+        if same in read:  # on another device
+            continue
+        read.add(same)
         script = WORK / f"lint-{name}.ys"
         script.write_text(read_slang(top, sources(), parameters) + "\nhierarchy -check\nproc\n")
         # Quiet leaves warnings and errors.

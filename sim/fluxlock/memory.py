@@ -35,6 +35,20 @@ FLASH_END = FLASH_BLOCK + FLASH_SECTOR_BYTES
 FLASH_STORE = FLASH_END  # two sectors that the firmware writes: stored objects of the CANopen node
 
 
+def image_end(ram_words: int = RAM_WORDS) -> int:
+    """First byte address that image and state must not reach.
+
+    That of the stack; where the RAM is smaller than its window, the end of the banks before the smallest one, which is
+    the window's end (rtl/soc/fl_cpu.sv). ram_words: a multiple of 2048 above half of RAM_WORDS.
+    """
+    if not RAM_WORDS // 2 < ram_words <= RAM_WORDS or ram_words % 2048:
+        raise ValueError(f"a RAM of {ram_words} words")
+    if ram_words == RAM_WORDS:
+        return BLOCK_ADDRESS - STACK_BYTES
+    smallest_bank = ram_words & -ram_words
+    return 4 * (ram_words - smallest_bank)
+
+
 def c_header() -> str:
     """The generated `ram.h`, for C and assembler."""
     return f"""// Generated from sim/fluxlock/memory.py. Do not edit.

@@ -24,7 +24,7 @@ static fault_t boot_fault(const parameter_block_t *block) {
   const fault_t fault = parameters_check(block);
   const parameters_t *p = &block->parameters;
   const bool held = method_is_held(p->method, p->injection != 0);
-  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || !held)) {
+  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || !held || !chip_has_blocks(p))) {
     return FAULT_CHIP;
   }
   return fault;

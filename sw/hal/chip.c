@@ -28,6 +28,18 @@ bool chip_is_known(void) {
          BITS(FL_SYS_REGS__BUILD__PHASES, build) == PHASES;
 }
 
+bool chip_has_blocks(const parameters_t *p) {
+  uint32_t used = BLOCK_OF(foc.control);
+  if (method_is_six_step(p->method)) {
+    used = BLOCK_OF(zcd.blanking) | BLOCK_OF(comm.latency) | BLOCK_OF(pwm.min_pulse);
+    used |= (p->hall_mode != 0) ? BLOCK_OF(hall.filter) : 0u;
+  } else {
+    used |= (p->encoder_quarters > 1) ? BLOCK_OF(encoder.filter) : 0u;
+    used |= (p->injection != 0) ? BLOCK_OF(injection.control) : 0u;
+  }
+  return (reg_read(REG(sys.blocks)) & used) == used;
+}
+
 uint32_t chip_clock_hz(void) { return reg_read(REG(sys.clock)); }
 HOT uint32_t chip_now(void) { return reg_read(REG(sys.time_now)); }
 HOT uint32_t chip_tick_time(void) { return reg_read(REG(timer.tick_time)); }

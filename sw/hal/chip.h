@@ -22,6 +22,8 @@ enum {
 
 // Register map and build are what this firmware was written for.
 bool chip_is_known(void);
+// The build has all blocks that the parameters use.
+bool chip_has_blocks(const parameters_t *parameters);
 uint32_t chip_clock_hz(void);
 
 // Free-running clock counter.

@@ -11,6 +11,9 @@
 // Address of a register by its path in the map, for example REG(pwm.duty).
 #define REG(path) (REG_BASE + (uint32_t)offsetof(fluxlock_regs_t, path))
 
+// Bit of the block that a register belongs to in sys.blocks: each has a window of 4 KiB.
+#define BLOCK_OF(path) (1u << ((REG(path) - REG_BASE) >> 12))
+
 // Value shifted into a field. `field` is the generated name without suffix.
 #define FIELD(field, value) (((uint32_t)(value) << field##_bp) & field##_bm)
 // A field's bits out of a register value.

@@ -22,7 +22,8 @@ CLOCK, PADS = "posedge clk", timing.PAD
 CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0)
 RESULT: dict[str, Any] = {
     "device": "LFE5U-85F", "speed_grade": 6, "clock_mhz": 50.0, "fmax_mhz": 51.26, "routed": True,
-    "pad_output_ns": 4.0, "pad_input_ns": 3.0, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6, "block_ram": 5,
+    "pad_output_ns": 4.0, "pad_input_ns": 3.0, "luts_left": 0.2345, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6,
+    "block_ram": 5,
     "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
     "xilinx": {"lut6": 9, "carry4": 8, "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4},
 }  # fmt: skip
@@ -100,6 +101,20 @@ def test_limits_missed(fmax: float, pads: tuple[float, float], found: list[str])
     Verifies: BRD-09
     """
     assert limits_missed(CONFIG, fmax, pads) == found
+    small = replace(CONFIG, luts_left=0.2)
+    assert limits_missed(small, fmax, pads, 0.2) == found
+    assert limits_missed(small, fmax, pads, 0.1994) == ["LUTs: 19.9% left, below 20.0%", *found]
+
+
+def test_like() -> None:
+    """A configuration that is like another has its keys, but for those of its own.
+
+    Verifies: BRD-09
+    """
+    found = load_configurations()
+    whole, half = found["three-phase"], found["three-phase-45f"]
+    own = {"name": half.name, "like": whole.name, "description": half.description, "device": "LFE5U-45F"}
+    assert half == replace(whole, **own, luts_left=0.2)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +239,7 @@ def test_tables() -> None:
     Verifies: BRD-09
     """
     assert " ".join(report.configuration_row("three-phase", RESULT)) == (
-        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 7 6 5 4 100 201 all limits met, seed 1"
+        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 23.4 7 6 5 4 100 201 all limits met, seed 1"
     )
     assert " ".join(report.xilinx_row("three-phase", RESULT)) == "three-phase 9 8 7 6 5 4"
     assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]

@@ -30,6 +30,7 @@ from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
 from fluxlock.firmware.specs import BrakeSpec
 from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
+from fluxlock.paths import REGISTER_BLOCKS
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 
 
@@ -117,6 +118,32 @@ def test_wrong_block_stays_in_init(data: bytes, fault: str) -> None:
     assert fw.state == "init"
     assert int(fw.registers[fw.index("safety.guard")]) & 1 == 0
     assert int(fw.registers[fw.index("sense.scheduler")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "absent", "fits"),
+    [
+        ({}, ("hall", "encoder", "injection", "capture", "freewheel", "can"), True),
+        ({"hall_mode": 2}, ("encoder",), True),
+        ({"hall_mode": 2}, ("hall",), False),
+        ({}, ("zcd",), False),
+        ({}, ("foc",), True),
+        ({"method": 1}, ("hall", "encoder", "injection", "zcd", "comm"), True),
+        ({"method": 1}, ("foc",), False),
+        ({"method": 1, "encoder_quarters": 4096}, ("encoder",), False),
+    ],
+)
+def test_chip_without_a_block(words: dict[str, int], absent: tuple[str, ...], fits: bool) -> None:
+    """A chip without a block that the parameters use keeps the drive in init; without any other block it boots.
+
+    Verifies: FW-03
+    """
+    fw = HostFirmware()
+    fw.load(repacked(words))
+    there = sum(1 << i for i, name in enumerate(REGISTER_BLOCKS) if name not in absent)
+    fw.registers[fw.index("sys.blocks")] = there
+    fw.boot()
+    assert f"fault {'none' if fits else 'chip'}" in fw.command("status")
 
 
 def test_good_block_is_accepted() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.config import ConfigError
 from fluxlock.firmware import build_firmware
 from fluxlock.flash import loader
 from fluxlock.flash.command import flash
@@ -186,3 +187,35 @@ def test_command_refuses() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert "README.md" in done.stderr and "serial port" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("scenario", "ram_kib", "text"),
+    [
+        ("demo", 64, "multiple of 8 from 72 to 128"),
+        ("demo", 76, "multiple of 8 from 72 to 128"),
+        ("vector/encoder", 88, "fluxlock-vector-88k"),
+        ("five-phase/tian", 88, "five phases"),
+        ("can", 72, "CAN bus need"),
+    ],
+)
+def test_refused_ram(scenario: str, ram_kib: int, text: str) -> None:
+    """A size that no chip has, and one that the firmware does not fit into.
+
+    Verifies: BOOT-10
+    """
+    with pytest.raises(ConfigError, match=text) as caught:
+        flash(ROOT / "scenarios" / f"{scenario}.toml", Path("/dev/null"), ram_kib=ram_kib)
+    assert [problem.file for problem in caught.value.problems] == ["--ram-kib"]
+
+
+def test_image_for_less_ram() -> None:
+    """Six-step operation alone fits into 64 KiB with its state; the whole image is another.
+
+    Verifies: BOOT-10
+    """
+    small, whole = (
+        build_firmware(method=method, ram_words=words) for method, words in (("six-step", 18432), (None, 32768))
+    )
+    assert small != whole
+    assert small.stat().st_size < 64 * 1024 - 4096 < whole.stat().st_size

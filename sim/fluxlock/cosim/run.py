@@ -18,6 +18,7 @@ from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
+from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, ROOT
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
@@ -25,9 +26,13 @@ IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
 TRAINING_CYCLES = 1_500_000
 
 
-def image_of(scenario: Scenario) -> Path:
-    """The firmware that a scenario runs: its motor's phases; on a CAN bus with the node, and one method only."""
-    return build_firmware(BUILD / "firmware", *_variant(scenario))
+def image_of(scenario: Scenario, ram_words: int = RAM_WORDS) -> Path:
+    """The firmware that a scenario runs: its motor's phases; on a CAN bus with the node, and one method only.
+
+    ram_words: of a board's chip; with less than the simulated one has, one method only as well.
+    """
+    method = scenario.drive.method if ram_words < RAM_WORDS else None
+    return build_firmware(BUILD / "firmware", *_variant(scenario), method=method, ram_words=ram_words)
 
 
 def _variant(scenario: Scenario) -> tuple[int, str | None]:

@@ -16,12 +16,13 @@ from fluxlock.build import file_lock, generate_registers
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
-from fluxlock.memory import BLOCK_ADDRESS, BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, STACK_BYTES, STATE_OFFSET
+from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
 # link.ld puts the state into the lines of the cache behind it and asserts the stack above.
-IMAGE_LIMIT_BYTES = BLOCK_ADDRESS - STACK_BYTES - (CACHE_BYTES - STATE_OFFSET)
+IMAGE_LIMIT_BYTES = image_end() - (CACHE_BYTES - STATE_OFFSET)
+NO_ROOM = "no room for image and state"  # what it says otherwise
 RESET_VECTOR = 0x80
 
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror")
@@ -117,13 +118,24 @@ def _key(*extra: object) -> str:
     return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
-def build_firmware(build_dir: Path | None = None, phases: int = 3, can_method: str | None = None) -> Path:
+def build_firmware(
+    build_dir: Path | None = None,
+    phases: int = 3,
+    can_method: str | None = None,
+    method: str | None = None,
+    ram_words: int = RAM_WORDS,
+) -> Path:
     """Flat binary of the image for the soft core of a chip with 3 or 5 phases, at address 0; cached by content hash.
 
     can_method: the image with the CANopen node, for a chip with a CAN controller. It holds this one method of driving,
-    "vector" without injection: the memory is too small for more.
+    "vector" without injection: the memory is too small for more. method: without the node, but one method only as
+    well, for a chip of three phases with less RAM, ram_words.
     """
     name, node, defined, key = _variant(phases, can_method)
+    if method is not None:
+        name, defined = f"{name}-{method}", (*defined, HELD[method])
+    if ram_words != RAM_WORDS:
+        name, defined = f"{name}-{ram_words // 256}k", (*defined, f"-DIMAGE_LIMIT={image_end(ram_words):#x}")
     sources = [*_selected((*HOST_ONLY, *PROGRAMS), (".c", ".S")), *node]
     return _build_image(name, sources, build_dir or BUILD / "firmware", defined, key)
 
@@ -238,11 +250,14 @@ def _build_image(
         partial = image.with_suffix(".part")
         includes = ["-I.", "-Ihal/include", f"-I{GENERATED}"]
         link = ["-T", script, "-Wl,--gc-sections", "-o", str(elf)]
-        _zig(["cc", *TARGET_FLAGS, *WARNINGS, *defined, *includes, *sources, *link])
+        try:
+            _zig(["cc", *TARGET_FLAGS, *WARNINGS, *defined, *includes, *sources, *link])
+        except FirmwareError as error:
+            if NO_ROOM in str(error):
+                raise FirmwareError(f"{name}: image and state do not fit") from None
+            raise
         _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
         data = bytes(origin) + partial.read_bytes()
-        if origin == RESET_VECTOR and len(data) > IMAGE_LIMIT_BYTES:
-            raise FirmwareError(f"the image of {len(data)} bytes exceeds {IMAGE_LIMIT_BYTES}")
         partial.write_bytes(data)
         partial.replace(image)
     return image

@@ -15,7 +15,8 @@ from rich.progress import Progress
 
 from fluxlock.can_bus import OPTION as CAN_OPTION
 from fluxlock.can_bus import open_bus
-from fluxlock.config import ConfigError, Problem, load_scenario
+from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
+from fluxlock.memory import RAM_BYTES
 
 if TYPE_CHECKING:
     from fluxlock.flash.loader import Line
@@ -48,6 +49,26 @@ def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | 
         yield SerialLine(serial)
 
 
+def _image(scenario: Scenario, ram_kib: int) -> bytes:
+    """The firmware for a chip with that much RAM."""
+    from fluxlock.cosim.run import image_of
+    from fluxlock.firmware import FirmwareError
+
+    option = "--ram-kib"
+    if not RAM_BYTES // 2 < 1024 * ram_kib <= RAM_BYTES or ram_kib % 8:
+        raise ConfigError([Problem(option, str(ram_kib), "must be a multiple of 8 from 72 to 128")])
+    small = 1024 * ram_kib < RAM_BYTES
+    if small and (scenario.motor.phases != 3 or scenario.can is not None):
+        text = "five phases and the node of a CAN bus need 128"
+        raise ConfigError([Problem(option, str(ram_kib), text)])
+    try:
+        return image_of(scenario, 256 * ram_kib).read_bytes()
+    except FirmwareError as error:
+        if not small:
+            raise
+        raise ConfigError([Problem(option, str(ram_kib), str(error))]) from None
+
+
 def flash(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML): its firmware and parameter block.")],
     port: Annotated[Path | None, typer.Option(help="Serial port of the board, for example /dev/ttyUSB0.")] = None,
@@ -72,6 +93,10 @@ def flash(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
+    ram_kib: Annotated[
+        int,
+        typer.Option(metavar="KIB", help="RAM of the board's chip; with less than 128 one method is held only."),
+    ] = RAM_BYTES // 1024,
     wait_s: Annotated[float, typer.Option(min=0.1, help="How long to wait for the loader, s.")] = 60.0,
 ) -> None:
     """Write firmware and parameter block of a scenario into the flash of a board, by UART or CAN, and start them.
@@ -80,13 +105,12 @@ def flash(
     CAN bus gets the firmware with the CANopen node; what the node has stored stays.
     """
     from fluxlock.cosim.parameters import check_parameters, parameter_block
-    from fluxlock.cosim.run import image_of
     from fluxlock.flash.image import pack_can_setup, pack_image, plan
     from fluxlock.flash.loader import Loader, LoaderError
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
-    image = pack_image(image_of(loaded).read_bytes(), loaded.motor.phases)
+    image = pack_image(_image(loaded, ram_kib), loaded.motor.phases)
     bus = loaded.can
     setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
     steps = plan(image, parameter_block(loaded).pack(), setup)

@@ -42,6 +42,8 @@ class Configuration:
     limit_s: float  # of nextpnr, processor time, one seed
     control_set_ffs: int = 1  # enables and synchronous resets of fewer flip-flops become logic
     seeds: int = 1  # placements that are tried until one meets all limits
+    like: str = ""  # the configuration of the same chip on another device: what is not given here is its
+    luts_left: float = 0.0  # least share of the device's LUTs
     parameters: dict[str, int] = field(default_factory=dict)
 
 
@@ -57,6 +59,7 @@ class Result:
     routed: bool
     pad_output_ns: float | None
     pad_input_ns: float | None
+    luts_left: float | None  # share of the device's LUTs, as nextpnr counts them: with carry cells and LUT RAM
     lut4: int
     carry: int
     ff: int
@@ -65,7 +68,7 @@ class Result:
     dsp: int
     problems: list[str]
     critical_path: list[str]
-    xilinx: XilinxCells  # of the same chip on a Xilinx 7-series device
+    xilinx: XilinxCells | None  # of the same chip on a Xilinx 7-series device; None: as the configuration it is like
     yosys_s: float  # processor time, both families
     nextpnr_s: float  # of all seeds
     seed: int  # of the placement that these numbers are of
@@ -75,12 +78,18 @@ class Result:
 def load_configurations() -> dict[str, Configuration]:
     """All configurations by name."""
     with CONFIGURATIONS.open("rb") as file:
-        return {name: Configuration(name=name, **values) for name, values in tomllib.load(file).items()}
+        tables = tomllib.load(file)
+    merged = {name: {**(tables[table["like"]] if "like" in table else {}), **table} for name, table in tables.items()}
+    return {name: Configuration(name=name, **table) for name, table in merged.items()}
 
 
-def limits_missed(config: Configuration, fmax: float | None, pads: tuple[float, float]) -> list[str]:
+def limits_missed(
+    config: Configuration, fmax: float | None, pads: tuple[float, float], luts_left: float = 1.0
+) -> list[str]:
     """A line for each limit that a routed configuration misses."""
     found = []
+    if luts_left < config.luts_left:
+        found.append(f"LUTs: {luts_left:.1%} left, below {config.luts_left:.1%}")
     if fmax is None or fmax < config.clock_mhz:
         found.append(f"clock: {fmax or 0.0:.1f} MHz, below {config.clock_mhz:.1f} MHz")
     for way, reached, limit in [
@@ -110,6 +119,7 @@ class Placement:
     problems: list[str]
     critical_path: list[str]
     used_s: float  # processor time
+    luts_left: float | None = None  # None: not routed
 
 
 def place(config: Configuration, folder: Path, seed: int) -> Placement:
@@ -127,7 +137,10 @@ def place(config: Configuration, folder: Path, seed: int) -> Placement:
     fmax = timing.fmax_mhz(report)
     pads = timing.pad_delays(report, timing.asynchronous_pads(constraints.read_text()))
     pack(folder)
-    return Placement(seed, fmax, pads, limits_missed(config, fmax, pads), timing.critical_path(report), used_s)
+    luts = report["utilization"]["TRELLIS_COMB"]
+    left = 1.0 - luts["used"] / luts["available"]
+    problems = limits_missed(config, fmax, pads, left)
+    return Placement(seed, fmax, pads, problems, timing.critical_path(report), used_s, left)
 
 
 def best_placement(config: Configuration, folder: Path, first: int) -> tuple[Placement, float]:
@@ -151,7 +164,7 @@ def build(config: Configuration, seed: int = 1) -> Result:
     parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
     files = sources()
     cells, yosys_s = synthesize(config.top, files, parameters, folder, config.control_set_ffs)
-    xilinx, xilinx_s = count_xilinx(files, parameters, folder)
+    xilinx, xilinx_s = (None, 0.0) if config.like else count_xilinx(files, parameters, folder)
     best, nextpnr_s = best_placement(config, folder, seed)
     return Result(
         description=config.description,
@@ -162,6 +175,7 @@ def build(config: Configuration, seed: int = 1) -> Result:
         routed=best.pads is not None,
         pad_output_ns=round(best.pads[0], 1) if best.pads else None,
         pad_input_ns=round(best.pads[1], 1) if best.pads else None,
+        luts_left=best.luts_left and round(best.luts_left, 4),
         lut4=cells.get("LUT4", 0),
         carry=cells.get("CCU2C", 0),
         ff=cells.get("TRELLIS_FF", 0),

@@ -35,8 +35,8 @@ def fmax_text(result: dict[str, Any]) -> str:
 
 CONFIGURATION_HEAD = [
     "configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns", "LUT4",
-    "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM (DPR16X4)", "block RAM (18 kbit)", "DSP (18 × 18)",
-    "Yosys / CPU s", "nextpnr / CPU s", "result",
+    "carry (CCU2C)", "LUT4 + 2 × carry", "LUTs left / %", "FF", "LUT RAM (DPR16X4)", "block RAM (18 kbit)",
+    "DSP (18 × 18)", "Yosys / CPU s", "nextpnr / CPU s", "result",
 ]  # fmt: skip
 XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
 SET_HEAD = [
@@ -50,7 +50,9 @@ def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
     """Area and timing of a configuration."""
     row = [name, f"{r['device']}-{r['speed_grade']}", fmax_text(r), f"{r['clock_mhz']:.0f}"]
     row += [_number(r["pad_output_ns"]), _number(r["pad_input_ns"]), str(r["lut4"]), str(r["carry"])]
-    row += [str(r["lut4"] + 2 * r["carry"]), *(str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp"))]
+    left = r["luts_left"]
+    row += [str(r["lut4"] + 2 * r["carry"]), _number(None if left is None else 100 * left)]
+    row += [str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")]
     return [
         *row,
         f"{r['yosys_s']:.0f}",
@@ -118,7 +120,7 @@ def write(
     text = PAGE.read_text(encoding="utf-8")
     rows = [configuration_row(name, result) for name, result in configurations.items()]
     text = with_rows(text, "synth", CONFIGURATION_HEAD, rows, orders[0])
-    rows = [xilinx_row(name, result) for name, result in configurations.items()]
+    rows = [xilinx_row(name, result) for name, result in configurations.items() if result["xilinx"]]
     text = with_rows(text, "xilinx", XILINX_HEAD, rows, orders[0])
     rows = [block_row(name, result) for name, result in blocks.items() if name not in sets]
     text = with_rows(text, "blocks", BLOCK_HEAD, rows, orders[1])

@@ -79,16 +79,18 @@ def sources() -> list[Path]:
     return files
 
 
-def empty_image() -> Path:
+def empty_image(words: int = RAM_WORDS) -> Path:
     """Contents of the RAM do not change area or timing; the firmware is loaded into the bitstream later."""
-    image = WORK / "empty.hex"
-    image.write_text("00000000\n" * RAM_WORDS)
+    image = WORK / f"empty-{words}.hex"
+    image.write_text("00000000\n" * words)
     return image
 
 
 def memories(parameters: Mapping[str, int | str]) -> dict[str, int | str]:
     """Parameters of a chip or board top that name the contents of its memories: with Boot the loader is in the ROM."""
-    found: dict[str, int | str] = {"Init": f'"{relative(empty_image())}"'}
+    words = int(parameters.get("RamWords", RAM_WORDS))
+    largest_bank = 1 << words.bit_length() - 1
+    found: dict[str, int | str] = {"Init": f'"{relative(empty_image(largest_bank))}"'}
     if parameters.get("Boot"):
         found["BootInit"] = f'"{relative(build_loader())}"'
     return found

@@ -52,6 +52,7 @@ void fl_host_reset(void) {
       FL_SYS_REGS__BUILD__MAP_VERSION_reset | FIELD(FL_SYS_REGS__BUILD__PHASES, PHASES) |
       FIELD(FL_SYS_REGS__BUILD__CHANNELS, 9);
   *at(REG(sys.clock)) = 50000000u;
+  *at(REG(sys.blocks)) = FL_SYS_REGS__BLOCKS__FITTED_bm;
   for (uint32_t i = 0; i < OFFSETS; i++) {
     host.auto_zero[i] = 2048 * 16;
   }

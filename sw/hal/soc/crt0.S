@@ -1,9 +1,13 @@
 # Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code.
 #include "ram.h"
 
-  .globl _stack_top, _stack_bytes
+#ifndef IMAGE_LIMIT  // of a chip with less RAM
+#define IMAGE_LIMIT RAM_IMAGE_END
+#endif
+
+  .globl _stack_top, _image_limit
   .set _stack_top, RAM_PARAMETER_BLOCK
-  .set _stack_bytes, STACK_BYTES
+  .set _image_limit, IMAGE_LIMIT
   .globl _state_offset, _telemetry_offset
   .set _state_offset, STATE_OFFSET
   .set _telemetry_offset, TELEMETRY_OFFSET
