@@ -3,7 +3,9 @@
 module fl_boot_soc #(
     parameter string Init     = "",
     parameter string BootInit = "boot.hex",
-    parameter bit    Can      = 0
+    parameter bit    Can      = 0,
+    parameter bit    Vector   = 1,
+    parameter int unsigned RamWords = 32768
 ) (
     input  logic       clk_i,
     input  logic       rst_i,
@@ -25,6 +27,8 @@ module fl_boot_soc #(
   fl_soc #(
       .Init    (Init),
       .Can     (Can),
+      .Vector  (Vector),
+      .RamWords(RamWords),
       .Boot    (1),
       .BootInit(BootInit)
   ) u_soc (

@@ -20,10 +20,11 @@ from fluxlock.cosim.chip import rtl_sources
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.toolchain import build_firmware, build_loader
 from fluxlock.flash.image import pack_image
-from fluxlock.memory import FLASH_BLOCK, FLASH_IMAGE
+from fluxlock.memory import FLASH_BLOCK, FLASH_IMAGE, RAM_WORDS
 from fluxlock.paths import REGISTER_BLOCKS, ROOT, RTL
 
 PHASES = 3
+SMALL_WORDS = 18432  # of a chip for six-step operation only
 LISTEN_MS = 1
 # By then the flash has been read at 12.5 MHz and the CRC made.
 LOADED_MS = 150
@@ -32,7 +33,9 @@ LOADED_MS = 150
 @cocotb.test()
 async def firmware_answers(dut: Any) -> None:
     tb = BootBench(dut)
-    tb.fill(FLASH_IMAGE, pack_image(build_firmware(phases=PHASES).read_bytes(), PHASES))
+    small = dut.RamWords.value == SMALL_WORDS
+    image = build_firmware(method="six-step", ram_words=SMALL_WORDS) if small else build_firmware(phases=PHASES)
+    tb.fill(FLASH_IMAGE, pack_image(image.read_bytes(), PHASES))
     tb.fill(FLASH_BLOCK, parameter_block(load_scenario(ROOT / "scenarios" / "demo.toml")).pack())
     await tb.start()
     await Timer(LOADED_MS, "ms")
@@ -48,8 +51,9 @@ async def firmware_answers(dut: Any) -> None:
 
 
 @pytest.mark.skipif(not os.environ.get("FLUXLOCK_BOOT_FIRMWARE"), reason="long: only with FLUXLOCK_BOOT_FIRMWARE")
-def test_boot_firmware() -> None:
-    """Firmware and parameter block of the demo start from the flash.
+@pytest.mark.parametrize(("vector", "ram_words"), [(1, RAM_WORDS), (0, SMALL_WORDS)])
+def test_boot_firmware(vector: int, ram_words: int) -> None:
+    """Firmware and parameter block of the demo start from the flash, also on a chip with less RAM and one method.
 
     Verifies: BOOT-02
     """
@@ -59,6 +63,6 @@ def test_boot_firmware() -> None:
         "fl_boot_soc",
         [*(path for path in sources if path.parent.name != "pkg"), *bench],
         __name__,
-        parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"'},
+        parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"', "Vector": vector, "RamWords": ram_words},
         registers=REGISTER_BLOCKS,
     )
