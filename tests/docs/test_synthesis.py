@@ -55,8 +55,10 @@ def test_pad_delays() -> None:
 
     Verifies: BRD-07
     """
-    asynchronous = timing.asynchronous_pads('# x\nBLOCK PATH FROM PORT "button_i";\nLOCATE COMP "d_i[0]" SITE "A1";\n')
-    assert asynchronous == {"button_i"}
+    asynchronous = timing.asynchronous_pads(
+        '# x\nBLOCK PATH FROM PORT "button_i";\nBLOCK PATH TO PORT "led_o[0]";\nLOCATE COMP "d_i[0]" SITE "A1";\n'
+    )
+    assert asynchronous == {"button_i", "led_o[0]"}
     nets = [
         net("ff_a", CLOCK, "ff_b", CLOCK, 16.0, 17.0),
         net("d_i[0]$tr_io", PADS, "ff_c", CLOCK, 3.4, 3.5),
@@ -64,6 +66,7 @@ def test_pad_delays() -> None:
         net("button_i$tr_io", PADS, "ff_e", CLOCK, 8.0, 8.0),
         net("ff_f", CLOCK, "q_o$tr_io", PADS, 4.4, 4.5),
         net("ff_g", CLOCK, "clock_gate", PADS, 9.9, 9.9),
+        net("ff_h", CLOCK, "led_o[0]$tr_io", PADS, 9.8, 9.8),
         net("e_i$tr_io", PADS, "q_o$tr_io", PADS, 9.0, 9.0),
     ]
     assert timing.pad_delays({"detailed_net_timings": nets}, asynchronous) == (4.5, 3.5)

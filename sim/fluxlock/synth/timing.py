@@ -76,15 +76,15 @@ def critical_path(report: dict[str, Any]) -> list[str]:
 
 
 def asynchronous_pads(constraints: str) -> set[str]:
-    """Ports whose ways do not count: lines `BLOCK PATH FROM PORT` of an LPF file, which nextpnr times all the same."""
-    return set(re.findall(r'^BLOCK PATH FROM PORT "([^"]+)";', constraints, re.MULTILINE))
+    """Ports whose ways do not count: `BLOCK PATH FROM PORT` and `TO PORT` of an LPF file, which nextpnr ignores."""
+    return set(re.findall(r'^BLOCK PATH (?:FROM|TO) PORT "([^"]+)";', constraints, re.MULTILINE))
 
 
 def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, float]:
     """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns.
 
     `report` is a detailed one. Every input that has a limit leads straight to flip-flops; the asynchronous ones lead to
-    synchronisers, some by logic: not counted.
+    synchronisers, some by logic: not counted, nor outputs that are named among them.
     """
     to_pad = from_pad = 0.0
     for net in report["detailed_net_timings"]:
@@ -97,6 +97,6 @@ def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, f
             longest = max(map(float, end["delay"]))
             if net["event"] == PAD:
                 from_pad = max(from_pad, longest)
-            elif end["cell"].endswith(PAD_CELL):
+            elif end["cell"].endswith(PAD_CELL) and end["cell"].removesuffix(PAD_CELL) not in asynchronous:
                 to_pad = max(to_pad, longest)
     return to_pad, from_pad
