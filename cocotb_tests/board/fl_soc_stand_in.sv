@@ -9,6 +9,7 @@ module fl_soc
     parameter  bit          Vector    = 1'b1,
     parameter  bit          Injection = 1'b0,
     parameter  bit          Can       = 1'b0,
+    parameter  int unsigned RamWords  = 32768,
     parameter  string       Init      = "",
     parameter  bit          Boot      = 0,
     parameter  string       BootInit  = "",
