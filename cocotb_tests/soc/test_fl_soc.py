@@ -323,7 +323,8 @@ def run(phases: int, testcase: list[str] | None = None, vector: bool = True, ram
         parameters={
             "Init": f'"{image}"',
             "Phases": phases,
-            "RamWords": ram_words,
+            # Else the default of the RTL, which is to be RAM_WORDS.
+            **({"RamWords": ram_words} if ram_words != RAM_WORDS else {}),
             "Vector": int(vector),
             "Injection": int(vector),
             "Can": 1,

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.config import load_scenario
+from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import (
     DriveSpec,
     InverterSpec,
@@ -30,7 +32,7 @@ from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
 from fluxlock.firmware.specs import BrakeSpec
 from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
-from fluxlock.paths import REGISTER_BLOCKS
+from fluxlock.paths import REGISTER_BLOCKS, ROOT
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 
 
@@ -144,6 +146,20 @@ def test_chip_without_a_block(words: dict[str, int], absent: tuple[str, ...], fi
     fw.registers[fw.index("sys.blocks")] = there
     fw.boot()
     assert f"fault {'none' if fits else 'chip'}" in fw.command("status")
+
+
+def test_chip_without_the_injection_path() -> None:
+    """A drive that injects stays in init on a chip without the path, and boots with it.
+
+    Verifies: FW-03
+    """
+    injecting = parameter_block(load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml"))
+    for there, fault in ((0x1FFFF, "none"), (0x1FFFF & ~(1 << REGISTER_BLOCKS.index("injection")), "chip")):
+        fw = HostFirmware()
+        fw.load(injecting)
+        fw.registers[fw.index("sys.blocks")] = there
+        fw.boot()
+        assert f"fault {fault}" in fw.command("status")
 
 
 def test_good_block_is_accepted() -> None:

@@ -20,7 +20,7 @@ from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, ST
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 
 SW = ROOT / "sw"
-# link.ld puts the state into the lines of the cache behind it and asserts the stack above.
+# link.ld puts the state into the lines of the cache behind it and asserts that both end in time.
 IMAGE_LIMIT_BYTES = image_end() - (CACHE_BYTES - STATE_OFFSET)
 NO_ROOM = "no room for image and state"  # what it says otherwise
 RESET_VECTOR = 0x80

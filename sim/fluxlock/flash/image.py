@@ -13,20 +13,19 @@ from dataclasses import dataclass
 
 from fluxlock.firmware.schema import HEADER_WORDS, load_schema
 from fluxlock.memory import (
-    BLOCK_ADDRESS,
     BLOCK_MAX_BYTES,
     FLASH_BLOCK,
     FLASH_CAN_SETUP,
     FLASH_IMAGE,
     FLASH_PAGE_BYTES,
     FLASH_SECTOR_BYTES,
-    STACK_BYTES,
+    image_end,
 )
 from fluxlock.paths import RTL
 
 MAGIC = 0x49584C46
 FORMAT = 1
-IMAGE_MAX_BYTES = BLOCK_ADDRESS - STACK_BYTES
+IMAGE_MAX_BYTES = image_end()
 RESET_VECTOR = 0x80
 
 
