@@ -48,19 +48,7 @@ def prove(name: str, folder: str, edits: dict[str, tuple[str, str]] | None = Non
     return verdict.group(1)
 
 
-PROOFS = [
-    "fl_gate_guard",
-    "fl_trip",
-    "fl_leg_carrier",
-    "fl_encoder",
-    "fl_adc_fault",
-    "fl_watchdog",
-    "fl_settings_lock",
-    "fl_brake",
-    "fl_can",
-    "fl_can_rx",
-    "fl_can_tx",
-]
+PROOFS = sorted(path.stem for path in (ROOT / "formal").glob("*.sby"))
 
 
 @pytest.mark.parametrize("name", PROOFS)
@@ -69,7 +57,7 @@ def test_proof(name: str) -> None:
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10, SAFE-13,
     SAFE-14, SAFE-15, SAFE-17, SAFE-18,
-    VPWM-06, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
+    PWM-12, PWM-13, VPWM-06, SOC-10, SOC-11, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert prove(name, name) == "PASS"
 
@@ -77,7 +65,7 @@ def test_proof(name: str) -> None:
 CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl_can_tx.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
 ADC, DOG, LOCK = "fl_adc_fault.sv", "fl_watchdog.sv", "fl_settings_lock.sv"
-BRAKE = "fl_brake.sv"
+BRAKE, CARRIER, BUS = "fl_brake.sv", "fl_carrier.sv", "fl_interconnect.sv"
 BROKEN = {
     "dead time one clock short": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] <= 10'd2"),
     "dead time one clock long": ("fl_gate_guard", GUARD, "wait_q[x] <= 10'd1", "wait_q[x] == '0"),
@@ -157,6 +145,31 @@ BROKEN = {
         "meta_q <= async_i;",
         "async_q <= async_i; meta_q <= async_q;",
     ),
+    "carrier a clock long": ("fl_carrier", CARRIER, "next_q >= {1'b0, last_q};", "next_q > {1'b0, last_q};"),
+    "carrier started anew under NSC": (
+        "fl_carrier",
+        CARRIER,
+        "&& commutation_q == CommCsc;",
+        "&& commutation_q != CommRsc;",
+    ),
+    "period changes in the carrier": (
+        "fl_carrier",
+        CARRIER,
+        "last_q   <= last_c_q;\n",
+        "end\n    if (start || natural) begin last_q <= last_c_q;\n",
+    ),
+    "reload skipped": ("fl_carrier", CARRIER, "wrap_q    <= !start &&", "wrap_q    <= !start && !comm_valid_i &&"),
+    "period of two minimum pulses": ("fl_carrier", CARRIER, "{3'b0, min_q, 2'b00};", "{4'b0, min_q, 1'b0};"),
+    "short pulse begun": ("fl_carrier", CARRIER, " || want_b_q < signed'({6'b0, min_q});", ";"),
+    "short gap opened": ("fl_carrier", CARRIER, "want_b_q + signed'({6'b0, min_q}) >", "want_b_q >"),
+    "rest of a pulse ignored": ("fl_carrier", CARRIER, "(ended || reach > {1'b0, width_q});", "ended;"),
+    "rest of a carrier ignored": ("fl_carrier", CARRIER, "= reach > end_q;", "= 1'b0;"),
+    "early pulse cut": ("fl_carrier", CARRIER, "pulse_d = early_q && pulse_q;", "pulse_d = 1'b0;"),
+    "held pulse begun too late": ("fl_carrier", CARRIER, "held_q && !rest_short)", "held_q)"),
+    "held access answered twice": ("fl_interconnect", BUS, "= stb_i && !ack_o;", "= stb_i;"),
+    "unmapped access hangs": ("fl_interconnect", BUS, "ack_o <= access;", "ack_o <= stb_o != '0;"),
+    "unmapped offset reaches its block": ("fl_interconnect", BUS, " && (req_o.adr >> AddressWidth[i]) == '0;", ";"),
+    "old data in an answer": ("fl_interconnect", BUS, "rdat_i[i] : '0;", "rdat_i[i] : rdat_q[i];"),
     "both requests of a leg": ("fl_leg_carrier", LEGS, "active_q) ? ~on : '0;", "active_q) ? '1 : '0;"),
     "requests without enable": ("fl_leg_carrier", LEGS, "(enable_i && active_q) ? on", "active_q ? on"),
     "compares from before enable": ("fl_leg_carrier", LEGS, "enable_i && (compare_valid_i ||", "(compare_valid_i ||"),
