@@ -167,7 +167,7 @@ module fl_commutation_timer
 
   // Crossings: measured always, used when fresh and in ZCD mode. In HALL mode edges take their place.
   logic hall, use_edge, forget;
-  sector_t hall_sector;  // to drive after the edge
+  sector_t hall_sector, hall_sector_q;  // to drive after the edge
   logic measured, fresh, use_crossing, fire, commutate, assume_zc, known, meter_done, run;
   logic [23:0] interval, meter_interval, interval1, interval2;
   logic [26:0] period;
@@ -272,30 +272,28 @@ module fl_commutation_timer
   logic [23:0] other_d, other_q;  // interval, mean or forced interval
   stamp_t next_base_q;  // zc_base_q and a mean interval
   logic signed [27:0] corrected_sum;
-  logic signed [16:0] hall_offset, hall_fraction, hall_negated;  // offset less advance, and the other way round
+  logic signed [16:0] hall_offset, hall_fraction_q, hall_negated_q;  // offset less advance, and the other way round
   logic [24:0] rounded;
   stamp_t addend;
   logic carry;  // half a unit that the addend lacks
   logic [32:0] target_sum;
-  logic period_known;
+  logic period_known_q;
 
   // HALL: what the edge that is being worked on asks for.
   logic hall_ready, hall_timing, in_sector, one_ahead;
+  logic into_next_q;  // HallLoad: the motor is driven in that sector
   assign hall_ready = hall_ok_i && hall_single_i && hall_backward_i == reverse_q;
   assign hall_timing = hall_timed_q && known && hall_ready;
-  assign in_sector = sector_i == hall_sector;
-  assign one_ahead = entry_q && known && hall_ready && sector_i == sector_after(hall_sector, reverse_q);
+  assign in_sector = sector_i == hall_sector_q;
+  assign one_ahead = entry_q && known && hall_ready && sector_i == sector_after(hall_sector_q, reverse_q);
 
-  assign period_known = period < 27'h0FFFFFF;
   assign correct = correction_q && run;
   // -4 t[n] + t[n-1] + 3 t[n-2]
   assign interval0_w = 27'(meter_interval);  // a run is of measured ones
   assign interval2_w = 27'(interval2);
   assign difference = 27'(interval1) + interval2_w + (interval2_w << 1) - (interval0_w << 2);
   assign difference_size = difference_q[26] ? 27'(-difference_q) : 27'(difference_q);
-  assign hall_offset = 17'($signed(hall_offset_q[hall_sector]));
-  assign hall_fraction = hall_offset - 17'(advance_q);
-  assign hall_negated = 17'(advance_q) - hall_offset;
+  assign hall_offset = 17'($signed(hall_offset_q[hall_sector_q]));
 
   always_comb begin
     state_d       = state_q;
@@ -333,10 +331,11 @@ module fl_commutation_timer
     if (to_off || to_forced || to_hall || from_hall) state_d = Idle;
   end
 
-  // A crossing in work replaces whatever is armed; an edge does so when it is worked out.
+  // A crossing in work replaces whatever is armed; an edge does so when it is worked out. The last commutation before that
+  // must have reached the sector when HallProduct looks at it.
   assign hold = use_crossing || state_q == Measure || state_q == ZcProduct || state_q == CorrectionLoad ||
-      state_q == CorrectionProduct || state_q == CorrectionSum || state_q == ZcLoad || state_q == HallProduct ||
-      state_q == HallLoad;
+      state_q == CorrectionProduct || state_q == CorrectionSum || state_q == ZcLoad ||
+      state_q == HallOperands || state_q == HallProduct || state_q == HallLoad;
 
   // What is added to the base: the last product, rounded, or the sum with the correction, limited. Products are rounded
   // by the carry of the sum that they go into; -(x + r) = ~x + !r.
@@ -349,7 +348,7 @@ module fl_commutation_timer
 
   always_comb begin
     target_base = base_q;
-    if (from_zc_q) target_base = (hall_load_q && in_sector) ? next_base_q : zc_base_q;
+    if (from_zc_q) target_base = into_next_q ? next_base_q : zc_base_q;
     addend = ({32{add_fraction_q}} & ({32{add_negative_q}} ^ stamp_t'(product_q[28:4]))) |
         ({32{timeout_load_q}} & stamp_t'(product_q)) |
         ({32{add_corrected_q}} & stamp_t'(corrected_delay_q)) | ({32{add_other_q}} & stamp_t'(other_q));
@@ -363,7 +362,7 @@ module fl_commutation_timer
 
   always_comb begin
     mean_d = mean_q;
-    if (state_q == MeanLoad) mean_d = period_known ? 24'(product_q[28:7]) + 24'(product_q[6]) : meter_interval;
+    if (state_q == MeanLoad) mean_d = period_known_q ? 24'(product_q[28:7]) + 24'(product_q[6]) : meter_interval;
     if (from_off || rst_i) mean_d = '1;
 
     // Where the correction leads beyond it, the interval.
@@ -384,9 +383,14 @@ module fl_commutation_timer
     state_q       <= state_d;
     zc_load_q      <= state_d == ZcLoad;
     hall_load_q    <= state_d == HallLoad;
+    into_next_q    <= state_d == HallLoad && in_sector;
+    hall_sector_q   <= hall_sector;
+    hall_fraction_q <= hall_offset - 17'(advance_q);
+    hall_negated_q  <= 17'(advance_q) - hall_offset;
     timeout_load_q <= state_d == TimeoutLoad;
     next_base_q    <= zc_base_q + stamp_t'(mean_q);
     difference_q  <= difference;
+    period_known_q <= period < 27'h0FFFFFF;
     forced_load_q <= 1'b0;
     if (use_crossing || state_q == HallOperands) begin
       zc_base_q         <= (hall ? hall_time_i : zc_time_i) - stamp_t'(latency_q);
@@ -415,8 +419,8 @@ module fl_commutation_timer
     end
     if (state_q == HallOperands) begin
       factor_q   <= mean_q;
-      scale_q    <= hall_fraction[16] ? hall_negated : hall_fraction;
-      negative_q <= hall_fraction[16];
+      scale_q    <= hall_fraction_q[16] ? hall_negated_q : hall_fraction_q;
+      negative_q <= hall_fraction_q[16];
     end
     if (state_q == ZcProduct || state_q == TimeoutProduct || state_q == MeanProduct || state_q == CorrectionProduct ||
         state_q == HallProduct) begin
@@ -435,11 +439,11 @@ module fl_commutation_timer
       if (hall_ok_i && one_ahead) armed_q <= 1'b0;
       if (hall_ok_i && !one_ahead) begin
         sched_q         <= hall_timing ? target : ahead_q + 32'd1;
-        armed_q         <= hall_timing || !in_sector;
+        armed_q         <= hall_timing || !into_next_q;
         is_timeout_q    <= 1'b0;
         target_known_q  <= 1'b1;
-        target_sector_q <= (hall_timing && in_sector) ? sector_after(hall_sector, reverse_q) : hall_sector;
-        chain_q         <= hall_timing && !in_sector;
+        target_sector_q <= (hall_timing && into_next_q) ? sector_after(hall_sector_q, reverse_q) : hall_sector_q;
+        chain_q         <= hall_timing && !into_next_q;
       end
     end
     if (fire) begin
