@@ -152,7 +152,8 @@ def test_seeds(
         ([math.inf], None, 1),
         ([80.0], 80.0, 1),  # far from the aim
         ([95.0, 0.0, 99.0, 101.0], 101.0, 4),
-        ([95.0, *4 * [94.0]], 95.0, 5),
+        ([95.0, *3 * [94.0], 89.0, 101.0], 101.0, 6),
+        ([95.0, *7 * [94.0]], 95.0, 8),
     ],
 )
 def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], fmax: float | None, tried: int) -> None:
@@ -163,8 +164,8 @@ def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], 
     left, placed = list(outcomes), []
     settings = load_settings()
 
-    def place_block(_: Path, __: blocks.Settings, seed: int, *, rip_up: bool) -> BlockPlacement:
-        placed.append((seed, rip_up))
+    def place_block(_: Path, __: blocks.Settings, seed: int, timing_weight: int) -> BlockPlacement:
+        placed.append((seed, timing_weight))
         return BlockPlacement(left.pop(0), [], [], 10.0)
 
     assert (settings.device.clock_mhz, settings.seeds) == (100.0, 4)
@@ -172,7 +173,7 @@ def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], 
     monkeypatch.setattr(blocks, "place_block", place_block)
     result = blocks.build_block("fl_fifo", block_files(settings)["fl_fifo"], [], settings, 1)
     assert (result.fmax_mhz, result.lut4, result.cpu_s, left) == (fmax, 7, 1.0 + 10.0 * tried, [])
-    assert placed == [(1, False), (1, True), (2, True), (3, True), (4, True)][:tried]
+    assert placed == [(seed, weight) for weight in (10, 60) for seed in (1, 2, 3, 4)][:tried]
 
 
 def test_tool_is_stopped(tmp_path: Path) -> None:
