@@ -63,7 +63,7 @@ synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json, tables in docs 
 	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
 
 formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
-	@$(PY) -m pytest tests/formal
+	@$(PY) -m pytest -n $(JOBS) --dist worksteal tests/formal
 
 mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests or not: build/mutate (BLOCKS=...: some)
 	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)

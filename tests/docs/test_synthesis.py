@@ -166,13 +166,14 @@ def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], 
 
     def place_block(_: Path, __: blocks.Settings, seed: int, timing_weight: int) -> BlockPlacement:
         placed.append((seed, timing_weight))
-        return BlockPlacement(left.pop(0), [], [], 10.0)
+        return BlockPlacement(left.pop(0), "", [], 10.0)
 
     assert (settings.device.clock_mhz, settings.seeds) == (100.0, 4)
     monkeypatch.setattr(blocks, "synthesize", lambda *_: ({"LUT4": 7}, 1.0))
     monkeypatch.setattr(blocks, "place_block", place_block)
     result = blocks.build_block("fl_fifo", block_files(settings)["fl_fifo"], [], settings, 1)
     assert (result.fmax_mhz, result.lut4, result.cpu_s, left) == (fmax, 7, 1.0 + 10.0 * tried, [])
+    assert result.problems == ([f"clock: {fmax:.1f} MHz, below 100.0 MHz"] if fmax and fmax < 100.0 else [])
     assert placed == [(seed, weight) for weight in (10, 60) for seed in (1, 2, 3, 4)][:tried]
 
 

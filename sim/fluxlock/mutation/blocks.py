@@ -65,10 +65,12 @@ BLOCKS = {
         Block(
             name="fl_zcd",
             sources=tuple(f"zcd/{name}.sv" for name in _ZCD),
-            test_modules=("cocotb_tests.zcd.test_fl_zcd", "cocotb_tests.zcd.test_fl_zcd_methods"),
+            test_modules=tuple(
+                f"cocotb_tests.zcd.{name}" for name in ("test_fl_zcd", "test_fl_zcd_methods", "test_fl_zcd_limits")
+            ),
             goal_percent=85.0,
             parameters={"Phases": 3},
-            # Long comparisons of the methods; average_is_the_mean checks each crossing.
+            # Long comparisons of the methods; average_is_the_mean and wait_ends_at_its_clock check each crossing.
             left_out=("averaging_beats_interpolation", "averaging_waits_no_longer"),
         ),
     )

@@ -39,7 +39,7 @@ def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
         "design -copy-from gate -as gate gate",
         "equiv_make gold gate equiv",
         "hierarchy -top equiv",
-        "equiv_struct",
+        "equiv_struct -icells",  # word-level cells too: leaves to prove what the mutation reaches
         "equiv_simple",
         f"equiv_induct -seq {STEPS}",
         "equiv_status",

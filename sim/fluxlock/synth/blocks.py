@@ -43,12 +43,17 @@ class Settings:
     """`constraints/blocks.toml`."""
 
     device: Device
-    clock_mhz: float  # the chip's: every block must reach it
+    clock_mhz: float  # the chip's: what the slow blocks must reach; the others reach what is aimed at
     limit_s: float  # of nextpnr, for one block and attempt, processor time
     seeds: int  # tried until one reaches what is aimed at...
     timing_weights: list[int]  # ...each with these weights of the timing in the placement, the first first
     left_out: dict[str, str]  # module: why it is not built alone
+    slow: dict[str, str]  # module: why the chip's clock is enough
     sets: dict[str, BlockSet]
+
+    def least_mhz(self, module: str) -> float:
+        """Clock below which a block fails."""
+        return self.clock_mhz if module in self.slow else self.device.clock_mhz
 
 
 @dataclass(frozen=True)
@@ -73,21 +78,20 @@ def load_settings() -> Settings:
         values = tomllib.load(file)
     device = Device(values["device"], values["package"], values["speed_grade"], values["aim_mhz"])
     sets = {name: BlockSet(name=name, **table) for name, table in values["sets"].items()}
+    modules = values["left_out"], values["slow"]
     return Settings(
-        device,
-        values["clock_mhz"],
-        values["limit_s"],
-        values["seeds"],
-        values["timing_weights"],
-        values["left_out"],
-        sets,
+        device, values["clock_mhz"], values["limit_s"], values["seeds"], values["timing_weights"], *modules, sets
     )
 
 
 def block_files(settings: Settings) -> dict[str, Path]:
     """All blocks by name: modules of the RTL that are neither package, register wrapper, board top nor left out."""
     files = {path.stem: path for path in sorted(RTL.glob("*/fl_*.sv"))}
-    named = {*settings.left_out, *(module for group in settings.sets.values() for module in group.blocks)}
+    named = {
+        *settings.left_out,
+        *settings.slow,
+        *(module for group in settings.sets.values() for module in group.blocks),
+    }
     unknown = named - set(files)
     if unknown:
         raise SynthesisError(f"{relative(BLOCKS)}: no module {', '.join(sorted(unknown))}")
@@ -103,7 +107,7 @@ class BlockPlacement:
     """What one attempt came to."""
 
     fmax_mhz: float  # infinite: no way from flip-flop to flip-flop; 0: not routed
-    problems: list[str]
+    problem: str  # empty: none
     critical_path: list[str]
     used_s: float  # processor time
 
@@ -115,11 +119,8 @@ def place_block(folder: Path, settings: Settings, seed: int, timing_weight: int)
     try:
         report, used_s = place_and_route(settings.device, folder, options, settings.limit_s)
     except TimeLimitError as error:
-        return BlockPlacement(0.0, [str(error)], [], settings.limit_s)
-    fmax = timing.fmax_mhz(report) or math.inf
-    slow = fmax < settings.clock_mhz
-    problems = [f"clock: {fmax:.1f} MHz, below {settings.clock_mhz:.1f} MHz"] if slow else []
-    return BlockPlacement(fmax, problems, timing.critical_path(report), used_s)
+        return BlockPlacement(0.0, str(error), [], settings.limit_s)
+    return BlockPlacement(timing.fmax_mhz(report) or math.inf, "", timing.critical_path(report), used_s)
 
 
 def build_block(
@@ -141,6 +142,10 @@ def build_block(
         if placements[-1].fmax_mhz >= aim or placements[0].fmax_mhz < NEAR * aim:
             break
     best = max(placements, key=lambda p: p.fmax_mhz)
+    least = settings.least_mhz(name)
+    problem = best.problem or (
+        f"clock: {best.fmax_mhz:.1f} MHz, below {least:.1f} MHz" if best.fmax_mhz < least else ""
+    )
     return BlockResult(
         fmax_mhz=round(best.fmax_mhz, 1) if 0.0 < best.fmax_mhz < math.inf else None,
         lut4=cells.get("LUT4", 0),
@@ -149,7 +154,7 @@ def build_block(
         block_ram=cells.get("DP16KD", 0),
         lut_ram=cells.get("TRELLIS_DPR16X4", 0),
         dsp=cells.get("MULT18X18D", 0),
-        problems=best.problems,
+        problems=[problem] if problem else [],
         critical_path=best.critical_path,
         cpu_s=round(used_s + sum(p.used_s for p in placements), 1),
     )

@@ -1,0 +1,130 @@
+"""Limits of the ZCD's numbers: the wait to the clock, intervals up to 24 bits, counters beyond a thousand crossings."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import cocotb
+
+from cocotb_tests.zcd.zcd_bench import AVERAGED, FIRST, FLOATING, MASK32, TB, ZCD_SOURCES, Settings
+from fluxlock.cosim.block import run_block_test
+
+PEAK, LEVEL = 40000, 50000  # 2^17 = full scale
+STEP = 40  # clocks between samples
+
+
+async def feed(tb: TB, sector: int, time: int, rel: int, clocks: int) -> None:
+    """A sample that lies `rel` past the threshold in the sector's direction, then `clocks` clocks."""
+    dut = tb.dut
+    channels = [0] * 9
+    channels[FLOATING[sector]], channels[6] = LEVEL + (rel if sector % 2 else -rel), 2 * LEVEL
+    dut.sample_i.value = sum((v & 0x3FFFF) << (18 * i) for i, v in enumerate(channels))
+    dut.sample_time_i.value = time & MASK32
+    dut.sample_pwm_i.value = 1 << 35 | sector << 32 | 60000 << 16 | 60000
+    dut.sample_valid_i.value = 1
+    await tb.clocks(1)
+    dut.sample_valid_i.value = 0
+    await tb.clocks(clocks - 1)
+
+
+@cocotb.test()
+async def wait_ends_at_its_clock(dut: Any) -> None:
+    """With samples missing a crossing is reported floor(interval * wait / 2^8) after it, not a clock before.
+
+    Verifies: ZCD-12
+    """
+    rng = random.Random(11)
+    tb = TB(dut)
+    await tb.start(Settings())
+    dut.known_i.value = 1
+    for visit in range(80):
+        interval, wait = rng.randrange(1 << rng.randrange(9, 25)), rng.randrange(1, 256)
+        limit = interval * wait >> 8
+        if limit < 1:
+            continue
+        dut.interval_i.value = interval
+        dut.mean_i.value = rng.randrange(1 << 24)
+        await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=wait))
+        start = rng.randrange(1 << 32)
+        sector = 1 + visit % 2
+        for k in range(3):
+            await feed(tb, sector, start + k * STEP, 10000 if k == 2 else -10000, 20)
+        crossing = start + 3 * STEP // 2  # halfway between the last two
+        for now in (limit - 1, -rng.randrange(1, 1 << 30), limit - 1):
+            dut.now_i.value = (crossing + now) & MASK32
+            for _ in range(60):
+                await tb.clocks(1)
+                assert not int(dut.zc_valid_o.value), f"interval {interval}, wait {wait}: at {now} clocks of {limit}"
+        dut.now_i.value = (crossing + limit) & MASK32
+        for clock in range(1, 6):
+            await tb.clocks(1)
+            assert bool(int(dut.zc_valid_o.value)) == (clock == 3), f"interval {interval}, wait {wait}: {clock} clocks"
+            if clock == 3:
+                got = tb.read()
+                assert (got.time, got.late, got.averaged) == (crossing & MASK32, False, False)
+
+
+@cocotb.test()
+@cocotb.parametrize(use_mean=[0, 1], linear=[0, 1])
+async def distance_over_intervals(dut: Any, use_mean: int, linear: int) -> None:
+    """A crossing computed back from one sample lies where floating point puts it, for intervals up to 24 bits.
+
+    Verifies: ZCD-13
+    """
+    rng = random.Random(23 + use_mean)
+    tb = TB(dut)
+    await tb.start(Settings(need_previous=0, compute_back=1, peak=PEAK, method=FIRST, use_mean=use_mean, linear=linear))
+    dut.known_i.value = 1
+    for visit in range(300):
+        interval = rng.randrange(1 << rng.randrange(9, 25))
+        dut.interval_i.value, dut.mean_i.value = (0x155555, interval) if use_mean else (interval, 0x155555)
+        rel = rng.randrange(1, PEAK * 95 // 100)
+        time = rng.randrange(1 << 32)
+        await feed(tb, 1 + visit % 2, time, rel, 2)
+        for _ in range(60):
+            if int(dut.zc_valid_o.value):
+                break
+            await tb.clocks(1)
+        got = tb.read()
+        wanted = interval * (rel / PEAK / 2 if linear else math.asin(rel / PEAK) / (math.pi / 3))
+        error = ((time - got.time) & MASK32) - wanted
+        assert got.late and got.back, f"interval {interval}, rel {rel}"
+        assert abs(error) <= 1.0 + interval * (2e-5 if linear else 3.2e-4), (
+            f"interval {interval}, rel {rel}: {error} clocks off"
+        )
+        await tb.clocks(4)
+
+
+@cocotb.test()
+async def counters_count_on(dut: Any) -> None:
+    """All counters over more than a thousand averaged crossings and as many that are computed back.
+
+    Verifies: ZCD-12, ZCD-13
+    """
+    tb = TB(dut)
+    settings = Settings(need_previous=0, compute_back=1, peak=PEAK, method=AVERAGED, wait_q8=255)
+    await tb.start(settings)
+    dut.known_i.value = 1
+    dut.interval_i.value = 100000
+
+    def counters() -> tuple[int, ...]:
+        return tuple(int(port.value) for port in (dut.crossings_o, dut.late_o, dut.back_o, dut.averaged_o))
+
+    for visit in range(1100):
+        for k, rel in enumerate((-10000, -5000, 4000, 9000)):
+            dut.now_i.value = (visit << 16) + k * STEP
+            await feed(tb, 1 + visit % 2, (visit << 16) + k * STEP, rel, 150 if k == 3 else 30)
+        if visit % 50 == 49:
+            assert counters() == (visit + 1, 0, 0, visit + 1)
+    await tb.update(Settings(need_previous=0, compute_back=1, peak=PEAK, method=FIRST))
+    for visit in range(1300):
+        await feed(tb, 1 + visit % 2, (visit << 16) + STEP, 9000, 40)
+        if visit % 50 == 49:
+            assert counters() == (1101 + visit, visit + 1, visit + 1, 1100)
+
+
+def test_fl_zcd_limits() -> None:
+    """Numbers of the detection at their limits."""
+    run_block_test("fl_zcd", ZCD_SOURCES, __name__)
