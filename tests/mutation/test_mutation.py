@@ -14,6 +14,7 @@ from fluxlock.mutation.equivalence import proved_equal
 from fluxlock.mutation.netlist import SELECTOR, folder, make_netlist, parse_list, with_selector
 from fluxlock.mutation.run import run_mutants
 from fluxlock.mutation.score import measure, score_percent
+from fluxlock.mutation.simulation import OTHER_ENDS, still_known
 from fluxlock.paths import ROOT, RTL
 
 HERE = Path(__file__).parent
@@ -149,3 +150,22 @@ def test_reasons_fit_survivors() -> None:
     assert "| b.sv:11.3 | Q[0] | - | inverted | not explained |" in text
     assert len(stale) == 3 and all("rtl/x/b.sv:10." in line for line in stale)
     assert mutation_page.page([result], {"other": [fits]})[1] == []
+
+
+def test_what_holds_of_an_earlier_outcome() -> None:
+    """A kill holds with its module, passed tests with theirs; what ended otherwise only if nothing has changed.
+
+    Verifies: MUT-01
+    """
+    passed = {"a.t.one": 1.0, "a.tt.two": 2.0}
+    survived = {"killed_by": "", "times": passed, "simulated_ns": passed}
+    killed = survived | {"killed_by": "a.t.three"}
+    for unchanged, wanted in [({"a.t", "a.tt"}, passed), ({"a.t"}, {"a.t.one": 1.0}), (set(), {})]:
+        known = still_known(survived, unchanged, all_unchanged=False)
+        assert known == {"killed_by": "", "times": wanted, "simulated_ns": wanted}
+        assert still_known(killed, unchanged, all_unchanged=False) == (killed if unchanged else {})
+    assert still_known(killed, {"a.tt"}, all_unchanged=False) == {}
+    for other in OTHER_ENDS:
+        end = survived | {"killed_by": other}
+        assert still_known(end, {"a.t"}, all_unchanged=True) == end
+        assert still_known(end, {"a.t"}, all_unchanged=False) == {}
