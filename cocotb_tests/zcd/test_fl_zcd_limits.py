@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from typing import Any
 
 import cocotb
@@ -15,14 +16,17 @@ PEAK, LEVEL = 40000, 50000  # 2^17 = full scale
 STEP = 40  # clocks between samples
 
 
-async def feed(tb: TB, sector: int, time: int, rel: int, clocks: int) -> None:
-    """A sample that lies `rel` past the threshold in the sector's direction, then `clocks` clocks."""
+async def feed(
+    tb: TB, sector: int, time: int, rel: int, clocks: int, *, level: int = LEVEL, vdc: int = 2 * LEVEL,
+    age: int = 60000, comm_age: int = 60000,
+) -> None:  # fmt: skip
+    """A sample that lies `rel` past `level` in the sector's direction, then `clocks` clocks."""
     dut = tb.dut
     channels = [0] * 9
-    channels[FLOATING[sector]], channels[6] = LEVEL + (rel if sector % 2 else -rel), 2 * LEVEL
+    channels[FLOATING[sector]], channels[6] = level + (rel if sector % 2 else -rel), vdc
     dut.sample_i.value = sum((v & 0x3FFFF) << (18 * i) for i, v in enumerate(channels))
     dut.sample_time_i.value = time & MASK32
-    dut.sample_pwm_i.value = 1 << 35 | sector << 32 | 60000 << 16 | 60000
+    dut.sample_pwm_i.value = 1 << 35 | sector << 32 | age << 16 | comm_age
     dut.sample_valid_i.value = 1
     await tb.clocks(1)
     dut.sample_valid_i.value = 0
@@ -75,24 +79,27 @@ async def distance_over_intervals(dut: Any, use_mean: int, linear: int) -> None:
     """
     rng = random.Random(23 + use_mean)
     tb = TB(dut)
-    await tb.start(Settings(need_previous=0, compute_back=1, peak=PEAK, method=FIRST, use_mean=use_mean, linear=linear))
+    settings = Settings(need_previous=0, compute_back=1, method=FIRST, use_mean=use_mean, linear=linear)
+    await tb.start(settings)
     dut.known_i.value = 1
     for visit in range(300):
+        peak = rng.randrange(1000, 1 << 17)
+        await tb.update(replace(settings, peak=peak))
         interval = rng.randrange(1 << rng.randrange(9, 25))
         dut.interval_i.value, dut.mean_i.value = (0x155555, interval) if use_mean else (interval, 0x155555)
-        rel = rng.randrange(1, PEAK * 95 // 100)
+        rel = rng.randrange(1, min(peak * 95 // 100, 60000))
         time = rng.randrange(1 << 32)
-        await feed(tb, 1 + visit % 2, time, rel, 2)
+        await feed(tb, 1 + visit % 2, time, rel, 2, level=65000, vdc=130000)
         for _ in range(60):
             if int(dut.zc_valid_o.value):
                 break
             await tb.clocks(1)
         got = tb.read()
-        wanted = interval * (rel / PEAK / 2 if linear else math.asin(rel / PEAK) / (math.pi / 3))
+        wanted = interval * (rel / peak / 2 if linear else math.asin(rel / peak) / (math.pi / 3))
         error = ((time - got.time) & MASK32) - wanted
-        assert got.late and got.back, f"interval {interval}, rel {rel}"
+        assert got.late and got.back, f"interval {interval}, rel {rel} of {peak}"
         assert abs(error) <= 1.0 + interval * (2e-5 if linear else 3.2e-4), (
-            f"interval {interval}, rel {rel}: {error} clocks off"
+            f"interval {interval}, rel {rel} of {peak}: {error} clocks off"
         )
         await tb.clocks(4)
 
@@ -116,13 +123,67 @@ async def counters_count_on(dut: Any) -> None:
         for k, rel in enumerate((-10000, -5000, 4000, 9000)):
             dut.now_i.value = (visit << 16) + k * STEP
             await feed(tb, 1 + visit % 2, (visit << 16) + k * STEP, rel, 150 if k == 3 else 30)
-        if visit % 50 == 49:
+        if visit % 49 == 48:
             assert counters() == (visit + 1, 0, 0, visit + 1)
     await tb.update(Settings(need_previous=0, compute_back=1, peak=PEAK, method=FIRST))
     for visit in range(1300):
         await feed(tb, 1 + visit % 2, (visit << 16) + STEP, 9000, 40)
-        if visit % 50 == 49:
+        if visit % 49 == 48:
             assert counters() == (1101 + visit, visit + 1, visit + 1, 1100)
+
+
+@cocotb.test()
+async def threshold_and_margin_are_exact(dut: Any) -> None:
+    """At its threshold a sample is past it, one unit before it not; at its margin it counts, one unit beyond it not.
+
+    Verifies: ZCD-02, ZCD-05, ZCD-06
+    """
+    rng = random.Random(31)
+    tb = TB(dut)
+    await tb.start(Settings())
+    for visit in range(600):
+        sector, vdc = 1 + visit % 2, rng.randrange(40000, 1 << 17)
+        threshold = rng.randrange(0x8000, 0x18000)
+        level = math.floor(vdc * threshold / (1 << 17) + 0.5)
+        rel = rng.choice([-1, 0, 1, rng.randrange(200)])
+        value = level + (rel if sector % 2 else -rel)
+        outside = visit % 3  # 0: the margin is far off; else at it, on either side
+        margin = [0, value, vdc - value][outside] + rng.choice([0, 1])
+        if margin >= 1 << 17:
+            continue
+        await tb.update(Settings(need_previous=0, method=FIRST, threshold=(threshold,) * 6, margin=margin))
+        before = int(dut.crossings_o.value)
+        await feed(tb, sector, visit << 16, rel, 12, level=level, vdc=vdc)
+        wanted = rel >= 0 and margin <= value <= vdc - margin
+        found = (int(dut.crossings_o.value) - before) & 0xFFFF
+        assert found == wanted, f"sector {sector}, vdc {vdc}, threshold {threshold}, margin {margin}, value {value}"
+
+
+@cocotb.test()
+async def ages_are_exact(dut: Any) -> None:
+    """The sample before is of the same on-state, and of the same visit, if the age is the distance or more.
+
+    Verifies: ZCD-02, ZCD-07
+    """
+    rng = random.Random(37)
+    tb = TB(dut)
+    await tb.start(Settings(need_previous=1, method=FIRST, settle=0))
+    for visit in range(400):
+        since, short = rng.randrange(20, 1 << rng.randrange(6, 16)), rng.choice([0, 1])
+        sector, time = 1 + visit % 2, visit << 18
+        before = int(dut.crossings_o.value)
+        await feed(tb, sector, time, -5000, 12)
+        await feed(tb, sector, time + since, 5000, 12, age=since - short)
+        assert (int(dut.crossings_o.value) - before) & 0xFFFF == 1 - short, f"{since} clocks, age {since - short}"
+    await tb.update(Settings(need_previous=0, method=FIRST, settle=0))
+    for visit in range(400):
+        since, short = rng.randrange(20, 1 << rng.randrange(6, 16)), rng.choice([0, 1])
+        sector, time = 1 + visit % 2, visit << 18
+        before = int(dut.crossings_o.value)
+        await feed(tb, sector, time, 5000, 12)
+        await feed(tb, sector, time + since, 5000, 12, comm_age=since - short)
+        found = (int(dut.crossings_o.value) - before) & 0xFFFF
+        assert found == 1 + short, f"{since} clocks, commutation {since - short} ago"
 
 
 def test_fl_zcd_limits() -> None:
