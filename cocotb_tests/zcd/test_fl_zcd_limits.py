@@ -1,4 +1,4 @@
-"""Limits of the ZCD's numbers: the wait to the clock, intervals up to 24 bits, counters beyond a thousand crossings."""
+"""Limits of the ZCD: the wait to the clock, thresholds to the bit, intervals up to 24 bits, counters beyond 1000."""
 
 from __future__ import annotations
 
@@ -184,6 +184,82 @@ async def ages_are_exact(dut: Any) -> None:
         await feed(tb, sector, time + since, 5000, 12, comm_age=since - short)
         found = (int(dut.crossings_o.value) - before) & 0xFFFF
         assert found == 1 + short, f"{since} clocks, commutation {since - short} ago"
+
+
+@cocotb.test()
+async def one_bit_beside_the_threshold(dut: Any) -> None:
+    """A sample with one bit unlike its threshold's, or none, is past it on the right side alone, whatever was rounded.
+
+    Verifies: ZCD-02
+    """
+    rng = random.Random(41)
+    tb = TB(dut)
+    await tb.start(Settings())
+    for visit in range(1200):
+        sector, vdc, low = 1 + visit % 2, rng.randrange(100000, 1 << 17), visit % 16
+        level = rng.randrange(1 << (16 - low)) << low | 1 << low  # its lowest bit that is set
+        threshold = round(level * (1 << 17) / vdc)  # its product is rounded up or down
+        assert level == math.floor(vdc * threshold / (1 << 17) + 0.5)
+        value = level ^ rng.choice([0, 1 << rng.randrange(17)])
+        rel = value - level if sector % 2 else level - value
+        await tb.update(Settings(need_previous=0, method=FIRST, threshold=(threshold,) * 6, margin=0))
+        before = int(dut.crossings_o.value)
+        await feed(tb, sector, visit << 16, rel, 12, level=level, vdc=vdc)
+        found = (int(dut.crossings_o.value) - before) & 0xFFFF
+        assert found == (rel >= 0 and value <= vdc), f"sector {sector}, vdc {vdc}, threshold {threshold}, value {value}"
+
+
+@cocotb.test()
+async def commutation_ends_the_wait(dut: Any) -> None:
+    """A commutation in the clocks of the interpolation is not forgotten: nothing waits for samples after it.
+
+    Verifies: ZCD-12
+    """
+    tb = TB(dut)
+    await tb.start(Settings())
+    dut.known_i.value = 1
+    dut.interval_i.value = 1 << 23
+    await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
+    for visit in range(60):
+        start, pulse = visit << 16, 1 + visit % 20
+        for k in range(3):
+            dut.now_i.value = start + k * STEP
+            await feed(tb, 1 + visit % 2, start + k * STEP, 10000 if k == 2 else -10000, 5 if k == 2 else 20)
+        valid = []
+        for clock in range(1, 60):
+            dut.comm_applied_i.value = int(clock == pulse)
+            await tb.clocks(1)
+            if int(dut.zc_valid_o.value):
+                valid.append(clock)
+        assert len(valid) == 1 and valid[0] <= 24, f"commutation {pulse} clocks after: reported after {valid}"
+        got = tb.read()
+        assert (got.time, got.averaged) == (start + 3 * STEP // 2, False)
+
+
+@cocotb.test()
+async def mean_follows_the_last_sample(dut: Any) -> None:
+    """Samples are worked out as they come: where they are far apart the mean is there one distance after the last.
+
+    Verifies: ZCD-12
+    """
+    tb = TB(dut)
+    await tb.start(Settings())
+    dut.known_i.value = 1
+    dut.interval_i.value = 1 << 23
+    await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
+    for visit in range(20):
+        start = visit << 16
+        for k, rel in enumerate((-8000, -6000, -4000, -2000, 2000, 4000, 6000, 8000)):
+            dut.now_i.value = start + k * 100
+            await feed(tb, 1 + visit % 2, start + k * 100, rel, 6 if k == 7 else 100)
+            assert not int(dut.zc_valid_o.value)
+        clocks = 0
+        while not int(dut.zc_valid_o.value):
+            await tb.clocks(1)
+            clocks += 1
+            assert clocks <= 30, "no report 36 clocks after the last sample"
+        got = tb.read()
+        assert got.averaged and abs(got.time - (start + 350)) <= 1
 
 
 def test_fl_zcd_limits() -> None:
