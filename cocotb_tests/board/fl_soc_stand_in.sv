@@ -1,19 +1,21 @@
 // Stands in for the chip in the test of fl_board: trips and guard as on the chip, a strobe every 50 clocks, and gates
 // that want to be on. The Hall inputs command it: 0 clears trips and enables the gates, 1 asks for a conversion too
-// early, 2 stops the strobes. trc_comm_valid_o shows its reset.
+// early. trc_comm_valid_o shows its reset.
 `default_nettype none
 module fl_soc
   import fl_pkg::*;
 #(
-    parameter  int unsigned Phases    = 3,
-    parameter  bit          Vector    = 1'b1,
-    parameter  bit          Injection = 1'b0,
-    parameter  bit          Can       = 1'b0,
-    parameter  int unsigned RamWords  = 32768,
-    parameter  string       Init      = "",
-    parameter  bit          Boot      = 0,
-    parameter  string       BootInit  = "",
-    localparam int unsigned Channels  = 2 * Phases + 3
+    parameter  int unsigned Phases        = 3,
+    parameter  bit          Vector        = 1'b1,
+    parameter  bit          Injection     = 1'b0,
+    parameter  bit          Can           = 1'b0,
+    parameter  int unsigned RamWords      = 32768,
+    parameter  string       Init          = "",
+    parameter  bit          Boot          = 0,
+    parameter  string       BootInit      = "",
+    parameter  bit          HighActiveLow = 0,
+    parameter  bit          LowActiveLow  = 0,
+    localparam int unsigned Channels      = 2 * Phases + 3
 ) (
     input  logic                     clk_i,
     input  logic                     rst_i,
@@ -61,7 +63,7 @@ module fl_soc
     started_q <= !rst_i && (started_q || count_q == 6'd49);
     enable_q <= !rst_i && !trip && (enable_q || hall_i[0]);
   end
-  assign adc_strobe_o = started_q && !hall_i[2] && (count_q == 6'd10 || (hall_i[1] && count_q == 6'd20));
+  assign adc_strobe_o = started_q && (count_q == 6'd10 || (hall_i[1] && count_q == 6'd20));
 
   fl_trip #(
       .Phases(Phases)
@@ -101,13 +103,13 @@ module fl_soc
   );
 
   fl_gate_guard #(
-      .Phases(Phases)
+      .Phases       (Phases),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_guard (
       .clk_i,
       .rst_i,
       .enable_i         (enable_q),
-      .high_active_low_i(1'b0),
-      .low_active_low_i (1'b0),
       .dead_time_i      (10'd5),
       .trip_i           (trip),
       .short_i          (1'b0),

@@ -97,8 +97,6 @@ module fl_pwm_chain
       .clk_i,
       .rst_i,
       .enable_i,
-      .high_active_low_i(1'b0),
-      .low_active_low_i (1'b0),
       .dead_time_i,
       .trip_i,
       .short_i          (1'b0),

@@ -92,8 +92,6 @@ module fl_safety_chain
       .clk_i,
       .rst_i,
       .enable_i         (guard_enable_i),
-      .high_active_low_i(1'b0),
-      .low_active_low_i (1'b0),
       .dead_time_i,
       .trip_i           (trip_o),
       .short_i          (short_o),

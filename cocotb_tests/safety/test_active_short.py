@@ -37,7 +37,6 @@ class Reference:
 
     codes: int = 0
     pins: tuple[int, int] = (0, 0)
-    enable: int = 0
     latched: int = 0
     past: list[tuple[bool, bool, bool]] = field(
         default_factory=list
@@ -46,7 +45,7 @@ class Reference:
 
     def active(self, x: dict[str, int]) -> int:
         pulses = sum(cause for name, cause in PULSES.items() if x[name])
-        return (self.codes | pulses | PIN * self.pins[1]) & self.enable
+        return (self.codes | pulses | PIN * self.pins[1]) & x["cfg_enable_i"]
 
     def trips(self, x: dict[str, int]) -> tuple[bool, bool]:
         """Tripped and shorted in this clock."""
@@ -80,8 +79,6 @@ class Reference:
         if x["adc_valid_i"]:
             self.codes = shown
         self.pins = (x["fault_pin_i"], self.pins[0])
-        if not x["guard_enable_i"]:
-            self.enable = x["cfg_enable_i"]
         return gates
 
 

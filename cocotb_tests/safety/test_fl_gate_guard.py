@@ -42,8 +42,8 @@ class GuardTb:
     def __init__(self, dut: Dut) -> None:
         self.dut = dut
         self.phases = len(dut.req_h_i)
-        self.inputs = {"enable_i": 0, "trip_i": 0, "req_h_i": 0, "req_l_i": 0, "dead_time_i": 5}
-        self.inputs |= {"high_active_low_i": 0, "low_active_low_i": 0, "short_i": 0}
+        self.polarity = (int(dut.HighActiveLow.value), int(dut.LowActiveLow.value))
+        self.inputs = {"enable_i": 0, "trip_i": 0, "short_i": 0, "req_h_i": 0, "req_l_i": 0, "dead_time_i": 5}
 
     async def start(self) -> None:
         for name, value in {**self.inputs, "rst_i": 1}.items():
@@ -51,6 +51,7 @@ class GuardTb:
         Clock(self.dut.clk_i, 20, "ns").start()
         for _ in range(2):
             await FallingEdge(self.dut.clk_i)
+            self.all_off("in the first reset")
         await self.release()
 
     async def release(self) -> None:
@@ -59,7 +60,6 @@ class GuardTb:
         await FallingEdge(self.dut.clk_i)
         self.dut.rst_i.value = 0
         self.legs = [LegReference() for _ in range(self.phases)]
-        self.polarity = (self.inputs["high_active_low_i"], self.inputs["low_active_low_i"])
 
     async def step(self, **changes: int) -> None:
         """One clock with these inputs (and those set before); the outputs after it are compared."""
@@ -70,8 +70,6 @@ class GuardTb:
         await FallingEdge(self.dut.clk_i)
         allowed = bool(x["enable_i"] and not x["trip_i"])
         shorted = bool(x["trip_i"] and x["short_i"])
-        if not x["enable_i"] and not shorted:
-            self.polarity = (x["high_active_low_i"], x["low_active_low_i"])
         gate, pin_h, pin_l = 0, 0, 0
         for i, leg in enumerate(self.legs):
             wants = (bool(x["req_h_i"] >> i & 1), bool(x["req_l_i"] >> i & 1), allowed)
@@ -83,6 +81,12 @@ class GuardTb:
         assert got == (gate, pin_h, pin_l), (
             f"clock {self.legs[0].clock}: gate, pins {got} instead of {(gate, pin_h, pin_l)}; {x}"
         )
+
+    def all_off(self, when: str) -> None:
+        """The pins are off in the polarity of the build."""
+        everything = (1 << self.phases) - 1
+        pins = int(self.dut.gate_h_o.value), int(self.dut.gate_l_o.value)
+        assert pins == (everything * self.polarity[0], everything * self.polarity[1]), f"pins {pins} {when}"
 
     async def idle(self, clocks: int) -> None:
         for _ in range(clocks):
@@ -110,7 +114,6 @@ async def random_requests(dut: Dut) -> None:
         if rng.random() < (0.2 if tb.inputs["trip_i"] else 0.01):
             changes["trip_i"] = 1 - tb.inputs["trip_i"]
         changes["short_i"] = int(rng.random() < (0.95 if tb.inputs["short_i"] else 0.05))
-        changes["high_active_low_i"], changes["low_active_low_i"] = rng.randrange(2), rng.randrange(2)
         await tb.step(**changes)
         on_clocks += int(dut.gate_o.value) != 0
     assert on_clocks > 500, "the stimulus hardly ever turned a gate on"
@@ -186,7 +189,6 @@ async def short_circuit(dut: Dut) -> None:
 async def reset_turns_off_and_waits(dut: Dut) -> None:
     tb = GuardTb(dut)
     await tb.start()
-    await tb.step(high_active_low_i=1)
     await tb.step(enable_i=1, req_h_i=1)
     await tb.idle(RESET_WAIT)
     assert int(dut.gate_o.value) == 1
@@ -194,7 +196,7 @@ async def reset_turns_off_and_waits(dut: Dut) -> None:
     tb.inputs |= {"req_h_i": 0, "req_l_i": 1}
     await tb.release()  # one clock of reset with enable and the opposite request
     assert int(dut.gate_o.value) == 0
-    assert int(dut.gate_h_o.value) == (1 << tb.phases) - 1, "a reset pin is not off in its polarity"
+    tb.all_off("in reset")
     await tb.idle(RESET_WAIT - 1)
     assert int(dut.gate_o.value) == 0
     await tb.step()
@@ -203,22 +205,18 @@ async def reset_turns_off_and_waits(dut: Dut) -> None:
 
 @cocotb.test()
 async def reset_forgets_which_gate_was_on(dut: Dut) -> None:
-    """Also the gate that was on before waits the longest dead time; pins go off in the polarity at the ports."""
+    """Also the gate that was on before waits the longest dead time."""
     tb = GuardTb(dut)
     await tb.start()
     everything = (1 << tb.phases) - 1
     for upper in (True, False):
         requests = {"req_h_i": everything * upper, "req_l_i": everything * (not upper)}
-        await tb.step(enable_i=0, high_active_low_i=0, low_active_low_i=0)
+        await tb.step(enable_i=0)
         await tb.step(enable_i=1, **requests)
         await tb.idle(RESET_WAIT)
         assert int(dut.gate_o.value) != 0, "no gate is on before the reset"
-        for high, low in ((0, 1), (1, 0)):
-            tb.inputs |= {"high_active_low_i": high, "low_active_low_i": low}
-            dut.high_active_low_i.value, dut.low_active_low_i.value = high, low
-            await tb.release()
-            pins = int(dut.gate_h_o.value), int(dut.gate_l_o.value)
-            assert pins == (everything * high, everything * low), f"pins {pins} with polarity {(high, low)}"
+        await tb.release()
+        tb.all_off("after a reset")
         await tb.idle(RESET_WAIT - 1)
         assert int(dut.gate_o.value) == 0, "on again before the longest dead time"
         await tb.step()
@@ -238,9 +236,9 @@ async def assertion_is_alive(dut: Dut) -> None:
         await FallingEdge(dut.clk_i)
 
 
-@pytest.mark.parametrize("phases", [1, 3, 5])
-def test_fl_gate_guard(phases: int) -> None:
-    """Gate guard block test.
+@pytest.mark.parametrize(("phases", "high", "low"), [(1, 0, 1), (3, 0, 0), (3, 1, 1), (5, 1, 0)])
+def test_fl_gate_guard(phases: int, high: int, low: int) -> None:
+    """Gate guard block test, with gate pins that are active low and active high.
 
     Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-19
     """
@@ -256,7 +254,7 @@ def test_fl_gate_guard(phases: int) -> None:
         "fl_gate_guard",
         ["safety/fl_gate_guard.sv"],
         __name__,
-        parameters={"Phases": phases},
+        parameters={"Phases": phases, "HighActiveLow": high, "LowActiveLow": low},
         testcase=cases,
         extra_env={"GUARD_SEED": str(phases)},
     )

@@ -6,27 +6,32 @@ import random
 from typing import Any
 
 import cocotb
+import pytest
 
 from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 
 GUARD, DEAD_TIME, ENABLE, CURRENT, VOLTAGE, COMMAND, TRIP = range(0, 28, 4)
-LOCK, WATCHDOG, FEED, MONITOR, BRAKE, BRAKE_LEVEL, BRAKE_TIME = range(0x2C, 0x48, 4)
+LOCK, WATCHDOG, FEED, MONITOR, BRAKE, BRAKE_LEVEL, BRAKE_TIME, SAMPLE_AGE = range(0x2C, 0x4C, 4)
 GATES = 0x28
 KEY, CLEAR = 0x10CC, 0xA5 << 8
 SHORT = 1 << 8  # of GUARD
 DEADLINE = 0x80
-EXPIRED, WRONG, CHANGED, BRAKE_OVER = 1, 2, 4, 8
+EXPIRED, WRONG, CHANGED, BRAKE_OVER, LATE = 1, 2, 4, 8, 16
 # What the lock holds, by address, with the bits that count.
 HELD = {
-    GUARD: 0x130, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
-    LOCK: 0xFFFF, BRAKE: 0x0FFFFF01, BRAKE_LEVEL: 0x0FFF0FFF, BRAKE_TIME: 0xFFFFFFFF,
+    GUARD: 0x100, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
+    LOCK: 0xFFFF, BRAKE: 0x1, BRAKE_LEVEL: 0x0FFF0FFF, BRAKE_TIME: 0xFFFFFFFF, SAMPLE_AGE: 0xFFFFF,
 }  # fmt: skip
 MIDDLE = sum(0x800 << 12 * i for i in range(9))
 
 
 class TB(Bench):
     """The block with currents at rest and legs that ask for upper A, lower B."""
+
+    def polarity(self) -> int:
+        """Of the build: bit 0 upper, bit 1 lower gate pins active low."""
+        return int(self.dut.HighActiveLow.value) | int(self.dut.LowActiveLow.value) << 1
 
     async def begin(self, period: int = 0) -> None:
         inputs = ("now_i", "fault_pin_i", "lost_i", "deadline_i", "adc_valid_i")
@@ -39,11 +44,15 @@ class TB(Bench):
         await self.clocks(2)
 
     def on(self) -> int:
-        return int(self.dut.gate_h_o.value) | int(self.dut.gate_l_o.value)
+        """Legs with a gate on, by the pins."""
+        upper = int(self.dut.gate_h_o.value) ^ 7 * int(self.dut.HighActiveLow.value)
+        lower = int(self.dut.gate_l_o.value) ^ 7 * int(self.dut.LowActiveLow.value)
+        assert not upper & lower, "both gates of a leg are on"
+        return upper | lower
 
     async def caused(self) -> tuple[int, int]:
         """Latched trips, and what the monitor tells."""
-        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0xF
+        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0x1F
 
     async def vdc(self, code: int) -> None:
         """A sample set with this code of vdc."""
@@ -158,7 +167,7 @@ async def safe_state_by_register(dut: Any) -> None:
     await tb.clocks(2)
     assert await tb.read(GATES) == 0b101000, "only leg A waits for its dead time of 50 clocks"
     await tb.clocks(60)
-    assert await tb.read(GUARD) == SHORT, "the trip has cleared the enable bit, the lock held the rest"
+    assert await tb.read(GUARD) == SHORT | tb.polarity() << 4, "the trip has cleared enable, the lock held the rest"
     assert await tb.read(GATES) == 0b101010
     await tb.write(GUARD, 0)
     await tb.clocks(2)
@@ -193,7 +202,8 @@ async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
     assert dut.brake_o.value == 0, "after a reset there is no brake"
     await tb.write(BRAKE_LEVEL, 3000 | 2800 << 16)
     await tb.write(BRAKE_TIME, 100)
-    await tb.write(BRAKE, 1 | 60 << 8)
+    await tb.write(BRAKE, 1)
+    await tb.write(SAMPLE_AGE, 1500)
     await tb.write(LOCK, KEY)
     await tb.enable()
     await tb.clocks(1100)
@@ -202,7 +212,7 @@ async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
         await tb.vdc(code)
         await tb.clocks()
         assert int(dut.brake_o.value) == on, f"code {code}"
-        assert await tb.read(BRAKE) == 60 << 8 | on << 1 | 1
+        assert await tb.read(BRAKE) == on << 1 | 1
     await tb.write(COMMAND, 1)
     await tb.clocks(3)
     assert not tb.on()
@@ -231,17 +241,87 @@ async def brake_follows_vdc_and_opens_the_gates_at_its_end(dut: Any) -> None:
     await tb.clocks(2)
     assert tb.on()
     assert await tb.caused() == (0, 0)
+
+
+@cocotb.test
+async def samples_that_stop_open_the_gates(dut: Any) -> None:
+    """No sample set for the set time: gates and brake off, and no short, for nobody looks at the currents."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.write(BRAKE_LEVEL, 3000 | 2800 << 16)
+    await tb.write(BRAKE_TIME, 1000000)
+    await tb.write(BRAKE, 1)
+    await tb.write(SAMPLE_AGE, 60)
+    await tb.write(GUARD, SHORT)
+    await tb.write(LOCK, KEY)
+    await tb.clocks(2)
+    await tb.enable()
+    for gap in [*[20] * 60, *range(50, 60)]:
+        await tb.vdc(3500)
+        await tb.clocks(gap - 1)
+    assert tb.on() and dut.brake_o.value == 1
     await tb.vdc(3500)
-    await tb.clocks(70)
-    assert dut.brake_o.value == 0, "samples have stopped"
+    clocks = 0
+    while tb.on() and clocks < 70:
+        await tb.clocks()
+        clocks += 1
+    # The watchdog's clock and the guard's.
+    assert clocks == 60 + 1, f"gates off {clocks} clocks after the last sample"
+    assert dut.brake_o.value == 0
+    assert await tb.caused() == (DEADLINE, LATE)
+    await tb.clocks(100)
+    assert not tb.on()
+    await tb.write(COMMAND, CLEAR)
+    await tb.vdc(2000)
+    await tb.enable()
     assert tb.on()
+    assert await tb.caused() == (0, 0)
 
 
-def test_fl_safety_wb() -> None:
-    """Watchdog, lock, upsets of locked settings up to the gates, safe state, and the brake chopper.
+@cocotb.test
+async def every_locked_bit_is_watched(dut: Any) -> None:
+    """Whichever bit of the locked settings flips, the gates open and stay open, in the polarity of the build.
 
-    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18, SAFE-20
+    The enable of the trip that tells it is one of them.
+    """
+    tb = TB(dut)
+    fields = [
+        "guard_safe_state", "dead_time_cycles", "trip_enable_source", "current_limit_phase_lsb", "current_limit_dc_lsb",
+        "voltage_limit_over_lsb", "voltage_limit_under_lsb", "watchdog_cycles", "brake_enable", "brake_level_on_lsb",
+        "brake_level_off_lsb", "brake_time_cycles", "sample_age_cycles",
+    ]  # fmt: skip
+    await tb.begin()
+    for name in fields:
+        storage = getattr(dut.u_regs, f"field_storage_{name}")
+        for bit in range(len(storage)) if name == "trip_enable_source" else [random.randrange(len(storage))]:
+            dut.rst_i.value = 1
+            await tb.clocks(2)
+            assert not tb.on()
+            dut.rst_i.value = 0
+            await tb.write(ENABLE, 0xFF)
+            await tb.write(LOCK, KEY)
+            await tb.enable()
+            await tb.clocks(1100)
+            assert tb.on()
+            storage.value = int(storage.value) ^ 1 << bit
+            await tb.clocks(4)
+            assert not tb.on(), f"{name} bit {bit}"
+            trips, causes = await tb.caused()
+            assert trips & DEADLINE and causes & CHANGED, f"{name} bit {bit}"
+            for _ in range(3):
+                await tb.write(COMMAND, CLEAR)
+                await tb.enable()
+                await tb.clocks(60)
+                assert not tb.on(), f"{name} bit {bit}"
+
+
+@pytest.mark.parametrize("polarity", [0, 3])
+def test_fl_safety_wb(polarity: int) -> None:
+    """Watchdogs, lock, upsets of locked settings up to the pins, safe state, and the brake chopper.
+
+    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18, SAFE-20, SAFE-21
     """
     names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")
     sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
-    run_block_test("fl_safety_wb", sources, __name__, registers=["safety"])
+    parameters = {"HighActiveLow": polarity & 1, "LowActiveLow": polarity >> 1}
+    run_block_test("fl_safety_wb", sources, __name__, registers=["safety"], parameters=parameters)

@@ -1,26 +1,28 @@
 // What all boards share: reset, serial converters with their faults, the chip, indicators.
 //
 // Reset is held for ResetCycles clocks after configuration, after the PLL has locked and after the button is released
-// (1.3 ms: converters and gate drivers are up). The gate pins are off in the polarity of the registers meanwhile; gate
-// drivers need their own pull resistors for the time before configuration. Faults of the converters act like the gate
+// (1.3 ms: converters and gate drivers are up). The gate pins are off in their polarity meanwhile; gate
+// drivers need their own pull resistors, to off, for the time before configuration. Faults of the converters act like the gate
 // drivers' fault pin: gates off 4 clock edges after the frame that shows them.
 //
 // led_o: 0 chip runs (not in reset), 1 gate driver fault now, 2 a converter channel was bad since reset, 3 a conversion
-// was missed or late since reset.
+// was missed since reset.
 `default_nettype none
 module fl_board
   import fl_pkg::*;
 #(
-    parameter  int unsigned Phases      = 3,
-    parameter  bit          Vector      = 1'b1,
-    parameter  bit          Injection   = 1'b0,
-    parameter  bit          Can         = 1'b0,
-    parameter  int unsigned RamWords    = 32768,           // of the core: fl_cpu
-    parameter  string       Init        = "firmware.hex",
-    parameter  bit          Boot        = 0,               // start from the SPI flash
-    parameter  string       BootInit    = "boot.hex",
-    parameter  int unsigned ResetCycles = 65536,           // 2..2^20
-    localparam int unsigned Channels    = 2 * Phases + 3
+    parameter  int unsigned Phases        = 3,
+    parameter  bit          Vector        = 1'b1,
+    parameter  bit          Injection     = 1'b0,
+    parameter  bit          Can           = 1'b0,
+    parameter  int unsigned RamWords      = 32768,           // of the core: fl_cpu
+    parameter  string       Init          = "firmware.hex",
+    parameter  bit          Boot          = 0,               // start from the SPI flash
+    parameter  string       BootInit      = "boot.hex",
+    parameter  bit          HighActiveLow = 1'b0,            // upper gate pins are active low
+    parameter  bit          LowActiveLow  = 1'b0,            // lower gate pins
+    parameter  int unsigned ResetCycles   = 65536,           // 2..2^20
+    localparam int unsigned Channels      = 2 * Phases + 3
 ) (
     input logic clk_i,     // 50 MHz
     input logic locked_i,  // asynchronous: the clock is good
@@ -88,8 +90,7 @@ module fl_board
   logic adc_strobe, adc_valid, adc_missed, adc_fault;
   adc_code_t [Channels-1:0] adc_code;
   logic [Channels-1:0] adc_bad;
-  logic [2:0] adc_seen;
-  logic [2*Phases-1:0] gate;
+  logic [1:0] adc_seen;
 
   fl_adc_serial #(
       .Channels     (Channels),
@@ -112,25 +113,26 @@ module fl_board
       .Channels(Channels)
   ) u_adc_fault (
       .clk_i,
-      .rst_i    (rst_q),
-      .valid_i  (adc_valid),
-      .bad_i    (adc_bad),
-      .missed_i (adc_missed),
-      .gate_on_i(gate != '0),
-      .fault_o  (adc_fault),
-      .cause_o  (),
-      .seen_o   (adc_seen)
+      .rst_i   (rst_q),
+      .valid_i (adc_valid),
+      .bad_i   (adc_bad),
+      .missed_i(adc_missed),
+      .fault_o (adc_fault),
+      .cause_o (),
+      .seen_o  (adc_seen)
   );
 
   fl_soc #(
-      .Phases   (Phases),
-      .Vector   (Vector),
-      .Injection(Injection),
-      .Can      (Can),
-      .RamWords (RamWords),
-      .Init     (Init),
-      .Boot     (Boot),
-      .BootInit (BootInit)
+      .Phases       (Phases),
+      .Vector       (Vector),
+      .Injection    (Injection),
+      .Can          (Can),
+      .RamWords     (RamWords),
+      .Init         (Init),
+      .Boot         (Boot),
+      .BootInit     (BootInit),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_soc (
       .clk_i,
       .rst_i            (rst_q),
@@ -139,7 +141,7 @@ module fl_board
       .adc_code_i       (adc_code),
       .gate_h_o,
       .gate_l_o,
-      .gate_o           (gate),
+      .gate_o           (),
       .brake_o,
       .fault_pin_i      (fault_pin_i || adc_fault),
       .hall_i,
@@ -168,7 +170,7 @@ module fl_board
       .trc_angle_o      ()
   );
 
-  assign led_o = {adc_seen[2] || adc_seen[1], adc_seen[0], fault_pin_i, !rst_q};
+  assign led_o = {adc_seen, fault_pin_i, !rst_q};
 
 endmodule
 `default_nettype wire

@@ -4,8 +4,10 @@
 // Pins: constraints/arty-a7-35.xdc, drawn in docs/blocks/fl_board_arty.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_arty #(
-    parameter bit    Can  = 1'b0,
-    parameter string Init = "firmware.hex"
+    parameter bit    Can           = 1'b0,
+    parameter string Init          = "firmware.hex",
+    parameter bit    HighActiveLow = 1'b0,            // upper gate pins are active low
+    parameter bit    LowActiveLow  = 1'b0             // lower gate pins
 ) (
     input logic clk_100mhz_i,
     input logic reset_button_ni,
@@ -51,9 +53,11 @@ module fl_board_arty #(
   );
 
   fl_board #(
-      .Phases(3),
-      .Can   (Can),
-      .Init  (Init)
+      .Phases       (3),
+      .Can          (Can),
+      .Init         (Init),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_board (
       .clk_i   (clk),
       .locked_i(locked),

@@ -5,15 +5,17 @@
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_ulx3s #(
-    parameter  int unsigned Phases    = 3,               // 3 or 5
-    parameter  bit          Vector    = 1'b1,
-    parameter  bit          Injection = 1'b0,
-    parameter  bit          Can       = 1'b0,
-    parameter  int unsigned RamWords  = 32768,           // of the core: fl_cpu
-    parameter  string       Init      = "firmware.hex",
-    parameter  bit          Boot      = 0,
-    parameter  string       BootInit  = "boot.hex",
-    localparam int unsigned Channels  = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
+    parameter  int unsigned Phases        = 3,               // 3 or 5
+    parameter  bit          Vector        = 1'b1,
+    parameter  bit          Injection     = 1'b0,
+    parameter  bit          Can           = 1'b0,
+    parameter  int unsigned RamWords      = 32768,           // of the core: fl_cpu
+    parameter  string       Init          = "firmware.hex",
+    parameter  bit          Boot          = 0,
+    parameter  string       BootInit      = "boot.hex",
+    parameter  bit          HighActiveLow = 1'b0,            // upper gate pins are active low
+    parameter  bit          LowActiveLow  = 1'b0,            // lower gate pins
+    localparam int unsigned Channels      = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_25mhz_i,
     input logic reset_button_i,
@@ -71,14 +73,16 @@ module fl_board_ulx3s #(
   );
 
   fl_board #(
-      .Phases   (Phases),
-      .Vector   (Vector),
-      .Injection(Injection),
-      .Can      (Can),
-      .RamWords (RamWords),
-      .Init     (Init),
-      .Boot     (Boot),
-      .BootInit (BootInit)
+      .Phases       (Phases),
+      .Vector       (Vector),
+      .Injection    (Injection),
+      .Can          (Can),
+      .RamWords     (RamWords),
+      .Init         (Init),
+      .Boot         (Boot),
+      .BootInit     (BootInit),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_board (
       .clk_i   (clk),
       .locked_i(locked),

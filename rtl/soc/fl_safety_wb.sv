@@ -1,14 +1,17 @@
 // Gate guard, trips, watchdog, brake chopper and lock with their registers.
 //
-// The watchdog, a locked setting that changed and the brake chopper's longest on-time act as the deadline trip; the
-// monitor register tells them apart.
+// The watchdog, a locked setting that changed, the brake chopper's longest on-time and samples that stay away act as the
+// deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same block, that every
+// sample set feeds: nothing else sees a current that nobody looks at.
 `default_nettype none
 module fl_safety_wb
   import fl_pkg::*;
   import fl_bus_pkg::*;
 #(
-    parameter  int unsigned Phases   = 3,
-    localparam int unsigned Channels = 2 * Phases + 3
+    parameter  int unsigned Phases        = 3,
+    parameter  bit          HighActiveLow = 1'b0,           // upper gate pins are active low
+    parameter  bit          LowActiveLow  = 1'b0,           // lower gate pins
+    localparam int unsigned Channels      = 2 * Phases + 3
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -46,15 +49,15 @@ module fl_safety_wb
   localparam logic [7:0] ClearKey = 8'hA5;
   logic trip, short, clear;
   logic clear_written_q, feed_written_q;
-  logic locked, changed, expired, wrong, brake_overload;
-  logic [3:0] monitor_q;
+  logic locked, changed, expired, wrong, brake_overload, sample_expired, sample_wrong, late;
+  logic [4:0] monitor_q;
 
   // Key and report act once, in the clock after they have been written.
   assign clear = clear_written_q && hwif_out.command.clear_key.value == ClearKey;
   always_ff @(posedge clk_i) begin
     clear_written_q <= hwif_out.command.clear_key.swmod;
     feed_written_q  <= hwif_out.feed.step.swmod;
-    monitor_q       <= (clear ? 4'd0 : monitor_q) | {brake_overload, changed, wrong, expired};
+    monitor_q       <= (clear ? 5'd0 : monitor_q) | {late, brake_overload, changed, wrong, expired};
     if (rst_i) begin
       clear_written_q <= 1'b0;
       feed_written_q  <= 1'b0;
@@ -62,8 +65,8 @@ module fl_safety_wb
     end
   end
 
-  assign hwif_in.guard.high_active_low.swwel    = locked;
-  assign hwif_in.guard.low_active_low.swwel     = locked;
+  assign hwif_in.guard.high_active_low.next     = HighActiveLow;
+  assign hwif_in.guard.low_active_low.next      = LowActiveLow;
   assign hwif_in.guard.safe_state.swwel         = locked;
   assign hwif_in.dead_time.cycles.swwel         = locked;
   assign hwif_in.trip_enable.source.swwel       = locked;
@@ -73,15 +76,15 @@ module fl_safety_wb
   assign hwif_in.voltage_limit.under_lsb.swwel  = locked;
   assign hwif_in.watchdog.cycles.swwel          = locked;
   assign hwif_in.brake.enable.swwel             = locked;
-  assign hwif_in.brake.age_cycles.swwel         = locked;
   assign hwif_in.brake_level.on_lsb.swwel       = locked;
   assign hwif_in.brake_level.off_lsb.swwel      = locked;
   assign hwif_in.brake_time.cycles.swwel        = locked;
+  assign hwif_in.sample_age.cycles.swwel        = locked;
   assign hwif_in.lock.key.swwel                 = locked;
   assign hwif_in.monitor.cause.next             = monitor_q;
   assign hwif_in.monitor.locked.next            = locked;
 
-  localparam int unsigned SettingsWidth = 3 + 10 + TripSources + 4 * AdcWidth + 24 + 1 + 20 + 2 * AdcWidth + 32;
+  localparam int unsigned SettingsWidth = 1 + 10 + TripSources + 4 * AdcWidth + 24 + 1 + 20 + 2 * AdcWidth + 32;
   fl_settings_lock #(
       .Width(SettingsWidth)
   ) u_lock (
@@ -89,8 +92,6 @@ module fl_safety_wb
       .rst_i,
       .key_i     (hwif_out.lock.key.value),
       .settings_i({
-        hwif_out.guard.high_active_low.value,
-        hwif_out.guard.low_active_low.value,
         hwif_out.guard.safe_state.value,
         hwif_out.dead_time.cycles.value,
         hwif_out.trip_enable.source.value,
@@ -100,10 +101,10 @@ module fl_safety_wb
         hwif_out.voltage_limit.under_lsb.value,
         hwif_out.watchdog.cycles.value,
         hwif_out.brake.enable.value,
-        hwif_out.brake.age_cycles.value,
         hwif_out.brake_level.on_lsb.value,
         hwif_out.brake_level.off_lsb.value,
-        hwif_out.brake_time.cycles.value
+        hwif_out.brake_time.cycles.value,
+        hwif_out.sample_age.cycles.value
       }),
       .locked_o  (locked),
       .changed_o (changed)
@@ -120,6 +121,24 @@ module fl_safety_wb
       .wrong_o     (wrong)
   );
 
+  logic [7:0] sample_step_q;  // number of the next sample set
+  always_ff @(posedge clk_i) begin
+    if (adc_valid_i) sample_step_q <= sample_step_q + 8'd1;
+    if (rst_i) sample_step_q <= 8'd1;
+  end
+
+  fl_watchdog u_sample_watchdog (
+      .clk_i,
+      .rst_i,
+      .enable_i    (hwif_out.guard.enable.value),
+      .cfg_cycles_i(24'(hwif_out.sample_age.cycles.value)),
+      .feed_i      (adc_valid_i),
+      .step_i      (sample_step_q),
+      .expired_o   (sample_expired),
+      .wrong_o     (sample_wrong)
+  );
+  assign late = sample_expired || sample_wrong;
+
   localparam int unsigned ChannelVdc = 2 * Phases;
   fl_brake u_brake (
       .clk_i,
@@ -128,12 +147,19 @@ module fl_safety_wb
       .cfg_on_lsb_i        (hwif_out.brake_level.on_lsb.value),
       .cfg_off_lsb_i       (hwif_out.brake_level.off_lsb.value),
       .cfg_longest_cycles_i(hwif_out.brake_time.cycles.value),
-      .cfg_age_cycles_i    (hwif_out.brake.age_cycles.value),
+      .cfg_age_cycles_i    (hwif_out.sample_age.cycles.value),
       .adc_valid_i,
       .vdc_i               (adc_code_i[ChannelVdc]),
       .brake_o,
       .overload_o          (brake_overload)
   );
+
+  // A changed setting trips even if it is the enable of its own trip that has changed.
+  trip_t trip_enable;
+  always_comb begin
+    trip_enable          = hwif_out.trip_enable.source.value;
+    trip_enable.deadline = trip_enable.deadline || changed;
+  end
 
   assign hwif_in.brake.on.next      = brake_o;
   assign hwif_in.guard.enable.hwclr = trip;
@@ -151,15 +177,15 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
-      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload),
+      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload || late),
       .guard_enable_i (hwif_out.guard.enable.value),
-      .cfg_enable_i   (hwif_out.trip_enable.source.value),
+      .cfg_enable_i   (trip_enable),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),
       .cfg_dc_lsb_i   (hwif_out.current_limit.dc_lsb.value),
       .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
       .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
       .cfg_short_i    (hwif_out.guard.safe_state.value),
-      .never_i        (changed),
+      .never_i        (changed || late),
       .clear_i        (clear),
       .trip_o         (trip),
       .short_o        (short),
@@ -178,16 +204,16 @@ module fl_safety_wb
   );
 
   fl_gate_guard #(
-      .Phases(Phases)
+      .Phases       (Phases),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_guard (
       .clk_i,
       .rst_i,
-      .enable_i         (hwif_out.guard.enable.value),
-      .high_active_low_i(hwif_out.guard.high_active_low.value),
-      .low_active_low_i (hwif_out.guard.low_active_low.value),
-      .dead_time_i      (hwif_out.dead_time.cycles.value),
-      .trip_i           (trip),
-      .short_i          (short),
+      .enable_i   (hwif_out.guard.enable.value),
+      .dead_time_i(hwif_out.dead_time.cycles.value),
+      .trip_i     (trip),
+      .short_i    (short),
       .req_h_i,
       .req_l_i,
       .gate_h_o,

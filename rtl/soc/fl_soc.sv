@@ -7,7 +7,7 @@
 // order of fl_map_pkg (docs: register reference). With five phases there is no six-step path, and without Vector neither
 // vector path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection
 // path, which needs Vector. Can = 1: with the CAN controller. Boot = 1: with the port of the SPI flash, and the core starts
-// in the loader, which BootInit holds (fl_cpu).
+// in the loader, which BootInit holds (fl_cpu). HighActiveLow, LowActiveLow: polarity of the gate pins, of the build alone.
 // The trace port shows what happens inside to a test bench or a logic analyser; nothing in the chip depends on it. Its
 // signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
@@ -21,17 +21,19 @@ module fl_soc
   import fl_pkg::*;
   import fl_map_pkg::*;
 #(
-    parameter  int unsigned Phases       = 3,
-    parameter  bit          Vector       = 1'b1,            // 0: six-step only, three phases
-    parameter  int unsigned ClockHz      = 50_000_000,
-    parameter  int unsigned RamWords     = 32768,           // less: in banks, see fl_cpu
-    parameter  string       Init         = "firmware.hex",
-    parameter  int unsigned CaptureDepth = 1024,
-    parameter  bit          Injection    = 0,
-    parameter  bit          Can          = 0,
-    parameter  bit          Boot         = 0,
-    parameter  string       BootInit     = "boot.hex",
-    localparam int unsigned Channels     = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
+    parameter  int unsigned Phases        = 3,
+    parameter  bit          Vector        = 1'b1,            // 0: six-step only, three phases
+    parameter  int unsigned ClockHz       = 50_000_000,
+    parameter  int unsigned RamWords      = 32768,           // less: in banks, see fl_cpu
+    parameter  string       Init          = "firmware.hex",
+    parameter  int unsigned CaptureDepth  = 1024,
+    parameter  bit          Injection     = 0,
+    parameter  bit          Can           = 0,
+    parameter  bit          Boot          = 0,
+    parameter  string       BootInit      = "boot.hex",
+    parameter  bit          HighActiveLow = 0,               // upper gate pins are active low
+    parameter  bit          LowActiveLow  = 0,               // lower gate pins
+    localparam int unsigned Channels      = 2 * Phases + 3   // v0.., i0.., vdc, idc, vsm
 ) (
     input logic clk_i,
     input logic rst_i,
@@ -411,7 +413,9 @@ module fl_soc
   assign req_l = vector_source ? vector_req_l : seq_req_l;
 
   fl_safety_wb #(
-      .Phases(Phases)
+      .Phases       (Phases),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
   ) u_safety (
       .clk_i,
       .rst_i,

@@ -31,6 +31,7 @@ namespace {
 
 constexpr int64_t NEVER = INT64_MAX;
 constexpr int CHANNELS = COSIM_CHANNELS;
+constexpr int PHASES = (CHANNELS - 3) / 2;
 constexpr int64_t RESET_CYCLES = 10;
 constexpr int32_t LOGGED_PINS = 0xF;  // not the encoder's
 constexpr uint64_t HALF_PERIOD = 10;  // time units (ns) in half a clock
@@ -60,6 +61,8 @@ struct cosim_t {
     bool log_strobes = false;
     bool log_can = false;
     int32_t gates = 0;
+    uint32_t levels = 0;    // of the gate pins: upper ones in bits 0.., lower ones in bits 8..
+    uint32_t polarity = 0;  // levels at which all switches are off
     int brake = 0;
     int32_t pins = 0;
     int64_t conversion = 35;
@@ -253,10 +256,21 @@ void plant_event(Vtop* t, int32_t flags) {
     if (flags & 1) C.valid_at = C.st.cycle + C.conversion, plan();
 }
 
+inline uint32_t gate_levels(Vtop* t) { return t->gate_h_o | static_cast<uint32_t>(t->gate_l_o) << 8; }
+
+// What the inverter makes of the levels at its pins: bit 2X upper, 2X+1 lower switch of leg X.
+int32_t switches(uint32_t levels) {
+    const uint32_t on = levels ^ C.polarity;
+    int32_t gates = 0;
+    for (int x = 0; x < PHASES; x++) gates |= static_cast<int32_t>((on >> x & 1) | (on >> (8 + x) & 1) << 1) << 2 * x;
+    return gates;
+}
+
 void slow_step(Vtop* t) {
     int32_t flags = t->adc_strobe_o ? 1 : 0;
-    if (t->gate_o != C.gates) {
-        C.gates = t->gate_o;
+    C.levels = gate_levels(t);
+    if (const int32_t gates = switches(C.levels); gates != C.gates) {
+        C.gates = gates;
         flags |= 2;
         log_row(LOG_GATES, C.gates, 0);
         if (R.on) {
@@ -298,7 +312,7 @@ void slow_step(Vtop* t) {
 // After every rising edge.
 inline void after_edge(Vtop* t) {
     C.st.cycle++;
-    if (__builtin_expect((t->gate_o != C.gates) | (t->brake_o != C.brake) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
+    if (__builtin_expect((gate_levels(t) != C.levels) | (t->brake_o != C.brake) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
                              (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
         slow_step(t);
 }
@@ -327,7 +341,10 @@ API void cosim_attach(plant_fn fn, double* state, int32_t* io) {
 }
 API const cosim_status_t* cosim_status() { return &C.st; }
 API void cosim_log(int64_t* rows, int64_t capacity) { C.log = rows, C.log_capacity = capacity, C.st.log_count = 0; }
-API void cosim_configure(int64_t conversion_cycles, int64_t bit_cycles, int32_t log_strobes) {
+API void cosim_configure(int64_t conversion_cycles, int64_t bit_cycles, int32_t log_strobes, int32_t polarity) {
+    constexpr uint32_t legs = (1u << PHASES) - 1;
+    C.polarity = (polarity & 1 ? legs : 0) | (polarity & 2 ? legs << 8 : 0);
+    C.levels = ~0u;  // looked at anew in the next clock
     C.conversion = conversion_cycles;
     C.bit_time = bit_cycles;
     C.log_strobes = log_strobes != 0;

@@ -24,7 +24,7 @@ static fault_t boot_fault(const parameter_block_t *block) {
   const fault_t fault = parameters_check(block);
   const parameters_t *p = &block->parameters;
   const bool held = method_is_held(p->method, p->injection != 0);
-  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || !held || !chip_has_blocks(p))) {
+  if (fault == FAULT_NONE && ((uint32_t)p->clock_hz != chip_clock_hz() || !held || !chip_fits(p))) {
     return FAULT_CHIP;
   }
   return fault;
@@ -66,7 +66,7 @@ HOT static void write_guard(app_t *app) {
   const drive_t *drive = &app->drive;
   const bool enable = drive->command.gate_enable;
   if (enable != app->gate_enable_written || drive->command.clear_trips) {
-    chip_write_guard(&drive->command, drive->p);
+    chip_write_guard(&drive->command);
     app->gate_enable_written = enable;
   }
 }

@@ -138,7 +138,7 @@ int main(void) {
   v->write_correct = true;
   commit(&command);
   v->write_correct = false;
-  chip_write_guard(&command, &parameters);
+  chip_write_guard(&command);
   v->enable = true;
   commit(&command);
   await_tick();

@@ -55,7 +55,7 @@ int main(void) {
       .timeout_q12 = (uint32_t)p->timeout_q12,
       .write_modes = true,
   };
-  chip_write_guard(&command, p);
+  chip_write_guard(&command);
   for (uint32_t i = 0; i < table->count; i++) {
     const row_t *row = &table->row[i];
     const uint32_t start = chip_now();

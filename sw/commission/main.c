@@ -56,7 +56,7 @@ static void control_step(void) {
   segment_step(&segment, &in);
   if (command->gate_enable != gates) {
     gates = command->gate_enable;
-    chip_write_guard(command, p);
+    chip_write_guard(command);
   }
   chip_write_vector(command, p);
 }

@@ -64,6 +64,9 @@ fault_t fault_of_monitor(uint32_t monitor) {
   if ((monitor & MONITOR_CHANGED) != 0u) {
     return FAULT_SETTINGS_CHANGED;
   }
+  if ((monitor & MONITOR_LATE) != 0u) {
+    return FAULT_NO_SAMPLES;
+  }
   if ((monitor & MONITOR_BRAKE) != 0u) {
     return FAULT_BRAKE_OVERLOAD;
   }

@@ -4,7 +4,7 @@
 #include "hal/reg.h"
 
 #define MAP_MAGIC 0x464C5558u
-#define MAP_VERSION 1u
+#define MAP_VERSION 2u
 #define CHANNELS (2u * PHASES + 3u)
 #define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define CLEAR_KEY 0xA5u
@@ -28,7 +28,7 @@ bool chip_is_known(void) {
          BITS(FL_SYS_REGS__BUILD__PHASES, build) == PHASES;
 }
 
-bool chip_has_blocks(const parameters_t *p) {
+bool chip_fits(const parameters_t *p) {
   uint32_t used = BLOCK_OF(foc.control);
   if (method_is_six_step(p->method)) {
     used = BLOCK_OF(zcd.blanking) | BLOCK_OF(comm.latency) | BLOCK_OF(pwm.min_pulse);
@@ -37,7 +37,10 @@ bool chip_has_blocks(const parameters_t *p) {
     used |= (p->encoder_quarters > 1) ? BLOCK_OF(encoder.filter) : 0u;
     used |= (p->injection != 0) ? BLOCK_OF(injection.control) : 0u;
   }
-  return (reg_read(REG(sys.blocks)) & used) == used;
+  const uint32_t guard = reg_read(REG(safety.guard));
+  const uint32_t polarity = BITS(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, guard) |
+                            BITS(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, guard) << 1;
+  return (reg_read(REG(sys.blocks)) & used) == used && polarity == (uint32_t)p->gate_polarity;
 }
 
 uint32_t chip_clock_hz(void) { return reg_read(REG(sys.clock)); }
@@ -79,10 +82,7 @@ COLD static void configure_crossings(const parameters_t *p) {
 }
 
 COLD static void configure_safety(const parameters_t *p) {
-  const uint32_t polarity = (uint32_t)p->gate_polarity;
-  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
-                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1) |
-                                   FIELD(FL_SAFETY_REGS__GUARD__SAFE_STATE, p->safe_state));
+  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__SAFE_STATE, p->safe_state));
   reg_write(REG(safety.dead_time), (uint32_t)p->dead_time_cycles);
   reg_write(REG(safety.current_limit), FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__PHASE_LSB, p->trip_phase_lsb) |
                                            FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__DC_LSB, p->trip_dc_lsb));
@@ -93,8 +93,8 @@ COLD static void configure_safety(const parameters_t *p) {
   reg_write(REG(safety.brake_level), FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__ON_LSB, p->brake_on_lsb) |
                                          FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__OFF_LSB, p->brake_off_lsb));
   reg_write(REG(safety.brake_time), (uint32_t)p->brake_longest_cycles);
-  reg_write(REG(safety.brake), FIELD(FL_SAFETY_REGS__BRAKE__ENABLE, p->brake_longest_cycles != 0 ? 1 : 0) |
-                                   FIELD(FL_SAFETY_REGS__BRAKE__AGE_CYCLES, p->brake_age_cycles));
+  reg_write(REG(safety.sample_age), (uint32_t)p->sample_age_cycles);
+  reg_write(REG(safety.brake), FIELD(FL_SAFETY_REGS__BRAKE__ENABLE, p->brake_longest_cycles != 0 ? 1 : 0));
   reg_write(REG(safety.lock), LOCK_KEY);
   reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
 }
@@ -463,14 +463,11 @@ INLINED void chip_write_vector(const chip_command_t *command, const parameters_t
   }
 }
 
-COLD void chip_write_guard(const chip_command_t *command, const parameters_t *parameters) {
+COLD void chip_write_guard(const chip_command_t *command) {
   if (command->clear_trips) {
     reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
   }
-  const uint32_t polarity = (uint32_t)parameters->gate_polarity;
-  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__ENABLE, command->gate_enable ? 1 : 0) |
-                                   FIELD(FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW, polarity & 1u) |
-                                   FIELD(FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW, polarity >> 1));
+  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__ENABLE, command->gate_enable ? 1 : 0));
 }
 
 COLD void chip_irq_configure(uint32_t control, uint32_t deferred) {

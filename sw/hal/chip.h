@@ -22,8 +22,8 @@ enum {
 
 // Register map and build are what this firmware was written for.
 bool chip_is_known(void);
-// The build has all blocks that the parameters use.
-bool chip_has_blocks(const parameters_t *parameters);
+// The build has all blocks that the parameters use, and gate pins of their polarity.
+bool chip_fits(const parameters_t *parameters);
 uint32_t chip_clock_hz(void);
 
 // Free-running clock counter.
@@ -66,7 +66,7 @@ void chip_write_injection(const chip_command_t *command, const parameters_t *par
 bool chip_read_direct(chip_direct_t *direct);
 void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25);
 // Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
-void chip_write_guard(const chip_command_t *command, const parameters_t *parameters);
+void chip_write_guard(const chip_command_t *command);
 // The watchdog hears that the control steps go on: `step` is one more than at the last report.
 void chip_report_step(uint32_t step);
 // Open all gates at once, without a tick.

@@ -54,6 +54,7 @@ enum {
   MONITOR_WRONG = 1u << 1,
   MONITOR_CHANGED = 1u << 2,
   MONITOR_BRAKE = 1u << 3,
+  MONITOR_LATE = 1u << 4,
 };
 
 // How the machine is driven, fixed by the parameters.

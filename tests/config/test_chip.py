@@ -28,8 +28,20 @@ def test_chip_of_a_scenario(
     """
     monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml", overrides)
-    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides), False)
-    assert run.chip_of(scenario, native=True) == (False, phases, injection, bool(overrides), True)
+    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides), False, 0)
+    assert run.chip_of(scenario, native=True) == (False, phases, injection, bool(overrides), True, 0)
+
+
+def test_chip_of_the_inverters_polarity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gates that are active low are the chip's; the simulated inverter and the parameter block know them.
+
+    Verifies: SOC-28
+    """
+    monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
+    for high, low in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        keys = [f"inverter.gate_{side}_active_low=true" for side, on in (("high", high), ("low", low)) if on]
+        scenario = load_scenario(ROOT / "scenarios" / "demo.toml", keys)
+        assert run.chip_of(scenario) == (False, 3, False, False, False, high | low << 1)
 
 
 def test_can_and_injection() -> None:

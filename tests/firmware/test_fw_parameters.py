@@ -162,6 +162,20 @@ def test_chip_without_the_injection_path() -> None:
         assert f"fault {fault}" in fw.command("status")
 
 
+def test_chip_of_another_polarity() -> None:
+    """A chip whose gate pins are built for another polarity than the inverter's keeps the drive in init.
+
+    Verifies: FW-03
+    """
+    for wanted in range(4):
+        for built in range(4):
+            fw = HostFirmware()
+            fw.load(repacked({"gate_polarity": wanted}))
+            fw.registers[fw.index("safety.guard")] = built << 4
+            fw.boot()
+            assert f"fault {'none' if built == wanted else 'chip'}" in fw.command("status")
+
+
 def test_good_block_is_accepted() -> None:
     """The unchanged block boots.
 
@@ -341,6 +355,6 @@ def test_brake_keys_reach_the_block() -> None:
     values = compile_parameters(MOTOR_1, inverter, DriveSpec()).values
     assert (values["brake_on_lsb"], values["brake_off_lsb"]) == (3755, 3550)
     assert values["brake_longest_cycles"] == 12_500_000
-    assert values["brake_age_cycles"] == 4 * 100
+    assert values["sample_age_cycles"] == 4 * 100
     values = compile_parameters(MOTOR_1, inverter, DriveSpec(zcd_sampling="carrier")).values
-    assert values["brake_age_cycles"] == 4 * values["carrier_longest_cycles"]
+    assert values["sample_age_cycles"] == 4 * values["carrier_longest_cycles"]

@@ -164,14 +164,22 @@ PLANT_FAULTS: tuple[Fault, ...] = (
     Fault("noise on the console", ((0.0, "console", {"line": "\x01\x7fU"}),), frozenset()),
 )  # fmt: skip
 
+# An upset that makes sample sets come every 83 us instead of every us: nobody would see an over-current meanwhile.
+SAMPLE_PERIOD = Fault(
+    "sample period upset",
+    ((0.0, "register", {"name": "u_sense__DOT__u_regs__DOT__field_storage_period_cycles", "bit_share": 12.5 / 16}),),
+    frozenset({"no_samples"}),
+    must_stop=True,
+    span_s=UPSET_S,
+)
+
 # Registers are drawn evenly by name, memory by address: image, state, stack, and the block that boot has checked.
 UPSET_BYTES = BLOCK_ADDRESS + 0x400
 # What fl_settings_lock watches, as fields of the safety block.
 SETTINGS_FIELDS = (
-    "guard_high_active_low", "guard_low_active_low", "guard_safe_state", "dead_time_cycles", "trip_enable_source",
-    "watchdog_cycles",
+    "guard_safe_state", "dead_time_cycles", "trip_enable_source", "watchdog_cycles", "sample_age_cycles",
     "current_limit_phase_lsb", "current_limit_dc_lsb", "voltage_limit_over_lsb", "voltage_limit_under_lsb",
-    "brake_enable", "brake_age_cycles", "brake_level_on_lsb", "brake_level_off_lsb", "brake_time_cycles",
+    "brake_enable", "brake_level_on_lsb", "brake_level_off_lsb", "brake_time_cycles",
 )  # fmt: skip
 
 

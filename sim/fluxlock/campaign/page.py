@@ -79,7 +79,8 @@ def page(document: dict[str, Any]) -> str:
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
         "gates and current alone. Settings upsets are bits of the locked settings of the safety block, parameter "
-        "upsets bits of the parameter block before the program has looked at it: these must be named.",
+        "upsets bits of the parameter block before the program has looked at it, the sample period upset makes samples "
+        "83 times as rare: these must be named.",
         "",
         "| disturbance | runs | ridden through | stopped by name | wrong | names |",
         "|---|---|---|---|---|---|",

@@ -14,7 +14,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fluxlock.campaign.grid import PLANT_FAULTS, Drive, Fault, Moment, actions_of, parameter_upsets, upsets
+from fluxlock.campaign.grid import (
+    PLANT_FAULTS,
+    SAMPLE_PERIOD,
+    Drive,
+    Fault,
+    Moment,
+    actions_of,
+    parameter_upsets,
+    upsets,
+)
 from fluxlock.campaign.judge import WRONG, judge
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
@@ -58,7 +67,7 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
         else:
             chosen = rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (6 if quick else 1))
             faults = [PLANT_FAULTS[n] for n in sorted(chosen)]
-            faults += upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))
+            faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
         for fault in faults:
             if fault.turning and not moment.turning:
                 continue

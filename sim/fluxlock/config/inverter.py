@@ -116,8 +116,8 @@ class Inverter(Model):
         "Least gap between one switch of a leg turning off and the other turning on.", "s", 0.0, 20e-6
     )
     min_pulse_s: float = quantity("Shortest pulse and shortest gap.", "s", 40e-9, 80e-6)
-    gate_high_active_low: bool = Field(default=False, description="Polarity of the upper gate pins.")
-    gate_low_active_low: bool = Field(default=False, description="Polarity of the lower gate pins.")
+    gate_high_active_low: bool = Field(default=False, description="Upper gates are active low: the chip is built so.")
+    gate_low_active_low: bool = Field(default=False, description="Lower gates are active low: the chip is built so.")
     gate_delay_s: float = quantity(
         "Delay of gate driver and switch; the chip commutates that much earlier.",
         "s",
@@ -135,6 +135,11 @@ class Inverter(Model):
     sensing: Sensing = Field(description="Converter and analog chain.")
     protection: Protection = Field(description="Hardware trips.")
     brake_chopper: BrakeChopper | None = Field(default=None, description="Brake chopper, if there is one.")
+
+    @property
+    def gate_polarity(self) -> int:
+        """Gate pins that are active low: bit 0 the upper ones, bit 1 the lower ones."""
+        return int(self.gate_high_active_low) | int(self.gate_low_active_low) << 1
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

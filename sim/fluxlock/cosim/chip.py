@@ -94,11 +94,13 @@ def build_chip(
     injection: bool = False,
     can: bool = False,
     native: bool = False,
+    gate_polarity: int = 0,
 ) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
     phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
-    every run. native: without the core, for a firmware of this machine. waves: also able to write an FST; compiled
+    every run. native: without the core, for a firmware of this machine.
+    gate_polarity: bit 0, 1: upper, lower gate pins are active low. waves: also able to write an FST; compiled
     quickly, somewhat slower. train: runs the chip for a moment; with GCC the simulator is then compiled a second time
     with what was learnt of its branches, 1.1 to 1.3 times faster.
     """
@@ -108,7 +110,8 @@ def build_chip(
     env = tool_environment()
     profiled = train is not None and not waves and _compiler_is_gcc(env)
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
-    key = content_hash(inputs, RAM_WORDS, phases, injection, can, native, waves, profiled, env.get("CXX", ""))
+    build = (phases, injection, can, native, gate_polarity, waves, profiled)
+    key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
     folder = BUILD / "chip" / key
     chip = Chip(folder / TOP, key, waves, phases, injection)
     made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves}
@@ -127,6 +130,7 @@ def build_chip(
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
             f"-GPhases={phases}", f"-GInjection={int(injection)}", f"-GCan={int(can)}",
+            f"-GHighActiveLow={gate_polarity & 1}", f"-GLowActiveLow={gate_polarity >> 1}",
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",

@@ -92,7 +92,7 @@ class Native:
         self._lib.cosim_status.restype = ctypes.POINTER(Status)
         self._lib.cosim_attach.argtypes = [ctypes.c_void_p] * 3
         self._lib.cosim_log.argtypes = [ctypes.c_void_p, ctypes.c_int64]
-        self._lib.cosim_configure.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_int32]
+        self._lib.cosim_configure.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_int32, ctypes.c_int32]
         self._lib.cosim_console_send.argtypes = [ctypes.c_char_p, ctypes.c_int64]
         self._lib.cosim_console_take.argtypes = [ctypes.c_char_p, ctypes.c_int64]
         self._lib.cosim_console_take.restype = ctypes.c_int64
@@ -115,9 +115,14 @@ class Native:
         self._keep = (state, io)
         self._lib.cosim_attach(address, state.ctypes.data, io.ctypes.data)
 
-    def configure(self, conversion_cycles: int, bit_cycles: int, log_strobes: bool = False) -> None:
-        """Set converter time (strobe to valid), console bit time, and whether strobes are logged. Unit: clocks."""
-        self._lib.cosim_configure(conversion_cycles, bit_cycles, int(log_strobes))
+    def configure(
+        self, conversion_cycles: int, bit_cycles: int, log_strobes: bool = False, gate_polarity: int = 0
+    ) -> None:
+        """Set converter time (strobe to valid), console bit time, whether strobes are logged, and the inverter's gates.
+
+        Unit: clocks. gate_polarity: bit 0, 1: upper, lower gates are on at low level.
+        """
+        self._lib.cosim_configure(conversion_cycles, bit_cycles, int(log_strobes), gate_polarity)
 
     def take_log(self) -> NDArray[np.int64]:
         """Rows [cycle, kind, a, b] since the last call; raises BufferError if rows were lost."""

@@ -114,7 +114,8 @@ class SessionPlan:
     """One run, all in clock cycles.
 
     batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
-    in Python and plant events are noted. recording: also record the chip's inputs for a replay. dialogue: talks to the
+    in Python and plant events are noted. gate_polarity: of the inverter, bit 0, 1: upper, lower gates are on at low
+    level; a recording is replayed with 0. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
     peer: is on the chip's CAN bus, at can_place; not with a dialogue. log_can: log the levels of chip and bus.
     branches: copies of the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch:
@@ -133,6 +134,7 @@ class SessionPlan:
     marks: tuple[int, ...] = ()
     recording: bool = False
     log_strobes: bool = False
+    gate_polarity: int = 0
     plant_mode: str = "jit"
     dialogue: Dialogue | None = None
     peer: CanPeer | None = None

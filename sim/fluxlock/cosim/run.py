@@ -76,19 +76,27 @@ def prepare(
         marks=marks,
         recording=recording,
         log_strobes=log_strobes,
+        gate_polarity=scenario.inverter.gate_polarity,
         folder=folder.resolve(),
     )
 
 
 def ready_chip(
-    waves: bool = False, phases: int = PHASES, injection: bool = False, can: bool = False, native: bool = False
+    waves: bool = False,
+    phases: int = PHASES,
+    injection: bool = False,
+    can: bool = False,
+    native: bool = False,
+    gate_polarity: int = 0,
 ) -> Chip:
     """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
 
-    The demo has three phases, a core and no CAN: another chip is not trained.
+    The demo has three phases, a core, gates that are active high and no CAN: another chip is not trained.
     """
-    if phases != PHASES or can or native:
-        return build_chip(waves, phases=phases, injection=injection, can=can, native=native)
+    if phases != PHASES or can or native or gate_polarity:
+        return build_chip(
+            waves, phases=phases, injection=injection, can=can, native=native, gate_polarity=gate_polarity
+        )
 
     def train(chip: Chip) -> None:
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
@@ -98,12 +106,13 @@ def ready_chip(
 
 
 def chip_of(scenario: Scenario, waves: bool = False, native: bool = False) -> Chip:
-    """The chip that a scenario runs on: its motor's phases, injection path and CAN controller if it uses them.
+    """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
     native: without its core.
     """
     injects = scenario.drive.vector.injection is not None
-    return ready_chip(waves, scenario.motor.phases, injects, scenario.can is not None, native)
+    has_can, polarity = scenario.can is not None, scenario.inverter.gate_polarity
+    return ready_chip(waves, scenario.motor.phases, injects, has_can, native, polarity)
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:

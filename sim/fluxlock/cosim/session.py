@@ -143,7 +143,7 @@ class Session:
     async def run(self) -> None:
         """Run the plan to its end, then ask the chip for its statistics."""
         plan, native = self.plan, self.native
-        native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes)
+        native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes, plan.gate_polarity)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
         native.record(plan.recording)
         if plan.dialogue is not None:

@@ -37,9 +37,9 @@ Q5, Q8, Q16, Q17, Q20, Q25, Q30 = 2**5, 2**8, 2**16, 2**17, 2**20, 2**25, 2**30
 
 # The watchdog waits for so many control steps, of which every fourth is told.
 WATCHDOG_TICKS = 8
-# The brake switch turns off when that many sample sets in a row have stayed away; what its register holds.
-BRAKE_AGE_SETS = 4
-BRAKE_AGE_MAX = 2**20 - 1
+# Gates and brake switch turn off when that many sample sets in a row have stayed away; what the register holds.
+SAMPLE_AGE_SETS = 4
+SAMPLE_AGE_MAX = 2**20 - 1
 # Sum of the phase currents that is none of noise and offsets: the larger of both.
 SUM_RATED_SHARE = 0.1
 SUM_LSB = 16.0
@@ -271,7 +271,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "offset_limit_lsb": half_codes // 10,
         "voltage_full_scale_mv": round(1e3 * inverter.voltage_full_scale_v),
         "current_full_scale_ma": round(1e3 * inverter.current_full_scale_a),
-        "gate_polarity": (1 if inverter.high_active_low else 0) | (2 if inverter.low_active_low else 0),
+        "gate_polarity": inverter.gate_polarity,
         "dead_time_cycles": max(2, math.ceil(inverter.dead_time_s * clock - 1e-6)),
         "min_pulse_cycles": max(1, math.ceil(inverter.min_pulse_s * clock - 1e-6)),
         "trip_enable": 0xFF,
@@ -284,7 +284,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "brake_on_lsb": code(inverter.brake.on_v) if inverter.brake else 0,
         "brake_off_lsb": code(inverter.brake.off_v) if inverter.brake else 0,
         "brake_longest_cycles": cycles(inverter.brake.longest_on_s) if inverter.brake else 0,
-        "brake_age_cycles": min(BRAKE_AGE_MAX, BRAKE_AGE_SETS * max(cycles(inverter.sample_period_s), once_cycles)),
+        "sample_age_cycles": min(SAMPLE_AGE_MAX, SAMPLE_AGE_SETS * max(cycles(inverter.sample_period_s), once_cycles)),
         "rated_i_q17": min(Q17, round(motor.rated_current_a * amp_q17)),
         "overload_ticks": round((OVERLOAD_S if motor.overload_s is None else motor.overload_s) / tick),
         "sum_limit_q17": round(max(SUM_RATED_SHARE * motor.rated_current_a * amp_q17, SUM_LSB * Q17 / half_codes)),

@@ -114,7 +114,10 @@ def over_voltage_limit(supply_v: float, full_scale_v: float) -> float:
 
 @dataclass(frozen=True)
 class InverterSpec:
-    """Inverter with its sensing chain and protections; None chooses a value from the others."""
+    """Inverter with its sensing chain and protections; None chooses a value from the others.
+
+    gate_polarity: bit 0, 1: upper, lower gate pins are active low.
+    """
 
     supply_v: float
     on_resistance_ohm: float = 0.0
@@ -128,8 +131,7 @@ class InverterSpec:
     divider_pole_s: float = 100e-9
     driver_delay_s: float = 0.0
     precharge_s: float = 2e-3
-    high_active_low: bool = False
-    low_active_low: bool = False
+    gate_polarity: int = 0
     phase_current_trip_a: float | None = None
     dc_current_trip_a: float | None = None
     over_voltage_v: float | None = None

@@ -128,6 +128,9 @@ void reg_write(uint32_t address, uint32_t value) {
     *at(address) |= (value & FL_TIMER_REGS__UPDATE__COMMIT_bm) << FL_TIMER_REGS__UPDATE__PENDING_bp;
   } else if (address == REG(safety.command)) {
     safety_command(value);
+  } else if (address == REG(safety.guard)) {
+    const uint32_t built = FL_SAFETY_REGS__GUARD__HIGH_ACTIVE_LOW_bm | FL_SAFETY_REGS__GUARD__LOW_ACTIVE_LOW_bm;
+    *at(address) = (*at(address) & built) | (value & ~built);
   } else if (address == REG(sense.auto_zero)) {
     auto_zero(value);
   } else {
