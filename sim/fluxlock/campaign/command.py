@@ -12,8 +12,8 @@ from rich.table import Table
 
 from fluxlock.campaign.grid import DRIVES
 from fluxlock.campaign.judge import WRONG
-from fluxlock.campaign.page import kinds, score
-from fluxlock.campaign.run import FOLDER, RESULT, ROW_FILE, grid, run_drive
+from fluxlock.campaign.page import RESULT, kinds, score
+from fluxlock.campaign.run import FOLDER, ROW_FILE, grid, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.run import ready_chip
@@ -61,6 +61,7 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         "seed": seed,
         "quick": quick,
         "every": every,
+        "drives": [drive.name for drive in drives],
         "grid": total,
         "chip": chip.key,
         "firmware": image.stem,

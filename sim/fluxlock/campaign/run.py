@@ -26,7 +26,6 @@ from fluxlock.cosim.upsets import TABLE
 from fluxlock.paths import BUILD, ROOT, content_hash
 
 FOLDER = BUILD / "campaign"
-RESULT = BUILD / "campaign.json"
 ROW_FILE = "row.json"
 SETTLE_S = 2e-3  # in the fault state
 # Upsets a moment: registers, words of memory, locked settings.
