@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import random
 import re
@@ -24,6 +23,7 @@ from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
 from fluxlock.cosim.upsets import TABLE
 from fluxlock.paths import BUILD, ROOT, content_hash
+from fluxlock.writable import InUseError, alone
 
 FOLDER = BUILD / "campaign"
 ROW_FILE = "row.json"
@@ -159,11 +159,10 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) ->
 def _alone(drive: Drive) -> Iterator[None]:
     """One process at a time runs a drive's grid: it clears the folders of the runs that are left."""
     folder = FOLDER / drive.name
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            stack.enter_context(alone(folder))
+        except InUseError:
             text = "another campaign is using it; wait for its end, or look at what has finished with --show"
             raise ConfigError([Problem("campaign", str(folder), text)]) from None
         yield

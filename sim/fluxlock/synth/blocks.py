@@ -20,6 +20,7 @@ from fluxlock.synth.tools import (
     relative,
     synthesize,
 )
+from fluxlock.writable import alone
 
 BLOCKS = ROOT / "constraints" / "blocks.toml"
 ALL_BLOCKS = "blocks"  # name of all of them on the command line
@@ -128,10 +129,17 @@ def build_block(
 ) -> BlockResult:
     """Synthesize, place and route one block alone; fixed: parameters that are not its defaults."""
     folder = WORK / "blocks" / "-".join([name, *(f"{key}{value}" for key, value in (fixed or {}).items())])
-    folder.mkdir(parents=True, exist_ok=True)
+    # A set may hold the block as it is.
+    with alone(folder, wait=True):
+        return _build_block(name, path, files, settings, seed, fixed or {}, folder)
+
+
+def _build_block(
+    name: str, path: Path, files: list[Path], settings: Settings, seed: int, fixed: dict[str, int], folder: Path
+) -> BlockResult:
     image = f'"{relative(empty_image())}"'
     parameters: dict[str, int | str] = {
-        **(fixed or {}),
+        **fixed,
         **({"Init": image} if "string Init" in path.read_text() else {}),
     }
     cells, used_s = synthesize(name, files, parameters, folder)

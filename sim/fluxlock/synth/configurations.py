@@ -11,6 +11,7 @@ from fluxlock.synth import timing
 from fluxlock.synth.tools import (
     WORK,
     Device,
+    SynthesisError,
     TimeLimitError,
     memories,
     pack,
@@ -21,6 +22,7 @@ from fluxlock.synth.tools import (
     tool_version,
 )
 from fluxlock.synth.xilinx import XilinxCells, count_xilinx
+from fluxlock.writable import InUseError, alone
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
 
@@ -160,7 +162,15 @@ def best_placement(config: Configuration, folder: Path, first: int) -> tuple[Pla
 def build(config: Configuration, seed: int = 1) -> Result:
     """Synthesize, place, route and pack one configuration; seed: the first that is tried."""
     folder = WORK / config.name
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with alone(folder):
+            return _build(config, folder, seed)
+    except InUseError:
+        text = f"{config.name}: another synthesis is using {relative(folder)}; wait for its end"
+        raise SynthesisError(text) from None
+
+
+def _build(config: Configuration, folder: Path, seed: int) -> Result:
     parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
     files = sources()
     cells, yosys_s = synthesize(config.top, files, parameters, folder, config.control_set_ffs)
