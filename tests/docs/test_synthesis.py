@@ -302,7 +302,7 @@ def test_results_of_two_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     monkeypatch.setattr(command, "RESULTS", tmp_path / "synth.json")
     monkeypatch.setattr(report, "write", write)
     with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda n: command.keep({"configurations": {}, "blocks": {n: {}}}, {}, ((), ())), "abcd"))
+        list(pool.map(lambda n: command.keep({"configurations": {}, "blocks": {n: {}}}, {}, ({}, ())), "abcd"))
     kept = json.loads((tmp_path / "synth.json").read_text())
     assert sorted(kept["blocks"]) == ["a", "b", "c", "d"] and inside == 4 * [1, -1]
 
@@ -382,6 +382,31 @@ def test_page_and_readme() -> None:
     assert f"| {'; '.join(fmax)} |" in line and f"target {record['target / MHz']} " in line
 
 
+def test_flags() -> None:
+    """The page says what the tools are told of each configuration, by the file of the configurations.
+
+    Verifies: BRD-09
+    """
+    text = report.PAGE.read_text(encoding="utf-8")
+    table = report.flags_table(load_configurations().values())
+    assert report.with_text(text, "flags", table) == text
+    assert (
+        "fl_board_ulx3s: Vector = 0, Boot = 1, RamWords = 18432 | 8 | 4 | `--25k --package CABGA381 --speed 6" in table
+    )
+
+
+def test_sums_of_sets() -> None:
+    """The row of a set is the sum of what it says of its blocks.
+
+    Verifies: BRD-09
+    """
+    sets = load_settings().sets
+    for row in page_rows("sets"):
+        parts = dict(part.split() for part in row["LUT4 + 2 × carry of each block"].split(", "))
+        assert set(parts) == set(sets[row["set"]].blocks)
+        assert sum(map(int, parts.values())) == int(row["LUT4 + 2 × carry"])
+
+
 def test_sets() -> None:
     """Sets of blocks name modules that there are, with parameters that these have, and their rows are sums.
 
@@ -410,4 +435,5 @@ def test_sets() -> None:
         total = blocks.build_set(group, dict.fromkeys(group.blocks, Path()), [], settings, 1)
     assert (total.fmax_mhz, total.critical_path, total.problems) == (90.0, ["way 2"], ["fl_c: problem 2"])
     assert [getattr(total, name) for name in AREAS] == [30 + 3 * k for k in range(6)]
-    assert report.set_row(group, asdict(total))[-1] == "5, 2"
+    assert total.parts == {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
+    assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_c 62, fl_b 32, fl_a 2"]

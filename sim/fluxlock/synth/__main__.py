@@ -111,7 +111,11 @@ def from_1(text: str) -> int:
     return int(text)
 
 
-def keep(results: dict[str, Results], sets: dict[str, BlockSet], orders: tuple[Iterable[str], Iterable[str]]) -> None:
+def keep(
+    results: dict[str, Results],
+    sets: dict[str, BlockSet],
+    orders: tuple[Mapping[str, Configuration], Iterable[str]],
+) -> None:
     """New results, `configurations` and `blocks`, beside the kept ones, and into the docs."""
     # Another run may end at the same time.
     with alone(WORK, wait=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
@@ -71,6 +71,7 @@ class BlockResult:
     problems: list[str]
     critical_path: list[str]
     cpu_s: float
+    parts: dict[str, int] = field(default_factory=dict)  # of a set: LUT4 + 2 x carry of each block
 
 
 def load_settings() -> Settings:
@@ -179,4 +180,5 @@ def build_set(group: BlockSet, paths: dict[str, Path], files: list[Path], settin
         problems=[f"{name}: {problem}" for name, r in built.items() for problem in r.problems],
         critical_path=slowest.critical_path,
         cpu_s=round(sum(r.cpu_s for r in built.values()), 1),
+        parts={name: r.lut4 + 2 * r.carry for name, r in built.items()},
     )

@@ -48,6 +48,16 @@ class Configuration:
     luts_left: float = 0.0  # least share of the device's LUTs
     parameters: dict[str, int] = field(default_factory=dict)
 
+    @property
+    def placed_on(self) -> Device:
+        """What nextpnr places for."""
+        return Device(self.device, self.package, self.speed_grade, self.clock_mhz)
+
+    @property
+    def options(self) -> list[str]:
+        """Options of nextpnr beside those of the device, the seed and the files."""
+        return ["--router", "router2", "--lpf", f"constraints/{self.constraints}", "--detailed-timing-report"]
+
 
 @dataclass(frozen=True)
 class Result:
@@ -127,11 +137,9 @@ class Placement:
 def place(config: Configuration, folder: Path, seed: int) -> Placement:
     """Place and route the netlist in `folder` once; a bitstream if it was routed."""
     constraints = ROOT / "constraints" / config.constraints
-    device = Device(config.device, config.package, config.speed_grade, config.clock_mhz)
-    options = ["--seed", str(seed), "--router", "router2", "--lpf", relative(constraints)]
-    options += ["--textcfg", relative(folder / "placed.config"), "--detailed-timing-report"]
+    options = ["--seed", str(seed), *config.options, "--textcfg", relative(folder / "placed.config")]
     try:
-        report, used_s = place_and_route(device, folder, options, config.limit_s)
+        report, used_s = place_and_route(config.placed_on, folder, options, config.limit_s)
     except TimeLimitError:
         log = folder / "nextpnr.log"
         fmax = timing.placed_fmax_mhz(log.read_text(errors="replace"))
