@@ -13,7 +13,7 @@ from rich.table import Table
 from fluxlock.campaign.grid import DRIVES, Drive
 from fluxlock.campaign.judge import WRONG
 from fluxlock.campaign.page import RESULT, kinds, score
-from fluxlock.campaign.run import FOLDER, ROW_FILE, grid, run_drive
+from fluxlock.campaign.run import FOLDER, ROW_FILE, grid, population, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.run import ready_chip
@@ -64,6 +64,7 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         raise _nothing_to_show()
     chip: Chip = ready_chip()
     image = build_firmware(BUILD / "firmware")
+    registers = population(chip)
     document = {
         "seed": seed,
         "quick": quick,
@@ -72,6 +73,8 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         "grid": total,
         "chip": chip.key,
         "firmware": image.stem,
+        "registers": len(registers),
+        "register_bits": sum(registers.values()),
         "rows": rows,
     }
     RESULT.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

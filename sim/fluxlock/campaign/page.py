@@ -61,6 +61,17 @@ def part(document: dict[str, Any]) -> str:
     return ", ".join(found)
 
 
+def _population(document: dict[str, Any]) -> str:
+    """What registers are drawn from; older documents do not tell."""
+    if "registers" not in document:
+        return ""
+    return (
+        f"Registers are drawn from {document['registers']} of the simulated chip, {document['register_bits']} bits: "
+        "those of the blocks and register blocks and of the core's pipeline. Not among them: arrays (memories, the "
+        "core's register file and its cache), the core's other registers, and flip-flops that only assertions read. "
+    )
+
+
 def page(document: dict[str, Any]) -> str:
     """The page."""
     rows: Rows = document["rows"]
@@ -92,7 +103,8 @@ def page(document: dict[str, Any]) -> str:
         "name that does not belong to the disturbance; running on where only a stop is right; a silent console |",
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
-        "gates and current alone. Settings upsets are bits of the locked settings of the safety block, parameter "
+        f"gates and current alone. {_population(document)}"
+        "Settings upsets are bits of the locked settings of the safety block, parameter "
         "upsets bits of the parameter block before the program has looked at it: these must be named.",
         "",
         "| disturbance | runs | ridden through | stopped by name | wrong | names |",

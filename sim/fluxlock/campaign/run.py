@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import random
-import re
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -21,7 +20,7 @@ from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
-from fluxlock.cosim.upsets import TABLE
+from fluxlock.cosim.upsets import read_upset_table
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.writable import InUseError, alone
 
@@ -66,9 +65,9 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     return runs[::every]
 
 
-def _registers(chip: Chip) -> list[str]:
-    """Names of the chip's registers in the order of its table of upsets."""
-    return re.findall(r"UPSET\((\w+),", chip.executable.with_name(TABLE).read_text())
+def population(chip: Chip) -> dict[str, int]:
+    """Registers that upsets are drawn from, with their bits, in the order of the chip's table."""
+    return read_upset_table(chip.executable.parent)
 
 
 def _branch(run: Run, registers: list[str]) -> Branch:
@@ -148,7 +147,7 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) ->
     """One simulator, copied for each of the runs. upset: without assertions."""
     if not runs:
         return
-    registers = _registers(chip)
+    registers = list(population(chip))
     plan = replace(book.plan, branches=tuple(_branch(run, registers) for run in runs), jobs=jobs)
     meta = run_plan(plan, _unchecked(chip, plan.folder) if upset else chip)
     if meta["fault"]:
