@@ -326,6 +326,21 @@ def campaign(
 
 
 @app.command()
+def fuzz(
+    drives: Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, vector; both without.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Runs a drive, each with a seed of its own.")] = 10,
+    ms: Annotated[float, typer.Option(min=0.1, max=100.0, help="Length of a run, ms.")] = 3.0,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
+    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and runs.")] = None,
+) -> None:
+    """Write and read registers at random while the machine runs: gates must stay safe, the bus must answer."""
+    from fluxlock.campaign.fuzz import fuzz_drives
+
+    if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
 def figures(
     family: Annotated[
         str,

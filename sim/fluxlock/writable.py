@@ -1,12 +1,17 @@
-"""Folders and files below `build/` that cannot be written: one line that says which and what to do, no traceback."""
+"""Folders and files below `build/`: locks, and those that cannot be written.
+
+The latter is one line that says which and what to do, no traceback.
+"""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 EXIT_BAD_INPUT = 2
@@ -44,6 +49,22 @@ def check_file(path: Path) -> None:
     check_folder(path.parent)
     if path.exists() and not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+class InUseError(RuntimeError):
+    """Another process, or another part of this one, has the folder."""
+
+
+@contextmanager
+def alone(folder: Path, wait: bool = False) -> Iterator[None]:
+    """Have a folder, made if it is not there, to oneself. wait: until it is free; else InUseError."""
+    check_folder(folder)
+    with (folder / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise InUseError(str(folder)) from None
+        yield
 
 
 def guarded(main: Callable[[], int | None]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import random
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,24 @@ def test_the_seed_decides() -> None:
         assert grid(drive, 5, quick=False) != grid(drive, 6, quick=False)
         names = [one.folder for one in grid(drive, 5, quick=False)]
         assert len(set(names)) == len(names)
+
+
+def test_runs_repeat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same runs end the same, in another folder and without what has been kept of the first: faults and an upset.
+
+    Verifies: CAMP-03
+    """
+    print(f"seed {SEED}")
+    drive = replace(DRIVES[0], moments=DRIVES[0].moments[:1])
+    short = ("vdc stuck at 0", "upper switch A stuck", "register upset 0")
+    monkeypatch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in short])
+    rows = []
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        monkeypatch.setattr(run, "FOLDER", folder)
+        rows.append(run_drive(drive, SEED, quick=False, jobs=1))
+    print(rows[0])
+    assert rows[0] == rows[1]
+    assert [row["disturbance"] for row in rows[0]] == list(short) and rows[0][-1]["upsets"]
 
 
 def test_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -317,8 +317,7 @@ def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_pa
     row = tmp_path / "runs" / DRIVES[0].name / "moment" / campaign.ROW_FILE
     row.parent.mkdir(parents=True)
     row.touch()
-    code, out, err = invoke("campaign", "--show")
-    assert code == 2 and out == "" and err.splitlines()[-1] == expected
+    assert invoke("campaign", "--show") == (2, "", f"{expected}\n")
     assert not (tmp_path / "campaign.json").exists()
 
 

@@ -6,17 +6,21 @@ import json
 import math
 import re
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from fluxlock.synth import __main__ as command
 from fluxlock.synth import blocks, configurations, report, timing
 from fluxlock.synth.blocks import AREAS, BlockPlacement, BlockResult, BlockSet, block_files, load_settings
 from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
 from fluxlock.synth.xilinx import XilinxCells, cells_of
+from fluxlock.writable import alone
 
 CLOCK, PADS = "posedge clk", timing.PAD
 CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0)
@@ -238,6 +242,71 @@ def test_small_control_sets() -> None:
     assert all(config.control_set_ffs > 1 for config in load_configurations().values())
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "least"), [("--jobs", "0", 1), ("--jobs", "-1", 1), ("--seed", "-1", 0), ("--seed", "x", 0)]
+)
+def test_options(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str, value: str, least: int
+) -> None:
+    """A number of jobs or a seed that is none is refused before anything is built.
+
+    Verifies: BRD-09
+    """
+    monkeypatch.setattr(sys, "argv", ["synth", "fl_fifo", f"{option}={value}"])
+    with pytest.raises(SystemExit) as stop:
+        command.main()
+    assert stop.value.code == 2
+    assert f"argument {option}: must be a whole number from {least}, not {value!r}" in capsys.readouterr().err
+
+
+def test_one_at_a_time(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A configuration that another process builds is refused by name; a block waits until its folder is free.
+
+    Verifies: BRD-09
+    """
+    monkeypatch.setattr(configurations, "relative", lambda path: path.name)
+    monkeypatch.setattr(configurations, "WORK", tmp_path)
+    with alone(tmp_path / "x"):
+        assert command.run_configurations([CONFIG], 1) == {"x": None}
+    assert capsys.readouterr().err == "x: another synthesis is using x; wait for its end\n"
+    settings, inside = load_settings(), []
+
+    def synthesize(*_: object) -> tuple[dict[str, int], float]:
+        inside.append(1)
+        time.sleep(0.1)
+        inside.append(-1)
+        return {}, 1.0
+
+    monkeypatch.setattr(blocks, "WORK", tmp_path)
+    monkeypatch.setattr(blocks, "synthesize", synthesize)
+    monkeypatch.setattr(blocks, "place_block", lambda *_: BlockPlacement(120.0, "", [], 1.0))
+    path = block_files(settings)["fl_fifo"]
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda seed: blocks.build_block("fl_fifo", path, [], settings, seed), (1, 2)))
+    assert inside == [1, -1, 1, -1]
+
+
+def test_results_of_two_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Runs that end at the same time leave the results of all, and write the pages one after the other.
+
+    Verifies: BRD-09
+    """
+    inside = []
+
+    def write(*_: object) -> None:
+        inside.append(1)
+        time.sleep(0.05)
+        inside.append(-1)
+
+    monkeypatch.setattr(command, "WORK", tmp_path)
+    monkeypatch.setattr(command, "RESULTS", tmp_path / "synth.json")
+    monkeypatch.setattr(report, "write", write)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda n: command.keep({"configurations": {}, "blocks": {n: {}}}, {}, ({}, ())), "abcd"))
+    kept = json.loads((tmp_path / "synth.json").read_text())
+    assert sorted(kept["blocks"]) == ["a", "b", "c", "d"] and inside == 4 * [1, -1]
+
+
 def test_tables() -> None:
     """Numbers of a result reach the page's table and the README's rows; an estimate is marked as one.
 
@@ -313,6 +382,31 @@ def test_page_and_readme() -> None:
     assert f"| {'; '.join(fmax)} |" in line and f"target {record['target / MHz']} " in line
 
 
+def test_flags() -> None:
+    """The page says what the tools are told of each configuration, by the file of the configurations.
+
+    Verifies: BRD-09
+    """
+    text = report.PAGE.read_text(encoding="utf-8")
+    table = report.flags_table(load_configurations().values())
+    assert report.with_text(text, "flags", table) == text
+    assert (
+        "fl_board_ulx3s: Vector = 0, Boot = 1, RamWords = 18432 | 8 | 4 | `--25k --package CABGA381 --speed 6" in table
+    )
+
+
+def test_sums_of_sets() -> None:
+    """The row of a set is the sum of what it says of its blocks.
+
+    Verifies: BRD-09
+    """
+    sets = load_settings().sets
+    for row in page_rows("sets"):
+        parts = dict(part.split() for part in row["LUT4 + 2 × carry of each block"].split(", "))
+        assert set(parts) == set(sets[row["set"]].blocks)
+        assert sum(map(int, parts.values())) == int(row["LUT4 + 2 × carry"])
+
+
 def test_sets() -> None:
     """Sets of blocks name modules that there are, with parameters that these have, and their rows are sums.
 
@@ -341,4 +435,5 @@ def test_sets() -> None:
         total = blocks.build_set(group, dict.fromkeys(group.blocks, Path()), [], settings, 1)
     assert (total.fmax_mhz, total.critical_path, total.problems) == (90.0, ["way 2"], ["fl_c: problem 2"])
     assert [getattr(total, name) for name in AREAS] == [30 + 3 * k for k in range(6)]
-    assert report.set_row(group, asdict(total))[-1] == "5, 2"
+    assert total.parts == {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
+    assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_c 62, fl_b 32, fl_a 2"]

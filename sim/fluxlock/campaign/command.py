@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fluxlock.campaign.grid import DRIVES
+from fluxlock.campaign.grid import DRIVES, Drive
 from fluxlock.campaign.judge import WRONG
-from fluxlock.campaign.page import kinds, score
-from fluxlock.campaign.run import FOLDER, RESULT, ROW_FILE, grid, run_drive
+from fluxlock.campaign.page import RESULT, kinds, score
+from fluxlock.campaign.run import FOLDER, ROW_FILE, grid, population, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.run import ready_chip
@@ -25,6 +25,23 @@ from fluxlock.writable import check_file
 def _nothing_to_show() -> ConfigError:
     text = "no run has finished with this seed on this chip and firmware; run it without --show"
     return ConfigError([Problem("--show", "", text)])
+
+
+def _rows(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int) -> list[dict[str, Any]]:
+    """Verdicts of the drives' grids, with bars while they run; jobs 0: nothing runs, so there are none."""
+    if not jobs:
+        return [row for drive in drives for row in run_drive(drive, seed, quick, 0, every)]
+    rows: list[dict[str, Any]] = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        for drive in drives:
+            task = progress.add_task(drive.name, total=None)
+
+            def done(ended: int, count: int, task: Any = task) -> None:  # noqa: ANN401  a number of rich's
+                progress.update(task, completed=ended, total=count)
+
+            rows += run_drive(drive, seed, quick, jobs, every, done)
+    return rows
 
 
 def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> bool:
@@ -41,29 +58,23 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     if not jobs and not any(any((FOLDER / drive.name).rglob(ROW_FILE)) for drive in drives):
         raise _nothing_to_show()
     check_file(RESULT)
-    rows: list[dict[str, Any]] = []
-    total = 0
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        for drive in drives:
-            task = progress.add_task(drive.name, total=None)
-
-            def done(ended: int, count: int, task: Any = task) -> None:  # noqa: ANN401  a number of rich's
-                progress.update(task, completed=ended, total=count)
-
-            rows += run_drive(drive, seed, quick, jobs, every, done)
-            total += len(grid(drive, seed, quick, every))
+    total = sum(len(grid(drive, seed, quick, every)) for drive in drives)
+    rows = _rows(drives, quick, every, seed, jobs)
     if not jobs and not rows:
         raise _nothing_to_show()
     chip: Chip = ready_chip()
     image = build_firmware(BUILD / "firmware")
+    registers = population(chip)
     document = {
         "seed": seed,
         "quick": quick,
         "every": every,
+        "drives": [drive.name for drive in drives],
         "grid": total,
         "chip": chip.key,
         "firmware": image.stem,
+        "registers": len(registers),
+        "register_bits": sum(registers.values()),
         "rows": rows,
     }
     RESULT.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 from fluxlock.campaign.grid import DRIVES, RUN_S, SLOW_S, UPSET_S
 from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
+from fluxlock.config import ConfigError, Problem
 from fluxlock.paths import BUILD, ROOT
+from fluxlock.writable import EXIT_BAD_INPUT, guarded
 
+RESULT = BUILD / "campaign.json"
 PAGE = ROOT / "docs" / "verification" / "campaign.md"
 Rows = list[dict[str, Any]]
 Kind = TypeVar("Kind")
@@ -47,6 +51,27 @@ def score(rows: Rows) -> tuple[int, float]:
     return right, 100.0 * right / max(1, len(rows))
 
 
+def part(document: dict[str, Any]) -> str:
+    """What part of the grid was asked for, as the options that did so; empty: all of it."""
+    # Older documents do not name their drives.
+    names = document.get("drives") or sorted({str(row["drive"]) for row in document["rows"]})
+    found = ["--quick"] if document["quick"] else []
+    found += [f"--every {document['every']}"] if document["every"] > 1 else []
+    found += [] if {drive.name for drive in DRIVES} <= set(names) else [f"drives {', '.join(names)} only"]
+    return ", ".join(found)
+
+
+def _population(document: dict[str, Any]) -> str:
+    """What registers are drawn from; older documents do not tell."""
+    if "registers" not in document:
+        return ""
+    return (
+        f"Registers are drawn from {document['registers']} of the simulated chip, {document['register_bits']} bits: "
+        "those of the blocks and register blocks and of the core's pipeline. Not among them: arrays (memories, the "
+        "core's register file and its cache), the core's other registers, and flip-flops that only assertions read. "
+    )
+
+
 def page(document: dict[str, Any]) -> str:
     """The page."""
     rows: Rows = document["rows"]
@@ -78,9 +103,10 @@ def page(document: dict[str, Any]) -> str:
         "name that does not belong to the disturbance; running on where only a stop is right; a silent console |",
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
-        "gates and current alone. Settings upsets are bits of the locked settings of the safety block, parameter "
-        "upsets bits of the parameter block before the program has looked at it, the sample period upset makes samples "
-        "83 times as rare: these must be named.",
+        f"gates and current alone. {_population(document)}"
+        "Settings upsets are bits of the locked settings of the safety block, parameter upsets bits of the parameter "
+        "block before the program has looked at it, the sample period upset makes samples 83 times as rare: these must "
+        "be named.",
         "",
         "| disturbance | runs | ridden through | stopped by name | wrong | names |",
         "|---|---|---|---|---|---|",
@@ -103,11 +129,39 @@ def page(document: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
-    """Write the page from the document of the last campaign, or of the file named."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else BUILD / "campaign.json"
-    PAGE.write_text(page(json.loads(path.read_text(encoding="utf-8"))), encoding="utf-8")
+def read_document(path: Path) -> dict[str, Any]:
+    """Document of a campaign, from a file."""
+    try:
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        missing = [key for key in ("seed", "quick", "every", "grid", "chip", "firmware", "rows") if key not in document]
+    except OSError as error:
+        text = f"cannot be read: {error.strerror}; fluxlock campaign writes {RESULT.relative_to(ROOT)}"
+        raise ConfigError([Problem(str(path), "", text)]) from None
+    except (ValueError, TypeError):
+        raise ConfigError([Problem(str(path), "", "is no JSON document of fluxlock campaign")]) from None
+    if missing:
+        raise ConfigError([Problem(str(path), missing[0], "is missing: no document of fluxlock campaign")])
+    return document
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page from the document of the last campaign, or of the file named; exit code 2 if it cannot be."""
+    parser = argparse.ArgumentParser(description=f"Write {PAGE.relative_to(ROOT)} from the document of a campaign.")
+    parser.add_argument("file", type=Path, nargs="?", default=RESULT, help="default: %(default)s")
+    path = parser.parse_args(arguments).file
+    try:
+        document = read_document(path)
+        if left := part(document):
+            text = f"holds a part of the grid ({left}); {PAGE.name} stays as it is, it shows whole campaigns only"
+            raise ConfigError([Problem(str(path), "", text)])
+    except ConfigError as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    PAGE.write_text(page(document), encoding="utf-8")
+    print(f"written: {PAGE}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(guarded(main))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import random
-import re
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -31,11 +29,11 @@ from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
-from fluxlock.cosim.upsets import TABLE
+from fluxlock.cosim.upsets import read_upset_table
 from fluxlock.paths import BUILD, ROOT, content_hash
+from fluxlock.writable import InUseError, alone
 
 FOLDER = BUILD / "campaign"
-RESULT = BUILD / "campaign.json"
 ROW_FILE = "row.json"
 SETTLE_S = 2e-3  # in the fault state
 # Upsets a moment: registers, words of memory, locked settings.
@@ -76,9 +74,9 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     return runs[::every]
 
 
-def _registers(chip: Chip) -> list[str]:
-    """Names of the chip's registers in the order of its table of upsets."""
-    return re.findall(r"UPSET\((\w+),", chip.executable.with_name(TABLE).read_text())
+def population(chip: Chip) -> dict[str, int]:
+    """Registers that upsets are drawn from, with their bits, in the order of the chip's table."""
+    return read_upset_table(chip.executable.parent)
 
 
 def _branch(run: Run, registers: list[str]) -> Branch:
@@ -158,7 +156,7 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) ->
     """One simulator, copied for each of the runs. upset: without assertions."""
     if not runs:
         return
-    registers = _registers(chip)
+    registers = list(population(chip))
     plan = replace(book.plan, branches=tuple(_branch(run, registers) for run in runs), jobs=jobs)
     meta = run_plan(plan, _unchecked(chip, plan.folder) if upset else chip)
     if meta["fault"]:
@@ -169,11 +167,10 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) ->
 def _alone(drive: Drive) -> Iterator[None]:
     """One process at a time runs a drive's grid: it clears the folders of the runs that are left."""
     folder = FOLDER / drive.name
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            stack.enter_context(alone(folder))
+        except InUseError:
             text = "another campaign is using it; wait for its end, or look at what has finished with --show"
             raise ConfigError([Problem("campaign", str(folder), text)]) from None
         yield

@@ -33,7 +33,8 @@ WORDS = {
     "CAN_SETUP": CAN_SETUP_ADDRESS,
     "TELEMETRY": TELEMETRY_ADDRESS,
 }  # of the memory, that the simulator's main knows
-SCRIPTS = (Path(__file__), Path(__file__).with_name("upsets.py"))  # that decide what the chip is made of
+# That decide what the chip is made of.
+SCRIPTS = (Path(__file__), *(Path(__file__).with_name(f"{name}.py") for name in ("upsets", "registers")))
 
 
 @dataclass(frozen=True)

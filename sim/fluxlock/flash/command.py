@@ -29,7 +29,7 @@ def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | 
     """The line to the board that the options name."""
     from fluxlock.flash.can_line import KBIT_PER_S_DEFAULT, NODE_DEFAULT, CanLine, PythonCan
     from fluxlock.flash.loader import SerialLine
-    from fluxlock.flash.serial_port import SerialPort
+    from fluxlock.flash.serial_port import PortError, SerialPort
 
     if can is not None:
         if port is not None:
@@ -45,7 +45,11 @@ def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | 
         raise ConfigError([Problem("--port", "", f"is missing: a serial port, or {CAN_OPTION} INTERFACE:CHANNEL")])
     if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
         raise ConfigError([Problem("--port", str(port), "is no serial port that may be read and written")])
-    with SerialPort(port) as serial:
+    try:
+        opened = SerialPort(port)
+    except PortError as error:
+        raise ConfigError([Problem("--port", str(port), str(error))]) from None
+    with opened as serial:
         yield SerialLine(serial)
 
 

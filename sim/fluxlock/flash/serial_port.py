@@ -11,17 +11,33 @@ from pathlib import Path
 from types import TracebackType
 
 
+class PortError(RuntimeError):
+    """A port that cannot be opened or set up; the message says why."""
+
+
+def _set_up(line: int) -> None:
+    """Make an open tty raw, 1 Mbaud, and drop what came before."""
+    tty.setraw(line)
+    attributes = termios.tcgetattr(line)
+    attributes[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
+    attributes[4] = attributes[5] = termios.B1000000
+    termios.tcsetattr(line, termios.TCSANOW, attributes)
+    termios.tcflush(line, termios.TCIOFLUSH)
+
+
 class SerialPort:
     """A tty, for `fluxlock.flash.loader`."""
 
     def __init__(self, path: Path) -> None:
-        self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self._fd)
-        attributes = termios.tcgetattr(self._fd)
-        attributes[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
-        attributes[4] = attributes[5] = termios.B1000000
-        termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
-        termios.tcflush(self._fd, termios.TCIOFLUSH)
+        try:
+            self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        except OSError as error:
+            raise PortError(f"cannot be opened: {error.strerror}") from None
+        try:
+            _set_up(self._fd)
+        except termios.error as error:
+            os.close(self._fd)
+            raise PortError(f"is no serial port of 1 Mbaud: {error.args[-1]}") from None
 
     def __enter__(self) -> SerialPort:
         return self

@@ -13,18 +13,27 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
 from fluxlock.paths import BUILD
 from fluxlock.synth import report
-from fluxlock.synth.blocks import ALL_BLOCKS, BlockResult, Settings, block_files, build_block, build_set, load_settings
+from fluxlock.synth.blocks import (
+    ALL_BLOCKS,
+    BlockResult,
+    BlockSet,
+    Settings,
+    block_files,
+    build_block,
+    build_set,
+    load_settings,
+)
 from fluxlock.synth.configurations import CONFIGURATIONS, Configuration, Result, build, load_configurations
 from fluxlock.synth.report import Results
-from fluxlock.synth.tools import SynthesisError, relative, sources
-from fluxlock.writable import guarded
+from fluxlock.synth.tools import WORK, SynthesisError, relative, sources
+from fluxlock.writable import alone, guarded
 
 RESULTS = BUILD / "synth.json"
 
@@ -88,6 +97,34 @@ def finished(results: Mapping[str, Result | BlockResult | None]) -> Results:
     return {name: asdict(result) for name, result in results.items() if result}
 
 
+def from_0(text: str) -> int:
+    """Value of an option: a whole number from 0."""
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0, not {text!r}")
+    return int(text)
+
+
+def from_1(text: str) -> int:
+    """Value of an option: a whole number from 1."""
+    if not (text.isascii() and text.isdigit() and int(text)):
+        raise argparse.ArgumentTypeError(f"must be a whole number from 1, not {text!r}")
+    return int(text)
+
+
+def keep(
+    results: dict[str, Results],
+    sets: dict[str, BlockSet],
+    orders: tuple[Mapping[str, Configuration], Iterable[str]],
+) -> None:
+    """New results, `configurations` and `blocks`, beside the kept ones, and into the docs."""
+    # Another run may end at the same time.
+    with alone(WORK, wait=True):
+        stored: dict[str, Results] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        kept = {kind: stored.get(kind, {}) | new for kind, new in results.items()}
+        RESULTS.write_text(json.dumps(kept, indent=2) + "\n")
+        report.write(results["configurations"], results["blocks"], sets, orders)
+
+
 def main() -> int:
     """Command line of this module."""
     configurations, settings = load_configurations(), load_settings()
@@ -99,8 +136,8 @@ def main() -> int:
         help=f"configuration ({', '.join(configurations)}), block, set of blocks ({', '.join(settings.sets)}), or "
         f"{ALL_BLOCKS}; default: all configurations",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of the placement")
-    parser.add_argument("--jobs", type=int, default=1, help="blocks at a time")
+    parser.add_argument("--seed", type=from_0, default=1, metavar="NUMBER", help="first seed of the placement, from 0")
+    parser.add_argument("--jobs", type=from_1, default=1, metavar="NUMBER", help="blocks at a time, from 1")
     options = parser.parse_args()
     names = options.name or list(configurations)
     unknown = [name for name in names if name not in {*configurations, *blocks, *settings.sets, ALL_BLOCKS}]
@@ -115,11 +152,7 @@ def main() -> int:
     wanted = list(blocks) if ALL_BLOCKS in names else [name for name in names if name in {*blocks, *settings.sets}]
     new_blocks = run_blocks(wanted, blocks, settings, options.seed, options.jobs) if wanted else {}
     results = {"configurations": finished(new_configurations), "blocks": finished(new_blocks)}
-    # Read only now: another run may have ended meanwhile.
-    stored: dict[str, Results] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    kept = {kind: stored.get(kind, {}) | new for kind, new in results.items()}
-    RESULTS.write_text(json.dumps(kept, indent=2) + "\n")
-    report.write(results["configurations"], results["blocks"], settings.sets, (configurations, blocks))
+    keep(results, settings.sets, (configurations, blocks))
     new: dict[str, Result | BlockResult | None] = {**new_configurations, **new_blocks}
     failed = [name for name, result in new.items() if result is None or result.problems]
     if failed:

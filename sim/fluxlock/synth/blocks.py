@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from fluxlock.synth.tools import (
     relative,
     synthesize,
 )
+from fluxlock.writable import alone
 
 BLOCKS = ROOT / "constraints" / "blocks.toml"
 ALL_BLOCKS = "blocks"  # name of all of them on the command line
@@ -70,6 +71,7 @@ class BlockResult:
     problems: list[str]
     critical_path: list[str]
     cpu_s: float
+    parts: dict[str, int] = field(default_factory=dict)  # of a set: LUT4 + 2 x carry of each block
 
 
 def load_settings() -> Settings:
@@ -128,10 +130,17 @@ def build_block(
 ) -> BlockResult:
     """Synthesize, place and route one block alone; fixed: parameters that are not its defaults."""
     folder = WORK / "blocks" / "-".join([name, *(f"{key}{value}" for key, value in (fixed or {}).items())])
-    folder.mkdir(parents=True, exist_ok=True)
+    # A set may hold the block as it is.
+    with alone(folder, wait=True):
+        return _build_block(name, path, files, settings, seed, fixed or {}, folder)
+
+
+def _build_block(
+    name: str, path: Path, files: list[Path], settings: Settings, seed: int, fixed: dict[str, int], folder: Path
+) -> BlockResult:
     image = f'"{relative(empty_image())}"'
     parameters: dict[str, int | str] = {
-        **(fixed or {}),
+        **fixed,
         **({"Init": image} if "string Init" in path.read_text() else {}),
     }
     cells, used_s = synthesize(name, files, parameters, folder)
@@ -171,4 +180,5 @@ def build_set(group: BlockSet, paths: dict[str, Path], files: list[Path], settin
         problems=[f"{name}: {problem}" for name, r in built.items() for problem in r.problems],
         critical_path=slowest.critical_path,
         cpu_s=round(sum(r.cpu_s for r in built.values()), 1),
+        parts={name: r.lut4 + 2 * r.carry for name, r in built.items()},
     )

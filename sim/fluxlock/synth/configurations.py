@@ -11,6 +11,7 @@ from fluxlock.synth import timing
 from fluxlock.synth.tools import (
     WORK,
     Device,
+    SynthesisError,
     TimeLimitError,
     memories,
     pack,
@@ -21,6 +22,7 @@ from fluxlock.synth.tools import (
     tool_version,
 )
 from fluxlock.synth.xilinx import XilinxCells, count_xilinx
+from fluxlock.writable import InUseError, alone
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
 
@@ -45,6 +47,16 @@ class Configuration:
     like: str = ""  # the configuration of the same chip on another device: what is not given here is its
     luts_left: float = 0.0  # least share of the device's LUTs
     parameters: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def placed_on(self) -> Device:
+        """What nextpnr places for."""
+        return Device(self.device, self.package, self.speed_grade, self.clock_mhz)
+
+    @property
+    def options(self) -> list[str]:
+        """Options of nextpnr beside those of the device, the seed and the files."""
+        return ["--router", "router2", "--lpf", f"constraints/{self.constraints}", "--detailed-timing-report"]
 
 
 @dataclass(frozen=True)
@@ -125,11 +137,9 @@ class Placement:
 def place(config: Configuration, folder: Path, seed: int) -> Placement:
     """Place and route the netlist in `folder` once; a bitstream if it was routed."""
     constraints = ROOT / "constraints" / config.constraints
-    device = Device(config.device, config.package, config.speed_grade, config.clock_mhz)
-    options = ["--seed", str(seed), "--router", "router2", "--lpf", relative(constraints)]
-    options += ["--textcfg", relative(folder / "placed.config"), "--detailed-timing-report"]
+    options = ["--seed", str(seed), *config.options, "--textcfg", relative(folder / "placed.config")]
     try:
-        report, used_s = place_and_route(device, folder, options, config.limit_s)
+        report, used_s = place_and_route(config.placed_on, folder, options, config.limit_s)
     except TimeLimitError:
         log = folder / "nextpnr.log"
         fmax = timing.placed_fmax_mhz(log.read_text(errors="replace"))
@@ -160,7 +170,15 @@ def best_placement(config: Configuration, folder: Path, first: int) -> tuple[Pla
 def build(config: Configuration, seed: int = 1) -> Result:
     """Synthesize, place, route and pack one configuration; seed: the first that is tried."""
     folder = WORK / config.name
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with alone(folder):
+            return _build(config, folder, seed)
+    except InUseError:
+        text = f"{config.name}: another synthesis is using {relative(folder)}; wait for its end"
+        raise SynthesisError(text) from None
+
+
+def _build(config: Configuration, folder: Path, seed: int) -> Result:
     parameters: dict[str, int | str] = {**config.parameters, **memories(config.parameters)}
     files = sources()
     cells, yosys_s = synthesize(config.top, files, parameters, folder, config.control_set_ffs)

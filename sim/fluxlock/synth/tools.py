@@ -7,9 +7,9 @@ import math
 import os
 import re
 import resource
-import shutil
 import signal
 import subprocess
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,16 +74,23 @@ def sources() -> list[Path]:
         *sorted((RTL / "board").glob("*.sv")),
     ]:
         if not path.is_relative_to(ROOT / "rtl") and not path.is_relative_to(BUILD):
-            path = Path(shutil.copy(path, WORK / path.name))
+            path = _shared(path.name, path.read_text(encoding="utf-8"))
         files.append(path)
     return files
 
 
+def _shared(name: str, text: str) -> Path:
+    """A file for all tools, at once in its whole: another synthesis may be reading it."""
+    path = WORK / name
+    with tempfile.NamedTemporaryFile("w", dir=WORK, encoding="utf-8", delete=False) as file:
+        file.write(text)
+    Path(file.name).chmod(0o644)
+    return Path(file.name).replace(path)
+
+
 def empty_image(words: int = RAM_WORDS) -> Path:
     """Contents of the RAM do not change area or timing; the firmware is loaded into the bitstream later."""
-    image = WORK / f"empty-{words}.hex"
-    image.write_text("00000000\n" * words)
-    return image
+    return _shared(f"empty-{words}.hex", "00000000\n" * words)
 
 
 def memories(parameters: Mapping[str, int | str]) -> dict[str, int | str]:
