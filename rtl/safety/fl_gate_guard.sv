@@ -11,19 +11,19 @@
 //
 // Latency: 1 clock; trip_i combinationally forces the next value of every output register to off, with short_i that of
 // the upper gates.
-// Polarity is taken over while enable_i is low and held while it is high, and in a short; during reset the pins show
-// "off" in the polarity at the ports.
+// Polarity of the pins is fixed when the chip is built: a pin is the gate, or its inverse, in every clock; in and after
+// reset it shows "off".
 // Asserted: never both gates of a leg; off in the clock after trip_i, in a short the upper ones. Proved for all inputs:
 // formal/fl_gate_guard.sby.
 `default_nettype none
 module fl_gate_guard #(
-    parameter int unsigned Phases = 3
+    parameter int unsigned Phases        = 3,
+    parameter bit          HighActiveLow = 1'b0,  // pins of the upper gates
+    parameter bit          LowActiveLow  = 1'b0
 ) (
     input  logic                clk_i,
     input  logic                rst_i,
     input  logic                enable_i,
-    input  logic                high_active_low_i,
-    input  logic                low_active_low_i,
     input  logic [         9:0] dead_time_i,        // clocks
     input  logic                trip_i,
     input  logic                short_i,            // with trip_i: lower gates on
@@ -40,18 +40,14 @@ module fl_gate_guard #(
 
   logic [9:0] dead_time;
   logic shorted, switching;
-  logic high_low_d, high_low_q, low_low_d, low_low_q;
   logic [Phases-1:0] gate_h_d, gate_h_q, gate_l_d, gate_l_q;
-  logic [Phases-1:0] pin_h_q, pin_l_q;
   // block_h: the lower gate was on last, so the upper waits until wait_q is over; block_l the reverse.
   logic [Phases-1:0] block_h_q, block_l_q, over;
   logic [Phases-1:0][9:0] wait_q;  // clocks that the blocked gate must still stay off
 
-  assign dead_time  = (dead_time_i < 10'd2) ? 10'd2 : dead_time_i;
-  assign shorted    = trip_i && short_i;
-  assign switching  = enable_i && !trip_i;
-  assign high_low_d = (enable_i || shorted) ? high_low_q : high_active_low_i;
-  assign low_low_d  = (enable_i || shorted) ? low_low_q : low_active_low_i;
+  assign dead_time = (dead_time_i < 10'd2) ? 10'd2 : dead_time_i;
+  assign shorted   = trip_i && short_i;
+  assign switching = enable_i && !trip_i;
 
   always_comb begin
     for (int unsigned x = 0; x < Phases; x++) begin
@@ -62,12 +58,8 @@ module fl_gate_guard #(
   end
 
   always_ff @(posedge clk_i) begin
-    gate_h_q   <= gate_h_d;
-    gate_l_q   <= gate_l_d;
-    high_low_q <= high_low_d;
-    low_low_q  <= low_low_d;
-    pin_h_q    <= gate_h_d ^ {Phases{high_low_d}};
-    pin_l_q    <= gate_l_d ^ {Phases{low_low_d}};
+    gate_h_q <= gate_h_d;
+    gate_l_q <= gate_l_d;
     for (int unsigned x = 0; x < Phases; x++) begin
       if (gate_h_q[x] || gate_l_q[x]) begin
         wait_q[x]    <= dead_time;
@@ -78,20 +70,16 @@ module fl_gate_guard #(
       end
     end
     if (rst_i) begin
-      gate_h_q   <= '0;
-      gate_l_q   <= '0;
-      high_low_q <= high_active_low_i;
-      low_low_q  <= low_active_low_i;
-      pin_h_q    <= {Phases{high_active_low_i}};
-      pin_l_q    <= {Phases{low_active_low_i}};
-      block_h_q  <= '1;
-      block_l_q  <= '1;
-      wait_q     <= '1;
+      gate_h_q  <= '0;
+      gate_l_q  <= '0;
+      block_h_q <= '1;
+      block_l_q <= '1;
+      wait_q    <= '1;
     end
   end
 
-  assign gate_h_o = pin_h_q;
-  assign gate_l_o = pin_l_q;
+  assign gate_h_o = gate_h_q ^ {Phases{HighActiveLow}};
+  assign gate_l_o = gate_l_q ^ {Phases{LowActiveLow}};
   always_comb begin
     for (int unsigned x = 0; x < Phases; x++) begin
       gate_o[2*x]   = gate_h_q[x];

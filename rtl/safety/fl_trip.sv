@@ -9,8 +9,8 @@
 //   fault pin: gates off at the third clock edge after the pin changed (two synchroniser stages, guard);
 //   codes: gates off 2 clocks after adc_valid_i; the other inputs: 1 clock after they rise.
 //
-// A latched cause is cleared by clear_i only if it is not present (or not enabled) in that clock. Enables are taken
-// over while guard_enable_i is low and held while it is high.
+// A latched cause is cleared by clear_i only if it is not present (or not enabled) in that clock. cfg_enable_i
+// acts at once: whoever owns that register holds it while the guard is enabled.
 // short_o beside trip_o: the guard is to turn the lower gates on, an active short circuit in place of open gates. Only
 // with cfg_short_i, only where the guard was enabled when the trip came, and only as long as no cause is latched or
 // present that rules it out: phase or DC over-current, the fault pin, never_i. Such a cause opens the gates as fast as
@@ -132,7 +132,7 @@ module fl_trip
   );
 
   // Latching.
-  trip_t present, active, causes, fresh, latched_d, latched_q, first_q, event_cause_q, enable_q;
+  trip_t present, active, causes, fresh, latched_d, latched_q, first_q, event_cause_q;
   logic event_q;
   logic [7:0] count_q;
   always_comb begin
@@ -145,7 +145,7 @@ module fl_trip
     present.software      = software_i;
     present.deadline      = deadline_i;
   end
-  assign active    = present & enable_q;
+  assign active    = present & cfg_enable_i;
   assign fresh     = active & ~latched_q;
   assign latched_d = (clear_i ? trip_t'('0) : latched_q) | active;
   assign causes    = latched_q | active;
@@ -166,7 +166,6 @@ module fl_trip
   logic log_valid_q;
 
   always_ff @(posedge clk_i) begin
-    if (!guard_enable_i) enable_q <= cfg_enable_i;
     latched_q <= latched_d;
     event_q   <= fresh != '0;
     if (fresh != '0) begin
@@ -184,7 +183,6 @@ module fl_trip
     log_read_q  <= log_mem[log_next_q-3'd1-log_index_i];
     log_valid_q <= {1'b0, log_index_i} < log_used_q;
     if (rst_i) begin
-      enable_q    <= '0;
       latched_q   <= '0;
       event_q     <= 1'b0;
       count_q     <= '0;
