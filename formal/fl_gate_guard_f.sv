@@ -1,16 +1,17 @@
-// Proof of the gate guard for all inputs, with every configuration free to change in every clock.
+// Proof of the gate guard for all inputs, with the dead time free to change in every clock, for every polarity of the pins
+// (a task each). Gates are taken from the pins: on is the level that the polarity makes of it.
 //
 // Monitors of each leg know nothing of the guard's state: how long each gate has been off and which dead time held when
 // it was last on. The invariants at the end only tie these monitors to the guard's registers, so that induction closes.
 `default_nettype none
 module fl_gate_guard_f #(
-    parameter int unsigned Phases = 3
+    parameter int unsigned Phases        = 3,
+    parameter bit          HighActiveLow = 1'b0,
+    parameter bit          LowActiveLow  = 1'b0
 ) (
     input logic              clk_i,
     input logic              rst_i,
     input logic              enable_i,
-    input logic              high_active_low_i,
-    input logic              low_active_low_i,
     input logic [       9:0] dead_time_i,
     input logic              trip_i,
     input logic              short_i,
@@ -21,41 +22,43 @@ module fl_gate_guard_f #(
   logic [Phases-1:0] gate_h_o, gate_l_o;
   logic [2*Phases-1:0] gate_o;
 
-  fl_gate_guard #(.Phases(Phases)) dut (.*);
+  fl_gate_guard #(
+      .Phases       (Phases),
+      .HighActiveLow(HighActiveLow),
+      .LowActiveLow (LowActiveLow)
+  ) dut (
+      .*
+  );
+
+  // What a leg waits after a reset: the longest dead time.
+  localparam logic [9:0] ResetWait = 10'd1023;
 
   logic first = 1'b1;
-  logic rst_q, allowed_q, shorted_q, tripped_q, enable_q, high_low_q, low_low_q;
+  logic rst_q, allowed_q, shorted_q, tripped_q;
   logic [Phases-1:0] req_h_q, req_l_q;
-  // Polarity as it must show: the port's at the last clock without enable and short, or with reset.
-  logic pol_h, pol_l;
   always_ff @(posedge clk_i) begin
     first     <= 1'b0;
     rst_q     <= rst_i;
     allowed_q <= enable_i && !trip_i && !rst_i;
     shorted_q <= trip_i && short_i && !rst_i;
     tripped_q <= trip_i;
-    enable_q  <= enable_i;
     req_h_q   <= req_h_i;
     req_l_q   <= req_l_i;
-    if ((!enable_i && !(trip_i && short_i)) || rst_i) begin
-      pol_h <= high_active_low_i;
-      pol_l <= low_active_low_i;
-    end
   end
 
   always_comb begin
     if (first)
       assume (rst_i);
       else begin
-        a_polarity_h : assert (dut.high_low_q == pol_h);
-        a_polarity_l : assert (dut.low_low_q == pol_l);
+        a_reset_h : assert (!rst_q || gate_h_o == {Phases{HighActiveLow}});
+        a_reset_l : assert (!rst_q || gate_l_o == {Phases{LowActiveLow}});
       end
   end
 
   for (genvar x = 0; x < Phases; x++) begin : gen_leg
     logic h, l, h_q, l_q;
-    assign h = gate_o[2*x];
-    assign l = gate_o[2*x+1];
+    assign h = gate_h_o[x] ^ HighActiveLow;
+    assign l = gate_l_o[x] ^ LowActiveLow;
     // Clocks that each gate has been off before this one, and the dead time that its last on-clock saw.
     logic [10:0] off_h, off_l;
     logic [9:0] need_h, need_l;
@@ -69,8 +72,8 @@ module fl_gate_guard_f #(
       if (rst_i) begin
         off_h  <= '0;
         off_l  <= '0;
-        need_h <= '1;
-        need_l <= '1;
+        need_h <= ResetWait;
+        need_l <= ResetWait;
       end
     end
 
@@ -87,8 +90,8 @@ module fl_gate_guard_f #(
         if (allowed_q && req_h_q[x] && !req_l_q[x] && !l_q && off_l >= 11'(need_l)) a_on_h : assert (h);
         if (allowed_q && req_l_q[x] && !req_h_q[x] && !h_q && off_h >= 11'(need_h)) a_on_l : assert (l);
         if (shorted_q && !h_q && off_h >= 11'(need_h)) a_short_l : assert (l);
-        a_pin_h : assert (gate_h_o[x] == (h ^ pol_h));
-        a_pin_l : assert (gate_l_o[x] == (l ^ pol_l));
+        a_told_h : assert (gate_o[2*x] == h);
+        a_told_l : assert (gate_o[2*x+1] == l);
 
         // Invariants.
         if (h) assert (off_l >= 11'(need_l));

@@ -1,5 +1,6 @@
 // Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
-// or level to the gates; a latched trip holds until the key, and the key clears only what is gone; enables are locked.
+// or level to the gates; a latched trip holds until the key, and the key clears only what is gone. Enables are
+// free to change in every clock.
 // A trip opens all gates, or the upper ones where a short circuit may be made: chosen, the guard enabled before the trip,
 // and no cause since the trip began that rules it out.
 //
@@ -86,17 +87,15 @@ module fl_trip_f
   ) guard (
       .clk_i,
       .rst_i,
-      .enable_i         (guard_enable_i),
-      .high_active_low_i(1'b0),
-      .low_active_low_i (1'b0),
+      .enable_i(guard_enable_i),
       .dead_time_i,
-      .trip_i           (trip),
-      .short_i          (short),
+      .trip_i  (trip),
+      .short_i (short),
       .req_h_i,
       .req_l_i,
-      .gate_h_o         (gate_h),
-      .gate_l_o         (gate_l),
-      .gate_o           (gate)
+      .gate_h_o(gate_h),
+      .gate_l_o(gate_l),
+      .gate_o  (gate)
   );
 
   function automatic logic beyond(adc_code_t code, adc_code_t limit);
@@ -116,9 +115,10 @@ module fl_trip_f
     of_codes.under_voltage = adc_code_i[2*Phases] < cfg_under_lsb_i;
   end
 
-  // Enables as they must act, and the past.
+  // Enables, and the past.
   trip_t enable, enable_q, latched_q, present_q, codes_q;
   trip_t shown;  // by the last sample set
+  assign enable = cfg_enable_i;
   logic first = 1'b1;
   logic [2:0] since_reset;  // clocks since reset, saturates at 7
   logic [3:1] pin_q;
@@ -156,10 +156,8 @@ module fl_trip_f
     forbids_q   <= forbids;
     spoilt      <= forbids || (trip && spoilt);
     chosen      <= cfg_short_i && (trip ? chosen : guard_enable_i);
-    if (!guard_enable_i) enable <= cfg_enable_i;
     if (adc_valid_i) shown <= of_codes;
     if (rst_i) begin
-      enable <= '0;
       shown  <= '0;
       spoilt <= 1'b0;
       chosen <= 1'b0;
@@ -170,7 +168,6 @@ module fl_trip_f
     if (first)
       assume (rst_i);
       else begin
-        a_enable : assert (dut.enable_q == enable);
         a_sync1 : assert (since_reset < 3'd1 || dut.u_fault_sync.meta_q == pin_q[1]);
         a_sync2 : assert (since_reset < 3'd2 || dut.u_fault_sync.sync_q == pin_q[2]);
         a_phase_current : assert (present.phase_current == shown.phase_current);
