@@ -30,7 +30,7 @@ setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## install every dependenc
 demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
-test: $(TEST) $(FORMAL) $(COVERAGE) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
+test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
 	@$(PY) -m pytest -n $(JOBS) --dist worksteal --durations 25
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)

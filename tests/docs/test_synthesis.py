@@ -437,3 +437,15 @@ def test_sets() -> None:
     assert [getattr(total, name) for name in AREAS] == [30 + 3 * k for k in range(6)]
     assert total.parts == {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
     assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_c 62, fl_b 32, fl_a 2"]
+
+
+def test_smallest_configuration() -> None:
+    """From the RTL to a bitstream for the smallest device: every limit met, with the first seed that does.
+
+    Verifies: BRD-10
+    """
+    result = configurations.build(load_configurations()["six-step-25f"])
+    print(asdict(result))
+    assert not result.problems
+    assert result.fmax_mhz and result.fmax_mhz >= 50.0
+    assert (WORK / "six-step-25f" / "board.bit").stat().st_size > 100_000
