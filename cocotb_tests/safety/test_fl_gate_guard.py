@@ -42,7 +42,8 @@ class GuardTb:
     def __init__(self, dut: Dut) -> None:
         self.dut = dut
         self.phases = len(dut.req_h_i)
-        self.polarity = (int(dut.HighActiveLow.value), int(dut.LowActiveLow.value))
+        built = int(os.environ["GUARD_POLARITY"])  # bit 0, 1: upper, lower pins active low
+        self.polarity = (built & 1, built >> 1)
         self.inputs = {"enable_i": 0, "trip_i": 0, "short_i": 0, "req_h_i": 0, "req_l_i": 0, "dead_time_i": 5}
 
     async def start(self) -> None:
@@ -256,7 +257,7 @@ def test_fl_gate_guard(phases: int, high: int, low: int) -> None:
         __name__,
         parameters={"Phases": phases, "HighActiveLow": high, "LowActiveLow": low},
         testcase=cases,
-        extra_env={"GUARD_SEED": str(phases)},
+        extra_env={"GUARD_SEED": str(phases), "GUARD_POLARITY": str(high | low << 1)},
     )
 
 
@@ -266,5 +267,6 @@ def test_assertions_are_alive(capfd: pytest.CaptureFixture[str]) -> None:
     Verifies: SAFE-06
     """
     with pytest.raises(AssertionError):
-        run_block_test("fl_gate_guard", ["safety/fl_gate_guard.sv"], __name__, testcase="assertion_is_alive")
+        sources, active_high = ["safety/fl_gate_guard.sv"], {"GUARD_POLARITY": "0"}
+        run_block_test("fl_gate_guard", sources, __name__, testcase="assertion_is_alive", extra_env=active_high)
     assert "fl_gate_guard: both gates of a leg on" in capfd.readouterr().out

@@ -38,7 +38,7 @@ async def sees_every_bit(dut: Any) -> None:
     """Open, settings may change; locked, each bit alone is told in the next clock, as long as it differs."""
     bench = Bench(dut)
     width = len(dut.settings_i)
-    for settings in (0, (1 << width) - 1, random.getrandbits(width)):
+    for settings in (0, 1, (1 << width) - 1, 1 << width - 1, random.getrandbits(width)):
         await bench.start(key_i=0, settings_i=settings)
         for _ in range(5):
             dut.settings_i.value = random.getrandbits(width)
@@ -50,9 +50,21 @@ async def sees_every_bit(dut: Any) -> None:
             dut.settings_i.value = settings ^ 1 << bit
             await bench.clocks()
             assert dut.changed_o.value == 1, f"bit {bit}"
+            await bench.clocks(3)
+            assert dut.changed_o.value == 1, f"bit {bit} is forgotten while it differs"
             dut.settings_i.value = settings
             await bench.clocks()
             assert dut.changed_o.value == 0
+        dut.settings_i.value = settings ^ 1
+        await bench.clocks()
+        assert dut.changed_o.value == 1
+        dut.rst_i.value, dut.key_i.value = 1, 0
+        await bench.clocks()
+        assert dut.changed_o.value == 0 and dut.locked_o.value == 0
+        dut.rst_i.value = 0
+        for _ in range(3):
+            await bench.clocks()
+            assert dut.changed_o.value == 0, "what differed before a reset is the setting after it"
 
 
 def test_fl_settings_lock() -> None:

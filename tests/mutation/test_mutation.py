@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from fluxlock.docs import mutation as mutation_page
+from fluxlock.mutation import command
 from fluxlock.mutation.blocks import BLOCKS, Block
 from fluxlock.mutation.equivalence import proved_equal
 from fluxlock.mutation.netlist import SELECTOR, folder, make_netlist, parse_list, with_selector
-from fluxlock.mutation.run import run_mutants
+from fluxlock.mutation.run import MutationError, run_mutants
 from fluxlock.mutation.score import measure, score_percent
 from fluxlock.mutation.simulation import OTHER_ENDS, still_known
 from fluxlock.paths import ROOT, RTL
@@ -169,3 +170,17 @@ def test_what_holds_of_an_earlier_outcome() -> None:
         end = survived | {"killed_by": other}
         assert still_known(end, {"a.t"}, all_unchanged=True) == end
         assert still_known(end, {"a.t"}, all_unchanged=False) == {}
+
+
+def test_block_that_fails_its_own_tests(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """One line that says which test of which block, and where to look; no traceback, and the command fails.
+
+    Verifies: MUT-01
+    """
+
+    def broken(*_: object) -> dict[str, Any]:
+        raise MutationError("fl_trip: the netlist without a mutation fails a.test: build/x.log")
+
+    monkeypatch.setattr(command, "measure", broken)
+    assert not command.mutate(["fl_trip"], 1, 1, 1)
+    assert "error: fl_trip: the netlist without a mutation fails a.test: build/x.log" in capfd.readouterr().err

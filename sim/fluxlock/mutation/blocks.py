@@ -34,7 +34,7 @@ BLOCKS = {
             goal_percent=95.0,
             parameters={"Phases": 3},
             left_out=("assertion_is_alive",),  # forces registers; assertions are not part of the netlist
-            environment={"GUARD_SEED": "3"},
+            environment={"GUARD_SEED": "3", "GUARD_POLARITY": "0"},
         ),
         Block(
             name="fl_trip",
@@ -45,6 +45,12 @@ BLOCKS = {
             instance="u_trip",
             bench_sources=("safety/fl_gate_guard.sv", "cocotb_tests/safety/fl_safety_chain.sv"),
             parameters={"Phases": 3},
+        ),
+        Block(
+            name="fl_settings_lock",
+            sources=("safety/fl_settings_lock.sv",),
+            test_modules=("cocotb_tests.safety.test_fl_settings_lock",),
+            goal_percent=85.0,
         ),
         Block(
             name="fl_carrier",

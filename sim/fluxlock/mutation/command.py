@@ -9,6 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.mutation.blocks import BLOCKS
+from fluxlock.mutation.run import MutationError
 from fluxlock.mutation.score import measure, write_result
 
 
@@ -17,7 +18,10 @@ def _show(bar: Progress, task: TaskID, done: int) -> None:
 
 
 def mutate(names: list[str], count: int, seed: int, jobs: int) -> bool:
-    """Measure blocks, write build/mutate/BLOCK.json, print a line a block and the survivors; True if goals are met."""
+    """Measure blocks, write build/mutate/BLOCK.json, print a line a block and the survivors; True if goals are met.
+
+    False too if a block without a defect fails its own tests.
+    """
     for name in names:
         if name not in BLOCKS:
             raise ConfigError([Problem("BLOCK", "", f"must be one of {', '.join(BLOCKS)}, not {name!r}")])
@@ -26,7 +30,11 @@ def mutate(names: list[str], count: int, seed: int, jobs: int) -> bool:
     with Progress(*columns, console=Console(stderr=True)) as bar:
         for name in names or BLOCKS:
             task = bar.add_task(name, total=count)
-            result = measure(BLOCKS[name], count, seed, jobs, partial(_show, bar, task))
+            try:
+                result = measure(BLOCKS[name], count, seed, jobs, partial(_show, bar, task))
+            except MutationError as error:
+                bar.console.print(f"error: {error}", highlight=False, markup=False, soft_wrap=True)
+                return False
             bar.update(task, completed=count)
             path = write_result(result)
             met &= result["score_percent"] >= result["goal_percent"]
