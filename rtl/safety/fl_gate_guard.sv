@@ -24,14 +24,14 @@ module fl_gate_guard #(
     input  logic                clk_i,
     input  logic                rst_i,
     input  logic                enable_i,
-    input  logic [         9:0] dead_time_i,        // clocks
+    input  logic [         9:0] dead_time_i,  // clocks
     input  logic                trip_i,
-    input  logic                short_i,            // with trip_i: lower gates on
+    input  logic                short_i,      // with trip_i: lower gates on
     input  logic [  Phases-1:0] req_h_i,
     input  logic [  Phases-1:0] req_l_i,
-    output logic [  Phases-1:0] gate_h_o,           // pins
+    output logic [  Phases-1:0] gate_h_o,     // pins
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o              // before polarity: bit 2X upper, 2X+1 lower switch of leg X
+    output logic [2*Phases-1:0] gate_o        // before polarity: bit 2X upper, 2X+1 lower switch of leg X
 );
 
   if (Phases == 0) begin : gen_illegal
