@@ -408,7 +408,6 @@ BROKEN = {
     ),
     "short pulse begun": ("fl_carrier", CARRIER, " || want_b_q < signed'({6'b0, min_q});", ";", "a_shortest"),
     "short gap opened": ("fl_carrier", CARRIER, "want_b_q + signed'({6'b0, min_q}) >", "want_b_q >", "a_shortest"),
-    "rest of a pulse ignored": ("fl_carrier", CARRIER, "(ended || reach > {1'b0, width_q});", "ended;", "a_shortest"),
     "rest of a carrier ignored": ("fl_carrier", CARRIER, "= reach > end_q;", "= 1'b0;", "a_shortest"),
     "early pulse cut": ("fl_carrier", CARRIER, "pulse_d = early_q && pulse_q;", "pulse_d = 1'b0;", "a_shortest"),
     "held pulse begun too late": ("fl_carrier", CARRIER, "held_q && !rest_short)", "held_q)", "a_shortest"),
@@ -501,7 +500,6 @@ BROKEN = {
         "here > cfg_last_i",
         "a_in_the_turn a_one_quarter",
     ),
-    "pin ignores bus-off": ("fl_can", CAN, "loopback_q || bus_off_o;", "loopback_q;", "a_silent"),
     "disabled pin a clock late": ("fl_can", CAN, "!enable_i || !enable_q ||", "!enable_q ||", "a_silent"),
     "listener drives": ("fl_can", CAN, "|| listen_q || loopback_q ||", "|| loopback_q ||", "a_silent"),
     "mode changes while enabled": (
