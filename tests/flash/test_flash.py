@@ -61,7 +61,7 @@ def test_header() -> None:
     code = bytes(range(256)) + b"\x01"
     image = pack_image(code, 3)
     magic, form, registers, phases, _, length, crc, header_crc = struct.unpack_from("<8I", image)
-    assert (image[:4], form, registers, phases) == (b"FLXI", 1, 1, 3) and magic == 0x49584C46
+    assert (image[:4], form, registers, phases) == (b"FLXI", 1, 2, 3) and magic == 0x49584C46
     assert length == 260 and image[FLASH_PAGE_BYTES:] == code + bytes(3)
     assert crc == zlib.crc32(code + bytes(3)) and header_crc == zlib.crc32(image[:28])
     for wrong in (bytes(0x80), bytes(IMAGE_MAX_BYTES + 1)):
