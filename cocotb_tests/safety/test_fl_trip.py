@@ -145,9 +145,9 @@ async def codes_against_random_limits(dut: Dut) -> None:
         return min(max(value + rng.choice(steps), low), high)
 
     for _ in range(1500):
-        phase, dc = rng.randrange(MIDDLE), rng.randrange(MIDDLE)
+        phase, dc = rng.randrange(4096), rng.randrange(4096)
         over, under = rng.randrange(4096), rng.randrange(4096)
-        currents = [rng.randrange(phase + 1) for _ in range(3)]
+        currents = [rng.randrange(min(phase, MIDDLE) + 1) for _ in range(3)]
         currents[rng.randrange(3)] = beside(phase, 0, MIDDLE)
         vdc, idc = beside(rng.choice([over, under]), 0, 4095), beside(dc, 0, MIDDLE)
         dut.cfg_phase_lsb_i.value, dut.cfg_dc_lsb_i.value = phase, dc
