@@ -123,7 +123,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     await chip.until_done()
     found = [chip.mailbox(i) for i in range(24)]
     assert found[0] == 0x464C5558 and found[2] == 50_000_000, f"identity {found[0]:#x}, clock {found[2]}"
-    assert found[1] & 0xFFFF == 1 and found[1] >> 16 == chip.phases | chip.channels << 8, f"build {found[1]:#x}"
+    assert found[1] & 0xFFFF == 2 and found[1] >> 16 == chip.phases | chip.channels << 8, f"build {found[1]:#x}"
     five, vector = chip.phases == 5, bool(dut.Vector.value)
     six_step = [0, 0, 0] if five else [4096, 0xFFFFFF, 1250]
     assert found[3:12] == [3, 0, 50, 50, *six_step, 50, 0x06020100], [hex(x) for x in found[3:12]]
@@ -170,7 +170,8 @@ async def commutation_reaches_the_gates_at_its_instant(dut: Any) -> None:
             schedule.append((int(dut.trc_comm_sched_o.value), int(dut.trc_sector_o.value)))
         if int(dut.gate_o.value) != gates:
             gates = changes[now] = int(dut.gate_o.value)
-        high, low = int(dut.gate_h_o.value), int(dut.gate_l_o.value)
+        high = int(dut.gate_h_o.value) ^ 7 * int(dut.HighActiveLow.value)
+        low = int(dut.gate_l_o.value) ^ 7 * int(dut.LowActiveLow.value)
         assert [high >> x & 1 | (low >> x & 1) << 1 for x in range(3)] == [gates >> 2 * x & 3 for x in range(3)]
     assert len(schedule) >= 8
     assert [b[0] - a[0] for a, b in itertools.pairwise(schedule)] == [3000] * (len(schedule) - 1)
@@ -312,7 +313,13 @@ async def core_makes_the_voltages(dut: Any) -> None:
             assert abs(got - clocks) <= 1.0, f"leg {leg}, gate {gate}: {got} clocks a carrier, expected {clocks}"
 
 
-def run(phases: int, testcase: list[str] | None = None, vector: bool = True, ram_words: int = RAM_WORDS) -> None:
+def run(
+    phases: int,
+    testcase: list[str] | None = None,
+    vector: bool = True,
+    ram_words: int = RAM_WORDS,
+    high_active_low: bool = False,
+) -> None:
     """Build the chip with the program in its RAM and run the named tests, or all."""
     image = build_image(ram_words if ram_words == RAM_WORDS else LARGEST_BANK_WORDS)
     sources = [path for path in rtl_sources() if path.is_relative_to(RTL) or "VexRiscv" in path.name]
@@ -328,6 +335,7 @@ def run(phases: int, testcase: list[str] | None = None, vector: bool = True, ram
             "Vector": int(vector),
             "Injection": int(vector),
             "Can": 1,
+            "HighActiveLow": int(high_active_low),
         },
         registers=REGISTER_BLOCKS,
         testcase=testcase,
@@ -351,8 +359,8 @@ def test_fl_soc_five_phases() -> None:
 
 
 def test_fl_soc_six_step_only() -> None:
-    """The same program on the chip without vector path, its RAM in banks: blocks, commutation and faults to the gates.
+    """The same program on the chip without vector path, its RAM in banks, upper pins active low: up to the gates.
 
-    Verifies: SOC-15, SOC-17, SOC-26, SOC-29
+    Verifies: SOC-15, SOC-17, SOC-26, SOC-29, SAFE-05
     """
-    run(3, SIX_STEP_TESTS, vector=False, ram_words=SMALL_WORDS)
+    run(3, SIX_STEP_TESTS, vector=False, ram_words=SMALL_WORDS, high_active_low=True)
