@@ -279,6 +279,35 @@ async def samples_that_stop_open_the_gates(dut: Any) -> None:
 
 
 @cocotb.test
+async def samples_that_stop_end_a_short(dut: Any) -> None:
+    """The trip has cleared the guard's enable, and the watch goes on: the lower gates open after the set time."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.write(SAMPLE_AGE, 60)
+    await tb.write(GUARD, SHORT)
+    await tb.write(LOCK, KEY)
+    await tb.clocks(2)
+    await tb.enable()
+    for count in range(80):
+        if count == 70:
+            await tb.write(COMMAND, 1)
+        await tb.vdc(2048)
+        await tb.clocks(19)
+    assert await tb.read(GATES) == 0b101010
+    await tb.vdc(2048)
+    clocks = 0
+    while tb.on() and clocks < 70:
+        await tb.clocks()
+        clocks += 1
+    assert clocks == 60 + 1, f"short ended {clocks} clocks after the last sample"
+    assert await tb.caused() == (DEADLINE | 0x40, LATE)
+    for _ in range(20):
+        await tb.vdc(2048)
+        await tb.clocks(19)
+        assert not tb.on(), "a short that has ended came back"
+
+
+@cocotb.test
 async def every_locked_bit_is_watched(dut: Any) -> None:
     """Whichever bit of the locked settings flips, the gates open and stay open, in the polarity of the build.
 

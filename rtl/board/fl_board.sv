@@ -1,8 +1,8 @@
 // What all boards share: reset, serial converters with their faults, the chip, indicators.
 //
 // Reset is held for ResetCycles clocks after configuration, after the PLL has locked and after the button is released
-// (1.3 ms: converters and gate drivers are up). The gate pins are off in their polarity meanwhile; gate
-// drivers need their own pull resistors, to off, for the time before configuration. Faults of the converters act like the gate
+// (1.3 ms: converters and gate drivers are up). The gate pins are off in their polarity meanwhile; gate drivers need
+// their own pull resistors, to off, for the time before configuration. Faults of the converters act like the gate
 // drivers' fault pin: gates off 4 clock edges after the frame that shows them.
 //
 // led_o: 0 chip runs (not in reset), 1 gate driver fault now, 2 a converter channel was bad since reset, 3 a conversion

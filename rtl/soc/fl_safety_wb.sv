@@ -127,10 +127,11 @@ module fl_safety_wb
     if (rst_i) sample_step_q <= 8'd1;
   end
 
+  // In a short too, whose trip has cleared the guard's enable.
   fl_watchdog u_sample_watchdog (
       .clk_i,
       .rst_i,
-      .enable_i    (hwif_out.guard.enable.value),
+      .enable_i    (hwif_out.guard.enable.value || short),
       .cfg_cycles_i(24'(hwif_out.sample_age.cycles.value)),
       .feed_i      (adc_valid_i),
       .step_i      (sample_step_q),
