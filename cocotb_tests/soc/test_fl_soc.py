@@ -12,12 +12,13 @@ import cocotb
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
 
 from cocotb_tests.soc.bench import Bench
-from fluxlock.build import file_lock, generate_registers
+from fluxlock.build import generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
+from fluxlock.writable import file_lock
 
 HERE = Path(__file__).parent
 MAILBOX, MAILBOX_WORDS = 0x1E000 // 4, 41

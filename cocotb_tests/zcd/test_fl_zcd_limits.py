@@ -33,6 +33,16 @@ async def feed(
     await tb.clocks(clocks - 1)
 
 
+async def averaging(dut: Any) -> TB:
+    """Set up to average, in a slow machine: the wait is never over by itself."""
+    tb = TB(dut)
+    await tb.start(Settings())
+    dut.known_i.value = 1
+    dut.interval_i.value = 1 << 23
+    await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
+    return tb
+
+
 @cocotb.test()
 async def wait_ends_at_its_clock(dut: Any) -> None:
     """With samples missing a crossing is reported floor(interval * wait / 2^8) after it, not a clock before.
@@ -215,11 +225,7 @@ async def commutation_ends_the_wait(dut: Any) -> None:
 
     Verifies: ZCD-12
     """
-    tb = TB(dut)
-    await tb.start(Settings())
-    dut.known_i.value = 1
-    dut.interval_i.value = 1 << 23
-    await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
+    tb = await averaging(dut)
     for visit in range(60):
         start, pulse = visit << 16, 1 + visit % 20
         for k in range(3):
@@ -242,11 +248,7 @@ async def mean_follows_the_last_sample(dut: Any) -> None:
 
     Verifies: ZCD-12
     """
-    tb = TB(dut)
-    await tb.start(Settings())
-    dut.known_i.value = 1
-    dut.interval_i.value = 1 << 23
-    await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
+    tb = await averaging(dut)
     for visit in range(20):
         start = visit << 16
         for k, rel in enumerate((-8000, -6000, -4000, -2000, 2000, 4000, 6000, 8000)):

@@ -6,17 +6,13 @@ Every step keeps a stamp with the hash of its inputs and does nothing when they 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from fluxlock import regblock
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
-from fluxlock.writable import check_folder, guarded
+from fluxlock.writable import check_folder, file_lock, guarded
 
 REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
 IO_BASE = 0x8000_0000
@@ -28,32 +24,6 @@ def check_build() -> None:
 
     for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", cache_folder()):
         check_folder(folder)
-
-
-@contextmanager
-def file_lock(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock: parallel test workers share the build folder."""
-    check_folder(path.parent)
-    while True:
-        try:
-            fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-            break
-        except FileExistsError:
-            try:
-                owner = int(path.read_text() or "0")
-                os.kill(owner, 0)
-            except (ValueError, FileNotFoundError, ProcessLookupError):
-                if path.exists() and time.time() - path.stat().st_mtime > 1.0:
-                    path.unlink(missing_ok=True)
-            except PermissionError:
-                pass
-            time.sleep(0.05)
-    try:
-        os.write(fd, str(os.getpid()).encode())
-        os.close(fd)
-        yield
-    finally:
-        path.unlink(missing_ok=True)
 
 
 def _peakrdl(*arguments: str) -> None:

@@ -6,14 +6,13 @@ simulation fault), 2 = bad input, 130 = interrupted, 143 = terminated.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import signal
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -31,7 +30,7 @@ from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_sce
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
 from fluxlock.progress import ProgressBar
-from fluxlock.writable import refusal
+from fluxlock.writable import InUseError, alone, refusal
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
@@ -88,10 +87,10 @@ def _output(out_dir: Path) -> Iterator[None]:
             raise _unwritable(path, "a folder is in the way; remove it or name another folder")
         if path.exists() and not os.access(path, os.W_OK):
             raise _unwritable(path, "Permission denied; remove it or name another folder")
-    with (simulator / ".lock").open("w") as lock:
+    with ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            stack.enter_context(alone(simulator))
+        except InUseError:
             raise _unwritable(out_dir, "another run is using it; wait for its end or name another folder") from None
         for name in OUTPUTS:
             (out_dir / name).unlink(missing_ok=True)

@@ -52,18 +52,25 @@ def check_file(path: Path) -> None:
 
 
 class InUseError(RuntimeError):
-    """Another process, or another part of this one, has the folder."""
+    """Another process, or another part of this one, has the lock."""
+
+
+@contextmanager
+def file_lock(path: Path, wait: bool = True) -> Iterator[None]:
+    """Hold an exclusive lock, which ends with the process at the latest. wait: until it is free; else InUseError."""
+    check_folder(path.parent)
+    with path.open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise InUseError(str(path)) from None
+        yield
 
 
 @contextmanager
 def alone(folder: Path, wait: bool = False) -> Iterator[None]:
     """Have a folder, made if it is not there, to oneself. wait: until it is free; else InUseError."""
-    check_folder(folder)
-    with (folder / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            raise InUseError(str(folder)) from None
+    with file_lock(folder / ".lock", wait):
         yield
 
 

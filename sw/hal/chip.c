@@ -3,8 +3,6 @@
 #include "control/placement.h"
 #include "hal/reg.h"
 
-#define MAP_MAGIC 0x464C5558u
-#define MAP_VERSION 2u
 #define CHANNELS (2u * PHASES + 3u)
 #define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define CLEAR_KEY 0xA5u
@@ -24,7 +22,8 @@ static uint32_t gain_of(uint32_t channel) {
 
 bool chip_is_known(void) {
   const uint32_t build = reg_read(REG(sys.build));
-  return reg_read(REG(sys.id)) == MAP_MAGIC && BITS(FL_SYS_REGS__BUILD__MAP_VERSION, build) == MAP_VERSION &&
+  return reg_read(REG(sys.id)) == FL_SYS_REGS__ID__MAGIC_reset &&
+         BITS(FL_SYS_REGS__BUILD__MAP_VERSION, build) == FL_SYS_REGS__BUILD__MAP_VERSION_reset &&
          BITS(FL_SYS_REGS__BUILD__PHASES, build) == PHASES;
 }
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from fluxlock.campaign.grid import DRIVES, Drive
@@ -27,6 +28,10 @@ def _nothing_to_show() -> ConfigError:
     return ConfigError([Problem("--show", "", text)])
 
 
+def _show(progress: Progress, task: TaskID, ended: int, count: int) -> None:
+    progress.update(task, completed=ended, total=count)
+
+
 def _rows(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int) -> list[dict[str, Any]]:
     """Verdicts of the drives' grids, with bars while they run; jobs 0: nothing runs, so there are none."""
     if not jobs:
@@ -37,10 +42,7 @@ def _rows(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int
         for drive in drives:
             task = progress.add_task(drive.name, total=None)
 
-            def done(ended: int, count: int, task: Any = task) -> None:  # noqa: ANN401  a number of rich's
-                progress.update(task, completed=ended, total=count)
-
-            rows += run_drive(drive, seed, quick, jobs, every, done)
+            rows += run_drive(drive, seed, quick, jobs, every, partial(_show, progress, task))
     return rows
 
 

@@ -15,8 +15,9 @@ from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_runner
 
-from fluxlock.build import file_lock, generate_registers
+from fluxlock.build import generate_registers
 from fluxlock.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
+from fluxlock.writable import file_lock
 
 PACKAGES = (RTL / "pkg" / "fl_pkg.sv",)
 COVERAGE_VARIABLE = "FLUXLOCK_RTL_COVERAGE"

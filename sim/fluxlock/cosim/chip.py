@@ -13,12 +13,13 @@ from pathlib import Path
 
 import cocotb_tools.config
 
-from fluxlock.build import file_lock, generate_registers
+from fluxlock.build import generate_registers
 from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
 from fluxlock.cosim.upsets import write_upset_table
 from fluxlock.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
+from fluxlock.writable import file_lock
 
 TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import multiprocessing
 import shutil
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,7 +29,7 @@ from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
 from fluxlock.regression.case import CASES, Row
 from fluxlock.regression.origin import kept, origin
-from fluxlock.writable import check_folder, refusal
+from fluxlock.writable import check_folder, file_lock, refusal
 
 SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
@@ -120,7 +118,7 @@ class Runner:
 
 def _made(folder: Path, key: str, what: str, run: Callable[[Path], None]) -> Path:
     """Folder of the run with this key: one that is finished, else `folder`, filled by `run`."""
-    with _claimed(key):
+    with file_lock(KEYS / f"{key}.lock"):
         finished = _finished(key, folder)
         if finished is not None:
             return finished
@@ -134,15 +132,6 @@ def _made(folder: Path, key: str, what: str, run: Callable[[Path], None]) -> Pat
         (folder / KEY).write_text(key, encoding="utf-8")
         (KEYS / key).write_text(str(folder), encoding="utf-8")
     return folder
-
-
-@contextmanager
-def _claimed(key: str) -> Iterator[None]:
-    """Let one process at a time make the run of a key; the others wait and find it finished."""
-    KEYS.mkdir(parents=True, exist_ok=True)
-    with (KEYS / f"{key}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def _finished(key: str, folder: Path) -> Path | None:
