@@ -9,7 +9,7 @@ from typing import Any
 import cocotb
 import pytest
 from cocotb.clock import Clock
-from cocotb.triggers import ClockCycles, FallingEdge
+from cocotb.triggers import ClockCycles, FallingEdge, Timer
 
 from cocotb_tests.board.serial_converter import SLOW, SerialConverters
 from fluxlock.cosim.block import run_block_test
@@ -34,26 +34,28 @@ async def clocks_until(dut: Any, wanted: Any, limit: int) -> int:
     raise AssertionError(f"not within {limit} clocks")
 
 
-async def power_on(dut: Any) -> None:
+async def power_on(dut: Any) -> Clock:
     """Clock runs, nothing is good yet, no frame of a test before; return at a falling edge."""
-    cocotb.start_soon(Clock(dut.clk_i, 20, unit="ns").start())
+    clock = Clock(dut.clk_i, 20, unit="ns")
+    clock.start()
     for name in ("locked_i", "button_i", "fault_pin_i", "hall_i", "encoder_i", "uart_rx_i", "can_rx_i"):
         getattr(dut, name).value = 0
     dut.adc_sdata_i.value = 0x1FF
     await ClockCycles(dut.clk_i, 10)
     await FallingEdge(dut.clk_i)
+    return clock
 
 
-async def run_up(dut: Any) -> SerialConverters:
+async def run_up(dut: Any) -> tuple[Clock, SerialConverters]:
     """Reset over, converters answer, gates on."""
-    await power_on(dut)
+    clock = await power_on(dut)
     dut.locked_i.value = 1
     converters = SerialConverters(dut, 9, SLOW, prefix="adc_")
     converters.codes = [2048] * 9
     await clocks_until(dut, lambda: dut.led_o.value[0] == 1, RESET_CYCLES + 5)
     await ClockCycles(dut.clk_i, 200)
     await enable(dut)
-    return converters
+    return clock, converters
 
 
 async def enable(dut: Any) -> None:
@@ -83,7 +85,7 @@ async def holds_reset(dut: Any) -> None:
 
 @cocotb.test
 async def bad_channel_turns_the_gates_off(dut: Any) -> None:
-    converters = await run_up(dut)
+    _, converters = await run_up(dut)
     assert int(dut.led_o.value) == 0b0001
     for channel in random.sample(range(9), 3):
         for level in (0, 1):
@@ -95,7 +97,7 @@ async def bad_channel_turns_the_gates_off(dut: Any) -> None:
                 await clocks_until(dut, lambda: dut.adc_cs_no.value == 0, 60)
                 await clocks_until(dut, lambda: dut.adc_cs_no.value == 1, 60)
             taken = await clocks_until(dut, lambda: gates(dut) == (0, 0), 20)
-            assert taken == 4, f"channel {channel} at {level}: gates off {taken} clocks after the frame"
+            assert taken == 2, f"channel {channel} at {level}: gates off {taken} clocks after the frame"
             assert int(dut.led_o.value) == 0b0101
             converters.stick({})
             await ClockCycles(dut.clk_i, 130)
@@ -131,6 +133,20 @@ async def brake_pin_is_the_chips(dut: Any) -> None:
         dut.encoder_i.value = level
         await ClockCycles(dut.clk_i, 2)
         assert int(dut.brake_o.value) == level
+
+
+@cocotb.test
+async def lost_lock_of_the_clock_needs_no_clock(dut: Any) -> None:
+    """Gates and brake on, the clock stands still: they stay until the lock is lost, and are off at once then."""
+    clock, _ = await run_up(dut)
+    dut.encoder_i.value = 1
+    await ClockCycles(dut.clk_i, 2)
+    clock.stop()
+    await Timer(200, "ns")
+    assert gates(dut) == GATES_ON and dut.brake_o.value == 1
+    dut.locked_i.value = 0
+    await Timer(1, "ns")
+    assert gates(dut) == (0, 0) and dut.brake_o.value == 0
 
 
 @pytest.mark.parametrize("polarity", [0, 1, 2])

@@ -41,6 +41,7 @@ module fl_boot_soc #(
       .gate_l_o         (),
       .gate_o,
       .brake_o          (),
+      .adc_fault_i      (1'b0),
       .fault_pin_i      (1'b0),
       .hall_i           ('0),
       .encoder_i        ('0),

@@ -81,7 +81,15 @@ class Chip:
         for index in range(MAILBOX_WORDS):
             self.mailbox_memory[self.mailbox_index + index].value = 0
         await self.bench.start(
-            adc_valid_i=0, adc_code_i=0, fault_pin_i=0, hall_i=0, encoder_i=0, uart_rx_i=1, can_rx_i=1, spi_miso_i=1
+            adc_valid_i=0,
+            adc_code_i=0,
+            adc_fault_i=0,
+            fault_pin_i=0,
+            hall_i=0,
+            encoder_i=0,
+            uart_rx_i=1,
+            can_rx_i=1,
+            spi_miso_i=1,
         )
         cocotb.start_soon(self._convert())
         cocotb.start_soon(self._listen())

@@ -1,9 +1,10 @@
 // What all boards share: reset, serial converters with their faults, the chip, indicators.
 //
 // Reset is held for ResetCycles clocks after configuration, after the PLL has locked and after the button is released
-// (1.3 ms: converters and gate drivers are up). The gate pins are off in their polarity meanwhile; gate drivers need
-// their own pull resistors, to off, for the time before configuration. Faults of the converters act like the gate
-// drivers' fault pin: gates off 4 clock edges after the frame that shows them.
+// (1.3 ms: converters and gate drivers are up). The gate pins are off in their polarity meanwhile, and the brake; they go
+// off without a clock, too, as soon as locked_i falls. Gate drivers need their own pull resistors, to off, for the time
+// before configuration. Faults of the converters are a trip of their own: gates off 2 clock edges after the frame that
+// shows them.
 //
 // led_o: 0 chip runs (not in reset), 1 gate driver fault now, 2 a converter channel was bad since reset, 3 a conversion
 // was missed since reset.
@@ -90,6 +91,8 @@ module fl_board
   logic adc_strobe, adc_valid, adc_missed, adc_fault;
   adc_code_t [Channels-1:0] adc_code;
   logic [Channels-1:0] adc_bad;
+  logic [Phases-1:0] gate_h, gate_l;
+  logic brake;
   logic [1:0] adc_seen;
 
   fl_adc_serial #(
@@ -139,11 +142,12 @@ module fl_board
       .adc_strobe_o     (adc_strobe),
       .adc_valid_i      (adc_valid),
       .adc_code_i       (adc_code),
-      .gate_h_o,
-      .gate_l_o,
+      .gate_h_o         (gate_h),
+      .gate_l_o         (gate_l),
       .gate_o           (),
-      .brake_o,
-      .fault_pin_i      (fault_pin_i || adc_fault),
+      .brake_o          (brake),
+      .adc_fault_i      (adc_fault),
+      .fault_pin_i,
       .hall_i,
       .encoder_i,
       .uart_rx_i,
@@ -169,6 +173,11 @@ module fl_board
       .trc_angle_valid_o(),
       .trc_angle_o      ()
   );
+
+  // Without flip-flops: a clock that stands still turns nothing off.
+  assign gate_h_o = HighActiveLow ? gate_h | {Phases{!locked_i}} : gate_h & {Phases{locked_i}};
+  assign gate_l_o = LowActiveLow ? gate_l | {Phases{!locked_i}} : gate_l & {Phases{locked_i}};
+  assign brake_o  = brake && locked_i;
 
   assign led_o = {adc_seen, fault_pin_i, !rst_q};
 

@@ -17,15 +17,19 @@
 // without a short, and they then stay off until every cause has been cleared and the guard was enabled again.
 //
 // Log: every clock in which an enabled cause appears that is not yet latched makes an entry, with the time stamp of
-// that clock (the gates change one clock later), the new causes, and of the last sample set the phase with the largest
-// |code - 2048| and its code. It is readable 3 clocks later; log outputs follow log_index_i by one clock.
+// that clock (the gates change one clock later), the new causes, and a code of the last sample set with its channel: of a
+// DC over-current idc (LogIdc), of an over- or under-voltage vdc (LogVdc), else, and always of a phase over-current, the
+// phase with the largest |code - 2048|. It is readable 3 clocks later; log outputs follow log_index_i by one clock.
+// first_o: what was present first since the last clear; where a cause is not gone when it is cleared, it is there anew.
 // Asserted: trip_o holds until clear_i; no short_o with a cause that rules it out.
 `default_nettype none
 module fl_trip
   import fl_pkg::*;
 #(
     parameter  int unsigned Phases   = 3,
-    localparam int unsigned Channels = 2 * Phases + 3  // v0.., i0.., vdc, idc, vsm
+    localparam int unsigned Channels = 2 * Phases + 3,  // v0.., i0.., vdc, idc, vsm
+    localparam logic [2:0]  LogIdc   = 3'd6,
+    localparam logic [2:0]  LogVdc   = 3'd7
 ) (
     input  logic                     clk_i,
     input  logic                     rst_i,
@@ -51,13 +55,13 @@ module fl_trip
     output trip_t                    event_cause_o,
     output trip_t                    latched_o,
     output trip_t                    present_o,        // causes present now, enabled or not
-    output trip_t                    first_o,          // first causes since everything was cleared
+    output trip_t                    first_o,          // first causes since the last clear
     output logic      [         7:0] count_o,          // events, saturates
     input  logic      [         2:0] log_index_i,      // 0 = newest
     output stamp_t                   log_stamp_o,
     output trip_t                    log_cause_o,
     output logic                     log_valid_o,
-    output logic      [         2:0] log_phase_o,
+    output logic      [         2:0] log_phase_o,      // phase, LogIdc or LogVdc
     output adc_code_t                log_code_o
 );
 
@@ -72,8 +76,8 @@ module fl_trip
     adc_code_t code;
   } log_entry_t;
 
-  if (Phases < 1 || Phases > 8) begin : gen_illegal
-    $fatal(1, "fl_trip: the log holds phase numbers of 3 bits (%m)");
+  if (Phases < 1 || Phases > 32'(LogIdc)) begin : gen_illegal
+    $fatal(1, "fl_trip: the log has numbers for 6 phases (%m)");
   end
 
   function automatic adc_code_t deviation(adc_code_t code);
@@ -86,9 +90,10 @@ module fl_trip
     for (int unsigned x = 0; x < Phases; x++) if (deviation(codes[x]) > limit) any_over = 1'b1;
   endfunction
 
-  // The phase with the largest deviation, the first of equals. All pairs at once: a chain of compares would be slow.
+  // Of the phases the one with the largest deviation, the first of equals. All pairs at once: a chain of compares would be
+  // slow.
   function automatic log_entry_t make_entry(stamp_t stamp, trip_t cause, adc_code_t [Phases-1:0] codes,
-                                            adc_code_t [Phases-1:0] deviations);
+                                            adc_code_t [Phases-1:0] deviations, adc_code_t vdc, adc_code_t idc);
     logic wins;
     make_entry = '{stamp: stamp, cause: cause, phase: 3'd0, code: '0};
     for (int unsigned x = 0; x < Phases; x++) begin
@@ -101,11 +106,19 @@ module fl_trip
         make_entry.code |= codes[x];
       end
     end
+    if (!cause.phase_current && cause.dc_current) begin
+      make_entry.phase = LogIdc;
+      make_entry.code  = idc;
+    end else if (!cause.phase_current && (cause.over_voltage || cause.under_voltage)) begin
+      make_entry.phase = LogVdc;
+      make_entry.code  = vdc;
+    end
   endfunction
 
   // Causes of the codes.
   logic phase_over_q, dc_over_q, over_voltage_q, under_voltage_q;
   adc_code_t [Phases-1:0] current_q, deviation_q;
+  adc_code_t vdc_q, idc_q;
   always_ff @(posedge clk_i) begin
     if (adc_valid_i) begin
       phase_over_q    <= any_over(adc_code_i[2*Phases-1:Phases], cfg_phase_lsb_i);
@@ -113,6 +126,8 @@ module fl_trip
       over_voltage_q  <= adc_code_i[ChannelVdc] > cfg_over_lsb_i;
       under_voltage_q <= adc_code_i[ChannelVdc] < cfg_under_lsb_i;
       current_q       <= adc_code_i[2*Phases-1:Phases];
+      vdc_q           <= adc_code_i[ChannelVdc];
+      idc_q           <= adc_code_i[ChannelIdc];
       for (int unsigned x = 0; x < Phases; x++) deviation_q[x] <= deviation(adc_code_i[Phases+x]);
     end
     if (rst_i) begin
@@ -173,10 +188,9 @@ module fl_trip
       event_stamp_q <= now_i;
       if (count_q != '1) count_q <= count_q + 8'd1;
     end
-    if (latched_q == '0) first_q <= active;
-    else if (latched_d == '0) first_q <= '0;
+    if (clear_i || latched_q == '0) first_q <= active;
     if (event_q) begin
-      log_mem[log_next_q] <= make_entry(event_stamp_q, event_cause_q, current_q, deviation_q);
+      log_mem[log_next_q] <= make_entry(event_stamp_q, event_cause_q, current_q, deviation_q, vdc_q, idc_q);
       log_next_q          <= log_next_q + 3'd1;
       if (log_used_q < 4'(LogEntries)) log_used_q <= log_used_q + 4'd1;
     end

@@ -1,7 +1,10 @@
 // Gate guard, trips, watchdog, brake chopper and lock with their registers.
 //
-// The watchdog, a locked setting that changed, the brake chopper's longest on-time and samples that stay away act as the
-// deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same block, that every
+// There are two guards, alike and fed alike, and a gate is on if both say so: a bit that flips in one of them turns a gate
+// off or makes a gap longer.
+//
+// The watchdog, a locked setting that changed, the brake chopper's longest on-time, samples that stay away and converter
+// faults act as the deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same block, that every
 // sample set feeds: nothing else sees a current that nobody looks at.
 `default_nettype none
 module fl_safety_wb
@@ -24,6 +27,7 @@ module fl_safety_wb
     input logic                     adc_valid_i,
     input adc_code_t [Channels-1:0] adc_code_i,
     input logic                     fault_pin_i,  // asynchronous
+    input logic                     adc_fault_i,  // level: a bad frame or a missed conversion
     input logic                     lost_i,
     input logic                     deadline_i,
 
@@ -47,17 +51,19 @@ module fl_safety_wb
   end
 
   localparam logic [7:0] ClearKey = 8'hA5;
-  logic trip, short, clear;
+  logic enabled, trip, short, clear;
   logic clear_written_q, feed_written_q;
   logic locked, changed, expired, wrong, brake_overload, sample_expired, sample_wrong, late;
-  logic [4:0] monitor_q;
+  logic [5:0] monitor_q;
+
+  assign enabled = hwif_out.guard.enable.value;
 
   // Key and report act once, in the clock after they have been written.
   assign clear = clear_written_q && hwif_out.command.clear_key.value == ClearKey;
   always_ff @(posedge clk_i) begin
     clear_written_q <= hwif_out.command.clear_key.swmod;
     feed_written_q  <= hwif_out.feed.step.swmod;
-    monitor_q       <= (clear ? 5'd0 : monitor_q) | {late, brake_overload, changed, wrong, expired};
+    monitor_q       <= (clear ? 6'd0 : monitor_q) | {adc_fault_i, late, brake_overload, changed, wrong, expired};
     if (rst_i) begin
       clear_written_q <= 1'b0;
       feed_written_q  <= 1'b0;
@@ -65,6 +71,7 @@ module fl_safety_wb
     end
   end
 
+  assign hwif_in.command.clear_key.hwclr        = clear_written_q;
   assign hwif_in.guard.high_active_low.next     = HighActiveLow;
   assign hwif_in.guard.low_active_low.next      = LowActiveLow;
   assign hwif_in.guard.safe_state.swwel         = locked;
@@ -113,7 +120,7 @@ module fl_safety_wb
   fl_watchdog u_watchdog (
       .clk_i,
       .rst_i,
-      .enable_i    (hwif_out.guard.enable.value),
+      .enable_i    (enabled),
       .cfg_cycles_i(hwif_out.watchdog.cycles.value),
       .feed_i      (feed_written_q),
       .step_i      (hwif_out.feed.step.value),
@@ -131,7 +138,7 @@ module fl_safety_wb
   fl_watchdog u_sample_watchdog (
       .clk_i,
       .rst_i,
-      .enable_i    (hwif_out.guard.enable.value || short),
+      .enable_i    (enabled || short),
       .cfg_cycles_i(24'(hwif_out.sample_age.cycles.value)),
       .feed_i      (adc_valid_i),
       .step_i      (sample_step_q),
@@ -178,15 +185,15 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
-      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload || late),
-      .guard_enable_i (hwif_out.guard.enable.value),
+      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload || late || adc_fault_i),
+      .guard_enable_i (enabled),
       .cfg_enable_i   (trip_enable),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),
       .cfg_dc_lsb_i   (hwif_out.current_limit.dc_lsb.value),
       .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
       .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
       .cfg_short_i    (hwif_out.guard.safe_state.value),
-      .never_i        (changed || late),
+      .never_i        (changed || late || adc_fault_i),
       .clear_i        (clear),
       .trip_o         (trip),
       .short_o        (short),
@@ -204,23 +211,31 @@ module fl_safety_wb
       .log_code_o     (hwif_in.log_cause.code.next)
   );
 
-  fl_gate_guard #(
-      .Phases       (Phases),
-      .HighActiveLow(HighActiveLow),
-      .LowActiveLow (LowActiveLow)
-  ) u_guard (
-      .clk_i,
-      .rst_i,
-      .enable_i   (hwif_out.guard.enable.value),
-      .dead_time_i(hwif_out.dead_time.cycles.value),
-      .trip_i     (trip),
-      .short_i    (short),
-      .req_h_i,
-      .req_l_i,
-      .gate_h_o,
-      .gate_l_o,
-      .gate_o
-  );
+  // Nothing makes one of the two: their registers follow from themselves.
+  logic [1:0][  Phases-1:0] guard_h, guard_l;
+  logic [1:0][2*Phases-1:0] guard_gate;
+  for (genvar n = 0; n < 2; n++) begin : gen_guard
+    fl_gate_guard #(
+        .Phases       (Phases),
+        .HighActiveLow(HighActiveLow),
+        .LowActiveLow (LowActiveLow)
+    ) u_guard (
+        .clk_i,
+        .rst_i,
+        .enable_i   (enabled),
+        .dead_time_i(hwif_out.dead_time.cycles.value),
+        .trip_i     (trip),
+        .short_i    (short),
+        .req_h_i,
+        .req_l_i,
+        .gate_h_o   (guard_h[n]),
+        .gate_l_o   (guard_l[n]),
+        .gate_o     (guard_gate[n])
+    );
+  end
+  assign gate_h_o = HighActiveLow ? guard_h[0] | guard_h[1] : guard_h[0] & guard_h[1];
+  assign gate_l_o = LowActiveLow ? guard_l[0] | guard_l[1] : guard_l[0] & guard_l[1];
+  assign gate_o   = guard_gate[0] & guard_gate[1];
 
   fl_safety_regs u_regs (
       .clk     (clk_i),

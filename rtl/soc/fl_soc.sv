@@ -41,6 +41,7 @@ module fl_soc
     output logic                     adc_strobe_o,  // 1 clock: hold the inputs and convert
     input  logic                     adc_valid_i,   // 1 clock: the codes of the last strobe
     input  adc_code_t [Channels-1:0] adc_code_i,
+    input  logic                     adc_fault_i,   // level: a bad frame or a missed conversion
 
     output logic [  Phases-1:0] gate_h_o,     // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
@@ -425,6 +426,7 @@ module fl_soc
       .now_i       (now),
       .adc_valid_i,
       .adc_code_i,
+      .adc_fault_i,
       .fault_pin_i,
       .lost_i      (lost),
       .deadline_i  (vector_deadline),

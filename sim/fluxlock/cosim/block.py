@@ -49,6 +49,7 @@ def run_block_test(
     seed: int | None = None,
     waves: bool = False,
     log: Path | None = None,
+    assertions: bool = True,
 ) -> None:
     """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails or the RTL stops.
 
@@ -57,7 +58,7 @@ def run_block_test(
     parameters: module parameters of this build; each set of parameters and sources has a build folder of its own.
     registers: register blocks (`"zcd"`, ...) whose generated sources are compiled too.
     testcase: cocotb test name(s), default all. extra_env: passed to the simulation. seed: cocotb's random seed.
-    log: file for what the simulation prints, default the terminal.
+    log: file for what the simulation prints, default the terminal. assertions: those of the RTL end the simulation.
     """
     if registers:
         generate_registers()
@@ -99,6 +100,7 @@ def run_block_test(
                 testcase=testcase,
                 seed=seed,
                 waves=waves,
+                plusargs=[] if assertions else ["+verilator+noassert"],
                 timescale=("1ns", "1ns"),
                 results_xml=str(run_dir / "results.xml"),
                 log_file=log,

@@ -66,7 +66,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "b vector_deadline",
     ),
     "safety": (
-        "b u_safety.u_guard.enable_i",
+        "b u_safety.enabled",
         "b fault_pin_i",
         "b brake_o",
         "b tripped",
