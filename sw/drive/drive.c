@@ -26,6 +26,7 @@
 #define MID_CODE_Q4 (2048 * 16)
 // Trips that mean nothing while the gates are off anyway.
 #define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
+#define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
 
 const char *drive_state_name(drive_state_t state) {
   static const char *const names[] = {"init", "ready", "starting", "running", "stopping", "fault"};
@@ -288,41 +289,70 @@ static bool is_over_current(fault_t fault) {
   return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
 }
 
-// A drive that has lost its lock drives current against the EMF: an over-current after missed crossings is its
-// consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the restart shorts a
-// rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two in a row: all
-// of the last 64 to 128 ticks count.
-static bool means_lost_lock(const drive_t *drive, const chip_snapshot_t *in, fault_t fault) {
+// A drive that has lost its lock drives current against the EMF: an over-current after missed crossings, or at a speed that
+// no rotor has, is its consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the
+// restart shorts a rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two
+// in a row: all of the last 64 to 128 ticks count. While starting a short circuit looks the same: once may be chance.
+COLD static bool excuses_over_current(drive_t *drive, const chip_snapshot_t *in, bool impossible) {
   const uint8_t lately = (uint8_t)(in->timeouts - drive->m.timeouts_before);
   const bool missed = drive->command.timer == COMMUTATION_ZCD &&
                       (in->misses >= MISSES_BEFORE_TRIP || lately >= MISSES_BEFORE_TRIP);
-  const bool restarting = drive->state == STATE_STARTING && drive->restarts > 0u;
-  const bool unseen = restarting && drive->phase == START_PRECHARGE;
-  const bool locking = drive->state == STATE_STARTING && drive->phase == START_LOCK;
-  const bool blamed = hall_blames_crossings(drive);
-  return fault == FAULT_LOST_LOCK || (is_over_current(fault) && (missed || unseen || locking || blamed));
+  const bool lost = missed || impossible || (in->trip_first & TRIP_LOST_LOCK) != 0u || hall_blames_crossings(drive);
+  if (drive->state != STATE_STARTING) {
+    return drive->state == STATE_RUNNING && lost;
+  }
+  const bool unseen = drive->restarts > 0u && drive->phase == START_PRECHARGE;
+  const bool excused = !drive->start_excused && (lost || unseen || drive->phase == START_LOCK);
+  drive->start_excused = drive->start_excused || excused;
+  return excused;
 }
 
-// Gates are off already when a trip is seen here: this gives it its name. True: the state has been left.
-COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in) {
+// Of the latched trips those that a lost lock explains; a link that falls after another one is judged by the start. A drive
+// that is ready has no lock to lose.
+COLD static uint32_t explained_trips(drive_t *drive, const chip_snapshot_t *in, uint32_t first, bool impossible) {
+  if (drive->state == STATE_READY) {
+    return 0;
+  }
+  uint32_t explained = TRIP_LOST_LOCK | (TRIP_UNDER_VOLTAGE & ~first);
+  const uint32_t over_current = in->trip_latched & TRIPS_OF_CURRENT;
+  if (over_current != 0u && excuses_over_current(drive, in, impossible)) {
+    explained |= TRIPS_OF_CURRENT;
+    fault_log_add(&drive->log, fault_of_trip(over_current), drive->tick);
+  }
+  return explained;
+}
+
+// A rotor that jams loses its lock without a missed crossing; soon after a start there has been no lock.
+COLD static void lose_lock(drive_t *drive, bool impossible) {
+  const bool soon = drive->state == STATE_RUNNING && drive->state_ticks < (uint32_t)drive->p->restart_clear_ticks;
+  if (impossible && soon) {
+    start_failed(drive);
+  } else {
+    drive_lost_lock(drive);
+  }
+}
+
+// Gates are off already when a trip is seen here: this gives it its name. Only what is explained is cleared unnamed by the
+// restart. True: the state has been left.
+COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in, bool impossible) {
   const bool coasting = drive->state == STATE_STARTING && drive->phase == START_COAST;
   const bool clearing = coasting && drive->state_ticks <= CLEAR_TICKS;
-  uint32_t causes = (in->trip_first != 0u) ? in->trip_first : in->trip_latched;
-  if (drive->state == STATE_READY) {
-    causes &= ~(uint32_t)TRIPS_OF_RUNNING;
-  }
-  if (causes == 0u || clearing) {
+  const uint32_t counts = (drive->state == STATE_READY) ? ~(uint32_t)TRIPS_OF_RUNNING : UINT32_MAX;
+  const uint32_t latched = in->trip_latched & counts;
+  const uint32_t first = ((in->trip_first != 0u) ? in->trip_first : in->trip_latched) & counts;
+  if (latched == 0u || clearing) {
     return false;
   }
+  const uint32_t rest = latched & ~explained_trips(drive, in, first, impossible);
+  if (rest == 0u) {
+    lose_lock(drive, impossible);
+    return true;
+  }
+  const uint32_t causes = ((first & rest) != 0u) ? first & rest : rest;
   const fault_t fault = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u ? fault_of_monitor(in->trip_monitor)
                                                                   : fault_of_trip(causes);
-  if (means_lost_lock(drive, in, fault)) {
-    drive_lost_lock(drive);
-  } else if (is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u) {
-    drive_enter_fault(drive, FAULT_HALL_SENSOR);
-  } else {
-    drive_enter_fault(drive, fault);
-  }
+  const bool by_sensors = is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u;
+  drive_enter_fault(drive, by_sensors ? FAULT_HALL_SENSOR : fault);
   return true;
 }
 
@@ -347,27 +377,17 @@ bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25) {
   return drive->command.timer == COMMUTATION_ZCD && emf_v_q25 / 4 > drive->u_v_q25 - drop_v_q25;
 }
 
-// A rotor that jams loses its lock without a missed crossing; soon after a start there has been no lock. True: the state
-// has been left.
-HOT static bool speed_impossible(drive_t *drive) {
+// No rotor turns at the measured speed.
+HOT static bool speed_impossible(drive_t *drive, bool over) {
   // The phases' current is right however seldom it is sampled; braking it drops nothing.
   const int32_t driving_i_q25 = (drive->m.idc_q17 > 0) ? drive->m.motor_q17 * 256 : 0;
   const bool outruns = drive_outruns_voltage(drive, gain_apply(driving_i_q25, drive->scheduled.resistance));
-  const bool over = drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm;
   drive->outrun_ticks = outruns ? drive->outrun_ticks + 1u : 0u;
-  if (drive->outrun_ticks >= OUTRUN_TICKS || (over && outruns)) {
-    drive->outrun_ticks = 0;
-    if (drive->state == STATE_RUNNING && drive->state_ticks < (uint32_t)drive->p->restart_clear_ticks) {
-      start_failed(drive);
-    } else {
-      drive_lost_lock(drive);
-    }
-    return true;
+  if (drive->outrun_ticks < OUTRUN_TICKS && !(over && outruns)) {
+    return false;
   }
-  if (over) {
-    drive_enter_fault(drive, FAULT_OVERSPEED);
-  }
-  return over;
+  drive->outrun_ticks = 0;
+  return true;
 }
 
 HOT bool drive_supervise(drive_t *drive, const chip_snapshot_t *in) {
@@ -378,14 +398,28 @@ HOT bool drive_supervise(drive_t *drive, const chip_snapshot_t *in) {
     drive_enter_fault(drive, FAULT_NO_SAMPLES);
     return true;
   }
-  if (drive->m.speed_valid && (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING) &&
-      speed_impossible(drive)) {
+  const bool turning = drive->m.speed_valid && (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING);
+  const bool over = turning && drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm;
+  const bool impossible = turning && speed_impossible(drive, over);
+  // Before anything that starts anew, and clears.
+  if (in->trip_latched != 0u && handle_trips(drive, in, impossible)) {
     return true;
   }
-  if (in->trip_latched != 0u && handle_trips(drive, in)) {
+  if (impossible) {
+    lose_lock(drive, impossible);
+    return true;
+  }
+  if (over) {
+    drive_enter_fault(drive, FAULT_OVERSPEED);
     return true;
   }
   return drive->hall.driving && (drive->hall.faulty || hall_rotor_stalled(drive)) && sensors_lost(drive);
+}
+
+COLD void drive_renew_attempts(drive_t *drive) {
+  drive->failed_starts = 0;
+  drive->restarts = 0;
+  drive->start_excused = false;
 }
 
 COLD void drive_handle_request(drive_t *drive) {
@@ -393,8 +427,7 @@ COLD void drive_handle_request(drive_t *drive) {
   drive->request = REQUEST_NONE;
   const bool active = drive->state == STATE_STARTING || drive->state == STATE_RUNNING || drive->state == STATE_STOPPING;
   if (request == REQUEST_START && drive->state == STATE_READY) {
-    drive->failed_starts = 0;
-    drive->restarts = 0;
+    drive_renew_attempts(drive);
     drive->hall.driving = false;
     start_begin(drive);
   } else if (request == REQUEST_STOP && drive->state == STATE_RUNNING) {
@@ -483,8 +516,7 @@ HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
         break;
       }
       if (drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
-        drive->restarts = 0;
-        drive->failed_starts = 0;
+        drive_renew_attempts(drive);
       }
       break;
     case STATE_STOPPING:

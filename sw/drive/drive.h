@@ -303,6 +303,7 @@ typedef struct {
   uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   uint32_t failed_starts;
   bool pulled_out;  // the last start failed because a load turned the rotor: it may be caught again
+  bool start_excused;  // an over-current while starting has been taken for a lost lock
   uint32_t restarts;
   uint32_t lost_locks;  // since boot
   volatile uint32_t heard_tick;  // of the console's last line
@@ -372,6 +373,7 @@ void drive_init_step(drive_t *drive, const chip_snapshot_t *in);  // current off
 bool drive_supervise(drive_t *drive, const chip_snapshot_t *in);  // true: the state has been left
 void drive_handle_request(drive_t *drive);
 void drive_lost_lock(drive_t *drive);
+void drive_renew_attempts(drive_t *drive);  // of restarts and starts: all that the parameters allow
 void drive_enter(drive_t *drive, drive_state_t state);
 void drive_enter_fault(drive_t *drive, fault_t fault);
 void drive_gates_off(drive_t *drive);

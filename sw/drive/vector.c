@@ -311,8 +311,7 @@ HOT static void observed_step(drive_t *drive, const chip_snapshot_t *in) {
       if (v->suspicion >= v->lost_checks) {
         drive_lost_lock(drive);
       } else if (drive->state == STATE_RUNNING && drive->state_ticks >= (uint32_t)p->restart_clear_ticks) {
-        drive->restarts = 0;
-        drive->failed_starts = 0;
+        drive_renew_attempts(drive);
       }
       break;
     default:

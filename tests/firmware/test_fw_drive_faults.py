@@ -109,7 +109,7 @@ def test_restarts_are_limited() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(start_retries=2))
+    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(start_retries=2, catch_rotor=False))
     bench.start(20_000)
     bench.run(0.2)
     bench.model.m[am.M_BLIND] = 1.0

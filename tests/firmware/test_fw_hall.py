@@ -324,6 +324,21 @@ def test_restart_by_edges() -> None:
     assert bench.model.rpm > 50_000
 
 
+def test_over_current_while_ready_starts_nothing() -> None:
+    """Stopped just after the edges took over: an over-current with gates off is a fault, no reason to start again.
+
+    Verifies: FW-18, FW-43
+    """
+    bench = fallback()
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.run(0.01, lambda: value(bench, "commutated_by") == "hall")
+    assert bench.fw.command("stop now") == ["ok"]
+    assert bench.until_state("ready", 0.001)
+    bench.trip(am.TRIP_PHASE)
+    bench.run(0.0003)
+    assert (bench.fw.state, value(bench, "fault")) == ("fault", "phase_over_current")
+
+
 def test_drive_without_sensors_reads_none() -> None:
     """Off: the sensors are off in every respect.
 
