@@ -317,7 +317,13 @@ def test_speed_target_by_console_line() -> None:
         ('event[1].command=" "', '"" is no command of the drive'),
         ("event[0].at_s=0.0", "event[0].at_s: 0 s is too early for speed_rpm: the drive boots until 0.001 s"),
         ("inverter.supply_v=29.5", "sensing.voltage_full_scale_v: 30 V leaves no room for an over-voltage trip"),
-        ("inverter.protection.over_voltage_v=30", "over_voltage_v: 30 V is not below sensing.voltage_full_scale_v"),
+        *(
+            (f"inverter.protection.over_voltage_v={volts}", f"over_voltage_v: {volts} V is above 29.9854 V, two steps")
+            for volts in (30, 29.997, 29.99)
+        ),
+        ("inverter.protection.over_voltage_v=29.985", "OK"),
+        ("inverter.protection.under_voltage_v=0.005", "under_voltage_v: 0.005 V is below one step of the converter"),
+        ("inverter.protection.under_voltage_v=0", "OK"),
         ("inverter.protection.over_voltage_v=25", "over_voltage_v: 25 V is not above supply_v (25 V)"),
         (f"inverter.brake_chopper={BRAKE % (25, 27)}", "brake_chopper.off_v: 25 V is not above supply_v (25 V)"),
         (f"inverter.brake_chopper={BRAKE % (26, 29.4)}", "on_v: 29.4 V is not below the over-voltage trip (29.4 V)"),

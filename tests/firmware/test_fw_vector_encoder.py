@@ -96,7 +96,7 @@ def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock(monkeypatch: 
 
     Verifies: ENC-04
     """
-    values: dict[str, Value] = {**VALUES, "restart_retries": 0, "trip_enable": 0}
+    values: dict[str, Value] = {**VALUES, "restart_retries": 0}
     bench = VectorBench(replace(SENSORED, encoder_index=False), inverter=NO_TRIP, values=values)
     bench.start(20_000, 0.2)
     bench.run(0.2)

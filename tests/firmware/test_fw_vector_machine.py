@@ -149,7 +149,7 @@ def test_rotor_that_stops_is_a_lost_lock() -> None:
     Verifies: VC-16
     """
     for retries, fault in ((0, "lost_lock"), (1, "none")):
-        bench = VectorBench(values={**FAST, "restart_retries": retries, "trip_enable": 0}, inverter=NO_TRIP)
+        bench = VectorBench(values={**FAST, "restart_retries": retries}, inverter=NO_TRIP)
         bench.start(30_000)
         bench.run(0.1)
         bench.omega, bench.locked = 0.0, True

@@ -185,9 +185,17 @@ class Inverter(Model):
         if over_v is None and self.supply_v >= 0.98 * self.sensing.voltage_full_scale_v:
             text = f"{full} leaves no room for an over-voltage trip above supply_v ({supply})"
             raise conflict("sensing.voltage_full_scale_v", text)
-        if over_v is not None and over_v >= self.sensing.voltage_full_scale_v:
-            text = f"{with_unit(over_v, 'V')} is not below sensing.voltage_full_scale_v ({full}): it could never act"
+        # The converter's largest code exceeds the one before it, and nothing below its first code.
+        step_v = self.sensing.voltage_full_scale_v / 2**self.sensing.bits
+        highest_v = self.sensing.voltage_full_scale_v - 2 * step_v
+        if over_v is not None and over_v > highest_v:
+            text = f"{with_unit(over_v, 'V')} is above {with_unit(highest_v, 'V')}, two steps of the converter below "
+            text += f"sensing.voltage_full_scale_v ({full}): it could never act"
             raise conflict("protection.over_voltage_v", text)
+        if under_v is not None and 0 < under_v < step_v:
+            text = f"{with_unit(under_v, 'V')} is below one step of the converter ({with_unit(step_v, 'V')}): it could "
+            text += "never act, which 0 says"
+            raise conflict("protection.under_voltage_v", text)
         if over_v is not None and over_v <= self.supply_v:
             text = f"{with_unit(over_v, 'V')} is not above supply_v ({supply}): the drive would trip at once"
             raise conflict("protection.over_voltage_v", text)
