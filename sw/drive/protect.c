@@ -14,6 +14,7 @@ static bool silent(const drive_t *drive) {
   return limit > 0u && active && drive->tick - drive->heard_tick > limit;
 }
 
+// Several at once: the first of them has the name, a silent console the last.
 COLD bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t current_i_q17, uint32_t ticks) {
   protect_t *t = &drive->protect;
   const parameters_t *p = drive->p;
@@ -30,7 +31,7 @@ COLD bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t curren
   for (uint32_t x = 0; x < PHASES; x++) {
     sum_i_q17 += in->i_q17[x];
   }
-  if (sum_step(&t->sum, sum_i_q17, p->sum_limit_q17)) {
+  if (sum_step(&t->sum, sum_i_q17, p->sum_limit_q17) && fault == FAULT_NONE) {
     fault = FAULT_CURRENT_SUM;
   }
   seen_q17[0] = drive->m.idc_mean_q17;
@@ -40,10 +41,11 @@ COLD bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t curren
   seen_q17[1] = powered ? vdc_q17 : (int32_t)t->still.last[1] + 1;
   const uint32_t wanted = (uint32_t)p->still_ticks / ticks;
   const uint32_t looks = (wanted > 0u && wanted < STILL_LOOKS_MIN) ? STILL_LOOKS_MIN : wanted;
-  if (in->sum_count > 0u && still_step(&t->still, seen_q17, STILL_CHANNELS_MAX, looks)) {
+  const bool still = in->sum_count > 0u && still_step(&t->still, seen_q17, STILL_CHANNELS_MAX, looks);
+  if (still && fault == FAULT_NONE) {
     fault = FAULT_STUCK_CHANNEL;
   }
-  if (silent(drive)) {
+  if (silent(drive) && fault == FAULT_NONE) {
     fault = FAULT_COMMAND_TIMEOUT;
   }
   if (fault != FAULT_NONE) {

@@ -203,6 +203,39 @@ def test_silent_console(lines: bool) -> None:
         assert bench.fw.state == "ready", "without power there is nothing to stop"
 
 
+def test_silence_hides_no_other_fault() -> None:
+    """Wrong currents and a silent console found in one look: the fault is that of the currents.
+
+    Verifies: FW-47, FW-48
+    """
+
+    def started() -> NoisyBench:
+        bench = NoisyBench(inverter=NOISY)
+        bench.start(30_000)
+        while bench.ticks < 4000:
+            bench.step()
+        return bench
+
+    def fault_tick(bench: NoisyBench, wrong_from: float = math.inf) -> int:
+        while bench.fw.state == "running":
+            bench.kept = {"ib": 30_000} if bench.ticks >= wrong_from else {}
+            bench.step()
+        return bench.ticks
+
+    wrong = started()
+    late = fault_tick(wrong, wrong_from=4000) - 4000
+    assert fault_of(wrong) == "current_sum"
+    silent = started()
+    silent.fw.command("set command_timeout_ms 50")
+    end = fault_tick(silent)
+    assert fault_of(silent) == "command_timeout"
+    assert (end - late) % 8 == 0, "looks are every eighth tick"
+    both = started()
+    both.fw.command("set command_timeout_ms 50")
+    assert fault_tick(both, wrong_from=end - late) == end
+    assert fault_of(both) == "current_sum"
+
+
 @pytest.mark.parametrize(
     ("monitor", "name"),
     [
