@@ -38,6 +38,8 @@ static void enter(canopen_t *node, pds_t state) {
   c->state = state;
   c->then = PDS_ENABLED;
   c->command.running = false;
+  c->driving = false;
+  c->stopped = false;
   if (state == PDS_ENABLED) {
     c->in_control = true;
     c->given = false;
@@ -236,6 +238,7 @@ static void give(canopen_t *node, const link_order_t *order) {
 // By the ramp to standstill; true: it stands with the gates off.
 static bool stop_by_ramp(canopen_t *node, uint32_t ramp) {
   cia402_t *c = &node->drive;
+  c->driving = false;
   if (!is_active(node)) {
     return true;
   }
@@ -250,6 +253,7 @@ static bool stop_by_ramp(canopen_t *node, uint32_t ramp) {
 
 static bool stop_by_option(canopen_t *node, int32_t option) {
   if (option == OPTION_OFF) {
+    node->drive.driving = false;
     if (is_active(node)) {
       link_request(node->app, REQUEST_STOP_NOW);
     }
@@ -297,9 +301,11 @@ static bool run(canopen_t *node) {
     direct_torque(node, &order);
   }
   give(node, &order);
-  if (c->status.state == STATE_READY) {
+  const bool ready = c->status.state == STATE_READY;
+  if (ready) {
     link_request(node->app, REQUEST_START);
   }
+  c->driving = c->driving || ready || (c->status.state != STATE_STOPPING && c->status.request == REQUEST_NONE);
   return limited;
 }
 
@@ -309,6 +315,9 @@ static bool move(canopen_t *node) {
   bool limited = false;
   switch (c->state) {
     case PDS_ENABLED:
+      if (c->stopped) {
+        break;
+      }
       if (c->then != PDS_ENABLED) {
         if (stop_by_option(node, OPTION_SLOW)) {
           enter(node, c->then);
@@ -364,6 +373,18 @@ static void follow_faults(canopen_t *node) {
     emcy_clear(node, EMCY_DRIVE);
     emcy_clear(node, EMCY_COMMAND_TIMEOUT);
     emcy_clear(node, EMCY_BUS_OFF);
+    enter(node, PDS_DISABLED);
+  }
+}
+
+// A stop that is not the master's, from the console, ends the operation: the master enables it anew.
+static void follow_stops(canopen_t *node) {
+  cia402_t *c = &node->drive;
+  const bool active = is_active(node);
+  if (c->driving && (!active || c->status.state == STATE_STOPPING)) {
+    c->stopped = true;
+  }
+  if (c->stopped && !active) {
     enter(node, PDS_DISABLED);
   }
 }
@@ -436,6 +457,7 @@ void cia402_step(canopen_t *node) {
   link_status(node->app, &c->status);
   node->value[OD_MODES_OF_OPERATION_DISPLAY] = node->value[OD_MODES_OF_OPERATION];
   follow_faults(node);
+  follow_stops(node);
   watch_command(node);
   const bool limited = move(node);
   show(node, limited);

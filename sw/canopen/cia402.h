@@ -33,6 +33,8 @@ typedef struct {
   uint32_t controlword;
   bool in_control;     // the node has started the motor, or is to stop it
   bool clearing;       // a fault reset is on its way through the drive
+  bool driving;        // the operation has the motor on, or has asked for it
+  bool stopped;        // by somebody else since
   bool backward;       // torque mode: direction of the rotor
   uint32_t error_code;
   link_status_t status;

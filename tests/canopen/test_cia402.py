@@ -361,6 +361,44 @@ def test_console_keeps_its_motor() -> None:
     assert bench.run(2.0, lambda: bench.bench.fw.state == "ready"), "the target of the profile is 0"
 
 
+@pytest.mark.parametrize(("line", "ramp"), [("stop", True), ("stop now", False)])
+def test_stop_at_the_console_ends_the_operation(turning: NodeBench, line: str, ramp: bool) -> None:
+    """The motor stops as the console says and stays off: the master enables the operation anew to start it.
+
+    Verifies: CO-09, CO-12
+    """
+    b = turning
+    assert b.bench.fw.command(line) == ["ok"]
+    b.run(0.005)
+    assert (b.state, b.bench.fw.state) == (("enabled", "stopping") if ramp else ("disabled", "ready"))
+    b.write("target_velocity", 25_000)
+    assert b.run(0.5, lambda: b.bench.fw.state == "ready")
+    assert (b.bench.model.rpm < 15_000) == ramp
+    b.run(0.1, lambda: b.bench.fw.state != "ready")
+    assert (b.state, b.bench.fw.state) == ("disabled", "ready")
+    b.write("controlword", 0x0F)
+    b.run(0.01)
+    assert (b.state, b.bench.fw.state) == ("disabled", "ready")
+    b.write("controlword", 0x06)
+    b.write("controlword", 0x0F)
+    assert b.run(0.1, lambda: b.bench.fw.state == "starting")
+
+
+def test_stop_at_the_console_just_after_the_start(bench: NodeBench) -> None:
+    """Also a start that the node has not seen yet is not made again.
+
+    Verifies: CO-09, CO-12
+    """
+    bench.enable()
+    bench.write("target_velocity", 20_000)
+    bench.idle(0.001)
+    bench.bench.fw.command("stop now")  # replaces the start that waits for the control tick
+    for _ in range(100):
+        bench.run(0.001)
+        assert bench.bench.fw.state == "ready"
+    assert bench.state == "disabled"
+
+
 def test_wrong_parameters() -> None:
     """A drive without a valid parameter block is in fault for good, and every object can still be read.
 
