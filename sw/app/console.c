@@ -74,6 +74,15 @@ static const char *command_status(app_t *app) {
   return 0;
 }
 
+static void put_channel(uint32_t channel) {
+  if (channel >= (uint32_t)TRIP_CHANNEL_IDC) {
+    console_put((channel == (uint32_t)TRIP_CHANNEL_VDC) ? "vdc" : "idc");
+  } else {
+    const char name[] = {'i', (char)('a' + (char)channel), '\0'};
+    console_put(name);
+  }
+}
+
 static const char *command_faults(const app_t *app) {
   const fault_log_t *log = &app->drive.log;
   const uint32_t shown = (log->count < FAULT_LOG_LENGTH) ? log->count : FAULT_LOG_LENGTH;
@@ -95,8 +104,8 @@ static const char *command_faults(const app_t *app) {
       console_put(fault_name(fault_of_trip(record.causes)));
       console_put(" clock ");
       put_u32(record.stamp);
-      console_put(" phase ");
-      put_u32(record.phase);
+      console_put(" channel ");
+      put_channel(record.channel);
       console_put(" code ");
       put_u32(record.code_lsb);
       console_put("\n");

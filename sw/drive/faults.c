@@ -38,6 +38,7 @@ const char *fault_name(fault_t fault) {
       [FAULT_OPEN_PHASE] = "open_phase",
       [FAULT_OPEN_PHASES] = "open_phases",
       [FAULT_BRAKE_OVERLOAD] = "brake_overload",
+      [FAULT_CONVERTER] = "converter",
   };
   return ((uint32_t)fault < FAULT_COUNT) ? names[fault] : "unknown";
 }
@@ -66,6 +67,9 @@ fault_t fault_of_monitor(uint32_t monitor) {
   }
   if ((monitor & MONITOR_LATE) != 0u) {
     return FAULT_NO_SAMPLES;
+  }
+  if ((monitor & MONITOR_CONVERTER) != 0u) {
+    return FAULT_CONVERTER;
   }
   if ((monitor & MONITOR_BRAKE) != 0u) {
     return FAULT_BRAKE_OVERLOAD;

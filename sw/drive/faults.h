@@ -39,6 +39,7 @@ typedef enum {
   FAULT_OPEN_PHASE,
   FAULT_OPEN_PHASES,
   FAULT_BRAKE_OVERLOAD,
+  FAULT_CONVERTER,
   FAULT_COUNT,
 } fault_t;
 
@@ -51,7 +52,7 @@ typedef struct {
 
 typedef struct {
   fault_entry_t entry[FAULT_LOG_LENGTH];
-  uint32_t count;  // faults since boot; entry (count - 1) % length is the newest
+  uint32_t count;  // since boot, with what the drive rode through; entry (count - 1) % length is the newest
 } fault_log_t;
 
 // Name of a fault, as the console prints it.

@@ -487,7 +487,7 @@ trip_record_t chip_trip_record(uint32_t index) {
   trip_record_t record;
   record.valid = BITS(FL_SAFETY_REGS__LOG_CAUSE__VALID, cause) != 0u;
   record.causes = BITS(FL_SAFETY_REGS__LOG_CAUSE__CAUSE, cause);
-  record.phase = BITS(FL_SAFETY_REGS__LOG_CAUSE__PHASE, cause);
+  record.channel = BITS(FL_SAFETY_REGS__LOG_CAUSE__PHASE, cause);
   record.code_lsb = BITS(FL_SAFETY_REGS__LOG_CAUSE__CODE, cause);
   record.stamp = reg_read(REG(safety.log_time));
   return record;

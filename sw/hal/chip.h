@@ -81,14 +81,15 @@ void chip_irq_clear(uint32_t sources);
 uint32_t chip_tick_overruns(void);
 uint32_t chip_all_overruns(void);
 
-// Newest trip of the hardware's log.
+// Entry of the hardware's log; channel of the code: a phase's current, 0.., or one of the link's.
+enum { TRIP_CHANNEL_IDC = 6, TRIP_CHANNEL_VDC = 7 };
 typedef struct {
   bool valid;
   uint32_t causes;
   uint32_t stamp;
-  uint32_t phase;
+  uint32_t channel;
   uint32_t code_lsb;
 } trip_record_t;
-trip_record_t chip_trip_record(uint32_t index);
+trip_record_t chip_trip_record(uint32_t index);  // 0: the newest
 
 #endif

@@ -55,6 +55,7 @@ enum {
   MONITOR_CHANGED = 1u << 2,
   MONITOR_BRAKE = 1u << 3,
   MONITOR_LATE = 1u << 4,
+  MONITOR_CONVERTER = 1u << 5,  // a bad frame, or a missed conversion
 };
 
 // How the machine is driven, fixed by the parameters.

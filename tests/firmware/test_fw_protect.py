@@ -6,6 +6,7 @@ import ctypes
 import itertools
 import math
 import random
+import re
 from dataclasses import replace
 
 import pytest
@@ -247,6 +248,11 @@ def test_silence_hides_no_other_fault() -> None:
         (8, "brake_overload"),
         (16, "no_samples"),
         (24, "no_samples"),
+        (32, "converter"),
+        (32 | 1, "converter"),
+        (32 | 8, "converter"),
+        (32 | 16, "no_samples"),
+        (32 | 4, "settings_changed"),
     ],
 )
 def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
@@ -260,6 +266,39 @@ def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:
     bench.trip(0x80)
     bench.run(0.0003)
     assert (bench.fw.state, fault_of(bench)) == ("fault", name)
+
+
+@pytest.mark.parametrize("present", [False, True])
+def test_converter_fault_is_cleared_when_it_is_gone(present: bool) -> None:
+    """A frame that stays bad is the same fault again after clear; one that was is forgotten.
+
+    Verifies: FW-18, FW-49
+    """
+    bench = Bench()
+    assert bench.until_state("ready", 0.1)
+    bench.put("safety.monitor", 1 << 5)
+    bench.trip(0x80, now=0x80 if present else 0)
+    bench.run(0.0003)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "converter")
+    assert bench.fw.command("clear") == ["ok"]
+    bench.run(0.01)
+    assert (bench.fw.state, fault_of(bench)) == (("fault", "converter") if present else ("ready", "none"))
+
+
+@pytest.mark.parametrize(
+    ("channel", "cause", "told"),
+    [(0, 1, "ia"), (2, 4, "ic"), (4, 1, "ie"), (6, 2, "idc"), (7, 16, "vdc"), (7, 32, "vdc")],
+)
+def test_trip_log_names_its_channel(channel: int, cause: int, told: str) -> None:
+    """The console tells of a trip which channel the code was of: a phase's current or one of the link.
+
+    Verifies: FW-18
+    """
+    bench = Bench()
+    bench.put("safety.log_cause", 3000 << 16 | channel << 12 | 1 << 8 | cause)
+    bench.put("safety.log_time", 123_456)
+    (line,) = {line for line in bench.fw.command("faults") if line.startswith("trip ")}
+    assert re.fullmatch(rf"trip \w+ clock 123456 channel {told} code 3000", line), line
 
 
 @pytest.mark.parametrize(("choice", "bit"), [("off", 0), ("short", 1)])

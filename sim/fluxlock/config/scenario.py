@@ -70,6 +70,7 @@ DriveFault = Literal[
     "open_phase",
     "open_phases",
     "brake_overload",
+    "converter",
 ]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 

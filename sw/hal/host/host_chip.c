@@ -97,12 +97,15 @@ uint32_t reg_read(uint32_t address) {
   return *at(address);
 }
 
-// Latched trips whose cause is gone, and the first cause, are cleared by the key.
+// The key clears latched trips whose cause is gone, and what a deadline trip was; what is present is the first from then on.
 static void safety_command(uint32_t value) {
   if (BITS(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, value) == 0xA5u) {
     const uint32_t now = BITS(FL_SAFETY_REGS__TRIP__NOW, *at(REG(safety.trip)));
     *at(REG(safety.trip)) = FIELD(FL_SAFETY_REGS__TRIP__LATCHED, now) | FIELD(FL_SAFETY_REGS__TRIP__NOW, now) |
                             FIELD(FL_SAFETY_REGS__TRIP__FIRST, now);
+    if ((now & TRIP_DEADLINE) == 0u) {
+      *at(REG(safety.monitor)) &= ~(uint32_t)FL_SAFETY_REGS__MONITOR__CAUSE_bm;
+    }
   }
 }
 
