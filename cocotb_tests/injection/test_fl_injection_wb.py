@@ -284,9 +284,34 @@ async def changed_settings_never_stop_the_steps(dut: Any) -> None:
     updates, syncs = len(tb.times["update_o"]), len(tb.times["sync_o"])
     for _ in range(400):
         await tb.write("injection.control", rng.getrandbits(6) | rng.getrandbits(1) << 8)
+        await tb.write(*rng.choice([("injection.wave", rng.getrandbits(32)), ("injection.delay", rng.randrange(8))]))
         await tb.clocks(rng.randrange(60))
     assert abs((len(tb.times["update_o"]) - updates) - (len(tb.times["sync_o"]) - syncs)) <= 1
     assert len(tb.times["update_o"]) - updates > 20
+
+
+@cocotb.test()
+@cocotb.parametrize(wrong=[(0, 0, 0), (1, 0, 0), (4, 4, 2), (4, 1, 4), (8, 4095, 2)])
+async def no_wave_out_of_range(dut: Any, wrong: tuple[int, int, int]) -> None:
+    """Period, first phase, delay: with one out of its range there is no wave, with right ones there is one again.
+
+    Verifies: INJ-26
+    """
+    tb = TB(dut)
+    await tb.start(cfg_mode_i=ONCE, cfg_offset_i=OFFSET)
+    await tb.modulator(Settings(period=PERIOD))
+    await tb.window(OFFSET, 0, OFFSET)
+    await tb.control(source=1, enable=1, regulate=0)
+    await tb.settle()
+    await configure(tb, LOCK_IN, 0, 4, Filter.design(0.1, 1.0, 0.45), Filter.design(0.005, 1.0, 1.4), 0)
+    await tb.write("timer.tick_samples", 1)
+    for (period, first, delay), runs in ((wrong, 0), ((4, 1, 2), 1), (wrong, 0)):
+        await tb.write("injection.wave", period | first << 16)
+        await tb.write("injection.delay", delay)
+        await tb.write("injection.control", 1)
+        for _ in range(12):
+            await tb.tick()
+        assert await tb.read("injection.snap_state") >> 31 == runs, f"{period} {first} {delay}"
 
 
 @pytest.mark.parametrize("phases", [3, 5])

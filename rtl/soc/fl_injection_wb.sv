@@ -1,7 +1,8 @@
 // Injection path with its registers, beside the vector path.
 //
 // tap_i is what the vector path shows, injection_o what it takes. The wave's voltage, and whether the regulators' current
-// comes from here, belong to the step that starts with it; nothing of it acts while the wave does not run.
+// comes from here, belong to the step that starts with it; nothing of it acts while the wave does not run. A period, a
+// first phase or a delay out of its range acts as enable 0: no wave starts, and one that runs ends with its period.
 `default_nettype none
 module fl_injection_wb
   import fl_pkg::*;
@@ -27,13 +28,18 @@ module fl_injection_wb
   fl_injection_regs_pkg::fl_injection_regs__in_t  hwif_in;
   fl_injection_regs_pkg::fl_injection_regs__out_t hwif_out;
   settings_t settings;
+  phase_t period;
+  logic fits;
+
+  assign period = hwif_out.wave.period.value;
+  assign fits = period >= phase_t'(2) && hwif_out.wave.first.value < period && hwif_out.delay.updates.value < period;
 
   always_comb begin
-    settings.enable    = hwif_out.control.enable.value;
+    settings.enable    = hwif_out.control.enable.value && fits;
     settings.method    = method_e'(hwif_out.control.method.value);
     settings.remove    = hwif_out.control.remove.value;
     settings.sine      = hwif_out.control.sine.value;
-    settings.period    = hwif_out.wave.period.value;
+    settings.period    = period;
     settings.first     = hwif_out.wave.first.value;
     settings.delay     = hwif_out.delay.updates.value;
     settings.rate      = hwif_out.rate.turn_q36.value;

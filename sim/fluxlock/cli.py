@@ -326,9 +326,11 @@ def campaign(
 
 @app.command()
 def fuzz(
-    drives: Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, vector; both without.")] = None,
+    drives: Annotated[
+        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, vector, five-phase; all without.")
+    ] = None,
     runs: Annotated[int, typer.Option(min=1, help="Runs a drive, each with a seed of its own.")] = 10,
-    ms: Annotated[float, typer.Option(min=0.1, max=100.0, help="Length of a run, ms.")] = 3.0,
+    ms: Annotated[float, typer.Option(min=1.0, max=100.0, help="Length of a run, ms.")] = 10.0,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and runs.")] = None,
 ) -> None:

@@ -149,7 +149,8 @@ def c_code() -> str:
         for method in ("six-step", "vector"):
             build_firmware(folder, can_method=method)
         build_loader()
-        build_fuzz()
+        for phases in (3, 5):
+            build_fuzz(phases)
         build_canopen_library()
         build_bus_library()
         for source in sorted((SW / BENCH).glob("*.c")):

@@ -12,6 +12,7 @@ from fluxlock.analysis.rundata import LogKind
 from tests.analysis.synthetic import CLOCK_HZ, Drive, make_run
 
 A_HIGH, A_LOW, B_LOW = 1, 2, 8
+E_HIGH, E_LOW = 256, 512
 OFF_CLOCKS = 8000
 
 
@@ -41,7 +42,8 @@ def test_violations_are_found() -> None:
     Verifies: FRONT-25
     """
     assert safety([(100, A_HIGH | B_LOW), (110, A_HIGH | A_LOW)]).shoot_throughs == 1
-    for first, second in ((A_HIGH, A_LOW), (A_LOW, A_HIGH)):
+    assert safety([(100, E_HIGH), (110, E_HIGH | E_LOW)]).shoot_throughs == 1
+    for first, second in ((A_HIGH, A_LOW), (A_LOW, A_HIGH), (E_HIGH, E_LOW)):
         assert safety([(1, first), (50, 0), (52, second)]).least_dead_time_s == pytest.approx(2 / CLOCK_HZ)
     # One switch pulsing again is no change-over; nor is the other one after it without its own gap.
     assert safety([(1, A_HIGH), (50, 0), (52, A_HIGH)]).least_dead_time_s is None

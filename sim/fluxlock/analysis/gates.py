@@ -8,7 +8,7 @@ import numpy as np
 
 from fluxlock.analysis.rundata import BoolArray, IntArray, LogKind, RunData
 
-LEGS = 3
+LEGS = 5  # at most; those that are not there have no edges
 
 
 @dataclass(frozen=True)

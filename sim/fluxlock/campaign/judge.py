@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fluxlock.analysis.angles import phase_currents
 from fluxlock.analysis.gates import gate_safety
-from fluxlock.analysis.rundata import BoolArray, RunData
+from fluxlock.analysis.rundata import BoolArray, RecordArray, RunData
 from fluxlock.campaign.grid import ANY, Fault
 from fluxlock.config import Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
@@ -63,6 +64,13 @@ def gates_in_use(t_s: np.ndarray, on: BoolArray) -> BoolArray:
     return used
 
 
+def over_current_s(records: RecordArray, clock_hz: float, limit_a: float) -> float:
+    """Longest time for which a phase current was above the trip's limit while a gate was on."""
+    t_s = records["t_cycle"] / clock_hz
+    peak = np.max(np.abs(np.stack([records[name] for name in phase_currents(records)])), axis=0)
+    return longest_s(t_s, (peak > CURRENT_MARGIN * limit_a) & gates_in_use(t_s, records["gates"] != 0))
+
+
 def _console(data: RunData, name: str) -> str:
     found = [line.split()[1] for line in data.uart if line.startswith(f"{name} ") and len(line.split()) > 1]
     return found[-1] if found else ""
@@ -82,9 +90,7 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> 
     records = data.records[data.records["t_cycle"] >= since_cycle]
     t_s = records["t_cycle"] / data.clock_hz
     gated = gates_in_use(t_s, records["gates"] != 0)
-    limit_a = CURRENT_MARGIN * scenario.inverter.protection.phase_current_a
-    peak = np.max(np.abs(np.stack([records[name] for name in ("ia", "ib", "ic")])), axis=0)
-    over_s = longest_s(t_s, (peak > limit_a) & gated)
+    over_s = over_current_s(records, data.clock_hz, scenario.inverter.protection.phase_current_a)
     count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
     mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
     rated_nm = 1.5 * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a

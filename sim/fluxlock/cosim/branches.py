@@ -114,6 +114,9 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
             break
         if state == STATE_STARTING and stop >= end:
             end = min(stop + branch.cycles, branch.cycle + PATIENCE * branch.cycles)
+    if not session.plan.final_commands:
+        session.answers = session.replies()
+        return
     session.native.send("status")
     asked = len(session.replies())
     for _ in range(20):

@@ -25,6 +25,7 @@ from fluxlock.firmware import BusLibrary
 from fluxlock.paths import BUILD, ROOT
 
 Progress = Callable[[ProgressInfo], None]
+LOG_FILE = "simulator.log"  # in the plan's folder
 
 
 class SimulatorError(Exception):
@@ -91,7 +92,7 @@ def run_plan(
     if chip.waves:
         first, last = plan.plant.recording.zoom[0]
         command += ["--waves-from", str(first), "--waves-to", str(last)]
-    log_path = folder / "simulator.log"
+    log_path = folder / LOG_FILE
     env = simulator_environment(plan.save(), folder / "results.xml")
     if firmware is not None:
         command += ["--firmware", str(firmware.path)]

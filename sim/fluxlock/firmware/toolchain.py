@@ -184,10 +184,11 @@ def build_program(name: str) -> Path:
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
 
 
-def build_fuzz() -> Path:
-    """Flat binary of the firmware with the main loop of `fuzz_main.c`: three phases."""
+def build_fuzz(phases: int = 3) -> Path:
+    """Flat binary of the firmware with the main loop of `fuzz_main.c`, for a chip with 3 or 5 phases."""
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
-    return _build_image("fuzz", [FUZZ_MAIN, *sources], BUILD / "firmware")
+    _, _, defined, _ = _variant(phases, None)
+    return _build_image(f"fuzz-{phases}", [FUZZ_MAIN, *sources], BUILD / "firmware", defined)
 
 
 def build_program_library(name: str) -> Path:
