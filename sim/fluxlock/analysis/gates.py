@@ -8,7 +8,7 @@ import numpy as np
 
 from fluxlock.analysis.rundata import BoolArray, IntArray, LogKind, RunData
 
-LEGS = 3
+LEGS = 5  # gates of legs that a machine does not have are never on
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ async def _pass(session: Session, cycle: int) -> None:
     while session.native.status.cycle < cycle:
         await session.wait_until(min(cycle, session.native.status.cycle + session.plan.batch_cycles))
         session.drain()
+        session.exchange()
 
 
 async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> None:
@@ -104,6 +105,7 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
         stop = min(end, now + LOOK_CYCLES, *(a.cycle for a in actions[:1]))
         await session.wait_until(stop)
         session.drain()
+        session.exchange()
         session.watched.append([int(session.native.peek(address, 1)[0]) for address in session.plan.watch])
         state = int(session.native.peek(STATE_ADDRESS, 1)[0])
         if state != STATE_FAULT:
@@ -122,3 +124,5 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
         if len(session.replies()) > asked:
             break
     session.answers = session.replies()
+    if session.plan.peer is not None:
+        session.conclusion = session.plan.peer.conclusion()
