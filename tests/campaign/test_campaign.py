@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import random
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,19 @@ from typing import Any
 import pytest
 
 from fluxlock.campaign import run
-from fluxlock.campaign.grid import DRIVES, PLANT_FAULTS, actions_of, upsets
-from fluxlock.campaign.judge import STOPPED, WRONG
+from fluxlock.campaign.grid import DRIVES, Drive, Fault, actions_of, plant_faults, upsets
+from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.run import grid, run_drive
 from fluxlock.config import ConfigError
+from fluxlock.paths import ROOT, RTL
+from fluxlock.plant import channel_names
 
 SEED = 1
+
+
+def drive_of(name: str) -> Drive:
+    """Drive of a name."""
+    return next(drive for drive in DRIVES if drive.name == name)
 
 
 def test_sample() -> None:
@@ -54,8 +62,104 @@ def test_the_grid_is_large_enough() -> None:
     """
     runs = {drive.name: grid(drive, SEED, quick=False) for drive in DRIVES}
     assert sum(map(len, runs.values())) >= 500
-    for name in ("six-step", "vector"):
-        assert {fault.name for fault in PLANT_FAULTS} <= {run.fault.name for run in runs[name]}
+    for name in ("six-step", "vector", "five-phase"):
+        assert {fault.name for fault in plant_faults(drive_of(name))} <= {run.fault.name for run in runs[name]}
+
+
+def arguments_of(faults: list[Fault], kind: str) -> list[dict[str, Any]]:
+    """Arguments of the faults' changes of a kind."""
+    return [dict(arguments) for fault in faults for _, changed, arguments in fault.changes if changed == kind]
+
+
+@pytest.mark.parametrize("name", ["six-step", "start", "vector", "five-phase"])
+def test_every_phase_is_reached(name: str) -> None:
+    """Each phase opens, each leg's switch sticks, each channel sticks and has a glitch; no other channel is named.
+
+    Verifies: CAMP-07
+    """
+    drive = drive_of(name)
+    phases, faults = drive.load().motor.phases, plant_faults(drive)
+    broken = arguments_of(faults, "fault")
+    alone = [(x["kind"], x["phases"][0]) for x in broken if "phases" in x and len(x["phases"]) == 1]
+    assert {x for kind, x in alone if kind == "open_phase"} == set(range(phases))
+    assert {x for kind, x in alone if kind in ("stuck_high", "stuck_low")} == set(range(phases))
+    stuck = [fault for fault in faults if len(fault.changes) == 1]
+    glitches = [fault for fault in faults if fault.name.endswith("for 1 us")]
+    for some in (stuck, glitches):
+        assert {x["channel"] for x in arguments_of(some, "fault") if "channel" in x} == set(channel_names(phases))
+    assert {x["channel"] for x in arguments_of(faults, "sensor") if "channel" in x} <= set(channel_names(phases))
+
+
+def inputs_of_the_top() -> set[str]:
+    """Inputs of the chip, bit by bit but for the converter's codes, as its source declares them."""
+    text = (RTL / "soc" / "fl_soc.sv").read_text()
+    declared = re.findall(r"^\s*input\s+(?:logic|adc_code_t)\s*(\[[^\]]*\])?\s*(\w+)\s*,", text, re.MULTILINE)
+    assert len(declared) == len(re.findall(r"^\s*input\b", text, re.MULTILINE))
+    found = set()
+    for span, name in declared:
+        top = re.fullmatch(r"\[\s*(\d+):0\]", span)
+        found |= {f"{name}[{bit}]" for bit in range(int(top[1]) + 1)} if top else {name}
+    return found
+
+
+def test_every_pin_is_reached() -> None:
+    """Each input of the chip is forced for 1 us in every drive; clock and reset are not, channels have the codes.
+
+    Verifies: CAMP-07
+    """
+    for drive in (d for d in DRIVES if not d.moments[0].boot):
+        faults = [fault for fault in plant_faults(drive) if fault.name.endswith("for 1 us")]
+        forced = {str(x["pin"]) for x in arguments_of(faults, "pin")}
+        assert forced == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}, drive.name
+        ports = [fault for fault in plant_faults(drive) if fault.name.endswith("for 1 clock")]
+        assert {str(x["pin"]) for x in arguments_of(ports, "pin")} == forced
+        assert {x["cycles"] for x in arguments_of(ports, "pin")} == {1}
+
+
+def test_pins_of_the_simulator() -> None:
+    """The simulator's main drives and forces all of them, under the same names.
+
+    Verifies: CAMP-07
+    """
+    text = (ROOT / "sim" / "native" / "cosim_main.cpp").read_text()
+    table = re.search(r"PIN_NAMES\[\] = \{(.*?)\};", text, re.DOTALL)
+    assert table
+    assert set(re.findall(r'"([^"]+)"', table[1])) == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}
+
+
+def test_forced_pins() -> None:
+    """A forced pin is the chip's: the driver's fault and missing converter sets are named, an unused bus is not.
+
+    Verifies: CAMP-01
+    """
+    print(f"seed {SEED}")
+    wanted = {
+        "fault_pin_i wrong for 1 clock": "fault_pin",
+        "adc_valid_i at 0 for 1 ms": "no_samples",
+        "can_rx_i wrong for 1 us": "none",
+    }
+    drive = replace(DRIVES[0], moments=DRIVES[0].moments[:1])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
+        rows = run_drive(drive, SEED, quick=False, jobs=1)
+    assert {row["disturbance"]: row["fault"] for row in rows} == wanted
+    assert all(row["outcome"] != WRONG for row in rows)
+
+
+def test_master_names_what_the_bus_does() -> None:
+    """A bus that carries nothing for longer than the command timeout stops the drive; the node tells why once it can.
+
+    Verifies: CAMP-08
+    """
+    print(f"seed {SEED}")
+    wanted = {"CAN bus dominant for 30 ms", "CAN bus dominant for 1 us"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
+        rows = run_drive(drive_of("can"), SEED, quick=False, jobs=1)
+    short, long = sorted(rows, key=lambda row: str(row["outcome"]))
+    print(rows)
+    assert (short["disturbance"], short["outcome"]) == ("CAN bus dominant for 1 us", RIDDEN)
+    assert (long["outcome"], long["fault"]) == (STOPPED, "command_timeout")
 
 
 def test_a_register_by_name() -> None:

@@ -75,7 +75,7 @@ class Moment:
 class Drive:
     """A scenario and its moments.
 
-    can: the chip has the CAN controller although the firmware has no node. pins: only its pins are disturbed.
+    can: the chip has the CAN controller although the firmware has no node. pins: only pins and bits are disturbed.
     """
 
     name: str
@@ -146,7 +146,7 @@ def _held(pins: Sequence[str], span_s: float, level: int | None = None) -> tuple
 
 
 # Of the rated torque. The heavy one turns a rotor that only stands aligned backwards, faster and faster.
-HEAVY, DRIVING = 4.5, 1.1
+HEAVY, DRIVING = 4.0, 1.0
 # A link voltage as a plausible code, of the supply; a dip, of the supply; a rise beyond the limit, of the full scale.
 PLAUSIBLE, DIP, BEYOND = 0.967, 0.4, 1 / 300
 FOR_EVER_S = 10.0
@@ -166,7 +166,8 @@ def _sensor_faults(s: Scenario) -> list[Fault]:
     return [
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED) for x in terminals),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED) for x, code in ((v[0], top), (v[1], 0))),
-        *(Fault(f"{x} stuck", (_stuck(x),), SENSED, must_stop=True) for x in i),
+        # One that stands at the value of the moment is seen once the true current has left it.
+        *(Fault(f"{x} stuck", (_stuck(x),), SENSED, must_stop=True, span_s=SLOW_S) for x in i),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True)
           for x, code in zip(i, cycle((middle, top, 0)), strict=False)),
         Fault("idc stuck", (_stuck("idc"),), SENSED, must_stop=True, span_s=SLOW_S),
@@ -213,10 +214,10 @@ def _machine_faults(s: Scenario) -> list[Fault]:
         Fault(f"supply rises to {rise_v:g} V", ((0.0, "supply", {"supply_v": rise_v, "ramp_s": 1e-3}),), LINK,
               must_stop=True),
         Fault("rotor jams", ((0.0, "mechanics", {"mode": "locked"}),), LOCK | CURRENT, turning=True),
-        Fault(f"load {HEAVY:g} of the rated torque", ((0.0, "load", {"constant_nm": HEAVY * rated_nm}),),
+        Fault(f"load of {HEAVY:g} times the rated torque", ((0.0, "load", {"constant_nm": HEAVY * rated_nm}),),
               LOCK | CURRENT | {"overload", "overspeed"}),
-        Fault(f"load drives, {DRIVING:g} of the rated torque", ((0.0, "load", {"constant_nm": -DRIVING * rated_nm}),),
-              LOCK | LINK | CURRENT | {"overspeed"}),
+        Fault(f"load drives with {DRIVING:g} times the rated torque",
+              ((0.0, "load", {"constant_nm": -DRIVING * rated_nm}),), LOCK | LINK | CURRENT | {"overspeed"}),
     ]  # fmt: skip
     if n > 3:  # with three, no current is left
         found += [

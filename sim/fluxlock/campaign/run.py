@@ -68,8 +68,7 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
         else:
             chosen = rng.sample(range(len(known)), len(known) // (6 if quick else 1))
             faults = [known[n] for n in sorted(chosen)]
-            if not drive.pins:
-                faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
+            faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
         for fault in faults:
             if fault.turning and not moment.turning:
                 continue
