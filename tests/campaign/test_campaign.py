@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import random
 import re
 from dataclasses import replace
@@ -127,39 +128,57 @@ def test_pins_of_the_simulator() -> None:
     assert set(re.findall(r'"([^"]+)"', table[1])) == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}
 
 
-def test_forced_pins() -> None:
+def run_some(monkeypatch: pytest.MonkeyPatch, drive: Drive, wanted: dict[str, tuple[str, str]]) -> None:
+    """The wanted disturbances of a drive's first moment end as they should: outcome and fault."""
+    print(f"seed {SEED}")
+    first = replace(drive, moments=drive.moments[:1])
+    monkeypatch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
+    rows = run_drive(first, SEED, quick=False, jobs=1)
+    for row in rows:
+        print(row)
+    assert {row["disturbance"]: (row["outcome"], row["fault"]) for row in rows} == wanted
+
+
+def test_forced_pins(monkeypatch: pytest.MonkeyPatch) -> None:
     """A forced pin is the chip's: the driver's fault and missing converter sets are named, an unused bus is not.
 
     Verifies: CAMP-01
     """
-    print(f"seed {SEED}")
     wanted = {
-        "fault_pin_i wrong for 1 clock": "fault_pin",
-        "adc_valid_i at 0 for 1 ms": "no_samples",
-        "can_rx_i wrong for 1 us": "none",
+        "fault_pin_i wrong for 1 clock": (STOPPED, "fault_pin"),
+        "adc_valid_i at 0 for 1 ms": (STOPPED, "no_samples"),
+        "uart_rx_i wrong for 1 us": (RIDDEN, "none"),
+        "can_rx_i wrong for 1 us": (RIDDEN, "none"),
     }
-    drive = replace(DRIVES[0], moments=DRIVES[0].moments[:1])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
-        rows = run_drive(drive, SEED, quick=False, jobs=1)
-    assert {row["disturbance"]: row["fault"] for row in rows} == wanted
-    assert all(row["outcome"] != WRONG for row in rows)
+    run_some(monkeypatch, DRIVES[0], wanted)
 
 
-def test_master_names_what_the_bus_does() -> None:
-    """A bus that carries nothing for longer than the command timeout stops the drive; the node tells why once it can.
+def test_phases_beyond_three(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five phases while the rest position is searched: faults of the last leg, winding and channels are named.
+
+    Verifies: CAMP-01
+    """
+    wanted = {
+        "ie stuck at 4095": (STOPPED, "phase_over_current"),
+        "id at 4095 for 1 us": (STOPPED, "phase_over_current"),
+        "upper switch E stuck": (STOPPED, "fault_pin"),
+        "ve at 4095 for 1 us": (RIDDEN, "none"),
+    }
+    # The chip of the other tests.
+    run_some(monkeypatch, replace(drive_of("five-phase"), can=False), wanted)
+
+
+@pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
+def test_the_node_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bus without commands for longer than the timeout stops the drive, the node tells why; a short one does not.
 
     Verifies: CAMP-08
     """
-    print(f"seed {SEED}")
-    wanted = {"CAN bus dominant for 30 ms", "CAN bus dominant for 1 us"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
-        rows = run_drive(drive_of("can"), SEED, quick=False, jobs=1)
-    short, long = sorted(rows, key=lambda row: str(row["outcome"]))
-    print(rows)
-    assert (short["disturbance"], short["outcome"]) == ("CAN bus dominant for 1 us", RIDDEN)
-    assert (long["outcome"], long["fault"]) == (STOPPED, "command_timeout")
+    wanted = {
+        "CAN bus dominant for 1 us": (RIDDEN, "none"),
+        "CAN bus dominant for 30 ms": (STOPPED, "command_timeout"),
+    }
+    run_some(monkeypatch, drive_of("can"), wanted)
 
 
 def test_a_register_by_name() -> None:
