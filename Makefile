@@ -37,7 +37,8 @@ can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random fr
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
 canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours; random register accesses
-	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py tests/campaign/test_fuzz.py
+	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py \
+	  tests/campaign/test_fuzz.py tests/campaign/test_campaign.py::test_the_node_tells
 
 native: $(TEST) ## the firmware in the simulator's process, on chips with five phases and with CAN too
 	@FLUXLOCK_NATIVE_CHIPS=1 FLUXLOCK_CAN_CHIP=1 $(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core

@@ -305,7 +305,10 @@ def regression(
 @app.command()
 def campaign(
     drives: Annotated[
-        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, start, vector, boot; all without.")
+        list[str] | None,
+        typer.Argument(
+            metavar="DRIVE", help="six-step, start, vector, five-phase, hall, encoder, can, boot; all without."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a sixth of the faults.")] = False,
     every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,

@@ -33,10 +33,24 @@ constexpr int64_t NEVER = INT64_MAX;
 constexpr int CHANNELS = COSIM_CHANNELS;
 constexpr int PHASES = (CHANNELS - 3) / 2;
 constexpr int64_t RESET_CYCLES = 10;
-constexpr int32_t LOGGED_PINS = 0xF;  // not the encoder's
 constexpr uint64_t HALF_PERIOD = 10;  // time units (ns) in half a clock
 
 uint64_t main_time = 0;
+
+// Single inputs of the chip, all but clock and reset; a force takes them by these names.
+constexpr const char* PIN_NAMES[] = {"fault_pin_i",  "hall_i[0]",    "hall_i[1]", "hall_i[2]", "encoder_i[0]", "encoder_i[1]",
+                                     "encoder_i[2]", "uart_rx_i",    "can_rx_i",  "spi_miso_i", "adc_valid_i"};
+constexpr int PIN_COUNT = sizeof PIN_NAMES / sizeof PIN_NAMES[0];
+constexpr int PIN_HALL = 1, PIN_ENCODER = 4, PIN_UART = 7, PIN_CAN = 8, PIN_MISO = 9, PIN_VALID = 10;
+constexpr uint32_t PLANT_PINS = 0x7F;  // levels that the plant gives
+constexpr uint32_t LOGGED_PINS = 0xF;  // of these, without the encoder's
+constexpr uint32_t IDLE_PINS = 1u << PIN_UART | 1u << PIN_CAN;
+
+// A disturbance: a pin has this level, or with level -1 the opposite one, from a cycle up to another.
+struct force_t {
+    int64_t start, end;
+    int pin, level;
+};
 
 // Input of the chip that does not come from the plant kernel, as recorded for replay.
 struct input_t {
@@ -64,7 +78,10 @@ struct cosim_t {
     uint32_t levels = 0;    // of the gate pins: upper ones in bits 0.., lower ones in bits 8..
     uint32_t polarity = 0;  // levels at which all switches are off
     int brake = 0;
-    int32_t pins = 0;
+    uint32_t driven = IDLE_PINS;  // levels that are driven, a bit a pin
+    uint32_t pins = IDLE_PINS;    // and those at the chip
+    std::vector<force_t> forces;
+    int64_t force_at = NEVER;  // the next start or end of one
     int64_t conversion = 35;
     int64_t valid_at = NEVER;  // adc_valid_i rises after this edge
     int64_t valid_low_at = NEVER;  // and falls after this one
@@ -83,7 +100,7 @@ struct cosim_t {
     std::vector<can_node_t*> can_nodes;
     int can_sent = 1;      // by the chip
     int can_pins = 3;      // as last logged
-    int64_t next = NEVER;  // earliest of valid_at, rx_next, tx_next, plant_at, can.next
+    int64_t next = NEVER;  // earliest of valid_at, valid_low_at, rx_next, tx_next, plant_at, can.next, force_at
     recorder_t rec;
     bool stop = false;
 };
@@ -120,6 +137,7 @@ void plan() {
     if (C.tx_next < C.next) C.next = C.tx_next;
     if (C.plant_at < C.next) C.next = C.plant_at;
     if (C.can.next < C.next) C.next = C.can.next;
+    if (C.force_at < C.next) C.next = C.force_at;
     if (R.pin < R.pins.size() && R.pins[R.pin].cycle < C.next) C.next = R.pins[R.pin].cycle;
 }
 
@@ -152,6 +170,45 @@ void put_codes(Vtop* t) {
         }
     }
     if (bits) words[w] = static_cast<uint32_t>(acc);
+}
+
+// Levels as driven, with the forces, to the chip.
+void put_pins(Vtop* t) {
+    uint32_t pins = C.driven;
+    for (const force_t& f : C.forces) {
+        if (C.st.cycle < f.start) continue;
+        const uint32_t bit = 1u << f.pin;
+        pins = f.level < 0 ? pins ^ bit : (pins & ~bit) | static_cast<uint32_t>(f.level) << f.pin;
+    }
+    const uint32_t changed = pins ^ C.pins;
+    C.pins = pins;
+    t->fault_pin_i = pins & 1;
+    t->hall_i = pins >> PIN_HALL & 7;
+    t->encoder_i = pins >> PIN_ENCODER & 7;
+    t->uart_rx_i = pins >> PIN_UART & 1;
+    t->can_rx_i = pins >> PIN_CAN & 1;
+    t->spi_miso_i = pins >> PIN_MISO & 1;
+    t->adc_valid_i = pins >> PIN_VALID & 1;
+    if (changed & LOGGED_PINS) log_row(LOG_PINS, pins & LOGGED_PINS, 0);
+    if (C.rec.on && changed & PLANT_PINS) C.rec.inputs.push_back({C.st.cycle, 1, pins & PLANT_PINS});
+}
+
+void drive_pins(Vtop* t, uint32_t mask, uint32_t levels) {
+    const uint32_t driven = (C.driven & ~mask) | (levels & mask);
+    if (driven == C.driven) return;
+    C.driven = driven;
+    put_pins(t);
+}
+
+void drive_pin(Vtop* t, int pin, int level) { drive_pins(t, 1u << pin, static_cast<uint32_t>(level) << pin); }
+
+// Forces that begin and end now.
+void force_step(Vtop* t) {
+    const auto over = [](const force_t& f) { return f.end <= C.st.cycle; };
+    C.forces.erase(std::remove_if(C.forces.begin(), C.forces.end(), over), C.forces.end());
+    C.force_at = NEVER;
+    for (const force_t& f : C.forces) C.force_at = std::min(C.force_at, f.start > C.st.cycle ? f.start : f.end);
+    put_pins(t);
 }
 
 void console_step(Vtop* t) {
@@ -190,7 +247,7 @@ void console_step(Vtop* t) {
         }
         if (C.rx_bit >= 0) {
             const uint8_t byte = static_cast<uint8_t>(C.to_chip[C.to_chip_pos]);
-            t->uart_rx_i = C.rx_bit == 0 ? 0 : C.rx_bit == 9 ? 1 : (byte >> (C.rx_bit - 1)) & 1;
+            drive_pin(t, PIN_UART, C.rx_bit == 0 ? 0 : C.rx_bit == 9 ? 1 : (byte >> (C.rx_bit - 1)) & 1);
             if (C.rx_bit == 9) C.to_chip_pos++;
             C.rx_bit++;
             C.rx_next = C.st.cycle + C.bit_time;
@@ -201,25 +258,10 @@ void console_step(Vtop* t) {
 void can_step(Vtop* t) {
     if (t->can_tx_o != C.can_sent) C.can_sent = t->can_tx_o, C.can.chip(C.st.cycle, C.can_sent);
     C.can.run(C.st.cycle);
-    t->can_rx_i = static_cast<uint8_t>(C.can.level);
+    drive_pin(t, PIN_CAN, C.can.level);
     const int pins = C.can_sent | C.can.level << 1;
     if (C.log_can && pins != C.can_pins) C.can_pins = pins, log_row(LOG_CAN, pins, 0);
     plan();
-}
-
-void drive_pins(Vtop* t, int32_t pins) {
-    t->fault_pin_i = pins & 1;
-    t->hall_i = pins >> 1 & 7;
-    t->encoder_i = pins >> 4 & 7;
-}
-
-void set_pins(Vtop* t, int32_t pins) {
-    if (pins == C.pins) return;
-    const bool logged = (pins ^ C.pins) & LOGGED_PINS;
-    C.pins = pins;
-    drive_pins(t, pins);
-    if (logged) log_row(LOG_PINS, pins & LOGGED_PINS, 0);
-    if (C.rec.on) C.rec.inputs.push_back({C.st.cycle, 1, pins});
 }
 
 void plant_event(Vtop* t, int32_t flags) {
@@ -249,7 +291,7 @@ void plant_event(Vtop* t, int32_t flags) {
             for (int i = 0; i < CHANNELS; i++) C.codes[i] = static_cast<uint16_t>(C.io[i]);
             if (C.rec.on) C.rec.codes.insert(C.rec.codes.end(), C.codes, C.codes + CHANNELS);
         }
-        set_pins(t, C.io[IO_PINS] | C.io[IO_ENCODER] << 4);
+        drive_pins(t, PLANT_PINS, static_cast<uint32_t>(C.io[IO_PINS] | C.io[IO_ENCODER] << PIN_ENCODER));
         C.plant_at = C.io[IO_ENCODER_WAIT] > 0 ? C.st.cycle + C.io[IO_ENCODER_WAIT] : NEVER;
         plan();
     }
@@ -296,15 +338,17 @@ void slow_step(Vtop* t) {
         plan();
     }
     if (C.st.cycle >= C.next) {
-        if (C.st.cycle >= C.valid_low_at) t->adc_valid_i = 0, C.valid_low_at = NEVER;
+        if (C.st.cycle >= C.valid_low_at) drive_pin(t, PIN_VALID, 0), C.valid_low_at = NEVER;
         if (C.st.cycle >= C.valid_at) {
             put_codes(t);
-            t->adc_valid_i = 1;
+            drive_pin(t, PIN_VALID, 1);
             C.valid_at = NEVER;
             C.valid_low_at = C.st.cycle + 1;
         }
-        while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle) drive_pins(t, R.pins[R.pin++].value);
+        while (R.pin < R.pins.size() && R.pins[R.pin].cycle <= C.st.cycle)
+            drive_pins(t, PLANT_PINS, static_cast<uint32_t>(R.pins[R.pin++].value));
         console_step(t);
+        if (C.st.cycle >= C.force_at) force_step(t);
         plan();
     }
 }
@@ -322,10 +366,7 @@ void power_up(Vtop* t) {
     memory = &t->rootp->fl_soc__DOT__u_cpu__DOT__u_ram__DOT__mem[0];
     t->clk_i = 0;
     t->rst_i = 1;
-    t->adc_valid_i = 0;
-    drive_pins(t, 0);
-    t->uart_rx_i = 1;
-    t->can_rx_i = 1;
+    put_pins(t);
     put_codes(t);
     t->eval();
 }
@@ -410,6 +451,18 @@ API void cosim_can_state(int32_t node, can_state_t* state) {
 }
 // A disturbance: the bus has this level from a cycle up to another, both to come.
 API void cosim_can_force(int64_t start, int64_t end, int32_t level) { C.can.force(start, end, level), plan(); }
+API int32_t cosim_pin_count() { return PIN_COUNT; }
+API const char* cosim_pin_name(int32_t n) { return PIN_NAMES[n]; }
+// A disturbance: a pin has this level, or with -1 the opposite of the one that is driven, for so many clock edges from the
+// next but one on.
+API int32_t cosim_force_pin(int32_t pin, int32_t level, int64_t cycles) {
+    if (pin < 0 || pin >= PIN_COUNT || level < -1 || level > 1 || cycles < 1) return -1;
+    const int64_t start = C.st.cycle + 1;
+    C.forces.push_back({start, start + cycles, pin, level});
+    C.force_at = std::min(C.force_at, start);
+    plan();
+    return 0;
+}
 API void cosim_can_log(int32_t on) { C.log_can = on != 0; }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes

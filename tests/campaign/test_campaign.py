@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import random
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +13,19 @@ from typing import Any
 import pytest
 
 from fluxlock.campaign import run
-from fluxlock.campaign.grid import DRIVES, PLANT_FAULTS, actions_of, upsets
-from fluxlock.campaign.judge import STOPPED, WRONG
+from fluxlock.campaign.grid import DRIVES, Drive, Fault, actions_of, plant_faults, upsets
+from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.run import grid, run_drive
 from fluxlock.config import ConfigError
+from fluxlock.paths import ROOT, RTL
+from fluxlock.plant import channel_names
 
 SEED = 1
+
+
+def drive_of(name: str) -> Drive:
+    """Drive of a name."""
+    return next(drive for drive in DRIVES if drive.name == name)
 
 
 def test_sample() -> None:
@@ -54,8 +63,122 @@ def test_the_grid_is_large_enough() -> None:
     """
     runs = {drive.name: grid(drive, SEED, quick=False) for drive in DRIVES}
     assert sum(map(len, runs.values())) >= 500
-    for name in ("six-step", "vector"):
-        assert {fault.name for fault in PLANT_FAULTS} <= {run.fault.name for run in runs[name]}
+    for name in ("six-step", "vector", "five-phase"):
+        assert {fault.name for fault in plant_faults(drive_of(name))} <= {run.fault.name for run in runs[name]}
+
+
+def arguments_of(faults: list[Fault], kind: str) -> list[dict[str, Any]]:
+    """Arguments of the faults' changes of a kind."""
+    return [dict(arguments) for fault in faults for _, changed, arguments in fault.changes if changed == kind]
+
+
+@pytest.mark.parametrize("name", ["six-step", "start", "vector", "five-phase"])
+def test_every_phase_is_reached(name: str) -> None:
+    """Each phase opens, each leg's switch sticks, each channel sticks and has a glitch; no other channel is named.
+
+    Verifies: CAMP-07
+    """
+    drive = drive_of(name)
+    phases, faults = drive.load().motor.phases, plant_faults(drive)
+    broken = arguments_of(faults, "fault")
+    alone = [(x["kind"], x["phases"][0]) for x in broken if "phases" in x and len(x["phases"]) == 1]
+    assert {x for kind, x in alone if kind == "open_phase"} == set(range(phases))
+    assert {x for kind, x in alone if kind in ("stuck_high", "stuck_low")} == set(range(phases))
+    stuck = [fault for fault in faults if len(fault.changes) == 1]
+    glitches = [fault for fault in faults if fault.name.endswith("for 1 us")]
+    for some in (stuck, glitches):
+        assert {x["channel"] for x in arguments_of(some, "fault") if "channel" in x} == set(channel_names(phases))
+    assert {x["channel"] for x in arguments_of(faults, "sensor") if "channel" in x} <= set(channel_names(phases))
+
+
+def inputs_of_the_top() -> set[str]:
+    """Inputs of the chip, bit by bit but for the converter's codes, as its source declares them."""
+    text = (RTL / "soc" / "fl_soc.sv").read_text()
+    declared = re.findall(r"^\s*input\s+(?:logic|adc_code_t)\s*(\[[^\]]*\])?\s*(\w+)\s*,", text, re.MULTILINE)
+    assert len(declared) == len(re.findall(r"^\s*input\b", text, re.MULTILINE))
+    found = set()
+    for span, name in declared:
+        top = re.fullmatch(r"\[\s*(\d+):0\]", span)
+        found |= {f"{name}[{bit}]" for bit in range(int(top[1]) + 1)} if top else {name}
+    return found
+
+
+def test_every_pin_is_reached() -> None:
+    """Each input of the chip is forced for 1 us in every drive; clock and reset are not, channels have the codes.
+
+    Verifies: CAMP-07
+    """
+    for drive in (d for d in DRIVES if not d.moments[0].boot):
+        faults = [fault for fault in plant_faults(drive) if fault.name.endswith("for 1 us")]
+        forced = {str(x["pin"]) for x in arguments_of(faults, "pin")}
+        assert forced == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}, drive.name
+        ports = [fault for fault in plant_faults(drive) if fault.name.endswith("for 1 clock")]
+        assert {str(x["pin"]) for x in arguments_of(ports, "pin")} == forced
+        assert {x["cycles"] for x in arguments_of(ports, "pin")} == {1}
+
+
+def test_pins_of_the_simulator() -> None:
+    """The simulator's main drives and forces all of them, under the same names.
+
+    Verifies: CAMP-07
+    """
+    text = (ROOT / "sim" / "native" / "cosim_main.cpp").read_text()
+    table = re.search(r"PIN_NAMES\[\] = \{(.*?)\};", text, re.DOTALL)
+    assert table
+    assert set(re.findall(r'"([^"]+)"', table[1])) == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}
+
+
+def run_some(monkeypatch: pytest.MonkeyPatch, drive: Drive, wanted: dict[str, tuple[str, str]]) -> None:
+    """The wanted disturbances of a drive's first moment end as they should: outcome and fault."""
+    print(f"seed {SEED}")
+    first = replace(drive, moments=drive.moments[:1])
+    monkeypatch.setattr(run, "grid", lambda *asked: [one for one in grid(*asked) if one.fault.name in wanted])
+    rows = run_drive(first, SEED, quick=False, jobs=1)
+    for row in rows:
+        print(row)
+    assert {row["disturbance"]: (row["outcome"], row["fault"]) for row in rows} == wanted
+
+
+def test_forced_pins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A forced pin is the chip's: the driver's fault and missing converter sets are named, an unused bus is not.
+
+    Verifies: CAMP-01
+    """
+    wanted = {
+        "fault_pin_i wrong for 1 clock": (STOPPED, "fault_pin"),
+        "adc_valid_i at 0 for 1 ms": (STOPPED, "no_samples"),
+        "uart_rx_i wrong for 1 us": (RIDDEN, "none"),
+        "can_rx_i wrong for 1 us": (RIDDEN, "none"),
+    }
+    run_some(monkeypatch, DRIVES[0], wanted)
+
+
+def test_phases_beyond_three(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five phases while the rest position is searched: faults of the last leg, winding and channels are named.
+
+    Verifies: CAMP-01
+    """
+    wanted = {
+        "ie stuck at 4095": (STOPPED, "phase_over_current"),
+        "id at 4095 for 1 us": (STOPPED, "phase_over_current"),
+        "upper switch E stuck": (STOPPED, "fault_pin"),
+        "ve at 4095 for 1 us": (RIDDEN, "none"),
+    }
+    # The chip of the other tests.
+    run_some(monkeypatch, replace(drive_of("five-phase"), can=False), wanted)
+
+
+@pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
+def test_the_node_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bus without commands for longer than the timeout stops the drive, the node tells why; a short one does not.
+
+    Verifies: CAMP-08
+    """
+    wanted = {
+        "CAN bus dominant for 1 us": (RIDDEN, "none"),
+        "CAN bus dominant for 30 ms": (STOPPED, "command_timeout"),
+    }
+    run_some(monkeypatch, drive_of("can"), wanted)
 
 
 def test_a_register_by_name() -> None:

@@ -12,7 +12,9 @@ from fluxlock.campaign.grid import ANY, Fault
 from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG, judge
 from fluxlock.config import load_scenario
 from fluxlock.paths import ROOT
+from fluxlock.plant.trajectory import wave_dtype
 
+FIVE = load_scenario(ROOT / "scenarios" / "campaign" / "five-phase.toml")
 SCENARIO = load_scenario(ROOT / "scenarios" / "campaign" / "six-step.toml")
 CLOCK_HZ, STEP, ROWS = 50e6, 500, 4000  # 40 ms
 SINCE = 1000 * STEP
@@ -53,6 +55,57 @@ def test_right_ends() -> None:
     """
     assert ended(made()) == (RIDDEN, ())
     assert ended(stopped("fault_pin")) == (STOPPED, ())
+
+
+def five(rpm: float = 300.0) -> RunData:
+    """A run of the five-phase machine at a speed, with 3 A and 6 N*m that way."""
+    data = made()
+    records = np.zeros(ROWS, wave_dtype(5))
+    records["t_cycle"], records["ie"] = data.records["t_cycle"], 3.0
+    records["omega_e"] = rpm / 60 * 2 * np.pi * FIVE.motor.pole_pairs
+    records["torque_nm"], records["gates"] = 6.0 * np.sign(rpm), 0b01_0101_0101
+    return replace(data, records=records, pole_pairs=FIVE.motor.pole_pairs)
+
+
+def test_all_phases() -> None:
+    """Over-current in phase E alone, both gates of leg E, and its dead time of 2 us cut short.
+
+    Verifies: CAMP-02
+    """
+    assert judge(five(), FIVE, PIN, SINCE).outcome == RIDDEN
+    over = five()
+    over.records["ie"][1500:1512] = -9.9
+    assert "current above the limit" in judge(over, FIVE, PIN, SINCE).reasons[0]
+    both = np.array([[100, 1, 1 << 8, 0], [SINCE, 1, 3 << 8, 0], [SINCE + 200, 1, 2 << 8, 0]], np.int64)
+    assert "both gates of a leg on" in judge(replace(five(), log=both), FIVE, PIN, SINCE).reasons[0]
+    short = np.array([[100, 1, 1 << 8, 0], [SINCE, 1, 0, 0], [SINCE + 99, 1, 2 << 8, 0]], np.int64)
+    assert judge(replace(five(), log=short), FIVE, PIN, SINCE).reasons == ("dead time 1980 ns",)
+
+
+@pytest.mark.parametrize(("sign", "torque_nm", "wrong"), [(-1, 2.0, True), (-1, -2.0, False), (1, 2.0, False)])
+def test_torque_backwards(sign: int, torque_nm: float, wrong: bool) -> None:
+    """Where a negative speed is asked for, positive torque is against the command at such a speed, not on the way.
+
+    Verifies: CAMP-02
+    """
+    data = five(300.0 * sign)
+    data.records["t_cycle"] += 0.32 * CLOCK_HZ
+    data.records["torque_nm"] = torque_nm
+    verdict = judge(data, FIVE, PIN, round(0.32 * CLOCK_HZ))
+    assert (verdict.outcome == WRONG) == wrong
+
+
+def test_told_by_the_node() -> None:
+    """A name that the CANopen node has sent, with open gates, is a stop; one that runs on has not stopped for it.
+
+    Verifies: CAMP-08
+    """
+    bus = Fault("bus", (), frozenset({"command_timeout"}), must_stop=True)
+    off = replace(stopped("none"), uart=["state ready", "fault none"])
+    assert judge(off, SCENARIO, bus, SINCE, ["command_timeout"]).outcome == STOPPED
+    assert judge(off, SCENARIO, bus, SINCE, ["bus_off"]).reasons == ("stopped as bus_off",)
+    assert judge(off, SCENARIO, replace(bus, must_stop=False), SINCE).reasons == ("stopped without a name",)
+    assert judge(made(), SCENARIO, bus, SINCE, ["command_timeout"]).reasons == ("running, had to stop",)
 
 
 def test_refused_by_boot() -> None:

@@ -15,8 +15,11 @@ ROWS = [
     {"drive": d.name, "moment": "m", "disturbance": "x", "upsets": [], "outcome": "ridden through", "reasons": []}
     for d in DRIVES
 ]
-WHOLE: dict[str, Any] = {"seed": 1, "quick": False, "every": 1, "grid": len(ROWS), "chip": "c", "firmware": "f"}
+WHOLE: dict[str, Any] = {"seed": 1, "quick": False, "every": 1, "grid": len(ROWS)}
 WHOLE |= {"drives": [d.name for d in DRIVES], "rows": ROWS}
+WHOLE["machines"] = [
+    {"drive": d.name, "motor": "M", "chip": "c", "firmware": "f", "registers": 1, "register_bits": 2} for d in DRIVES
+]
 
 
 def written(document: object, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:

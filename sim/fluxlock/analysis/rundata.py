@@ -30,7 +30,7 @@ class LogKind(IntEnum):
     TRIP = 4  # a = causes, bits in the order of TRIP_CAUSES
     UPDATE = 5  # shadowed settings took effect
     STROBE = 6  # sample strobe; logged on request
-    PINS = 7  # a = pins driven by the plant, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
+    PINS = 7  # a = pins at the chip, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
     # Current sample of the vector path; a = angle of the frame there, b = what firmware publishes beyond it,
     # 2^32 = one turn.
     ANGLE = 8

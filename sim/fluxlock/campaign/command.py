@@ -14,12 +14,9 @@ from rich.table import Table
 from fluxlock.campaign.grid import DRIVES, Drive
 from fluxlock.campaign.judge import WRONG
 from fluxlock.campaign.page import RESULT, kinds, score
-from fluxlock.campaign.run import FOLDER, ROW_FILE, grid, population, run_drive
+from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, population, run_drive
 from fluxlock.config import ConfigError, Problem
-from fluxlock.cosim.chip import Chip
-from fluxlock.cosim.run import ready_chip
-from fluxlock.firmware import build_firmware
-from fluxlock.paths import BUILD
+from fluxlock.cosim.run import image_of
 from fluxlock.writable import check_file
 
 
@@ -46,6 +43,20 @@ def _rows(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int
     return rows
 
 
+def _machine(drive: Drive) -> dict[str, Any]:
+    """What a drive consists of."""
+    scenario, chip = drive.load(), chip_for(drive)
+    registers = population(chip)
+    return {
+        "drive": drive.name,
+        "motor": scenario.motor.name,
+        "chip": chip.key,
+        "firmware": image_of(scenario).stem,
+        "registers": len(registers),
+        "register_bits": sum(registers.values()),
+    }
+
+
 def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> bool:
     """Run the grid of the named drives, print a table, write the document; False if a run ended wrong.
 
@@ -64,19 +75,13 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     rows = _rows(drives, quick, every, seed, jobs)
     if not jobs and not rows:
         raise _nothing_to_show()
-    chip: Chip = ready_chip()
-    image = build_firmware(BUILD / "firmware")
-    registers = population(chip)
     document = {
         "seed": seed,
         "quick": quick,
         "every": every,
         "drives": [drive.name for drive in drives],
         "grid": total,
-        "chip": chip.key,
-        "firmware": image.stem,
-        "registers": len(registers),
-        "register_bits": sum(registers.values()),
+        "machines": [_machine(drive) for drive in drives],
         "rows": rows,
     }
     RESULT.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

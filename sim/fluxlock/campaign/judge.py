@@ -5,12 +5,14 @@ Wrong is, from the disturbance on:
   a phase current above the trip's limit for more than 100 us while any gate is on;
   torque against the commanded direction, mean of a millisecond, for more than 10 ms while a lock drives a rotor that
   turns that way at a tenth of its highest speed or more, slower than asked for (one that is driven faster is braked);
-  a stop by a name that does not belong to the fault; a drive that runs on where it had to stop.
-A drive that boot refuses, with the name of a fault, has stopped. Gates all off for a pulse's pause count as on.
+  a stop by a name that does not belong to the fault, or by none; a drive that runs on where it had to stop.
+All phases and legs of the machine count. A drive that boot refuses, with the name of a fault, has stopped, and so has
+one whose CANopen node has told the name and opened the gates. Gates all off for a pulse's pause count as on.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,27 +79,29 @@ def _console(data: RunData, name: str) -> str:
 
 
 def _asked_rpm(scenario: Scenario, t_s: np.ndarray) -> np.ndarray:
-    """The speed that the console has asked for at these times."""
+    """The speed that the console has asked for at these times, signed."""
     asked = np.zeros(t_s.size)
-    for event in scenario.events_in_order():
-        if event.speed_rpm is not None:
-            asked[t_s >= event.at_s] = event.speed_rpm
+    for at_s, target in scenario.speed_targets():
+        asked[t_s >= at_s] = target
     return asked
 
 
-def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> Verdict:
-    """Judge a run that was disturbed at a cycle."""
+def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, told: Sequence[str] = ()) -> Verdict:
+    """Judge a run that was disturbed at a cycle. told: names that the CANopen node has sent since."""
     records = data.records[data.records["t_cycle"] >= since_cycle]
     t_s = records["t_cycle"] / data.clock_hz
     gated = gates_in_use(t_s, records["gates"] != 0)
+    phases = scenario.motor.phases
     over_s = over_current_s(records, data.clock_hz, scenario.inverter.protection.phase_current_a)
     count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
     mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
-    rated_nm = 1.5 * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a
-    speed_rpm = records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S
+    rated_nm = 0.5 * phases * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a
+    asked_rpm = _asked_rpm(scenario, t_s)
+    way = np.where(asked_rpm < 0, -1, 1)
+    speed_rpm = way * records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S
     turns = speed_rpm > SLOW_SHARE * scenario.motor.max_speed_rpm
-    slower = speed_rpm < ASKED_SHARE * _asked_rpm(scenario, t_s)
-    against_s = longest_s(t_s, (mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns & slower)
+    slower = speed_rpm < ASKED_SHARE * np.abs(asked_rpm)
+    against_s = longest_s(t_s, (way * mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns & slower)
     reasons = []
     safety = gate_safety(data)
     if safety.shoot_throughs:
@@ -108,11 +112,15 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int) -> 
         reasons.append(f"current above the limit for {1e6 * over_s:.0f} us")
     state, name = _console(data, "state"), _console(data, "fault")
     stopped = state == "fault" or (state == "init" and name != "none")
+    if told and not stopped and not safety.on_at_end:
+        stopped, name = True, told[0]
     if fault.names != ANY:
         if against_s > TORQUE_S:
             reasons.append(f"torque against the command for {1e3 * against_s:.0f} ms")
         if not state:
             reasons.append("console silent")
+        if state == "ready" and not stopped and gated.any():
+            reasons.append("stopped without a name")
         if stopped and name not in fault.names:
             reasons.append(f"stopped as {name}")
         if not stopped and fault.must_stop:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from fluxlock.campaign.grid import DRIVES, RUN_S, SLOW_S, UPSET_S
 from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
+from fluxlock.campaign.master import COMMAND_TIMEOUT_MS
 from fluxlock.config import ConfigError, Problem
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.writable import EXIT_BAD_INPUT, guarded
@@ -61,49 +62,64 @@ def part(document: dict[str, Any]) -> str:
     return ", ".join(found)
 
 
-def _population(document: dict[str, Any]) -> str:
-    """What registers are drawn from; older documents do not tell."""
-    if "registers" not in document:
-        return ""
-    return (
-        f"Registers are drawn from {document['registers']} of the simulated chip, {document['register_bits']} bits: "
-        "those of the blocks and register blocks and of the core's pipeline. Not among them: arrays (memories, the "
-        "core's register file and its cache), the core's other registers, and flip-flops that only assertions read. "
-    )
+def _machines(document: dict[str, Any]) -> list[str]:
+    """Table of the drives, their machines, chips and moments."""
+    told = {machine["drive"]: machine for machine in document["machines"]}
+    lines = ["| drive | motor | chip | firmware | registers, bits | moments |", "|---|---|---|---|---|---|"]
+    for drive in (d for d in DRIVES if d.name in told):
+        machine = told[drive.name]
+        moments = ", ".join(moment.name for moment in drive.moments)
+        lines.append(
+            f"| {drive.name} (`scenarios/{drive.scenario}`) | {machine['motor']} | `{machine['chip']}` | "
+            f"`{machine['firmware']}` | {machine['registers']}, {machine['register_bits']} | {moments} |"
+        )
+    return lines
 
 
 def page(document: dict[str, Any]) -> str:
     """The page."""
     rows: Rows = document["rows"]
     right, share = score(rows)
-    moments = "; ".join(f"{d.name} (`scenarios/{d.scenario}`): {', '.join(m.name for m in d.moments)}" for d in DRIVES)
     lines = [
         "# Fault campaign",
         "",
         f"`fluxlock campaign`, seed {document['seed']}, written from `build/campaign.json` by `python -m "
-        f"fluxlock.campaign.page`. Chip `{document['chip']}`, firmware `{document['firmware']}`.",
+        "fluxlock.campaign.page`.",
         "",
         f"**{right} of {len(rows)} runs ended right, {share:.2f} %.**"
         + ("" if len(rows) == document["grid"] else f" The grid has {document['grid']}; the others have not been run."),
         "",
-        f"Drives and moments: {moments}.",
+        *_machines(document),
         "",
         "The simulator's process is copied at each moment; every copy gets one disturbance, runs on for "
-        f"{1e3 * RUN_S:.0f} ms (an upset {1e3 * UPSET_S:.0f} ms, a DC channel that stands still {1e3 * SLOW_S:.0f} ms, "
-        "a drive that starts again up to three times as long) or until it has been in its fault state for 2 ms, and is "
-        "judged from the moment on. The machines have neither Hall sensors nor an encoder, the chip no CAN controller. "
-        "Assertions of the RTL end a run as wrong, but for upsets.",
+        f"{1e3 * RUN_S:.0f} ms (an upset {1e3 * UPSET_S:.0f} ms, a current or vdc that stands still "
+        f"{1e3 * SLOW_S:.0f} ms, a drive that starts again up to three times as long) or until it has been in its "
+        "fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end a run as wrong, but for "
+        "upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
+        "",
+        "Disturbed are windings, legs, supply, load and rotor, every converter channel (`adc_code_i`), every other "
+        "input of the chip but clock and reset, and bits of registers and memory. Pins are forced at clock edges; "
+        "*wrong* is the opposite of the level that is driven. The five-phase chip has the CAN controller, its firmware "
+        "no node. No simulated chip has the port of the SPI flash: its pin leads nowhere.",
+        "",
+        "Of the drives hall, encoder and can only pins and bits are disturbed: Hall sensors commutate the first, an "
+        "encoder gives the second its angle, a CANopen master commands the third every 0.5 ms, with a command timeout "
+        f"of {COMMAND_TIMEOUT_MS} ms.",
         "",
         "| ending | |",
         "|---|---|",
         "| ridden through | the drive runs on, or has begun a new start by itself |",
-        "| stopped by name | gates off, a fault name that belongs to the disturbance |",
+        "| stopped by name | gates off, a fault name that belongs to the disturbance, on the console or in the CANopen "
+        "node's emergency |",
         "| wrong | both gates of a leg on or the dead time cut; a phase current above the trip's limit for more than "
         "100 µs with a gate on; torque against the command for more than 10 ms below the speed asked for; a "
-        "name that does not belong to the disturbance; running on where only a stop is right; a silent console |",
+        "name that does not belong to the disturbance, or a stop by none; running on where only a stop is right; a "
+        "silent console. All phases and legs count |",
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
-        f"gates and current alone. {_population(document)}"
+        "gates and current alone. Registers are drawn from those of the blocks and register blocks and of the core's "
+        "pipeline. Not among them: arrays (memories, the core's register file and its cache), the core's other "
+        "registers, and flip-flops that only assertions read. "
         "Settings upsets are bits of the locked settings of the safety block, parameter upsets bits of the parameter "
         "block before the program has looked at it, the sample period upset makes samples 83 times as rare: these must "
         "be named.",
@@ -133,7 +149,7 @@ def read_document(path: Path) -> dict[str, Any]:
     """Document of a campaign, from a file."""
     try:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        missing = [key for key in ("seed", "quick", "every", "grid", "chip", "firmware", "rows") if key not in document]
+        missing = [key for key in ("seed", "quick", "every", "grid", "machines", "rows") if key not in document]
     except OSError as error:
         text = f"cannot be read: {error.strerror}; fluxlock campaign writes {RESULT.relative_to(ROOT)}"
         raise ConfigError([Problem(str(path), "", text)]) from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import random
+import re
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -13,17 +14,18 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.campaign.grid import (
-    PLANT_FAULTS,
     SAMPLE_PERIOD,
     Drive,
     Fault,
     Moment,
     actions_of,
     parameter_upsets,
+    plant_faults,
     upsets,
 )
 from fluxlock.campaign.judge import WRONG, judge
-from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
+from fluxlock.campaign.master import master_of, told_since
+from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
@@ -58,18 +60,19 @@ class Run:
 def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     """The runs of a drive. quick: its last moment, a sixth of the faults; every: one run of so many."""
     runs = []
+    known = plant_faults(drive)
     for moment in drive.moments[-1:] if quick else drive.moments:
         rng = random.Random(f"{seed} {drive.name} {moment.name}")
         if moment.boot:
             faults = parameter_upsets(rng, QUICK_PARAMETERS if quick else FULL_PARAMETERS, PARAMETER_BYTES)
         else:
-            chosen = rng.sample(range(len(PLANT_FAULTS)), len(PLANT_FAULTS) // (6 if quick else 1))
-            faults = [PLANT_FAULTS[n] for n in sorted(chosen)]
+            chosen = rng.sample(range(len(known)), len(known) // (6 if quick else 1))
+            faults = [known[n] for n in sorted(chosen)]
             faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
         for fault in faults:
             if fault.turning and not moment.turning:
                 continue
-            name = fault.name.replace(" ", "-").replace(",", "").replace("%", "pc")
+            name = re.sub(r"[,\[\]]", "", fault.name).replace(" ", "-").replace("%", "pc")
             runs.append(Run(drive.name, moment, fault, FOLDER / drive.name / moment.name / name))
     return runs[::every]
 
@@ -97,7 +100,8 @@ def _row(run: Run, scenario: Scenario, plan: SessionPlan) -> dict[str, Any]:
     if meta["fault"]:
         return {**row, "outcome": WRONG, "reasons": [f"simulation broke off: {meta['fault']}"]}
     data = collect(replace(plan, folder=run.folder), meta, scenario.motor.pole_pairs)
-    verdict = judge(data, scenario, run.fault, round(run.moment.at_s * CLOCK_HZ))
+    since = round(run.moment.at_s * CLOCK_HZ)
+    verdict = judge(data, scenario, run.fault, since, told_since(meta["conclusion"], since))
     if verdict.outcome != WRONG:
         (run.folder / RAW_FILE).unlink()
     return {**row, **asdict(verdict), "reasons": list(verdict.reasons)}
@@ -107,13 +111,14 @@ def _row(run: Run, scenario: Scenario, plan: SessionPlan) -> dict[str, Any]:
 class Book:
     """The verdicts of a drive's runs, each in a file beside what the run left: what is finished is not run again."""
 
+    drive: Drive
     scenario: Scenario
     plan: SessionPlan
     equal: str  # hash of what makes all runs
 
     def _key(self, run: Run) -> str:
         fault = run.fault
-        told = (fault.name, fault.changes, sorted(fault.names), fault.must_stop, fault.span_s)
+        told = (fault.name, fault.changes, sorted(fault.names), fault.must_stop, fault.span_s, fault.unchecked)
         return content_hash([], self.equal, run.moment, *told)
 
     def find(self, run: Run) -> dict[str, Any] | None:
@@ -134,14 +139,21 @@ class Book:
         return row
 
 
+def chip_for(drive: Drive) -> Chip:
+    """The simulated chip of a drive."""
+    return chip_of(drive.load(), can=drive.can)
+
+
 def open_book(drive: Drive, seed: int) -> Book:
     """The book of a drive, with the plan of its undisturbed run."""
-    scenario = load_scenario(ROOT / "scenarios" / drive.scenario)
+    scenario = drive.load()
     plan = prepare(scenario, FOLDER / drive.name / "simulator", seed)
+    if scenario.can is not None:
+        plan = replace(plan, peer=master_of(scenario))
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
-    sources = [Path(__file__).with_name("judge.py"), plan.folder / IMAGE_FILE]
+    sources = [*(Path(__file__).with_name(f"{name}.py") for name in ("judge", "master")), plan.folder / IMAGE_FILE]
     sources += [path for part in ("plant", "cosim") for path in (ROOT / "sim" / "fluxlock" / part).glob("*.py")]
-    return Book(scenario, plan, content_hash(sources, chip_of(scenario).key, settings, seed))
+    return Book(drive, scenario, plan, content_hash(sources, chip_for(drive).key, settings, seed))
 
 
 def _unchecked(chip: Chip, folder: Path) -> Chip:
@@ -152,13 +164,13 @@ def _unchecked(chip: Chip, folder: Path) -> Chip:
     return replace(chip, executable=script)
 
 
-def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, upset: bool) -> None:
-    """One simulator, copied for each of the runs. upset: without assertions."""
+def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, unchecked: bool) -> None:
+    """One simulator, copied for each of the runs. unchecked: without assertions."""
     if not runs:
         return
     registers = list(population(chip))
     plan = replace(book.plan, branches=tuple(_branch(run, registers) for run in runs), jobs=jobs)
-    meta = run_plan(plan, _unchecked(chip, plan.folder) if upset else chip)
+    meta = run_plan(plan, _unchecked(chip, plan.folder) if unchecked else chip)
     if meta["fault"]:
         raise SimulatorError(f"the undisturbed run of {runs[0].drive} broke off: {meta['fault']}")
 
@@ -211,12 +223,13 @@ def _run_left(book: Book, runs: list[Run], jobs: int, done: Done | None) -> list
 
     report()
     if left:
-        chip = chip_of(book.scenario)
+        chip = chip_for(book.drive)
         watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()
         try:
-            for upset in (False, True):
-                _run_all(book, [run for run in left if run.fault.upset == upset], chip, jobs, upset)
+            for unchecked in (False, True):
+                some = [run for run in left if (run.fault.upset or run.fault.unchecked) == unchecked]
+                _run_all(book, some, chip, jobs, unchecked)
         finally:
             stop.set()
             watcher.join()

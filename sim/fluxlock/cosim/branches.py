@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import signal
 import sys
 import time
@@ -24,6 +25,7 @@ PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 STATE_ADDRESS = TELEMETRY_ADDRESS + 16  # telemetry.h
 STATE_STARTING, STATE_FAULT = 2, 5  # drive.h
 LOOK_CYCLES = 25_000
+QUESTIONS, ANSWER_LOOKS = 3, 20
 # A drive that is about to start again gets so much longer.
 PATIENCE = 3
 
@@ -65,6 +67,7 @@ async def _pass(session: Session, cycle: int) -> None:
     while session.native.status.cycle < cycle:
         await session.wait_until(min(cycle, session.native.status.cycle + session.plan.batch_cycles))
         session.drain()
+        session.exchange()
 
 
 async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> None:
@@ -91,6 +94,21 @@ async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> No
         os._exit(code)
 
 
+async def _ask_state(session: Session) -> None:
+    """Ask the console for the drive's state; a question that noise before it has spoilt is asked again."""
+    for _ in range(QUESTIONS):
+        begin = len(session.text)
+        session.native.send("status")
+        for _ in range(ANSWER_LOOKS):
+            await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
+            session.drain()
+            answer = session.text[begin:]
+            if re.search(r"^state .*^ok$", answer, re.MULTILINE | re.DOTALL):
+                return
+            if "\nerror: " in f"\n{answer}":
+                break
+
+
 async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> None:
     """Until the branch's end, earlier when the drive rests in its fault state."""
     faulty_from: int | None = None
@@ -104,6 +122,7 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
         stop = min(end, now + LOOK_CYCLES, *(a.cycle for a in actions[:1]))
         await session.wait_until(stop)
         session.drain()
+        session.exchange()
         session.watched.append([int(session.native.peek(address, 1)[0]) for address in session.plan.watch])
         state = int(session.native.peek(STATE_ADDRESS, 1)[0])
         if state != STATE_FAULT:
@@ -114,14 +133,8 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
             break
         if state == STATE_STARTING and stop >= end:
             end = min(stop + branch.cycles, branch.cycle + PATIENCE * branch.cycles)
-    if not session.plan.final_commands:
-        session.answers = session.replies()
-        return
-    session.native.send("status")
-    asked = len(session.replies())
-    for _ in range(20):
-        await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
-        session.drain()
-        if len(session.replies()) > asked:
-            break
+    if session.plan.final_commands:
+        await _ask_state(session)
     session.answers = session.replies()
+    if session.plan.peer is not None:
+        session.conclusion = session.plan.peer.conclusion()

@@ -166,6 +166,17 @@ class Native:
         if self._lib.cosim_upset_memory(ctypes.c_uint32(address), bit):
             raise ValueError(f"there is no bit {bit} at {address:#x}")
 
+    def force_pin(self, pin: str, cycles: int, level: int | None = None) -> None:
+        """A single input of the chip has a level, None: the opposite of the one that is driven, for so many clocks."""
+        name = self._lib.cosim_pin_name
+        name.restype = ctypes.c_char_p
+        names = [name(n).decode() for n in range(self._lib.cosim_pin_count())]
+        if pin not in names:
+            raise ValueError(f"the chip has no pin {pin!r}; pins: {', '.join(names)}")
+        code = -1 if level is None else level
+        if self._lib.cosim_force_pin(names.index(pin), code, ctypes.c_int64(cycles)):
+            raise ValueError(f"level {level}, {cycles} clocks: a level is 0 or 1, and lasts a clock or more")
+
     def open_can(self, timing: BitTiming, place: CanPlace) -> CanNode:
         """Put a node on the CAN bus of the chip's pins; its first bit begins now. `brp` is in clocks of the chip."""
         far = (ctypes.c_double(place.clock_error), ctypes.c_double(place.delay_cycles))

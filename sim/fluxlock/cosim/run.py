@@ -105,13 +105,13 @@ def ready_chip(
     return build_chip(waves, train, injection=injection)
 
 
-def chip_of(scenario: Scenario, waves: bool = False, native: bool = False) -> Chip:
+def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
-    native: without its core.
+    native: without its core. can: with the CAN controller even so.
     """
     injects = scenario.drive.vector.injection is not None
-    has_can, polarity = scenario.can is not None, scenario.inverter.gate_polarity
+    has_can, polarity = can or scenario.can is not None, scenario.inverter.gate_polarity
     return ready_chip(waves, scenario.motor.phases, injects, has_can, native, polarity)
 
 

@@ -19,7 +19,7 @@ from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 
 from fluxlock.cosim.branches import end_with_parent, run_branches
-from fluxlock.cosim.native import Native
+from fluxlock.cosim.native import CanNode, Native
 from fluxlock.cosim.plan import (
     META_FILE,
     PLAN_ENV,
@@ -66,6 +66,7 @@ class Session:
         self.conclusion: Any = None
         self.upsets: list[str] = []
         self.watched: list[list[int]] = []
+        self.node: CanNode | None = None  # of the plan's peer
         self.begin = time.perf_counter()
         self._progress_at = 0.0
 
@@ -100,6 +101,11 @@ class Session:
             path.with_suffix(".tmp").write_text(json.dumps(line))
             path.with_suffix(".tmp").replace(path)
 
+    def exchange(self) -> None:
+        """Let the plan's peer take and send frames."""
+        if self.plan.peer is not None and self.node is not None:
+            self.plan.peer.exchange(self.native.status.cycle, self.node)
+
     def deliver(self) -> None:
         """Send the next console line once the one before is answered: the receive FIFO is shorter than a line."""
         if self.delivered < len(self.sent) and len(self.replies()) >= self.delivered:
@@ -121,10 +127,21 @@ class Session:
             self.plant.disturb(**action.arguments)
         elif action.kind == "mechanics":
             self.plant.set_mechanics(**action.arguments)
+        elif action.kind == "pin":
+            self.native.force_pin(**action.arguments)
+        elif action.kind == "bus":
+            self.disturb_bus(**action.arguments)
         elif action.kind in ("register", "memory"):
             self.upset(action)
         else:
             raise ValueError(f"unknown action {action.kind!r}")
+
+    def disturb_bus(self, cycles: int, level: int) -> None:
+        """The CAN bus has this level, 0 dominant, for so many clocks."""
+        if self.node is None:
+            raise ValueError("there is no CAN bus: the plan has no peer on it")
+        start = int(self.native.status.cycle) + 1
+        self.node.disturb(start, start + cycles, level)
 
     def upset(self, action: Action) -> None:
         """Flip the bit that an action names."""
@@ -149,6 +166,9 @@ class Session:
         if plan.dialogue is not None:
             await self.converse()
             return
+        if plan.peer is not None:
+            self.node = native.open_can(plan.peer.timing, plan.can_place)
+        native.log_can(plan.log_can)
         if plan.branches:
             await run_branches(self)
             return
@@ -157,15 +177,12 @@ class Session:
         batches = range(plan.batch_cycles, end, plan.batch_cycles)
         stops = merge((cycle for cycle in planned if cycle < end and cycle not in batches), batches, [end])
         pending = sorted(plan.actions, key=lambda a: a.cycle)
-        node = native.open_can(plan.peer.timing, plan.can_place) if plan.peer is not None else None
-        native.log_can(plan.log_can)
         self.begin = time.perf_counter()
         for stop in stops:
             await self.wait_until(stop)
             woken = time.perf_counter()
             self.drain()
-            if plan.peer is not None and node is not None:
-                plan.peer.exchange(native.status.cycle, node)
+            self.exchange()
             self.python_s += time.perf_counter() - woken
             if stop in plan.marks:
                 self.marks[stop] = (woken - self.begin, self.python_s, native.status.events)
