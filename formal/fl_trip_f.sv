@@ -1,6 +1,7 @@
 // Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
-// or level to the gates; a latched trip holds until the key, and the key clears only what is gone. Enables are
-// free to change in every clock.
+// or level to the gates; a latched trip holds until the key, and the key clears only what is gone; the first causes since
+// the last clear, the number of trips, and cause and time stamp of each for the log. Enables are free to change in every
+// clock.
 // A trip opens all gates, or the upper ones where a short circuit may be made: chosen, the guard enabled before the trip,
 // and no cause since the trip began that rules it out.
 //
@@ -131,6 +132,12 @@ module fl_trip_f
   assign forbids = never_i || ({latched.phase_current, latched.dc_current, latched.fault_pin} != '0) ||
       (present.phase_current && enable.phase_current) || (present.dc_current && enable.dc_current) ||
       (present.fault_pin && enable.fault_pin);
+  // Since the last clear, the clear's clock included: causes that there were, and those of the first clock with any.
+  trip_t seen, seen_first;
+  trip_t fresh, fresh_q;  // enabled, and not latched yet
+  assign fresh = present & enable & ~latched;
+  stamp_t now_q;
+  logic [7:0] count_q;
   logic [Phases-1:0] upper;
   for (genvar x = 0; x < Phases; x++) begin : gen_upper
     assign upper[x] = gate[2*x];
@@ -156,8 +163,15 @@ module fl_trip_f
     forbids_q   <= forbids;
     spoilt      <= forbids || (trip && spoilt);
     chosen      <= cfg_short_i && (trip ? chosen : guard_enable_i);
+    seen        <= (clear_i ? '0 : seen) | (present & enable);
+    if (clear_i || seen == '0) seen_first <= present & enable;
+    fresh_q     <= fresh;
+    now_q       <= now_i;
+    count_q     <= count;
     if (adc_valid_i) shown <= of_codes;
     if (rst_i) begin
+      seen       <= '0;
+      seen_first <= '0;
       shown  <= '0;
       spoilt <= 1'b0;
       chosen <= 1'b0;
@@ -181,11 +195,20 @@ module fl_trip_f
         a_forbidden : assert (!trip_q || !forbids_q || gate == '0);
         a_short : assert (short == (trip && cfg_short_i && !forbids && !spoilt && chosen));
         a_armed : assert (dut.armed_q == (chosen && !spoilt));
+        a_first : assert (first_cause == seen_first);
+        assert (latched == seen);
+        a_first_since : assert ((first_cause & ~seen) == '0);
+        if (since_reset == 3'd0) a_reset : assert (!event_pulse && count == '0 && latched == '0);
         if (since_reset >= 3'd1) begin
           a_hold : assert ((latched_q & ~latched) == '0 || clear_q);
           a_gone : assert ((latched_q & ~latched & present_q & enable_q) == '0);
           a_latch : assert ((present_q & enable_q & ~latched) == '0);
           a_release : assert (!trip_q || trip || clear_q);
+          // One entry of the log, of the last clock.
+          a_event : assert (event_pulse == (fresh_q != '0));
+          a_event_cause : assert (!event_pulse || event_cause == fresh_q);
+          a_event_stamp : assert (!event_pulse || dut.event_stamp_q == now_q);
+          a_number : assert (count == count_q + 8'(event_pulse && count_q != 8'd255));
           // Causes that a sample set shows trip in the next clock.
           a_code : assert (!valid_q || (codes_q & enable) == '0 || trip);
         end

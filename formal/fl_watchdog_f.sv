@@ -1,11 +1,12 @@
-// Proof of the watchdog for all inputs and every period up to Longest: without a right number for the period it has
-// expired, a number that does not follow the last one is wrong in the next clock, both hold while it runs, and a handler
-// that repeats one number cannot hold it off. The past is kept here in a shift register, not counted.
+// Proof of the watchdog for all inputs and every period, which may change in any clock: without a right number for the
+// period it has expired, a number that does not follow the last one is wrong in the next clock, both hold while it runs,
+// and a handler that repeats one number cannot hold it off.
+//
+// The time without a right number is counted here too, with more bits than a period has. The invariants tie the block's
+// count and last number to the monitors, so that induction closes at once, however long the period is.
 // Verifies: SAFE-13
 `default_nettype none
-module fl_watchdog_f #(
-    parameter int unsigned Longest = 6
-) (
+module fl_watchdog_f (
     input logic        clk_i,
     input logic        rst_i,
     input logic        enable_i,
@@ -27,45 +28,31 @@ module fl_watchdog_f #(
   );
 
   logic first = 1'b1;
-  logic rst_q, ran_q, expired_q, wrong_q, fed_q;
-  logic [23:0] period_q;
+  logic ran_q, expired_q, wrong_q, fed_q, due_q;
   logic [7:0] told_q, told_before_q;
-  logic [Longest-1:0] quiet_q;  // the last clocks, newest in bit 0: running, no right number
+  logic [31:0] quiet_q;  // clocks before this one, in a row: running, no right number; saturates
   logic running, right;
   assign running = enable_i && cfg_cycles_i != '0 && !rst_i;
   assign right   = feed_i && step_i == told_q + 8'd1;
 
   always_ff @(posedge clk_i) begin
     first     <= 1'b0;
-    rst_q     <= rst_i;
     ran_q     <= running;
-    period_q  <= cfg_cycles_i;
     expired_q <= expired;
     wrong_q   <= wrong;
     fed_q     <= feed_i;
     if (rst_i) told_q <= '0;
     else if (feed_i) told_q <= step_i;
     told_before_q <= told_q;
-    quiet_q       <= (running && !right) ? {quiet_q[Longest-2:0], 1'b1} : '0;
+    if (!running || right) quiet_q <= '0;
+    else if (quiet_q != '1) quiet_q <= quiet_q + 32'd1;
+    // Every clock of the period but its last one: a right number in that one comes too late.
+    due_q <= quiet_q + 32'd1 >= {8'b0, cfg_cycles_i};
   end
-
-  // No right number in the clocks of the period before the last one of it: one in that last clock comes too late.
-  logic due_d, due_q;
-  always_comb begin
-    due_d = cfg_cycles_i == 24'd1;
-    for (int unsigned i = 1; i < Longest; i++) due_d |= cfg_cycles_i == 24'(i + 1) && quiet_q[i-1];
-  end
-  always_ff @(posedge clk_i) due_q <= due_d;
 
   always_comb begin
     if (first) assume (rst_i);
     else begin
-      // Locked while the gates are on; short enough for the shift register.
-      assume (cfg_cycles_i == period_q && cfg_cycles_i <= 24'(Longest));
-      a_last : assert (dut.last_q == told_q);
-      for (int unsigned i = 0; i < Longest; i++) begin
-        assert ((dut.wait_q > 24'(i)) == quiet_q[i]);
-      end
       a_stopped : assert (ran_q || !(expired || wrong));
       if (ran_q) begin
         a_expires : assert (expired == (expired_q || due_q));
@@ -73,6 +60,10 @@ module fl_watchdog_f #(
         a_repeated : assert (!fed_q || told_q != told_before_q || wrong);
         a_wrong : assert (wrong_q || wrong == (fed_q && told_q != told_before_q + 8'd1));
       end
+
+      // Invariants.
+      a_last : assert (dut.last_q == told_q);
+      assert ({8'b0, dut.wait_q} == (quiet_q < 32'hFF_FFFF ? quiet_q : 32'hFF_FFFF));
     end
   end
 

