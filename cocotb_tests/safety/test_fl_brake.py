@@ -6,6 +6,8 @@ import random
 from typing import Any
 
 import cocotb
+import pytest
+from cocotb.triggers import FallingEdge
 
 from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
@@ -41,9 +43,14 @@ def expected(history: list[Clock], longest: int, age: int, on: int = ON, off: in
 class TB(Bench):
     """The block with a code when one is given."""
 
-    async def begin(self, longest: int, age: int) -> None:
+    @property
+    def endless(self) -> int:
+        """The longest time that can be set."""
+        return (1 << len(self.dut.cfg_longest_cycles_i)) - 1
+
+    async def begin(self, longest: int, age: int, on: int = ON, off: int = OFF) -> None:
         await self.start(
-            enable_i=0, cfg_on_lsb_i=ON, cfg_off_lsb_i=OFF, cfg_longest_cycles_i=longest, cfg_age_cycles_i=age,
+            enable_i=0, cfg_on_lsb_i=on, cfg_off_lsb_i=off, cfg_longest_cycles_i=longest, cfg_age_cycles_i=age,
             adc_valid_i=0, vdc_i=0,
         )  # fmt: skip
 
@@ -58,25 +65,45 @@ class TB(Bench):
 
 @cocotb.test
 async def follows_the_model(dut: Any) -> None:
+    """With constant thresholds, and with any: the lower one may be the one for "on"."""
     tb = TB(dut)
     seen = set()
-    for longest, age in ((0, 5), (1, 4), (7, 0), (12, 3), (40, 6), (2**32 - 1, 9)):
-        await tb.begin(longest, age)
+    runs = [(longest, age, ON, OFF) for longest, age in ((0, 5), (1, 4), (7, 0), (12, 3), (40, 6), (tb.endless, 9))]
+    runs += [(*random.choice(runs)[:2], random.getrandbits(12), random.getrandbits(12)) for _ in range(8)]
+    for longest, age, on, off in runs:
+        longest = min(longest, tb.endless)
+        await tb.begin(longest, age, on, off)
         history: list[Clock] = []
         got: list[tuple[int, int]] = []
-        enable, level = 1, 2500
+        enable, level = 1, (on + off) // 2
         for _ in range(400):
             enable = enable if random.random() < 0.98 else 1 - enable
             if random.random() < 0.15:
-                edges = (OFF - 1, OFF, OFF + 1, ON - 1, ON, ON + 1, 0, 4095)
-                level = random.choice(edges) if random.random() < 0.6 else random.randrange(2700, 3200)
+                edges = (off - 1, off, off + 1, on - 1, on, on + 1, 0, 4095)
+                near = random.choice(edges) if random.random() < 0.6 else random.randint(*sorted((on, off)))
+                level = min(max(near, 0), 4095)
             code = level if random.random() < 0.5 else None
             history.append((enable, code))
             got.append(await tb.clock(enable, code))
-        for t, (is_, wanted) in enumerate(zip(got, expected(history, longest, age), strict=True)):
-            assert is_ == wanted, f"longest {longest}, age {age}, clock {t}: {is_}, not {wanted}"
+        for t, (is_, wanted) in enumerate(zip(got, expected(history, longest, age, on, off), strict=True)):
+            assert is_ == wanted, f"longest {longest}, age {age}, on {on}, off {off}, clock {t}: {is_}, not {wanted}"
         seen |= set(got)
     assert seen == {(0, 0), (1, 0), (0, 1)}
+
+
+@cocotb.test
+async def each_bit_of_the_thresholds_counts(dut: Any) -> None:
+    """A code that differs from a threshold in one bit is on its right side."""
+    tb = TB(dut)
+    for _ in range(10):
+        threshold = random.getrandbits(12)
+        for bit in range(12):
+            code = threshold ^ 1 << bit
+            await tb.begin(tb.endless, 10, on=threshold, off=0)
+            assert await tb.clock(1, code) == (int(code > threshold), 0), f"on {threshold}, code {code}"
+            await tb.begin(tb.endless, 10, on=0, off=threshold)
+            await tb.clock(1, 4095)
+            assert await tb.clock(1, code) == (int(code >= threshold and code > 0), 0), f"off {threshold}, code {code}"
 
 
 @cocotb.test
@@ -89,6 +116,22 @@ async def a_link_that_stays_high_ends_after_the_longest_time(dut: Any) -> None:
         assert [over for _, over in on] == [0] * 50 + [1] * 450
         assert await tb.clock(1, OFF) == (0, 1), "at the threshold is not below it"
         assert await tb.clock(1, OFF - 1) == (0, 0)
+
+
+@cocotb.test
+async def a_longer_time_comes_too_late(dut: Any) -> None:
+    """Changed while the switch is on, the longest time counts at once; once it is over, only the link gives it back."""
+    tb = TB(dut)
+    await tb.begin(longest=20, age=5)
+    for _ in range(10):
+        assert await tb.clock(1, 4095) == (1, 0)
+    dut.cfg_longest_cycles_i.value = 10
+    assert await tb.clock(1, 4095) == (0, 1)
+    dut.cfg_longest_cycles_i.value = tb.endless
+    for _ in range(10):
+        assert await tb.clock(1, 4095) == (0, 1)
+    assert await tb.clock(1, OFF - 1) == (0, 0)
+    assert await tb.clock(1, 4095) == (1, 0)
 
 
 @cocotb.test
@@ -107,8 +150,8 @@ async def pauses_give_the_resistor_nothing_back(dut: Any) -> None:
 @cocotb.test
 async def samples_that_stop_turn_it_off(dut: Any) -> None:
     tb = TB(dut)
-    for age in (1, 2, 17, 1000, 4096, 20000):
-        await tb.begin(longest=2**32 - 1, age=age)
+    for age in (1, 2, 17, 1000):
+        await tb.begin(tb.endless, age=age)
         assert await tb.clock(1, ON + 1) == (1, 0)
         left = 0
         while left < age + 5 and (await tb.clock(1, None))[0]:
@@ -121,21 +164,41 @@ async def samples_that_stop_turn_it_off(dut: Any) -> None:
 
 
 @cocotb.test
-async def all_bits_of_the_age_count(dut: Any) -> None:
+async def the_age_in_full(dut: Any) -> None:
+    """One age an octave, run out, and the largest: off at that clock and still after it."""
     tb = TB(dut)
-    await tb.begin(longest=2**32 - 1, age=2**20 - 1)
-    assert await tb.clock(1, ON + 1) == (1, 0)
-    dut.age_q.value = 2**20 - 6
-    on = [(await tb.clock(1, None))[0] for _ in range(40)]
-    assert on == [1] * 4 + [0] * 36
+    bits = len(dut.cfg_age_cycles_i)
+    ages = [(1 << bit) + random.randrange((1 << bit) // 8 + 1) for bit in range(1, bits)]
+    for age in (*ages, (1 << bits) - 1):
+        await tb.begin(tb.endless, age=age)
+        assert await tb.clock(1, ON + 1) == (1, 0)
+        dut.adc_valid_i.value = 0
+        passed = await tb.sleep(age, FallingEdge(dut.brake_o))
+        assert passed == age, f"age {age}: {passed} clocks"
+        later = [await tb.clock(1, None) for _ in range(30)]
+        assert later == [(0, 0)] * 30
+
+
+@cocotb.test
+async def the_longest_time_in_full(dut: Any) -> None:
+    """One time an octave, run out, up to 2^21 clocks and an eighth more."""
+    tb = TB(dut)
+    for bit in range(1, min(len(dut.cfg_longest_cycles_i), 22)):
+        longest = (1 << bit) + random.randrange((1 << bit) // 8 + 1)
+        await tb.begin(longest, age=10)
+        assert await tb.clock(1, 4095) == (1, 0)
+        dut.vdc_i.value = 4095
+        passed = await tb.sleep(longest, FallingEdge(dut.brake_o))
+        assert passed == longest, f"longest time {longest}: {passed} clocks"
+        assert dut.overload_o.value == 1
 
 
 @cocotb.test
 async def all_bits_of_the_longest_time_count(dut: Any) -> None:
     tb = TB(dut)
-    await tb.begin(longest=2**32 - 1, age=10)
+    await tb.begin(tb.endless, age=10)
     assert await tb.clock(1, 4095) == (1, 0)
-    dut.used_q.value = 2**32 - 4
+    dut.used_q.value = tb.endless - 3
     on = [await tb.clock(1, 4095) for _ in range(20)]
     assert [brake for brake, _ in on] == [1] * 3 + [0] * 17
     dut.rst_i.value = 1
@@ -144,9 +207,10 @@ async def all_bits_of_the_longest_time_count(dut: Any) -> None:
     assert await tb.clock(1, 4095) == (1, 0)
 
 
-def test_fl_brake() -> None:
+@pytest.mark.parametrize(("width", "testcase"), [(32, None), (1, "follows_the_model")])
+def test_fl_brake(width: int, testcase: str | None) -> None:
     """Thresholds, longest on-time, age of the samples, enable and reset.
 
     Verifies: SAFE-17, SAFE-18
     """
-    run_block_test("fl_brake", ["safety/fl_brake.sv"], __name__)
+    run_block_test("fl_brake", ["safety/fl_brake.sv"], __name__, parameters={"LongestWidth": width}, testcase=testcase)

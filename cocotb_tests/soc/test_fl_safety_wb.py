@@ -43,11 +43,16 @@ class TB(Bench):
         await self.write(GUARD, 1)
         await self.clocks(2)
 
-    def on(self) -> int:
-        """Legs with a gate on, by the pins."""
+    def pins(self) -> tuple[int, int]:
+        """Upper and lower gates that are on, by the pins, a bit a leg."""
         upper = int(self.dut.gate_h_o.value) ^ 7 * int(self.dut.HighActiveLow.value)
         lower = int(self.dut.gate_l_o.value) ^ 7 * int(self.dut.LowActiveLow.value)
         assert not upper & lower, "both gates of a leg are on"
+        return upper, lower
+
+    def on(self) -> int:
+        """Legs with a gate on, by the pins."""
+        upper, lower = self.pins()
         return upper | lower
 
     async def caused(self) -> tuple[int, int]:

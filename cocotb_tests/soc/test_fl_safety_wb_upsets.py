@@ -23,7 +23,7 @@ async def upset_of_a_guard_is_safe(dut: Any) -> None:
     dead_time = 30
     await tb.write(DEAD_TIME, dead_time)
     await tb.enable()
-    off_since = {}  # clocks since each gate of a leg went off, by its bit in the register of the gates
+    off_since = {}  # clocks since each gate of a leg went off, 2 X upper, 2 X + 1 lower one of leg X
     shortest, turns = 1 << 30, 0
 
     async def clocks(count: int) -> None:
@@ -32,10 +32,9 @@ async def upset_of_a_guard_is_safe(dut: Any) -> None:
         for _ in range(count):
             tb.on()
             await tb.clocks()
-            tb.on()
-            gates = int(dut.gate_o.value)
+            pins = tb.pins()
             for gate in range(6):
-                if gates >> gate & 1:
+                if pins[gate & 1] >> gate // 2 & 1:
                     shortest = min(shortest, off_since.get(gate ^ 1, 1 << 30))
                     turns += off_since.pop(gate, None) is not None
                     off_since[gate] = 0

@@ -13,22 +13,28 @@
 `default_nettype none
 module fl_brake
   import fl_pkg::*;
-(
-    input  logic             clk_i,
-    input  logic             rst_i,
-    input  logic             enable_i,
-    input  adc_code_t        cfg_on_lsb_i,
-    input  adc_code_t        cfg_off_lsb_i,
-    input  logic      [31:0] cfg_longest_cycles_i,  // clocks
-    input  logic      [19:0] cfg_age_cycles_i,      // clocks
-    input  logic             adc_valid_i,
-    input  adc_code_t        vdc_i,                 // with adc_valid_i
-    output logic             brake_o,
-    output logic             overload_o
+#(
+    parameter int unsigned LongestWidth = 32  // bits of the longest time
+) (
+    input  logic                         clk_i,
+    input  logic                         rst_i,
+    input  logic                         enable_i,
+    input  adc_code_t                    cfg_on_lsb_i,
+    input  adc_code_t                    cfg_off_lsb_i,
+    input  logic      [LongestWidth-1:0] cfg_longest_cycles_i,  // clocks
+    input  logic      [            19:0] cfg_age_cycles_i,      // clocks
+    input  logic                         adc_valid_i,
+    input  adc_code_t                    vdc_i,                 // with adc_valid_i
+    output logic                         brake_o,
+    output logic                         overload_o
 );
 
+  if (LongestWidth == 0) begin : gen_illegal
+    $fatal(1, "fl_brake: LongestWidth must be at least 1 (%m)");
+  end
+
   logic above, below, stale, wanted, spent, brake_d;
-  logic [31:0] used_q;  // clocks with the switch on since the last code below cfg_off_lsb_i, this one included
+  logic [LongestWidth-1:0] used_q;  // clocks with the switch on since the last code below cfg_off_lsb_i, with this one
   logic [19:0] age_q;  // clocks since the last sample set, less 1
 
   assign above   = adc_valid_i && vdc_i > cfg_on_lsb_i;
@@ -42,7 +48,7 @@ module fl_brake
     brake_o    <= brake_d;
     overload_o <= !below && (overload_o || (wanted && spent));
     if (below) used_q <= '0;
-    else if (brake_d) used_q <= used_q + 32'd1;
+    else if (brake_d) used_q <= used_q + LongestWidth'(1);
     if (adc_valid_i) age_q <= '0;
     else if (age_q != '1) age_q <= age_q + 20'd1;
     if (rst_i) begin

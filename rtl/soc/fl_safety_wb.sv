@@ -4,8 +4,8 @@
 // off or makes a gap longer.
 //
 // The watchdog, a locked setting that changed, the brake chopper's longest on-time, samples that stay away and converter
-// faults act as the deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same block, that every
-// sample set feeds: nothing else sees a current that nobody looks at.
+// faults act as the deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same
+// block, that every sample set feeds: nothing else sees a current that nobody looks at.
 `default_nettype none
 module fl_safety_wb
   import fl_pkg::*;
@@ -36,7 +36,7 @@ module fl_safety_wb
 
     output logic [  Phases-1:0] gate_h_o,  // pins
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o,
+    output logic [2*Phases-1:0] gate_o,    // of either guard, before polarity
     output logic                brake_o,   // pin, active high
 
     output logic  tripped_o,     // level
@@ -235,7 +235,8 @@ module fl_safety_wb
   end
   assign gate_h_o = HighActiveLow ? guard_h[0] | guard_h[1] : guard_h[0] & guard_h[1];
   assign gate_l_o = LowActiveLow ? guard_l[0] | guard_l[1] : guard_l[0] & guard_l[1];
-  assign gate_o   = guard_gate[0] & guard_gate[1];
+  // Not the pins' signal: they are one LUT behind the flip-flops.
+  assign gate_o = guard_gate[0] | guard_gate[1];
 
   fl_safety_regs u_regs (
       .clk     (clk_i),

@@ -140,13 +140,14 @@ def run_some(monkeypatch: pytest.MonkeyPatch, drive: Drive, wanted: dict[str, tu
 
 
 def test_forced_pins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A forced pin is the chip's: the driver's fault and missing converter sets are named, an unused bus is not.
+    """A forced pin is the chip's: faults of driver and converters and missing sets are named, an unused bus is not.
 
     Verifies: CAMP-01
     """
     wanted = {
         "fault_pin_i wrong for 1 clock": (STOPPED, "fault_pin"),
         "adc_valid_i at 0 for 1 ms": (STOPPED, "no_samples"),
+        "adc_fault_i wrong for 1 clock": (STOPPED, "converter"),
         "uart_rx_i wrong for 1 us": (RIDDEN, "none"),
         "can_rx_i wrong for 1 us": (RIDDEN, "none"),
     }

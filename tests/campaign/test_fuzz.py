@@ -41,7 +41,7 @@ def test_random_accesses(drive: str) -> None:
     assert sum(run.accesses for run in runs) > 300 * COPIES
     assert sum(run.gate_changes for run in runs) > 200 * COPIES
     assert sum(run.rearms for run in runs) > 2 * COPIES, "what turns the gates off was seldom found, or for good"
-    assert sum(run.driven for run in runs) > 0.5 * COPIES, "the gates were off for long"
+    assert sum(run.driven for run in runs) > 0.4 * COPIES, "the gates were off for long"
     windows = reduce(or_, (run.windows for run in runs))
     assert windows == (1 << len(REGISTER_BLOCKS)) - 1, "a register block was never accessed"
 

@@ -365,7 +365,7 @@ def test_console_keeps_its_motor() -> None:
 def test_stop_at_the_console_ends_the_operation(turning: NodeBench, line: str, ramp: bool) -> None:
     """The motor stops as the console says and stays off: the master enables the operation anew to start it.
 
-    Verifies: CO-09, CO-12
+    Verifies: CO-09
     """
     b = turning
     assert b.bench.fw.command(line) == ["ok"]
@@ -387,7 +387,7 @@ def test_stop_at_the_console_ends_the_operation(turning: NodeBench, line: str, r
 def test_stop_at_the_console_just_after_the_start(bench: NodeBench) -> None:
     """Also a start that the node has not seen yet is not made again.
 
-    Verifies: CO-09, CO-12
+    Verifies: CO-09
     """
     bench.enable()
     bench.write("target_velocity", 20_000)

@@ -207,7 +207,7 @@ def test_silent_console(lines: bool) -> None:
 def test_silence_hides_no_other_fault() -> None:
     """Wrong currents and a silent console found in one look: the fault is that of the currents.
 
-    Verifies: FW-47, FW-48
+    Verifies: FW-49
     """
 
     def started() -> NoisyBench:

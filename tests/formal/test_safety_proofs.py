@@ -709,7 +709,7 @@ BROKEN = {
         "a_missed_holds",
     ),
     "missed strobe kept in a reset": ("fl_adc_fault", ADC, "      missed_q <= 1'b0;\n", "", "a_reset"),
-    "watchdog a clock late": ("fl_watchdog", DOG, "cfg_cycles_i - 24'd1)", "cfg_cycles_i)", "a_expires"),
+    "watchdog a clock late": ("fl_watchdog", DOG, "cfg_cycles_i - Width'(1))", "cfg_cycles_i)", "a_expires"),
     "period of 16 bits": (
         "fl_watchdog",
         DOG,

@@ -11,8 +11,9 @@ import pytest
 from fluxlock.docs import mutation as mutation_page
 from fluxlock.mutation import command
 from fluxlock.mutation.blocks import BLOCKS, Block
-from fluxlock.mutation.equivalence import proved_equal
+from fluxlock.mutation.equivalence import equal_mutants, unproved
 from fluxlock.mutation.netlist import SELECTOR, folder, make_netlist, parse_list, with_selector
+from fluxlock.mutation.product import Signal, equal_at_the_outputs, read_signals
 from fluxlock.mutation.run import MutationError, run_mutants
 from fluxlock.mutation.score import measure, score_percent
 from fluxlock.mutation.simulation import OTHER_ENDS, still_known
@@ -110,9 +111,75 @@ def test_selector_becomes_a_register() -> None:
 def test_proofs_are_read_by_mutant() -> None:
     part = "\nmutant under proof: {}\nFound 9 $equiv cells in equiv:\n"
     part += "  Of those cells {} are proven and {} are unproven.\n"
-    log = part.format(4, 3, 6)
-    log += part.format(4, 9, 0) + part.format(7, 8, 1) + "\nmutant under proof: 8\nERROR\n"
-    assert proved_equal(log) == {4}
+    cell = "  Unproven $equiv $auto$equiv_make.cc:295:find_same_wires$4: \\{0}_gold{1} \\{0}_gate{1}\n"
+    log = part.format(4, 9, 0) + part.format(7, 6, 3) + cell.format("a.b_q", " [7]") + cell.format("a.b_q", " [0]")
+    log += cell.format("y_o", "") + "\nmutant under proof: 8\nERROR\n"
+    assert unproved(log) == {4: set(), 7: {"a.b_q", "y_o"}}
+    with pytest.raises(ValueError, match="mutant 7: 3 unproven, but 2 of them named"):
+        unproved(log.replace("y_o_gold", "y_o"))
+
+
+APART = Block(name="fl_apart", sources=(str(HERE / "fl_apart.sv"),), test_modules=(), goal_percent=0.0)
+# Column of the cell after the file's line, port and kind; all of one line each.
+EQUAL = {"^word_i) != parity_q: 29-36 Y[0] inverted", "run_i && busy_q: 17-32 A[0] stuck at 1"}
+DIFFERENT = {
+    "^word_i) != parity_q: 28-49 B[0] inverted",
+    "run_i && busy_q: 17-32 B[0] stuck at 1",
+    "age_q >= 8'd200: 18-33 A[3] inverted",
+}
+UNDECIDED = {"age_q != 8'd255: 14-29 A[0] inverted"}
+
+
+def test_proof_at_the_outputs() -> None:
+    """Registers differ: equal by the registers that agree, equal while a flag is set, different, and not decided.
+
+    Verifies: MUT-02
+    """
+    lines = (HERE / "fl_apart.sv").read_text().splitlines()
+    netlist = make_netlist(APART, 400, 1)
+
+    def named(text: str) -> int:
+        """Number of a mutant by a text of the source line, columns, port and kind."""
+        code, _, rest = text.partition(": ")
+        columns, port, kind = rest.split(" ", 2)
+        (line,) = (i for i, source in enumerate(lines, 1) if code in source)
+        place = "-".join(f"{line}.{column}" for column in columns.split("-"))
+        (found,) = (
+            m.number for m in netlist.mutants if (m.source.rpartition(":")[2], m.port, m.kind) == (place, port, kind)
+        )
+        return found
+
+    names = {named(text): text for text in EQUAL | DIFFERENT | UNDECIDED}
+    tried = [m for m in netlist.mutants if m.number in names]
+    assert {names[number] for number in equal_mutants(APART, netlist, tried)} == EQUAL
+    # Nor does a wrong guess of the registers that agree prove anything.
+    for mutant in (m for m in tried if names[m.number] in DIFFERENT):
+        assert not equal_at_the_outputs(APART, netlist, mutant, {"parity_q", "count_q", "age_q"})
+
+
+def test_defects_of_a_clock_are_not_tried() -> None:
+    """A register without a clock is none of the proofs' business.
+
+    Verifies: MUT-02
+    """
+    netlist = make_netlist(APART, 400, 1)
+    stopped = [m for m in netlist.mutants if m.port == "CLK[0]"]
+    assert stopped and equal_mutants(APART, netlist, stopped) == set()
+
+
+def test_signals_of_a_module() -> None:
+    text = (
+        '  attribute \\src "a.sv:1.2"\n  wire width 4 input 3 \\word_i\n  wire output 2 \\y_o\n'
+        "  wire width 8 \\gen[0].q\n  wire \\between\n  wire $1y\n"
+        "  cell $dff $3\n    connect \\Q \\y_o\n  end\n"
+        "  cell $sdff $4\n    connect \\Q { \\gen[0].q [7:5] \\gen[0].q [0] }\n  end\n"
+    )
+    assert read_signals(text) == [
+        Signal("word_i", 4, "input", ""),
+        Signal("y_o", 1, "output", "{}"),
+        Signal("gen[0].q", 8, "", "{} [7:5], {} [0]"),
+    ]
+    assert read_signals(text)[2].pattern == "gen?0?.q"
 
 
 def test_score() -> None:
@@ -141,7 +208,16 @@ def test_reasons_fit_survivors() -> None:
 
     Verifies: MUT-03
     """
-    base = {"block": "b", "seed": 1, "count": 9, "killed": 7, "equal": 0, "survived": 2, "score_percent": 77.8}
+    base = {
+        "block": "b",
+        "parameters": {"Width": 4},
+        "seed": 1,
+        "count": 9,
+        "killed": 7,
+        "equal": 0,
+        "survived": 2,
+        "score_percent": 77.8,
+    }
     mutants = [survivor("rtl/x/b.sv:10.3", "w[2]"), survivor("rtl/x/b.sv:11.3", "")]
     result = {**base, "goal_percent": 70.0, "cpu_s": 3.0, "yosys": "Y", "mutants": mutants}
     fits = {"source": "rtl/x/b.sv:10.", "wire": "w", "reason": "it is so"}
@@ -149,8 +225,27 @@ def test_reasons_fit_survivors() -> None:
     text, stale = mutation_page.page([result], {"b": [*wrong, fits | {"port": "Q[0]", "kind": "inverted"}]})
     assert "| b.sv:10.3 | Q[0] | w[2] | inverted | it is so |" in text
     assert "| b.sv:11.3 | Q[0] | - | inverted | not explained |" in text
+    assert "\n## b\n\nSeed 1, Y, `Width` = 4.\n" in text
     assert len(stale) == 3 and all("rtl/x/b.sv:10." in line for line in stale)
     assert mutation_page.page([result], {"other": [fits]})[1] == []
+
+
+def test_page_keeps_blocks_that_were_not_measured() -> None:
+    """Their rows and sections stay in the order of the blocks; a new result takes the place of an old one.
+
+    Verifies: MUT-03
+    """
+    base = {"parameters": {}, "seed": 1, "count": 9, "killed": 7, "equal": 0, "survived": 2, "score_percent": 77.8}
+    base |= {"goal_percent": 70.0, "cpu_s": 3.0, "yosys": "Y", "mutants": [survivor("rtl/x/b.sv:10.3", "w[2]")]}
+    first, second, third = list(BLOCKS)[:3]
+    before, _ = mutation_page.page([base | {"block": first}, base | {"block": third}], {})
+    assert mutation_page.page([], {}, before) == (before, [])
+    new = {"cpu_s": 4.0, "mutants": []}
+    text, _ = mutation_page.page([base | new | {"block": second}, base | new | {"block": third}], {}, before)
+    everything, _ = mutation_page.page(
+        [base | {"block": first}, base | new | {"block": second}, base | new | {"block": third}], {}
+    )
+    assert text == everything
 
 
 def test_what_holds_of_an_earlier_outcome() -> None:

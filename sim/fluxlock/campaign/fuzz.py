@@ -44,20 +44,21 @@ PATIENCE_LOOKS = 5
 class Drive:
     """What goes astray: a scenario of `scenarios/campaign`, when, s, and whether its chip has the CAN controller.
 
-    A program of the fuzzer has no CANopen node, so that it has room for an injection beside CAN.
+    The fuzzer's program has no CANopen node, so that it has room for an injection beside CAN.
     """
 
     scenario: str
     at_s: float
     can: bool = False
+    overrides: tuple[str, ...] = ()
 
     def load(self) -> Scenario:
         """The scenario."""
-        return load_scenario(ROOT / "scenarios" / "campaign" / f"{self.scenario}.toml")
+        return load_scenario(ROOT / "scenarios" / "campaign" / f"{self.scenario}.toml", self.overrides)
 
 
 DRIVES = {
-    "six-step": Drive("six-step", 0.020),
+    "six-step": Drive("six-step", 0.020, overrides=("drive.sync_rect=true",)),  # with a dead time in every carrier
     "vector": Drive("vector", 0.030),
     "five-phase": Drive("fuzz-five-phase", 0.060, can=True),
 }

@@ -27,6 +27,7 @@ LOCK = frozenset({"lost_lock", "start_failed"})
 LINK = frozenset({"under_voltage", "over_voltage"})
 CHANNEL = frozenset({"voltage_channel", "stuck_channel", "current_sum"})
 PIN = frozenset({"fault_pin"})
+CONVERTER = frozenset({"converter"})
 SETTINGS = frozenset({"settings_changed"})
 PARAMETERS = frozenset({"parameter_magic", "parameter_version", "parameter_crc"})
 INJECTION = frozenset({"injection_signal", "injection_noise", "no_saliency", "polarity_unsure"})
@@ -236,12 +237,14 @@ def _pin_faults(s: Scenario) -> list[Fault]:
     ports: list[tuple[str, int, frozenset[str]]] = [
         ("fault_pin_i", 1, PIN), ("hall_i", 3, hall), ("encoder_i", 3, encoder), ("uart_rx_i", 1, NONE),
         ("can_rx_i", 1, NONE), ("spi_miso_i", 1, NONE), ("adc_valid_i", 1, NONE),
+        ("adc_fault_i", 1, CONVERTER),
     ]  # fmt: skip
     found = []
     for port, bits, names in ports:
         pins = [f"{port}[{bit}]" for bit in range(bits)] if bits > 1 else [port]
-        # A driver's fault is latched by the first clock edge that sees it; the converter's sets have a least spacing.
-        must_stop, unchecked = port == "fault_pin_i", port == "adc_valid_i"
+        # Faults of driver and converters are latched by the first clock edge that sees them; sample sets have a least
+        # spacing.
+        must_stop, unchecked = names in (PIN, CONVERTER), port == "adc_valid_i"
         for text, forced, span_s in (*((f"{pin} wrong for 1 us", [pin], 1e-6) for pin in pins),
                                      (f"{port} wrong for 1 clock", pins, 0.0)):  # fmt: skip
             found.append(Fault(text, _held(forced, span_s), names, must_stop=must_stop, unchecked=unchecked))

@@ -67,7 +67,7 @@ class Protection(Model):
     safe_state: SafeState = Field(
         default="off",
         description="After a hardware trip: all gates off, or the lower ones on (`short`), an active short circuit of "
-        "the machine, unless the cause is over-current, the fault pin or a changed setting.",
+        "the machine, unless over-current, the fault pin, the converter or a changed setting rules it out.",
     )
 
 

