@@ -33,6 +33,7 @@ COUNT = 16
 
 @pytest.fixture(scope="module")
 def result() -> dict[str, Any]:
+    (folder(SMALL) / "outcomes.jsonl").unlink(missing_ok=True)  # of an earlier run of these tests
     return measure(SMALL, COUNT, 1, 1, lambda _: None)
 
 
