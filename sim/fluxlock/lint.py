@@ -149,8 +149,8 @@ def c_code() -> str:
         for method in ("six-step", "vector"):
             build_firmware(folder, can_method=method)
         build_loader()
-        for phases in (3, 5):
-            build_fuzz(phases)
+        for phases, method in ((3, "six-step"), (3, "vector"), (5, "vector")):
+            build_fuzz(phases, method)
         build_canopen_library()
         build_bus_library()
         for source in sorted((SW / BENCH).glob("*.c")):

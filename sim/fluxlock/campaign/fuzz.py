@@ -160,7 +160,7 @@ def fuzz(name: str, seed: int, count: int = COPIES, span_s: float = SPAN_S, jobs
         shutil.rmtree(folder, ignore_errors=True)
         branches = tuple(Branch(cycle, _told(s, cycle), span, span, folder / str(s)) for s in seeds)
         phases, injects = scenario.motor.phases, scenario.drive.vector.injection is not None
-        plan = prepare(scenario, folder / "simulator", seed, image=build_fuzz(phases))
+        plan = prepare(scenario, folder / "simulator", seed, image=build_fuzz(phases, scenario.drive.method))
         watch = (COUNT_ADDRESS, WINDOWS_ADDRESS)
         plan = replace(plan, branches=branches, jobs=jobs, watch=watch, final_commands=())
         meta = run_plan(plan, ready_chip(phases=phases, injection=injects, can=drive.can))

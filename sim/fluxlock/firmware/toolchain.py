@@ -184,11 +184,15 @@ def build_program(name: str) -> Path:
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
 
 
-def build_fuzz(phases: int = 3) -> Path:
-    """Flat binary of the firmware with the main loop of `fuzz_main.c`, for a chip with 3 or 5 phases."""
+def build_fuzz(phases: int, method: str) -> Path:
+    """Flat binary of the firmware with the main loop of `fuzz_main.c`, for a chip with 3 or 5 phases.
+
+    For three phases it holds the one method of driving: with both it does not fit.
+    """
     sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
     _, _, defined, _ = _variant(phases, None)
-    return _build_image(f"fuzz-{phases}", [FUZZ_MAIN, *sources], BUILD / "firmware", defined)
+    held = (HELD[method],) if phases == 3 else ()
+    return _build_image(f"fuzz-{phases}-{method}", [FUZZ_MAIN, *sources], BUILD / "firmware", (*defined, *held))
 
 
 def build_program_library(name: str) -> Path:
