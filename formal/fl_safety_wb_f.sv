@@ -143,9 +143,9 @@ module fl_safety_wb_f
     logic [1:0] on, kept, block;
     logic [9:0] left;
     assign on    = {gate_l_o[x] ^ LowActiveLow, gate_h_o[x] ^ HighActiveLow};
-    assign kept  = {dut.gen_guard[Kept].u_guard.gate_l_q[x], dut.gen_guard[Kept].u_guard.gate_h_q[x]};
-    assign block = {dut.gen_guard[Kept].u_guard.block_l_q[x], dut.gen_guard[Kept].u_guard.block_h_q[x]};
-    assign left  = dut.gen_guard[Kept].u_guard.wait_q[x];
+    assign kept  = {dut.g_guard[Kept].u_guard.gate_l_q[x], dut.g_guard[Kept].u_guard.gate_h_q[x]};
+    assign block = {dut.g_guard[Kept].u_guard.block_l_q[x], dut.g_guard[Kept].u_guard.block_h_q[x]};
+    assign left  = dut.g_guard[Kept].u_guard.wait_q[x];
     // Since reset: the gate was on at the pin, in the kept guard. Locked when it was on last. Clocks that it has been off
     // before this one. The least dead time that the register has held since it was on at the pin; the dead time with which
     // it was on in the kept guard.

@@ -51,7 +51,7 @@ async def upset_of_a_guard_is_safe(dut: Any) -> None:
             dut.req_h_i.value = random.getrandbits(3)
             dut.req_l_i.value = ~int(dut.req_h_i.value) & 7
             await clocks(random.randrange(dead_time + 5))
-            register = getattr(dut.gen_guard[n].u_guard, name)
+            register = getattr(dut.g_guard[n].u_guard, name)
             register.value = int(register.value) ^ 1 << bit
             await Timer(1, "ns")
             await clocks(random.randrange(dead_time + 5))

@@ -214,7 +214,7 @@ module fl_safety_wb
   // Nothing makes one of the two: their registers follow from themselves.
   logic [1:0][  Phases-1:0] guard_h, guard_l;
   logic [1:0][2*Phases-1:0] guard_gate;
-  for (genvar n = 0; n < 2; n++) begin : gen_guard
+  for (genvar n = 0; n < 2; n++) begin : g_guard
     fl_gate_guard #(
         .Phases       (Phases),
         .HighActiveLow(HighActiveLow),
