@@ -45,7 +45,7 @@ module fl_soc
 
     output logic [  Phases-1:0] gate_h_o,     // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o,       // of either guard, before polarity: bit 2X upper, 2X+1 lower switch of leg X
+    output logic [2*Phases-1:0] gate_o,       // of either guard, before polarity: bit 2X upper, 2X+1 lower one of leg X
     output logic                brake_o,      // pin of the brake chopper, active high
     input  logic                fault_pin_i,  // asynchronous, active high
     input  logic [         2:0] hall_i,       // Hall sensors C, B, A; asynchronous, 0 where there are none
