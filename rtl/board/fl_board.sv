@@ -174,7 +174,7 @@ module fl_board
       .trc_angle_o      ()
   );
 
-  // Without flip-flops: a clock that stands still turns nothing off.
+  // No flip-flop in between: without a clock none would turn a gate off.
   assign gate_h_o = HighActiveLow ? gate_h | {Phases{!locked_i}} : gate_h & {Phases{locked_i}};
   assign gate_l_o = LowActiveLow ? gate_l | {Phases{!locked_i}} : gate_l & {Phases{locked_i}};
   assign brake_o  = brake && locked_i;

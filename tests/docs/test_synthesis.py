@@ -439,13 +439,30 @@ def test_sets() -> None:
     assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_c 62, fl_b 32, fl_a 2"]
 
 
+def guard_flip_flops(netlist: Path, guard: int) -> dict[str, list[int]]:
+    """Nets of one gate guard's registers, each behind a flip-flop."""
+    modules = json.loads(netlist.read_text())["modules"].values()
+    (top,) = (module for module in modules if "top" in module["attributes"])
+    driven = {cell["connections"]["Q"][0] for cell in top["cells"].values() if cell["type"] == "TRELLIS_FF"}
+    wanted = re.compile(rf"g_guard\[{guard}\]\.u_guard\.(gate_h_q|gate_l_q|block_h_q|block_l_q|wait_q)$")
+    found = {match[1]: net["bits"] for name, net in top["netnames"].items() if (match := wanted.search(name))}
+    assert all(bit in driven for bits in found.values() for bit in bits)
+    return found
+
+
 def test_smallest_configuration() -> None:
     """From the RTL to a bitstream for the smallest device: every limit met, with the first seed that does.
 
-    Verifies: BRD-10
+    The two gate guards share no flip-flop: no tool has made one of them.
+
+    Verifies: BRD-10, SAFE-22
     """
     result = configurations.build(load_configurations()["six-step-25f"])
     print(asdict(result))
     assert not result.problems
     assert result.fmax_mhz and result.fmax_mhz >= 50.0
     assert (WORK / "six-step-25f" / "board.bit").stat().st_size > 100_000
+    first, second = (guard_flip_flops(WORK / "six-step-25f" / "netlist.json", guard) for guard in range(2))
+    assert {name: len(bits) for name, bits in first.items()} == {name: len(bits) for name, bits in second.items()}
+    assert {len(bits) for bits in first.values()} == {3, 30} and len(first) == 5
+    assert not {bit for bits in first.values() for bit in bits} & {bit for bits in second.values() for bit in bits}
