@@ -280,6 +280,8 @@ async def first_cause_and_count(dut: Dut) -> None:
     await tb.clocks(2)
     assert tb.get("first_o") == PHASE | DC and tb.get("count_o") == 1
     await tb.pulse("software_i")
+    await tb.clocks(2)
+    assert tb.get("count_o") == 2
     await tb.pulse("software_i")  # known already: no new trip
     await tb.clocks(2)
     assert tb.get("first_o") == PHASE | DC and tb.get("count_o") == 2
@@ -348,16 +350,18 @@ async def log_of_eight(dut: Dut) -> None:
         return [code_of(deviation, rng) for deviation in deviations]
 
     await check()
-    for _ in range(400):
+    for _ in range(800):
         codes = draw()
         largest = max(range(3), key=lambda x: abs(codes[x] - MIDDLE))
         pulses = rng.sample(sorted(PULSES), rng.choice([0, 0, 1, 2, 3]))
         cause = sum(PULSES[name] for name in pulses) or rng.choice(
             [PHASE, DC, PHASE | DC, PHASE | OVER, UNDER, DC | OVER, OVER]
         )
-        vdc = {OVER: 3001, UNDER: 999}.get(cause & (OVER | UNDER), 2000)
+        links = {OVER: (3001, 4096), UNDER: (0, 1000)}
+        vdc = rng.randrange(*links.get(cause & (OVER | UNDER), (1000, 3001)))
+        idc = code_of(rng.randrange(501, MIDDLE + 1) if cause & DC else rng.randrange(501), rng)
         dut.cfg_phase_lsb_i.value = abs(codes[largest] - MIDDLE) - bool(cause & PHASE)
-        await tb.sample(**{f"c{3 + x}": c for x, c in enumerate(codes)}, c6=vdc, c7=MIDDLE + 501 * bool(cause & DC))
+        await tb.sample(**{f"c{3 + x}": c for x, c in enumerate(codes)}, c6=vdc, c7=idc)
         if pulses:
             await tb.clocks(rng.randrange(4))
         # A pulse is stamped with its clock, a code with the clock after its valid: both are `now` here.
@@ -366,7 +370,7 @@ async def log_of_eight(dut: Dut) -> None:
             await tb.pulse(*pulses)
         channel = largest, codes[largest]
         if not cause & PHASE and cause & DC:
-            channel = LOG_IDC, MIDDLE + 501
+            channel = LOG_IDC, idc
         elif not cause & PHASE and cause & (OVER | UNDER):
             channel = LOG_VDC, vdc
         entries.append((stamp, cause, *channel))
