@@ -37,6 +37,7 @@ class BlockSet:
     description: str
     wish: dict[str, int]  # most of "lut", LUT4 + 2 x carry, and "dsp"
     blocks: dict[str, dict[str, int]]  # module: parameters
+    copies: dict[str, int] = field(default_factory=dict)  # module: how often the chip has it, where more than once
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class BlockResult:
     problems: list[str]
     critical_path: list[str]
     cpu_s: float
-    parts: dict[str, int] = field(default_factory=dict)  # of a set: LUT4 + 2 x carry of each block
+    parts: dict[str, int] = field(default_factory=dict)  # of a set: LUT4 + 2 x carry of each block, all copies
 
 
 def load_settings() -> Settings:
@@ -170,15 +171,16 @@ def _build_block(
 
 
 def build_set(group: BlockSet, paths: dict[str, Path], files: list[Path], settings: Settings, seed: int) -> BlockResult:
-    """The blocks of a set, one after the other: sums of their areas, least Fmax."""
+    """The blocks of a set, one after the other: sums of the areas of all copies, least Fmax."""
     built = {name: build_block(name, paths[name], files, settings, seed, fixed) for name, fixed in group.blocks.items()}
+    copies = {name: group.copies.get(name, 1) for name in built}
     slowest = min(built.values(), key=lambda r: r.fmax_mhz or math.inf)
-    totals = {key: sum(getattr(r, key) for r in built.values()) for key in AREAS}
+    totals = {key: sum(copies[name] * getattr(r, key) for name, r in built.items()) for key in AREAS}
     return BlockResult(
         fmax_mhz=slowest.fmax_mhz,
         **totals,
         problems=[f"{name}: {problem}" for name, r in built.items() for problem in r.problems],
         critical_path=slowest.critical_path,
         cpu_s=round(sum(r.cpu_s for r in built.values()), 1),
-        parts={name: r.lut4 + 2 * r.carry for name, r in built.items()},
+        parts={name: copies[name] * (r.lut4 + 2 * r.carry) for name, r in built.items()},
     )
