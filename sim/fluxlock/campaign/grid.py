@@ -211,7 +211,8 @@ def _machine_faults(s: Scenario) -> list[Fault]:
         Fault(f"supply dips to {dip_v:g} V for 5 ms",
               ((0.0, "supply", {"supply_v": dip_v}), (0.005, "supply", {"supply_v": supply_v, "ramp_s": 1e-3})),
               LINK | CURRENT | LOCK),
-        Fault("supply fails", ((0.0, "supply", {"supply_v": 0.0}),), LINK | LOCK, must_stop=True),
+        # As a short of the link: a machine that turns drives its current into it through the diodes.
+        Fault("supply fails", ((0.0, "supply", {"supply_v": 0.0}),), LINK | CURRENT | LOCK, must_stop=True),
         Fault(f"supply rises to {rise_v:g} V", ((0.0, "supply", {"supply_v": rise_v, "ramp_s": 1e-3}),), LINK,
               must_stop=True),
         Fault("rotor jams", ((0.0, "mechanics", {"mode": "locked"}),), LOCK | CURRENT, turning=True),
