@@ -100,7 +100,7 @@ def test_every_port_is_timed(module: str) -> None:
     text, suffix = constraints(module)
     for port, direction in ports(module).items():
         if direction == "output" and suffix == ".lpf":
-            continue  # pad_output_ns of the configuration limits all of them
+            continue  # pad_output_ns and together_ns of the configuration limit all of them
         name = port.split("[")[0]
         if suffix == ".lpf":
             timed = f'PATH FROM PORT "{port}"' in text or f'FREQUENCY PORT "{port}"' in text or name in PAD_LIMITED

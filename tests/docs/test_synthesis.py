@@ -18,17 +18,20 @@ from fluxlock.synth import __main__ as command
 from fluxlock.synth import blocks, configurations, report, timing
 from fluxlock.synth.blocks import AREAS, BlockPlacement, BlockResult, BlockSet, block_files, load_settings
 from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
+from fluxlock.synth.timing import PadDelays
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
 from fluxlock.synth.xilinx import XilinxCells, cells_of
 from fluxlock.writable import alone
 
 CLOCK, PADS = "posedge clk", timing.PAD
-CONFIG = Configuration("x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0)
+CONFIG = Configuration(
+    "x", "", "", "LFE5U-85F", "", 6, 50.0, "", pad_output_ns=6.0, pad_input_ns=5.0, limit_s=60.0,
+    together=("g_o", "h_o"), together_ns=4.0,
+)  # fmt: skip
 RESULT: dict[str, Any] = {
     "device": "LFE5U-85F", "speed_grade": 6, "clock_mhz": 50.0, "fmax_mhz": 51.26, "routed": True,
-    "pad_output_ns": 4.0, "pad_input_ns": 3.0, "luts_left": 0.2345, "lut4": 12345, "carry": 1001, "ff": 7, "lut_ram": 6,
-    "block_ram": 5,
-    "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
+    "pad_output_ns": 4.0, "pad_input_ns": 3.0, "together_ns": 2.0, "luts_left": 0.2345, "lut4": 12345, "carry": 1001,
+    "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
     "xilinx": {"lut6": 9, "carry4": 8, "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4},
 }  # fmt: skip
 
@@ -72,9 +75,13 @@ def test_pad_delays() -> None:
         net("ff_g", CLOCK, "clock_gate", PADS, 9.9, 9.9),
         net("ff_h", CLOCK, "led_o[0]$tr_io", PADS, 9.8, 9.8),
         net("e_i$tr_io", PADS, "q_o$tr_io", PADS, 9.0, 9.0),
+        net("ff_i", CLOCK, "g_o[0]$tr_io", PADS, 5.5, 6.0),
+        net("ff_j", CLOCK, "g_o[1]$tr_io", PADS, 7.0, 8.5),
     ]
-    assert timing.pad_delays({"detailed_net_timings": nets}, asynchronous) == (4.5, 3.5)
-    assert timing.pad_delays({"detailed_net_timings": nets[:1]}, asynchronous) == (0.0, 0.0)
+    report = {"detailed_net_timings": nets}
+    assert timing.pad_delays(report, asynchronous) == PadDelays(8.5, 3.5, 0.0)
+    assert timing.pad_delays(report, asynchronous, ["g_o"]) == PadDelays(4.5, 3.5, 3.0)
+    assert timing.pad_delays({"detailed_net_timings": nets[:1]}, asynchronous) == PadDelays(0.0, 0.0, 0.0)
 
 
 def test_critical_path() -> None:
@@ -96,13 +103,14 @@ def test_critical_path() -> None:
 @pytest.mark.parametrize(
     ("fmax", "pads", "found"),
     [
-        (50.0, (6.0, 5.0), []),
-        (49.9, (6.0, 5.0), ["clock: 49.9 MHz, below 50.0 MHz"]),
-        (50.0, (6.1, 5.0), ["flip-flop to pad: 6.1 ns, above 6.0 ns"]),
-        (50.0, (6.0, 5.1), ["pad to flip-flop: 5.1 ns, above 5.0 ns"]),
+        (50.0, PadDelays(6.0, 5.0, 4.0), []),
+        (49.9, PadDelays(6.0, 5.0, 4.0), ["clock: 49.9 MHz, below 50.0 MHz"]),
+        (50.0, PadDelays(6.1, 5.0, 4.0), ["flip-flop to pad: 6.1 ns, above 6.0 ns"]),
+        (50.0, PadDelays(6.0, 5.1, 4.0), ["pad to flip-flop: 5.1 ns, above 5.0 ns"]),
+        (50.0, PadDelays(6.0, 5.0, 4.1), ["g_o and h_o apart: 4.1 ns, above 4.0 ns"]),
     ],
 )
-def test_limits_missed(fmax: float, pads: tuple[float, float], found: list[str]) -> None:
+def test_limits_missed(fmax: float, pads: PadDelays, found: list[str]) -> None:
     """Each missed limit is named, and none that is met.
 
     Verifies: BRD-09
@@ -142,7 +150,7 @@ def test_seeds(
 
     def place(config: Configuration, folder: Path, seed: int) -> Placement:
         fmax, problems = outcomes[seed - 1]
-        return Placement(seed, fmax, None if "not routed" in problems else (1.0, 1.0), problems, [], 10.0)
+        return Placement(seed, fmax, None if "not routed" in problems else PadDelays(1.0, 1.0, 1.0), problems, [], 10.0)
 
     monkeypatch.setattr(configurations, "place", place)
     best, used_s = configurations.best_placement(replace(CONFIG, seeds=3), Path(), 1)
@@ -313,7 +321,7 @@ def test_tables() -> None:
     Verifies: BRD-09
     """
     assert " ".join(report.configuration_row("three-phase", RESULT)) == (
-        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 12345 1001 14347 23.4 7 6 5 4 100 201 all limits met, seed 1"
+        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 2.0 12345 1001 14347 23.4 7 6 5 4 100 201 all limits met, seed 1"
     )
     assert " ".join(report.xilinx_row("three-phase", RESULT)) == "three-phase 9 8 7 6 5 4"
     assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]

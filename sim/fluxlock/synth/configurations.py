@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fluxlock.paths import ROOT
 from fluxlock.synth import timing
+from fluxlock.synth.timing import PadDelays
 from fluxlock.synth.tools import (
     WORK,
     Device,
@@ -39,9 +41,11 @@ class Configuration:
     speed_grade: int
     clock_mhz: float
     constraints: str
-    pad_output_ns: float  # flip-flop to pad, most
+    pad_output_ns: float  # flip-flop to pad, most, but for those of `together`
     pad_input_ns: float  # pad to flip-flop, most
     limit_s: float  # of nextpnr, processor time, one seed
+    together: tuple[str, ...] = ()  # output ports whose edges are compared with each other
+    together_ns: float = math.inf  # flip-flop to pad: the longest of theirs less the shortest, most
     control_set_ffs: int = 1  # enables and synchronous resets of fewer flip-flops become logic
     seeds: int = 1  # placements that are tried until one meets all limits
     like: str = ""  # the configuration of the same chip on another device: what is not given here is its
@@ -71,6 +75,7 @@ class Result:
     routed: bool
     pad_output_ns: float | None
     pad_input_ns: float | None
+    together_ns: float | None
     luts_left: float | None  # share of the device's LUTs, as nextpnr counts them: with carry cells and LUT RAM
     lut4: int
     carry: int
@@ -95,9 +100,7 @@ def load_configurations() -> dict[str, Configuration]:
     return {name: Configuration(name=name, **table) for name, table in merged.items()}
 
 
-def limits_missed(
-    config: Configuration, fmax: float | None, pads: tuple[float, float], luts_left: float = 1.0
-) -> list[str]:
+def limits_missed(config: Configuration, fmax: float | None, pads: PadDelays, luts_left: float = 1.0) -> list[str]:
     """A line for each limit that a routed configuration misses."""
     found = []
     if luts_left < config.luts_left:
@@ -105,8 +108,9 @@ def limits_missed(
     if fmax is None or fmax < config.clock_mhz:
         found.append(f"clock: {fmax or 0.0:.1f} MHz, below {config.clock_mhz:.1f} MHz")
     for way, reached, limit in [
-        ("flip-flop to pad", pads[0], config.pad_output_ns),
-        ("pad to flip-flop", pads[1], config.pad_input_ns),
+        ("flip-flop to pad", pads.to_pad, config.pad_output_ns),
+        ("pad to flip-flop", pads.from_pad, config.pad_input_ns),
+        (f"{' and '.join(config.together)} apart", pads.apart, config.together_ns),
     ]:
         if reached > limit:
             found.append(f"{way}: {reached:.1f} ns, above {limit:.1f} ns")
@@ -127,7 +131,7 @@ class Placement:
 
     seed: int
     fmax_mhz: float | None
-    pads: tuple[float, float] | None  # None: not routed
+    pads: PadDelays | None  # None: not routed
     problems: list[str]
     critical_path: list[str]
     used_s: float  # processor time
@@ -145,7 +149,7 @@ def place(config: Configuration, folder: Path, seed: int) -> Placement:
         fmax = timing.placed_fmax_mhz(log.read_text(errors="replace"))
         return Placement(seed, fmax, None, [not_routed(log, config.limit_s)], [], config.limit_s)
     fmax = timing.fmax_mhz(report)
-    pads = timing.pad_delays(report, timing.asynchronous_pads(constraints.read_text()))
+    pads = timing.pad_delays(report, timing.asynchronous_pads(constraints.read_text()), config.together)
     pack(folder)
     luts = report["utilization"]["TRELLIS_COMB"]
     left = 1.0 - luts["used"] / luts["available"]
@@ -191,8 +195,9 @@ def _build(config: Configuration, folder: Path, seed: int) -> Result:
         clock_mhz=config.clock_mhz,
         fmax_mhz=best.fmax_mhz and round(best.fmax_mhz, 1),
         routed=best.pads is not None,
-        pad_output_ns=round(best.pads[0], 1) if best.pads else None,
-        pad_input_ns=round(best.pads[1], 1) if best.pads else None,
+        pad_output_ns=round(best.pads.to_pad, 1) if best.pads else None,
+        pad_input_ns=round(best.pads.from_pad, 1) if best.pads else None,
+        together_ns=round(best.pads.apart, 1) if best.pads else None,
         luts_left=best.luts_left and round(best.luts_left, 4),
         lut4=cells.get("LUT4", 0),
         carry=cells.get("CCU2C", 0),

@@ -36,9 +36,9 @@ def fmax_text(result: dict[str, Any]) -> str:
 
 
 CONFIGURATION_HEAD = [
-    "configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns", "LUT4",
-    "carry (CCU2C)", "LUT4 + 2 × carry", "LUTs left / %", "FF", "LUT RAM (DPR16X4)", "block RAM (18 kbit)",
-    "DSP (18 × 18)", "Yosys / CPU s", "nextpnr / CPU s", "result",
+    "configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns",
+    "gate edges apart / ns", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "LUTs left / %", "FF", "LUT RAM (DPR16X4)",
+    "block RAM (18 kbit)", "DSP (18 × 18)", "Yosys / CPU s", "nextpnr / CPU s", "result",
 ]  # fmt: skip
 XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
 SET_HEAD = [
@@ -51,9 +51,10 @@ BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry
 def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
     """Area and timing of a configuration."""
     row = [name, f"{r['device']}-{r['speed_grade']}", fmax_text(r), f"{r['clock_mhz']:.0f}"]
-    row += [_number(r["pad_output_ns"]), _number(r["pad_input_ns"]), str(r["lut4"]), str(r["carry"])]
+    row += [_number(r["pad_output_ns"]), _number(r["pad_input_ns"]), _number(r["together_ns"])]
     left = r["luts_left"]
-    row += [str(r["lut4"] + 2 * r["carry"]), _number(None if left is None else 100 * left)]
+    row += [str(r["lut4"]), str(r["carry"]), str(r["lut4"] + 2 * r["carry"])]
+    row += [_number(None if left is None else 100 * left)]
     row += [str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")]
     return [
         *row,

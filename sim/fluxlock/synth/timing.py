@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 PAD = "<async>"
@@ -80,13 +82,23 @@ def asynchronous_pads(constraints: str) -> set[str]:
     return set(re.findall(r'^BLOCK PATH (?:FROM|TO) PORT "([^"]+)";', constraints, re.MULTILINE))
 
 
-def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, float]:
-    """Longest ways from a flip-flop to a pad and from a pad to a flip-flop, ns.
+@dataclass(frozen=True)
+class PadDelays:
+    """Ways at the pads, ns, without pad and clock tree."""
+
+    to_pad: float  # longest from a flip-flop to a pad
+    from_pad: float  # longest from a pad to a flip-flop
+    apart: float  # of the outputs whose edges go together: the longest less the shortest
+
+
+def pad_delays(report: dict[str, Any], asynchronous: set[str], together: Collection[str] = ()) -> PadDelays:
+    """Ways between flip-flops and pads. together: ports, all bits of which do not count for `to_pad` but for `apart`.
 
     `report` is a detailed one. Every input that has a limit leads straight to flip-flops; the asynchronous ones lead to
     synchronisers, some by logic: not counted, nor outputs that are named among them.
     """
     to_pad = from_pad = 0.0
+    edges: list[float] = []
     for net in report["detailed_net_timings"]:
         port = net["driver"].removesuffix(PAD_CELL)
         if net["event"] == PAD and (port == net["driver"] or port in asynchronous):
@@ -94,9 +106,14 @@ def pad_delays(report: dict[str, Any], asynchronous: set[str]) -> tuple[float, f
         for end in net["endpoints"]:
             if (net["event"] == PAD) == (end["event"] == PAD):
                 continue
-            longest = max(map(float, end["delay"]))
+            delays = [float(delay) for delay in end["delay"]]
+            target = end["cell"].removesuffix(PAD_CELL)
             if net["event"] == PAD:
-                from_pad = max(from_pad, longest)
-            elif end["cell"].endswith(PAD_CELL) and end["cell"].removesuffix(PAD_CELL) not in asynchronous:
-                to_pad = max(to_pad, longest)
-    return to_pad, from_pad
+                from_pad = max(from_pad, *delays)
+            elif target == end["cell"] or target in asynchronous:
+                continue
+            elif target.split("[")[0] in together:
+                edges += delays
+            else:
+                to_pad = max(to_pad, *delays)
+    return PadDelays(to_pad, from_pad, max(edges, default=0.0) - min(edges, default=0.0))
