@@ -167,9 +167,10 @@ def _sensor_faults(s: Scenario) -> list[Fault]:
     return [
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED) for x in terminals),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED) for x, code in ((v[0], top), (v[1], 0))),
-        # One that stands at the value of the moment is seen once the true current has left it.
+        # What a current that stands still leaves in the sum is seen in the looks that fall far enough from where the true
+        # current passes it.
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED, must_stop=True, span_s=SLOW_S) for x in i),
-        *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True)
+        *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True, span_s=SLOW_S)
           for x, code in zip(i, cycle((middle, top, 0)), strict=False)),
         Fault("idc stuck", (_stuck("idc"),), SENSED, must_stop=True, span_s=SLOW_S),
         Fault(f"idc stuck at {middle}", (_stuck("idc", middle),), SENSED, must_stop=True, span_s=SLOW_S),
