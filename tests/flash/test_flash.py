@@ -216,6 +216,27 @@ def test_refused_ram(scenario: str, ram_kib: int, text: str) -> None:
     assert [problem.file for problem in caught.value.problems] == ["--ram-kib"]
 
 
+@pytest.mark.parametrize(
+    ("scenario", "set_", "keys"),
+    [
+        ("demo", ["sample_period_s=5e-7"], ["sample_period_s"]),
+        ("vector/encoder", [], ["conversion_s"]),
+        ("vector/encoder", ["sample_period_s=0.7e-6"], ["sample_period_s", "conversion_s"]),
+        ("vector/encoder", ["conversion_s=0.68e-6"], ["--port"]),
+        ("demo", ["sample_period_s=0.72e-6"], ["--port"]),
+    ],
+)
+def test_refused_sampling(scenario: str, set_: list[str], keys: list[str]) -> None:
+    """Samples faster than the boards' converters, and with vector control a conversion time that they do not keep.
+
+    Verifies: BOOT-11
+    """
+    path = ROOT / "scenarios" / f"{scenario}.toml"
+    with pytest.raises(ConfigError) as caught:
+        flash(path, set_=[f"inverter.sensing.{change}" for change in set_])
+    assert [problem.file.removeprefix("inverter.sensing.") for problem in caught.value.problems] == keys
+
+
 def test_image_for_less_ram() -> None:
     """Six-step operation alone fits into 64 KiB with its state; the whole image is another.
 

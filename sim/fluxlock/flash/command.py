@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from fluxlock.flash.loader import Line
 
 EXIT_FAILED = 1
+# Converters of the boards (fl_board: frames of 16 clocks): strobe to valid codes, and the least spacing of strobes.
+CONVERSION_S = 34 / 50e6
+SPACING_S = 36 / 50e6
 
 
 @contextmanager
@@ -73,6 +76,21 @@ def _image(scenario: Scenario, ram_kib: int) -> bytes:
         raise ConfigError([Problem(option, str(ram_kib), str(error))]) from None
 
 
+def _check_converters(scenario: Scenario) -> None:
+    """Sampling that the converters of the boards keep up with, and a conversion time that the delays reckon with."""
+    sensing = scenario.inverter.sensing
+    table = "inverter.sensing."
+    found = []
+    if sensing.sample_period_s < SPACING_S:
+        text = f"must be at least {SPACING_S:.2g} s on a board: its converters miss samples that come faster"
+        found.append(Problem(f"{table}sample_period_s", f"{sensing.sample_period_s:g}", text))
+    if scenario.drive.method == "vector" and sensing.conversion_s < CONVERSION_S:
+        text = f"must be at least {CONVERSION_S:.2g} s on a board: --set {table}conversion_s={CONVERSION_S:.2g}"
+        found.append(Problem(f"{table}conversion_s", f"{sensing.conversion_s:g}", text))
+    if found:
+        raise ConfigError(found)
+
+
 def flash(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML): its firmware and parameter block.")],
     port: Annotated[Path | None, typer.Option(help="Serial port of the board, for example /dev/ttyUSB0.")] = None,
@@ -115,6 +133,7 @@ def flash(
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
     image = pack_image(_image(loaded, ram_kib), loaded.motor.phases)
+    _check_converters(loaded)
     bus = loaded.can
     setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
     steps = plan(image, parameter_block(loaded).pack(), setup)
