@@ -12,9 +12,12 @@ class ProgressBar:
     """Simulated time, motor speed and simulation rate while a run goes on.
 
     The times beside them are those of the stage: what was spent on building is no measure of what is left to simulate.
+    Where no terminal shows the bar there is a line for each stage, and for each tenth of the run.
     """
 
     def __init__(self, console: Console, duration_s: float) -> None:
+        self._console = console
+        self._told: tuple[str, int] | None = None
         self._progress = Progress(
             TextColumn("{task.fields[phase]:<10}"),
             BarColumn(),
@@ -29,14 +32,21 @@ class ProgressBar:
         self._building = True
 
     def __enter__(self) -> ProgressBar:
-        self._progress.start()
+        if self._console.is_terminal:
+            self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+        if self._console.is_terminal:
+            self._progress.stop()
 
     def __call__(self, info: ProgressInfo) -> None:
         """Show what a run tells of itself."""
+        tenth = min(int(10 * info.t_s / info.duration_s), 10)
+        if not self._console.is_terminal and (info.phase, tenth) != self._told:
+            self._told = info.phase, tenth
+            text = f"{info.phase}: {info.t_s:.3f} of {info.duration_s:.3f} s, {info.speed_rpm:.0f} r/min"
+            self._console.print(text, highlight=False)
         if self._building and info.phase != BUILDING:
             self._building = False
             self._progress.reset(self._task)

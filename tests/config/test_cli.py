@@ -246,6 +246,31 @@ def test_progress_ends_at_the_duration() -> None:
         assert bar._progress.tasks[0].completed == 0.05
 
 
+def test_progress_without_a_terminal() -> None:
+    """A file gets a line a stage and a tenth of the run, a terminal the bar alone.
+
+    Verifies: FRONT-06
+    """
+    for terminal in (False, True):
+        console = Console(file=io.StringIO(), width=120, force_terminal=terminal)
+        with ProgressBar(console, 1.0) as bar:
+            for t_s, phase in (
+                (0.0, BUILDING),
+                (0.0, BUILDING),
+                (0.0, "simulating"),
+                (0.26, "simulating"),
+                (1.01, "simulating"),
+            ):
+                bar(ProgressInfo(t_s, 1.0, 50.0, 1e6, phase))
+        text = console.file.getvalue()
+        lines = [line for line in text.splitlines() if " of 1.000 s, 50 r/min" in line]
+        assert [line.split(" s,")[0] for line in lines] == (
+            []
+            if terminal
+            else [f"{BUILDING}: 0.000 of 1.000"] + [f"simulating: {t} of 1.000" for t in ("0.000", "0.260", "1.010")]
+        )
+
+
 def test_progress_counts_the_simulation() -> None:
     """Times beside the bar begin anew when the building has ended.
 

@@ -167,8 +167,8 @@ def _sensor_faults(s: Scenario) -> list[Fault]:
     return [
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED) for x in terminals),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED) for x, code in ((v[0], top), (v[1], 0))),
-        # What a current that stands still leaves in the sum is seen in the looks that fall far enough from where the true
-        # current passes it.
+        # What a current that stands still leaves in the sum is seen in the looks that fall far enough from where the
+        # true current passes it.
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED, must_stop=True, span_s=SLOW_S) for x in i),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True, span_s=SLOW_S)
           for x, code in zip(i, cycle((middle, top, 0)), strict=False)),
