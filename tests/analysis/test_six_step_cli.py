@@ -188,6 +188,7 @@ NOT_TRACES = {
     ("arguments", "message"),
     [
         (["soa", "missing.toml"], "missing.toml"),
+        (["soa", str(ROOT / "motors" / "five-phase-yu.toml")], "phases: must be 3 for six-step operation, not 5$"),
         (["stability", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["linearity", "--n-min", "3", "--n-max", "2"], "--n-max"),
         (["spectrum", "--mean", "0"], "--mean"),

@@ -189,6 +189,15 @@ def test_block_attempts(monkeypatch: pytest.MonkeyPatch, outcomes: list[float], 
     assert placed == [(seed, weight) for weight in (10, 60) for seed in (1, 2, 3, 4)][:tried]
 
 
+def test_tool_that_is_not_there(tmp_path: Path) -> None:
+    """A tool of a dependency group that has not been set up is named, with what sets it up.
+
+    Verifies: BRD-09
+    """
+    with pytest.raises(SynthesisError, match="no-such-tool is not installed: run make setup"):
+        run_tool(["no-such-tool"], tmp_path / "log", 1.0)
+
+
 def test_tool_is_stopped(tmp_path: Path) -> None:
     """A tool that does not end is stopped, and its log tells how far it came.
 
@@ -423,6 +432,7 @@ def test_sets() -> None:
     settings = load_settings()
     paths = block_files(settings)
     for group in settings.sets.values():
+        assert set(group.copies) <= set(group.blocks)
         for module, parameters in group.blocks.items():
             text = paths[module].read_text()
             for name in parameters:
@@ -439,12 +449,13 @@ def test_sets() -> None:
             for i, fmax in enumerate((120.0, None, 90.0))
         ]
         patch.setattr(blocks, "build_block", lambda *_: results.pop(0))
-        group = BlockSet("x", "", {"lut": 5, "dsp": 2}, {"fl_a": {}, "fl_b": {}, "fl_c": {}})
+        group = BlockSet("x", "", {"lut": 5, "dsp": 2}, {"fl_a": {}, "fl_b": {}, "fl_c": {}}, {"fl_b": 2})
         total = blocks.build_set(group, dict.fromkeys(group.blocks, Path()), [], settings, 1)
     assert (total.fmax_mhz, total.critical_path, total.problems) == (90.0, ["way 2"], ["fl_c: problem 2"])
-    assert [getattr(total, name) for name in AREAS] == [30 + 3 * k for k in range(6)]
-    assert total.parts == {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
-    assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_c 62, fl_b 32, fl_a 2"]
+    assert [getattr(total, name) for name in AREAS] == [40 + 4 * k for k in range(6)]
+    sizes = {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
+    assert total.parts == {**sizes, "fl_b": 2 * sizes["fl_b"]}
+    assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_b 64, fl_c 62, fl_a 2"]
 
 
 def guard_flip_flops(netlist: Path, guard: int) -> dict[str, list[int]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import struct
 import subprocess
 import sys
@@ -17,9 +18,10 @@ from pathlib import Path
 import pytest
 
 from fluxlock.config import ConfigError
+from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.firmware import build_firmware
 from fluxlock.flash import loader
-from fluxlock.flash.command import flash
+from fluxlock.flash.command import CONVERSION_S, SPACING_S, flash
 from fluxlock.flash.image import IMAGE_MAX_BYTES, Plan, pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import Loader, LoaderError, SerialLine, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
@@ -33,9 +35,10 @@ from fluxlock.memory import (
     FLASH_SECTOR_BYTES,
     FLASH_STORE,
 )
-from fluxlock.paths import ROOT
+from fluxlock.paths import ROOT, RTL
 
 BLOCK = bytes(range(256)) * 3
+CONVERSION = "inverter.sensing.conversion_s=0.68e-6"  # of the boards
 
 
 class Deaf:
@@ -212,29 +215,49 @@ def test_refused_ram(scenario: str, ram_kib: int, text: str) -> None:
     Verifies: BOOT-10
     """
     with pytest.raises(ConfigError, match=text) as caught:
-        flash(ROOT / "scenarios" / f"{scenario}.toml", Path("/dev/null"), ram_kib=ram_kib)
+        flash(ROOT / "scenarios" / f"{scenario}.toml", Path("/dev/null"), set_=[CONVERSION], ram_kib=ram_kib)
     assert [problem.file for problem in caught.value.problems] == ["--ram-kib"]
 
 
 @pytest.mark.parametrize(
     ("scenario", "set_", "keys"),
     [
-        ("demo", ["sample_period_s=5e-7"], ["sample_period_s"]),
-        ("vector/encoder", [], ["conversion_s"]),
-        ("vector/encoder", ["sample_period_s=0.7e-6"], ["sample_period_s", "conversion_s"]),
-        ("vector/encoder", ["conversion_s=0.68e-6"], ["--port"]),
-        ("demo", ["sample_period_s=0.72e-6"], ["--port"]),
+        ("demo", ["inverter.sensing.sample_period_s=5e-7"], ["inverter.sensing.sample_period_s"]),
+        ("vector/encoder", [], ["inverter.sensing.conversion_s"]),
+        (
+            "vector/encoder",
+            ["inverter.sensing.sample_period_s=0.7e-6"],
+            ["inverter.sensing.sample_period_s", "inverter.sensing.conversion_s"],
+        ),
+        ("vector/encoder", [CONVERSION], ["--port"]),
+        ("demo", ["inverter.sensing.sample_period_s=0.72e-6"], ["--port"]),
+        ("demo", ["inverter.dead_time_s=0"], ["inverter.dead_time_s"]),
+        ("demo", ["drive.motor_error.flux=1.5"], ["drive.motor_error"]),
     ],
 )
-def test_refused_sampling(scenario: str, set_: list[str], keys: list[str]) -> None:
-    """Samples faster than the boards' converters, and with vector control a conversion time that they do not keep.
+def test_refused_on_a_board(scenario: str, set_: list[str], keys: list[str]) -> None:
+    """What the boards' converters do not keep up with, no dead time, and motor values that are wrong on purpose.
 
     Verifies: BOOT-11
     """
     path = ROOT / "scenarios" / f"{scenario}.toml"
     with pytest.raises(ConfigError) as caught:
-        flash(path, set_=[f"inverter.sensing.{change}" for change in set_])
-    assert [problem.file.removeprefix("inverter.sensing.") for problem in caught.value.problems] == keys
+        flash(path, set_=set_)
+    assert [problem.file for problem in caught.value.problems] == keys
+
+
+def test_converter_times() -> None:
+    """What the command asks of samples is what the converter interface of the boards takes.
+
+    Verifies: BOOT-11
+    """
+    board, block = ((RTL / "board" / f"fl_{name}.sv").read_text() for name in ("board", "adc_serial"))
+    (frame_bits,) = map(int, re.findall(r"\.FrameBits *\((\d+)\)", board))
+    (quiet_clocks,) = map(int, re.findall(r"QuietCycles = (\d+);", block))
+    assert "FrameCycles = 2 * FrameBits + 2;" in block
+    frame_clocks = 2 * frame_bits + 2
+    assert round(CONVERSION_S * CLOCK_HZ, 6) == frame_clocks
+    assert round(SPACING_S * CLOCK_HZ, 6) == frame_clocks + quiet_clocks
 
 
 def test_image_for_less_ram() -> None:

@@ -164,13 +164,14 @@ def _sensor_faults(s: Scenario) -> list[Fault]:
     middle = (top + 1) // 2
     vdc = round(PLAUSIBLE * s.inverter.supply_v / sensing.voltage_full_scale_v * (top + 1))
     terminals = [*v, "vsm"]
+    given_s = SLOW_S if s.drive.method == "vector" else RUN_S
     return [
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED) for x in terminals),
         *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED) for x, code in ((v[0], top), (v[1], 0))),
         # What a current that stands still leaves in the sum is seen in the looks that fall far enough from where the
-        # true current passes it.
+        # true current passes it; in six-step operation these are eight times as close.
         *(Fault(f"{x} stuck", (_stuck(x),), SENSED, must_stop=True, span_s=SLOW_S) for x in i),
-        *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True, span_s=SLOW_S)
+        *(Fault(f"{x} stuck at {code}", (_stuck(x, code),), SENSED, must_stop=True, span_s=given_s)
           for x, code in zip(i, cycle((middle, top, 0)), strict=False)),
         Fault("idc stuck", (_stuck("idc"),), SENSED, must_stop=True, span_s=SLOW_S),
         Fault(f"idc stuck at {middle}", (_stuck("idc", middle),), SENSED, must_stop=True, span_s=SLOW_S),

@@ -93,7 +93,8 @@ def page(document: dict[str, Any]) -> str:
         "",
         "The simulator's process is copied at each moment; every copy gets one disturbance, runs on for "
         f"{1e3 * RUN_S:.0f} ms (an upset {1e3 * UPSET_S:.0f} ms, a current or vdc that stands still "
-        f"{1e3 * SLOW_S:.0f} ms, a drive that starts again up to three times as long) or until it has been in its "
+        f"{1e3 * SLOW_S:.0f} ms, but a current at a given code in six-step operation, "
+        "a drive that starts again up to three times as long) or until it has been in its "
         "fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end a run as wrong, but for "
         "upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
         "",

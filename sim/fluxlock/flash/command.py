@@ -16,13 +16,14 @@ from rich.progress import Progress
 from fluxlock.can_bus import OPTION as CAN_OPTION
 from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
+from fluxlock.config.scenario import MotorError
 from fluxlock.memory import RAM_BYTES
 
 if TYPE_CHECKING:
     from fluxlock.flash.loader import Line
 
 EXIT_FAILED = 1
-# Converters of the boards (fl_board: frames of 16 clocks): strobe to valid codes, and the least spacing of strobes.
+# Converters of the boards (fl_board): strobe to valid codes, and the least spacing of strobes.
 CONVERSION_S = 34 / 50e6
 SPACING_S = 36 / 50e6
 
@@ -76,8 +77,8 @@ def _image(scenario: Scenario, ram_kib: int) -> bytes:
         raise ConfigError([Problem(option, str(ram_kib), str(error))]) from None
 
 
-def _check_converters(scenario: Scenario) -> None:
-    """Sampling that the converters of the boards keep up with, and a conversion time that the delays reckon with."""
+def _check_board(scenario: Scenario) -> None:
+    """What is right in a simulation only: sampling that the boards' converters do not keep up with, no dead time."""
     sensing = scenario.inverter.sensing
     table = "inverter.sensing."
     found = []
@@ -87,6 +88,11 @@ def _check_converters(scenario: Scenario) -> None:
     if scenario.drive.method == "vector" and sensing.conversion_s < CONVERSION_S:
         text = f"must be at least {CONVERSION_S:.2g} s on a board: --set {table}conversion_s={CONVERSION_S:.2g}"
         found.append(Problem(f"{table}conversion_s", f"{sensing.conversion_s:g}", text))
+    if scenario.inverter.dead_time_s <= 0.0:
+        found.append(Problem("inverter.dead_time_s", "0", "must be more than 0 on a board: its switches need one"))
+    if scenario.drive.motor_error != MotorError():
+        text = "is for simulations: the firmware of a board is told of the motor as it is"
+        found.append(Problem("drive.motor_error", "", text))
     if found:
         raise ConfigError(found)
 
@@ -131,9 +137,9 @@ def flash(
     from fluxlock.flash.loader import Loader, LoaderError
 
     loaded = load_scenario(scenario, set_ or ())
+    _check_board(loaded)
     check_parameters(loaded)
     image = pack_image(_image(loaded, ram_kib), loaded.motor.phases)
-    _check_converters(loaded)
     bus = loaded.can
     setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
     steps = plan(image, parameter_block(loaded).pack(), setup)

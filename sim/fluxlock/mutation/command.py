@@ -11,6 +11,7 @@ from fluxlock.config import ConfigError, Problem
 from fluxlock.mutation.blocks import BLOCKS
 from fluxlock.mutation.run import MutationError
 from fluxlock.mutation.score import measure, write_result
+from fluxlock.synth.tools import SynthesisError
 
 
 def _show(bar: Progress, task: TaskID, done: int) -> None:
@@ -32,7 +33,7 @@ def mutate(names: list[str], count: int, seed: int, jobs: int) -> bool:
             task = bar.add_task(name, total=count)
             try:
                 result = measure(BLOCKS[name], count, seed, jobs, partial(_show, bar, task))
-            except MutationError as error:
+            except (MutationError, SynthesisError) as error:
                 bar.console.print(f"error: {error}", highlight=False, markup=False, soft_wrap=True)
                 return False
             bar.update(task, completed=count)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -44,7 +45,7 @@ class Configuration:
     pad_output_ns: float  # flip-flop to pad, most, but for those of `together`
     pad_input_ns: float  # pad to flip-flop, most
     limit_s: float  # of nextpnr, processor time, one seed
-    together: tuple[str, ...] = ()  # output ports whose edges are compared with each other
+    together: Sequence[str] = ()  # output ports whose edges are compared with each other
     together_ns: float = math.inf  # flip-flop to pad: the longest of theirs less the shortest, most
     control_set_ffs: int = 1  # enables and synchronous resets of fewer flip-flops become logic
     seeds: int = 1  # placements that are tried until one meets all limits

@@ -109,7 +109,10 @@ def run_tool(command: list[str], log: Path, limit_s: float) -> float:
     Processor time, since the same run takes several times as long where others work on the machine.
     """
     with log.open("w") as out:
-        tool = subprocess.Popen(command, cwd=ROOT, env=tool_environment(), stdout=out, stderr=subprocess.STDOUT)
+        try:
+            tool = subprocess.Popen(command, cwd=ROOT, env=tool_environment(), stdout=out, stderr=subprocess.STDOUT)
+        except FileNotFoundError:
+            raise SynthesisError(f"{command[0]} is not installed: run make setup") from None
         soft = math.ceil(limit_s)
         resource.prlimit(tool.pid, resource.RLIMIT_CPU, (soft, soft + 5))
         _, status, used = os.wait4(tool.pid, 0)

@@ -83,6 +83,8 @@ def soa(
 ) -> None:
     """Safe operating area: freewheel angles over speed and current, at the load of the file, torque limits."""
     loaded = load_motor(motor)
+    if loaded.phases != 3:
+        raise ConfigError([Problem(str(motor), "phases", f"must be 3 for six-step operation, not {loaded.phases}")])
     power_stage = load_inverter(inverter) if inverter else None
     prepare_folder(out, "soa.png", "soa.json")
     from fluxlock.analysis.six_step import plots
