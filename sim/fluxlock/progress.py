@@ -1,25 +1,71 @@
-"""The progress bar of a run."""
+"""Progress of long work: bars in a terminal, lines where there is none."""
 
 from __future__ import annotations
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo
+
+# What the columns of a line have between them.
+GAP = "  "
+
+
+class Bars(Progress):
+    """Bars of tasks on the error output.
+
+    Where no terminal shows them, a task has a line for each new description and for each tenth of it: the text of its
+    columns.
+    """
+
+    def __init__(self, *columns: ProgressColumn, console: Console | None = None) -> None:
+        shown_on = console or Console(stderr=True)
+        super().__init__(*columns, console=shown_on, disable=not shown_on.is_terminal)
+        self._told: dict[TaskID, tuple[str, int]] = {}
+
+    def update(self, task_id: TaskID, **changes: object) -> None:
+        """Change a task as `Progress.update` does; tell it where no terminal shows it."""
+        super().update(task_id, **changes)  # type: ignore[arg-type]
+        if self.disable:
+            self._tell(self._tasks[task_id])
+
+    def _tell(self, task: Task) -> None:
+        tenth = min(int(10 * task.completed / task.total), 10) if task.total else 0
+        if self._told.get(task.id) == (task.description, tenth):
+            return
+        self._told[task.id] = task.description, tenth
+        cells = (column(task) for column in self.columns if isinstance(column, ProgressColumn))
+        text = GAP.join(cell.plain for cell in cells if isinstance(cell, Text))
+        self.console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def counting_bars(console: Console | None = None) -> Bars:
+    """Bars of tasks that count what has ended: its name, how many of how many, the time spent."""
+    return Bars(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+    )
 
 
 class ProgressBar:
     """Simulated time, motor speed and simulation rate while a run goes on.
 
     The times beside them are those of the stage: what was spent on building is no measure of what is left to simulate.
-    Where no terminal shows the bar there is a line for each stage, and for each tenth of the run.
     """
 
     def __init__(self, console: Console, duration_s: float) -> None:
-        self._console = console
-        self._told: tuple[str, int] | None = None
-        self._progress = Progress(
-            TextColumn("{task.fields[phase]:<10}"),
+        self._progress = Bars(
+            TextColumn("{task.description:<10}"),
             BarColumn(),
             TextColumn("{task.completed:.3f}/{task.total:.3f} s"),
             TextColumn("{task.fields[speed]:>8.0f} r/min"),
@@ -28,25 +74,18 @@ class ProgressBar:
             TimeRemainingColumn(),
             console=console,
         )
-        self._task = self._progress.add_task("run", total=duration_s, phase=BUILDING, speed=0.0, rate=0.0)
+        self._task = self._progress.add_task(BUILDING, total=duration_s, speed=0.0, rate=0.0)
         self._building = True
 
     def __enter__(self) -> ProgressBar:
-        if self._console.is_terminal:
-            self._progress.start()
+        self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._console.is_terminal:
-            self._progress.stop()
+        self._progress.stop()
 
     def __call__(self, info: ProgressInfo) -> None:
         """Show what a run tells of itself."""
-        tenth = min(int(10 * info.t_s / info.duration_s), 10)
-        if not self._console.is_terminal and (info.phase, tenth) != self._told:
-            self._told = info.phase, tenth
-            text = f"{info.phase}: {info.t_s:.3f} of {info.duration_s:.3f} s, {info.speed_rpm:.0f} r/min"
-            self._console.print(text, highlight=False)
         if self._building and info.phase != BUILDING:
             self._building = False
             self._progress.reset(self._task)
@@ -54,7 +93,7 @@ class ProgressBar:
             self._task,
             completed=min(info.t_s, info.duration_s),
             total=info.duration_s,
-            phase=info.phase,
+            description=info.phase,
             speed=info.speed_rpm,
             rate=info.rate_cycles_per_s / 1e6,
         )

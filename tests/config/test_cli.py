@@ -30,7 +30,7 @@ from fluxlock.campaign.grid import DRIVES
 from fluxlock.config import Scenario
 from fluxlock.cosim.run import rejected_lines
 from fluxlock.paths import ROOT
-from fluxlock.progress import ProgressBar
+from fluxlock.progress import ProgressBar, counting_bars
 from tests.analysis.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]
@@ -251,24 +251,39 @@ def test_progress_without_a_terminal() -> None:
 
     Verifies: FRONT-06
     """
-    for terminal in (False, True):
-        console = Console(file=io.StringIO(), width=120, force_terminal=terminal)
-        with ProgressBar(console, 1.0) as bar:
-            for t_s, phase in (
-                (0.0, BUILDING),
-                (0.0, BUILDING),
-                (0.0, "simulating"),
-                (0.26, "simulating"),
-                (1.01, "simulating"),
-            ):
-                bar(ProgressInfo(t_s, 1.0, 50.0, 1e6, phase))
-        text = console.file.getvalue()
-        lines = [line for line in text.splitlines() if " of 1.000 s, 50 r/min" in line]
-        assert [line.split(" s,")[0] for line in lines] == (
-            []
-            if terminal
-            else [f"{BUILDING}: 0.000 of 1.000"] + [f"simulating: {t} of 1.000" for t in ("0.000", "0.260", "1.010")]
-        )
+    console = Console(file=io.StringIO(), width=120, force_terminal=False)
+    with ProgressBar(console, 1.0) as bar:
+        for t_s, phase in (
+            (0.0, BUILDING),
+            (0.0, BUILDING),
+            (0.0, "simulating"),
+            (0.26, "simulating"),
+            (0.27, "simulating"),
+            (1.01, "simulating"),
+        ):
+            bar(ProgressInfo(t_s, 1.0, 50.0, 1e6, phase))
+    lines = [line.split(" s ")[0].split() for line in console.file.getvalue().splitlines()]
+    assert lines == [[BUILDING, "0.000/1.000"]] + [["simulating", f"{t}/1.000"] for t in ("0.000", "0.260", "1.000")]
+
+
+@pytest.mark.parametrize("terminal", (False, True))
+def test_counting_bars(terminal: bool) -> None:
+    """A file gets a line a name and a tenth of what is counted, and nothing twice; a terminal the bar.
+
+    Verifies: FRONT-06
+    """
+    console = Console(file=io.StringIO(), width=120, force_terminal=terminal)
+    with counting_bars(console) as bars:
+        task = bars.add_task("grid", total=None)
+        for done in range(31):
+            bars.update(task, completed=done, total=30)
+        bars.update(task, description="finished last")
+    written = console.file.getvalue()
+    assert ("\x1b" in written) == terminal
+    if not terminal:
+        lines = [line.split()[:-1] for line in written.splitlines()]
+        counts = [["grid", f"{done}/30"] for done in range(0, 31, 3)]
+        assert lines == [*counts, ["finished", "last", "30/30"]]
 
 
 def test_progress_counts_the_simulation() -> None:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from fluxlock.campaign.grid import DRIVES, Drive
@@ -17,6 +17,7 @@ from fluxlock.campaign.page import RESULT, kinds, score
 from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, population, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.run import image_of
+from fluxlock.progress import counting_bars
 from fluxlock.writable import check_file
 
 
@@ -34,8 +35,7 @@ def _rows(drives: Sequence[Drive], quick: bool, every: int, seed: int, jobs: int
     if not jobs:
         return [row for drive in drives for row in run_drive(drive, seed, quick, 0, every)]
     rows: list[dict[str, Any]] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with counting_bars() as progress:
         for drive in drives:
             task = progress.add_task(drive.name, total=None)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from fluxlock.analysis.rundata import ProgressInfo
@@ -16,6 +16,7 @@ from fluxlock.analysis.six_step.plots import save
 from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, write_motor
 from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.progress import Bars
 
 
 def _table(found: list[Quantity]) -> Table:
@@ -89,7 +90,7 @@ def _measure(bench: Scenario, folder: Path, seed: int) -> Measured:
         TextColumn("{task.fields[t_s]:.3f} s {task.fields[speed]:>8.0f} r/min"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Bars(*columns) as bar:
         task = bar.add_task("build", total=1.0, t_s=0.0, speed=0.0)
 
         def show(info: ProgressInfo) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from fluxlock.analysis.six_step.output import prepare_folder
@@ -18,6 +17,7 @@ from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
 from fluxlock.figures.figure import FAMILIES, FIGURES, PRINTED, FigureEntry
 from fluxlock.figures.panels import save_small
+from fluxlock.progress import counting_bars
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.runner import RunFailed, Runner, side_by_side
 from fluxlock.writable import refusal
@@ -78,8 +78,7 @@ def draw_all(
 ) -> dict[str, dict[str, Any]]:
     """Draw figures in `jobs` processes with a progress bar; results by number."""
     found: dict[str, dict[str, Any]] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with counting_bars() as progress:
         task = progress.add_task(COMMAND, total=len(entries))
 
         def done(number: str, part: dict[str, Any]) -> None:

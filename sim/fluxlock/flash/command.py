@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 
 from fluxlock.can_bus import OPTION as CAN_OPTION
 from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.scenario import MotorError
 from fluxlock.memory import RAM_BYTES
+from fluxlock.progress import counting_bars
 
 if TYPE_CHECKING:
     from fluxlock.flash.loader import Line
@@ -150,7 +150,7 @@ def flash(
             console.print("waiting for the loader: reset the board", highlight=False)
             version, identity = loader.find(wait_s)
             console.print(f"loader {version}, flash {identity:06x}", highlight=False)
-            with Progress(console=Console(stderr=True)) as bar:
+            with counting_bars() as bar:
                 task = bar.add_task("write", total=None)
                 loader.upload(steps, lambda done, total: bar.update(task, completed=done, total=total))
             found = loader.start()

@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, TaskID
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.mutation.blocks import BLOCKS
 from fluxlock.mutation.run import MutationError
 from fluxlock.mutation.score import measure, write_result
+from fluxlock.progress import counting_bars
 from fluxlock.synth.tools import SynthesisError
 
 
@@ -27,8 +28,7 @@ def mutate(names: list[str], count: int, seed: int, jobs: int) -> bool:
         if name not in BLOCKS:
             raise ConfigError([Problem("BLOCK", "", f"must be one of {', '.join(BLOCKS)}, not {name!r}")])
     console, met = Console(), True
-    columns = TextColumn("{task.description:<16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with counting_bars() as bar:
         for name in names or BLOCKS:
             task = bar.add_task(name, total=count)
             try:

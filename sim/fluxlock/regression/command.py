@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from fluxlock.config import ConfigError, Problem
+from fluxlock.progress import counting_bars
 from fluxlock.regression.case import CASES, limit_text
 from fluxlock.regression.runner import RESULT, merge, run_cases, select
 from fluxlock.writable import check_file
@@ -54,8 +54,7 @@ def run_regression(patterns: Sequence[str], quick: bool, seed: int, jobs: int) -
     table = Table(title="regression" + (", quick" if quick else ""), title_justify="left")
     for header in ("row", "values (limits)", ""):
         table.add_column(header)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with counting_bars() as progress:
         task = progress.add_task("cases", total=len(names))
 
         def done(name: str, rows: list[dict[str, Any]]) -> None:

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from fluxlock.config import ConfigError, Problem
+from fluxlock.progress import Bars
 from fluxlock.writable import check_file, check_folder
 
 # Called with a description, returns a function to be called with the finished part, 0..1.
@@ -71,13 +72,12 @@ def write_figure(out: Path, name: str, figure: Any, data: Mapping[str, Any]) -> 
 @contextmanager
 def progress_bars() -> Iterator[Begin]:
     """Progress bars on the error output."""
-    bars = Progress(
+    bars = Bars(
         TextColumn("{task.description:<34}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
     )
 
     def begin(description: str) -> Callable[[float], None]:
