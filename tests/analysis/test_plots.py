@@ -77,6 +77,24 @@ def test_panels_show_what_they_say(scenario: Scenario) -> None:
     assert voltages.get_xlim() == currents.get_xlim() == gates.get_xlim() == (low, high)
 
 
+def test_errors_beyond_the_axis(scenario: Scenario) -> None:
+    """Errors that the windows' range leaves out are marked at the edge on their side; without any there is no mark.
+
+    Verifies: FRONT-09
+    """
+
+    def marks(drive: Drive) -> dict[object, np.ndarray]:
+        errors = overview_page(Analysis(make_run(drive)), scenario).axes[1]
+        return {line.get_label(): line.get_ydata() / errors.get_ylim()[1] for line in errors.lines}
+
+    assert not any("beyond" in str(label) for label in marks(Drive(crossing_error=lambda k: 1.5)))
+    # The first window begins after 30 crossings.
+    early = marks(
+        Drive(crossing_error=lambda k: 20.0 if k in (5, 6) else 1.5, commutation_error=lambda k: -9.0 * (k == 7))
+    )
+    assert np.allclose(early["beyond the axis, up to 20 deg"], [0.97, 0.97, -0.97])
+
+
 @pytest.mark.parametrize("phases", [3, 5])
 def test_pages_of_a_vector_run(tmp_path: Path, phases: int) -> None:
     """Speed, the angle's error at its samples, i_d and i_q of the run, zoomed phase currents; two PNG files.

@@ -20,6 +20,7 @@ from fluxlock.config.scenario import Scenario
 PHASE_COLOURS = ("#0072B2", "#D55E00", "#009E73")
 LEG_COLOURS = (*PHASE_COLOURS, "#CC79A7", "#E69F00")
 CROSSING_COLOUR, COMMUTATION_COLOUR, LATE_COLOUR = "#56B4E9", "#222222", "#CC79A7"
+BEYOND_COLOUR = "#D55E00"
 ANGLE_COLOUR, D_COLOUR, Q_COLOUR = "#222222", "#CC79A7", "#0072B2"
 DPI = 110
 LEGEND_ROOM = 0.18  # of the height of a panel
@@ -100,6 +101,17 @@ def _error_limit(page: _Page, series: tuple[Series, ...]) -> float:
     return max(ERROR_RANGE_DEG, ERROR_HEADROOM * float(inside.max()))
 
 
+def _mark_beyond(axes: Axes, time_s: FloatArray, error_deg: FloatArray, limit: float) -> bool:
+    """Crosses at the edge for what lies beyond the windows' range; whether there is any."""
+    beyond = np.abs(error_deg) > limit
+    if not beyond.any():
+        return False
+    edge, most = 0.97 * limit * np.sign(error_deg[beyond]), np.abs(error_deg[beyond]).max()
+    label = f"beyond the axis, up to {most:.0f} deg"
+    axes.plot(time_s[beyond], edge, "x", color=BEYOND_COLOUR, markersize=3, label=label, rasterized=True)
+    return True
+
+
 def _errors(axes: Axes, page: _Page) -> None:
     """Crossing and commutation error over the whole run."""
     crossings, commutations = page.analysis.crossings, page.analysis.commutations
@@ -119,6 +131,8 @@ def _errors(axes: Axes, page: _Page) -> None:
             markersize=4,
             label="late (overridden) crossing",
         )
+    both = [np.concatenate([getattr(s, key) for s in (crossings, commutations)]) for key in ("cycle", "error_deg")]
+    _mark_beyond(axes, both[0] / page.clock, both[1], limit)
     for window in page.scenario.window:
         axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
     axes.axhline(0, color="#888888", linewidth=0.8)
@@ -131,16 +145,12 @@ def _errors(axes: Axes, page: _Page) -> None:
 
 
 def _angle_errors(axes: Axes, page: _Page) -> None:
-    """Error of the estimated angle over the whole run; what lies beyond the windows' range is marked at the edge."""
+    """Error of the estimated angle over the whole run."""
     angles = page.analysis.angles
     limit = _error_limit(page, (angles,))
     time_s = angles.cycle / page.clock
     axes.plot(time_s, angles.error_deg, ".", color=ANGLE_COLOUR, markersize=2, rasterized=True)
-    beyond = np.abs(angles.error_deg) > limit
-    if beyond.any():
-        edge, most = 0.97 * limit * np.sign(angles.error_deg[beyond]), np.abs(angles.error_deg[beyond]).max()
-        label = f"beyond the axis, up to {most:.0f} deg"
-        axes.plot(time_s[beyond], edge, "x", color=LATE_COLOUR, markersize=3, label=label, rasterized=True)
+    if _mark_beyond(axes, time_s, angles.error_deg, limit):
         axes.legend(loc="upper right", fontsize=9)
     for window in page.scenario.window:
         axes.axvspan(window.from_s, window.to_s, color="#009E73", alpha=0.15)
