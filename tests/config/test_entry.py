@@ -1,4 +1,4 @@
-"""The installed command: what Ctrl-C does before the command line has been read, and while worker processes begin."""
+"""The installed command: what ends it before it has read the command line, and while its workers begin or work."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import pytest
+
+from fluxlock.paths import ROOT
 
 SIGNALS = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
 
@@ -72,3 +76,48 @@ except KeyboardInterrupt:
     sys.exit(130)
 """
     assert interrupted(program, seen, "workers begin") == (130, "workers begin\n")
+
+
+def write_and_sleep(name: str, quick: bool, seed: int) -> None:
+    """Work of a worker that would last: leaves its process's number in the file `name`."""
+    partial = Path(f"{name}.partial")
+    partial.write_text(str(os.getpid()))
+    partial.rename(name)
+    time.sleep(600)
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_terminated_while_workers_work(tmp_path: Path) -> None:
+    """A command that SIGTERM ends does not wait for what its workers have begun, and takes them with it.
+
+    Verifies: FRONT-18
+    """
+    program = f"""
+import signal, sys
+from fluxlock.regression import runner
+from tests.config.test_entry import write_and_sleep
+
+runner.ready_chip = runner.build_firmware = lambda *_: None
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+runner.side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)], False, 1, 2, print)
+"""
+    command = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT)
+    begun = [tmp_path / "0", tmp_path / "1"]
+    give_up = time.monotonic() + 120
+    while not all(path.exists() for path in begun) and command.poll() is None and time.monotonic() < give_up:
+        time.sleep(0.05)
+    workers = [int(path.read_text()) for path in begun]
+    try:
+        command.terminate()
+        assert command.wait(60) == 143
+        assert not any(map(alive, workers))
+    finally:
+        command.kill()
+    assert not (tmp_path / "2").exists()

@@ -230,6 +230,9 @@ def side_by_side(
                 done(pending[future], future.result())
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            # SIGTERM and an error have reached this process alone; the simulators end with the workers.
+            for worker in multiprocessing.active_children():
+                worker.terminate()
             raise
 
 
