@@ -45,11 +45,11 @@ async def follows_the_model(dut: Any) -> None:
         dut.rst_i.value = 0
         history: list[Clock] = []
         step, on = 0, 0
-        for _ in range(800):
+        for _ in range(1600):
             on = on if random.random() < 0.98 else 1 - on
             feed = int(random.random() < 0.2)
             if feed:
-                step = (step + 1) % 256 if random.random() < 0.97 else random.getrandbits(8)
+                step = (step + 1) % 256 if random.random() < 0.8 else random.getrandbits(8)
             # Without a report the next number may stand there all the same.
             clock = (on, period, feed, step if feed else (step + random.randrange(3)) % 256)
             dut.enable_i.value, dut.cfg_cycles_i.value, dut.feed_i.value, dut.step_i.value = clock
