@@ -18,9 +18,6 @@ from rich.text import Text
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo
 
-# What the columns of a line have between them.
-GAP = "  "
-
 
 class Bars(Progress):
     """Bars of tasks on the error output.
@@ -36,7 +33,7 @@ class Bars(Progress):
 
     def update(self, task_id: TaskID, **changes: object) -> None:
         """Change a task as `Progress.update` does; tell it where no terminal shows it."""
-        super().update(task_id, **changes)  # type: ignore[arg-type]
+        super().update(task_id, **changes)  # type: ignore[arg-type]  # passed on untouched: the base checks them
         if self.disable:
             self._tell(self._tasks[task_id])
 
@@ -46,7 +43,7 @@ class Bars(Progress):
             return
         self._told[task.id] = task.description, tenth
         cells = (column(task) for column in self.columns if isinstance(column, ProgressColumn))
-        text = GAP.join(cell.plain for cell in cells if isinstance(cell, Text))
+        text = "  ".join(cell.plain for cell in cells if isinstance(cell, Text))
         self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 

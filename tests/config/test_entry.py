@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -108,16 +109,17 @@ runner.ready_chip = runner.build_firmware = lambda *_: None
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
 runner.side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)], False, 1, 2, print)
 """
-    command = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT)
+    command = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, start_new_session=True)
     begun = [tmp_path / "0", tmp_path / "1"]
     give_up = time.monotonic() + 120
-    while not all(path.exists() for path in begun) and command.poll() is None and time.monotonic() < give_up:
-        time.sleep(0.05)
-    workers = [int(path.read_text()) for path in begun]
     try:
+        while not all(path.exists() for path in begun) and command.poll() is None and time.monotonic() < give_up:
+            time.sleep(0.05)
+        workers = [int(path.read_text()) for path in begun]
         command.terminate()
         assert command.wait(60) == 143
         assert not any(map(alive, workers))
     finally:
-        command.kill()
+        with suppress(ProcessLookupError):
+            os.killpg(command.pid, signal.SIGKILL)
     assert not (tmp_path / "2").exists()
