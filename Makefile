@@ -9,7 +9,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs setup
-.PHONY: clean distclean
+.PHONY: place clean distclean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -18,7 +18,11 @@ help: ## list the targets
 .venv/.group-%: uv.lock pyproject.toml tools/setup.sh
 	@tools/setup.sh $*
 
-RUN := .venv/.group-run
+# A checkout that was set up may have been moved since.
+place:
+	@tools/place.sh
+
+RUN := place .venv/.group-run
 TEST := $(RUN) .venv/.group-test
 LINT := $(RUN) .venv/.group-lint
 FORMAL := .venv/.group-formal

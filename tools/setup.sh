@@ -3,6 +3,7 @@
 # Says what is missing on the machine and which package brings it. Needs no root.
 set -eu
 cd "$(dirname "$0")/.."
+tools/place.sh
 UV_VERSION=0.13.8
 
 missing=""
@@ -28,23 +29,28 @@ if [ -n "$missing" ]; then
     exit 2
 fi
 
-if [ ! -x .venv/bin/uv ] || ! .venv/bin/uv --version 2>/dev/null | grep -q "^uv $UV_VERSION"; then
-    if [ ! -x .venv/bin/python ]; then
-        rm -rf .venv
-        "$python" -m venv .venv || {
-            rm -rf .venv
-            echo "error: $python cannot make a virtual environment: install python3-venv (Debian, Ubuntu)" >&2
-            exit 2
-        }
-    fi
+# An environment that holds no path of its own: scripts find the interpreter beside them, so that a copy of the checkout
+# runs what is in the copy.
+if ! grep -qs '^relocatable = true' .venv/pyvenv.cfg || ! .venv/bin/uv --version 2>/dev/null | grep -q "^uv $UV_VERSION"; then
+    rm -rf .venv
+    "$python" -m venv .venv || {
+        echo "error: $python cannot make a virtual environment: install python3-venv (Debian, Ubuntu)" >&2
+        exit 2
+    }
     .venv/bin/python -m pip install --quiet --disable-pip-version-check "uv==$UV_VERSION" || {
         echo "error: pip could not install uv $UV_VERSION: is a Python package index reachable?" >&2
         exit 2
     }
+    mkdir -p build
+    mv .venv/bin/uv build/uv
+    build/uv venv --quiet --clear --relocatable --python "$(command -v "$python")" .venv
+    mv build/uv .venv/bin/uv
 fi
 groups=""
 for group in "$@"; do groups="$groups --group $group"; done
 # --inexact: a target adds its group and leaves those of others in place.
 # shellcheck disable=SC2086
 .venv/bin/uv sync --quiet --frozen --inexact $groups
+# uv names the sources by their absolute path; relative, it is counted from the file's own folder.
+for path in .venv/lib/python3*/site-packages/*fluxlock*.pth; do echo ../../../../sim >"$path"; done
 for group in "$@"; do touch ".venv/.group-$group"; done

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 from fluxlock.interrupts import leave_when_interrupted, raise_when_interrupted
+
+
+def refuse_place() -> None:
+    """End with exit code 2 in a folder or on a machine that the tools refuse; they say why."""
+    code = subprocess.call([Path(__file__).parents[2] / "tools" / "place.sh"])
+    if code:
+        sys.exit(code)
 
 
 def main() -> None:
     """Load the command line and run it; exit codes as `fluxlock.cli` states them."""
     leave_when_interrupted()
+    refuse_place()
     import fluxlock.cli
 
     raise_when_interrupted()

@@ -64,7 +64,11 @@ def tool_environment() -> dict[str, str]:
 
 
 def content_hash(paths: Iterable[Path], *extra: object) -> str:
-    """Hash of names and contents of files plus extra values: the key of everything that is cached below build/."""
+    """Hash of names and contents of files plus extra values: the key of everything that is cached below build/.
+
+    ROOT is one of the extra values for what holds absolute paths, such as a Verilated simulator: a checkout that was
+    copied or renamed builds its own. Results have keys without the place, which are equal on all machines.
+    """
     h = hashlib.sha256()
     for path in sorted(paths):
         h.update(path.name.encode())

@@ -66,7 +66,7 @@ def run_block_test(
     values = dict(parameters or {})
     counts = os.environ.get(COVERAGE_VARIABLE)
     arguments = [*BUILD_ARGUMENTS, *(COVERAGE_ARGUMENTS if counts else ())]
-    key = content_hash(files, toplevel, sorted(values.items()), waves, *([COVERAGE_ARGUMENTS] if counts else []))
+    key = content_hash(files, toplevel, sorted(values.items()), waves, ROOT, *([COVERAGE_ARGUMENTS] if counts else []))
     build_dir = BUILD / "block" / f"{toplevel}-{key}"
     name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
     run_dir = build_dir / f"run-{name}-{os.getpid()}"

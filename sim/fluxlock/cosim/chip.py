@@ -114,10 +114,10 @@ def build_chip(
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
     build = (phases, injection, can, native, gate_polarity, waves, profiled)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
-    folder = BUILD / "chip" / key
+    folder = BUILD / "chip" / content_hash([], key, ROOT)
     chip = Chip(folder / TOP, key, waves, phases, injection)
     made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves}
-    with file_lock(BUILD / "chip" / f"{key}.lock"):
+    with file_lock(folder.with_suffix(".lock")):
         if (folder / ".done").exists():
             return chip
         shutil.rmtree(folder, ignore_errors=True)

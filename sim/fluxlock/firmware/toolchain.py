@@ -300,7 +300,7 @@ def _library(
         compiler, folder = os.environ.get("CC", "cc"), Path(counts)
         flags = (*COVERAGE_FLAGS, *(flag for flag in flags if flag.startswith("-D") and flag not in COVERAGE_FLAGS))
     with file_lock(BUILD / ".firmware.lock"):
-        library = folder / f"{name}-{_key('host', flags, *filter(None, [key, compiler]))}.so"
+        library = folder / f"{name}-{_key('host', ROOT, flags, *filter(None, [key, compiler]))}.so"
         if library.exists():
             return library
         folder.mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ FOLDER = BUILD / "regression"
 RESULT = BUILD / "regression.json"
 KEY = "key.txt"
 MEASURED = "measured.json"
-KEYS = FOLDER / "keys"  # a file a finished run, named by its key: the folder that holds it
+KEYS = FOLDER / "keys"  # a file per finished run, named by its key: the folder below FOLDER that holds the run
 # Python that a run's data depend on; the metrics are computed anew from the data.
 RUN_SOURCES = ("plant", "cosim", "config", "firmware")
 
@@ -130,14 +130,14 @@ def _made(folder: Path, key: str, what: str, run: Callable[[Path], None]) -> Pat
             raise RunFailed(f"{what}: {error}") from error
         shutil.rmtree(folder / "simulator", ignore_errors=True)
         (folder / KEY).write_text(key, encoding="utf-8")
-        (KEYS / key).write_text(str(folder), encoding="utf-8")
+        (KEYS / key).write_text(folder.relative_to(FOLDER).as_posix(), encoding="utf-8")
     return folder
 
 
 def _finished(key: str, folder: Path) -> Path | None:
     """Folder of a finished run: the case's own, else the last one that was made with this key."""
     note = KEYS / key
-    candidates = [folder, *([Path(note.read_text(encoding="utf-8"))] if note.exists() else [])]
+    candidates = [folder, *([FOLDER / note.read_text(encoding="utf-8")] if note.exists() else [])]
     for candidate in candidates:
         path = candidate / KEY
         if path.exists() and path.read_text(encoding="utf-8") == key:
