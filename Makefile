@@ -51,7 +51,7 @@ test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a rea
 	@$(PY) -c 'from fluxlock.cosim.run import ready_chip; ready_chip(can=True)'
 	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/test_socketcan.py
 
-lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy
+lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy, requirement matrix
 	@$(PY) -m fluxlock.lint
 
 regression: $(TEST) ## the long sets with their limits: build/regression.json (QUICK=1: short; CASES=...: some)

@@ -1,6 +1,5 @@
 // Proof of the converter faults for all inputs: a bad frame and a conversion that was not made each raise the fault in the
 // next clock, and it stays until a good frame.
-// Verifies: BRD-04
 `default_nettype none
 module fl_adc_fault_f #(
     parameter int unsigned Channels = 2
@@ -46,8 +45,10 @@ module fl_adc_fault_f #(
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: BRD-04
         a_reset : assert (!rst_q || !fault);
         if (!rst_q) begin
+          // Verifies: BRD-04
           a_bad : assert (!bad_q || (cause[0] && fault));
           a_missed : assert (!missed_q || (cause[1] && fault));
           a_bad_holds : assert (!cause_q[0] || cause[0] || valid_q);

@@ -2,7 +2,6 @@
 // or without enable; on only by a code above "on", and always by it while time is left; never longer in all, between two
 // codes below "off", than the longest time; off for good after it until such a code, and told. For every age up to
 // Oldest: off when the sample set is as old. Which clocks had one is kept here in a shift register, not counted.
-// Verifies: SAFE-17, SAFE-18
 `default_nettype none
 module fl_brake_f
   import fl_pkg::*;
@@ -77,20 +76,27 @@ module fl_brake_f
       for (int unsigned i = 0; i < Oldest; i++) begin
         assert ((dut.age_q > 20'(i)) == ((quiet_q & Oldest'((64'd1 << (i + 1)) - 1)) == Oldest'((64'd1 << (i + 1)) - 1)));
       end
+      // Verifies: SAFE-17
       a_reset : assert (!rst_q || (!brake && !overload));
+      // Verifies: SAFE-18
       a_time : assert (total <= cfg_longest_cycles_i);
       a_told : assert (!(brake && overload));
       if (!rst_q) begin
+        // Verifies: SAFE-17
         a_below : assert (!below_q || (!brake && !overload));
         a_enable : assert (enable_q || !brake);
         a_stale : assert (!stale || !brake);
         a_starts : assert (!brake || brake_q || above_q);
+        // Verifies: SAFE-18
         a_held : assert (!overload_q || below_q || overload);
         // On with a code above, and on while nothing turns it off, until the time is over: then told.
         if (enable_q && !below_q && (above_q || (brake_q && !stale)) && !overload_q) begin
+          // Verifies: SAFE-17
           a_on : assert (brake == (past_q < cfg_longest_cycles_i));
+          // Verifies: SAFE-18
           a_over : assert (overload == !brake);
         end else begin
+          // Verifies: SAFE-17
           a_quiet : assert (!brake && overload == (overload_q && !below_q));
         end
       end

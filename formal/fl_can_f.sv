@@ -1,8 +1,6 @@
 // Proof of the CAN controller's pin for all inputs: recessive one clock after reset, disabling and bus-off, and while
 // listening or looping back; these modes hold while enabled; bus-off ends only by reset or after 128 runs of eleven
 // sampled recessive bits.
-//
-// Verifies: CAN-11, CAN-21
 `default_nettype none
 module fl_can_f
   import fl_can_pkg::*;
@@ -71,6 +69,7 @@ module fl_can_f
           assert (dut.u_bsp.view_q.last == (run_q == 4'd10) && dut.u_bsp.view_q.count == {2'b0, run_q} + 6'd1);
           assert (!dut.u_bsp.view_q.stuffed && !dut.u_bsp.view_q.stuff_bit);
         end
+        // Verifies: CAN-21
         a_silent : assert (!silent_q || tx_o);
         a_on : assert (dut.enable_q == on_q);
         a_listen : assert (dut.listen_q == listen_q);
@@ -79,6 +78,7 @@ module fl_can_f
           assert (8'(dut.u_confinement.quiet_q) + 8'(dut.u_confinement.count_q.quiet11) <= runs_q && run_q <= 4'd10);
           if (dut.u_bsp.state_q == StBusOff) assert (dut.u_bsp.count_q == {2'b0, run_q});
         end else assert (dut.u_bsp.state_q != StBusOff || bus_off_q);
+        // Verifies: CAN-11
         if (bus_off_q && !bus_off_o) a_recovered : assert (rst_q || runs_q >= 8'd128);
       end
   end

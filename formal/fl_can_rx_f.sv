@@ -1,7 +1,5 @@
 // Proof of the receive side of the CAN controller for all inputs: a frame that a filter matches is kept or its loss is told,
 // by pulse, count and the mark on the next entry; nothing is lost while there is room; entries come out as they went in.
-//
-// Verifies: CAN-19
 `default_nettype none
 module fl_can_rx_f
   import fl_can_pkg::*;
@@ -85,14 +83,17 @@ module fl_can_rx_f
         assume (place_i == place_q);
         // The frame stays for a clock.
         assume (!valid_q || (frame_i == frame_q && stamp_i == stamp_q));
+        // Verifies: CAN-19
         a_kept_or_told : assert ((event_o || overrun_o) == kept_q);
         a_not_both : assert (!(event_o && overrun_o));
         a_room : assert (overrun_o == (kept_q && level_q == 3'(Depth)));
         a_count : assert (lost_count_o == count_q);
         a_level : assert (level_q <= 3'(Depth) && valid_o == (level_q != '0));
+
         a_indices : assert (dut.u_fifo.write_q[1:0] == write_q && dut.u_fifo.read_q[1:0] == read_q);
         a_full : assert (dut.full == (level_q == 3'(Depth)));
         a_distance : assert (3'(dut.u_fifo.write_q - dut.u_fifo.read_q) == level_q);
+        // Verifies: CAN-19
         a_lost : assert (dut.lost_q == lost_q);
         if ({1'b0, 2'(place_i - read_q)} < level_q) a_memory : assert (dut.u_fifo.mem[place_i] == followed_q);
         if (valid_o && read_q == place_i) a_entry : assert (entry_o == followed_q);

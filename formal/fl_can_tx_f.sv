@@ -1,7 +1,5 @@
 // Proof of the transmit buffers of the CAN controller for all inputs: the frame on the bus stays; the highest priority is
 // chosen; a waiting frame goes only as sent or as aborted, each told once, and aborted only if that was asked for.
-//
-// Verifies: CAN-16, CAN-17
 `default_nettype none
 module fl_can_tx_f
   import fl_can_pkg::*;
@@ -64,9 +62,13 @@ module fl_can_tx_f
         assert (busy_q == (dut.chosen_q != '0));
         assert ((dut.chosen_q & (dut.chosen_q - 3'd1)) == '0 && (dut.chosen_q & ~pending_o) == '0);
         assert ((dut.abort_q & ~pending_o) == '0 && dut.abort_q == (asked_q & pending_o));
+        // Verifies: CAN-17
         a_stays : assert (!busy_q || frame_o == on_bus_q);
+        // Verifies: CAN-16
         a_request : assert (request_o == ((pending_o & ~dut.abort_q) != '0));
+        // Verifies: CAN-17
         if (!rst_q) a_sent : assert ((sent_o != '0) == sent_q);
+        // Verifies: CAN-16
         a_chosen : assert ((dut.best != '0) == request_o);
       end
   end
@@ -80,11 +82,14 @@ module fl_can_tx_f
       end
       if (!first) begin
         if (pending_o[x]) assert (dut.frame_q[x] == frame_q[x] && dut.priority_q[x] == priority_q[x]);
+        // Verifies: CAN-16
         a_best : assert (dut.best[x] == (pending_o[x] && !asked_q[x] && highest));
         if (!rst_q) begin
+          // Verifies: CAN-17
           a_told : assert ((sent_o[x] ^ aborted_o[x]) == (pending_q[x] && !pending_o[x]));
           a_once : assert (!(sent_o[x] && aborted_o[x]));
           a_asked : assert (!aborted_o[x] || asked_before_q[x]);
+
           a_refused : assert (refused_o[x] == (put_q[x] && pending_q[x]));
         end
       end

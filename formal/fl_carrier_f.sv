@@ -4,7 +4,6 @@
 //
 // Assumed: one minimum pulse, whichever, from the first update on; one of the three patterns; a commutation for which the
 // carrier waits is not called off, by the pattern neither, and comes within three minimum pulses.
-// Verifies: PWM-12, PWM-13
 `default_nettype none
 module fl_carrier_f
   import fl_pkg::*;
@@ -104,10 +103,12 @@ module fl_carrier_f
         if (dut.near_q) assume (pattern_q != CommRsc);
         assume (pattern_q == CommCsc || pattern_q == CommNsc || pattern_q == CommRsc);
 
+        // Verifies: PWM-12
         a_counts : assert (rst_q || (carrier_start_o ? count_o == '0 : count_o == count_q + 16'd1));
         a_reload : assert (rst_q || carrier_start_o == (17'(count_q) + 17'd1 == period_q || (comm_q && csc_q)));
         a_period : assert (17'(count_o) < period);
         // The level of the clock before has ended.
+        // Verifies: PWM-13
         if (!rst_q && pulse_o != pulse_q && !comm_q) a_shortest : assert (owed_q == '0);
 
         // Invariants.

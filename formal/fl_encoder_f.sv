@@ -1,7 +1,5 @@
 // Proof of the encoder's decoder for all inputs: the position stays in the turn and moves by at most one quarter a clock,
 // by one exactly when one track has changed; both tracks at once are counted and move nothing; without Z nothing else does.
-//
-// Verifies: ENC-04
 `default_nettype none
 module fl_encoder_f (
     input logic        clk_i,
@@ -49,12 +47,14 @@ module fl_encoder_f (
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: ENC-04
         a_in_the_turn : assert (position_o <= cfg_last_i);
         if (ready_q) begin
           assert (dut.quarter_q == {!level_q[0], level_q[0] == level_q[1]});
           assert (dut.z_q == level_q[2]);
           // Z of the clock before last, seen in the quarter of then.
           if (!(index_q && level2_q[2] && level2_q[0] && !level2_q[1])) begin
+            // Verifies: ENC-04
             if (a_changed && b_changed) a_lost_step_counts : assert (invalid_o == 16'(invalid_q + 16'd1));
             else a_good_step_does_not : assert (invalid_o == invalid_q);
             if (a_changed == b_changed) a_still : assert (position_o == position_q);

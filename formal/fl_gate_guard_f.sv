@@ -50,6 +50,7 @@ module fl_gate_guard_f #(
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: SAFE-03, SAFE-05
         a_reset_h : assert (!rst_q || gate_h_o == {Phases{HighActiveLow}});
         a_reset_l : assert (!rst_q || gate_l_o == {Phases{LowActiveLow}});
       end
@@ -79,17 +80,24 @@ module fl_gate_guard_f #(
 
     always_comb begin
       if (!first) begin
+        // Verifies: SAFE-01
         a_never_both : assert (!(h && l));
+        // Verifies: SAFE-02
         if (h && !h_q) a_gap_h : assert (off_l >= 11'(need_l));
         if (l && !l_q) a_gap_l : assert (off_h >= 11'(need_h));
+        // Verifies: SAFE-03
         if (!allowed_q && !shorted_q) a_off : assert (!h && !l);
         if (tripped_q) a_trip_h : assert (!h);
+        // Verifies: SAFE-04
         if (!req_h_q[x] || req_l_q[x]) a_off_h : assert (!h);
         if ((!req_l_q[x] || req_h_q[x]) && !shorted_q) a_off_l : assert (!l);
         // As soon as the dead time is over, not later (off_* already counts the clock in which it is on).
+        // Verifies: SAFE-02
         if (allowed_q && req_h_q[x] && !req_l_q[x] && !l_q && off_l >= 11'(need_l)) a_on_h : assert (h);
         if (allowed_q && req_l_q[x] && !req_h_q[x] && !h_q && off_h >= 11'(need_h)) a_on_l : assert (l);
+        // Verifies: SAFE-19
         if (shorted_q && !h_q && off_h >= 11'(need_h)) a_short_l : assert (l);
+        // Verifies: SAFE-05
         a_told_h : assert (gate_o[2*x] == h);
         a_told_l : assert (gate_o[2*x+1] == l);
 

@@ -3,7 +3,6 @@
 // that block showed, or zero.
 //
 // Windows and offsets are told here by division of the byte address.
-// Verifies: SOC-10, SOC-11
 `default_nettype none
 module fl_interconnect_f
   import fl_bus_pkg::*;
@@ -69,10 +68,14 @@ module fl_interconnect_f
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: SOC-10, SOC-11
         a_answer : assert (ack_o == (stb_q && !ack_q && !rst_q));
         a_strobe : assert (stb_o == ((stb_i && !ack_o) ? wanted : '0));
+        // Verifies: SOC-10
         if (!rst_q) a_once : assert (stb_o_q == '0 || stb_o == '0);
+        // Verifies: SOC-11
         if (ack_o) a_data : assert (rdat_o == shown_q);
+        // Verifies: SOC-10
         a_request : assert ({req_o.we, req_o.wdat, req_o.sel} == {we_i, wdat_i, sel_i});
         a_offset : assert (32'(req_o.adr) == offset);
       end

@@ -5,7 +5,6 @@
 // The monitors see ports only. The carrier is written down once more beside the block: not as a ramp but as the number of
 // the clock in it, and a leg's upper switch by the distance of that clock from the middle. The invariants at the end tie
 // the monitors to the block's registers, so that induction closes.
-// Verifies: VPWM-06, VPWM-09
 `default_nettype none
 module fl_leg_carrier_f #(
     parameter int unsigned Phases = 3
@@ -123,17 +122,20 @@ module fl_leg_carrier_f #(
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: VPWM-06
         a_never_both : assert ((req_h_o & req_l_o) == '0);
         if (!allowed_q) a_off : assert ((req_h_o | req_l_o) == '0);
         if (!handed_q) a_fresh : assert ((req_h_o | req_l_o) == '0);
         a_all_or_none : assert ((req_h_o | req_l_o) == '0 || (req_h_o ^ req_l_o) == '1);
         if (driven_q && (req_h_o | req_l_o) != '0 && !update_o) begin
+          // Verifies: VPWM-06
           if (!second_o) a_first_half_rises : assert ((req_h_q & ~req_h_o) == '0);
           if (second_o && second_q) a_second_half_falls : assert ((~req_h_q & req_h_o) == '0);
           if (second_o && !second_q) a_middle_keeps : assert ((req_h_q & ~req_h_o) == '0);
         end
         if (fault_o) a_fault_enabled : assert (allowed_q);
         // The carrier has all its clocks and is never left out or begun again; what is asked for follows from its clock.
+        // Verifies: VPWM-09
         a_start : assert (carrier_start_o == start_told_q);
         a_update : assert (update_o == change_told_q);
         a_second : assert (second_o == second_told_q);

@@ -6,7 +6,6 @@
 //
 // Monitors know bus, pins and the registers' fields. The invariants at the end only tie them to the kept guard, so that
 // induction closes.
-// Verifies: SAFE-01, SAFE-02, SAFE-10, SAFE-14, SAFE-16, SAFE-22, SAFE-24
 `default_nettype none
 module fl_safety_wb_f
   import fl_pkg::*;
@@ -117,13 +116,18 @@ module fl_safety_wb_f
   always_comb begin
     if (first) assume (rst_i);
     else begin
+      // Verifies: SAFE-24
       a_enable : assert (dut.hwif_out.guard.enable.value == released);
       a_tripped : assert (tripped_o || (latched | (now & enables)) == '0);
       if (!rst_q) begin
+        // Verifies: SAFE-10
         a_latch : assert ((due_q & ~latched) == '0);
+        // Verifies: SAFE-14
         a_held : assert (!locked_q || (locked && settings == settings_q));
         a_lock : assert (!lock_before_q || locked);
+        // Verifies: SAFE-10, SAFE-24
         a_key : assert (tripped_o || !trip_q || key_before_q);
+        // Verifies: SAFE-10
         a_cleared : assert ((latched_q & ~latched) == '0 || key_before_q);
         a_gone : assert ((latched_q & ~latched & due_q) == '0);
       end
@@ -174,12 +178,16 @@ module fl_safety_wb_f
 
     always_comb begin
       if (!first) begin
+        // Verifies: SAFE-01, SAFE-16, SAFE-22
         a_never_both : assert (on != 2'b11);
+        // Verifies: SAFE-24
         a_reset : assert (!rst_q || on == '0);
         a_off_h : assert (!on[0] || (released_q && !trip_q));
         a_off_l : assert (!on[1] || (released_q && !trip_q) || (trip_q && safe_state_q));
+        // Verifies: SAFE-02, SAFE-22
         if (on[0]) a_gap_h : assert (off[1] >= least[1]);
         if (on[1]) a_gap_l : assert (off[0] >= least[0]);
+        // Verifies: SAFE-16
         if (on[0] && held[1]) a_locked_gap_h : assert (off[1] >= dead_time);
         if (on[1] && held[0]) a_locked_gap_l : assert (off[0] >= dead_time);
 

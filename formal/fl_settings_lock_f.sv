@@ -1,6 +1,5 @@
 // Proof of the lock for all inputs: it closes in the clock after the key and with nothing else, opens with a reset only,
 // and tells any single bit that differs from the settings at the closing, and no difference where there is none.
-// Verifies: SAFE-14, SAFE-15
 `default_nettype none
 module fl_settings_lock_f #(
     parameter int unsigned Width = 8
@@ -41,10 +40,13 @@ module fl_settings_lock_f #(
   always_comb begin
     if (first) assume (rst_i);
     else begin
+      // Verifies: SAFE-14
       a_reset : assert (!rst_q || (!locked && !changed));
       if (!rst_q) begin
+        // Verifies: SAFE-14
         a_closes : assert (locked == (locked_q || key_q));
         if (locked_q) assert (dut.parity_q == (^kept_q));
+        // Verifies: SAFE-15
         a_same : assert (!locked_q || flipped != '0 || !changed);
         a_single : assert (!locked_q || flipped == '0 || (flipped & (flipped - 1'b1)) != '0 || changed);
         a_open : assert (locked_q || !changed);

@@ -182,47 +182,63 @@ module fl_trip_f
     if (first)
       assume (rst_i);
       else begin
+        // Verifies: SAFE-08
         a_sync1 : assert (since_reset < 3'd1 || dut.u_fault_sync.meta_q == pin_q[1]);
         a_sync2 : assert (since_reset < 3'd2 || dut.u_fault_sync.sync_q == pin_q[2]);
+        // Verifies: SAFE-07
         a_phase_current : assert (present.phase_current == shown.phase_current);
         a_dc_current : assert (present.dc_current == shown.dc_current);
         a_over_voltage : assert (present.over_voltage == shown.over_voltage);
         a_under_voltage : assert (present.under_voltage == shown.under_voltage);
+
         a_cause : assert (trip == ((latched | (present & enable)) != '0));
         a_any : assert (latched == '0 || trip);
+        // Verifies: SAFE-03
         a_upper_off : assert (!trip_q || upper == '0);
         a_off : assert (!trip_q || short_q || gate == '0);
+        // Verifies: SAFE-20
         a_forbidden : assert (!trip_q || !forbids_q || gate == '0);
         a_short : assert (short == (trip && cfg_short_i && !forbids && !spoilt && chosen));
         a_armed : assert (dut.armed_q == (chosen && !spoilt));
+        // Verifies: SAFE-11
         a_first : assert (first_cause == seen_first);
         assert (latched == seen);
+        // Verifies: SAFE-11
         a_first_since : assert ((first_cause & ~seen) == '0);
+
         if (since_reset == 3'd0) a_reset : assert (!event_pulse && count == '0 && latched == '0);
         if (since_reset >= 3'd1) begin
+          // Verifies: SAFE-10
           a_hold : assert ((latched_q & ~latched) == '0 || clear_q);
           a_gone : assert ((latched_q & ~latched & present_q & enable_q) == '0);
           a_latch : assert ((present_q & enable_q & ~latched) == '0);
           a_release : assert (!trip_q || trip || clear_q);
           // One entry of the log, of the last clock.
+          // Verifies: SAFE-12
           a_event : assert (event_pulse == (fresh_q != '0));
           a_event_cause : assert (!event_pulse || event_cause == fresh_q);
           a_event_stamp : assert (!event_pulse || dut.event_stamp_q == now_q);
+          // Verifies: SAFE-11
           a_number : assert (count == count_q + 8'(event_pulse && count_q != 8'd255));
           // Causes that a sample set shows trip in the next clock.
+          // Verifies: SAFE-07
           a_code : assert (!valid_q || (codes_q & enable) == '0 || trip);
         end
         if (!rst_i) begin
+          // Verifies: SAFE-09
           a_lost : assert (!lost_i || !enable.lost_lock || trip);
           a_software : assert (!software_i || !enable.software || trip);
           a_deadline : assert (!deadline_i || !enable.deadline || trip);
         end
         // Off at the third edge after the pin, two clocks after a sample set, one clock after a pulse.
+        // Verifies: SAFE-08
         if (since_reset >= 3'd3) a_pin : assert (!pin_q[3] || !enable_q.fault_pin || gate == '0);
         if (since_reset >= 3'd2) begin
+          // Verifies: SAFE-07
           a_code_upper : assert (!code_trip_q || upper == '0);
           a_code_gates : assert (!code_open_q || gate == '0);
         end
+        // Verifies: SAFE-09
         a_lost_gates : assert (!lost_q || !enable_q.lost_lock || gate == '0 || (short_q && upper == '0));
         a_software_gates : assert (!software_q || !enable_q.software || gate == '0 || (short_q && upper == '0));
         a_deadline_gates : assert (!deadline_q || !enable_q.deadline || gate == '0 || (short_q && upper == '0));

@@ -4,7 +4,6 @@
 //
 // The time without a right number is counted here too, with more bits than a period has. The invariants tie the block's
 // count and last number to the monitors, so that induction closes at once, however long the period is.
-// Verifies: SAFE-13
 `default_nettype none
 module fl_watchdog_f (
     input logic        clk_i,
@@ -53,8 +52,10 @@ module fl_watchdog_f (
   always_comb begin
     if (first) assume (rst_i);
     else begin
+      // Verifies: SAFE-13
       a_stopped : assert (ran_q || !(expired || wrong));
       if (ran_q) begin
+        // Verifies: SAFE-13
         a_expires : assert (expired == (expired_q || due_q));
         a_holds : assert ((!expired_q || expired) && (!wrong_q || wrong));
         a_repeated : assert (!fed_q || told_q != told_before_q || wrong);
@@ -62,6 +63,7 @@ module fl_watchdog_f (
       end
 
       // Invariants.
+      // Verifies: SAFE-13
       a_last : assert (dut.last_q == told_q);
       assert ({8'b0, dut.wait_q} == (quiet_q < 32'hFF_FFFF ? quiet_q : 32'hFF_FFFF));
     end

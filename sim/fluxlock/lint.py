@@ -173,6 +173,11 @@ def mypy() -> str:
     return _run([sys.executable, "-m", "mypy"])
 
 
+def matrix() -> str:
+    """Requirements and what verifies them: nothing gone, nothing unknown, every requirement verified."""
+    return _run([sys.executable, "-m", "fluxlock.docs.matrix", "--check", "--strict"])
+
+
 CHECKS: dict[str, Callable[[], str]] = {
     "verilator": verilator,
     "verible": verible,
@@ -180,6 +185,7 @@ CHECKS: dict[str, Callable[[], str]] = {
     "c": c_code,
     "ruff": ruff,
     "mypy": mypy,
+    "matrix": matrix,
 }
 
 
