@@ -292,12 +292,34 @@ def regression(
     list_: Annotated[bool, typer.Option("--list", help="Only list the cases.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Cases run side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="Run with many seeds; record means, scatters, bands.")
+    ] = False,
+    seeds: Annotated[int, typer.Option(min=5, help="With --record: seeds 1 to this.")] = 5,
+    accept: Annotated[
+        list[str] | None,
+        typer.Option("--accept", metavar="ROW", help="Run nothing: record the last run's row, or rows that begin so."),
+    ] = None,
+    why: Annotated[str, typer.Option("--why", help="With --accept: the reason, which the record keeps.")] = "",
 ) -> None:
-    """Run the long sets and write build/regression.json; runs finished before are not repeated."""
-    from fluxlock.regression.command import list_cases, run_regression
+    """Run the long sets and write build/regression.json; runs finished before are not repeated.
 
+    A row fails when it misses a limit or leaves the bands of docs/verification/record.json.
+    """
+    from fluxlock.regression.command import accept_rows, list_cases, record_regression, run_regression
+
+    if (accept or record) and (quick or list_ or seed is not None or (accept and (record or cases))):
+        text = "stand alone: full length, seeds of their own, one of them at a time"
+        raise ConfigError([Problem("regression", "--accept, --record", text)])
+    if why and not accept:
+        raise ConfigError([Problem("regression", "--why", "belongs to --accept")])
     if list_:
         list_cases(cases or [])
+    elif accept:
+        accept_rows(accept, why)
+    elif record:
+        if not record_regression(cases or [], seeds, jobs):
+            raise typer.Exit(EXIT_FAILED)
     elif not run_regression(cases or [], quick, 1 if seed is None else seed, jobs):
         raise typer.Exit(EXIT_FAILED)
 

@@ -71,7 +71,7 @@ def test_rows_are_made_with_their_revision(monkeypatch: pytest.MonkeyPatch) -> N
 
     def side_by_side(work: Any, names: Any, quick: bool, seed: int, jobs: int, done: Any) -> None:
         for name in names:
-            done(name, [{"id": name}])
+            done(name, [row(name)])
 
     monkeypatch.setattr(runner, "side_by_side", side_by_side)
     made = runner.run_cases(["six-step/hall", "six-step/patterns"], seed=7)
@@ -87,17 +87,31 @@ def test_page_names_the_revisions() -> None:
 
     Verifies: DOC-05
     """
-    one = page(document(row("six-step/hall/before"), row("six-step/patterns")))
+    one = page(document(row("six-step/hall/before"), row("six-step/patterns")), {})
     assert one.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n\n## six-step/hall\n" in one
-    two = page(document(row("six-step/hall/before"), row("six-step/hall/after"), row("six-step/patterns", "bbb", 2)))
+    two = page(
+        document(row("six-step/hall/before"), row("six-step/hall/after"), row("six-step/patterns", "bbb", 2)), {}
+    )
     assert "\nFull length; revision and seed stand at each case.\n" in two and two.count("Revision") == 2
     assert "## six-step/hall\n\nRevision aaa, seed 1.\n\n|" in two
     assert "## six-step/patterns\n\nRevision bbb, seed 2.\n\n|" in two
-    mixed = page(document(row("six-step/hall/before"), row("six-step/hall/after", None)))
+    mixed = page(document(row("six-step/hall/before"), row("six-step/hall/after", None)), {})
     assert (
         "\nRevision aaa, seed 1: six-step/hall/before.\n\nRevision unknown, seed unknown: six-step/hall/after.\n"
         in mixed
     )
+
+
+def test_page_shows_bands() -> None:
+    """Beside a limit stands the band of the record; not beside an exact limit, and it says so where there is none.
+
+    Verifies: DOC-05, REC-01
+    """
+    limits = {"x": {"min": None, "max": 3.0}, "y": {"min": None, "max": 3.0}, "z": {"min": 0, "max": 0}}
+    shown = row("six-step/patterns") | {"values": {"x": 1.0, "y": 1.0, "z": 0, "w": 2}, "limit": limits}
+    record = {"six-step/patterns": {"values": {"x": {"value": 1, "scatter": None, "band": [0.666667, 1.5]}}}}
+    line = next(line for line in page(document(shown), record).splitlines() if line.startswith("| six-step/patterns"))
+    assert line.split(" | ")[2] == "**x 1** (≤ 3; 0.667 … 1.5), **y 1** (≤ 3; not recorded), **z 0** (0), w 2"
 
 
 def test_parameter_map_has_a_line_a_change() -> None:

@@ -12,6 +12,7 @@ from fluxlock.docs.parameter_map import parameter_map
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.case import limit_text
 from fluxlock.regression.origin import common_origin, origin_text
+from fluxlock.regression.record import Record, band_text, read_record
 
 PAGE = ROOT / "docs" / "verification" / "regression.md"
 PARAMETER_MAP = ROOT / "docs" / "images" / "vector-parameters-chip.png"
@@ -21,14 +22,21 @@ HEAD = """# Regression
 
 Written by `python -m fluxlock.docs.regression` from `build/regression.json`, which `make regression` writes.
 `make regression CASES=six-step/starts` runs the cases whose names begin so, `QUICK=1` a short version of each; runs
-finished before with the same chip, firmware, scenario and plant are not repeated. Values in **bold** have a limit.
+finished before with the same chip, firmware, scenario and plant are not repeated. Values in **bold** have a limit. In
+brackets beside it stand the limit and the band about the last accepted value, of [`record.json`](record.json).
 """
 
 
-def _value(name: str, row: dict[str, Any]) -> str:
+def _value(name: str, row: dict[str, Any], record: Record) -> str:
     value, limit = row["values"][name], row["limit"].get(name)
     shown = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
-    return f"{name} {shown}" if limit is None else f"**{name} {shown}** ({limit_text(limit['min'], limit['max'])})"
+    if limit is None:
+        return f"{name} {shown}"
+    told = limit_text(limit["min"], limit["max"])
+    if limit["min"] != limit["max"]:
+        entry = record.get(row["id"], {"values": {}})["values"].get(name)
+        told += f"; {band_text(entry['band']) if entry else 'not recorded'}"
+    return f"**{name} {shown}** ({told})"
 
 
 def _origins(rows: list[dict[str, Any]]) -> list[str]:
@@ -39,7 +47,7 @@ def _origins(rows: list[dict[str, Any]]) -> list[str]:
     return [f"{text}: {', '.join(row['id'] for row in rows if origin_text(row) == text)}.\n" for text in texts]
 
 
-def page(document: dict[str, Any]) -> str:
+def page(document: dict[str, Any], record: Record) -> str:
     """The page: a table a case, a line a row."""
     lines = [HEAD]
     kind = "short versions" if document["quick"] else "full length"
@@ -57,7 +65,7 @@ def page(document: dict[str, Any]) -> str:
         ]
         for row in rows:
             conditions = ", ".join(f"{key} {value}" for key, value in row["conditions"].items())
-            values = ", ".join(_value(key, row) for key in row["values"])
+            values = ", ".join(_value(key, row, record) for key in row["values"])
             lines.append(f"| {row['id']} | {conditions} | {values} | {'pass' if row['pass'] else '**miss**'} |")
         lines.append("")
         lines += [f"{row['id']}: {row['note']}\n" for row in rows if row["note"]]
@@ -70,7 +78,7 @@ def main(result: Path = RESULT) -> int:
         print(f"error: {result} is missing; run make regression", file=sys.stderr)
         return 1
     document = json.loads(result.read_text(encoding="utf-8"))
-    PAGE.write_text(page(document), encoding="utf-8")
+    PAGE.write_text(page(document, read_record()), encoding="utf-8")
     print(f"written: {PAGE}")
     if chart := parameter_map(document["rows"]):
         save(chart, PARAMETER_MAP)

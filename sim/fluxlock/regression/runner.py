@@ -29,6 +29,7 @@ from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
 from fluxlock.regression.case import CASES, Row
 from fluxlock.regression.origin import kept, origin
+from fluxlock.regression.record import judged, read_record
 from fluxlock.writable import check_folder, file_lock, refusal
 
 SCHEMA_VERSION = 1
@@ -184,12 +185,17 @@ def run_cases(
     jobs: int = 2,
     done: Callable[[str, list[dict[str, Any]]], None] | None = None,
 ) -> dict[str, Any]:
-    """Run cases in `jobs` processes and return the document; done: called with every finished case's rows."""
+    """Run cases in `jobs` processes and return the document; done: called with every finished case's rows.
+
+    Rows of full length are judged against the record too.
+    """
     order = list(names)
+    record = {} if quick else read_record()
     made = origin(seed)  # before the runs: the checkout may change while they last
     rows: dict[str, list[dict[str, Any]]] = {}
 
     def store(name: str, found: list[dict[str, Any]]) -> None:
+        found = found if quick else [judged(row, record) for row in found]
         rows[name] = found
         if done is not None:
             done(name, found)
@@ -241,13 +247,13 @@ def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -
     if path.exists():
         before = json.loads(path.read_text(encoding="utf-8"))
         if before.get("schema") == SCHEMA_VERSION and before.get("quick") == document["quick"]:
-            others = [row for row in before["rows"] if _case_of(row["id"]) not in names]
-            document["rows"] += kept(others, "id", lambda name: _case_of(name) in CASES, "case", path)
+            others = [row for row in before["rows"] if case_of(row["id"]) not in names]
+            document["rows"] += kept(others, "id", lambda name: case_of(name) in CASES, "case", path)
             order = list(CASES)
-            document["rows"].sort(key=lambda row: order.index(_case_of(row["id"])))
+            document["rows"].sort(key=lambda row: order.index(case_of(row["id"])))
     return document
 
 
-def _case_of(row_id: str) -> str:
+def case_of(row_id: str) -> str:
     """Case that a row belongs to: the longest one whose name begins its id; empty if there is none."""
     return max((name for name in CASES if f"{row_id}/".startswith(f"{name}/")), key=len, default="")
