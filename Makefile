@@ -35,7 +35,7 @@ demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in 
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
 test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
-	@$(PY) -m pytest -n $(JOBS) --dist worksteal --durations 25
+	@FLUXLOCK_TEST_TIMES=build/test-times.json $(PY) -m pytest -n $(JOBS) --dist worksteal
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
@@ -52,7 +52,7 @@ test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a rea
 	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/test_socketcan.py
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy, requirement matrix
-	@$(PY) -m fluxlock.lint
+	@$(PY) -m fluxlock.lint --jobs $(JOBS)
 
 regression: $(TEST) ## the long sets with their limits: build/regression.json (QUICK=1: short; CASES=...: some)
 	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)

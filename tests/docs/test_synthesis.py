@@ -14,12 +14,13 @@ from typing import Any
 
 import pytest
 
+from fluxlock.paths import ROOT
 from fluxlock.synth import __main__ as command
 from fluxlock.synth import blocks, configurations, report, timing
 from fluxlock.synth.blocks import AREAS, BlockPlacement, BlockResult, BlockSet, block_files, load_settings
 from fluxlock.synth.configurations import Configuration, Placement, limits_missed, load_configurations, not_routed
 from fluxlock.synth.timing import PadDelays
-from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, run_tool, synthesize
+from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, pack, place_and_route, run_tool, synthesize
 from fluxlock.synth.xilinx import XilinxCells, cells_of
 from fluxlock.writable import alone
 
@@ -259,6 +260,27 @@ def test_small_control_sets() -> None:
     assert all(config.control_set_ffs > 1 for config in load_configurations().values())
 
 
+def test_bitstream_of_a_small_module() -> None:
+    """The whole way for the smallest device, with few flip-flops: netlist, placed, routed, timing report, bitstream.
+
+    Verifies: BRD-07, BRD-10
+    """
+    sources, folder = small_module(
+        "way",
+        "(input logic clk_i, d_i, output logic q_o);\nlogic d_q;\n"
+        "always_ff @(posedge clk_i) {q_o, d_q} <= {~d_q, d_i};",
+    )
+    config = load_configurations()["six-step-25f"]
+    counts, _ = synthesize("way", sources, {}, folder)
+    assert counts["TRELLIS_FF"] == 2
+    options = ["--seed", "1", "--router", "router2", "--lpf-allow-unconstrained", "--detailed-timing-report"]
+    options += ["--textcfg", str((folder / "placed.config").relative_to(ROOT))]
+    found, _ = place_and_route(config.placed_on, folder, options, config.limit_s)
+    pads = timing.pad_delays(found, set())
+    assert timing.fmax_mhz(found) and 0.0 < pads.to_pad < 50.0 and 0.0 < pads.from_pad < 50.0
+    assert pack(folder).stat().st_size > 10_000
+
+
 @pytest.mark.parametrize(
     ("option", "value", "least"), [("--jobs", "0", 1), ("--jobs", "-1", 1), ("--seed", "-1", 0), ("--seed", "x", 0)]
 )
@@ -469,19 +491,31 @@ def guard_flip_flops(netlist: Path, guard: int) -> dict[str, list[int]]:
     return found
 
 
-def test_smallest_configuration() -> None:
-    """From the RTL to a bitstream for the smallest device: every limit met, with the first seed that does.
+def test_guards_share_no_flip_flop() -> None:
+    """The two gate guards of the safety block as the smallest device gets them: no tool has made one of them.
 
-    The two gate guards share no flip-flop: no tool has made one of them.
+    The block alone, which is what holds both; `make synth` maps the same text in the chip.
 
-    Verifies: BRD-10, SAFE-22
+    Verifies: SAFE-22
     """
-    result = configurations.build(load_configurations()["six-step-25f"])
-    print(asdict(result))
-    assert not result.problems
-    assert result.fmax_mhz and result.fmax_mhz >= 50.0
-    assert (WORK / "six-step-25f" / "board.bit").stat().st_size > 100_000
-    first, second = (guard_flip_flops(WORK / "six-step-25f" / "netlist.json", guard) for guard in range(2))
+    config = load_configurations()["six-step-25f"]
+    folder = WORK / "test-guards"
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [path for path in configurations.sources() if "board" not in path.parts]
+    synthesize("fl_safety_wb", files, {}, folder, config.control_set_ffs)
+    first, second = (guard_flip_flops(folder / "netlist.json", guard) for guard in range(2))
     assert {name: len(bits) for name, bits in first.items()} == {name: len(bits) for name, bits in second.items()}
     assert {len(bits) for bits in first.values()} == {3, 30} and len(first) == 5
     assert not {bit for bits in first.values() for bit in bits} & {bit for bits in second.values() for bit in bits}
+
+
+def test_smallest_configuration() -> None:
+    """`make synth` has brought it to the smallest device: the page's row names no limit that is missed.
+
+    Verifies: BRD-10
+    """
+    rows = {row["configuration"]: row for row in page_rows("synth")}
+    config = load_configurations()["six-step-25f"]
+    row = rows[config.name]
+    assert config.device == "LFE5U-25F" and row["device"].startswith(config.device)
+    assert row["result"].startswith(report.MET) and float(row["Fmax / MHz"]) >= config.clock_mhz == 50.0

@@ -21,7 +21,7 @@ RISE_RPM, REVERSE_RPM = 500.0, -270.0
 RISEN_S, SEEN_S = 0.23, 0.06
 
 
-@case("five-phase/ipm-steady", long=True, tested=False)
+@case("five-phase/ipm-steady", long=True)
 def steady(runner: Runner) -> Iterator[Row]:
     """Three-phase IPM with 300 ns of compensated dead time, driven at 0 to 10 % of its speed: no and rated torque."""
     for rpm, i_q_a in POINTS:

@@ -127,7 +127,7 @@ def stepped(runner: Runner, amplitude_v: float = AMPLITUDE_V) -> Stepped:
     return Stepped(values[:, 0], values[:, 1], BEFORE, time_s, data.records["ia"], len(data.rows(LogKind.TRIP)))
 
 
-@case("five-phase/yu-leakage", tested=False)
+@case("five-phase/yu-leakage")
 def leakage(runner: Runner) -> Iterator[Row]:
     """Step of i_d by 5 A at standstill, no noise: what of the fundamental the separator takes for HF current."""
     run = stepped(runner)

@@ -21,7 +21,7 @@ def expected_share(ratio: float) -> float:
     return min(1.0, max(0.0, (ratio - 1.1) / (1.4 - 1.1)))
 
 
-@case("five-phase/ipm-saliency")
+@case("five-phase/ipm-saliency", tested=True)
 def saliency(runner: Runner) -> Iterator[Row]:
     """Three-phase IPM, inductances believed smaller than they are: current derated, then the fault no_saliency."""
     for believed in BELIEVED:

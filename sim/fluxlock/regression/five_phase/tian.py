@@ -62,7 +62,7 @@ def best(runner: Runner) -> Iterator[Row]:
         )
 
 
-@case("five-phase/tian-dead-time", long=True, tested=False)
+@case("five-phase/tian-dead-time", long=True)
 def dead_time(runner: Runner) -> Iterator[Row]:
     """Driven shaft, 2 us of compensated dead time: mean of the angle error."""
     for rpm, i_q_a, theta_deg in COMPENSATED_POINTS:
@@ -106,7 +106,7 @@ def start_run(runner: Runner, theta_deg: float, dead_time_us: float = 0.0) -> Ou
     return runner.drive(SCENARIO, f"{theta_deg:g}" + (f"-{dead_time_us:g}us" if dead_time_us else ""), *overrides)
 
 
-@case("five-phase/tian-start")
+@case("five-phase/tian-start", tested=True)
 def start(runner: Runner) -> Iterator[Row]:
     """Free rotor, 2 A at once while the estimate is 30 degrees off: time until it is right."""
     for theta_deg, dead_time_us in ((30.0, 0.0), (-30.0, 0.0), (30.0, 2.0), (-30.0, 2.0)):

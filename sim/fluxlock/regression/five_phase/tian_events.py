@@ -114,13 +114,13 @@ def torque_reversal(runner: Runner) -> Iterator[Row]:
     yield from rows_of(runner, "torque-reversal")
 
 
-@case("five-phase/tian-load-step", tested=False)
+@case("five-phase/tian-load-step")
 def load_step(runner: Runner) -> Iterator[Row]:
     """8 N*m on a shaft without load that reaches 60 r/min: largest 5 ms mean of the angle error."""
     yield from rows_of(runner, "load-step")
 
 
-@case("five-phase/tian-speed-reversal", tested=False)
+@case("five-phase/tian-speed-reversal")
 def speed_reversal(runner: Runner) -> Iterator[Row]:
     """Target from 60 r/min to -60 r/min at once, viscous load: largest 5 ms mean of the angle error."""
     yield from rows_of(runner, "speed-reversal")

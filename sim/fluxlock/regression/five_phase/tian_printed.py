@@ -48,7 +48,7 @@ def steady_run(runner: Runner, method: str, rpm: float) -> Outcome:
     return runner.drive(SCENARIO, f"{method}-{rpm:g}", *overrides)
 
 
-@case("five-phase/tian-printed", long=True, tested=False)
+@case("five-phase/tian-printed", long=True)
 def curves(runner: Runner) -> Iterator[Row]:
     """Conventional and lock-in demodulation as printed, driven at 0 to 100 r/min: mean error of both."""
     for rpm in (QUICK_RPM,) if runner.quick else SPEEDS_RPM:
@@ -104,7 +104,7 @@ def within_s(run: Outcome) -> tuple[Number, Number]:
     return (float(time_s[inside[0]]) if inside.size else None), good
 
 
-@case("five-phase/tian-printed-start", long=True, tested=False)
+@case("five-phase/tian-printed-start", long=True)
 def start(runner: Runner) -> Iterator[Row]:
     """From 30 degrees off at 2 A, conventional and lock-in as printed: until within 5 degrees, and how it ends."""
     values: dict[str, Number] = {}

@@ -77,7 +77,7 @@ def start(runner: Runner) -> Iterator[Row]:
     yield from rows_of(runner, "start", 0.0, SEARCHED_S, 0.13 if runner.quick else 0.2, [speed_step(STEP_RPM)])
 
 
-@case("five-phase/yu-start-brake", tested=False)
+@case("five-phase/yu-start-brake")
 def start_brake(runner: Runner) -> Iterator[Row]:
     """Step to 50 r/min against the rated Coulomb brake, which holds the rotor until i_q has come up: the same."""
     brake_nm, end_s = (LIGHT_NM, 0.3) if runner.quick else (RATED_NM, 1.1)
@@ -85,7 +85,7 @@ def start_brake(runner: Runner) -> Iterator[Row]:
     yield from rows_of(runner, "start-brake", brake_nm, SEARCHED_S, end_s, events, braked(brake_nm))
 
 
-@case("five-phase/yu-brake", tested=False)
+@case("five-phase/yu-brake")
 def brake(runner: Runner) -> Iterator[Row]:
     """Rated brake at 150 r/min, applied and released by ramps of 0.4 s: the same; short: a quarter of both ramps."""
     share = QUICK_SHARE if runner.quick else 1.0

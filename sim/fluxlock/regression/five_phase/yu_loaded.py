@@ -47,7 +47,7 @@ def radians(values: dict[str, Number]) -> dict[str, Number]:
     return found
 
 
-@case("five-phase/yu-compensation", long=True, tested=False)
+@case("five-phase/yu-compensation", long=True)
 def compensation(runner: Runner) -> Iterator[Row]:
     """Driven at 150 r/min with rated current: angle of the salient axis, published angle, both without the curve."""
     end_s = QUICK_END_S if runner.quick else END_S

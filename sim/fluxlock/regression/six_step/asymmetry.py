@@ -40,7 +40,7 @@ def _torque_second_harmonic_nm(run: Outcome, window: str) -> float:
     return float(2 * np.abs(torque_lines(run.data, turns, np.array([2.0])).amplitude[0]))
 
 
-@case("six-step/asymmetry", tested=False)
+@case("six-step/asymmetry")
 def asymmetry(runner: Runner) -> Iterator[Row]:
     """One EMF 5 % low, or unequal mutual inductances: what corrections A and B leave of the error."""
     for kind, motor in MACHINES.items():

@@ -89,7 +89,7 @@ def balance(runner: Runner) -> Iterator[Row]:
         yield Row(f"six-step/balance/{mode}", conditions, values, limits)
 
 
-@case("six-step/balance-ramp", tested=False)
+@case("six-step/balance-ramp")
 def balance_ramp(runner: Runner) -> Iterator[Row]:
     """From 18 000 to 54 000 r/min and back: the crossings stay even while the thresholds follow."""
     low_rpm, top_rpm, accel_rpm_per_s = (42_000, 54_000, 120_000) if runner.quick else (18_000, 54_000, 12_000)

@@ -143,7 +143,7 @@ def _row(run: Outcome, speed_rpm: int, stage: Stage, least_intervals: int) -> Ro
     return Row(f"six-step/correction-a/{speed_rpm}-{name}", conditions, values, limits, NOTE)
 
 
-@case("six-step/correction-a", tested=False)
+@case("six-step/correction-a")
 def correction_a(runner: Runner) -> Iterator[Row]:
     """5 uH in phase A: correction A evens out the commutations, whatever the time of the crossings."""
     speeds = (60_170,) if runner.quick else tuple(SPEEDS)

@@ -141,7 +141,7 @@ def _reversed(runner: Runner) -> Row:
     )
 
 
-@case("six-step/hall-fallback")
+@case("six-step/hall-fallback", tested=True)
 def hall_fallback(runner: Runner) -> Iterator[Row]:
     """A voltage channel fails at 60 000 r/min: the Hall edges take over and give back."""
     failures = [("vb", 2400)] if runner.quick else [(f"v{x}", code) for x in "abc" for code in CODES]

@@ -105,7 +105,7 @@ def sector_means(run: RunData, count: int) -> FloatArray:
     return means
 
 
-@case("six-step/linearity", tested=False)
+@case("six-step/linearity")
 def linearity(runner: Runner) -> Iterator[Row]:
     """CSC, N 0.8 to 8, mean 0.02 to 1: the real mean is the wanted one with (5.18), that of (5.16) without."""
     carriers, wanted = (QUICK_CARRIERS, QUICK_MEANS) if runner.quick else (CARRIERS, MEANS)

@@ -196,7 +196,7 @@ def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
     return Row(f"six-step/lost-lock/{name}", conditions, values, limits)
 
 
-@case("six-step/lost-lock", tested=False)
+@case("six-step/lost-lock")
 def lost_lock(runner: Runner) -> Iterator[Row]:
     """Supply dip, stuck converter channel, load step: locked again or stopped by name, every gate under control."""
     for name, disturbance in (QUICK if runner.quick else FULL).items():

@@ -46,7 +46,7 @@ def _limits(speed_rpm: float) -> Limits:
     }
 
 
-@case("six-step/zcd-source", tested=False)
+@case("six-step/zcd-source")
 def zcd_source(runner: Runner) -> Iterator[Row]:
     """Terminal voltage, third harmonic of the star point and of the mean of three, sinusoidal and trapezoidal EMF."""
     for source in ("mean",) if runner.quick else SOURCES:
@@ -79,7 +79,7 @@ def zcd_source(runner: Runner) -> Iterator[Row]:
         )
 
 
-@case("six-step/drive-modes")
+@case("six-step/drive-modes", tested=True)
 def drive_modes(runner: Runner) -> Iterator[Row]:
     """Advance by speed and current, current loop under the speed loop, braking by torque, reversal without a sensor."""
     short = SHORT if runner.quick else ()

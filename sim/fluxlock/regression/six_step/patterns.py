@@ -11,7 +11,7 @@ from fluxlock.regression.runner import Runner
 LIMIT_DEG = 0.3
 
 
-@case("six-step/patterns")
+@case("six-step/patterns", tested=True)
 def patterns(runner: Runner) -> Iterator[Row]:
     """Every chopping pattern, with and without synchronous rectification, at 60 000 r/min and 40 kHz."""
     variants = [(pattern, sync_rect) for pattern in PATTERNS for sync_rect in (False, True)]

@@ -111,7 +111,7 @@ def _row(run: Outcome, variant: Variant) -> Row:
     return Row(f"six-step/ramp-1300hz/{variant.name}", conditions, values, limits)
 
 
-@case("six-step/ramp-1300hz", tested=False)
+@case("six-step/ramp-1300hz")
 def ramp_1300hz(runner: Runner) -> Iterator[Row]:
     """CSC passes every integer N on the way to 1300 Hz with a 20 kHz carrier; RSC only with crossings computed back."""
     for variant in QUICK if runner.quick else FULL:

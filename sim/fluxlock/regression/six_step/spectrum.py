@@ -43,7 +43,7 @@ def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tup
     return run, (0.07, 0.125) if runner.quick else (0.07, 0.18)
 
 
-@case("six-step/spectrum", tested=False)
+@case("six-step/spectrum")
 def spectrum(runner: Runner) -> Iterator[Row]:
     """64 000 r/min, N = 25/8: gate lines follow the theory; CSC's sidebands and torque ripple lie far below RSC's."""
     current_a: dict[str, float] = {}

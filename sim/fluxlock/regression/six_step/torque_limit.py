@@ -62,7 +62,7 @@ def _theory(run: Outcome, pattern: Chopping) -> dict[str, Number]:
     }
 
 
-@case("six-step/torque-limit", tested=False)
+@case("six-step/torque-limit")
 def torque_limit(runner: Runner) -> Iterator[Row]:
     """60 000 r/min, 40 kHz, CSC: crossings computed back raise the torque limit of ON-PWM by at least 40 %."""
     limit_mnm: dict[tuple[Chopping, bool], float | None] = {}

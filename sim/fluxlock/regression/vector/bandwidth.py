@@ -26,7 +26,7 @@ NOTE = (
 )
 
 
-@case("vector/bandwidth")
+@case("vector/bandwidth", tested=True)
 def bandwidth(runner: Runner) -> Iterator[Row]:
     """Current bandwidth by the 90 degree rule at 20 kHz, double update: at least 5 kHz, with its phase margin."""
     for name, (delay, gamma) in POINTS.items():

@@ -26,7 +26,7 @@ def _peak_a(run: Outcome, until_s: float) -> float:
     return max(float(np.abs(early[name]).max()) for name in ("ia", "ib", "ic"))
 
 
-@case("vector/catch")
+@case("vector/catch", tested=True)
 def catch(runner: Runner) -> Iterator[Row]:
     """A spinning rotor is caught by its terminal voltages: angle from 20 ms after the start on, speed held."""
     for speed_rpm in QUICK_RPM if runner.quick else SPEEDS_RPM:

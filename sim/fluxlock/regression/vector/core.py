@@ -60,7 +60,9 @@ class Times:
 
 
 FULL = Times(24_000, (("ramp", 0.23, 0.29), ("steady", 0.36, 0.42), ("busy", 0.43, 0.48)), 0.485)
-QUICK = Times(18_000, (("ramp", 0.21, 0.26), ("steady", 0.31, 0.36), ("busy", 0.37, 0.38)), 0.385)
+# From a speed at which the rotor is caught.
+QUICK = Times(24_000, (("ramp", 0.045, 0.065), ("steady", 0.10, 0.12), ("busy", 0.13, 0.14)), 0.145)
+QUICK_FROM_RPM = 20_000
 
 
 def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
@@ -81,6 +83,7 @@ def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
         f"drive.vector.observer_every={rates.observer_every}",
         f"drive.vector.current_regulator={rates.regulator}",
         "expect=[]",
+        *((f"initial.speed_rpm={QUICK_FROM_RPM}",) if runner.quick else ()),
         *timeline(times.duration_s, events, times.windows),
     )
     return run, times
@@ -113,7 +116,7 @@ def late_commits(run: Outcome, window: str, tick_cycles: int) -> int:
     return int(np.sum(np.diff(inside) // tick_cycles - 1))
 
 
-@case("vector/core-load")
+@case("vector/core-load", tested=True)
 def core_load(runner: Runner) -> Iterator[Row]:
     """Load of the soft core with observer and speed loop at 20 kHz, regulators at 20, 40 and 100 kHz."""
     for rates in RATES[:1] if runner.quick else RATES:
@@ -190,7 +193,7 @@ def _latency_on_core(runner: Runner) -> Row:
     )
 
 
-@case("vector/latency")
+@case("vector/latency", tested=True)
 def latency(runner: Runner) -> Iterator[Row]:
     """From the strobe of the current sample to its compares in the shadow registers, whatever the core does."""
     yield _latency_on_core(runner)

@@ -62,7 +62,7 @@ def drive(runner: Runner, mounting: str) -> Outcome:
     return runner.drive(SCENARIO, mounting, *overrides)
 
 
-@case("vector/encoder")
+@case("vector/encoder", tested=True)
 def encoder(runner: Runner) -> Iterator[Row]:
     """Sensored by the encoder from standstill to speed, reversal, zero speed: angle error against the resolution."""
     for mounting in MOUNTINGS[: 1 if runner.quick else None]:
@@ -90,7 +90,7 @@ def encoder(runner: Runner) -> Iterator[Row]:
         )
 
 
-@case("vector/mtpa")
+@case("vector/mtpa", tested=True)
 def mtpa(runner: Runner) -> Iterator[Row]:
     """Least current for the torque of a salient machine on the chip: i_d within 2 % of the optimum."""
     run = drive(runner, "given")

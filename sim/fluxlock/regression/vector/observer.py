@@ -79,7 +79,7 @@ def _signed_speeds() -> Iterator[tuple[int, int]]:
         yield index, -speed_hz
 
 
-@case("vector/observer-delay/host")
+@case("vector/observer-delay/host", tested=True)
 def host(runner: Runner) -> Iterator[Row]:
     """Firmware on this computer, exact model: the specified angle errors of six wrong delays, forward and reverse."""
     machine = SmoothMachine.from_motor(load_motor(MOTOR))

@@ -115,7 +115,7 @@ def _row(runner: Runner, change: Change) -> Row:
     )
 
 
-@case("vector/parameter-errors", long=True, tested=False)
+@case("vector/parameter-errors", long=True)
 def parameter_errors(runner: Runner) -> Iterator[Row]:
     """Chip, R ± 50 %, L ± 30 %, psi - 10 % and their worst sums: angle error over speed, no loss of control."""
     found = {}

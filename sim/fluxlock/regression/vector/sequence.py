@@ -50,7 +50,7 @@ def _around(speed_rpm: float) -> tuple[float, float]:
     return speed_rpm - share, speed_rpm + share
 
 
-@case("vector/sequence", long=True, tested=False)
+@case("vector/sequence", long=True)
 def sequence(runner: Runner) -> Iterator[Row]:
     """Sensorless on the chip: standstill, 90 000 r/min, reversal, stop, fan load; angle error after the hand-over."""
     conditions: dict[str, Condition] = {
