@@ -11,7 +11,7 @@ from fluxlock.analysis.vector import frequency
 from fluxlock.analysis.vector.controllers import KINDS, cross_peak
 from fluxlock.analysis.vector.model import coefficients
 from fluxlock.figures.blac.support import bench, identified
-from fluxlock.regression.vector.bandwidth import AMPLITUDE_A, CARRIER_HZ, POINTS, SPEED, TONES
+from fluxlock.regression.vector.bandwidth import CARRIER_HZ, POINTS, SPEED, TONES
 from fluxlock.regression.vector.current_bench import AFTER, FOLLOWED, STEP_A, Ground, Setting, Step, step_reference
 from fluxlock.regression.vector.sines import PERIOD, Response, phase_bandwidth, phase_margin_deg, sines
 from fluxlock.regression.vector.specified import PEAKS_PERCENT
@@ -41,10 +41,10 @@ def test_tones_have_the_amplitude() -> None:
 
     Verifies: SYS-12
     """
-    wave = sines(TONES, AMPLITUDE_A)
+    wave = sines(TONES, 2.0)
     spectrum = np.abs(np.fft.fft(wave[:PERIOD])) / PERIOD
     expected = np.zeros(PERIOD)
-    expected[np.array(TONES) % PERIOD] = AMPLITUDE_A
+    expected[np.array(TONES) % PERIOD] = 2.0
     assert spectrum == pytest.approx(expected, abs=1e-12)
     assert wave[PERIOD:] == pytest.approx(wave[:PERIOD])
     assert np.abs(sines([1, 5, -1, -5], 1.0, real=True).imag).max() < 1e-12

@@ -99,7 +99,7 @@ def test_wrong_usage(
 def _drawing(text: str) -> Drawing:
     drawn, ((axes,),) = page(text, 1, 1, (3, 2))
     axes.plot([0, 1], [0, 1])
-    return Drawing("At rest.", drawn, (Entry("a | b", "1", text, "because"),))
+    return Drawing("At rest.", drawn, (Entry("a | b", "1", text, "no run", False, "because"),))
 
 
 def _good(runner: Runner) -> Drawing:
@@ -151,7 +151,8 @@ def test_command(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     document = json.loads(path.read_text())
     assert [f["figure"] for f in document["figures"]] == ["1.2", "1.3", "1.10"]
     assert (tmp_path / "six-step" / "fig-1-2.png").read_bytes()[:4] == b"\x89PNG"
-    assert document["figures"][0]["table"] == [{"quantity": "a | b", "printed": "1", "here": "full", "why": "because"}]
+    row = {"quantity": "a | b", "printed": "1", "here": "full", "speed": "no run", "agrees": False, "why": "because"}
+    assert document["figures"][0]["table"] == [row]
 
     assert run_figures("six-step", ["1.2"], tmp_path, False, 1, 1)
     assert len(json.loads(path.read_text())["figures"]) == 3
@@ -171,14 +172,14 @@ def test_figures_keep_their_revision(
     path = folder / "six-step" / "figures.json"
     monkeypatch.setattr(origin, "git_revision", lambda: "aaa")
     run_figures("six-step", ["1.2", "1.3"], folder, False, 1, 1)
-    docs_page.main(folder, pages, tmp_path / "images")
+    docs_page.write_pages(folder, pages, tmp_path / "images")
     text = (pages / "figures-six-step.md").read_text()
     assert text.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n" in text
     monkeypatch.setattr(origin, "git_revision", lambda: "bbb")
     run_figures("six-step", ["1.3"], folder, False, 2, 1)
     figures = json.loads(path.read_text())["figures"]
     assert [(f["figure"], f["git_revision"], f["seed"]) for f in figures] == [("1.2", "aaa", 1), ("1.3", "bbb", 2)]
-    docs_page.main(folder, pages, tmp_path / "images")
+    docs_page.write_pages(folder, pages, tmp_path / "images")
     text = (pages / "figures-six-step.md").read_text()
     assert "\nFull length; revision and seed stand at each figure.\n" in text
     assert "## Figure 1.2: A figure that works\n\nRevision aaa, seed 1.\n" in text
@@ -204,14 +205,14 @@ def test_page(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     Verifies: FIG-03
     """
     folder, pages, images = tmp_path / "figures", tmp_path / "pages", tmp_path / "images"
-    assert docs_page.main(folder, pages, images) == 1
+    assert docs_page.write_pages(folder, pages, images) == 1
     run_figures("six-step", ["1.2", "1.3"], folder, False, 1, 1)
     pages.mkdir()
-    assert docs_page.main(folder, pages, images) == 0
+    assert docs_page.write_pages(folder, pages, images) == 0
     text = (pages / "figures-six-step.md").read_text()
     assert "## Figure 1.2: A figure that works" in text and "At rest." in text
     assert "![Figure 1.2](../images/six-step/fig-1-2.png)" in text
-    assert "| a \\| b | 1 | full | because |" in text
+    assert "| a \\| b | 1 | full | no run | because |" in text
     assert "Not drawn: run x, seed 1: plant fault 3" in text
     assert (images / "six-step" / "fig-1-2.png").exists()
     assert "full length" in text and "seed 1" in text
@@ -487,16 +488,15 @@ def test_ramps_that_miss_the_compared_frequency() -> None:
     short: Any = Ramps(True, {"RSC": 46_000.0, "CSC": 65_000.0})
     drawing = chapter_5.acceleration(short)
     currents = {entry.quantity: entry.measured for entry in drawing.table if "current" in entry.quantity}
-    assert currents == {
-        "RSC: largest current near 800 Hz (A)": "10.0",
-        "CSC: largest current near 800 Hz (A)": "not in the short run",
-    }
+    quantity = "largest current near 800 Hz: RSC, CSC (A)"
+    assert currents == {quantity: "10.0, not in the short run"}
     assert "from 49 500 and 65 000 r/min, slope 30 000 and 100 000 r/min/s" in drawing.condition
     # The trip is at 46 000 + 120 000 * 0.06 = 53 200 r/min.
     assert drawing.table[0].measured.startswith("887 Hz (N = 3.76), trip (phase_current) at 0.060 s")
     full: Any = Ramps(False, {"RSC": 46_000.0, "CSC": 46_000.0})
     drawing = chapter_5.acceleration(full)
-    assert [entry.measured for entry in drawing.table if "current" in entry.quantity] == ["10.0", "10.0"]
+    (row,) = (entry for entry in drawing.table if "current" in entry.quantity)
+    assert row.measured == "10.0, 10.0" and row.agrees is False
     assert "from 40 000 r/min, slope 12 000 r/min/s" in drawing.condition
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import traceback
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,17 +13,22 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from fluxlock.analysis.rundata import RunData
 from fluxlock.analysis.six_step.output import prepare_folder
-from fluxlock.config import ConfigError, Problem
+from fluxlock.config import ConfigError, Problem, load_scenario
 from fluxlock.config.errors import did_you_mean
-from fluxlock.figures.figure import FAMILIES, FIGURES, PRINTED, FigureEntry
+from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.program import Row as RegisterRow
+from fluxlock.figures.figure import FAMILIES, FIGURES, PRINTED, Drawing, FigureEntry, RowFault, Speed
 from fluxlock.figures.panels import save_small
+from fluxlock.paths import ROOT
+from fluxlock.plant import PlantParams
 from fluxlock.progress import counting_bars
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.runner import RunFailed, Runner, side_by_side
 from fluxlock.writable import refusal
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 2: a row says who sets the speed, and whether it agrees
 DOCUMENT = "figures.json"
 COMMAND = "figures"
 
@@ -58,14 +64,51 @@ def list_figures(family: str, wanted: Sequence[str]) -> None:
         print(f"{entry.number}: {entry.title}")
 
 
+@dataclass(frozen=True)
+class WatchedRunner(Runner):
+    """A runner that notes who set the speed in its runs."""
+
+    speeds: set[Speed] = field(default_factory=set, compare=False)
+
+    def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
+        """As Runner."""
+        run = super().drive(scenario, name, *overrides, seed=seed)
+        self.speeds.add(_speed(run.scenario.mechanics.mode))
+        return run
+
+    def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
+        """As Runner."""
+        self.speeds.add(_speed(load_scenario(ROOT / "scenarios" / scenario, overrides).mechanics.mode))
+        return super().program(program, table, scenario, name, *overrides)
+
+    def script(self, rows: Sequence[RegisterRow], plant: PlantParams, duration_s: float, name: str) -> RunData:
+        """As Runner."""
+        self.speeds.add(_speed(plant.mechanics.mode))
+        return super().script(rows, plant, duration_s, name)
+
+
+def _speed(mode: str) -> Speed:
+    return "drive" if mode == "free" else "imposed"
+
+
+def check_speeds(drawing: Drawing, runs: set[Speed]) -> None:
+    """RowFault if the rows do not say of the figure's runs who set the speed in them."""
+    stated: set[Speed] = {row.speed for row in drawing.table if row.speed != "no run"}
+    if stated != runs:
+        said, found = (", ".join(sorted(part)) or "no run" for part in (stated, runs))
+        raise RowFault(f"speed: the rows say {said}; in the figure's runs it was {found}")
+
+
 def draw(family: str, out: Path, number: str, quick: bool, seed: int) -> dict[str, Any]:
     """Draw one figure, write its PNG, and return its part of the document; a failure is a text in it."""
     (entry,) = (f for f in of_family(family) if f.number == number)
     image = f"{entry.stem}.png"
     failure = {"figure": number, "title": entry.title, "condition": "", "image": "", "table": []}
+    runner = WatchedRunner(f"figures/{family}/{number}", quick, seed, plots=False)
     try:
-        drawing = entry.body(Runner(f"figures/{family}/{number}", quick, seed, plots=False))
-    except RunFailed as error:
+        drawing = entry.body(runner)
+        check_speeds(drawing, runner.speeds)
+    except (RunFailed, RowFault) as error:
         return {**failure, "failure": str(error)}
     except Exception as error:
         return {**failure, "failure": refusal(error) or traceback.format_exc()}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
+from typing import Any, Literal
 
 from matplotlib.figure import Figure
 
@@ -15,18 +16,62 @@ FAMILIES = ("six-step", "blac", "five-phase")
 PRINTED = {"six-step": "thesis", "blac": "thesis", "five-phase": "paper"}
 
 
+# Who sets the speed in a row's run: the plant turns or holds the shaft as it is told, or the drive turns a free shaft.
+Speed = Literal["imposed", "drive", "no run"]
+NOT_PRINTED = ""
+DRAWN = "Drawn without numbers that can be read"
+
+
+class RowFault(Exception):
+    """A row of a figure that does not say what it has to."""
+
+
 @dataclass(frozen=True)
 class Entry:
-    """One line of a figure's table: what was printed, what is measured here, and why they differ (or why not)."""
+    """One line of a figure's table: what was printed, what is measured here, who sets the speed, why they differ.
+
+    agrees: whether both are the same within what print and copy let one read (`near`, or a printed statement that was
+    checked); None: nothing was printed, or what was printed cannot be compared. why: needed unless they agree or
+    nothing was printed; it may say that the cause is not known. RowFault without what is needed.
+    """
 
     quantity: str
     printed: str
     measured: str
+    speed: Speed
+    agrees: bool | None
     why: str = ""
 
-    def as_json(self) -> dict[str, str]:
+    def __post_init__(self) -> None:
+        """Refuse a row without its reason."""
+        if self.printed == NOT_PRINTED and self.agrees is not None:
+            raise RowFault(f"row {self.quantity!r}: nothing was printed, so that nothing agrees or differs")
+        if self.printed != NOT_PRINTED and not self.agrees and not self.why:
+            found = "differs from what was printed" if self.agrees is False else "is not compared with what was printed"
+            raise RowFault(
+                f"row {self.quantity!r}: {self.measured!r} {found} ({self.printed!r}), and no reason is given"
+            )
+
+    def as_json(self) -> dict[str, Any]:
         """The entry as it is written."""
-        return {"quantity": self.quantity, "printed": self.printed, "here": self.measured, "why": self.why}
+        return {
+            "quantity": self.quantity,
+            "printed": self.printed,
+            "here": self.measured,
+            "speed": self.speed,
+            "agrees": self.agrees,
+            "why": self.why,
+        }
+
+
+def near(printed: float, measured: float, reading: float) -> bool:
+    """Whether a value is the printed one within what can be read: half of the last digit, or what a drawing gives."""
+    return abs(measured - printed) <= reading * (1 + 1e-9)
+
+
+def rises(values: Sequence[float]) -> bool:
+    """Whether each value is larger than the one before."""
+    return all(a < b for a, b in pairwise(values))
 
 
 @dataclass(frozen=True)

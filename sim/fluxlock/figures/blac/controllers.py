@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ from fluxlock.analysis.vector.model import Coefficients, ComplexArray, coefficie
 from fluxlock.analysis.vector.study import DELAYS
 from fluxlock.figures import panels
 from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, FAMILY, bench, identified, percent
-from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.figure import Drawing, Entry, Speed, figure, near, rises
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.vector.current_bench import STEP_A, Setting, id_step
 from fluxlock.regression.vector.sines import Tracking, tracking
@@ -27,18 +27,25 @@ INNER_DELAYS = (0.25, 0.5, 0.75)
 WHY_Q = "Near f_s/2 both pass little of the reference; there the smaller gain of B counts"
 WHY_SIX = "The thesis names no band; 5 % of the vector here, sample 0 is that of the step"
 TONES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 25, 31)  # in 64 samples
-TONE_A = 1.5
 CHIP_STEPS = (
     f"Lines: exact discrete model. Points: the chip with the switched inverter, i_d stepped by {STEP_A:g} A, less the "
     "same run without the step."
 )
 CHIP_TONES = (
-    f"Lines: exact discrete model. Points: the chip with the switched inverter, {len(TONES)} sines of {TONE_A:g} A on "
-    "the reference of i_d; filled those of B."
+    f"Lines: exact discrete model. Points: the chip with the switched inverter, {len(TONES)} sines on the reference of "
+    "i_d, as large as the current's limit and the voltage leave room for; filled those of B."
 )
+WHY_CIRCLE = (
+    "Γ1 and Γ2 are what the new and the old voltage do in a period: equal near T_d = T_s / 2, which R moves a little. "
+    "The thesis gives no number"
+)
+WHY_ZERO = "PLACEHOLDER"
+WHY_FINE = "0 but for the rounding of the computation"
 WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
-WHY_OFFSET = "Dead time at low current; most around f_e, where the reference asks for a constant phase current"
-WHY_ZERO = "At 0.25 and 0.75 T_s ripple in the sample follows the voltage of now; at 0.5 T_s there is none"
+WHY_OFFSET = "What the dead time leaves; most around f_e, where the reference asks for a constant phase current"
+WHY_REST = "Noise of the current converter, whose step is 0.024 A or 0.12 % of the step, and what the dead time leaves"
+RIPPLED = (0.25, 0.75)
+NOTHING = 0.03  # of the step, which is the 3 % of the steps' row in the regression
 COUPLING = dict(zip(DELAYS, (*(3 * ["A most, B less, C least"]), "A; none with B and C"), strict=True))
 
 
@@ -77,9 +84,18 @@ def pole_zero_map(runner: Runner) -> Drawing:
         panels.title(axes, "poles x, zero over $T_d$ (o: 0.25, 0.5, 0.75 $T_s$)")
     panels.legend(grid[0][0], 1, "upper left")
     where = ", ".join(f"{d:.3f}" for d in crossing.values())
+    at_zero = max(abs(complex(plant_zero(coefficients(bench().machine, bench().omega(speed), bench().sampling(0.0)))))
+                  for speed in crossing)  # fmt: skip
     lines = [
-        Entry("zero at T_d = 0", "origin", "0"),
-        Entry("T_d / T_s at which it leaves the unit circle, f_e/f_s 0.01, 0.05, 0.1", "towards 1", where),
+        Entry("size of the zero at T_d = 0", "origin", f"{at_zero:.3g}", "no run", at_zero < 1e-9),
+        Entry(
+            "T_d / T_s at which it leaves the unit circle, f_e/f_s 0.01, 0.05, 0.1",
+            "as T_d approaches T_s",
+            where,
+            "no run",
+            False,
+            WHY_CIRCLE,
+        ),
     ]
     for speed in on_chip:
         exact = [complex(plant_zero(coefficients(bench().machine, bench().omega(speed), bench().sampling(d))))
@@ -87,7 +103,8 @@ def pole_zero_map(runner: Runner) -> Drawing:
         chip = [found[speed, d] for d in INNER_DELAYS]
         values = (", ".join(f"{abs(zero):.2f}" for zero in zeros) for zeros in (exact, chip))
         text = "model {}; chip {}".format(*values)
-        lines.append(Entry(f"size of the zero at T_d = 0.25, 0.5, 0.75 T_s, f_e/f_s {speed:g}", "", text, WHY_ZERO))
+        quantity = f"size of the zero at T_d = 0.25, 0.5, 0.75 T_s, f_e/f_s {speed:g}"
+        lines.append(Entry(quantity, "", text, "imposed", None, WHY_ZERO))
     identification = (
         "Squares and +: zero and pole by least squares from currents and voltages of the steps of figures 7.8 and 7.9 "
         "on the chip with the switched inverter."
@@ -133,7 +150,7 @@ def tracking_full_delay(runner: Runner) -> Drawing:
         _decibel(size, f, p, f"C{number}", "-", f"γ = {gamma:g}")
         phase.semilogx(f, np.degrees(np.unwrap(np.angle(p))), color=f"C{number}", linewidth=1)
         if not runner.quick:
-            seen = on_chip[gamma] = tracking(runner, Setting("C", 0.05, 1.0, gamma=gamma), TONES, TONE_A)
+            seen = on_chip[gamma] = tracking(runner, Setting("C", 0.05, 1.0, gamma=gamma), TONES)
             _points(size, seen.frequency, seen.p, f"C{number}")
             lag = np.degrees(np.unwrap(np.angle(seen.p)))
             phase.semilogx(seen.frequency, lag, "o", color=f"C{number}", markersize=3, fillstyle="none")
@@ -146,8 +163,10 @@ def tracking_full_delay(runner: Runner) -> Drawing:
             "-3 dB bandwidth over f_s, γ = 0.1, 0.2, 0.3, 0.4",
             "rises with γ",
             ", ".join(f"{b:.3f}" for b in found.values()),
+            "no run",
+            rises(list(found.values())),
         ),
-        Entry("largest |Q|", "0", f"{coupling:.1e}"),
+        Entry("largest |Q|", "0", f"{coupling:.1e}", "no run", coupling < 1e-12, WHY_FINE),
     ]
     if on_chip:
         largest = max(_decibels(np.abs(seen.q).max()) for seen in on_chip.values())
@@ -156,9 +175,12 @@ def tracking_full_delay(runner: Runner) -> Drawing:
                 "the same on the chip",
                 "rises with γ",
                 ", ".join(f"{seen.bandwidth:.3f}" for seen in on_chip.values()),
+                "imposed",
+                rises([seen.bandwidth for seen in on_chip.values()]),
                 WHY_OFFSET,
             ),
-            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.0f}", WHY_OFFSET),
+            Entry("largest |Q| on the chip (dB)", "none", f"{largest:.1f}", "imposed", False, WHY_OFFSET),
+            _tones_entry(on_chip.values()),
         ]
     return Drawing(f"Motor-I, f_s 15 kHz. {CHIP_TONES if on_chip else ANALYTIC}", drawn, tuple(lines))
 
@@ -199,7 +221,7 @@ def _compare_on_chip(
     found: tuple[list[Tracking], list[Tracking]] = ([], [])
     for number, (speed, gamma) in enumerate(settings):
         for part, kind in zip(found, KINDS[1:], strict=True):
-            seen = tracking(runner, Setting(kind, speed, 0.5, gamma=gamma), TONES, TONE_A)
+            seen = tracking(runner, Setting(kind, speed, 0.5, gamma=gamma), TONES)
             part.append(seen)
             for panel, value in zip(axes, (seen.p, seen.q), strict=True):
                 _points(panel, seen.frequency, value, f"C{number}", kind == "B")
@@ -210,9 +232,23 @@ def _chip_entries(on_chip: tuple[list[Tracking], list[Tracking]]) -> list[Entry]
     widths = (", ".join(f"{seen.bandwidth:.3f}" for seen in part) for part in on_chip)
     sizes = (", ".join(f"{_decibels(np.abs(seen.q).max()):.1f}" for seen in part) for part in on_chip)
     return [
-        Entry("bandwidths of P over f_s on the chip", "", "B {}; C {}".format(*widths), WHY_OFFSET),
-        Entry("largest |Q| on the chip (dB)", "", "B {}; C {}".format(*sizes), WHY_OFFSET),
+        Entry("bandwidths of P over f_s on the chip", "", "B {}; C {}".format(*widths), "imposed", None, WHY_OFFSET),
+        Entry("largest |Q| on the chip (dB)", "", "B {}; C {}".format(*sizes), "imposed", None, WHY_OFFSET),
+        _tones_entry([*on_chip[0], *on_chip[1]]),
     ]
+
+
+def _tones_entry(runs: Iterable[Tracking]) -> Entry:
+    """Amplitude of the sines, and the current in which the dead time acts otherwise."""
+    values = (
+        sorted({round(value, 1) for value in part})
+        for part in zip(*((r.amplitude_a, r.band_a) for r in runs), strict=True)
+    )
+    amplitude, band = (" … ".join(f"{value:g}" for value in dict.fromkeys((part[0], part[-1]))) for part in values)
+    text = f"{amplitude}; {band}"
+    return Entry(
+        "amplitude of each sine; phase current below which the dead time costs nothing (A)", "", text, "imposed", None
+    )
 
 
 def _bandwidths(cases: Sequence[Case]) -> tuple[list[float], list[float]]:
@@ -220,11 +256,13 @@ def _bandwidths(cases: Sequence[Case]) -> tuple[list[float], list[float]]:
     return [tracking_bandwidth(b) for _, b, _ in cases], [tracking_bandwidth(c) for _, _, c in cases]
 
 
-def _smaller(sizes: Sequence[tuple[FloatArray, ...]], f: FloatArray) -> str:
-    """Up to where Q of C is below that of B in all cases, and by how much B is below C beyond."""
+def _smaller(sizes: Sequence[tuple[FloatArray, ...]], f: FloatArray) -> tuple[str, Speed, bool, str]:
+    """Up to where Q of C is below that of B in all cases, and by how much B is below C beyond: the end of a row."""
     first = min((float(f[c >= b][0]) for b, c in sizes if np.any(c >= b)), default=math.nan)
+    if math.isnan(first):
+        return "at every frequency", "no run", True, ""
     most = max(float((c - b).max()) for b, c in sizes)
-    return "at every frequency" if math.isnan(first) else f"up to {first:.2f} f_s; above it B by at most {most:.4f}"
+    return f"up to {first:.2f} f_s; above it B by at most {most:.4f}", "no run", False, WHY_Q
 
 
 @figure(FAMILY, "7.6")
@@ -246,9 +284,22 @@ def decoupling_over_gain(runner: Runner) -> Drawing:
         f"Motor-I, f_s 15 kHz; γ' of B is γ / 2. {CHIP_TONES if chip else ANALYTIC}",
         drawn,
         (
-            Entry("-3 dB bandwidth of P over f_s, γ = 0.2, 0.3, 0.4", "rises, B and C alike", f"B {of_b}; C {of_c}"),
-            Entry("largest |Q| (dB)", "rises with γ", f"B {q_of_b}; C {q_of_c}"),
-            Entry("|Q| of C below that of B", "from 0 to 0.5 f_s", _smaller(sizes, f), WHY_Q),
+            Entry(
+                "-3 dB bandwidth of P over f_s, γ = 0.2, 0.3, 0.4",
+                "rises, B and C alike",
+                f"B {of_b}; C {of_c}",
+                "no run",
+                all(rises(part) for part in _bandwidths(cases)),
+                "C is wider by 4 to 7 %: γ = 2 γ' makes both alike only approximately, as the thesis says",
+            ),
+            Entry(
+                "largest |Q| (dB)",
+                "rises with γ",
+                f"B {q_of_b}; C {q_of_c}",
+                "no run",
+                all(rises([float(size.max()) for size in part]) for part in zip(*sizes, strict=True)),
+            ),
+            Entry("|Q| of C below that of B", "from 0 to 0.5 f_s", *_smaller(sizes, f)),
             *chip,
         ),
     )
@@ -266,6 +317,7 @@ def decoupling_over_speed(runner: Runner) -> Drawing:
     sizes = _compare(grid[0], cases, f)
     chip = [] if runner.quick else _chip_entries(_compare_on_chip(runner, grid[0], [(s, 0.4) for s in speeds]))
     of_b, of_c = _bandwidths(cases)
+    change = of_c[-1] / of_c[0] - 1
     return Drawing(
         f"Motor-I, f_s 15 kHz. {CHIP_TONES if chip else ANALYTIC}",
         drawn,
@@ -274,13 +326,17 @@ def decoupling_over_speed(runner: Runner) -> Drawing:
                 "B: -3 dB bandwidth over f_s from f_e = 0.01 to 0.1 f_s",
                 "0.11 to 0.092 (-16 %)",
                 f"{of_b[0]:.3f} to {of_b[-1]:.3f} ({100 * (of_b[-1] / of_b[0] - 1):+.0f} %)",
+                "no run",
+                near(0.11, of_b[0], 0.005) and near(0.092, of_b[-1], 0.0005),
             ),
             Entry(
                 "C: the same",
                 "almost independent",
-                f"{of_c[0]:.3f} to {of_c[-1]:.3f} ({100 * (of_c[-1] / of_c[0] - 1):+.1f} %)",
+                f"{of_c[0]:.3f} to {of_c[-1]:.3f} ({100 * change:+.1f} %)",
+                "no run",
+                abs(change) < 0.02,
             ),
-            Entry("|Q| of C below that of B", "at any f_e", _smaller(sizes, f), WHY_Q),
+            Entry("|Q| of C below that of B", "at any f_e", *_smaller(sizes, f)),
             *chip,
         ),
     )
@@ -303,6 +359,12 @@ def _draw_chip(axes: Sequence[Axes], runner: Runner, kind: Kind, speed: float, d
     return step
 
 
+def _as_stated(steps: Mapping[Kind, ComplexArray], delay: float, nothing: float) -> bool:
+    """Whether the q currents have the thesis's order: A > B > C; at T_d = T_s A alone above `nothing` of the step."""
+    a, b, c = (cross_peak(steps[kind]) for kind in KINDS)
+    return a > b > c if delay < 1.0 else a > nothing >= max(b, c)
+
+
 def draw_steps(number: str, speed: float, runner: Runner, on_chip: Sequence[float]) -> Drawing:
     """Steps at a speed over f_s; on_chip: delays at which the chip stands beside."""
     drawn, grid = panels.page(f"{number}: step of $i_d^*$ at {percent(speed)}, γ = {GAMMA:g}", 2, 4, (13.0, 5.2))
@@ -320,10 +382,13 @@ def draw_steps(number: str, speed: float, runner: Runner, on_chip: Sequence[floa
         panel[1].set_ylim(-0.9, 0.9)
         peaks, seen = (" / ".join(f"{100 * cross_peak(i):.1f}" for i in part.values()) for part in (exact, chip))
         settled = " / ".join(str(settling_samples(i)) for i in exact.values())
-        lines.append(Entry(f"T_d = {delay:g} T_s: peak |i_q|, A / B / C (% of the step)", COUPLING[delay], peaks))
+        quantity = f"T_d = {delay:g} T_s: peak |i_q|, A / B / C (% of the step)"
+        lines.append(Entry(quantity, COUPLING[delay], peaks, "no run", _as_stated(exact, delay, 1e-9)))
         if chip:
-            lines.append(Entry("on the chip", COUPLING[delay], seen, WHY_RIPPLE if delay in (0.25, 0.75) else ""))
-        lines.append(Entry("samples to 5 %, A / B / C", "C within six samples", settled, WHY_SIX))
+            why = WHY_RIPPLE if delay in RIPPLED else "" if delay < 1.0 else WHY_REST
+            lines.append(Entry("on the chip", COUPLING[delay], seen, "imposed", _as_stated(chip, delay, NOTHING), why))
+        agrees = settling_samples(exact["C"]) <= 6
+        lines.append(Entry("samples to 5 %, A / B / C", "C within six samples", settled, "no run", agrees, WHY_SIX))
     panels.legend(grid[0][0], 3, "lower right")
     what = CHIP_STEPS if on_chip else ANALYTIC
     return Drawing(f"Motor-I, f_s 15 kHz, held inverse Park, currents at the samples. {what}", drawn, tuple(lines))

@@ -22,7 +22,7 @@ from fluxlock.figures.blac.support import (
     bench,
     percent,
 )
-from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.vector.observer import drive_at
 
@@ -31,8 +31,10 @@ WHY_SIZE = (
     "Without current it is |Γ'| / |Γ|, above 1 for both wrong delays; a load lowers it with T'_d < T_d "
     "and raises it with T'_d > T_d"
 )
-
-
+WHY_CHIP = (
+    "What it is off the closed form is noise, ripple in the sample and what the dead time leaves; the share of each is "
+    "not known"
+)
 ON_CHIP = (
     "Points: the chip with the switched inverter and 12-bit noise, imposed speed, T'_d given from the start, loop of "
     "400 Hz: the last 12 ms of a run, at the end of the axis."
@@ -73,11 +75,26 @@ def draw_sensorless(number: str, delay: float, runner: Runner, on_chip: Sequence
         at = f"{bench().fs_hz * speed:g} Hz, T'_d = 0 / {delay:g} / 1 T_s"
         simulated, closed_forms = (" / ".join(_signed(line[k]) for line in found) for k in (0, 1))
         sizes = " / ".join(f"{line[2]:.3f}" for line in found)
+        signs = [line[1] for line in found]
         lines += [
-            Entry(f"{at}: error (deg)", "negative / none / positive", simulated, THETA),
-            Entry("in closed form", "", closed_forms),
-            *([Entry("on the chip", "", " / ".join(map(_signed, chip)))] if chip else []),
-            Entry("estimated over true EMF", "less / accurate / greater", sizes, WHY_SIZE),
+            Entry(
+                f"{at}: error (deg)",
+                "negative / none / positive",
+                simulated,
+                "no run",
+                signs[0] > 0 > signs[2] and abs(signs[1]) < 0.005,
+                THETA,
+            ),
+            Entry("in closed form", "", closed_forms, "no run", None),
+            *([Entry("on the chip", "", " / ".join(map(_signed, chip)), "imposed", None, WHY_CHIP)] if chip else []),
+            Entry(
+                "estimated over true EMF",
+                "less / accurate / greater",
+                sizes,
+                "no run",
+                found[0][2] < 1 < found[2][2] and near(1.0, found[1][2], 0.0005),
+                WHY_SIZE,
+            ),
         ]
         lower.axhline(true, color=GREY, linewidth=0.8)
         panels.title(upper, percent(speed))

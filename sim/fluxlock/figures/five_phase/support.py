@@ -14,6 +14,7 @@ from fluxlock.analysis.rundata import FloatArray, LogKind
 from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures.panels import trip_text
+from fluxlock.regression.runner import RunFailed
 
 FAMILY = "five-phase"
 BLUE, ORANGE, GREEN = PHASE_COLOURS
@@ -84,6 +85,20 @@ class Course:
         """Largest 5 ms mean of the error in a span (deg)."""
         part = self.error_deg[self.within(from_s, to_s)]
         return float(np.abs(np.convolve(part, np.full(self.count, 1 / self.count), mode="valid")).max())
+
+
+def took_place(course: Course, what: str, rpm: float, from_s: float, to_s: float, part: float = 0.05) -> None:
+    """RunFailed unless the shaft's true mean speed in a span is the one asked for: what is drawn has to have happened.
+
+    part: what the speed may be off, of the speed asked for.
+    """
+    span = course.within(from_s, to_s)
+    found = float(course.true_rpm[span].mean()) if span.stop > span.start else math.nan
+    if not abs(found - rpm) <= part * abs(rpm):
+        raise RunFailed(
+            f"{what}: the event did not take place: {found:.1f} r/min from {from_s:.3f} to {to_s:.3f} s instead of "
+            f"{rpm:g} r/min; {course.end}"
+        )
 
 
 def wrapped_deg(angle_rad: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from fluxlock.analysis.six_step.plots import finish
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
-from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import (
     FAMILY,
     SETTLED_S,
@@ -114,7 +114,10 @@ def position_errors(runner: Runner) -> Drawing:
                 f"{speed_rpm} r/min, ΔL 10.2 %: error of pairs with A; of BC (deg)",
                 "curve, no numbers legible",
                 f"chip {size:.2f}; {rest:.2f}, formula {theory:.2f}; 0, with the drops {dropped:.2f}",
-                "(2.17) counts the drop of the resistances, 2 R i, and the sag of the link as inductive",
+                "drive",
+                None,
+                f"{DRAWN}. The formula, (2.17), counts the drop of the resistances, 2 R i, and the sag of the link as "
+                "inductive",
             )
         )
     finish(axes, "speed / (1000 r/min)", "error of a crossing / deg")
@@ -161,14 +164,19 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
                 "interval without correction (deg): crossings; commutations",
                 PRINTED_SPAN[speed_rpm],
                 f"{panels.span_text(uncorrected)}; {panels.span_text(spreads[0])}",
-                "A commutation comes half an uneven interval after a misplaced crossing: its spread is larger than the "
-                "crossings'. The printed range is that of our crossings: the thesis's timer runs from one to the next",
+                "drive",
+                None if speed_rpm != SPEEDS_RPM[0] else _reads(uncorrected, 45, 80),
+                ("Why both ends lie 2° higher is not known. " if speed_rpm == SPEEDS_RPM[0] else f"{DRAWN}. ")
+                + "A commutation comes half an uneven interval after a misplaced crossing: its spread is larger than "
+                "the crossings'. The printed range is that of our crossings: the thesis's timer runs between those",
             ),
             Entry(
                 "commutation interval with correction A (deg)",
                 "60",
                 f"{panels.span_text(spreads[1])} (rms {rms[1]:.2f}); interpolated {panels.span_text(spreads[2])} "
                 f"(rms {rms[2]:.2f})",
+                "drive",
+                _reads(spreads[1], 60, 60),
                 "What is left with the first sample is the chop-off gap; interpolation removes it. The printed "
                 "interval comes from a timer on the detected crossings and is shown without its spread",
             ),
@@ -176,10 +184,17 @@ def _steady_figure(runner: Runner, number: str, speed_rpm: int) -> Drawing:
                 "phase current, peak to peak, without → with (A)",
                 f"{printed[0]:.2f} → {printed[1]:.2f}",
                 f"{ripple[0]:.2f} → {ripple[1]:.2f}; interpolated {ripple[2]:.2f}",
+                "drive",
+                near(printed[0], ripple[0], 0.005) and near(printed[1], ripple[1], 0.005),
                 "The load is not printed: one fan, 15 mN·m at 60 000 r/min, gives all three speeds' currents",
             ),
         ),
     )
+
+
+def _reads(values: FloatArray, low: float, high: float) -> bool:
+    """Whether a span is the printed one, whose numbers are whole degrees."""
+    return near(low, float(values.min()), 0.5) and near(high, float(values.max()), 0.5)
 
 
 def _third_harmonic(axes: Axes, run: Outcome, from_s: float, to_s: float) -> None:
@@ -226,6 +241,8 @@ def sampling(runner: Runner) -> Drawing:
                 "floor(T_on/T_s), (2.18)",
                 f"{counts.min()} … {counts.max()}, mean {counts.mean():.2f}; T_on/T_s = {on_s / period_s:.2f}, carrier "
                 f"{carrier_s * 1e6:.1f} µs",
+                "drive",
+                bool(counts.min() == counts.max() == int(on_s / period_s)),
                 "At small duties our carrier is stretched until a pulse holds settled samples; the thesis keeps 25 µs"
                 if carrier_s > 26e-6
                 else "The grid of samples restarts with each carrier; one more where T_on just reaches it",
@@ -311,12 +328,14 @@ def transient(runner: Runner) -> Drawing:
         panels.title(grid[0][column], f"correction A {name}, interpolated")
         found = panels.intervals(grid[1][column], run.analysis.commutations, run.data, 0.08, end_s)
         grid[1][column].set_ylim(20, 100)
+        rms_deg = float(np.sqrt(np.mean((found - 60) ** 2)))
         rows.append(
             Entry(
                 f"commutation interval, correction A {name} (deg)",
                 "oscillates considerably" if not on else "close to 60, somewhat wider in the transients",
-                f"{panels.span_text(found)} (rms about 60: {np.sqrt(np.mean((found - 60) ** 2)):.2f}); "
-                f"{panels.trip_text(run)}",
+                f"{panels.span_text(found)} (rms about 60: {rms_deg:.2f}); {panels.trip_text(run)}",
+                "drive",
+                rms_deg < 1.0 if on else rms_deg > 5.0,
                 "Ramps are as steep as the fan brakes; the thesis prints no duration"
                 if not on
                 else "The delay is half of past intervals: late by 3/8 α T² while the speed rises",

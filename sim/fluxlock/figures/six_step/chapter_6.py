@@ -25,7 +25,7 @@ from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numb
 from fluxlock.analysis.six_step.switched import duty_for_torque, ideal_inverter, waveforms
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
-from fluxlock.figures.figure import Drawing, Entry, figure
+from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import FAMILY, drive, motor_1, schedule
 from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.six_step.ramp import Variant, drive_ramp
@@ -37,6 +37,8 @@ RATIO = Fraction(25, 8)
 TURNS = RATIO.denominator  # the pattern repeats after it
 POINT = "Motor-I, 25 V, 20 kHz, ON-PWM, 64 000 r/min (N = 25/8, lines every 0.75 of the fundamental)"
 MAX_ORDER = 10.0
+ABUNDANT_A, NONE_A = 0.5, 0.01  # rms of lines; a line of the voltage: 1 % of the fundamental are none
+ABUNDANT, REDUCED = 0.05, 0.2  # share beside the trajectories; CSC over RSC
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,13 @@ def simulated_waveforms(runner: Runner) -> Drawing:
                     "CSC": "none; none",
                 }[commutation],
                 f"{current_rms[commutation]:.3f}; {torque_rms[commutation]:.3f}",
+                "no run",
+                {
+                    "RSC": current_rms[commutation] > ABUNDANT_A,
+                    "NSC": current_rms[commutation] < current_rms["RSC"]
+                    and torque_rms[commutation] > torque_rms["RSC"],
+                    "CSC": current_rms[commutation] < NONE_A,
+                }[commutation],
             )
         )
     return Drawing(
@@ -169,7 +178,9 @@ def gate_spectra(runner: Runner) -> Drawing:
                 "agree (drawn)" if commutation != "CSC" else "agree; none",
                 f"{100 * float(difference.max()):.2f} %; series {sideband_rms(series):.4f}, chip "
                 f"{float(np.sqrt(np.sum(found[~_own(series.order)] ** 2))):.4f} Vdc",
-                "The chip has dead time, noise in its crossings and a speed that wanders; the series has none",
+                "imposed",
+                float(difference.max()) < 0.01,
+                "What differs: the chip has dead time and noise in its crossings",
             )
         )
         if commutation == "RSC":
@@ -177,8 +188,10 @@ def gate_spectra(runner: Runner) -> Drawing:
             rows.append(
                 Entry(
                     "RSC: commutations that wait less than 0.06, more than 0.94 of a carrier",
-                    "-",
+                    "",
                     f"{low}, {high}",
+                    "imposed",
+                    None,
                     "Delays are eighths of a carrier apart. Where one of eight commutations is due at a carrier start, "
                     "noise decides between none and a whole carrier, and the lines are a mixture of two patterns",
                 )
@@ -219,6 +232,8 @@ def measured_currents(runner: Runner) -> Drawing:
                 f"{commutation}: largest line at 1 + 0.75 k beside 1 + 6 k; of them all, rms (A)",
                 "abundant" if commutation != "CSC" else "none",
                 f"{worst[commutation]:.4f}; {float(np.sqrt(np.sum(np.abs(lines.amplitude[beside]) ** 2))):.4f}",
+                "imposed",
+                worst[commutation] < NONE_A if commutation == "CSC" else worst[commutation] > ABUNDANT_A,
             )
         )
     most = max(abs(value) for axes in grid[0] for value in axes.get_ylim())
@@ -229,6 +244,8 @@ def measured_currents(runner: Runner) -> Drawing:
             "largest sideband, CSC below RSC (dB)",
             "cancelled",
             f"{20 * np.log10(worst['RSC'] / worst['CSC']):.1f}",
+            "imposed",
+            worst["CSC"] < 0.01 * worst["RSC"],
             "What is left under CSC are crossings that differ by the noise of their samples",
         )
     )
@@ -303,17 +320,19 @@ def measured_spectrograms(runner: Runner) -> Drawing:
     drawn, grid = panels.page(
         "6.12: current space vector of the chip's runs; dB of the largest line", 1, 3, (12.0, 4.6)
     )
-    rows = []
+    rows, share = [], {}
     for axes, commutation in zip(grid[0], COMMUTATIONS, strict=True):
         run, begin_s = _sweep(runner, commutation)
         hertz, fundamental, size = spectrogram(run, begin_s - 0.005)
         _map(axes, hertz, fundamental, size, commutation)
+        share[commutation] = trajectory_share(hertz, fundamental, size)
         rows.append(
             Entry(
                 f"{commutation}: rms beside the 1 + 6 k trajectories, over the fundamental; highest frequency",
                 "abundant trajectories" if commutation != "CSC" else "remarkably reduced",
-                f"{100 * trajectory_share(hertz, fundamental, size):.2f} %; {highest_hz(run):.0f} Hz, "
-                f"{panels.trip_text(run)}",
+                f"{100 * share[commutation]:.2f} %; {highest_hz(run):.0f} Hz, {panels.trip_text(run)}",
+                "drive",
+                share["CSC"] < REDUCED * share["RSC"] if commutation == "CSC" else share[commutation] > ABUNDANT,
             )
         )
     return Drawing(
@@ -366,6 +385,8 @@ def predicted_spectrograms(runner: Runner) -> Drawing:
                 f"{commutation}: rms beside the 1 + 6 k lines, over the fundamental",
                 "abundant, as measured" if commutation != "CSC" else "none",
                 f"{100 * np.sqrt(rest / own):.2f} %",
+                "no run",
+                rest < 1e-6 * own if commutation == "CSC" else rest > ABUNDANT**2 * own,
                 "Of the voltage; of its fundamental the EMF leaves little: the currents' share (6.12) is larger"
                 if commutation == "RSC"
                 else "",
@@ -387,6 +408,7 @@ def dynamic(runner: Runner) -> Drawing:
     end_s = down_s + 0.04 if runner.quick else down_s + 48_000 / slope + 0.1
     drawn, grid = panels.page(f"6.14: 30 000 → 78 000 → 30 000 r/min, {slope} r/min/s, 20 mN·m", 2, 3, (12.0, 5.6))
     printed = {"RSC": "trips at 1110 Hz", "NSC": "trips soon after 1300 Hz", "CSC": "completes"}
+    printed_hz = {"RSC": 1110.0, "NSC": 1300.0}
     rows = []
     for column, commutation in enumerate(COMMUTATIONS):
         # RSC does not come back: the run of figure 5.12 shows it all.
@@ -421,6 +443,10 @@ def dynamic(runner: Runner) -> Drawing:
                 f"{commutation}",
                 printed[commutation],
                 f"{highest_hz(run):.0f} Hz (N = {CARRIER_HZ / 6 / highest_hz(run):.2f}), {panels.trip_text(run)}{peak}",
+                "drive",
+                not trips
+                if commutation == "CSC"
+                else bool(trips) and near(printed_hz[commutation], highest_hz(run), 5.0),
                 {
                     "RSC": "See figure 5.12",
                     "NSC": "Interpolated crossings keep their time in the gap, and the sector's first pulse may come "

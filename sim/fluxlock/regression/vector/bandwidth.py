@@ -18,7 +18,6 @@ SPEED = 0.05  # over 15 kHz: 750 Hz
 POINTS = {"shortest": (0.1, 0.45), "quarter": (0.25, 0.5), "default": (1.0, 0.35)}  # T_d over T_s, gamma
 LIMITED = ("shortest", "quarter")
 TONES = [sign * k for k in (2, 4, 5, 6, 7, 8, 9, 10, 12) for sign in (1, -1)]
-AMPLITUDE_A = 2.0  # above the ripple that changes with the voltage, below the voltage limit
 NOTE = (
     "T_d = 1 T_s is the default with double update: sampled where the carrier has no ripple. It keeps gamma = 0.35 and "
     "is stated without a limit; 5 kHz need a shorter delay. Elsewhere the sample holds ripple of the voltage of now, "
@@ -33,7 +32,7 @@ def bandwidth(runner: Runner) -> Iterator[Row]:
         if runner.quick and name != "quarter":
             continue
         setting = Setting("C", SPEED, delay, "exact", update="double", carrier_hz=CARRIER_HZ, gamma=gamma)
-        theory, found = Ground.of(setting).theory, measure(runner, setting, TONES, AMPLITUDE_A)
+        theory, found = Ground.of(setting).theory, measure(runner, setting, TONES)
         exact = theory.loop.closed(frequency.on_circle(found.frequency))
         yield Row(
             f"vector/bandwidth/{name}",
@@ -45,7 +44,7 @@ def bandwidth(runner: Runner) -> Iterator[Row]:
                 "delay_over_ts": theory.sampling.delay,
                 "gamma": gamma,
                 "regulator": "C",
-                "amplitude_a": AMPLITUDE_A,
+                "amplitude_a": found.amplitude_a,
                 "tones": len(TONES),
             },
             {

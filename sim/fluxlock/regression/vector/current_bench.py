@@ -33,7 +33,7 @@ from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spe
 from fluxlock.firmware.vector_compiler import VectorMachine, circle, ripple_a_per_v
 from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
 from fluxlock.paths import ROOT
-from fluxlock.regression.runner import Runner
+from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.vector.specified import FS_HZ
 
 SCENARIO = "vector/id-step.toml"
@@ -45,6 +45,8 @@ BOOT_CYCLES, TICKS = 60_000, 12  # before the regulators are switched on
 ROW_CHARACTERS, BIT_CYCLES, BITS = 17, 50, 10  # of the console's output
 DIGITS = (3, 3, 5, 5)
 FULL_BITS, STATE_BITS = 17, 25
+CURRENT_SHARE, VOLTAGE_SHARE = 0.75, 0.95  # of the tripping current, of the voltage's circle: room for ripple and noise
+LEAST_BANDS = 1.5  # rms current over the dead time's band; at 1.3 the bandwidth came out 15 to 25 % too small
 
 
 @dataclass(frozen=True)
@@ -160,14 +162,55 @@ class Ground:
         """Of the voltages."""
         return self.scenario.inverter.sensing.voltage_full_scale_v
 
+    @property
+    def held_v(self) -> complex:
+        """Voltage without current."""
+        theory = self.theory
+        return complex(steady_voltage(theory.model, 0.0, emf(self.machine, theory.omega)))
+
+    @property
+    def limit_v(self) -> float:
+        """Circle that binds the voltage."""
+        supply_v = self.scenario.inverter.supply_v
+        return circle(CLOCK_HZ, inverter_spec(self.scenario), self.timing) * supply_v / math.sqrt(3.0)
+
+    @property
+    def band_a(self) -> float:
+        """Phase current below which the dead time costs nothing (docs/theory/vector.md, Dead time)."""
+        return ripple_a_per_v(motor_spec(self.scenario), self.timing, CLOCK_HZ) * abs(self.held_v)
+
+    def amplitude_a(self, unit: ComplexArray) -> float:
+        """Amplitude (A) of a reference that is given for 1 A: the largest that current and voltage leave room for.
+
+        On the exact model, CURRENT_SHARE of what trips and VOLTAGE_SHARE of the voltage's circle are reached. What the
+        dead time takes is nearly a fixed voltage, and so counts the less the more current flows: RunFailed if the
+        current's rms value stays below LEAST_BANDS of the band in which the dead time costs nothing.
+        """
+        current = self.theory.response(unit)
+        regulator = FloatRegulator(self.theory.gains)
+        voltage = np.array([regulator.step(complex(error)) for error in unit - current])
+        most_a = CURRENT_SHARE * min(self.scenario.inverter.protection.phase_current_a, self.full_scale_a)
+        by_current = most_a / float(max(np.abs(current).max(), np.abs(unit).max()))
+        # |held + x u| = share * limit, for each sample's u
+        along, size = (np.conj(self.held_v) * voltage).real, np.abs(voltage) ** 2
+        room = (VOLTAGE_SHARE * self.limit_v) ** 2 - abs(self.held_v) ** 2
+        moves = size > 1e-12 * size.max()
+        by_voltage = ((-along + np.sqrt(along**2 + size * room)) / np.where(moves, size, 1.0))[moves].min()
+        amplitude = min(by_current, float(by_voltage))
+        rms = amplitude * float(np.sqrt(np.mean(np.abs(current) ** 2)))
+        if rms < LEAST_BANDS * self.band_a:
+            raise RunFailed(
+                f"{self.setting.name}: {rms:.2f} A rms are all that current and voltage allow, less than "
+                f"{LEAST_BANDS:g} times the dead time's band of {self.band_a:.2f} A: the dead time would be measured"
+            )
+        return amplitude
+
     def table(self, reference: ComplexArray) -> bytes:
         """The program's table for references (A)."""
-        theory, supply_v = self.theory, self.scenario.inverter.supply_v
+        held, limit_v, band_a = self.held_v, self.limit_v, self.band_a
+        supply_v = self.scenario.inverter.supply_v
         turn_a_clock = self.setting.fundamental_hz / CLOCK_HZ
-        held = complex(steady_voltage(theory.model, 0.0, emf(self.machine, theory.omega)))
-        limit_v = circle(CLOCK_HZ, inverter_spec(self.scenario), self.timing) * supply_v / math.sqrt(3.0)
         scale = self.timing.carrier_cycles * self.full_scale_v / supply_v / 2**FULL_BITS
-        band_a = ripple_a_per_v(motor_spec(self.scenario), self.timing, CLOCK_HZ) * abs(held)
         shift = min(31, math.floor(math.log2((2**FULL_BITS - 1) / scale)))
         words = [
             round(turn_a_clock * RESET_CYCLES * 2**32),
@@ -294,8 +337,13 @@ class Step:
 
 
 def id_step(runner: Runner, setting: Setting, step_a: float = STEP_A) -> Step:
-    """The run with the step less the same run without."""
+    """The run with the step less the same run without; RunFailed if `Ground.amplitude_a` has no room for the step."""
     reference = step_reference(step_a)
+    room_a = Ground.of(setting).amplitude_a(reference / abs(step_a))
+    if abs(step_a) > room_a:
+        raise RunFailed(
+            f"{setting.name}: a step of {step_a:g} A, while current and voltage leave room for {room_a:.1f} A"
+        )
     stepped = play(runner, setting, reference, f"step-{step_a:g}a")
     rest = play(runner, setting, np.zeros_like(reference), "rest")
     return Step(

@@ -10,21 +10,23 @@ import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.vector.model import ComplexArray
-from fluxlock.regression.runner import Runner
-from fluxlock.regression.vector.current_bench import Setting, play
+from fluxlock.regression.runner import RunFailed, Runner
+from fluxlock.regression.vector.current_bench import Ground, Played, Setting, play
 
 PERIOD = 64  # samples
+UNBOUND = 0.999  # of the voltage's circle
 DRAWS = 200  # of the phases; the smallest peak is taken
 
 
 @dataclass(frozen=True)
 class Response:
-    """Current over reference at frequencies over f_s, both signs; largest voltage (V), trips."""
+    """Current over reference at frequencies over f_s, both signs; largest voltage (V), trips, amplitude (A)."""
 
     frequency: FloatArray
     h: ComplexArray
     voltage_v: float
     trips: int
+    amplitude_a: float = 1.0
 
     def at(self, sign: int) -> tuple[FloatArray, ComplexArray]:
         """Of one sign of the frequency, by its size."""
@@ -49,10 +51,19 @@ def sines(tones: Sequence[int], amplitude_a: float, real: bool = False) -> Compl
     return np.asarray(np.tile(amplitude_a * best, 2), dtype=np.complex128)
 
 
-def measure(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a: float) -> Response:
-    """Play the tones; the second period less that of a run without reference."""
+def _unbound(played: Played, setting: Setting) -> Played:
+    """The same; RunFailed if the voltage reached its circle: then the response is not that of the linear loop."""
+    most, limit = float(np.abs(played.voltage).max()), Ground.of(setting).limit_v
+    if most >= UNBOUND * limit:
+        raise RunFailed(f"{setting.name}: the regulators asked for {most:.2f} V of {limit:.2f} V and were bound")
+    return played
+
+
+def measure(runner: Runner, setting: Setting, tones: Sequence[int]) -> Response:
+    """Play tones as large as `Ground.amplitude_a` allows; the second period less that of a run without reference."""
+    amplitude_a = Ground.of(setting).amplitude_a(sines(tones, 1.0))
     reference = sines(tones, amplitude_a)
-    played = play(runner, setting, reference, "sines")
+    played = _unbound(play(runner, setting, reference, "sines"), setting)
     rest = play(runner, setting, np.zeros_like(reference), "rest-long")
     span = slice(PERIOD - 1, 2 * PERIOD - 1)
     spectrum = np.fft.fft((played.current - rest.current)[span]) / np.fft.fft(reference[span])
@@ -62,17 +73,20 @@ def measure(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a:
         np.asarray(spectrum[np.array(ordered) % PERIOD]),
         float(np.abs(played.voltage).max()),
         played.trips + rest.trips,
+        amplitude_a,
     )
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """P and Q of (7.32) at frequencies over f_s; trips."""
+    """P and Q of (7.32) at frequencies over f_s; trips; amplitude of a sine and the dead time's band (A)."""
 
     frequency: FloatArray
     p: ComplexArray
     q: ComplexArray
     trips: int
+    amplitude_a: float
+    band_a: float
 
     @property
     def bandwidth(self) -> float:
@@ -80,14 +94,19 @@ class Tracking:
         return _crossing(self.frequency, np.abs(self.p), math.sqrt(0.5))
 
 
-def tracking(runner: Runner, setting: Setting, tones: Sequence[int], amplitude_a: float) -> Tracking:
-    """Play tones on i_d alone; for a delay at which the samples are free of ripple: no other run is taken off."""
-    reference = sines([*tones, *(-tone for tone in tones)], amplitude_a / 2, real=True)
-    played = play(runner, setting, reference, "sines-d")
+def tracking(runner: Runner, setting: Setting, tones: Sequence[int]) -> Tracking:
+    """Play sines on i_d alone, as large as `Ground.amplitude_a` allows.
+
+    For a delay at which the samples are free of ripple: no other run is taken off.
+    """
+    ground, both = Ground.of(setting), [*tones, *(-tone for tone in tones)]
+    amplitude_a = ground.amplitude_a(sines(both, 0.5, real=True))
+    reference = sines(both, amplitude_a / 2, real=True)
+    played = _unbound(play(runner, setting, reference, "sines-d"), setting)
     span, bins = slice(PERIOD - 1, 2 * PERIOD - 1), np.array(tones)
     asked = np.fft.fft(reference.real[span])[bins]
-    answers = [np.fft.fft(part[span])[bins] / asked for part in (played.current.real, played.current.imag)]
-    return Tracking(bins / PERIOD, np.asarray(answers[0]), np.asarray(answers[1]), played.trips)
+    p, q = (np.asarray(np.fft.fft(part[span])[bins] / asked) for part in (played.current.real, played.current.imag))
+    return Tracking(bins / PERIOD, p, q, played.trips, amplitude_a, ground.band_a)
 
 
 def _crossing(x: FloatArray, y: FloatArray, level: float) -> float:
