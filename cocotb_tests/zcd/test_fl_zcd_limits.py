@@ -13,6 +13,7 @@ from cocotb_tests.zcd.zcd_bench import AVERAGED, FIRST, FLOATING, MASK32, TB, ZC
 from fluxlock.cosim.block import run_block_test
 
 PEAK, LEVEL = 40000, 50000  # 2^17 = full scale
+WAIT_LATENCY, FAR_CLOCKS = 24, 1 << 13  # clocks, published by fl_crossing_time
 STEP = 40  # clocks between samples
 
 
@@ -38,7 +39,7 @@ async def averaging(dut: Any) -> TB:
     tb = TB(dut)
     await tb.start(Settings())
     dut.known_i.value = 1
-    dut.interval_i.value = 1 << 23
+    dut.interval_i.value = 40_000
     await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=255))
     return tb
 
@@ -63,8 +64,10 @@ async def wait_ends_at_its_clock(dut: Any) -> None:
         await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=wait))
         start = rng.randrange(1 << 32)
         sector = 1 + visit % 2
+        # Steep enough for distances below 2^15 clocks.
+        rel = min(10000, PEAK * 20000 // interval)
         for k in range(3):
-            await feed(tb, sector, start + k * STEP, 10000 if k == 2 else -10000, 20)
+            await feed(tb, sector, start + k * STEP, rel if k == 2 else -rel, 20)
         crossing = start + 3 * STEP // 2  # halfway between the last two
         for now in (limit - 1, -rng.randrange(1, 1 << 30), limit - 1):
             dut.now_i.value = (crossing + now) & MASK32
@@ -244,7 +247,7 @@ async def commutation_ends_the_wait(dut: Any) -> None:
 
 @cocotb.test()
 async def mean_follows_the_last_sample(dut: Any) -> None:
-    """Samples are worked out as they come: where they are far apart the mean is there one distance after the last.
+    """Samples are worked out as they come: where they are far apart one distance and a division follow the last.
 
     Verifies: ZCD-12
     """
@@ -259,9 +262,75 @@ async def mean_follows_the_last_sample(dut: Any) -> None:
         while not int(dut.zc_valid_o.value):
             await tb.clocks(1)
             clocks += 1
-            assert clocks <= 30, "no report 36 clocks after the last sample"
+            assert clocks <= 50, "no report 56 clocks after the last sample"
         got = tb.read()
         assert got.averaged and abs(got.time - (start + 350)) <= 1
+
+
+@cocotb.test()
+async def mean_follows_the_wait(dut: Any) -> None:
+    """The eighth sample missing: the mean of two and two is there WAIT_LATENCY clocks after the wait at most.
+
+    Verifies: ZCD-12
+    """
+    rng = random.Random(43)
+    tb = TB(dut)
+    await tb.start(Settings())
+    dut.known_i.value = 1
+    clocks_taken = set()
+    for visit in range(60):
+        interval, wait = rng.randrange(4000, 100_000), rng.randrange(60, 256)
+        limit = interval * wait >> 8
+        dut.interval_i.value = interval
+        await tb.update(Settings(method=AVERAGED, need_previous=0, peak=PEAK, wait_q8=wait))
+        start = rng.randrange(1 << 32)
+        dut.now_i.value = start
+        # The last one comes so late that it is being worked on when the wait ends, now and then.
+        work = rng.choice([rng.randrange(1, 60), 200])
+        for k, rel in enumerate((-8000, -6000, -4000, -2000, 2000, 4000, 6000)):
+            await feed(tb, 1 + visit % 2, start + k * STEP, rel, work if k == 6 else 120)
+            assert not int(dut.zc_valid_o.value)
+        dut.now_i.value = (start + 7 * STEP // 2 + limit) & MASK32
+        clocks = 0
+        while not int(dut.zc_valid_o.value):
+            await tb.clocks(1)
+            clocks += 1
+            assert clocks <= WAIT_LATENCY, f"interval {interval}, wait {wait}, {work} clocks after the last sample"
+        clocks_taken.add(clocks)
+        got = tb.read()
+        assert got.averaged
+        assert abs(((got.time - start + 50) & MASK32) - 50 - 7 * STEP // 2) <= 1
+        await tb.clocks(10)
+    assert max(clocks_taken) == WAIT_LATENCY and len(clocks_taken) > 1
+
+
+@cocotb.test()
+@cocotb.parametrize(rising=[0, 1], after=[0, 1])
+async def far_samples_take_no_part(dut: Any, rising: int, after: int) -> None:
+    """The second sample FAR_CLOCKS from the interpolated crossing: interpolated. One clock nearer: averaged.
+
+    Verifies: ZCD-12
+    """
+    tb = await averaging(dut)
+    dut.interval_i.value = 100_000
+    for visit in range(40):
+        sector, start, beyond = 2 * (visit % 2) + rising, (visit + 1) << 17, visit // 2 % 2
+        far = FAR_CLOCKS - 1 + beyond
+        times = [-STEP, STEP] if after else [-far, -STEP, STEP, 2 * STEP]
+        times = [-2 * STEP, *times, far] if after else times
+        for t in times:
+            dut.now_i.value = start + t
+            await feed(tb, sector, start + t, t, 90)
+        await tb.commutate()
+        for _ in range(60):
+            if int(dut.zc_valid_o.value):
+                break
+            await tb.clocks(1)
+        got = tb.read()
+        assert abs(got.time - start) <= 2
+        tb.found.append(got)
+        assert got.averaged == (not beyond), f"sample {far} clocks off"
+    tb.check_counters()
 
 
 def test_fl_zcd_limits() -> None:

@@ -5,22 +5,28 @@
 // the clock after count_i too.
 //   direct        t = time of the crossing sample: late crossings, method FIRST, gaps above 65535 clocks
 //   interpolated  t = t_before + gap * |rel_before| / (|rel_before| + |rel|), the straight line across the gap
-//   averaged      t = mean of t_i -+ d(|rel_i|), 4 samples before and 4 after, else 2 and 2 (d: fl_angle_time);
-//                 interpolated where fewer count, the interval or the peak is unknown, or one of them saturates
+//   averaged      t = T_b + (T_a - T_b) * D_b / (D_b + D_a): the line between the mean of 4 samples before and the mean of
+//                 4 after, else of 2 and 2. T: mean time; D: mean of d(|rel_i|) (fl_angle_time), negative for a sample
+//                 after the crossing that noise puts before it. d straightens the sine; its scale (flux, speed) cancels.
+//                 Where D_a is not positive there is no such line: t = T_a - D_a, which continues it at D_a = 0.
+//                 Interpolated where fewer count, the interval or the peak is unknown, or one of the two nearest samples
+//                 on a side saturates, lies FarClocks or more from the interpolated crossing or has d >= 2^15 - 1 clocks.
 //   computed back t = t_i - d(|rel_i|) of a late crossing with compute_back_i, direct where that saturates (sine) or
 //                 interval or peak are unknown (six-step.md: better than the thesis)
 // An averaged crossing waits for samples until now_i is interval * wait / 2^8 after it or the visit ends (comm_applied_i)
 // and is then reported with those that are worked out. A new crossing drops one that still waits.
 //
 // Latency, crossing_i to zc_valid_o: direct 2, interpolated 20, computed back BackLatency, averaged 22 to AverageLatency
-// where the samples are there, and never later than the wait limit + 4 (20 if that is later).
+// where the samples are there, and never later than WaitLatency after the wait limit (20 if that is later).
 // Asserted: no crossing while one is being interpolated or handed over.
 `default_nettype none
 module fl_crossing_time
   import fl_pkg::*;
 #(
     localparam int unsigned BackLatency    = 27,
-    localparam int unsigned AverageLatency = 20 + 8 * 27 + 2
+    localparam int unsigned WaitLatency    = 24,
+    localparam int unsigned AverageLatency = 20 + 8 * 27 + 2 + 20,
+    localparam int unsigned FarClocks      = 1 << 13
 ) (
     input logic   clk_i,
     input logic   rst_i,
@@ -79,8 +85,17 @@ module fl_crossing_time
     Back,         // the distance of a late crossing's sample is worked out
     Choose,       // averaged: pick the next sample that is there
     Angle,        // averaged: its distance is worked out
-    Report        // averaged: mean
+    Mean,         // averaged: the divider runs for the line between the means
+    Report        // averaged: the mean, or what was interpolated
   } state_e;
+
+  // Sums for the line between the means, over half of the samples or all. None can wrap.
+  typedef struct packed {
+    logic [14:0] lead;  // from T_b to the interpolated crossing, clocks
+    logic [14:0] lag;  // from there to T_a
+    logic [16:0] distance_before;  // D_b, clocks
+    logic signed [17:0] distance_after;  // D_a, clocks
+  } sums_t;
 
   state_e state_d, state_q;
 
@@ -139,7 +154,7 @@ module fl_crossing_time
   stamp_t base_q, correction, corrected;
   logic correction_carry;
   logic interpolate_q, back_q;  // state_q is Interpolate; Back and the distance is used
-  logic mean_four_q, mean_eight_q;  // state_q is Report, of the first half or of all
+  logic mean_half_q, mean_all_q;  // state_q is Report, of the first half or of all
 
   always_ff @(posedge clk_i) begin
     if (take_before) begin
@@ -158,16 +173,19 @@ module fl_crossing_time
     end
   end
 
-  // Averaging. Order of work: after 0, before 0, 1 make up the first half with after 1; then the second one.
-  logic [7:0] done_d, done_q;  // worked out: before 0..3 (from the newest), after 0..3
-  logic [7:0] there, open_work;
-  logic [2:0] pick, pick_q;
-  logic first_half_d, first_half_q, first_failed_d, first_failed_q, all_four, second_failed_q, enough;
-  logic last_four;  // of eight are in the sum, the one worked out in this clock not counted
+  // Averaging. Order of work: the first half, after 0, before 0, 1, after 1; then the second one, before 2, 3, after 2, 3.
+  localparam logic [3:0] HalfDone = 4'd4, AllDone = 4'd8;
+  logic [3:0] step_q;  // samples that are in the sums
+  logic failed_q;  // the next one: no more are taken
+  logic [2:0] pick;  // place around the crossing: before 0..3 from the newest, 4 + after 0..3
+  logic ready, enough;
   logic wait_over, wait_over_q, limit_passed_q;
-  logic signed [31:0] sum_first_q, sum_eight_q, since_base_q, addend;
-  logic carry, half;  // that the addend lacks
-  logic angle_start, angle_started_q, angle_first_q, angle_valid, angle_done, angle_saturated, back_right;
+  sums_t sums_q, half_q, divided;
+  logic line, mean_start, mean_started_q, mean_done;  // line: there is one
+  logic [31:0] since_base_q;  // between the sample and the interpolated crossing, 0 or more
+  logic half, sample_failed, opposite;  // half: a clock that distance lacks
+  logic signed [18:0] mean_sum_q;  // from the interpolated crossing, times the samples on a side, half a unit more
+  logic angle_start, angle_started_q, angle_valid, angle_done, angle_saturated, back_right;
   logic [24:0] distance;
   stamp_t elapsed;
   logic [31:0] limit_q;
@@ -175,61 +193,34 @@ module fl_crossing_time
   logic [3:0] wait_count_q;
 
   always_comb begin
-    for (int unsigned i = 0; i < 4; i++) begin
-      there[i]   = before_q > 3'(i);
-      there[4+i] = after_q > 3'(i);
-    end
-    open_work = there & ~done_q;
-    // The second half only counts when all eight are there to come.
-    if (!all_four) open_work &= 8'b0011_0011;
-    pick = 3'd0;
-    unique casez (open_work)
-      8'b???1_????: pick = 3'd4;
-      8'b???0_???1: pick = 3'd0;
-      8'b???0_??10: pick = 3'd1;
-      8'b??10_??00: pick = 3'd5;
-      8'b??00_?100: pick = 3'd2;
-      8'b??00_1000: pick = 3'd3;
-      8'b?100_0000: pick = 3'd6;
-      8'b1000_0000: pick = 3'd7;
-      default:      pick = 3'd0;
+    unique case (step_q[2:0])
+      3'd0: pick = 3'd4;
+      3'd1: pick = 3'd0;
+      3'd2: pick = 3'd1;
+      3'd3: pick = 3'd5;
+      3'd4: pick = 3'd2;
+      3'd5: pick = 3'd3;
+      3'd6: pick = 3'd6;
+      default: pick = 3'd7;
     endcase
   end
 
-  always_comb begin
-    done_d         = done_q;
-    first_failed_d = first_failed_q;
-    if (state_q == Angle && angle_done) begin
-      done_d[pick_q] = 1'b1;
-      if (angle_saturated && !pick_q[1]) first_failed_d = 1'b1;
-    end
-    if (begun_q) begin
-      done_d         = '0;
-      first_failed_d = 1'b0;
-    end
-  end
-
-  assign first_half_d = done_d[1:0] == '1 && done_d[5:4] == '1 && !first_failed_d;
-  assign all_four = before_q == 3'd4;
-  assign enough = first_failed_q || (first_half_q && (!all_four || done_q == '1 || second_failed_q));
-  assign last_four = done_q == '1 && !second_failed_q;
+  // An average begins with two before the crossing; the second half counts with all eight only.
+  assign ready = !pick[2] || after_q > {1'b0, pick[1:0]};
+  assign enough = failed_q || step_q == AllDone || (step_q == HalfDone && before_q != 3'd4);
   assign elapsed = now_i - base_q;
 
-  // t_i - base_q -+ distance; sign by the side on which the sample lies, -(x + h) = ~x + !h. The time is added while the
-  // distance is worked out: a sum that lacks a distance is not used. Sums begin with half their number.
-  always_comb begin
-    if (angle_first_q) begin
-      addend = since_base_q;
-      carry  = 1'b0;
-    end else begin
-      addend = {32{entry_q[EntryBits-1]}} ^ {7'd0, distance};
-      carry  = entry_q[EntryBits-1] ^ half;
-    end
-  end
+  assign sample_failed = angle_saturated || since_base_q >= FarClocks || distance >= 25'h7FFF;
+  assign opposite = !entry_q[EntryBits-1];  // of one after the crossing: before it by its value
+
+  assign divided = (step_q == AllDone) ? sums_q : half_q;
+  assign line = divided.distance_after > 18'sd0;
+  assign mean_start = state_q == Mean && !mean_started_q && line && !crossing_i;
+  assign mean_done = state_q == Mean && (mean_started_q ? interpolated : !line);
 
   logic busy_average, busy_average_q;
   assign wait_over    = wait_over_q || (busy_average_q && limit_passed_q);
-  assign busy_average = state_q == Choose || state_q == Angle || state_q == Report;
+  assign busy_average = state_q == Choose || state_q == Angle || state_q == Mean || state_q == Report;
 
   always_comb begin
     state_d     = state_q;
@@ -242,14 +233,15 @@ module fl_crossing_time
         if (angle_done) state_d = Idle;
       end
       Choose: begin
-        if (enough || wait_over) state_d = Report;
-        else if (open_work != '0) state_d = Angle;
+        if (enough || wait_over) state_d = (step_q >= HalfDone) ? Mean : Report;
+        else if (ready) state_d = Angle;
       end
+      // What is being worked on when the wait is over is left out.
       Angle: begin
         angle_start = !angle_started_q;
-        if (wait_over) state_d = Report;
-        else if (angle_done) state_d = Choose;
+        if (wait_over || angle_done) state_d = Choose;
       end
+      Mean: if (mean_done) state_d = Report;
       Report: state_d = Idle;
       default: state_d = Idle;
     endcase
@@ -270,26 +262,39 @@ module fl_crossing_time
     // The sum of the report chooses by these alone. What they tell of holds until then: back_right since the angle's start.
     interpolate_q   <= state_d == Interpolate;
     back_q          <= state_d == Back && back_right;
-    mean_four_q     <= state_d == Report && first_half_d && !last_four;
-    mean_eight_q    <= state_d == Report && first_half_d && last_four;
+    mean_half_q     <= mean_done && state_d == Report && step_q != AllDone;
+    mean_all_q      <= mean_done && state_d == Report && step_q == AllDone;
     direct_q        <= crossing_i && state_d == Idle;
     // What the unit still worked on for a crossing that is gone is not taken.
     angle_started_q <= (state_q == Back || state_q == Angle) && state_d == state_q && !crossing_i;
     if (state_q == Choose) begin
-      pick_q  <= pick;
       entry_q <= store[pick[2]?{2'b10, pick[1:0]} : {1'b0, newest_q-{1'b0, pick[1:0]}}];
     end
     if (crossing_i) entry_q[48:32] <= size;  // computed back: that of the crossing sample
-    since_base_q  <= $signed(entry_q[31:0] - base_q);
-    angle_first_q <= state_q == Angle && angle_start && !crossing_i;
-    if (angle_first_q || (state_q == Angle && angle_done)) begin
-      sum_eight_q <= plus(sum_eight_q, addend, carry);
-      if (!pick_q[1]) sum_first_q <= plus(sum_first_q, addend, carry);
+    // The later less the earlier; with the sample's distance, 24 clocks later, it is long there.
+    since_base_q   <= (entry_q[31:0] ^ {32{!pick[2]}}) + (base_q ^ {32{pick[2]}}) + 32'd1;
+    mean_started_q <= state_q == Mean && state_d == Mean;
+    // Sums: a distance of the opposite sign is subtracted, -(x + h) = ~x + !h.
+    if (state_q == Angle && angle_done) begin
+      failed_q <= sample_failed;
+      if (!sample_failed) begin
+        step_q <= step_q + 4'd1;
+        if (!pick[2]) begin
+          sums_q.lead            <= sums_q.lead + 15'(since_base_q[12:0]);
+          sums_q.distance_before <= sums_q.distance_before + 17'(distance[14:0]) + 17'(half);
+        end else begin
+          sums_q.lag            <= sums_q.lag + 15'(since_base_q[12:0]);
+          sums_q.distance_after <= sums_q.distance_after + $signed({18{opposite}} ^ {3'd0, distance[14:0]}) +
+              $signed({17'd0, opposite ^ half});
+        end
+      end
     end
-    done_q         <= done_d;
-    first_failed_q <= first_failed_d;
-    first_half_q   <= first_half_d;
-    if (state_q == Angle && angle_done && angle_saturated && pick_q[1]) second_failed_q <= 1'b1;
+    if (state_q == Choose && step_q == HalfDone) half_q <= sums_q;
+    if (mean_done) begin
+      mean_sum_q <= $signed(line ? {3'd0, offset} : {4'd0, divided.lag}) -
+          (line ? $signed({4'd0, divided.lead}) : 19'(divided.distance_after)) +
+          ((step_q == AllDone) ? 19'sd2 : 19'sd1);
+    end
     // Wait limit: interval * wait_q8 by shifts while the divider runs; then the clock decides.
     if (wait_count_q != 4'd0) begin
       wait_count_q <= wait_count_q - 4'd1;
@@ -302,13 +307,13 @@ module fl_crossing_time
     wait_over_q    <= wait_over;
     // Used when the interpolation is done at the earliest.
     if (begun_q) begin
-      sum_first_q     <= 32'sd2;
-      sum_eight_q     <= 32'sd4;
-      second_failed_q <= 1'b0;
-      wait_over_q     <= 1'b0;
-      limit_q         <= '0;
-      wait_q          <= wait_q8_i;
-      wait_count_q    <= 4'd8;
+      sums_q       <= '0;
+      step_q       <= '0;
+      failed_q     <= 1'b0;
+      wait_over_q  <= 1'b0;
+      limit_q      <= '0;
+      wait_q       <= wait_q8_i;
+      wait_count_q <= 4'd8;
     end
     if (comm_applied_i && !crossing_i) wait_over_q <= 1'b1;
     if (rst_i) begin
@@ -320,11 +325,27 @@ module fl_crossing_time
     end
   end
 
-  // One divider for the interpolation and for the arc sine's argument.
+  // One divider for both lines and for the arc sine's argument.
   logic div_start, start_interpolation;
-  logic [16:0] div_before, div_after;
+  logic [15:0] div_gap;
+  logic [16:0] div_before, div_after, div_left, div_right;
 
   assign start_interpolation = crossing_i && can_interpolate && !(busy && state_q == Interpolate);
+
+  always_comb begin
+    div_gap   = '1;
+    div_left  = div_before;
+    div_right = div_after;
+    if (start_interpolation) begin
+      div_gap   = gap_i;
+      div_left  = before_size_q;
+      div_right = size;
+    end else if (mean_start) begin
+      div_gap   = 16'(divided.lead) + 16'(divided.lag);
+      div_left  = divided.distance_before;
+      div_right = divided.distance_after[16:0];
+    end
+  end
 
   fl_angle_time u_angle (
       .clk_i,
@@ -352,11 +373,11 @@ module fl_crossing_time
   ) u_interpolator (
       .clk_i,
       .rst_i,
-      .start_i (start_interpolation || div_start),
-      .abort_i (start_interpolation || div_start),
-      .gap_i   (start_interpolation ? gap_i : '1),
-      .before_i(start_interpolation ? before_size_q : div_before),
-      .after_i (start_interpolation ? size : div_after),
+      .start_i (start_interpolation || div_start || mean_start),
+      .abort_i (start_interpolation || div_start || mean_start),
+      .gap_i   (div_gap),
+      .before_i(div_left),
+      .after_i (div_right),
       .busy_o  (busy),
       .valid_o (interpolated),
       .offset_o(offset)
@@ -369,13 +390,13 @@ module fl_crossing_time
   assign report_back         = state_q == Back && angle_done;
   assign report_mean         = state_q == Report;
   assign back_taken          = report_back && back_q;
-  assign mean_taken          = report_mean && first_half_q;
+  assign mean_taken          = report_mean && (mean_half_q || mean_all_q);
   assign emit                = direct_q || report_interpolated || report_back || report_mean;
 
   // One sum for all of them; the interpolated time is also the base of the mean.
   always_comb begin
     correction = ({32{interpolate_q}} & stamp_t'(offset)) | ({32{back_q}} & ~stamp_t'(distance)) |
-        ({32{mean_four_q}} & stamp_t'(sum_first_q >>> 2)) | ({32{mean_eight_q}} & stamp_t'(sum_eight_q >>> 3));
+        ({32{mean_half_q}} & stamp_t'(32'(mean_sum_q) >>> 1)) | ({32{mean_all_q}} & stamp_t'(32'(mean_sum_q) >>> 2));
     correction_carry = back_q && !half;
   end
   assign corrected = stamp_t'(plus($signed(base_q), $signed(correction), correction_carry));
