@@ -16,6 +16,7 @@ from fluxlock.cosim.block import run_block_test
 
 RESET_CYCLES = 90
 GATES_ON = (1, 2)
+FRAME_TO_OFF = 2  # clocks from a frame with a bad channel to the gates, published by the pages
 CLEAR, EARLY = 1, 2  # commands of the stand-in
 
 
@@ -97,7 +98,7 @@ async def bad_channel_turns_the_gates_off(dut: Any) -> None:
                 await clocks_until(dut, lambda: dut.adc_cs_no.value == 0, 60)
                 await clocks_until(dut, lambda: dut.adc_cs_no.value == 1, 60)
             taken = await clocks_until(dut, lambda: gates(dut) == (0, 0), 20)
-            assert taken == 2, f"channel {channel} at {level}: gates off {taken} clocks after the frame"
+            assert taken == FRAME_TO_OFF, f"channel {channel} at {level}: gates off {taken} clocks after the frame"
             assert int(dut.led_o.value) == 0b0101
             converters.stick({})
             await ClockCycles(dut.clk_i, 130)

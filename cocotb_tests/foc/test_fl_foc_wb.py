@@ -31,6 +31,10 @@ from fluxlock.firmware.host import register_offsets
 from fluxlock.paths import ROOT
 
 CLOCK_NS = 20
+# From the codes of a window's only sample to the compares in the shadow registers: sensing, window, regulators,
+# modulator, register. The mean of a window takes more.
+CODES_TO_COMPARES = {3: 73, 5: 126}
+MEAN_MORE = 7
 CONTINUOUS, CARRIER, ONCE = 1, 2, 3  # fl_pkg::sched_mode_e
 CHAIN_REGISTERS = ["timer", "foc", "injection"]
 CHAIN_WINDOWS = [0x2, 0xC, 0xE]
@@ -122,8 +126,7 @@ class TB:
         self.counts: dict[int, list[int]] = {}  # clocks with the upper request until an update
         self.written: dict[str, int] = {}
         self.angle = Angle()
-        # Current window to compares made: sensing, window (one sample), regulators, modulator.
-        self.to_sync = self.phases + 4 + 1 + FOC_LATENCY[self.phases] + 2 * self.phases + 6
+        self.to_sync = CODES_TO_COMPARES[self.phases] - 1
 
     @property
     def now(self) -> int:
@@ -415,7 +418,7 @@ async def chain_follows_the_models(dut: Any, case: Case) -> None:
             got = await tb.snapshot()
             assert tb.times["sync_o"][-1] == tick - 1, f"step {step}: tick {tick}, {tb.times['sync_o'][-3:]}"
             # Which samples: those of the window that the update before them opened.
-            valid = tick - 1 - tb.to_sync - (7 if case.length else 0)
+            valid = tick - 1 - tb.to_sync - (MEAN_MORE if case.length else 0)
             assert valid in tb.valids, f"step {step}: no sample {tick - valid} clocks before the tick"
             assert tb.phases == 5 or 20 + tick - valid <= 100
             last = valid - tb.conversion
@@ -544,7 +547,7 @@ async def nothing_changes_without_commit(dut: Any) -> None:
     updates = tb.times["update_o"][-3:]
     assert [b - a for a, b in itertools.pairwise(updates)] == [400, 400]
     event = tb.times["event_o"][-1]
-    turned = (tick - 1 - tb.to_sync - 7 - event) * 123_456 / 16 / TURN + 0.2
+    turned = (tick - 1 - tb.to_sync - MEAN_MORE - event) * 123_456 / 16 / TURN + 0.2
     assert abs((got.theta_sample / TURN - turned + 0.5) % 1.0 - 0.5) < 400 * 123_456 / 16 / TURN
 
 
@@ -596,7 +599,7 @@ async def touching_windows_keep_their_angles(dut: Any) -> None:
     for _ in range(5):
         tick = await tb.tick()
         got = await tb.snapshot()
-        last = tick - 1 - tb.to_sync - 7 - tb.conversion
+        last = tick - 1 - tb.to_sync - MEAN_MORE - tb.conversion
         assert last in tb.times["adc_strobe_o"]
         instant = last - 149
         valid = tick - 1 - (tb.to_sync - tb.channels - 5)

@@ -29,6 +29,7 @@ from cocotb_tests.pwm.chain import (
 from fluxlock.cosim.block import run_block_test
 
 PERIOD = 100
+UPDATE_TO_CARRIER = 4  # least clocks from an update to the first carrier that has its period and duty
 PATTERNS = (RSC, NSC, CSC)
 
 
@@ -207,7 +208,7 @@ async def settings_wait_for_update_and_carrier_start(dut: Dut) -> None:
         drive: Drive = {0: {"cfg_duty_q8_i": new_duty * 256, "cfg_period_i": new_period, "cfg_min_pulse_i": 5}}
         pulse(drive, [old_period - lead], "update_i")
         rows = [(n, on) for _, n, on in carriers(await tb.run(5 * 150 + 1, drive))]
-        old_carriers = 1 if lead >= 4 else 2  # the update needs 4 clocks to reach a carrier start
+        old_carriers = 1 if lead >= UPDATE_TO_CARRIER else 2
         expected = [(old_period, old_duty)] * old_carriers + [(new_period, new_duty)] * (len(rows) - old_carriers)
         assert rows == expected, f"update {lead} clocks before the carrier start: {rows}"
 

@@ -13,6 +13,7 @@ from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 
 ON, OFF = 3000, 2800
+CODE_TO_SWITCH = 1  # clocks, published by the pages
 Clock = tuple[int, int | None]  # enable, code if there is one
 
 
@@ -59,7 +60,7 @@ class TB(Bench):
         self.dut.enable_i.value = enable
         self.dut.adc_valid_i.value = int(code is not None)
         self.dut.vdc_i.value = random.getrandbits(12) if code is None else code
-        await self.clocks()
+        await self.clocks(CODE_TO_SWITCH)
         return int(self.dut.brake_o.value), int(self.dut.overload_o.value)
 
 

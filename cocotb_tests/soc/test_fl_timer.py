@@ -13,6 +13,9 @@ from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
 
 TICK_PERIOD, TICK_COUNT, TICK_TIME, UPDATE, MACHINE_PERIOD, LOAD_PERIOD, TICK_SAMPLES = range(0, 0x1C, 4)
+# Clocks, published by the pages.
+SYNC_TO_TICK = 1
+TICK_TO_UPDATE = 0
 
 
 class Events:
@@ -108,7 +111,8 @@ async def update_only_at_tick_after_commit(dut: Any) -> None:
         await bench.clocks()
         if committed + 2 < tick + period:
             assert await bench.read(UPDATE) & 2, f"commit {offset} clocks after a tick is not pending"
-        expected.append(tick + period if committed < tick + period else tick + 2 * period)
+        periods = 1 if committed < tick + period else 2
+        expected.append(tick + periods * period + TICK_TO_UPDATE)
         await bench.clocks(2 * period)
     assert events.times["update_o"] == expected, f"{events.times['update_o']} != {expected}"
     assert set(events.times["update_o"]) <= set(events.times["tick_o"])
@@ -203,7 +207,11 @@ async def update_belongs_to_the_tick_by_samples(dut: Any) -> None:
             syncs.append(await sync(bench))
             await bench.clocks(2)
         await task
-        assert events.times["update_o"] == [syncs[1 + 2 * late] + 1], (clocks, syncs, events.times["update_o"])
+        assert events.times["update_o"] == [syncs[1 + 2 * late] + SYNC_TO_TICK + TICK_TO_UPDATE], (
+            clocks,
+            syncs,
+            events.times["update_o"],
+        )
 
 
 @cocotb.test
