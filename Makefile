@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs setup
+.PHONY: help demo test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs release-check setup
 .PHONY: place clean distclean
 
 help: ## list the targets
@@ -76,6 +76,9 @@ mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests
 
 coverage: $(TEST) $(COVERAGE) ## RTL, C and Python reached by the tests: build/coverage/report.md (BLOCKS=...: RTL of some folders)
 	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
+
+release-check: $(RUN) ## refuse generated pages that were made from other sources than this tree
+	@$(PY) -m fluxlock.docs.release
 
 docs: $(TEST) ## register reference, schema pages, verification matrix
 	@$(PY) -m fluxlock.build html

@@ -16,6 +16,7 @@ from fluxlock.coverage.report import by_folder, details, page
 from fluxlock.coverage.rtl import Point, explain, merge, read_points, summary
 from fluxlock.firmware.toolchain import COVERAGE_VARIABLE, build_host_library
 from fluxlock.paths import ROOT
+from fluxlock.sources import named, source_hashes
 
 FILE = "rtl/safety/a.sv"
 
@@ -61,7 +62,7 @@ def test_reasons_fit_what_is_not_reached() -> None:
     assert report == [f"- {FILE}:2 (else) `if (b)`: never", f"- {FILE}:3 (if) `if (c)`: no reason given"]
     assert len(problems) == 2
     assert problems[0].startswith(f"{FILE}:3 (if)") and "reached, or not there: 'a <= 1'" in problems[1]
-    text = page(files, {}, {}, report, ["safety", "zcd"]) + details(files, {}, {})
+    text = page(files, {}, {}, report, ["safety", "zcd"], {"chip": "aaaaaaaaaaaa"}) + details(files, {}, {})
     assert f"| {FILE} | 3 | 33.3 | 1 | 0.0 |" in text and f"- {other}:1 (if) `if (d)`" in text
     assert "| rtl/safety | 3 | 33.3 | 1 | 0.0 |\n| rtl/zcd | 1 | 0.0 | 0 | - |\n| all | 4 | 25.0 | 1 | 0.0 |" in text
     assert "\nBlock tests of safety, zcd.\n" in text
@@ -151,6 +152,7 @@ def test_missing_reason_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(rtl, "read_reasons", lambda: {"rtl/safety/fl_sync.sv": [{"code": "a", "reason": "so"}]})
     assert command.main([]) == 0
     text = written.read_text()
+    assert named(text) == source_hashes()
     assert "`a`: so" in text and "| sw | 4 | 75.0 | 9 | 88.9 |" in text
     assert "| sim/fluxlock/b | 2 | 50.0 | 4 | 100.0 |" in text
     results = json.loads((tmp_path / "coverage" / "coverage.json").read_text())

@@ -28,7 +28,7 @@ def test_table_holds_every_case() -> None:
 
 def row(name: str, revision: str | None = "aaa", seed: int = 1) -> dict[str, Any]:
     """A row as it is stored; without a revision as older files have it."""
-    made = {} if revision is None else {"git_revision": revision, "seed": seed}
+    made = {} if revision is None else {"git_revision": revision, "seed": seed, "sources": {"chip": "0123456789ab"}}
     return {"id": name, "conditions": {}, "values": {"x": 1}, "limit": {}, "pass": True, "note": "", **made}
 
 
@@ -88,17 +88,20 @@ def test_page_names_the_revisions() -> None:
     Verifies: DOC-05
     """
     one = page(document(row("six-step/hall/before"), row("six-step/patterns")), {})
-    assert one.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n\n## six-step/hall\n" in one
+    assert (
+        one.count("Revision") == 1
+        and "\nRevision aaa, seed 1, chip `0123456789ab`, full length.\n\n## six-step/hall\n" in one
+    )
     two = page(
         document(row("six-step/hall/before"), row("six-step/hall/after"), row("six-step/patterns", "bbb", 2)), {}
     )
     assert "\nFull length; revision and seed stand at each case.\n" in two and two.count("Revision") == 2
-    assert "## six-step/hall\n\nRevision aaa, seed 1.\n\n|" in two
-    assert "## six-step/patterns\n\nRevision bbb, seed 2.\n\n|" in two
+    assert "## six-step/hall\n\nRevision aaa, seed 1, chip `0123456789ab`.\n\n|" in two
+    assert "## six-step/patterns\n\nRevision bbb, seed 2, chip `0123456789ab`.\n\n|" in two
     mixed = page(document(row("six-step/hall/before"), row("six-step/hall/after", None)), {})
     assert (
-        "\nRevision aaa, seed 1: six-step/hall/before.\n\nRevision unknown, seed unknown: six-step/hall/after.\n"
-        in mixed
+        "\nRevision aaa, seed 1, chip `0123456789ab`: six-step/hall/before.\n\n"
+        "Revision unknown, seed unknown, sources not recorded: six-step/hall/after.\n" in mixed
     )
 
 

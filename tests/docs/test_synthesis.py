@@ -34,7 +34,9 @@ RESULT: dict[str, Any] = {
     "pad_output_ns": 4.0, "pad_input_ns": 3.0, "together_ns": 2.0, "luts_left": 0.2345, "lut4": 12345, "carry": 1001,
     "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4, "yosys_s": 100.4, "nextpnr_s": 200.6, "seed": 1, "problems": [],
     "xilinx": {"lut6": 9, "carry4": 8, "ff": 7, "lut_ram": 6, "block_ram": 5, "dsp": 4},
+    "sources": {"chip": "0123456789ab"},
 }  # fmt: skip
+MADE = "chip `0123456789ab`"
 
 
 def way(start: str, end: str, *delays: float) -> dict[str, Any]:
@@ -352,14 +354,15 @@ def test_tables() -> None:
     Verifies: BRD-09
     """
     assert " ".join(report.configuration_row("three-phase", RESULT)) == (
-        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 2.0 12345 1001 14347 23.4 7 6 5 4 100 201 all limits met, seed 1"
+        "three-phase LFE5U-85F-6 51.3 50 4.0 3.0 2.0 12345 1001 14347 23.4 7 6 5 4 100 201 all limits met, seed 1 "
+        "chip `0123456789ab`"
     )
-    assert " ".join(report.xilinx_row("three-phase", RESULT)) == "three-phase 9 8 7 6 5 4"
-    assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4"]
+    assert " ".join(report.xilinx_row("three-phase", RESULT)) == "three-phase 9 8 7 6 5 4 chip `0123456789ab`"
+    assert report.block_row("a", RESULT) == ["a", "51.3", "12345", "1001", "14347", "7", "6", "5", "4", MADE]
     placed = {**RESULT, "fmax_mhz": 38.25, "routed": False, "pad_output_ns": None, "problems": ["a", "b"]}
     row = report.configuration_row("three-phase", placed)
     assert report.fmax_text({**placed, "fmax_mhz": None}) == "–"
-    assert row[2:6] == ["38.2 (placed)", "50", "–", "3.0"] and row[-1] == "a; b"
+    assert row[2:6] == ["38.2 (placed)", "50", "–", "3.0"] and row[-2:] == ["a; b", MADE]
     text = "| LUT4 / carry | old |\n| Fmax (MHz) | old |\nother\n"
     assert report.with_readme_rows(text, report.readme_rows(placed)) == (
         "| LUT4 / carry cells / FF / block RAM / DSP on LFE5U-85F | 12 345 / 1 001 / 7 / 5 / 4 "
@@ -477,7 +480,7 @@ def test_sets() -> None:
     assert [getattr(total, name) for name in AREAS] == [40 + 4 * k for k in range(6)]
     sizes = {f"fl_{name}": 10 * i + 2 * (10 * i + 1) for i, name in enumerate("abc")}
     assert total.parts == {**sizes, "fl_b": 2 * sizes["fl_b"]}
-    assert report.set_row(group, asdict(total))[-2:] == ["5, 2", "fl_b 64, fl_c 62, fl_a 2"]
+    assert report.set_row(group, asdict(total))[-3:-1] == ["5, 2", "fl_b 64, fl_c 62, fl_a 2"]
 
 
 def guard_flip_flops(netlist: Path, guard: int) -> dict[str, list[int]]:

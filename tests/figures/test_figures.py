@@ -171,10 +171,13 @@ def test_figures_keep_their_revision(
     pages.mkdir()
     path = folder / "six-step" / "figures.json"
     monkeypatch.setattr(origin, "git_revision", lambda: "aaa")
+    hashes = dict.fromkeys(("chip", "firmware", "plant"), "0123456789ab")
+    monkeypatch.setattr(origin, "source_hashes", lambda: hashes)
+    told = "chip `0123456789ab`, firmware `0123456789ab`, plant `0123456789ab`"
     run_figures("six-step", ["1.2", "1.3"], folder, False, 1, 1)
     docs_page.write_pages(folder, pages, tmp_path / "images")
     text = (pages / "figures-six-step.md").read_text()
-    assert text.count("Revision") == 1 and "\nRevision aaa, seed 1, full length.\n" in text
+    assert text.count("Revision") == 1 and f"\nRevision aaa, seed 1, {told}, full length.\n" in text
     monkeypatch.setattr(origin, "git_revision", lambda: "bbb")
     run_figures("six-step", ["1.3"], folder, False, 2, 1)
     figures = json.loads(path.read_text())["figures"]
@@ -182,8 +185,8 @@ def test_figures_keep_their_revision(
     docs_page.write_pages(folder, pages, tmp_path / "images")
     text = (pages / "figures-six-step.md").read_text()
     assert "\nFull length; revision and seed stand at each figure.\n" in text
-    assert "## Figure 1.2: A figure that works\n\nRevision aaa, seed 1.\n" in text
-    assert "## Figure 1.3: A run that breaks off\n\nRevision bbb, seed 2.\n" in text
+    assert f"## Figure 1.2: A figure that works\n\nRevision aaa, seed 1, {told}.\n" in text
+    assert f"## Figure 1.3: A run that breaks off\n\nRevision bbb, seed 2, {told}.\n" in text
 
     document = json.loads(path.read_text())
     del document["figures"][0]["seed"]

@@ -213,6 +213,7 @@ def test_reasons_fit_survivors() -> None:
         "block": "b",
         "parameters": {"Width": 4},
         "seed": 1,
+        "sources": {"chip": "0123456789ab"},
         "count": 9,
         "killed": 7,
         "equal": 0,
@@ -226,7 +227,7 @@ def test_reasons_fit_survivors() -> None:
     text, stale = mutation_page.page([result], {"b": [*wrong, fits | {"port": "Q[0]", "kind": "inverted"}]})
     assert "| b.sv:10.3 | Q[0] | w[2] | inverted | it is so |" in text
     assert "| b.sv:11.3 | Q[0] | - | inverted | not explained |" in text
-    assert "\n## b\n\nSeed 1, Y, `Width` = 4.\n" in text
+    assert "\n## b\n\nSeed 1, Y, `Width` = 4, chip `0123456789ab`.\n" in text
     assert len(stale) == 3 and all("rtl/x/b.sv:10." in line for line in stale)
     assert mutation_page.page([result], {"other": [fits]})[1] == []
 

@@ -18,6 +18,7 @@ from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, population, 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.run import image_of
 from fluxlock.progress import counting_bars
+from fluxlock.sources import source_hashes
 from fluxlock.writable import check_file
 
 
@@ -71,12 +72,14 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     if not jobs and not any(any((FOLDER / drive.name).rglob(ROW_FILE)) for drive in drives):
         raise _nothing_to_show()
     check_file(RESULT)
+    sources = source_hashes()  # before the runs: the checkout may change while they last
     total = sum(len(grid(drive, seed, quick, every)) for drive in drives)
     rows = _rows(drives, quick, every, seed, jobs)
     if not jobs and not rows:
         raise _nothing_to_show()
     document = {
         "seed": seed,
+        "sources": sources,
         "quick": quick,
         "every": every,
         "drives": [drive.name for drive in drives],

@@ -14,6 +14,7 @@ from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.master import COMMAND_TIMEOUT_MS
 from fluxlock.config import ConfigError, Problem
 from fluxlock.paths import BUILD, ROOT
+from fluxlock.sources import sources_text
 from fluxlock.writable import EXIT_BAD_INPUT, guarded
 
 RESULT = BUILD / "campaign.json"
@@ -85,6 +86,8 @@ def page(document: dict[str, Any]) -> str:
         "",
         f"`fluxlock campaign`, seed {document['seed']}, written from `build/campaign.json` by `python -m "
         "fluxlock.campaign.page`.",
+        "",
+        f"Made from {sources_text(document.get('sources'))}.",
         "",
         f"**{right} of {len(rows)} runs ended right, {share:.2f} %.**"
         + ("" if len(rows) == document["grid"] else f" The grid has {document['grid']}; the others have not been run."),

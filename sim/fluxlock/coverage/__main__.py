@@ -16,6 +16,7 @@ from fluxlock.coverage import rtl, software
 from fluxlock.coverage.report import details, page
 from fluxlock.coverage.rtl import FOLDER
 from fluxlock.paths import ROOT
+from fluxlock.sources import source_hashes
 
 PAGE = ROOT / "docs" / "verification" / "coverage.md"
 
@@ -33,15 +34,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     whole = not options.folders
     if not options.report:
         shutil.rmtree(FOLDER, ignore_errors=True)
+        sources = source_hashes()  # before the tests: the checkout may change while they last
         if rtl.run_tests(options.folders or there, options.jobs):
             print("error: tests failed", file=sys.stderr)
             return 1
         if whole and not software.run_tests(options.jobs):
             return 1
+    stored = FOLDER / "sources.json"
+    if not options.report:
+        stored.write_text(json.dumps(sources), encoding="utf-8")
     files = rtl.read_files()
     c, python = (software.read_c(), software.read_python()) if whole else ({}, {})
     explained, problems = rtl.explain(files, rtl.read_reasons())
-    text = page(files, c, python, explained, rtl.FOLDERS.read_text(encoding="utf-8").split())
+    made_from = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else None
+    text = page(files, c, python, explained, rtl.FOLDERS.read_text(encoding="utf-8").split(), made_from)
     results = {"rtl": files, "c": c, "python": python}
     (FOLDER / "coverage.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     (FOLDER / "report.md").write_text(text + details(files, c, python), encoding="utf-8")

@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from fluxlock.coverage.rtl import EXPLAINED
+from fluxlock.sources import sources_text
 
 Numbers = Sequence[int]  # points and points reached, twice
 
@@ -53,13 +54,16 @@ def page(
     python: Mapping[str, Numbers],
     safety: Iterable[str],
     tested: Iterable[str],
+    sources: Mapping[str, str] | None,
 ) -> str:
     """Numbers by folder, and why something in the safety blocks is not reached.
 
-    tested: folders of the block tests that were run.
+    tested: folders of the block tests that were run. sources: hashes of what they were run on.
     """
     lines = [
         HEAD,
+        f"Made from {sources_text(sources)}.",
+        "",
         "## RTL",
         "",
         f"Block tests of {', '.join(tested)}.",

@@ -34,6 +34,7 @@ TESTS = (
     "coverage",
     "flash",
     "registers",
+    "regression",
 )
 FILES_A_PROCESS = 6
 

@@ -17,6 +17,7 @@ from typing import Any
 from fluxlock.mutation.blocks import BLOCKS
 from fluxlock.mutation.score import RESULTS, read_results
 from fluxlock.paths import ROOT
+from fluxlock.sources import sources_text
 
 PAGE = ROOT / "docs" / "verification" / "mutation.md"
 REASONS = ROOT / "docs" / "verification" / "survivors.toml"
@@ -69,6 +70,7 @@ def _written(result: dict[str, Any], reasons: list[dict[str, str]]) -> tuple[str
     survivors = [row for row in result["mutants"] if row["result"] == "survived"]
     conditions = [f"Seed {result['seed']}", result["yosys"].partition(" (")[0]]
     conditions += [f"`{key}` = {value}" for key, value in result["parameters"].items()]
+    conditions += [sources_text(result.get("sources"))]
     lines = [f"## {name}", "", f"{', '.join(conditions)}."]
     if survivors:
         lines += ["", "| survivor | port | net | defect | why |", "|---|---|---|---|---|"]

@@ -12,6 +12,7 @@ from fluxlock.mutation.equivalence import equal_mutants
 from fluxlock.mutation.netlist import NONE, Mutant, make_netlist
 from fluxlock.mutation.run import run_mutants
 from fluxlock.paths import BUILD
+from fluxlock.sources import source_hashes
 from fluxlock.synth.tools import tool_version
 
 RESULTS = BUILD / "mutate"
@@ -39,6 +40,7 @@ def measure(block: Block, count: int, seed: int, jobs: int, progress: Callable[[
 
     progress: called now and then with the number of mutants that the tests are through with.
     """
+    sources = source_hashes(["chip"])  # before the runs: the checkout may change while they last
     netlist = make_netlist(block, count, seed)
     outcomes = run_mutants(block, netlist, [m.number for m in netlist.mutants], seed, jobs, progress)
     equal = equal_mutants(block, netlist, [m for m in netlist.mutants if not outcomes[m.number]["killed_by"]])
@@ -48,6 +50,7 @@ def measure(block: Block, count: int, seed: int, jobs: int, progress: Callable[[
         "block": block.name,
         "parameters": block.parameters,
         "seed": seed,
+        "sources": sources,
         "count": len(rows),
         "killed": killed,
         "equal": len(equal),

@@ -1,4 +1,4 @@
-"""Where a stored result is from: every row and every figure carries the revision and the seed of its own run."""
+"""Where a stored result is from: every row and every figure carries revision, seed and source hashes of its own run."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.analysis.result import git_revision
+from fluxlock.sources import hashes_of_revision, source_hashes, sources_text
 
 Entry = dict[str, Any]
 
 
 def origin(seed: int) -> Entry:
     """What is added to each result of a run that begins now."""
-    return {"git_revision": git_revision(), "seed": seed}
+    return {"git_revision": git_revision(), "seed": seed, "sources": source_hashes()}
 
 
 def origin_text(entry: Entry) -> str:
-    """`Revision 1a2b, seed 1` of a result."""
+    """`Revision 1a2b, seed 1, chip …, firmware …, plant …` of a result; hashes it lacks are those of its revision."""
     revision, seed = entry.get("git_revision"), entry.get("seed")
-    return f"Revision {revision or 'unknown'}, seed {'unknown' if seed is None else seed}"
+    sources = entry.get("sources") or hashes_of_revision(revision or "")
+    return f"Revision {revision or 'unknown'}, seed {'unknown' if seed is None else seed}, {sources_text(sources)}"
 
 
 def common_origin(entries: Iterable[Entry]) -> str | None:

@@ -19,6 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fluxlock.paths import BUILD
+from fluxlock.sources import Hashes, source_hashes
 from fluxlock.synth import report
 from fluxlock.synth.blocks import (
     ALL_BLOCKS,
@@ -92,9 +93,9 @@ def run_blocks(
     return results
 
 
-def finished(results: Mapping[str, Result | BlockResult | None]) -> Results:
-    """Those that no tool failed on, as the files hold them."""
-    return {name: asdict(result) for name, result in results.items() if result}
+def finished(results: Mapping[str, Result | BlockResult | None], made: Hashes) -> Results:
+    """Those that no tool failed on, as the files hold them, with the hash of the RTL that they were made from."""
+    return {name: {**asdict(result), "sources": made} for name, result in results.items() if result}
 
 
 def from_0(text: str) -> int:
@@ -148,10 +149,11 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
+    made = source_hashes(["chip"])  # before the runs: the checkout may change while they last
     new_configurations = run_configurations([configurations[n] for n in names if n in configurations], options.seed)
     wanted = list(blocks) if ALL_BLOCKS in names else [name for name in names if name in {*blocks, *settings.sets}]
     new_blocks = run_blocks(wanted, blocks, settings, options.seed, options.jobs) if wanted else {}
-    results = {"configurations": finished(new_configurations), "blocks": finished(new_blocks)}
+    results = {"configurations": finished(new_configurations, made), "blocks": finished(new_blocks, made)}
     keep(results, settings.sets, (configurations, blocks))
     new: dict[str, Result | BlockResult | None] = {**new_configurations, **new_blocks}
     failed = [name for name, result in new.items() if result is None or result.problems]

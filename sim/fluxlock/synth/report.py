@@ -8,6 +8,7 @@ from importlib.metadata import version
 from typing import Any
 
 from fluxlock.paths import ROOT
+from fluxlock.sources import sources_text
 from fluxlock.synth.blocks import BlockSet
 from fluxlock.synth.configurations import Configuration
 
@@ -16,6 +17,8 @@ README = ROOT / "README.md"
 # Configuration of the README's rows.
 RECORD = "three-phase"
 MET = "all limits met"
+
+MADE = "made from"
 
 Results = dict[str, dict[str, Any]]
 
@@ -38,14 +41,25 @@ def fmax_text(result: dict[str, Any]) -> str:
 CONFIGURATION_HEAD = [
     "configuration", "device", "Fmax / MHz", "target / MHz", "flip-flop to pad / ns", "pad to flip-flop / ns",
     "gate edges apart / ns", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "LUTs left / %", "FF", "LUT RAM (DPR16X4)",
-    "block RAM (18 kbit)", "DSP (18 × 18)", "Yosys / CPU s", "nextpnr / CPU s", "result",
+    "block RAM (18 kbit)", "DSP (18 × 18)", "Yosys / CPU s", "nextpnr / CPU s", "result", MADE,
 ]  # fmt: skip
-XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1"]
+XILINX_HEAD = ["configuration", "LUT6", "CARRY4", "FF", "LUT6 of memories", "block RAM (18 kbit)", "DSP48E1", MADE]
 SET_HEAD = [
     "set", "least Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP",
-    "wish: LUT4 + 2 × carry, DSP", "LUT4 + 2 × carry of each block",
+    "wish: LUT4 + 2 × carry, DSP", "LUT4 + 2 × carry of each block", MADE,
 ]  # fmt: skip
-BLOCK_HEAD = ["block", "Fmax / MHz", "LUT4", "carry (CCU2C)", "LUT4 + 2 × carry", "FF", "LUT RAM", "block RAM", "DSP"]
+BLOCK_HEAD = [
+    "block",
+    "Fmax / MHz",
+    "LUT4",
+    "carry (CCU2C)",
+    "LUT4 + 2 × carry",
+    "FF",
+    "LUT RAM",
+    "block RAM",
+    "DSP",
+    MADE,
+]
 
 
 def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
@@ -61,25 +75,28 @@ def configuration_row(name: str, r: dict[str, Any]) -> list[str]:
         f"{r['yosys_s']:.0f}",
         f"{r['nextpnr_s']:.0f}",
         "; ".join(r["problems"]) or f"{MET}, seed {r['seed']}",
+        sources_text(r.get("sources")),
     ]
 
 
 def xilinx_row(name: str, r: dict[str, Any]) -> list[str]:
     """Counts of a configuration on a Xilinx 7-series device."""
-    return [name, *(str(r["xilinx"][key]) for key in ("lut6", "carry4", "ff", "lut_ram", "block_ram", "dsp"))]
+    counts = [str(r["xilinx"][key]) for key in ("lut6", "carry4", "ff", "lut_ram", "block_ram", "dsp")]
+    return [name, *counts, sources_text(r.get("sources"))]
 
 
 def block_row(name: str, r: dict[str, Any]) -> list[str]:
     """Area and timing of a block alone."""
     row = [name, _number(r["fmax_mhz"]), str(r["lut4"]), str(r["carry"]), str(r["lut4"] + 2 * r["carry"])]
-    return row + [str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")]
+    return [*row, *(str(r[key]) for key in ("ff", "lut_ram", "block_ram", "dsp")), sources_text(r.get("sources"))]
 
 
 def set_row(group: BlockSet, r: dict[str, Any]) -> list[str]:
     """Area of a set of blocks, what was wished, and what each of them takes, the largest first."""
     parts = sorted(r["parts"].items(), key=lambda part: -part[1])
     wish = f"{group.wish['lut']}, {group.wish['dsp']}"
-    return [*block_row(group.name, r), wish, ", ".join(f"{name} {size}" for name, size in parts)]
+    *numbers, made = block_row(group.name, r)
+    return [*numbers, wish, ", ".join(f"{name} {size}" for name, size in parts), made]
 
 
 def with_rows(text: str, marker: str, head: list[str], new: list[list[str]], order: Iterable[str]) -> str:
