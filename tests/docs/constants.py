@@ -117,8 +117,8 @@ def literals(text: str) -> str:
     return re.sub(r"\b\w+'(?=\()", "", text)
 
 
-def evaluate(text: str, name: Callable[[str], float]) -> float:
-    """Value of an expression of numbers, names, + - * / << >> and brackets; division of integers is C's."""
+def evaluate(text: str, name: Callable[[str], float], exact: bool = False) -> float:
+    """Value of an expression of numbers, names, + - * / << >> and brackets; division of integers is C's, or exact."""
 
     def value(node: ast.expr) -> float:
         match node:
@@ -141,7 +141,7 @@ def evaluate(text: str, name: Callable[[str], float]) -> float:
                     case ast.Mult():
                         return x * y
                     case ast.Div():
-                        return x // y if whole else x / y
+                        return x // y if whole and not exact else x / y
                     case ast.FloorDiv():
                         return x // y
                     case ast.Pow():
@@ -257,7 +257,7 @@ def constant(where: str, expression: str, read: Callable[[Path], str] = Path.rea
             return elaborated(path.stem, None)[word]
         return evaluate(names[word], value)
 
-    return evaluate(expression, value)
+    return evaluate(expression, value, exact=True)
 
 
 def printed(text: str) -> tuple[float, float]:

@@ -221,6 +221,8 @@ def test_another_constant_is_found(page: Path) -> None:
         ("8<!--sim/fluxlock/no_such.py:WATCHDOG_TICKS-->", "no such file"),
         ("8<!--fl_no_such:Latency-->", "no module"),
         ("17<!--fl_sense:CurrentLatency + 10-->", ""),
+        ("3.5<!--fl_sense:CurrentLatency / 2-->", ""),
+        ("3<!--fl_sense:CurrentLatency / 2-->", "3<!--"),
         ("50<!--registers:safety.dead_time.cycles-->", ""),
         ("51<!--registers:safety.dead_time.cycles-->", "51<!--"),
         ("50<!--registers:safety.dead_time.no_such-->", "no field"),
