@@ -95,7 +95,7 @@ module fl_can_rx_f
         a_distance : assert (3'(dut.u_fifo.write_q - dut.u_fifo.read_q) == level_q);
         // Verifies: CAN-19
         a_lost : assert (dut.lost_q == lost_q);
-        if ({1'b0, 2'(place_i - read_q)} < level_q) a_memory : assert (dut.u_fifo.mem[place_i] == followed_q);
+        if ({1'b0, 2'(place_i - read_q)} < level_q) a_memory : assert (dut.u_fifo.g_distributed.mem[place_i] == followed_q);
         if (valid_o && read_q == place_i) a_entry : assert (entry_o == followed_q);
       end
   end

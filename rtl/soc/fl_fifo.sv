@@ -1,11 +1,13 @@
 // Small synchronous FIFO with the oldest word always visible at the output.
 //
 // push_i while full and pop_i while empty are ignored, so the contents are never damaged; the user counts what is
-// dropped. A pushed word can be popped in the next clock. Latency: 1 clock from push_i to valid_o.
+// dropped. Latency from push_i to valid_o: 1 clock, with Block 2 clocks: its memory is a block RAM, which has a register at
+// its output, else the distributed RAM of the device. A word can be popped in every clock in which valid_o is high.
 `default_nettype none
 module fl_fifo #(
     parameter int unsigned Width = 8,
-    parameter int unsigned Depth = 16
+    parameter int unsigned Depth = 16,
+    parameter bit          Block = 1'b0
 ) (
     input  logic             clk_i,
     input  logic             rst_i,
@@ -23,20 +25,40 @@ module fl_fifo #(
 
   localparam int unsigned IndexWidth = $clog2(Depth);
 
-  logic [Width-1:0] mem[Depth];
   // One bit more than the index tells full from empty.
   logic [IndexWidth:0] write_q, read_q;
   logic push, pop, full_q;
 
-  assign valid_o = write_q != read_q;
   // A flip-flop: it decides in the clock of a push about the write enable of every memory.
   assign full_o  = full_q;
-  assign data_o  = mem[read_q[IndexWidth-1:0]];
   assign push    = push_i && !full_o;
   assign pop     = pop_i && valid_o;
 
-  always_ff @(posedge clk_i) begin
-    if (push) mem[write_q[IndexWidth-1:0]] <= data_i;
+  if (Block) begin : g_block
+    // The word that is the oldest one in the next clock is read now. One that is written in the same clock does not count
+    // as there yet, so what the memory reads then does not matter.
+    (* ram_style = "block", no_rw_check *) logic [Width-1:0] mem[Depth];
+    logic [IndexWidth:0] read_d;
+    logic [Width-1:0] data_q;
+    logic valid_q;
+    assign read_d = read_q + (IndexWidth + 1)'(pop);
+    always_ff @(posedge clk_i) begin
+      if (push) mem[write_q[IndexWidth-1:0]] <= data_i;
+      data_q <= mem[read_d[IndexWidth-1:0]];
+    end
+    always_ff @(posedge clk_i) begin
+      valid_q <= write_q != read_d;
+      if (rst_i) valid_q <= 1'b0;
+    end
+    assign data_o  = data_q;
+    assign valid_o = valid_q;
+  end else begin : g_distributed
+    logic [Width-1:0] mem[Depth];
+    always_ff @(posedge clk_i) begin
+      if (push) mem[write_q[IndexWidth-1:0]] <= data_i;
+    end
+    assign data_o  = mem[read_q[IndexWidth-1:0]];
+    assign valid_o = write_q != read_q;
   end
 
   always_ff @(posedge clk_i) begin

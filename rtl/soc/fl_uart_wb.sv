@@ -2,7 +2,10 @@
 `default_nettype none
 module fl_uart_wb
   import fl_bus_pkg::*;
-(
+#(
+    parameter int unsigned RxDepth = 128,
+    parameter int unsigned TxDepth = 16
+) (
     input logic clk_i,
     input logic rst_i,
 
@@ -18,7 +21,7 @@ module fl_uart_wb
 
   fl_uart_regs_pkg::fl_uart_regs__in_t  hwif_in;
   fl_uart_regs_pkg::fl_uart_regs__out_t hwif_out;
-  logic tx_push_q, rx_valid;
+  logic tx_push_q, rx_valid, rx_lost;
 
   // The written byte is in its register one clock after the write.
   always_ff @(posedge clk_i) begin
@@ -27,9 +30,13 @@ module fl_uart_wb
   end
 
   assign hwif_in.rx.valid.next        = rx_valid;
-  assign hwif_in.status.rx_valid.next = rx_valid;
+  assign hwif_in.rx.lost.next         = rx_lost;
+  assign hwif_in.status.rx_valid.next = rx_valid || rx_lost;
 
-  fl_uart u_uart (
+  fl_uart #(
+      .RxDepth(RxDepth),
+      .TxDepth(TxDepth)
+  ) u_uart (
       .clk_i,
       .rst_i,
       .rx_i,
@@ -43,6 +50,7 @@ module fl_uart_wb
       .rx_pop_i        (hwif_out.rx.data.swacc && !req_i.we),
       .rx_data_o       (hwif_in.rx.data.next),
       .rx_valid_o      (rx_valid),
+      .rx_lost_o       (rx_lost),
       .rx_overrun_o    (hwif_in.status.rx_overrun.next),
       .rx_frame_error_o(hwif_in.status.rx_frame_error.next),
       .rx_event_o,

@@ -31,9 +31,8 @@ static fault_t boot_fault(const parameter_block_t *block) {
 }
 
 HOT static void receive_all(void) {
-  uint8_t byte;
-  while (uart_get(&byte)) {
-    console_receive(byte);
+  for (uint32_t word = uart_take(); word != 0u; word = uart_take()) {
+    console_receive(word);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include "app/console_items.h"
 #include "app/format.h"
+#include "app/line.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
@@ -13,36 +14,53 @@ SMALL_CODE_BEGIN
 #define LINE_LENGTH 80u
 #define WORDS_MAX 4u
 
-// Receive ring between the UART's handler (head) and the main loop (tail), and the line being collected.
+// Receive ring between the UART's handler (head) and the main loop (tail), and the line being collected. Bytes that find
+// the ring full are lost; so are all that come until the main loop has emptied it and knows where they are missing.
 static struct {
   volatile uint32_t head;
   volatile uint32_t tail;
-  uint32_t length;
-  bool too_long;
-  char line[LINE_LENGTH];
+  volatile bool losing;
+  volatile bool after_end;      // nothing but blanks, kept or lost, since the end of a line
+  volatile uint32_t lost_ends;  // lines that ended among the lost bytes
+  volatile uint32_t lost_bytes; // since boot
+  line_t line;
+  char text[LINE_LENGTH];
   uint8_t ring[RING_LENGTH];
 } console;
 
 void console_init(void) {
   console.head = 0;
   console.tail = 0;
-  console.length = 0;
-  console.too_long = false;
+  console.losing = false;
+  console.after_end = true;
+  console.lost_ends = 0;
+  console.lost_bytes = 0;
+  console.line = (line_t){.text = console.text, .size = LINE_LENGTH};
 }
 
-void console_receive(uint8_t byte) {
+static void receive(uint8_t byte) {
   const uint32_t head = console.head;
-  if (head - console.tail < RING_LENGTH) {
+  const bool end = byte == '\r' || byte == '\n';
+  const bool blank = byte == ' ' || byte == '\t';
+  if (!console.losing && head - console.tail < RING_LENGTH) {
     console.ring[head % RING_LENGTH] = byte;
     console.head = head + 1u;
+  } else {
+    console.losing = true;
+    console.lost_bytes++;
+    console.lost_ends += (end && !console.after_end) ? 1u : 0u;
+  }
+  console.after_end = end || (blank && console.after_end);
+}
+
+COLD void console_receive(uint32_t word) {
+  const uint32_t count = uart_text_length(word);
+  for (uint32_t i = 0; i < count; i++) {
+    receive(uart_text(word, i));
   }
 }
 
-void console_put(const char *text) {
-  for (; *text != '\0'; text++) {
-    uart_put((uint8_t)*text);
-  }
-}
+void console_put(const char *text) { line_put(&console.line, text); }
 
 static void put_u32(uint32_t value) {
   char text[FORMAT_LENGTH];
@@ -114,6 +132,15 @@ static const char *command_faults(const app_t *app) {
   return 0;
 }
 
+static void put_row(const char *name, const uint32_t *values, uint32_t count) {
+  console_put(name);
+  for (uint32_t i = 0; i < count; i++) {
+    console_put(" ");
+    put_u32(values[i]);
+  }
+  console_put("\n");
+}
+
 static const char *command_stats(const app_t *app) {
   for (uint32_t h = 0; h < HANDLER_COUNT; h++) {
     const uint32_t state = critical_enter();
@@ -122,20 +149,17 @@ static const char *command_stats(const app_t *app) {
     if (cycles.count == 0u) {
       continue;
     }
-    console_put("isr ");
-    console_put(handler_name((handler_t)h));
     const uint32_t values[] = {cycles.min, cycles_mean(&cycles), cycles.max, cycles.count};
-    for (uint32_t i = 0; i < 4u; i++) {
-      console_put(" ");
-      put_u32(values[i]);
-    }
-    console_put("\n");
+    console_put("isr ");
+    put_row(handler_name((handler_t)h), values, 4);
   }
-  console_put("overruns ");
-  put_u32(chip_tick_overruns());
-  console_put(" ");
-  put_u32(chip_all_overruns());
-  console_put("\n");
+  const uint32_t overruns[] = {chip_tick_overruns(), chip_all_overruns()};
+  put_row("overruns", overruns, 2);
+  const line_t *line = &console.line;
+  const uint32_t lost[] = {uart_overruns(), uart_frame_errors(), console.lost_bytes};
+  const uint32_t refused[] = {line->lost_lines, line->too_long_lines, line->checksum_lines};
+  put_row("bytes_lost", lost, 3);
+  put_row("lines_refused", refused, 3);
   return 0;
 }
 
@@ -209,6 +233,7 @@ static const char *execute(app_t *app, uint32_t words, char **word) {
   return "unknown command, try help";
 }
 
+// Words of a line, at most WORDS_MAX of them; of none the first is empty.
 static uint32_t split(char *line, char **word) {
   uint32_t words = 0;
   bool inside = false;
@@ -225,6 +250,9 @@ static uint32_t split(char *line, char **word) {
       words++;
     }
   }
+  if (words == 0u) {
+    word[0] = line;
+  }
   return words;
 }
 
@@ -232,39 +260,47 @@ static uint32_t split(char *line, char **word) {
 // in the data cache are those of the telemetry (sim/fluxlock/memory.py).
 COLD static void run_line(app_t *app) {
   char *word[WORDS_MAX];
-  const char *error = "line too long";
-  console.line[console.length] = '\0';
-  if (!console.too_long) {
-    const uint32_t words = split(console.line, word);
-    if (words == 0u) {
-      return;
-    }
+  const char *error = line_check(&console.line);
+  if (error == 0) {
+    const uint32_t words = split(console.text, word);
     app->drive.heard_tick = app->drive.tick;
     error = (words > WORDS_MAX) ? "too many words" : execute(app, words, word);
   }
-  if (error != 0) {
-    console_put("error: ");
-    console_put(error);
-    console_put("\n");
-  } else {
-    console_put("ok\n");
+  line_answer(&console.line, error);
+}
+
+static void take(app_t *app, uint8_t byte) {
+  if (line_add(&console.line, byte)) {
+    run_line(app);
+  }
+}
+
+// The ring is empty: the lost bytes are missing here.
+COLD static void take_lost(app_t *app) {
+  const uint32_t state = critical_enter();
+  uint32_t ends = console.lost_ends;
+  const bool begun = !console.after_end;
+  console.lost_ends = 0;
+  console.losing = false;
+  critical_leave(state);
+  for (; ends > 0u; ends--) {
+    take(app, UART_LOST);
+    take(app, '\n');
+  }
+  if (begun) {
+    take(app, UART_LOST);
   }
 }
 
 void console_poll(app_t *app) {
   while (console.tail != console.head) {
-    const char c = (char)console.ring[console.tail % RING_LENGTH];
+    const uint8_t byte = console.ring[console.tail % RING_LENGTH];
     console.tail = console.tail + 1u;
-    if (c == '\r' || c == '\n') {
-      run_line(app);
-      console.length = 0;
-      console.too_long = false;
-    } else if (console.length < LINE_LENGTH - 1u) {
-      console.line[console.length] = c;
-      console.length++;
-    } else {
-      console.too_long = true;
-    }
+    take(app, byte);
+  }
+  // In this order: once bytes are being lost none enters the ring.
+  if (console.losing && console.tail == console.head) {
+    take_lost(app);
   }
 }
 

@@ -5,8 +5,8 @@
 #include "app/app.h"
 
 void console_init(void);
-// A received byte, from the UART's handler.
-void console_receive(uint8_t byte);
+// A word of the UART's receive FIFO, from its handler.
+void console_receive(uint32_t word);
 // Take received bytes, run complete lines. Main loop.
 void console_poll(app_t *app);
 

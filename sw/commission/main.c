@@ -11,6 +11,7 @@
 //   r TICKS BLOCK          measure: a line `b ...` a block, in the order of block_t
 // What a line sets acts together when its end has come.
 #include "app/format.h"
+#include "app/line.h"
 #include "commission/segment.h"
 #include "drive/parameters.h"
 #include "hal/chip.h"
@@ -28,7 +29,8 @@ static const parameters_t *p;
 static bool gates;
 static uint32_t boot_ticks;
 static uint32_t steps;
-static char line[LINE_LENGTH];
+static char line_text[LINE_LENGTH];
+static line_t line = {.text = line_text, .size = LINE_LENGTH};
 
 // Auto-zero before anything else; then ticks that follow the samples. True: the drive may run.
 static bool booted(chip_snapshot_t *in) {
@@ -80,11 +82,7 @@ void trap_control(void) {
 
 void trap_deferred(void) {}
 
-static void put(const char *text) {
-  for (; *text != '\0'; text++) {
-    uart_put((uint8_t)*text);
-  }
-}
+static void put(const char *text) { line_put(&line, text); }
 
 static void put_number(int32_t value) {
   char text[FORMAT_LENGTH];
@@ -258,10 +256,17 @@ static const char *refusal(const parameter_block_t *block) {
   return (block->parameters.vector_direct != 0) ? "vector_direct is 1; the hardware's regulator measures, set it to 0" : 0;
 }
 
+static void answer(const char *refused) {
+  const char *error = line_check(&line);
+  if (error == 0) {
+    error = (refused == 0) ? execute(line_text) : refused;
+  }
+  line_answer(&line, error);
+}
+
 int main(void) {
   const parameter_block_t *block = cpu_parameter_block();
   const char *refused = refusal(block);
-  uint32_t length = 0;
   p = &block->parameters;
   chip_gates_off();
   uart_configure(UART_BIT_CYCLES);
@@ -273,20 +278,12 @@ int main(void) {
     trap_enable();
   }
   for (;;) {
-    uint8_t byte;
-    if (!uart_get(&byte)) {
-      continue;
+    const uint32_t word = uart_take();
+    const uint32_t count = (word != 0u) ? uart_text_length(word) : 0u;
+    for (uint32_t i = 0; i < count; i++) {
+      if (line_add(&line, uart_text(word, i))) {
+        answer(refused);
+      }
     }
-    if (byte != '\n') {
-      line[length] = (char)byte;
-      length += (length < LINE_LENGTH - 1u) ? 1u : 0u;
-      continue;
-    }
-    line[length] = '\0';
-    length = 0;
-    const char *error = (refused == 0) ? execute(line) : refused;
-    put((error != 0) ? "error: " : "ok");
-    put((error != 0) ? error : "");
-    put("\n");
   }
 }

@@ -222,17 +222,17 @@ def test_rejected_command_fails(invoke: Invoke, simulator: dict[str, Any], tmp_p
     assert result["rejected"] == [{"time_s": 0.012, "line": "set sped 1", "reason": "unknown name"}]
 
 
-def test_replies_belong_to_their_lines() -> None:
-    """The console answers in order; a line without answer counts as rejected.
+def test_refused_and_unanswered_lines_are_rejected() -> None:
+    """A line without answer counts as rejected.
 
     Verifies: FRONT-17
     """
-    sent = [(50, "start"), (100, "status"), (150, "clear")]
-    assert rejected_lines(sent, ["ok", "error: no valid parameters"], 50.0) == [
+    sent = [(50, "start", "ok"), (100, "status", "error: no valid parameters"), (150, "clear", None)]
+    assert rejected_lines(sent, 50.0) == [
         Rejection(2.0, "status", "no valid parameters"),
         Rejection(3.0, "clear", "no reply"),
     ]
-    assert rejected_lines(sent, ["ok"] * 3, 50.0) == []
+    assert rejected_lines([(50, "start", "ok")] * 3, 50.0) == []
 
 
 def test_progress_ends_at_the_duration() -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import random
+import re
+
 import pytest
 
 from fluxlock.firmware import DriveSpec
+from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import Bench
 
 
@@ -175,11 +179,197 @@ def test_statistics_and_load(ready: Bench) -> None:
     minimum, mean, maximum, count = handlers["control_entry"]
     assert minimum <= mean <= maximum == 20
     assert count == ready.ticks
-    assert lines[-2:] == ["overruns 3 5", "ok"]
+    assert lines[-4:] == ["overruns 3 5", "bytes_lost 0 0 0", "lines_refused 0 0 0", "ok"]
     ready.fw.command("set irq_load 2500")
     assert ready.get("timer.load_period") == 2500
     assert ready.get("irq.enable") & 0x80
     assert ready.get("irq.route") == 0x03
+
+
+LOST = "error: bytes lost"
+# Settings whose value tells which of two lines was carried out.
+SETTINGS = ("advance_q16", "advance_speed_q16", "advance_current_q16", "accel_rpm_s", "current_ma")
+
+
+def send(bench: Bench, text: str) -> None:
+    data = text.encode("latin-1")
+    assert bench.fw.lib.fl_host_uart_send(data, len(data)) == len(data)
+
+
+def answers(bench: Bench) -> list[str]:
+    """Last line of each reply since they were last taken."""
+    return [line for line in bench.fw.replies() if line == "ok" or line.startswith("error: ")]
+
+
+@pytest.mark.parametrize(
+    ("before", "ends", "begun", "after", "expected"),
+    [
+        # Inside of a line; its end; its end and the next one's begin; two whole lines; all between two that are whole.
+        ("set advance_q16 1", 0, True, "7\n", [LOST]),
+        ("set advance_q16 1", 1, False, "", [LOST]),
+        ("set advance_q16 1", 1, True, "17\n", [LOST, LOST]),
+        ("get freeze\n", 2, False, "get catch\n", ["freeze 0", "ok", LOST, LOST, "catch 1", "ok"]),
+        ("get freeze\r", 0, False, "get catch\n", ["freeze 0", "ok", "catch 1", "ok"]),
+        ("get freeze\n", 0, True, "\n", ["freeze 0", "ok", LOST]),
+        ("x" * 100, 0, True, "\n", [LOST]),
+    ],
+)
+def test_marks_of_lost_bytes(
+    ready: Bench, before: str, ends: int, begun: bool, after: str, expected: list[str]
+) -> None:
+    """The line that a mark of the UART hurts is answered in its place and not carried out, its neighbours are.
+
+    Verifies: FW-53
+    """
+    send(ready, before)
+    ready.fw.lib.fl_host_uart_lose(ends, begun)
+    send(ready, after)
+    ready.fw.poll()
+    assert ready.fw.replies() == expected
+    ready.run(0.001)
+    assert ready.fw.command("get advance_q16") == ["advance_q16 0", "ok"], "carried out although bytes are missing"
+    lost = expected.count(LOST)
+    assert ready.fw.command("stats")[-2] == f"lines_refused {lost} 0 0"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lines_behind_a_full_ring(ready: Bench, seed: int) -> None:
+    """Bursts longer than the ring: one answer a line in the order of the lines, each carried out whole or refused.
+
+    Verifies: FW-53
+    """
+    draw = random.Random(seed)
+    print(f"seed {seed}")
+    refused = done = 0
+    for _ in range(30):
+        value = {name: ready.fw.command(f"get {name}")[0].split()[1] for name in SETTINGS}
+        sent: list[tuple[str, str | None, str]] = []
+        burst = ""
+        for _ in range(draw.randint(1, 30)):
+            name, number = draw.choice(SETTINGS), str(draw.randint(1, 20_000))
+            setting = draw.random() < 0.5
+            sent.append((name, number if setting else None, f"set {name} {number}" if setting else f"get {name}"))
+            burst += " " * draw.randint(0, 8) + sent[-1][2] + draw.choice(["\n", "\r", "\r\n", "\n\n  \n"])
+        send(ready, burst)
+        ready.fw.poll()
+        replies = iter(ready.fw.replies())
+        for name, number, line in sent:
+            reply = next(replies, "none")
+            if reply == LOST:
+                refused += 1
+                continue
+            done += 1
+            if number is None:
+                assert reply == f"{name} {value[name]}", line
+                reply = next(replies)
+            else:
+                value[name] = number
+            assert reply == "ok", line
+        assert next(replies, None) is None, "more answers than lines"
+        for name in SETTINGS:
+            assert ready.fw.command(f"get {name}") == [f"{name} {value[name]}", "ok"]
+    assert refused > 50 and done > 100
+    assert ready.fw.command("stats")[-2] == f"lines_refused {refused} 0 0"
+
+
+def test_a_lost_line_is_told_without_another_byte(ready: Bench) -> None:
+    """Nobody has to send more to hear that a line was lost; what comes then is whole again.
+
+    Verifies: FW-53
+    """
+    send(ready, "get freeze\n" * 23 + "x" * 30 + "\n")
+    ready.fw.poll()
+    assert answers(ready) == ["ok"] * 23 + [LOST]
+    assert ready.fw.command("get freeze") == ["freeze 0", "ok"]
+
+
+def test_counts_of_lost_bytes_and_refused_lines(ready: Bench) -> None:
+    """What the FIFO has lost, wrong stop bits, what the ring has lost; lines refused by each reason.
+
+    Verifies: FW-53
+    """
+    ready.put("uart.status", 7 << 16 | 3 << 8)
+    send(ready, "x" * 300 + "\n")
+    ready.fw.poll()
+    assert ready.fw.replies() == [LOST]
+    assert ready.fw.command("y" * 80) == ["error: line too long"]
+    assert ready.fw.command("get freeze*00") == [with_checksum("error: wrong checksum")]
+    assert ready.fw.command("stats")[-3:-1] == ["bytes_lost 3 7 45", "lines_refused 1 1 1"]
+
+
+def crc8(text: str) -> int:
+    """Remainder of the text times x^8 by x^8 + x^2 + x + 1, by long division."""
+    rest = int.from_bytes(text.encode(), "big") << 8
+    while rest.bit_length() > 8:
+        rest ^= 0x107 << rest.bit_length() - 9
+    return rest
+
+
+def with_checksum(text: str) -> str:
+    return f"{text}*{crc8(text):02X}"
+
+
+def test_checksums_of_lines_and_replies(ready: Bench) -> None:
+    """A line with a right checksum is carried out, and each line of its reply has one.
+
+    Verifies: FW-54
+    """
+    assert crc8("123456789") == 0xF4  # check value of CRC-8/SMBUS
+    page = (ROOT / "docs" / "reference" / "console.md").read_text()
+    examples = re.findall(r"^(?:> )?(\S.*)\*([0-9A-F]{2})$", page, re.MULTILINE)
+    assert len(examples) == 3 and all(f"{crc8(text):02X}" == digits for text, digits in examples)
+    assert ready.fw.command(with_checksum("set freeze 1")) == [with_checksum("ok")]
+    assert ready.fw.command(with_checksum("get freeze")) == [with_checksum("freeze 1"), with_checksum("ok")]
+    assert ready.fw.command(with_checksum(" frobnicate  ")) == [with_checksum("error: unknown command, try help")]
+    assert ready.fw.command("get freeze") == ["freeze 1", "ok"], "a line without one gets none"
+    for command in ("help", "get", "stats", "faults"):
+        reply = ready.fw.command(with_checksum(command))
+        assert len(reply) > 1
+        for line in reply:
+            assert line == with_checksum(line[:-3])
+    longest = "get freeze".rjust(76)
+    assert ready.fw.command(with_checksum(longest))[-1] == with_checksum("ok")
+    assert ready.fw.command(with_checksum(" " + longest)) == [with_checksum("error: line too long")]
+    assert ready.fw.command("*00") == [with_checksum("error: unknown command, try help")]
+
+
+def test_wrong_checksums_change_nothing(ready: Bench) -> None:
+    """Another byte in its place, two equal ones left out, digits that are none: refused by name.
+
+    Verifies: FW-54
+    """
+    draw = random.Random(1)
+    print("seed 1")
+    right = with_checksum("set accel_rpm_s 60001")
+    wrong = [right.replace("000", "0"), right.lower(), right[:-1], right + " ", right + "0", "*", "**", right + right]
+    while len(wrong) < 500:
+        at = draw.randrange(len(right) - 3)
+        other = chr(draw.randrange(0x20, 0x7F))
+        if other not in (right[at], "*"):
+            wrong.append(right[:at] + other + right[at + 1 :])
+    for line in wrong:
+        if line != right:
+            assert ready.fw.command(line) == [with_checksum("error: wrong checksum")], line
+    assert ready.fw.command("get accel_rpm_s") == ["accel_rpm_s 150000", "ok"]
+    assert ready.fw.command(right) == [with_checksum("ok")]
+    assert ready.fw.command("get accel_rpm_s") == ["accel_rpm_s 60001", "ok"]
+
+
+def test_refused_lines_do_not_count_as_heard() -> None:
+    """Noise does not keep a drive alive whose host is silent.
+
+    Verifies: FW-48, FW-53
+    """
+    bench = Bench()
+    bench.start(60_000)
+    bench.run(0.6)
+    assert bench.fw.command("set command_timeout_ms 20") == ["ok"]
+    for _ in range(30):
+        bench.run(0.001)
+        bench.fw.lib.fl_host_uart_lose(1, False)
+        bench.fw.poll()
+        assert bench.fw.replies() == [LOST]
+    assert bench.fw.command("get fault") == ["fault command_timeout", "ok"]
 
 
 def test_freewheel_angle(ready: Bench) -> None:

@@ -58,7 +58,7 @@ async def run_branches(session: Session) -> None:
             running.add(pid)
     while running:
         running.remove(os.wait()[0])
-    session.answers = session.replies()
+    session.planned_lines = len(session.lines.lines)
     session.wall_s = time.perf_counter() - session.begin
 
 
@@ -133,8 +133,10 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
             break
         if state == STATE_STARTING and stop >= end:
             end = min(stop + branch.cycles, branch.cycle + PATIENCE * branch.cycles)
+    session.planned_lines = len(session.lines.lines)
     if session.plan.final_commands:
+        await session.settle()
+        session.lines.give_up()
         await _ask_state(session)
-    session.answers = session.replies()
     if session.plan.peer is not None:
         session.conclusion = session.plan.peer.conclusion()

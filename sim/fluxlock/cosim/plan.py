@@ -24,10 +24,11 @@ RECORDING_FILE = "recording.bin"
 class Action:
     """Something that happens at a clock cycle: a console line, a change of the plant, an upset of the chip.
 
-    kind: "console" (line), or arguments of a method of the plant: "load" (`set_load`), "supply" (`set_supply`),
-    "fault" (`inject_fault`), "sensor" (`disturb`), "mechanics" (`set_mechanics`); "pin": an input of the chip is forced
-    (`Native.force_pin`); "bus" (cycles, level): the CAN bus has this level for so many clocks; or "register" (share,
-    bit share: 0 to 1, of all registers and of its bits), "memory" (address, bit): a single bit that flips.
+    kind: "console" (line; burst: sent at once, not when the one before is answered), or arguments of a method of
+    the plant: "load" (`set_load`), "supply" (`set_supply`), "fault" (`inject_fault`), "sensor" (`disturb`),
+    "mechanics" (`set_mechanics`); "pin": an input of the chip is forced (`Native.force_pin`); "bus" (cycles,
+    level): the CAN bus has this level for so many clocks; or "register" (share, bit share: 0 to 1, of all registers
+    and of its bits), "memory" (address, bit): a single bit that flips.
     """
 
     cycle: int

@@ -12,6 +12,7 @@ from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import PHASES, Chip, build_chip
+from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
@@ -124,12 +125,11 @@ def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:
     return handlers, int(overruns.group(1)) if overruns else 0
 
 
-def rejected_lines(sent: list[tuple[int, str]], replies: list[str], clock_hz: float) -> list[Rejection]:
-    """Lines that the console answered with an error or not at all; it answers in the order of the lines."""
-    answers = [*replies, *["no reply"] * (len(sent) - len(replies))]
+def rejected_lines(sent: list[tuple[int, str, str | None]], clock_hz: float) -> list[Rejection]:
+    """Lines, each with its clock and answer, that the console answered with an error or not at all."""
     return [
-        Rejection(cycle / clock_hz, line, answer.removeprefix("error: "))
-        for (cycle, line), answer in zip(sent, answers, strict=False)
+        Rejection(cycle / clock_hz, line, (answer or NO_REPLY).removeprefix("error: "))
+        for cycle, line, answer in sent
         if answer != "ok"
     ]
 
@@ -151,7 +151,7 @@ def collect(plan: SessionPlan, meta: dict[str, Any], pole_pairs: int) -> RunData
             uart=meta["uart"].splitlines(),
             isr=handlers,
             overruns=overruns,
-            rejected=rejected_lines(meta["sent"], meta["replies"], plan.clock_hz),
+            rejected=rejected_lines(meta["sent"], plan.clock_hz),
         )
 
 

@@ -19,6 +19,7 @@ from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 
 from fluxlock.cosim.branches import end_with_parent, run_branches
+from fluxlock.cosim.console import NO_REPLY, ConsoleLines
 from fluxlock.cosim.native import CanNode, Native
 from fluxlock.cosim.plan import (
     META_FILE,
@@ -34,7 +35,7 @@ from fluxlock.plant import Plant
 
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
-REPLY_S = 0.1  # simulated time allowed for a reply after the end
+REPLY_S = 0.1  # simulated time without a sign of the console after which a line is taken for unanswered
 LISTEN_CYCLES = 5_000  # between two looks for the end of a reply
 BOOT_CYCLES = 500_000  # before the first line of a dialogue
 
@@ -56,10 +57,8 @@ class Session:
         self.plant = Plant(plan.plant, seed=plan.seed, mode=plan.plant_mode)
         self.logs: list[Any] = []
         self.text = ""
-        # Console lines of the plan, cycle and text, and how many of them the drive has got.
-        self.sent: list[tuple[int, str]] = []
-        self.delivered = 0
-        self.answers: list[str] | None = None
+        self.lines = ConsoleLines(self.native.send, int(REPLY_S * plan.clock_hz))
+        self.planned_lines: int | None = None  # of them the plan's, once all have been answered or given up
         # Wall time, time in Python and plant events at the marks of the plan.
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
@@ -81,9 +80,12 @@ class Session:
         """Collect logs, records and console text; raise PlantFault if the plant has stopped."""
         self.logs.append(self.native.take_log())
         self.plant.drain()
-        self.text += self.native.receive()
-        self.deliver()
         status = self.native.status
+        heard = self.native.receive()
+        self.text += heard
+        if status.uart_lost:
+            raise BufferError(f"console overflow: {status.uart_lost} bytes lost before cycle {status.cycle}")
+        self.lines.hear(status.cycle, heard)
         if status.fault:
             raise PlantFault(self.plant.fault_text(status.fault, status.t_fault))
         now = time.perf_counter()
@@ -106,17 +108,10 @@ class Session:
         if self.plan.peer is not None and self.node is not None:
             self.plan.peer.exchange(self.native.status.cycle, self.node)
 
-    def deliver(self) -> None:
-        """Send the next console line once the one before is answered: the receive FIFO is shorter than a line."""
-        if self.delivered < len(self.sent) and len(self.replies()) >= self.delivered:
-            self.native.send(self.sent[self.delivered][1])
-            self.delivered += 1
-
     def act(self, action: Action) -> None:
         """Carry out one action of the plan."""
         if action.kind == "console":
-            self.sent.append((self.native.status.cycle, action.arguments["line"]))
-            self.deliver()
+            self.lines.add(self.native.status.cycle, **action.arguments)
         elif action.kind == "load":
             self.plant.set_load(**action.arguments)
         elif action.kind == "supply":
@@ -228,30 +223,26 @@ class Session:
         return self.text[begin:].splitlines()
 
     async def ask_statistics(self) -> None:
-        """Wait for the replies to the plan's lines, then send the final commands one by one and wait for each."""
-        while await self.answered(self.delivered) and len(self.replies()) < len(self.sent):
-            self.deliver()
-        self.answers = self.replies()
-        count = len(self.answers)
+        """Wait for the answers to the plan's lines, then send the final commands one by one and wait for each."""
+        await self.settle()
+        self.planned_lines = len(self.lines.lines)
         for command in self.plan.final_commands:
-            count += 1
-            self.native.send(command)
-            if not await self.answered(count):
-                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {REPLY_S:g} s")
+            line = self.lines.add(self.native.status.cycle, command)
+            await self.settle()
+            if line.answer in (None, NO_REPLY):
+                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {2 * REPLY_S:g} s")
+
+    async def settle(self) -> None:
+        """Wait until the console has answered every line, or none for so long that it is taken for dead."""
+        given_up = sum(line.answer == NO_REPLY for line in self.lines.lines)
+        while not self.lines.settled and sum(line.answer == NO_REPLY for line in self.lines.lines) == given_up:
+            await self.wait_until(self.native.status.cycle + int(1e-3 * self.plan.clock_hz))
+            self.drain()
 
     def replies(self) -> list[str]:
         """Last lines of the replies so far: `ok` or `error: TEXT`."""
         lines = self.text.splitlines(keepends=True)
         return [x.strip() for x in lines if x.endswith("\n") and (x.strip() == "ok" or x.startswith("error: "))]
-
-    async def answered(self, count: int) -> bool:
-        """Whether the console has given that many replies, after some patience."""
-        for _ in range(int(REPLY_S * 1e3)):
-            if len(self.replies()) >= count:
-                return True
-            await self.wait_until(self.native.status.cycle + int(1e-3 * self.plan.clock_hz))
-            self.drain()
-        return False
 
     def save(self, fault: str | None) -> None:
         """Write arrays and meta data into the plan's folder."""
@@ -270,8 +261,9 @@ class Session:
         )
         status = self.native.status
         # A run that broke off leaves lines unanswered.
-        replies = self.replies() if self.answers is None else self.answers
-        sent = self.sent[: len(replies)] if self.answers is None else self.sent
+        sent = [(line.cycle, line.text, line.answer) for line in self.lines.lines[: self.planned_lines]]
+        if self.planned_lines is None:
+            sent = [line for line in sent if line[2] is not None]
         meta = {
             "cycles": min(int(status.cycle), limit),
             "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
@@ -279,7 +271,6 @@ class Session:
             "sent": sent,
             "upsets": self.upsets,
             "watched": self.watched,
-            "replies": replies,
             "fault": fault,
             "marks": {str(k): v for k, v in self.marks.items()},
             "conclusion": self.conclusion,

@@ -203,7 +203,7 @@ def build_program_library(name: str) -> Path:
 def build_commission() -> Path:
     """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
     sources = _selected((*HOST_ONLY, BENCH, BOOT, "app/"), (".c", ".S"))
-    return _build_image("commission", ["app/format.c", *sources], BUILD / "firmware")
+    return _build_image("commission", ["app/format.c", "app/line.c", *sources], BUILD / "firmware")
 
 
 def build_loader(listen_ms: int | None = None) -> Path:

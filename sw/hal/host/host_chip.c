@@ -11,7 +11,7 @@
 #define OFFSETS 13u
 
 typedef struct {
-  uint8_t data[FIFO_LENGTH];
+  uint16_t data[FIFO_LENGTH];  // as the receive register has them
   uint32_t head;
   uint32_t tail;
 } fifo_t;
@@ -26,9 +26,9 @@ static struct {
   uint32_t spi_rx;
 } host;
 
-static void push(fifo_t *fifo, uint8_t byte) {
+static void push(fifo_t *fifo, uint32_t word) {
   if (fifo->head - fifo->tail < FIFO_LENGTH) {
-    fifo->data[fifo->head % FIFO_LENGTH] = byte;
+    fifo->data[fifo->head % FIFO_LENGTH] = (uint16_t)word;
     fifo->head++;
   }
 }
@@ -63,16 +63,21 @@ void fl_host_raise(uint32_t sources) { *at(REG(irq.pending)) |= sources; }
 uint32_t fl_host_uart_send(const uint8_t *data, uint32_t length) {
   uint32_t n = 0;
   for (; n < length && host.to_firmware.head - host.to_firmware.tail < FIFO_LENGTH; n++) {
-    push(&host.to_firmware, data[n]);
+    push(&host.to_firmware, data[n] | (uint32_t)FL_UART_REGS__RX__VALID_bm);
   }
   fl_host_raise(IRQ_UART_RX);
   return n;
 }
 
+void fl_host_uart_lose(uint32_t ends, bool begun) {
+  push(&host.to_firmware, (ends & 0x7Fu) | (begun ? 0x80u : 0u) | (uint32_t)FL_UART_REGS__RX__LOST_bm);
+  fl_host_raise(IRQ_UART_RX);
+}
+
 uint32_t fl_host_uart_receive(uint8_t *data, uint32_t length) {
   uint32_t n = 0;
   for (; n < length && host.from_firmware.tail != host.from_firmware.head; n++) {
-    data[n] = host.from_firmware.data[host.from_firmware.tail % FIFO_LENGTH];
+    data[n] = (uint8_t)host.from_firmware.data[host.from_firmware.tail % FIFO_LENGTH];
     host.from_firmware.tail++;
   }
   return n;
@@ -84,12 +89,10 @@ uint32_t reg_read(uint32_t address) {
     if (fifo->head == fifo->tail) {
       return 0;
     }
-    const uint8_t byte = fifo->data[fifo->tail % FIFO_LENGTH];
-    fifo->tail++;
-    return byte | FL_UART_REGS__RX__VALID_bm;
+    return fifo->data[fifo->tail++ % FIFO_LENGTH];
   }
   if (address == REG(uart.status)) {
-    return FL_UART_REGS__STATUS__TX_READY_bm;
+    return *at(address) | FL_UART_REGS__STATUS__TX_READY_bm;
   }
   if (address == REG(spi.rx)) {
     return host.spi_rx;

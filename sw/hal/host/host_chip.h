@@ -5,6 +5,7 @@
 #ifndef FL_HOST_CHIP_H
 #define FL_HOST_CHIP_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define HOST_REGISTER_WORDS 0x4000u  // sixteen windows of 4 KiB
@@ -20,6 +21,8 @@ void fl_host_reset(void);
 void fl_host_raise(uint32_t sources);
 // Bytes for the firmware's receiver, raising its interrupt; returns how many fitted.
 uint32_t fl_host_uart_send(const uint8_t *data, uint32_t length);
+// A mark in the receiver's FIFO: bytes lost, so many lines that ended among them, whether bytes after these ends are lost.
+void fl_host_uart_lose(uint32_t ends, bool begun);
 // Bytes that the firmware has sent; returns how many were copied.
 uint32_t fl_host_uart_receive(uint8_t *data, uint32_t length);
 // Result of the next auto-zero, an offset (Q12.4 code) a channel.
