@@ -1,7 +1,7 @@
 """The `fluxlock` command.
 
-Exit codes: 0 = done and passed, 1 = the run failed (trip, fault of the drive, missed expectation, rejected command,
-simulation fault), 2 = bad input, 130 = interrupted, 143 = terminated.
+Exit codes: 0 = done and passed, 1 = the run failed (`fluxlock.analysis.verdict`, or the simulation broke off), 2 = bad
+input, 130 = interrupted, 143 = terminated.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
+from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.can_bus import usual_channel
 from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
@@ -170,17 +171,16 @@ def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: Nati
             if error.data is None or error.data.records.size < 2:
                 _fail([f"simulation: {error}"])
             data = error.data
-    result = write_outcome(data, scenario, out_dir).result
-    _report(console, result, out_dir)
-    lines = ([f"simulation: {fault}"] if fault else []) + result["failures"]
-    if lines:
-        _fail(lines)
+    outcome = write_outcome(data, scenario, out_dir, broken=None if fault is None else str(fault))
+    say(outcome.verdict)
+    _report(console, outcome.result, out_dir)
+    if not outcome.verdict.passed:
+        raise typer.Exit(EXIT_FAILED)
 
 
 def _fail(lines: list[str]) -> NoReturn:
     """Say why the run failed and leave with the exit code for it."""
-    for line in lines:
-        print(f"failed: {line}", file=sys.stderr)
+    say(Verdict(False, lines))
     raise typer.Exit(EXIT_FAILED)
 
 
@@ -246,7 +246,8 @@ def native(
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
-    run_native(loaded, can, node, speed or None, seconds, memory)
+    if not run_native(loaded, can, node, speed or None, seconds, memory):
+        raise typer.Exit(EXIT_FAILED)
 
 
 @app.command("can")
@@ -280,9 +281,11 @@ def can_command(
     try:
         with join(loaded, interface, channel) as bus, _output(out_dir):
             name = f"{interface}:{channel or usual_channel(interface)}"
-            run_can(loaded, bus, name, out_dir, loaded.seed if seed is None else seed, seconds)
+            passed = run_can(loaded, bus, name, out_dir, loaded.seed if seed is None else seed, seconds)
     except SimulationFault as error:
         _fail([f"simulation: {error}"])
+    if not passed:
+        raise typer.Exit(EXIT_FAILED)
 
 
 @app.command()

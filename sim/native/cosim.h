@@ -21,7 +21,9 @@ enum log_kind : int64_t {
     LOG_COMMUTATION = 2,  // a: new sector, b: scheduled instant
     LOG_CROSSING = 3,     // a: sector | late << 4, b: crossing time
     LOG_TRIP = 4,         // a: causes
-    LOG_UPDATE = 5,       // committed settings took effect
+    // Committed settings took effect; a: drive's speed (r/min, q8) << 32 | lost locks << 20 | limit << 16 | fault << 8 | state,
+    // b: target (r/min) << 32 | reference (r/min, q8), of the firmware's telemetry.
+    LOG_UPDATE = 5,
     LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
     LOG_PINS = 7,         // a: pins at the chip (bit 0 gate-driver fault, 1..3 Hall A, B, C), from after this edge on
     LOG_ANGLE = 8,        // instant of a current sample of the vector path; a: angle of the frame there, b: what firmware publishes beyond it, 2^32 = one turn

@@ -311,6 +311,15 @@ int32_t switches(uint32_t levels) {
     return gates;
 }
 
+// What the firmware publishes of the drive (telemetry_t, words), as it stands when committed settings take effect.
+void log_update() {
+    enum { STATE = 4, FAULT = 6, LIMIT = 7, SPEED = 8, REFERENCE = 9, TARGET = 10, LOST_LOCKS = 19 };
+    const uint32_t* w = memory + COSIM_TELEMETRY_WORD;
+    const uint32_t drive = (w[STATE] & 0xFF) | (w[FAULT] & 0xFF) << 8 | (w[LIMIT] & 0xF) << 16 | (w[LOST_LOCKS] & 0xFFF) << 20;
+    const auto pair = [](uint32_t high, uint32_t low) { return static_cast<int64_t>(static_cast<uint64_t>(high) << 32 | low); };
+    log_row(LOG_UPDATE, pair(w[SPEED], drive), pair(w[TARGET], w[REFERENCE]));
+}
+
 void slow_step(Vtop* t) {
     int32_t flags = t->adc_strobe_o ? 1 : 0;
     C.levels = gate_levels(t);
@@ -331,7 +340,7 @@ void slow_step(Vtop* t) {
         if (t->trc_comm_valid_o) log_row(LOG_COMMUTATION, t->trc_sector_o, unwrap(t, t->trc_comm_sched_o));
         if (t->trc_zc_valid_o) log_row(LOG_CROSSING, t->trc_zc_sector_o | t->trc_zc_late_o << 4, unwrap(t, t->trc_zc_time_o));
         if (t->trc_trip_o) log_row(LOG_TRIP, t->trc_trip_cause_o, 0);
-        if (t->trc_update_o) log_row(LOG_UPDATE, 0, 0);
+        if (t->trc_update_o) log_update();
         if (t->trc_angle_valid_o) log_row(LOG_ANGLE, t->trc_angle_o, memory[COSIM_PUBLISHED_WORD]);
     }
     if (t->can_tx_o != C.can_sent || C.st.cycle >= C.can.next) can_step(t);

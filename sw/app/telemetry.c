@@ -7,6 +7,10 @@
 #include "ram.h"
 
 _Static_assert(RAM_TELEMETRY + offsetof(telemetry_t, published_q32) == RAM_PUBLISHED, "the simulator reads it there");
+#define IS_WORD(field, word) (offsetof(telemetry_t, field) == 4u * (word))
+_Static_assert(IS_WORD(state, 4u) && IS_WORD(fault, 6u) && IS_WORD(limit, 7u) && IS_WORD(speed_rpm_q8, 8u) &&
+                   IS_WORD(reference_rpm_q8, 9u) && IS_WORD(target_rpm, 10u) && IS_WORD(lost_locks, 19u),
+               "the simulator reads them there (log_update)");
 
 const char *handler_name(handler_t handler) {
   static const char *const names[HANDLER_COUNT] = {

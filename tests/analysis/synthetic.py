@@ -53,6 +53,11 @@ class Drive:
     trip_at_s: float | None = None
     trip_mask: int = 0
     zoom_s: tuple[float, float] | None = None
+    # The drive's own account: (time in s, state, limit) from there on, as the firmware numbers them.
+    account: tuple[tuple[float, int, int], ...] = ((0.0, 3, 0),)
+    target_rpm: float | None = None  # that it says it has, the speed at time 0 if left out
+    measures: float = 1.0  # speed that it says it measures, over the true one
+    lost_locks: int = 0
 
     def theta(self, t_s: np.ndarray | float) -> np.ndarray | float:
         """Electrical angle, rad."""
@@ -150,6 +155,7 @@ def make_run(drive: Drive) -> RunData:
                     previous = gates
     if drive.trip_at_s is not None:
         log.append((round(drive.trip_at_s * clock), LogKind.TRIP, drive.trip_mask, 0))
+    log += _updates(drive, cycles)
     log.sort()
     records = _records(drive, np.arange(0, cycles + 1, 500, dtype=np.float64), commutations)
     zoom = np.zeros(0, RECORD_DTYPE)
@@ -172,6 +178,20 @@ def make_run(drive: Drive) -> RunData:
         uart=["ok"],
         isr={"control": {"min": 300, "mean": 350.5, "max": 400, "count": 1000}},
     )
+
+
+def _updates(drive: Drive, cycles: int) -> list[tuple[int, int, int, int]]:
+    """The drive's account at every control tick of 0.1 ms."""
+    target = round(drive.speed_rpm if drive.target_rpm is None else drive.target_rpm)
+    rows = []
+    for cycle in range(0, cycles, 5000):
+        t = cycle / CLOCK_HZ
+        _, state, limit = [entry for entry in drive.account if entry[0] <= t][-1]
+        pole_pairs_rpm = drive.pole_pairs * np.pi / 30
+        speed = round(abs(float(drive.omega(t))) / pole_pairs_rpm * drive.measures * 256)
+        words = state | limit << 16 | drive.lost_locks << 20
+        rows.append((cycle, int(LogKind.UPDATE), speed << 32 | words, target << 32 | target * 256 & 0xFFFFFFFF))
+    return rows
 
 
 def _records(
@@ -250,6 +270,6 @@ def make_vector_run(
     turns = (np.asarray(drive.theta(cycles / CLOCK_HZ)) + error) / (2 * np.pi)
     log = np.zeros((cycles.size, 4), dtype=np.int64)
     log[:, 0], log[:, 1], log[:, 2] = cycles, LogKind.ANGLE, np.round(turns % 1.0 * 2**32) % 2**32
-    gates = data.rows(LogKind.GATES)
-    merged = np.concatenate((gates, log, data.rows(LogKind.TRIP)))
+    kept = [data.rows(kind) for kind in (LogKind.GATES, LogKind.TRIP, LogKind.UPDATE)]
+    merged = np.concatenate((*kept, log))
     return replace(data, log=merged[np.argsort(merged[:, 0], kind="stable")])

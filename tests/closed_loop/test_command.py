@@ -37,8 +37,8 @@ def test_refused_lines_are_failures() -> None:
         (0.006, "clear"),
         (0.01, "set carrier_hz 1"),
     ]
-    assert 'console at 0.001100 s: "start" was rejected: speed_rpm is 0' in run.result["failures"]
-    assert len(run.result["failures"]) == 3
+    assert 'console at 0.001100 s: "start" was rejected: speed_rpm is 0' in run.verdict.failures
+    assert len(run.verdict.failures) == 3
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
 
 
@@ -51,7 +51,7 @@ def test_fault_without_trip_is_a_failure() -> None:
     run = drive(SPIN, "held-fast", *held, "window=[]", "expect=[]")
     assert run.result["trips"] == []
     assert run.data.fault == "start_failed" and "state fault" in run.data.uart
-    assert run.result["failures"] == ["the drive ended in fault start_failed"]
+    assert run.verdict.failures == ["the drive ended in fault start_failed"]
 
 
 def test_lines_of_one_instant_are_all_carried_out() -> None:

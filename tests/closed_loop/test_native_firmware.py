@@ -51,7 +51,7 @@ def test_drives_as_the_core_does() -> None:
     core = drive(SPIN, "bus-core", LOOKS)
     bus = drive(SPIN, "bus-native", LOOKS, native=NativeFirmware())
     for run in (core, bus):
-        assert not run.result["failures"] and not run.result["trips"] and run.data.overruns == 0
+        assert not run.verdict.failures and not run.result["trips"] and run.data.overruns == 0
     assert states(bus.data) == states(core.data)
     assert len(set(states(bus.data))) > 1
     t_s = np.linspace(0.0, 0.239, 240)
@@ -76,7 +76,7 @@ def test_five_phases_as_on_the_core() -> None:
     runs = [drive(YU, f"yu-{name}", native=native) for name, native in (("core", None), ("bus", NativeFirmware()))]
     core, bus = runs
     for run in runs:
-        assert not run.result["failures"] and not run.result["trips"] and run.data.overruns == 0
+        assert not run.verdict.failures and not run.result["trips"] and run.data.overruns == 0
     assert states(bus.data) == states(core.data)
     t_s = np.linspace(0.0, 0.44, 441)
     apart = np.abs(speed_rpm(bus.data, t_s) - speed_rpm(core.data, t_s))

@@ -22,7 +22,7 @@ def test_over_current() -> None:
     Verifies: SYS-08
     """
     run = drive(SCENARIOS / "short.toml", "short", log_strobes=True)
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     trip = run.data.rows(LogKind.TRIP)
     assert len(trip) == 1
     gates = run.gates()
@@ -43,7 +43,7 @@ def test_fault_pin() -> None:
     Verifies: SYS-09
     """
     run = drive(SCENARIOS / "fault-pin.toml", "fault-pin")
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     pin = run.data.rows(LogKind.PINS)
     assert len(pin) == 1
     gates = run.gates()
@@ -65,7 +65,7 @@ def test_brake_chopper() -> None:
     Verifies: SYS-17
     """
     run = spun_up("brake", 0.5)
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     records = run.data.records
     held = records["vdc"][records["t_cycle"] > 0.0065 * run.data.clock_hz]
     # The divider's pole, one sample and its conversion at 25 V/ms, noise and rounding.
@@ -81,7 +81,7 @@ def test_brake_chopper_beyond_its_time() -> None:
     Verifies: SYS-17
     """
     run = spun_up("brake-overload", 5.0, 'expect_trip=["fault_pin", "deadline"]', "expect_fault=brake_overload")
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert run.data.fault == "brake_overload"
     assert run.data.records["vdc"][-1] > 14.5
 
@@ -95,7 +95,7 @@ def test_safe_state_above_the_speed_of_the_link(safe_state: str) -> None:
     overrides = ("inverter.supply_v=14", "inverter.supply_diode=true", "inverter.protection.over_voltage_v=17")
     choice = f"inverter.protection.safe_state={safe_state}"
     run = drive(SCENARIOS / "active-short.toml", f"safe-state-{safe_state}", *overrides, choice)
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert run.data.fault == "over_voltage"
     clock_hz, records, gates = run.data.clock_hz, run.data.records, run.gates()
     trip = run.data.rows(LogKind.TRIP)[0, 0]
@@ -124,7 +124,7 @@ def test_lost_lock() -> None:
     Verifies: SYS-10
     """
     run = drive(SCENARIOS / "lost-lock.toml", "lost-lock")
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert "lost_lock" in run.console()
     assert run.metrics["again"]["speed_rpm"]["mean"] == pytest.approx(24_000, rel=0.01)
 
@@ -151,6 +151,6 @@ def test_blocked_rotor(name: str, overrides: tuple[str, ...]) -> None:
     Verifies: FW-20
     """
     run = drive(SCENARIOS / "blocked.toml", f"blocked-{name}", *overrides)
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert "fault start_failed" in run.console()
     assert run.gates()[-1, 1] == 0

@@ -14,8 +14,9 @@ def test_quick_case(name: str) -> None:
     Verifies: SYS-12
     """
     print(f"{name} seed 1, cases registered by {sets.__name__}")
-    rows = list(CASES[name].body(Runner(name, quick=True)))
-    assert rows
+    runner = Runner(name, quick=True)
+    rows = list(CASES[name].body(runner))
+    assert rows and not runner.unvouched
     for row in rows:
         print(row.as_json())
     assert not [(row.id, miss) for row in rows for miss in row.misses()]

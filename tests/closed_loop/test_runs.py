@@ -18,7 +18,7 @@ def test_demo() -> None:
     Verifies: SYS-01, SYS-02, CO-19
     """
     run = drive("demo.toml", "demo")
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert not run.result["trips"]
     assert run.gates()[-1, 1] == 0, "gates are off at the end"
     assert run.data.overruns == 0
@@ -88,5 +88,5 @@ def test_motor_from_its_file_alone(name: str, settled_s: float) -> None:
     end_s = settled_s + 0.06
     window = (f"window.steady.from_s={settled_s}", f"window.steady.to_s={end_s}")
     run = drive(f"{name}.toml", name, f"duration_s={end_s}", *window)
-    assert not run.result["failures"]
+    assert not run.verdict.failures
     assert not run.result["trips"]

@@ -40,7 +40,7 @@ SHORT = [
     "--set",
     "duration_s=0.02",
     "--set",
-    "event=[{at_s=0.001,speed_rpm=60000}]",
+    'event=[{at_s=0.001,speed_rpm=60000},{at_s=0.001,command="start"}]',
     "--set",
     'window=[{name="steady",from_s=0.002,to_s=0.01},{name="loaded",from_s=0.01,to_s=0.018}]',
     "--set",
@@ -119,7 +119,8 @@ def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Pa
     assert "crossing error rms" in out and "zcp" not in out
     assert "commutation error rms" in out and "steady" in out and "loaded" in out
     result = json.loads((tmp_path / "o" / "result.json").read_text())
-    assert result["failures"] == [] and result["trips"] == []
+    assert result["verdict"]["passed"] and result["trips"] == []
+    assert out.startswith("ok: ") and out.splitlines()[0] == f"ok: {result['verdict']['lines'][0]}"
     assert result["metrics"]["steady"]["commutation_error_deg"]["rms"] < 0.01
     run = result["run"]
     assert run["seed"] == 5 and run["cycles"] == 1_000_000 and run["overruns"] == 0

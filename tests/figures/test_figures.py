@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,6 +20,7 @@ from fluxlock import cli
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.six_step.patterns import gate_sequence
 from fluxlock.analysis.six_step.switched import ideal_inverter, steady_operation, waveforms
+from fluxlock.analysis.verdict import Verdict
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.docs import figures as docs_page
 from fluxlock.figures import FIGURES, Drawing, Entry, command, figure
@@ -226,7 +227,7 @@ class Learning:
 
     quick = True
 
-    def drive(self, scenario: str, name: str, *overrides: str) -> Any:
+    def drive(self, scenario: str, name: str, *overrides: str, **_: Any) -> Any:
         data = make_run(Drive(speed_rpm=18_000.0, duration_s=0.34))
         asked = [line for line in load_scenario(ROOT / "scenarios" / scenario, overrides).event if line.command]
         part = np.linspace(0.0, 0.05, sum(line.command == "get threshold_pu" for line in asked))
@@ -297,6 +298,11 @@ def test_runs_are_shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     """
     made: list[Path] = []
 
+    @dataclass
+    class Found:
+        folder: Path
+        verdict: Verdict = field(default_factory=lambda: Verdict(True, []))
+
     def run_scenario(loaded: Any, folder: Path, seed: int) -> Path:
         made.append(folder)
         return folder
@@ -307,16 +313,16 @@ def test_runs_are_shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(regression_runner, "image_of", lambda loaded: Path())
     monkeypatch.setattr(regression_runner, "_key", lambda loaded, seed, image: f"{loaded.drive.commutation}-{seed}")
     monkeypatch.setattr(regression_runner, "write_outcome", lambda data, loaded, folder, plots: None)
-    monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: folder)
+    monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: Found(folder))
     scenario, other = "six-step/spectrum.toml", "drive.commutation=RSC"
     first, second = Runner("six-step/a"), Runner("figures/six-step/6.9", quick=True)
-    assert first.drive(scenario, "x") == made[0]
-    assert first.drive(scenario, "x") == second.drive(scenario, "y") == made[0]
+    assert first.drive(scenario, "x").folder == made[0]
+    assert first.drive(scenario, "x").folder == second.drive(scenario, "y").folder == made[0]
     assert len(made) == 1
-    assert second.drive(scenario, "z", other) == made[1]
-    assert first.drive(scenario, "x", seed=2) == made[2] == made[0]
+    assert second.drive(scenario, "z", other).folder == made[1]
+    assert first.drive(scenario, "x", seed=2).folder == made[2] == made[0]
     # Its folder holds the run with another seed now: the first one is made again.
-    assert second.drive(scenario, "y") == made[3]
+    assert second.drive(scenario, "y").folder == made[3]
     assert len(made) == 4
 
 
@@ -452,7 +458,7 @@ def test_runs_that_cannot_be_used() -> None:
         def __init__(self, **result: Any) -> None:
             self.found = SimpleNamespace(result={"trips": [], "rejected": []} | result, folder=Path("x"))
 
-        def drive(self, *_: str) -> Any:
+        def drive(self, *_: str, **__: Any) -> Any:
             return self.found
 
     assert support.drive(Fake(), "a.toml", "x").result["trips"] == []
@@ -471,7 +477,7 @@ class Ramps:
     from_rpm: dict[str, float]
     accel_rpm_per_s: float = 120_000.0
 
-    def drive(self, scenario: str, name: str, *overrides: str) -> Any:
+    def drive(self, scenario: str, name: str, *overrides: str, **_: Any) -> Any:
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         commutation = loaded.drive.commutation
         ramp = Drive(

@@ -28,7 +28,9 @@ class LogKind(IntEnum):
     COMMUTATION = 2  # a = new sector 0..5, b = scheduled instant at the gates (cycle)
     CROSSING = 3  # a = sector | late << 4, b = time of the crossing that the chip claims (cycle)
     TRIP = 4  # a = causes, bits in the order of TRIP_CAUSES
-    UPDATE = 5  # shadowed settings took effect
+    # Shadowed settings took effect; a, b: what the firmware publishes of the drive then (sim/native/cosim.h), see
+    # `RunData.states`.
+    UPDATE = 5
     STROBE = 6  # sample strobe; logged on request
     PINS = 7  # a = pins at the chip, bit 0 gate-driver fault, 1 to 3 Hall A, B, C
     # Current sample of the vector path; a = angle of the frame there, b = what firmware publishes beyond it,
@@ -77,6 +79,19 @@ RECORD_DTYPE = np.dtype(
         ("idc", "f8"),  # A, drawn from the DC link
         ("torque_nm", "f8"),
         ("gates", "i8"),
+    ]
+)
+# The drive by its own account, at every update of the chip: state and limit as the firmware numbers them, lost locks
+# since boot, speed as a magnitude with six-step.
+STATE_DTYPE = np.dtype(
+    [
+        ("t_s", "f8"),
+        ("state", "i8"),
+        ("limit", "i8"),
+        ("lost_locks", "i8"),
+        ("speed_rpm", "f8"),
+        ("reference_rpm", "f8"),
+        ("target_rpm", "f8"),
     ]
 )
 PLANT_EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
@@ -146,6 +161,18 @@ class RunData:
         found: IntArray = self.log[self.log[:, 1] == int(kind)]
         return found
 
+    def states(self) -> RecordArray:
+        """What the drive said of itself over time, one STATE_DTYPE a row."""
+        rows = self.rows(LogKind.UPDATE)
+        found = np.zeros(len(rows), STATE_DTYPE)
+        found["t_s"] = rows[:, 0] / self.clock_hz
+        drive, command = rows[:, 2], rows[:, 3]
+        found["state"], found["limit"], found["lost_locks"] = drive & 0xFF, drive >> 16 & 0xF, drive >> 20 & 0xFFF
+        found["speed_rpm"] = (drive >> 32) / 256
+        found["reference_rpm"] = command.astype(np.int32) / 256
+        found["target_rpm"] = command >> 32
+        return found
+
 
 class SimulationFault(Exception):
     """The run could not be completed: fault of the plant, the chip or the simulator.
@@ -182,11 +209,12 @@ def save_trace(path: Path, data: RunData) -> None:
         pole_pairs=np.int64(data.pole_pairs),
         cycles=np.int64(data.cycles),
         seed=np.int64(data.seed),
+        rejected=np.array([[repr(r.time_s), r.line, r.reason] for r in data.rejected], dtype=np.str_).reshape(-1, 3),
     )
 
 
 def load_trace(path: Path) -> RunData:
-    """Read a trace file. Wall time, interrupt statistics and rejected lines are not part of it."""
+    """Read a trace file. Wall time and interrupt statistics are not part of it."""
     with np.load(path, allow_pickle=False) as file:
         return RunData(
             log=file["log"],
@@ -199,4 +227,5 @@ def load_trace(path: Path) -> RunData:
             wall_s=0.0,
             seed=int(file["seed"]),
             uart=[str(line) for line in file["uart"]],
+            rejected=[Rejection(float(time_s), str(line), str(why)) for time_s, line, why in file["rejected"]],
         )

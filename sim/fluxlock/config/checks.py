@@ -73,6 +73,11 @@ def _times(s: Scenario) -> list[Problem]:
                 f'"{expect.metric}" belongs to drive.method = "{other_method(s)}", the scenario has "{s.drive.method}"'
             )
             problems.append(Problem(file, f"expect[{i}].metric", text))
+    for i, accept in enumerate(s.accept):
+        if accept.window is not None and accept.window not in names:
+            known = f"permitted: {', '.join(names)}" if names else "the scenario has no [[window]]"
+            text = f'no window is named "{accept.window}", {known}{did_you_mean(accept.window, names)}'
+            problems.append(Problem(file, f"accept[{i}].window", text))
     return problems
 
 

@@ -506,6 +506,30 @@ class Expect(Model):
         return self
 
 
+class Accept(Model):
+    """Something for which a run would fail by itself, and why it may happen in this one."""
+
+    what: Literal[
+        "duty_min", "voltage", "current", "speed", "lost_angle", "lost_lock", "end_state", "rejected", "trip", "fault"
+    ] = Field(
+        description="`duty_min`, `voltage`, `current`: the speed is off its target while this limit of the drive is "
+        "active; `speed`: with any limit or none; `lost_angle`: the drive runs and its angle is not the rotor's; "
+        "`lost_lock`: it noticed and started again; `end_state`: it ends otherwise than start and stop have told it; "
+        "`rejected`: it refused a console line; `trip`, `fault`: a trip, a final fault that may come or not, where "
+        "`expect_trip` and `expect_fault` say that it must."
+    )
+    window: str | None = Field(
+        default=None, description="Name of a window, for the first four; left out: everywhere, also at the end."
+    )
+    why: str = Field(min_length=1, description="The reason; it stands in the verdict.")
+
+    @model_validator(mode="after")
+    def _window(self) -> Self:
+        if self.window is not None and self.what not in ("duty_min", "voltage", "current", "speed"):
+            raise conflict("window", f'does not belong to what = "{self.what}"')
+        return self
+
+
 class Record(Model):
     """What is recorded."""
 
@@ -588,6 +612,7 @@ class Scenario(Model):
     event: list[Event] = Field(default_factory=list, description="What happens, in any order.")
     window: list[Window] = Field(default_factory=list, description="Measuring windows.")
     expect: list[Expect] = Field(default_factory=list, description="Limits that the result must keep.")
+    accept: list[Accept] = Field(default_factory=list, description="What may go wrong in this run, and why.")
 
     _sources: Sources = PrivateAttr(default=Sources("scenario", "motor", "inverter"))
 

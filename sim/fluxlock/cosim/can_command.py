@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fluxlock.analysis.rundata import ProgressInfo
+from fluxlock.analysis.verdict import say
 from fluxlock.build import check_build
 from fluxlock.can_bus import join_bus, usual_channel
 from fluxlock.config import ConfigError, Scenario
@@ -68,8 +69,11 @@ def join(scenario: Scenario, interface: str, channel: str | None) -> can.BusABC:
 
 def run_can(
     scenario: Scenario, bus: can.BusABC, bus_name: str, out_dir: Path, seed: int, seconds: float | None
-) -> None:
-    """Run for a simulated time or until Ctrl-C, print what passed, write the results. bus: of `join`."""
+) -> bool:
+    """Run for a simulated time or until Ctrl-C, print verdict and traffic, write the results. bus: of `join`.
+
+    False: the run cannot be vouched for.
+    """
     assert scenario.can is not None
     bus_of_chip = scenario.can
     check_build()
@@ -85,8 +89,13 @@ def run_can(
             print(f"{chip} on {bus_name}, process {os.getpid()}", flush=True)
 
         data, traffic = run_on_bus(bare, bus, out_dir, seed, limit, _Lines(), ready)
-    print(traffic.text, flush=True)
     # Two records are the least that has a course.
-    if data.records.size >= 2:
-        write_outcome(data, bare.model_copy(update={"duration_s": traffic.simulated_s}), out_dir)
-        print(f"results in {out_dir}", flush=True)
+    if data.records.size < 2:
+        print(traffic.text, flush=True)
+        return True
+    ended = bare.model_copy(update={"duration_s": traffic.simulated_s})
+    outcome = write_outcome(data, ended, out_dir, by_bus=True)
+    say(outcome.verdict)
+    print(traffic.text, flush=True)
+    print(f"results in {out_dir}", flush=True)
+    return outcome.verdict.passed

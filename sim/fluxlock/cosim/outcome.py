@@ -13,6 +13,7 @@ from fluxlock.analysis.metrics import Analysis, run_metrics
 from fluxlock.analysis.plots import write_plots
 from fluxlock.analysis.result import build_result, write_result
 from fluxlock.analysis.rundata import LogKind, RunData, load_trace, save_trace
+from fluxlock.analysis.verdict import Verdict, judge_run
 from fluxlock.config import Scenario
 
 TRACE = "trace.npz"
@@ -29,6 +30,7 @@ class Outcome:
     metrics: dict[str, dict[str, Any]]
     result: dict[str, Any]
     folder: Path
+    verdict: Verdict
 
     def gates(self) -> np.ndarray[Any, Any]:
         """Gate log, int64 [n, 2]: cycle, gates (bit 2X upper, 2X+1 lower switch of leg X)."""
@@ -39,20 +41,30 @@ class Outcome:
         return "\n".join(self.data.uart)
 
 
-def write_outcome(data: RunData, scenario: Scenario, folder: Path, plots: bool = True) -> Outcome:
-    """Evaluate a run and write trace, result and, unless told otherwise, plots."""
+def write_outcome(
+    data: RunData,
+    scenario: Scenario,
+    folder: Path,
+    plots: bool = True,
+    *,
+    by_bus: bool = False,
+    broken: str | None = None,
+) -> Outcome:
+    """Evaluate a run and write trace, result and, unless told otherwise, plots. by_bus, broken: see `judge_run`."""
     save_trace(folder / TRACE, data)
     analysis, metrics = run_metrics(data, scenario)
-    result = build_result(data, scenario, metrics)
+    verdict = judge_run(data, scenario, analysis, metrics, by_bus=by_bus, broken=broken)
+    result = build_result(data, scenario, metrics, verdict)
     write_result(folder / RESULT, result)
     if plots:
         write_plots(folder, analysis, scenario)
-    return Outcome(scenario, data, analysis, metrics, result, folder)
+    return Outcome(scenario, data, analysis, metrics, result, folder, verdict)
 
 
 def read_outcome(scenario: Scenario, folder: Path) -> Outcome:
-    """Read what `write_outcome` has written for this scenario; metrics are computed anew from the trace."""
+    """Read what `write_outcome` has written for this scenario; metrics and verdict are made anew from the trace."""
     data = load_trace(folder / TRACE)
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     analysis, metrics = run_metrics(data, scenario)
-    return Outcome(scenario, data, analysis, metrics, result, folder)
+    verdict = judge_run(data, scenario, analysis, metrics)
+    return Outcome(scenario, data, analysis, metrics, {**result, "verdict": verdict.as_json()}, folder, verdict)

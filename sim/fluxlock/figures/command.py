@@ -113,7 +113,7 @@ def draw(family: str, out: Path, number: str, quick: bool, seed: int) -> dict[st
     except Exception as error:
         return {**failure, "failure": refusal(error) or traceback.format_exc()}
     save_small(drawing.page, out / image)
-    return entry.as_json(drawing, image)
+    return entry.as_json(drawing, image) | {"failure": "; ".join(f"not vouched for: {x}" for x in runner.unvouched)}
 
 
 def draw_all(

@@ -8,9 +8,12 @@ import sys
 import time
 from pathlib import Path
 
+from fluxlock.analysis.metrics import Analysis
+from fluxlock.analysis.verdict import Verdict, judge_run, say
 from fluxlock.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.native.drive import NativeDrive, drive_of_scenario
+from fluxlock.native.recorder import Recorder
 from fluxlock.native.serve import serve
 from fluxlock.writable import check_file
 
@@ -18,8 +21,8 @@ from fluxlock.writable import check_file
 class Terminal:
     """The drive's console on stdin and stdout."""
 
-    def __init__(self, drive: NativeDrive) -> None:
-        self._drive, self._text, self._open = drive, "", True
+    def __init__(self, drive: NativeDrive, recorder: Recorder) -> None:
+        self._drive, self._recorder, self._text, self._open = drive, recorder, "", True
 
     def poll(self) -> None:
         """Lines that have come, and the drive's replies."""
@@ -29,7 +32,9 @@ class Terminal:
             self._text += data.decode("ascii", errors="replace")
             *lines, self._text = self._text.split("\n")
             for line in lines:
-                for reply in self._drive.chip.fw.command(line.strip()):
+                replies = self._drive.chip.fw.command(line.strip())
+                self._recorder.answered(line.strip(), replies)
+                for reply in replies:
                     print(reply, flush=True)
 
 
@@ -68,14 +73,19 @@ def run_native(
     speed: float | None = 1.0,
     seconds: float | None = None,
     memory: Path | None = None,
-) -> None:
-    """Run for a simulated time, or until Ctrl-C; says at the end how fast it was. speed: None: as fast as it goes."""
+) -> bool:
+    """Run for a simulated time, or until Ctrl-C; says at the end what to think of it, and how fast it was.
+
+    speed: None: as fast as it goes. False: the run cannot be vouched for.
+    """
     print("compiling what has changed", file=sys.stderr, flush=True)
     drive = drive_of_scenario(scenario, node_id)
-    terminal = Terminal(drive)
+    recorder = Recorder(drive)
+    terminal = Terminal(drive, recorder)
     file = MemoryFile(memory, drive) if memory is not None else None
 
     def stop() -> bool:
+        recorder.note()
         terminal.poll()
         if file is not None:
             file.keep()
@@ -87,4 +97,16 @@ def run_native(
         try:
             serve(drive, bus, stop, speed)
         finally:
+            verdict = verdict_of(recorder, scenario)
+            say(verdict)
             print(f"{drive.now_us / 1e6:.3f} s simulated in {time.monotonic() - begin:.3f} s", flush=True)
+    return verdict.passed
+
+
+def verdict_of(recorder: Recorder, scenario: Scenario) -> Verdict:
+    """Of a drive that is commanded from outside: the scenario's events, windows and limits do not count."""
+    data = recorder.data()
+    if data.records.size < 2:
+        return Verdict(True, ["the run was too short to judge"])
+    bare = scenario.model_copy(update={"event": [], "window": [], "expect": []})
+    return judge_run(data, bare, Analysis(data), {}, by_bus=True)

@@ -6,9 +6,9 @@ import json
 import multiprocessing
 import shutil
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +19,7 @@ from fluxlock.build import check_build
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
+from fluxlock.config.scenario import Accept
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import run_program, run_script
@@ -27,7 +28,7 @@ from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
-from fluxlock.regression.case import CASES, Row
+from fluxlock.regression.case import CASES, Number, Row
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.record import judged, read_record
 from fluxlock.writable import check_folder, file_lock, refusal
@@ -54,20 +55,32 @@ class Runner:
     """What a case gets: its folder, whether to be short, and the way to run scenarios.
 
     quick: cases run a short version of themselves, with the same limits. seed: of the noise. plots: of each run.
+    unvouched: runs that did not pass their verdict and why, a line each.
     """
 
     case_id: str
     quick: bool = False
     seed: int = 1
     plots: bool = True
+    unvouched: list[str] = field(default_factory=list)
 
-    def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
+    def drive(
+        self,
+        scenario: str | Path,
+        name: str,
+        *overrides: str,
+        seed: int | None = None,
+        accept: Mapping[str, str] | None = None,
+    ) -> Outcome:
         """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
 
-        name: of the run within the case; a run that another case or a figure has finished is read from there. Raises
-        RunFailed if the simulation breaks off.
+        name: of the run within the case; a run that another case or a figure has finished is read from there. A run
+        that cannot be vouched for is listed in `unvouched`; its `[[expect]]` do not count, the case has its own limits.
+        accept: what may happen -> why, as in `[[accept]]`. Raises RunFailed if the simulation breaks off.
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
+        accepted = [*loaded.accept, *(Accept.model_validate({"what": k, "why": v}) for k, v in (accept or {}).items())]
+        loaded = loaded.model_copy(update={"expect": [], "accept": accepted})
         used_seed = self.seed if seed is None else seed
         image = image_of(loaded)
 
@@ -75,7 +88,10 @@ class Runner:
             write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)
 
         folder = self.folder(name)
-        return read_outcome(loaded, _made(folder, _key(loaded, used_seed, image), f"{name}, seed {used_seed}", run))
+        made = _made(folder, _key(loaded, used_seed, image), f"{name}, seed {used_seed}", run)
+        outcome = read_outcome(loaded, made)
+        self.unvouched.extend(f"{name}: {line}" for line in outcome.verdict.failures)
+        return outcome
 
     def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
         """Run a program of `sw/bench` with its table on a scenario's chip and plant, or read what it gave before."""
@@ -147,7 +163,8 @@ def _finished(key: str, folder: Path) -> Path | None:
 
 
 def _key(scenario: Scenario, seed: int, image: Path, table: bytes = b"") -> str:
-    settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
+    judged = {"expect", "accept", "expect_trip", "expect_fault"}  # by the data
+    settings = json.dumps(scenario.model_dump(mode="json", exclude=judged), sort_keys=True)
     return content_hash(_sources(image), chip_of(scenario).key, settings, seed, table)
 
 
@@ -161,14 +178,24 @@ def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:
     import fluxlock.regression.sets  # noqa: F401  (registers the cases, also in a worker process)
 
     rows: list[Row] = []
+    runner = Runner(case_id, quick, seed)
     try:
-        rows.extend(CASES[case_id].body(Runner(case_id, quick, seed)))
+        rows.extend(CASES[case_id].body(runner))
     except RunFailed as error:
         rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, str(error)))
     except Exception as error:
         reason = refusal(error) or traceback.format_exc()
         rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, reason))
+    rows.extend(vouching(case_id, runner))
     return [row.as_json() for row in rows]
+
+
+def vouching(case_id: str, runner: Runner) -> list[Row]:
+    """A row that fails and says why, if a run of the case cannot be vouched for."""
+    if not runner.unvouched:
+        return []
+    values: dict[str, Number] = {"unvouched": len(runner.unvouched)}
+    return [Row(f"{case_id}/vouched", {}, values, {"unvouched": (0, 0)}, "; ".join(runner.unvouched))]
 
 
 def select(patterns: Sequence[str]) -> list[str]:

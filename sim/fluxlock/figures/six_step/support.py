@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,9 +40,14 @@ def at_speed(speed_rpm: float, *later: tuple[float, str, float | str]) -> tuple[
     return f"initial.speed_rpm={speed_rpm:g}", schedule(speed_rpm, *later)
 
 
-def drive(runner: Runner, scenario: str, name: str, *overrides: str) -> Outcome:
-    """Run a scenario, or read it from before; RunFailed if a console line of the schedule was not carried out."""
-    run = runner.drive(scenario, name, *overrides)
+def drive(
+    runner: Runner, scenario: str, name: str, *overrides: str, accept: Mapping[str, str] | None = None
+) -> Outcome:
+    """Run a scenario, or read it from before; RunFailed if a console line of the schedule was not carried out.
+
+    accept: see `Runner.drive`.
+    """
+    run = runner.drive(scenario, name, *overrides, accept=accept)
     for line in run.result["rejected"]:
         raise RunFailed(f'{name}: "{line["line"]}" at {line["time_s"]:g} s: {line["reason"]}')
     return run
