@@ -75,17 +75,18 @@ WRONGS: dict[str, tuple[dict[str, Any], tuple[str, ...], str]] = {
         {"speed_rpm": 6_700.0, "account": ((0.0, RUNNING, 0), (0.02, RUNNING, DUTY_MIN))},
         (),
         r"6700\.0 r/min for 6000 r/min in steady \(\+11\.7 %\), 6700\.0 at the end: "
-        r"limit duty_min active for 0\.080 s; load the motor, set drive\.sync_rect = true, .*, or accept it",
+        r"limit duty_min active for 0\.080 s \(the least pulse drives the rotor faster, nothing brakes it\); "
+        r"load the motor, set drive\.sync_rect = true, .*, or state it: \[\[accept\]\] what = \"duty_min\"$",
     ),
     "too little voltage": (
         {"speed_rpm": 5_500.0, "account": ((0.0, RUNNING, VOLTAGE),)},
         (),
-        r"5500\.0 r/min for 6000 r/min in steady \(-8\.3 %\), .*: limit voltage active for 0\.100 s; lower the target",
+        r"5500\.0 r/min for 6000 r/min in steady \(-8\.3 %\), .*: limit voltage active for 0\.100 s .*lower the target",
     ),
     "too little current": (
         {"speed_rpm": 5_500.0, "account": ((0.0, RUNNING, CURRENT),)},
         (),
-        r"limit current active for 0\.100 s; lower the load or drive\.accel_rpm_per_s",
+        r"limit current active for 0\.100 s .*lower the load or drive\.accel_rpm_per_s",
     ),
     "wrong direction": (
         {"speed_rpm": -RPM},

@@ -44,12 +44,17 @@ LOST_DEG = 90.0
 LOST_COMMUTATIONS = 6
 LOST_S = 1e-3
 # The drive's speed is not the rotor's: apart by this share, and by this one of the highest speed, for this time.
-APART, APART_OF_MAX, APART_S = 0.2, 0.02, 0.02
+APART, APART_OF_MAX, APART_S = 0.2, 0.02, 0.05
 
 READY, STARTING, RUNNING, STOPPING, FAULT = 1, 2, 3, 4, 5
 STATES = ("init", "ready", "starting", "running", "stopping", "fault")
 LIMITS = {1: "voltage", 2: "duty_min", 3: "current"}  # limit_t of the firmware; the slew is no limit of the speed
 READ_ONLY = ("help", "status", "get", "faults", "stats")
+LIMIT_TEXTS = {
+    "duty_min": "the least pulse drives the rotor faster, nothing brakes it",
+    "voltage": "the largest duty does not reach the speed",
+    "current": "the current limit does not give the torque",
+}
 REMEDIES = {
     "duty_min": "load the motor, set drive.sync_rect = true, lower drive.carrier_hz or the supply, or raise the target",
     "voltage": "lower the target or the load, raise the supply or drive.duty_max",
@@ -410,7 +415,9 @@ def _speed_findings(misses: list[Miss]) -> list[Finding]:
         line = f"{first.text} ({100.0 * first.deviation:+.1f} %)"
         line += "".join(f", {m.span.mean_rpm:.1f} {m.span.where}" for m in group[1:])
         if kind in REMEDIES:
-            line += f": limit {kind} active for {max(m.active_s for m in group):.3f} s; {REMEDIES[kind]}, or accept it"
+            active_s = max(m.active_s for m in group)
+            line += f": limit {kind} active for {active_s:.3f} s ({LIMIT_TEXTS[kind]}); {REMEDIES[kind]}, "
+            line += f'or state it: [[accept]] what = "{kind}"'
         else:
             line += ", and no limit of the drive was active"
         found.append(Finding(kind, line, first.window))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -70,9 +70,16 @@ class WatchedRunner(Runner):
 
     speeds: set[Speed] = field(default_factory=set, compare=False)
 
-    def drive(self, scenario: str | Path, name: str, *overrides: str, seed: int | None = None) -> Outcome:
+    def drive(
+        self,
+        scenario: str | Path,
+        name: str,
+        *overrides: str,
+        seed: int | None = None,
+        accept: Mapping[str, str] | None = None,
+    ) -> Outcome:
         """As Runner."""
-        run = super().drive(scenario, name, *overrides, seed=seed)
+        run = super().drive(scenario, name, *overrides, seed=seed, accept=accept)
         self.speeds.add(_speed(run.scenario.mechanics.mode))
         return run
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from fluxlock.regression.runner import Runner
 
 Number = float | int | None
+# What may come of a run that is disturbed, or driven on, until its lock is lost; the case's own limits judge its end.
+LOCK_MAY_GO = ("trip", "fault", "lost_lock", "lost_angle", "end_state")
 Condition = str | float | int | bool
 
 

@@ -81,7 +81,9 @@ def run_of(runner: Runner, what: Event, method: str) -> Outcome:
     keys = what.course(runner.quick)
     own = ["inverter.dead_time_s=0"] if method == "best" else [*tian_printed.printed(method), "initial.theta_deg=0"]
     scenario = tian.SCENARIO if method == "best" else tian_printed.SCENARIO
-    return runner.drive(scenario, f"{what.name}-{method}", *keys, *own)
+    stated = FAILS.get((what.name, method))
+    may = {"lost_angle": stated} if stated else None
+    return runner.drive(scenario, f"{what.name}-{method}", *keys, *own, accept=may)
 
 
 # Methods that cannot go through a step, and what becomes of them: stated in the figure's title, and checked.

@@ -147,7 +147,8 @@ def hall_fallback(runner: Runner) -> Iterator[Row]:
     failures = [("vb", 2400)] if runner.quick else [(f"v{x}", code) for x in "abc" for code in CODES]
     for channel, code in failures:
         changed = (f"event[3].fault.channel={channel}", f"event[3].fault.code={code}", "expect=[]")
-        run = runner.drive("six-step/hall-fallback.toml", f"{channel}-{code}", *changed)
+        may = {"trip": FALLBACK_NOTE, "lost_angle": "false crossings commutate until an edge shows the error"}
+        run = runner.drive("six-step/hall-fallback.toml", f"{channel}-{code}", *changed, accept=may)
         console = re.findall(r"^commutated_by (\w+)", run.console(), re.MULTILINE)
         yield Row(
             f"six-step/hall-fallback/{channel}-{code}",

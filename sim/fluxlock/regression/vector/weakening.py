@@ -93,5 +93,6 @@ def weakening(runner: Runner) -> Iterator[Row]:
             "inverter.protection.under_voltage_v=8",
             "expect=[]",
             *timeline(END_S, events, [("weak", *WEAK), ("back", *BACK)]),
+            accept=None if on else {"voltage": "without weakening a link this low does not hold the speed"},
         )
         yield _row(run, on)
