@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -10,16 +11,19 @@ from pathlib import Path
 import can
 import pytest
 
+from fluxlock.analysis.verdict import Verdict
 from fluxlock.can_bus import open_bus
 from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.native.drive import drive_of_scenario
-from fluxlock.native.program import MemoryFile
+from fluxlock.native.program import MemoryFile, verdict_of
+from fluxlock.native.recorder import Recorder
 from fluxlock.native.serve import FRAMES_A_STEP, serve
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE, NodeBench
 
 DEMO = ROOT / "scenarios" / "demo.toml"
+HERE = (str(DEMO), "--can", "virtual:any", "--speed", "0")
 
 
 def command(*words: str, console: str = "") -> subprocess.CompletedProcess[str]:
@@ -37,14 +41,54 @@ def test_runs_with_its_console() -> None:
 
     Verifies: CO-18
     """
-    lines = "get speed_rpm\nget no_such\n"
-    done = command(str(DEMO), "--can", "virtual:any", "--speed", "0", "--seconds", "0.05", "--node", "7", console=lines)
+    done = command(*HERE, "--seconds", "0.05", "--node", "7", console="get speed_rpm\nget vdc_v\n")
     assert done.returncode == 0, done.stderr
-    first, *replies, last = done.stdout.splitlines()
+    first, *replies, verdict, why, last = done.stdout.splitlines()
     assert first.startswith("node 7 on virtual:any, process ")
     assert replies[0] == "speed_rpm 0"
-    assert any(line.startswith("error") for line in replies)
+    assert verdict == "ok: no speed to judge" and why == "  speed at the end not judged: no speed was asked for"
     assert last.startswith("0.050 s simulated in ")
+
+
+def test_refused_line_fails() -> None:
+    """A line that the drive refuses: exit code 1 and a line that says which and why.
+
+    Verifies: FRONT-35
+    """
+    done = command(*HERE, "--seconds", "0.05", console="get no_such\n")
+    assert done.returncode == 1
+    failed = [text for text in done.stderr.splitlines() if text.startswith("failed: ")]
+    assert len(failed) == 1 and re.match(
+        r'failed: console at 0\.\d+ s: "get no_such" was rejected: unknown name', failed[0]
+    )
+
+
+def lightly_loaded(seconds: float, *settings: str) -> Verdict:
+    """Motor-I with a fan of 0.1 mN*m, told at 20 ms to go to 8 000 r/min."""
+    light = ("load.fan_torque_nm=0.0001", "drive.accel_rpm_per_s=150000", *settings)
+    scenario = load_scenario(DEMO, light)
+    drive = drive_of_scenario(scenario, NODE)
+    recorder = Recorder(drive)
+    while drive.now_us < 1e6 * seconds:
+        recorder.note()
+        for line in ("set speed_rpm 8000", "start") if drive.now_us == 20_000 else ():
+            recorder.answered(line, drive.chip.fw.command(line))
+        drive.step()
+    return verdict_of(recorder, scenario)
+
+
+def test_judges_itself() -> None:
+    """A start that is not over; a speed that the least duty holds above its target; and with its remedy.
+
+    Verifies: FRONT-35
+    """
+    early = lightly_loaded(0.05)
+    assert re.match(r"the drive ended in starting, since 0\.02\d s: .* see drive\.start$", early.lines[0]), early
+    fast = lightly_loaded(1.0)
+    assert not fast.passed and len(fast.lines) == 1
+    assert re.match(r"\d+\.\d r/min for 8000 r/min at the end \(\+.*: limit duty_min active", fast.lines[0]), fast
+    held = lightly_loaded(1.0, "drive.sync_rect=true")
+    assert held.passed and re.match(r"\d+\.\d r/min for 8000 r/min at the end", held.lines[0]), held
 
 
 @pytest.mark.parametrize(
