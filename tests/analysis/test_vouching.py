@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from fluxlock.figures import FIGURES, Drawing
+from fluxlock.figures import FIGURES, Drawing, Entry
 from fluxlock.figures import command as figures
 from fluxlock.figures.figure import FigureEntry
 from fluxlock.regression import CASES, Row, runner
@@ -69,7 +69,7 @@ def test_figures(
     def body(of: Runner) -> Drawing:
         """A figure."""
         of.drive("demo.toml", "slow", *BASE, accept=accept)
-        return Drawing("condition", Figure(), ())
+        return Drawing("condition", Figure(), (Entry("speed", "", "5500", "drive", None),))
 
     monkeypatch.setitem(FIGURES, "six-step/1.9", FigureEntry("six-step", "1.9", body))
     part = figures.draw("six-step", tmp_path, "1.9", False, 1)
