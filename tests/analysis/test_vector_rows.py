@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from fluxlock.analysis.rundata import FloatArray, LogKind
 from fluxlock.analysis.vector import frequency
 from fluxlock.analysis.vector.controllers import KINDS, cross_peak
-from fluxlock.analysis.vector.model import coefficients
+from fluxlock.analysis.vector.model import ComplexArray, coefficients
+from fluxlock.config.specs import CLOCK_HZ, inverter_spec
 from fluxlock.figures.blac.support import bench, identified
+from fluxlock.firmware.vector_timing import output_shift_cycles
+from fluxlock.regression.runner import RunFailed
+from fluxlock.regression.vector import current_bench
 from fluxlock.regression.vector.bandwidth import CARRIER_HZ, POINTS, SPEED, TONES
-from fluxlock.regression.vector.current_bench import AFTER, FOLLOWED, STEP_A, Ground, Setting, Step, step_reference
+from fluxlock.regression.vector.current_bench import (
+    AFTER,
+    CURRENT_SHARE,
+    FOLLOWED,
+    LEAST_BANDS,
+    STEP_A,
+    VOLTAGE_SHARE,
+    Ground,
+    Setting,
+    Step,
+    step_reference,
+)
 from fluxlock.regression.vector.sines import PERIOD, Response, phase_bandwidth, phase_margin_deg, sines
 from fluxlock.regression.vector.specified import PEAKS_PERCENT
 
@@ -75,7 +94,87 @@ def test_plant_from_currents_and_voltages() -> None:
     i = np.zeros(60, dtype=np.complex128)
     for k in range(59):
         i[k + 1] = model.phi * i[k] + model.gamma1 * u[k] + model.gamma2 * (u[k - 1] if k else 0.0)
-    found = identified([Step(i, u, i, 0.0, 0.0, 0)])
+    found = identified([Step(i, i, u, i, 0.0, 0.0, 0)])
     for name in ("phi", "gamma1", "gamma2"):
         assert complex(getattr(found, name)) == pytest.approx(complex(getattr(model, name)), rel=1e-9)
     assert math.isnan(float(found.gamma_e.real))
+
+
+@pytest.mark.parametrize(("speed", "bound"), [(0.05, "current"), (0.1, "voltage")])
+def test_sines_are_as_large_as_there_is_room(speed: float, bound: str) -> None:
+    """At 750 Hz the current's limit binds, at 1500 Hz the voltage's circle; the other one is kept too.
+
+    Verifies: SYS-12
+    """
+    ground = Ground.of(Setting("B", speed, 0.5, gamma=0.4))
+    unit = sines([1, 3, 6, 10, 17, -1, -3, -6, -10, -17], 0.5, real=True)
+    amplitude = ground.amplitude_a(unit)
+    current = amplitude * ground.theory.response(unit)
+    # The voltage from the plant's equation, not from the regulator: (i[k+1] - Phi i[k] - Gamma2 u[k-1]) / Gamma1.
+    model, u, before = ground.theory.model, [], 0j
+    for now, after in itertools.pairwise(current):
+        before = complex((after - model.phi * now - model.gamma2 * before) / model.gamma1)
+        u.append(ground.held_v + before)
+    share_i = (
+        np.abs(np.concatenate([current, amplitude * unit])).max() / ground.scenario.inverter.protection.phase_current_a
+    )
+    share_u = np.abs(u).max() / ground.limit_v
+    assert share_i <= CURRENT_SHARE + 1e-6 and share_u <= VOLTAGE_SHARE + 1e-6
+    assert (share_i if bound == "current" else share_u) == pytest.approx(
+        CURRENT_SHARE if bound == "current" else VOLTAGE_SHARE, rel=1e-3
+    )
+
+
+def test_sines_within_the_dead_time_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where current and voltage leave less than the dead time's band, nothing is measured.
+
+    Verifies: SYS-12
+    """
+    ground = Ground.of(Setting("B", 0.05, 0.5, gamma=0.4))
+    unit = sines([1, 3, -1, -3], 0.5, real=True)
+    rms = ground.amplitude_a(unit) * float(np.sqrt(np.mean(np.abs(ground.theory.response(unit)) ** 2)))
+    monkeypatch.setattr(current_bench, "CURRENT_SHARE", 0.9 * CURRENT_SHARE * LEAST_BANDS * ground.band_a / rms)
+    with pytest.raises(RunFailed, match="the dead time would be measured"):
+        ground.amplitude_a(unit)
+
+
+def test_ripple_of_a_pulsed_voltage() -> None:
+    """A machine without resistance on pulses of one vector: the ripple is what the pulses are ahead of their mean.
+
+    Verifies: FIG-07
+    """
+    ground = Ground.of(Setting("C", 0.1, 0.25))
+    t, machine = ground.timing, ground.machine
+    shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    carrier, count = t.carrier_cycles, 12
+    omega = 2 * math.pi * ground.setting.fundamental_hz / CLOCK_HZ
+    rng = np.random.default_rng(5)
+    pulse = rng.uniform(0.2, 0.8, count) * np.exp(2j * np.pi * rng.random(count))  # duty along a direction
+    edges = [(k + 0.5 + sign * abs(duty) / 2) * carrier + shift for k, duty in enumerate(pulse) for sign in (-1, 1)]
+    instants: FloatArray = np.arange(count, dtype=np.float64) * carrier + t.from_cycles
+    time = np.unique(np.concatenate([np.arange(0, (count + 1) * carrier, 25.0), edges, instants]))
+
+    def charge(at: FloatArray) -> ComplexArray:
+        """Integral of the voltage (V clocks)."""
+        total = np.zeros(at.size, dtype=np.complex128)
+        for k, duty in enumerate(pulse):
+            begin, end = edges[2 * k], edges[2 * k + 1]
+            total += 25.0 * np.exp(1j * np.angle(duty)) * (np.clip(at, begin, end) - begin)
+        return total
+
+    current = (charge(time) / CLOCK_HZ - machine.psi_vs * np.exp(1j * omega * time)) / machine.l_h
+    records = np.zeros(time.size, dtype=[(name, "f8") for name in ("t_cycle", "theta_e", "ia", "ib", "ic")])
+    records["t_cycle"], records["theta_e"] = time, omega * time
+    for k, name in enumerate(("ia", "ib", "ic")):
+        records[name] = (current * np.exp(-2j * np.pi / 3 * k)).real
+    rows = {
+        LogKind.ANGLE: np.column_stack([instants.astype(np.int64), np.zeros((count, 3), dtype=np.int64)]),
+        LogKind.GATES: np.array([[round((count + 1) * carrier), 1, 0, 0]]),
+    }
+    run: Any = SimpleNamespace(zoom=records, rows=rows.__getitem__)
+    begin: FloatArray = np.arange(count, dtype=np.float64) * carrier + shift
+    ahead = charge(instants) - charge(begin) - (instants - begin) / carrier * (charge(begin + carrier) - charge(begin))
+    expected = ahead / CLOCK_HZ / machine.l_h * np.exp(-1j * omega * instants)
+    found = current_bench._ripple(run, ground, count - 1)
+    assert np.abs(expected).max() > 1.0
+    assert found == pytest.approx(expected[1:], abs=1e-3)  # straight lines between records

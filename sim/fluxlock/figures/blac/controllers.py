@@ -39,7 +39,11 @@ WHY_CIRCLE = (
     "Γ1 and Γ2 are what the new and the old voltage do in a period: equal near T_d = T_s / 2, which R moves a little. "
     "The thesis gives no number"
 )
-WHY_ZERO = "PLACEHOLDER"
+WHY_ZERO = (
+    "What is left is dead time and noise. The ripple in the sample, which follows the voltage of now at 0.25 and 0.75 "
+    "T_s, is taken off by the plant's own current"
+)
+NO_MORE = "T_d > T_s, (7.10) to (7.14), is not here: `drive.vector.delay` ends at 1"
 WHY_FINE = "0 but for the rounding of the computation"
 WHY_RIPPLE = "Beside the middle of pulse and gap the sample holds ripple; what the step changes of it stays"
 WHY_OFFSET = "What the dead time leaves; most around f_e, where the reference asks for a constant phase current"
@@ -107,9 +111,11 @@ def pole_zero_map(runner: Runner) -> Drawing:
         lines.append(Entry(quantity, "", text, "imposed", None, WHY_ZERO))
     identification = (
         "Squares and +: zero and pole by least squares from currents and voltages of the steps of figures 7.8 and 7.9 "
-        "on the chip with the switched inverter."
+        "on the chip with the switched inverter, less the carrier's ripple."
     )
-    return Drawing(f"Motor-I, f_s 15 kHz. {ANALYTIC if runner.quick else identification}", drawn, tuple(lines))
+    return Drawing(
+        f"Motor-I, f_s 15 kHz. {NO_MORE}. {ANALYTIC if runner.quick else identification}", drawn, tuple(lines)
+    )
 
 
 def _identified(runner: Runner, speed: float) -> dict[float, Coefficients]:

@@ -32,10 +32,10 @@ def bench() -> Bench:
 
 
 def identified(steps: Sequence[Step]) -> Coefficients:
-    """Phi, Gamma1 and Gamma2 by least squares from currents and voltages of steps, all at one speed and delay."""
+    """Phi, Gamma1 and Gamma2 by least squares from steps, all at one speed and delay: smooth currents, voltages."""
     left, right = [], []
     for step in steps:
-        i, u = step.current, step.voltage
+        i, u = step.smooth, step.voltage
         before = np.concatenate(([0.0], u[:-1]))
         left.append(np.column_stack([i[:-1], u[:-1], before[:-1]]))
         right.append(i[1:])

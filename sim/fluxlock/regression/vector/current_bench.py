@@ -241,33 +241,71 @@ def _pair(value: complex) -> tuple[int, int]:
 class Played:
     """What the regulators saw: currents (A) and voltages (V) at the samples that used the references, d + jq.
 
-    The first sample belongs to the second row of the table and used the first reference.
+    The first sample belongs to the second row of the table and used the first reference. ripple: what of the current
+    is the carrier's (A), none for a mean over it.
     """
 
     current: ComplexArray
     voltage: ComplexArray
+    ripple: ComplexArray
     angle_error_deg: FloatArray  # of the chip against the rotor, at the samples
     instant_error_cycles: float  # largest, of the samples against the middle of the pulses, from where T_d puts them
     trips: int
 
 
-def play(runner: Runner, setting: Setting, reference: ComplexArray, name: str) -> Played:
-    """Play references (A) on the chip; name: of the reference."""
+def play(runner: Runner, setting: Setting, reference: ComplexArray, name: str, every_event: bool = False) -> Played:
+    """Play references (A) on the chip; name: of the reference; every_event: record the plant so, for the ripple."""
     ground = Ground.of(setting)
-    count = len(reference)
+    count, duration_s = len(reference), ground.duration_s(len(reference))
     run = runner.program(
         PROGRAM,
         ground.table(reference),
         SCENARIO,
         f"{setting.name}-{name}",
         *setting.overrides(),
-        f"duration_s={ground.duration_s(count)!r}",
+        f"duration_s={duration_s!r}",
+        *(("record.zoom_from_s=0", f"record.zoom_to_s={duration_s!r}") if every_event else ()),
     )
     values = _decode(run, count)
     current = (values[:, 0] + 1j * values[:, 1]) * (ground.full_scale_a / 2**FULL_BITS)
     voltage = (values[:, 2] + 1j * values[:, 3]) * (ground.full_scale_v / 2**STATE_BITS)
-    trips = len(run.rows(LogKind.TRIP))
-    return Played(current[AFTER:], voltage[AFTER:], _angle_errors(run, ground), _instant_error(run, ground), trips)
+    ripple = _ripple(run, ground, count) if every_event and not ground.timing.length_cycles else np.zeros_like(current)
+    return Played(
+        current[AFTER:],
+        voltage[AFTER:],
+        ripple[AFTER:],
+        _angle_errors(run, ground),
+        _instant_error(run, ground),
+        len(run.rows(LogKind.TRIP)),
+    )
+
+
+def _ripple(run: RunData, ground: Ground, count: int) -> ComplexArray:
+    """Current of the plant at the last samples, less that which the carrier's mean voltage would have left there (A).
+
+    In the stationary frame the mean voltage is constant from an update to the next: between the two the current runs
+    straight, but for what the EMF adds by turning on. The winding's resistance is left out: 1 % of the ripple.
+    """
+    time, records = run.zoom["t_cycle"], run.zoom
+    stationary = (records["ia"] + records["ib"] * np.exp(2j * np.pi / 3) + records["ic"] * np.exp(-2j * np.pi / 3)) * (
+        2 / 3
+    )
+    instants = run.rows(LogKind.ANGLE)[:, 0].astype(np.float64)
+    # The gates go off after the table's last sample.
+    at = instants[instants < run.rows(LogKind.GATES)[-1, 0]][-count:]
+    theta = np.interp(at, time, records["theta_e"])
+    omega = 2 * np.pi * ground.setting.fundamental_hz / CLOCK_HZ
+    begin = at - ground.timing.from_cycles + output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    end = begin + ground.timing.carrier_cycles
+
+    def without_emf(cycle: FloatArray) -> ComplexArray:
+        current = np.interp(cycle, time, stationary.real) + 1j * np.interp(cycle, time, stationary.imag)
+        flux = ground.machine.psi_vs * np.exp(1j * (theta + omega * (cycle - at)))
+        return np.asarray(current + flux / ground.machine.l_h)
+
+    share = (at - begin) / (end - begin)
+    straight = (1 - share) * without_emf(begin) + share * without_emf(end)
+    return np.asarray((without_emf(at) - straight) * np.exp(-1j * theta))
 
 
 def _decode(run: RunData, count: int) -> FloatArray:
@@ -323,12 +361,14 @@ def step_reference(step_a: complex = STEP_A) -> ComplexArray:
 
 @dataclass(frozen=True)
 class Step:
-    """Response to a step of i_d: current and voltage over the step from the sample at which it begins, without ripple.
+    """Response to a step of i_d: current and voltage over the step from the sample at which it begins.
 
-    ripple_a: current that flows without the step (A), at the samples.
+    current: at the samples, less what flows without the step, and so with what the step changes of the ripple;
+    smooth: without that, too. ripple_a: current that flows without the step (A), at the samples.
     """
 
     current: ComplexArray
+    smooth: ComplexArray
     voltage: ComplexArray
     ripple_a: ComplexArray
     angle_error_deg: float
@@ -344,10 +384,12 @@ def id_step(runner: Runner, setting: Setting, step_a: float = STEP_A) -> Step:
         raise RunFailed(
             f"{setting.name}: a step of {step_a:g} A, while current and voltage leave room for {room_a:.1f} A"
         )
-    stepped = play(runner, setting, reference, f"step-{step_a:g}a")
-    rest = play(runner, setting, np.zeros_like(reference), "rest")
+    stepped = play(runner, setting, reference, f"step-{step_a:g}a", every_event=True)
+    rest = play(runner, setting, np.zeros_like(reference), "rest", every_event=True)
+    current, ripple = (stepped.current - rest.current) / step_a, (stepped.ripple - rest.ripple) / step_a
     return Step(
-        ((stepped.current - rest.current) / step_a)[BEFORE:],
+        current[BEFORE:],
+        (current - ripple)[BEFORE:],
         ((stepped.voltage - rest.voltage) / step_a)[BEFORE:],
         rest.current,
         float(np.abs(np.concatenate([stepped.angle_error_deg, rest.angle_error_deg])).max()),
