@@ -212,9 +212,11 @@ def identify(
     from fluxlock.cosim.plan import ConversationError
 
     try:
-        run_identify(bench, path, 1 if seed is None else seed, current_hz, speed_hz, as_json)
+        passed = run_identify(bench, path, 1 if seed is None else seed, current_hz, speed_hz, as_json)
     except (ConversationError, SimulationFault) as error:
         _fail([f"identify: {error}"])
+    if not passed:
+        raise typer.Exit(EXIT_FAILED)
 
 
 @app.command()

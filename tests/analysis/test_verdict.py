@@ -138,6 +138,11 @@ WRONGS: dict[str, tuple[dict[str, Any], tuple[str, ...], str]] = {
         (events("{at_s=0.001,speed_rpm=6000}", '{at_s=0.002,command="start"}', '{at_s=0.09,command="stop"}'),),
         r"the drive was told to stop and ended in running",
     ),
+    "stop that accelerates": (
+        {"account": ((0.0, RUNNING, 0), (0.03, STOPPING, 0)), "accel_rpm_per_s": 1e4},
+        (events("{at_s=0.001,speed_rpm=6000}", '{at_s=0.002,command="start"}', '{at_s=0.03,command="stop"}'),),
+        r"the drive has been stopping since 0\.030 s and the rotor is no slower: 69\d\d r/min, 6[23]\d\d then",
+    ),
     "fault without a name": (
         {"account": ((0.0, RUNNING, 0), (0.09, FAULT, 0))},
         (),
@@ -162,6 +167,22 @@ def test_planted_wrong_is_named(name: str) -> None:
     assert not found.passed
     assert len(found.lines) == 1, found.lines
     assert re.search(line, found.lines[0]), found.lines[0]
+
+
+def test_swinging_speed_is_named() -> None:
+    """The mean is right, the speed is not.
+
+    Verifies: FRONT-35
+    """
+    data = run()
+    steady = (data.records["t_cycle"] > 0.05 * data.clock_hz) & (data.records["t_cycle"] < 0.08 * data.clock_hz)
+    swing = np.where(np.arange(np.count_nonzero(steady)) % 2 == 0, 0.4, 1.6)
+    data.records["omega_e"][steady] *= swing
+    (line,) = verdict(data, scenario()).failures
+    assert re.fullmatch(r"6000\.\d r/min for 6000 r/min in steady, but it swings from 2400\.0 to 9600\.0 r/min", line)
+    data = run()
+    data.records["omega_e"][steady] *= 1.0 + 0.4 * (swing - 1.0)
+    assert verdict(data, scenario()).passed
 
 
 @pytest.mark.parametrize(

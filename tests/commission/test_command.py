@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -55,6 +57,7 @@ def test_files_and_tables(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_p
     path = tmp_path / "found.toml"
     code, out, err = invoke("--plant", PLANT, "--inverter", INVERTER, "--out", str(path))
     assert code == 0, err
+    assert out.startswith("ok: off the plant: R winding + switch, mean ")
     assert "R winding + switch, mean" in out and "current, 800 Hz: k_p d" in out and "found.png" in out
     assert load_motor(path).psi_vs[0] == pytest.approx(1e-3, rel=0.03)
     assert (tmp_path / "found.png").stat().st_size > 10_000
@@ -62,7 +65,27 @@ def test_files_and_tables(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_p
     assert code == 0, err
     document = json.loads(out)
     assert document["seed"] == 3 and abs(document["error_percent"]["flux"]) < 3.0
-    assert document["gains"]["speed, 20 Hz: k_p"]["value"] > 0.0
+    assert document["gains"]["speed, 20 Hz: k_p"]["value"] > 0.0 and document["verdict"]["passed"]
+
+
+def test_wrong_measurement_fails(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A machine that is not the one on the bench: exit code 1 and a line with both values, also with `--json`.
+
+    Verifies: FRONT-35
+    """
+
+    def other(bench: Scenario, folder: Path, seed: int, progress: Callable[[ProgressInfo], None]) -> Measured:
+        found = averaged(bench, folder, seed, progress)
+        return replace(found, values={**found.values, "psi_vs": 1.1 * found.values["psi_vs"]})
+
+    monkeypatch.setattr(command, "measure", other)
+    path = str(tmp_path / "found.toml")
+    for arguments in ((), ("--json",)):
+        code, _, err = invoke("--plant", PLANT, "--inverter", INVERTER, "--out", path, *arguments)
+        assert code == 1
+        (line,) = (text for text in err.splitlines() if text.startswith("failed: "))
+        wanted = r"failed: flux is 1\.\d+ mV s, the plant has 1 \(\+\d+\.\d %, permitted 3 %\)"
+        assert re.fullmatch(wanted, line), line
 
 
 def test_bad_input_is_refused(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

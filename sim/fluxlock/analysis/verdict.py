@@ -7,7 +7,7 @@
 - a lost lock, or an angle that is lost while the drive says that it runs: its commutations, its published angle or its
   speed have left the true rotor;
 - a drive that is not running at the end although it was told to start and not to stop;
-- a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`;
+- a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`, or a speed that swings;
 - a missed `[[expect]]`.
 
 The speed is judged where it must have settled: the drive runs, the slope of the target has had its time, and nothing
@@ -35,6 +35,10 @@ SPEED_TOLERANCE = 0.01
 # time constants of the loop a disturbance is given.
 SIX_STEP_SPEED_HZ = 30.0
 SETTLING = 10.0
+# A settled speed swings: beyond the target by this share of it, on both sides or one, and by this share of the highest.
+SWING, SWING_OF_MAX = 0.5, 0.02
+# A drive that stops must have slowed its rotor after this time.
+STOPPING_S = 0.05
 # The end of a run: at least this long, at least a mechanical turn.
 END_S = 0.01
 # A limit is the cause where it was active for at least this share of the time.
@@ -88,8 +92,10 @@ class Verdict:
         return {"passed": self.passed, "lines": self.lines}
 
 
-def say(verdict: Verdict) -> None:
-    """The verdict as the first lines of a command's result: `ok: ...` on stdout, `failed: ...` on stderr."""
+def say(verdict: Verdict, quiet: bool = False) -> None:
+    """The verdict first in a command's result: `ok: ...` on stdout unless quiet, `failed: ...` on stderr."""
+    if verdict.passed and quiet:
+        return
     if verdict.passed:
         print("\n  ".join([f"ok: {verdict.lines[0]}", *verdict.lines[1:]]), flush=True)
     else:
@@ -117,6 +123,8 @@ class Span:
     to_s: float
     target_rpm: float
     mean_rpm: float
+    least_rpm: float
+    most_rpm: float
 
     @property
     def deviation(self) -> float:
@@ -127,6 +135,11 @@ class Span:
     def text(self) -> str:
         """Speed, target and place."""
         return f"{self.mean_rpm:.1f} r/min for {self.target_rpm:g} r/min {self.where}"
+
+    def swings(self, max_speed_rpm: float) -> bool:
+        """Whether the speed goes to and fro about a mean that may be right."""
+        far = max(SWING * abs(self.target_rpm), SWING_OF_MAX * max_speed_rpm)
+        return max(self.most_rpm - self.target_rpm, self.target_rpm - self.least_rpm) > far
 
 
 @dataclass(frozen=True)
@@ -212,7 +225,18 @@ class Judge:
             text = f'was given a speed and never told to start: it ended in {name}; add command = "start"'
         elif self.told is False and last in (STARTING, RUNNING):
             text = f"was told to stop and ended in {name}"
+        elif self.told is False and last == STOPPING:
+            text = self._unslowed()
         return [Finding("end_state", f"the drive {text}")] if text else []
+
+    def _unslowed(self) -> str:
+        """Of a drive that is still stopping: that its rotor has become no slower, if that is so."""
+        since = self.time_s[np.flatnonzero(self.states["state"] != STOPPING)]
+        begin_s, end_s = (float(since[-1]) if since.size else 0.0), float(self.time_s[-1])
+        before, now = np.abs(self._rotor_rpm(np.array([begin_s, end_s])))
+        if end_s - begin_s < STOPPING_S or now < before:
+            return ""
+        return f"has been stopping since {begin_s:.3f} s and the rotor is no slower: {now:.0f} r/min, {before:.0f} then"
 
     # The angle.
 
@@ -302,7 +326,10 @@ class Judge:
         low, high = max(from_s * clock, track.first_cycle), min(to_s * clock, track.last_cycle)
         turned = track.theta_rad(np.array([low, high]))
         mean = float(turned[1] - turned[0]) * clock / (high - low) * 30.0 / math.pi / self.data.pole_pairs
-        return Span(where, window, from_s, to_s, target, mean)
+        records = self.data.records
+        inside = records["omega_e"][(records["t_cycle"] >= low) & (records["t_cycle"] <= high)]
+        least, most = np.array([inside.min(), inside.max()]) * 30.0 / math.pi / self.data.pole_pairs
+        return Span(where, window, from_s, to_s, target, mean, float(least), float(most))
 
     def _settled_s(self, begin_s: float, to_s: float) -> float:
         """When a drive that runs since begin_s must have settled, if nothing disturbs it before to_s."""
@@ -329,6 +356,15 @@ class Judge:
     def misses(self, spans: list[Span]) -> list[Miss]:
         """Spans off their targets."""
         return [self._miss(span) for span in spans if not abs(span.deviation) <= SPEED_TOLERANCE]
+
+    def swing_findings(self, spans: list[Span]) -> list[Finding]:
+        """Spans whose mean is right and whose speed is not."""
+        most = self.scenario.motor.max_speed_rpm
+        return [
+            Finding("speed", f"{s.text}, but it swings from {s.least_rpm:.1f} to {s.most_rpm:.1f} r/min", s.window)
+            for s in spans
+            if abs(s.deviation) <= SPEED_TOLERANCE and s.swings(most)
+        ]
 
     def _miss(self, span: Span) -> Miss:
         shares = {name: self._share(code, span.from_s, span.to_s) for code, name in LIMITS.items()}
@@ -471,6 +507,7 @@ def judge_run(
     if not causes:
         spans = judge_of.spans()
         causes += [f.line for f in _speed_findings([m for m in judge_of.misses(spans) if open_(m.kind, m.span.window)])]
+        causes += left(judge_of.swing_findings(spans))
     expectations = [judge(e, metrics) for e in scenario.expect]
     causes += expectation_failures(expectations)
     if causes:

@@ -13,7 +13,8 @@ from rich.table import Table
 
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.six_step.plots import save
-from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, write_motor
+from fluxlock.analysis.verdict import say
+from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, verdict, write_motor
 from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.progress import Bars
@@ -44,8 +45,11 @@ def _gain_table(found: list[Gain]) -> Table:
     return table
 
 
-def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> None:
-    """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to build/identify/NAME."""
+def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> bool:
+    """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to build/identify/NAME.
+
+    False: the measurement cannot be vouched for.
+    """
     known_of(bench)  # refuses a bench before anything is written
     folder = Path("build") / "identify" / out.stem
     _check_writable(out, folder)
@@ -59,14 +63,18 @@ def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz:
     )
     write_motor(out, motor_file(measured.values, plate, bench.inverter, origin))
     save(figure(measured.values, f"{plate.name} on {bench.inverter.name}"), out.with_suffix(".png"))
+    judged = verdict(found)
     if as_json:
-        print(json.dumps(_document(measured, found, derived, seed), indent=2))
-        return
+        print(json.dumps({"verdict": judged.as_json(), **_document(measured, found, derived, seed)}, indent=2))
+        say(judged, quiet=True)
+        return judged.passed
+    say(judged)
     console = Console()
     console.print(_table(found))
     console.print(_gain_table(derived))
     console.print(f"{measured.duration_s:.3f} s of chip time in {measured.wall_s:.0f} s", highlight=False)
     console.print(f"written: {out}, {out.with_suffix('.png').name}", highlight=False, soft_wrap=True)
+    return judged.passed
 
 
 def _check_writable(out: Path, folder: Path) -> None:

@@ -13,12 +13,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fluxlock.analysis.six_step.plots import finish
+from fluxlock.analysis.verdict import Verdict
 from fluxlock.commission.plate import NamePlate
 from fluxlock.config import Inverter, Motor
 from fluxlock.config.motor import RPM_PER_RAD_S
 
 # Below this difference over the mean the file states one number: for the phases, for the axes.
 PHASE_SPREAD, SALIENCY = 0.03, 0.05
+# What a measurement may be off the plant's value, by the name of the quantity, per cent.
+VOUCHED_PERCENT = {"R winding + switch, mean": 3.0, "L d": 3.0, "L q": 3.0, "flux": 3.0, "inertia": 10.0}
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,22 @@ def quantities(values: Mapping[str, Any], on_resistance_ohm: float, plant: Motor
             load.torque_nm(top * RPM_PER_RAD_S) if load else None,
         ),
     ]
+
+
+def verdict(found: Sequence[Quantity]) -> Verdict:
+    """Whether the measurement can be vouched for: what the plant has is found within VOUCHED_PERCENT."""
+    lines = [
+        f"{q.name} is {q.measured * q.factor:.4g} {q.unit}, the plant has {(q.true or 0.0) * q.factor:.4g} "
+        f"({q.error_percent:+.1f} %, permitted {VOUCHED_PERCENT[q.name]:g} %)"
+        for q in found
+        if q.name in VOUCHED_PERCENT and q.error_percent is not None
+        if not abs(q.error_percent) <= VOUCHED_PERCENT[q.name]
+    ]
+    judged = {q.name: q.error_percent for q in found if q.name in VOUCHED_PERCENT and q.error_percent is not None}
+    text = ", ".join(f"{name} {error:+.2f} %" for name, error in judged.items())
+    return Verdict(
+        not lines, lines or [f"off the plant: {text}" if judged else "measured; there is no plant to compare"]
+    )
 
 
 @dataclass(frozen=True)
