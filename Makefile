@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs release-check setup
+.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs release-check setup
 .PHONY: place clean distclean
 
 help: ## list the targets
@@ -34,22 +34,25 @@ setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## install every dependenc
 demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
 	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
 
+check: $(TEST) $(LINT) $(FORMAL) ## minutes before a commit: lint, units, what has changed, a short closed loop (SINCE=revision)
+	@$(PY) -m fluxlock.check --jobs $(JOBS) $(if $(SINCE),--since $(SINCE))
+
 test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
 	@FLUXLOCK_TEST_TIMES=build/test-times.json $(PY) -m pytest -n $(JOBS) --dist worksteal
 
 can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
-canopen: $(TEST) ## CANopen node in the chip on the simulator's bus, with a master that is not ours; random register accesses
-	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py \
+canopen: $(TEST) ## the tests of the CANopen node alone, with 5000 frames to refuse on a full bus (FRAMES=...)
+	@FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py \
 	  tests/campaign/test_fuzz.py tests/campaign/test_campaign.py::test_the_node_tells
 
-native: $(TEST) ## the firmware in the simulator's process, on chips with five phases and with CAN too
-	@FLUXLOCK_NATIVE_CHIPS=1 FLUXLOCK_CAN_CHIP=1 $(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core
+native: $(TEST) ## the tests of the firmware in the simulator's process alone
+	@$(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core
 
 test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a real vcan0, under User-Mode Linux where the kernel has none
-	@$(PY) -c 'from fluxlock.cosim.run import ready_chip; ready_chip(can=True)'
-	@FLUXLOCK_CAN_CHIP=1 FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/test_socketcan.py
+	@$(PY) -c 'from fluxlock.cosim.run import chip_of; from fluxlock.config import load_scenario; chip_of(load_scenario("scenarios/can.toml"))'
+	@FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/can_utils.py
 
 lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy, requirement matrix
 	@$(PY) -m fluxlock.lint --jobs $(JOBS)

@@ -1,18 +1,15 @@
 """Stored objects in the flash of a chip with Boot: the firmware with its CANopen node, a master on the bus, power-offs.
 
-The RAM is filled from outside, and the ROM only jumps into it: the loader's copy takes longer than all the rest. Needs
-a chip of its own, which takes minutes to build: runs with FLUXLOCK_CAN_CHIP set, as `make canopen` does.
+The RAM is filled from outside, and the ROM only jumps into it: the loader's copy takes longer than all the rest.
 """
 
 from __future__ import annotations
 
-import os
 import struct
 from types import SimpleNamespace
 from typing import Any
 
 import cocotb
-import pytest
 from cocotb.triggers import Timer
 
 from cocotb_tests.can.link import Wire
@@ -115,7 +112,6 @@ async def objects_survive(dut: Any) -> None:
     assert int(dut.gate_o.value) == 0
 
 
-@pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 def test_boot_store() -> None:
     """What a master stores holds over a power-off, also if power goes while it is stored; without a node-ID silence.
 

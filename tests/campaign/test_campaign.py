@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import os
 import random
 import re
 from dataclasses import replace
@@ -169,7 +168,6 @@ def test_phases_beyond_three(monkeypatch: pytest.MonkeyPatch) -> None:
     run_some(monkeypatch, replace(drive_of("five-phase"), can=False), wanted)
 
 
-@pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 def test_the_node_tells(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bus without commands for longer than the timeout stops the drive, the node tells why; a short one does not.
 

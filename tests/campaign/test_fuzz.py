@@ -1,11 +1,7 @@
-"""Random register accesses on the running chip: gates stay safe, the bus answers.
-
-FLUXLOCK_CAN_CHIP=1: also with five phases, injection and CAN.
-"""
+"""Random register accesses on the running chip: gates stay safe, the bus answers."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from functools import reduce
 from operator import or_
@@ -22,11 +18,9 @@ from fluxlock.paths import REGISTER_BLOCKS
 SEED = 1
 DEAD_TIME_S = 2e-6  # the longest of the drives
 RIGHT = FuzzRun(7, 100, 3, 200, 4, 0.9, 0, DEAD_TIME_S, 50e-6)
-# With the chip that only a long target builds.
-LONG = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds another chip: make canopen")
 
 
-@pytest.mark.parametrize("drive", [pytest.param(name, marks=LONG if DRIVES[name].can else ()) for name in DRIVES])
+@pytest.mark.parametrize("drive", DRIVES)
 def test_random_accesses(drive: str) -> None:
     """Words, halves and bytes at random places and times, while the gates go on again and again.
 

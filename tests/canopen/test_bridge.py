@@ -212,7 +212,6 @@ def test_refused(scenario: str, interface: str, channel: str, text: str) -> None
         join(loaded, interface, channel)
 
 
-@pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 def test_interrupted(tmp_path: Path) -> None:
     """Ctrl-C, as a terminal sends it to the whole group, ends the run with its results and exit code 0.
 

@@ -1,7 +1,6 @@
 """A master that is not ours, the package `canopen`, on a bus of python-can; of the drive it knows the EDS only.
 
-The same tests on the native program, with FLUXLOCK_CAN_CHIP set (`make canopen`) on the chip, and with
-FLUXLOCK_SOCKETCAN=vcan0 on either over the kernel's bus.
+The same tests on the native program and on the chip; with FLUXLOCK_SOCKETCAN=vcan0 over the kernel's bus.
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ CHANNELS = itertools.count()
 NATIVE_NODE = NODE + 1  # on a real vcan0 the chip hears all that the native program is sent, and answers late
 CHIP_S = 30.0  # simulated, at most
 PLOTS = BUILD / "canopen" / "chip"
-ON_CHIP = pytest.mark.skipif("FLUXLOCK_CAN_CHIP" not in os.environ, reason="builds a chip: make canopen")
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     assert traffic.from_chip > 100
 
 
-@pytest.fixture(params=["native", pytest.param("chip", marks=ON_CHIP)])
+@pytest.fixture(params=["native", "chip"])
 def target(request: pytest.FixtureRequest) -> Target:
     found: Target = request.getfixturevalue(request.param)
     return found
