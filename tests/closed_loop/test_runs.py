@@ -77,7 +77,7 @@ def test_commutation_patterns(pattern: str) -> None:
         assert error["rms"] <= 0.3
 
 
-@pytest.mark.parametrize(("name", "settled_s"), [("own-pump", 0.68), ("own-outrunner", 0.80)])
+@pytest.mark.parametrize(("name", "settled_s"), [("own-pump", 0.72), ("own-outrunner", 0.84)])
 def test_motor_from_its_file_alone(name: str, settled_s: float) -> None:
     """Machines nobody tuned for start and hold speed: 4 (trapezoidal) and 7 pole pairs, to just after the ramp's end.
 
