@@ -315,6 +315,26 @@ def test_record_keeps_what_has_moved(
     assert record.read_text() == before
 
 
+def test_record_refuses_unvouched_runs(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run of one seed that cannot be vouched for keeps every row of its case out of the record.
+
+    Verifies: REC-03
+    """
+    record, _ = files
+    before = record.read_text()
+    good = documents(dict.fromkeys(range(1, 6), 1.0))
+
+    def run_cases(names: Any, quick: bool, seed: int, jobs: int, done: Any) -> dict[str, Any]:
+        document: dict[str, Any] = good(names, quick, seed, jobs, done)
+        if seed == 3:
+            document["rows"].append(regression_row("six-step/hall/vouched", unvouched=1))
+        return document
+
+    monkeypatch.setattr(command, "run_cases", run_cases)
+    assert not command.record_regression(["six-step/hall"], 5, 1)
+    assert record.read_text() == before
+
+
 def test_run_judges(
     files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -100,7 +100,8 @@ def _store(document: dict[str, Any], names: Sequence[str]) -> None:
 def record_regression(patterns: Sequence[str], seeds: int, jobs: int) -> bool:
     """Run with seeds 1 to `seeds` and record means, scatters and bands; False if a row could not be recorded.
 
-    A row that is outside of its bands, or misses a limit with one of the seeds, stays in the record as it is.
+    A row that is outside of its bands, or misses a limit with one of the seeds, stays in the record as it is, and so do
+    all rows of a case with a run that cannot be vouched for.
     """
     names = _selected(patterns)
     check_file(RESULT)
@@ -108,16 +109,23 @@ def record_regression(patterns: Sequence[str], seeds: int, jobs: int) -> bool:
     documents = {seed: _run(names, False, seed, jobs) for seed in range(seeds, 0, -1)}  # the last run's data stay
     record = read_record(RECORD)
     rows = {seed: {row["id"]: row for row in document["rows"]} for seed, document in documents.items()}
+    broken: dict[str, set[int]] = {}  # case -> seeds with a failed row of their own: broken off, or not vouched for
+    for seed, found in rows.items():
+        for name in found.keys() - rows[1].keys():
+            broken.setdefault(case_of(name), set()).add(seed)
     right = True
     for name, row in rows[1].items():
         made = {seed: found[name]["values"] for seed, found in rows.items() if name in found}
-        missed = [seed for seed, found in rows.items() if name not in found or not _limits_hold(found[name])]
+        missed = {seed for seed, found in rows.items() if name not in found or not _limits_hold(found[name])}
+        missed |= broken.get(case_of(name), set())
         entry = entry_of(row, row["git_revision"], made, record.get(name, {}).get("why", "first recorded"))
         means = {value: told["value"] for value, told in entry["values"].items()}
         left = drift({**row, "values": means}, record) if name in record else []
         right = right and not missed and not left
         if missed:
-            print(f"not recorded: {name}: limits missed or no row with seed {', '.join(map(str, sorted(missed)))}")
+            print(
+                f"not recorded: {name}: limits missed, no row or no run to vouch for with seed {', '.join(map(str, sorted(missed)))}"
+            )
         elif left:
             print(f"not recorded: {name}: mean of {seeds} seeds: {'; '.join(left)}")
         else:
