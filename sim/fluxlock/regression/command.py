@@ -123,9 +123,8 @@ def record_regression(patterns: Sequence[str], seeds: int, jobs: int) -> bool:
         left = drift({**row, "values": means}, record) if name in record else []
         right = right and not missed and not left
         if missed:
-            print(
-                f"not recorded: {name}: limits missed, no row or no run to vouch for with seed {', '.join(map(str, sorted(missed)))}"
-            )
+            seeds_text = ", ".join(map(str, sorted(missed)))
+            print(f"not recorded: {name}: limits missed, no row or no run to vouch for with seed {seeds_text}")
         elif left:
             print(f"not recorded: {name}: mean of {seeds} seeds: {'; '.join(left)}")
         else:
