@@ -14,6 +14,7 @@ from fluxlock.docs.parameter_map import parameter_map
 from fluxlock.docs.regression import PAGE, page
 from fluxlock.regression import origin, runner
 from fluxlock.regression.case import CASES
+from fluxlock.regression.record import read_record
 
 
 def test_table_holds_every_case() -> None:
@@ -115,6 +116,34 @@ def test_page_shows_bands() -> None:
     record = {"six-step/patterns": {"values": {"x": {"value": 1, "scatter": None, "band": [0.666667, 1.5]}}}}
     line = next(line for line in page(document(shown), record).splitlines() if line.startswith("| six-step/patterns"))
     assert line.split(" | ")[2] == "**x 1** (≤ 3; 0.667 … 1.5), **y 1** (≤ 3; not recorded), **z 0** (0), w 2"
+
+
+def test_page_keeps_what_was_not_run() -> None:
+    """Rows of cases without a result stay with their origin and note, those of a case that ran are its new ones.
+
+    Verifies: DOC-05
+    """
+    noted = row("six-step/hall/before") | {"note": "a note"}
+    before = page(document(noted, row("six-step/hall/after", "bbb", 2), row("six-step/patterns/ON-PWM")), {})
+    assert page(document(), {}, before) == before
+    after = page(document(row("six-step/patterns/PWM-ON", "ccc", 3)), {}, before)
+    assert after.partition("## six-step/patterns")[0] == before.partition("## six-step/patterns")[0]
+    patterns = after.partition("## six-step/patterns\n")[2]
+    assert patterns.startswith("\nRevision ccc, seed 3, chip `0123456789ab`.\n")
+    assert "six-step/patterns/PWM-ON" in patterns and "ON-PWM |" not in patterns
+    alone = page(document(row("six-step/patterns/PWM-ON", "ccc", 3)), {})
+    assert page(document(), {}, alone) == alone, "an origin that all rows share stands in the head"
+    short = page(document(noted) | {"quick": True}, {})
+    assert "six-step/hall" not in page(document(row("six-step/patterns/ON-PWM")), {}, short)
+
+
+def test_page_is_that_of_the_record() -> None:
+    """The committed page shows the bands of the committed record.
+
+    Verifies: DOC-05, REC-01
+    """
+    text = PAGE.read_text(encoding="utf-8")
+    assert page(document(), read_record(), text) == text, "run python -m fluxlock.docs.regression"
 
 
 def test_parameter_map_has_a_line_a_change() -> None:

@@ -226,7 +226,7 @@ def test_accept(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) ->
     command.accept_rows(["six-step/hall"], "the estimator is new")
     assert capsys.readouterr().out.splitlines() == [
         "accepted: six-step/hall/after: error.rms 1 → 2",
-        f"written: {record}",
+        f"written: {record}; the page follows with python -m fluxlock.docs.regression",
     ]
     after = read_record(record)
     entry = after.pop("six-step/hall/after")

@@ -134,7 +134,7 @@ def record_regression(patterns: Sequence[str], seeds: int, jobs: int) -> bool:
                 for line in drift(found[name], record):
                     print(f"  its band does not hold seed {seed}: {line}")
     write_record(record, RECORD)
-    print(f"written: {RECORD}")
+    print(f"written: {RECORD}; the page follows with python -m fluxlock.docs.regression")
     document = documents[1]
     document["rows"] = [judged({**row, "pass": _limits_hold(row)}, record) for row in document["rows"]]
     _store(document, names)
@@ -196,4 +196,4 @@ def accept_rows(patterns: Sequence[str], why: str) -> None:
         row |= {"drift": [], "pass": True}
     write_record(record, RECORD)
     RESULT.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    print(f"written: {RECORD}")
+    print(f"written: {RECORD}; the page follows with python -m fluxlock.docs.regression")
