@@ -4,10 +4,11 @@
 //                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
 //
 // Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
-// order of fl_map_pkg (docs: register reference). With five phases there is no six-step path, and without Vector neither
-// vector path nor encoder: their windows read 0, their signals on the trace port stay 0. Injection = 1: with the injection
-// path, which needs Vector. Can = 1: with the CAN controller. Boot = 1: with the port of the SPI flash, and the core starts
-// in the loader, which BootInit holds (fl_cpu). HighActiveLow, LowActiveLow: polarity of the gate pins, of the build alone.
+// order of fl_map_pkg (docs: register reference). Without SixStep, as always with five phases, there is no six-step path,
+// and without Vector neither vector path nor encoder: their windows read 0, their signals on the trace port stay 0.
+// Injection = 1: with the injection path, which needs Vector. Can = 1: with the CAN controller. Boot = 1: with the port of
+// the SPI flash, and the core starts in the loader, which BootInit holds (fl_cpu). HighActiveLow, LowActiveLow: polarity of
+// the gate pins, of the build alone.
 // The trace port shows what happens inside to a test bench or a logic analyser; nothing in the chip depends on it. Its
 // signals are valid in the clock of their pulse:
 //   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
@@ -22,6 +23,7 @@ module fl_soc
   import fl_map_pkg::*;
 #(
     parameter  int unsigned Phases        = 3,
+    parameter  bit          SixStep       = Phases == 3,     // 0: vector path only
     parameter  bit          Vector        = 1'b1,            // 0: six-step only, three phases
     parameter  int unsigned ClockHz       = 50_000_000,
     parameter  int unsigned RamWords      = 32768,           // less: in banks, see fl_cpu
@@ -81,11 +83,12 @@ module fl_soc
   if (Phases != 3 && Phases != 5) begin : g_check
     $fatal(1, "fl_soc: Phases must be 3 or 5 (%m)");
   end
-  if (Phases != 3 && !Vector) begin : g_check_vector
-    $fatal(1, "fl_soc: five phases need Vector (%m)");
+  if (Phases != 3 && SixStep) begin : g_check_six_step
+    $fatal(1, "fl_soc: SixStep needs three phases (%m)");
   end
-
-  localparam bit SixStep = Phases == 3;
+  if (!SixStep && !Vector) begin : g_check_vector
+    $fatal(1, "fl_soc: a chip without SixStep needs Vector (%m)");
+  end
 
   // Windows that are there.
   typedef logic [Blocks-1:0] fitted_t;

@@ -1,8 +1,9 @@
 """Speed of the closed loop against a bare simulation of the same chip: `make bench` writes `build/bench.json`.
 
 One run measures both sides: the demo scenario with plant and Python, its converter codes recorded; then the same
-executable without Python and plant, fed with the recorded codes. Both are timed over the same clock cycles (the
-demo's window `steady`), and their gate logs must be identical.
+executable without Python and plant, fed with the recorded codes. A third replay is of the chip with the paths of both
+methods, each edge of the clock as Verilator does it. All are timed over the same clock cycles (the demo's window
+`steady`), and their gate logs must be identical.
 """
 
 from __future__ import annotations
@@ -21,21 +22,27 @@ import numpy as np
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.build import check_build
 from fluxlock.config import load_scenario
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
-from fluxlock.cosim.run import prepare, ready_chip
+from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.writable import check_file, guarded
 
 WINDOW = "steady"
 
 
-def replay(plan: SessionPlan, executable: Path, cycles: int, begin: int) -> tuple[dict[str, Any], np.ndarray[Any, Any]]:
-    """Run the recorded inputs of `plan` without Python; return the timing and the gate log [cycle, gates]."""
+def replay(
+    plan: SessionPlan, executable: Path, cycles: int, begin: int, plain: bool = False
+) -> tuple[dict[str, Any], np.ndarray[Any, Any]]:
+    """Run the recorded inputs of `plan` without Python; return the timing and the gate log [cycle, gates].
+
+    plain: with Verilator's own evaluation at both edges of every clock.
+    """
     gates = plan.folder / "replay-gates.bin"
     command = [str(executable), "--replay", str(plan.folder / RECORDING_FILE), "--cycles", str(cycles),
                "--from", str(begin), "--conversion", str(plan.conversion_cycles),
-               "--bit-time", str(plan.bit_cycles), "--gates", str(gates)]  # fmt: skip
+               "--bit-time", str(plan.bit_cycles), "--gates", str(gates), "--plain", str(int(plain))]  # fmt: skip
     done = subprocess.run(command, cwd=plan.folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"replay failed with code {done.returncode}: {done.stdout}{done.stderr}")
@@ -48,7 +55,7 @@ def measure(repeat: int = 2) -> dict[str, Any]:
     scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
     window = next(w for w in scenario.window if w.name == WINDOW)
     folder = BUILD / "bench"
-    chip = ready_chip()
+    chip, whole = chip_of(scenario), build_chip()
     pairs: list[dict[str, Any]] = []
     identical = True
     for index in range(repeat):
@@ -62,17 +69,20 @@ def measure(repeat: int = 2) -> dict[str, Any]:
         first, last = meta["marks"][str(begin)], meta["marks"][str(end)]
         closed_s, python_s, events = (y - x for x, y in zip(first, last, strict=True))
         timing, gates = replay(plan, chip.executable, end, begin)
+        whole_timing, whole_gates = replay(plan, whole.executable, end, begin, plain=True)
         with np.load(folder / RAW_FILE) as raw:
             log = raw["log"]
         closed_gates = log[log[:, 1] == LogKind.GATES][:, [0, 2]]
         closed_gates = closed_gates[closed_gates[:, 0] <= end]
-        identical &= bool(np.array_equal(closed_gates, gates))
+        identical &= bool(np.array_equal(closed_gates, gates) and np.array_equal(closed_gates, whole_gates))
         cycles = end - begin
         pairs.append(
             {
                 "closed_loop_cycles_per_s": cycles / closed_s,
                 "bare_cycles_per_s": cycles / timing["wall_s"],
                 "ratio": timing["wall_s"] / closed_s,
+                "whole_chip_cycles_per_s": cycles / whole_timing["wall_s"],
+                "times_as_fast": whole_timing["wall_s"] / timing["wall_s"],
                 # Where the time of the closed loop goes: the model alone, Python's wake-ups, the rest is the plant.
                 "time_s": {
                     "closed_loop": closed_s,
@@ -108,6 +118,7 @@ def main() -> int:
     path.write_text(json.dumps(result, indent=2) + "\n")
     print(f"closed loop {result['closed_loop_cycles_per_s'] / 1e6:.2f} Mcycle/s, "
           f"bare {result['bare_cycles_per_s'] / 1e6:.2f} Mcycle/s, ratio {result['ratio']:.2f}, "
+          f"{result['times_as_fast']:.2f} times as fast as the whole chip, "
           f"gate logs {'identical' if result['gate_log_identical'] else 'DIFFER'}: {path}")  # fmt: skip
     return 0 if result["gate_log_identical"] else 1
 

@@ -91,9 +91,9 @@ def main() -> int:
     elif options.step == "python":
         print(generate_python())
     elif options.step == "chip":
-        from fluxlock.cosim.run import ready_chip
+        from fluxlock.cosim.chip import build_chip
 
-        print(ready_chip().executable)
+        print(build_chip(method="six-step").executable)
     else:
         print(generate_registers(options.force))
     return 0

@@ -28,7 +28,7 @@ UNITS = ("tests/config", "tests/firmware", "tests/registers")
 LOOP = "tests/closed_loop/test_timing.py::test_commutation_latency_is_constant_and_duty_changes_at_the_update"
 # What a test that runs a chip or a synthesis calls; the long ones are left to `make test`.
 LONG = re.compile(
-    r"\b(ready_chip|chip_of|run_chip|run_on_bus|run_drive|run_scenario|fuzz\(|Runner\(|run_plan|synthesize)\b"
+    r"\b(build_chip|chip_of|run_chip|run_on_bus|run_drive|run_scenario|fuzz\(|Runner\(|run_plan|synthesize)\b"
 )
 CHIPS = {"campaign", "closed_loop", "coverage", "formal", "mutation"}  # folders of such tests
 EVERYWHERE = ("rtl/pkg/",)  # in every block

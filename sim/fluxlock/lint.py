@@ -50,7 +50,12 @@ BLOCKS: dict[str, list[dict[str, int | str]]] = {
     "fl_current_window": [{"Phases": 3}, {"Phases": 5}],
     "fl_sinc3": [{}],
     "fl_injection_path": [{"Subspaces": 1}, {"Subspaces": 2}],
-    "fl_soc": [{"Injection": 1, "Can": 1}, {"Phases": 5, "Injection": 1, "Can": 1}, {"Vector": 0, "Boot": 1}],
+    "fl_soc": [
+        {"Injection": 1, "Can": 1},
+        {"Phases": 5, "Injection": 1, "Can": 1},
+        {"Vector": 0, "Boot": 1},
+        {"SixStep": 0, "Injection": 1},
+    ],
     "fl_injection_wb": [{"Phases": 3}, {"Phases": 5}],
     "fl_board_ulx3s": [{"Boot": 1}],
 }

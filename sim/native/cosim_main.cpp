@@ -27,6 +27,8 @@
 #include "cpu_host.h"
 #endif
 
+void Vtop___024root___eval_nba(Vtop___024root*);  // Verilator's: everything that follows from an edge
+
 namespace {
 
 constexpr int64_t NEVER = INT64_MAX;
@@ -105,6 +107,7 @@ struct cosim_t {
     int64_t next = NEVER;  // earliest of valid_at, valid_low_at, rx_next, tx_next, plant_at, can.next, force_at
     recorder_t rec;
     bool stop = false;
+    bool changed = true;  // an input of the chip, or one of its registers from outside, since the model was last settled
 };
 cosim_t C;
 uint32_t* memory = nullptr;  // of the soft core, for cosim_peek
@@ -172,6 +175,7 @@ void put_codes(Vtop* t) {
         }
     }
     if (bits) words[w] = static_cast<uint32_t>(acc);
+    C.changed = true;
 }
 
 // Levels as driven, with the forces, to the chip.
@@ -184,6 +188,7 @@ void put_pins(Vtop* t) {
     }
     const uint32_t changed = pins ^ C.pins;
     C.pins = pins;
+    C.changed = true;
     t->fault_pin_i = pins & 1;
     t->hall_i = pins >> PIN_HALL & 7;
     t->encoder_i = pins >> PIN_ENCODER & 7;
@@ -371,6 +376,29 @@ inline void after_edge(Vtop* t) {
     if (__builtin_expect((gate_levels(t) != C.levels) | (t->brake_o != C.brake) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
                              (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
         slow_step(t);
+    if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0, C.changed = true;
+}
+
+// Verilator's eval() works out what depends on inputs in both halves of every clock, and looks for the edges of all clocks
+// again after each. This chip has one clock, and its inputs change seldom: here they are looked at when one has changed, and
+// the rising edge is what eval() makes of it, alone. plain: as eval() does it, for a debugger that wants to see the clock.
+inline void rising_edge(Vtop* t, bool plain) {
+    if (plain) {
+        t->clk_i = 1;
+        t->eval();
+        return;
+    }
+    Vtop___024root* const root = t->rootp;
+    root->__VnbaTriggered[0] = 1;
+    Vtop___024root___eval_nba(root);
+    root->__VnbaTriggered[0] = 0;
+}
+
+inline void falling_edge(Vtop* t, bool plain) {
+    if (!(plain | C.changed | t->clk_i)) return;
+    C.changed = false;
+    t->clk_i = 0;
+    t->eval();
 }
 
 void power_up(Vtop* t) {
@@ -421,6 +449,7 @@ API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {  // c
 API int32_t cosim_upset_memory(uint32_t address, int32_t bit) {
     if (!memory || (address & 3) || address / 4 >= COSIM_MEMORY_WORDS || bit < 0 || bit > 31) return -1;
     memory[address / 4] ^= 1u << bit;
+    C.changed = true;
     return 0;
 }
 API int32_t cosim_upset_count() { return static_cast<int32_t>(sizeof upsets / sizeof upsets[0]); }
@@ -430,6 +459,7 @@ API int32_t cosim_upset_bits(int32_t n) { return upsets[n].bits; }
 API int32_t cosim_upset(int32_t n, int32_t bit) {
     if (n < 0 || n >= cosim_upset_count() || bit < 0 || bit >= upsets[n].bits) return -1;
     model[upsets[n].offset + static_cast<size_t>(bit) / 8] ^= static_cast<char>(1 << bit % 8);
+    C.changed = true;
     return 0;
 }
 // A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum; the node's clock is fast
@@ -498,8 +528,8 @@ std::string argument(int argc, char** argv, const char* name, const char* preset
     return preset;
 }
 
-// --replay FILE --cycles N --from M --conversion K --bit-time B --gates OUT: run N cycles, time those after cycle M,
-// write the gate log (int64 cycle, gates) to OUT.
+// --replay FILE --cycles N --from M --conversion K --bit-time B --gates OUT [--plain 1]: run N cycles, time those after
+// cycle M, write the gate log (int64 cycle, gates) to OUT.
 int replay(int argc, char** argv) {
     const auto option = [&](const char* name, const char* preset) { return argument(argc, argv, name, preset); };
     FILE* f = fopen(option("--replay", "").c_str(), "rb");
@@ -524,6 +554,7 @@ int replay(int argc, char** argv) {
     const int64_t cycles = atoll(option("--cycles", "0").c_str()), from = atoll(option("--from", "0").c_str());
     C.conversion = atoll(option("--conversion", "35").c_str());
     C.bit_time = atoll(option("--bit-time", "50").c_str());
+    const bool plain = option("--plain", "0") == "1";
     plan();
     Verilated::commandArgs(argc, argv);
     const std::unique_ptr<Vtop> top(new Vtop(""));
@@ -532,13 +563,10 @@ int replay(int argc, char** argv) {
     using clock = std::chrono::steady_clock;
     auto begin = clock::now();
     while (C.st.cycle < cycles && !C.stop) {
-        t->clk_i = 1;
-        t->eval();
+        rising_edge(t, plain);
         after_edge(t);
-        if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
         if (__builtin_expect(C.st.cycle == from, 0)) begin = clock::now();
-        t->clk_i = 0;
-        t->eval();
+        falling_edge(t, plain);
     }
     const double wall = std::chrono::duration<double>(clock::now() - begin).count();
     const int64_t done = C.st.cycle;
@@ -560,7 +588,8 @@ bool settle() {
     return changed;
 }
 
-// The clock, native, and cocotb, woken when it has asked for it.
+// The clock, native, and cocotb, woken when it has asked for it. The pin of the clock moves only when cocotb wants to see
+// more than the passing of time, or waveforms are written.
 struct loop_t {
     Vtop* t;
 #if VM_TRACE
@@ -569,6 +598,7 @@ struct loop_t {
     int64_t waves_from = 0, waves_to = 0;
 #endif
     uint64_t next_edge = HALF_PERIOD, deadline = 0;
+    bool rising = true;  // the next edge
     bool woken = true, watch = false, step = false;
 
     // On to the end of the simulation, `one`: to the next rising edge. false: it is the end.
@@ -578,12 +608,14 @@ struct loop_t {
                 main_time = next_edge;
                 next_edge += HALF_PERIOD;
                 if (step) VerilatedVpi::callCbs(cbNextSimTime), woken = true;
-                t->clk_i = !t->clk_i;
-                t->eval();
-                if (t->clk_i) {
+                const bool risen = rising, plain = VM_TRACE | watch | step;
+                rising = !rising;
+                if (risen) {
+                    rising_edge(t, plain);
                     after_edge(t);
-                    if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0;
                     if (watch) woken |= VerilatedVpi::callValueCbs();
+                } else {
+                    falling_edge(t, plain);
                 }
 #if VM_TRACE
                 if (C.st.cycle >= waves_from && C.st.cycle <= waves_to) {
@@ -593,7 +625,7 @@ struct loop_t {
                     fst.close();
                 }
 #endif
-                if (one && t->clk_i) return true;
+                if (one && risen) return true;
             }
             if (!woken) {
                 if (main_time != deadline) VerilatedVpi::callCbs(cbNextSimTime);
@@ -665,6 +697,7 @@ int main(int argc, char** argv) {
     cpu_host.chip = loop.t->rootp;
     cpu_host.memory = memory;
     cpu_host.clock = [] {
+        C.changed = true;  // what stands in the core's place
         if (!loop.run(true)) exit(loop.finish());
     };
     while (loop.t->rst_i) cpu_host.clock();

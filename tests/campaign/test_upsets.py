@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.registers import helper_places, modules
-from fluxlock.cosim.run import ready_chip
 from fluxlock.cosim.upsets import read_upset_table, registers_of
 from fluxlock.paths import RTL
 
@@ -83,7 +83,7 @@ def test_of_the_chip() -> None:
     Verifies: CAMP-06
     """
     assert {place[-1] for place in helper_places(modules(RTL.glob("*/*.sv")), "fl_soc")} == HELPERS
-    table = read_upset_table(ready_chip().executable.parent)
+    table = read_upset_table(build_chip(method="six-step").executable.parent)
     safety = {name.rpartition("__DOT__")[2] for name in table if name.startswith("fl_soc__DOT__u_safety__DOT__")}
     assert safety >= OUTPUTS and not HELPERS & safety
     assert len(table) > 900 and sum(table.values()) > 15_000

@@ -18,11 +18,11 @@ from fluxlock.can.timing import BitTiming
 from fluxlock.config import load_inverter, load_motor
 from fluxlock.config.motor import machine_params
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import CanPlace, CanSide
 from fluxlock.cosim.program import Row, script_plan, wait
-from fluxlock.cosim.run import ready_chip
 from fluxlock.paths import ROOT
 from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
 
@@ -108,7 +108,7 @@ def test_frames_both_ways(tmp_path: Path, place: CanPlace, glitch: int) -> None:
     )
     plan = script_plan(rows, plant, (2 * FRAMES + 8) * TICK / CLOCK_HZ, tmp_path, SEED)
     plan = replace(plan, peer=Peer(timing, others, glitch), can_place=place, batch_cycles=TICK)
-    meta = run_plan(plan, ready_chip(can=True))
+    meta = run_plan(plan, build_chip(can=True))
     assert not meta["fault"]
     found = meta["conclusion"]
     if glitch:  # a sender that is disturbed behind the end of the frame sends it twice

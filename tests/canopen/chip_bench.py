@@ -13,9 +13,10 @@ from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming, chip_timing
 from fluxlock.config import load_scenario
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import CanPeer, CanSide
-from fluxlock.cosim.run import collect, prepare, ready_chip
+from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware import build_bus_library
 from fluxlock.firmware.host import TELEMETRY_TARGET
 from fluxlock.memory import TELEMETRY_ADDRESS
@@ -164,6 +165,6 @@ def run_chip(
     plan = prepare(loaded, folder, 1, stop_cycle=round(seconds * CLOCK_HZ))
     plan = replace(plan, peer=peer, batch_cycles=batch_cycles, log_can=log_can)
     firmware = build_bus_library(can_method="six-step") if native else None
-    meta = run_plan(plan, ready_chip(can=True, native=native), firmware=firmware)
+    meta = run_plan(plan, build_chip(can=True, native=native), firmware=firmware)
     assert not meta["fault"], meta["fault"]
     return collect(plan, meta, loaded.motor.pole_pairs), meta["conclusion"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.cosim.run import ready_chip
+from fluxlock.cosim.chip import build_chip
 from fluxlock.paths import ROOT
 from tests.closed_loop.support import drive
 
@@ -115,7 +115,7 @@ def test_no_process_is_left(tmp_path: Path, number: signal.Signals, code: int) -
 
     Verifies: FRONT-18
     """
-    ready_chip()
+    build_chip(method="six-step")
     command = [sys.executable, "-m", "fluxlock.cli", "run", str(SPIN), "--out", str(tmp_path)]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     progress = tmp_path / "simulator" / "progress.json"

@@ -8,8 +8,9 @@ from pathlib import Path
 from fluxlock.commission.bench import bench_of
 from fluxlock.commission.simulate import known_of
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
-from fluxlock.cosim.run import IMAGE_FILE, prepare, ready_chip
+from fluxlock.cosim.run import IMAGE_FILE, prepare
 from fluxlock.firmware import build_commission, write_image
 from fluxlock.paths import ROOT
 
@@ -27,6 +28,6 @@ def test_program_refuses_the_regulator_on_the_core(tmp_path: Path) -> None:
     block.update({"vector_direct": 1})
     plan = prepare(bench, tmp_path, 1, stop_cycle=round(TIME_S * CLOCK_HZ), block=block)
     write_image(plan.folder / IMAGE_FILE, build_commission(), block)
-    meta = run_plan(replace(plan, dialogue=dialogue, final_commands=()), ready_chip())
+    meta = run_plan(replace(plan, dialogue=dialogue, final_commands=()), build_chip(method="vector"))
     assert "vector_direct is 1" in meta["fault"] and "set it to 0" in meta["fault"], meta["fault"]
     assert all(line.startswith("error: vector_direct") for line in meta["uart"].splitlines()), meta["uart"]

@@ -17,7 +17,7 @@ from fluxlock.analysis.rundata import RunData
 from fluxlock.config import load_scenario
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
-from fluxlock.cosim.run import prepare, ready_chip
+from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.firmware import BusLibrary, build_bus_library
 from fluxlock.firmware.toolchain import HOST_FLAGS, SANITIZER_FLAGS, SW, WARNINGS
 from fluxlock.paths import BUILD, GENERATED, ROOT
@@ -89,8 +89,9 @@ def test_five_phases_as_on_the_core() -> None:
 
 def run_library(library: BusLibrary, folder: Path, cycles: int) -> str:
     """Console text of a library in place of the firmware, the motor left alone."""
-    plan = prepare(load_scenario(SPIN), folder, SEED, stop_cycle=cycles)
-    meta = run_plan(replace(plan, actions=(), final_commands=()), ready_chip(native=True), firmware=library)
+    scenario = load_scenario(SPIN)
+    plan = replace(prepare(scenario, folder, SEED, stop_cycle=cycles), actions=(), final_commands=())
+    meta = run_plan(plan, chip_of(scenario, native=True), firmware=library)
     assert meta["fault"] is None
     return str(meta["uart"])
 

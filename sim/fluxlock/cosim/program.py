@@ -12,11 +12,11 @@ from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.build import IO_BASE, generate_registers
 from fluxlock.config import Scenario
 from fluxlock.config.specs import CLOCK_HZ
-from fluxlock.cosim.chip import Chip
+from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import SessionPlan
-from fluxlock.cosim.run import BIT_CYCLES, IMAGE_FILE, chip_of, collect, prepare, ready_chip
+from fluxlock.cosim.run import BIT_CYCLES, IMAGE_FILE, chip_of, collect, prepare
 from fluxlock.firmware import build_program, write_image
 from fluxlock.firmware.host import register_offsets
 from fluxlock.plant import PlantParams
@@ -87,10 +87,14 @@ def script_plan(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_
 def run_script(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_dir: Path, seed: int) -> RunData:
     """Run the plan of a script, for a time, on a plant.
 
-    The chip has the machine's number of phases, and the injection path. Raises SimulationFault if the run broke off.
+    The chip has the machine's number of phases, vector and injection path. Raises SimulationFault if the run broke off.
     """
     plan = script_plan(rows, plant, duration_s, out_dir, seed)
-    return _run(plan, partial(ready_chip, phases=plant.machine.phases, injection=True), plant.machine.pole_pairs)
+    return _run(
+        plan,
+        partial(build_chip, phases=plant.machine.phases, injection=True, method="vector"),
+        plant.machine.pole_pairs,
+    )
 
 
 def _run(plan: SessionPlan, chip: Callable[[], Chip], pole_pairs: int) -> RunData:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault
-from fluxlock.config import Scenario, load_scenario
+from fluxlock.config import Scenario
 from fluxlock.config.specs import CLOCK_HZ
-from fluxlock.cosim.chip import PHASES, Chip, build_chip
+from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import action_of, plant_params
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
@@ -20,11 +20,10 @@ from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
 from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD, ROOT
+from fluxlock.paths import BUILD
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
 IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads
-TRAINING_CYCLES = 1_500_000
 
 
 def image_of(scenario: Scenario, ram_words: int = RAM_WORDS) -> Path:
@@ -82,38 +81,21 @@ def prepare(
     )
 
 
-def ready_chip(
-    waves: bool = False,
-    phases: int = PHASES,
-    injection: bool = False,
-    can: bool = False,
-    native: bool = False,
-    gate_polarity: int = 0,
-) -> Chip:
-    """The chip's simulator, built if need be and trained on the first moments of the demo (boot and alignment).
-
-    The demo has three phases, a core, gates that are active high and no CAN: another chip is not trained.
-    """
-    if phases != PHASES or can or native or gate_polarity:
-        return build_chip(
-            waves, phases=phases, injection=injection, can=can, native=native, gate_polarity=gate_polarity
-        )
-
-    def train(chip: Chip) -> None:
-        scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
-        run_plan(prepare(scenario, BUILD / "chip" / "training", 1, stop_cycle=TRAINING_CYCLES), chip)
-
-    return build_chip(waves, train, injection=injection)
-
-
 def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
-    native: without its core. can: with the CAN controller even so.
+    It has the path of its method alone, with CAN both. native: without its core. can: with the CAN controller even so.
     """
-    injects = scenario.drive.vector.injection is not None
-    has_can, polarity = can or scenario.can is not None, scenario.inverter.gate_polarity
-    return ready_chip(waves, scenario.motor.phases, injects, has_can, native, polarity)
+    has_can = can or scenario.can is not None
+    return build_chip(
+        waves,
+        phases=scenario.motor.phases,
+        injection=scenario.drive.vector.injection is not None,
+        can=has_can,
+        native=native,
+        gate_polarity=scenario.inverter.gate_polarity,
+        method=None if has_can else scenario.drive.method,
+    )
 
 
 def parse_statistics(text: str) -> tuple[dict[str, dict[str, float]], int]:

@@ -20,10 +20,11 @@ from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.scenario import Accept
+from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import run_program, run_script
-from fluxlock.cosim.run import chip_of, image_of, ready_chip, run_scenario
+from fluxlock.cosim.run import chip_of, image_of, run_scenario
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
@@ -109,7 +110,7 @@ class Runner:
         def run(folder: Path) -> None:
             save_trace(folder / TRACE, run_script(rows, plant, duration_s, folder, self.seed))
 
-        chip = ready_chip(phases=plant.machine.phases, injection=True)
+        chip = build_chip(phases=plant.machine.phases, injection=True, method="vector")
         key = content_hash(_sources(build_program("script")), chip.key, plant, list(rows), duration_s, self.seed)
         return load_trace(_made(self.folder(name), key, name, run) / TRACE)
 
@@ -249,7 +250,7 @@ def side_by_side(
     check_build()
     for folder in (FOLDER, FOLDER / ("quick" if quick else "full"), KEYS):
         check_folder(folder)
-    ready_chip()  # once, before the workers ask for it
+    build_chip(method="six-step")  # once, before the workers ask for it
     build_firmware(BUILD / "firmware")
     module = getattr(work, "func", work).__module__  # of a partial function: that of the function
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (module,)) as pool:
