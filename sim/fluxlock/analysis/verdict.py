@@ -244,7 +244,8 @@ class Judge:
         """Lost locks by the drive's own count, and a lost angle that it does not know of."""
         found = []
         lost = self.states["lost_locks"]
-        if lost.size and lost[-1] and not any("lost_lock" in str(trip["cause"]) for trip in trips(self.data)):
+        # A trip beside it is its name, or its consequence, and is judged itself.
+        if lost.size and lost[-1] and not trips(self.data):
             at_s = float(self.time_s[np.flatnonzero(lost)[0]])
             count = int(lost[-1])
             found.append(Finding("lost_lock", f"the drive lost its lock at {at_s:.3f} s, {count} in all"))
