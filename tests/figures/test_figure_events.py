@@ -19,7 +19,7 @@ class Loading:
 
     quick = False
 
-    def drive(self, scenario: str, name: str, *overrides: str) -> Any:
+    def drive(self, scenario: str, name: str, *overrides: str, accept: dict[str, str]) -> Any:
         return load_scenario(ROOT / "scenarios" / scenario, overrides)
 
 

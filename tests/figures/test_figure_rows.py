@@ -131,7 +131,7 @@ def test_document_of_another_version(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 BEFORE = """# Head
 
-Revision a, seed 1, full length.
+Revision a, seed 1, chip `c`, plant `p`, full length.
 
 ## Figure 7.4: Poles
 
@@ -161,8 +161,14 @@ def test_a_page_keeps_what_was_not_drawn(tmp_path: Path) -> None:
     assert docs_page.write_pages(tmp_path / "figures", tmp_path, tmp_path / "images") == 0
     text = target.read_text()
     assert "Full length; revision and seed stand at each figure." in text
-    assert "## Figure 7.4: Poles\n\nRevision a, seed 1.\n\nCondition.\n" in text and "| zero | 0 | 0.1 |" in text
-    assert "## Figure 7.5: T\n\nRevision b, seed 1.\n" in text and "| q\\| | 1 | 2 | imposed | because |" in text
+    assert (
+        "## Figure 7.4: Poles\n\nRevision a, seed 1, chip `c`, plant `p`.\n\nCondition.\n" in text
+        and "| zero | 0 | 0.1 |" in text
+    )
+    assert (
+        "## Figure 7.5: T\n\nRevision b, seed 1, sources not recorded.\n" in text
+        and "| q\\| | 1 | 2 | imposed | because |" in text
+    )
     assert "Old" not in text and text.index("Figure 7.4") < text.index("Figure 7.5")
     # Once more: what is kept does not grow.
     assert docs_page.write_pages(tmp_path / "figures", tmp_path, tmp_path / "images") == 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 HEADING = re.compile(r"^## Figure (\S+): ", re.MULTILINE)
-ORIGIN = re.compile(r"^(Revision \S+, seed \S+)(, (?:full length|short runs))?\.$", re.MULTILINE)
+ORIGIN = re.compile(r"^(Revision \S+, seed .*?)(?:, (?:full length|short runs))?\.$", re.MULTILINE)
 CELL = re.compile(r"(?<!\\)\|")
 HERE = "here"  # heading of the column with our values
 

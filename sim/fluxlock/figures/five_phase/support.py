@@ -87,6 +87,10 @@ class Course:
         return float(np.abs(np.convolve(part, np.full(self.count, 1 / self.count), mode="valid")).max())
 
 
+# Why the verdict on a run leaves its speed to the figure.
+SETTLING = "the figure itself checks the speed before and after its event, within 5 %: a speed loop's tail is longer"
+
+
 def took_place(course: Course, what: str, rpm: float, from_s: float, to_s: float, part: float = 0.05) -> None:
     """RunFailed unless the shaft's true mean speed in a span is the one asked for: what is drawn has to have happened.
 

@@ -11,21 +11,22 @@ from matplotlib.axes import Axes
 from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
-from fluxlock.figures.five_phase.support import BLUE, FAMILY, GREEN, ORANGE, Course, error, speeds, took_place
+from fluxlock.figures.five_phase.support import BLUE, FAMILY, GREEN, ORANGE, SETTLING, Course, error, speeds, took_place
 from fluxlock.firmware.specs import Sequence
 from fluxlock.regression.five_phase.leakage import STEP_A, TS_S, Stepped
 from fluxlock.regression.five_phase.leakage import stepped as id_stepped
 from fluxlock.regression.five_phase.yu import SCENARIO, closed_form_rad, sequence_run
-from fluxlock.regression.runner import Runner
+from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.six_step.measures import event, timeline
 
 STEP_RPM, STEADY_RPM, QUICK_RPM = 50.0, 300.0, 600.0
-START_S, END_S, QUICK_END_S = 0.01, 0.21, 0.04
+START_S, END_S, OURS_END_S, QUICK_END_S = 0.01, 0.21, 0.4, 0.04
 SEQUENCE_COLOURS: dict[Sequence, str] = {"held": ORANGE, "half-step": BLUE, "exact": GREEN}
 NAMES = {"held": "held (before)", "half-step": "half-step (after)", "exact": "exact, ours"}
 PRINTED = "Yu's machine, 350 V, 4 kHz double update, 60 V at 2 kHz"
 # Of the paper's loop, 115 / 3306: both poles at 57.5 / s.
 PRINTED_LOOP = ("drive.vector.pll_order=2", "drive.vector.pll_hz=22.7", "drive.vector.speed_hz=5")
+SWINGS = 1.1  # of the speed asked for: what the first swing with the paper's loop exceeds
 WHY_START = "The acceleration over 3306 / s² is most of it; the paper's speed rises more slowly"
 WHY_MORE = "The paper says which of both is larger, without a number. The acceleration over 3306 / s² is most of it"
 WHY_DEAD_TIME = "What the dead time leaves: without it both are within 0.002 of the closed form (yu.10)"
@@ -89,7 +90,7 @@ def separation(runner: Runner) -> Drawing:
 
 def start(runner: Runner, sequence: Sequence, dead_time_us: float, loop: Many[str]) -> Course:
     """Target of 50 r/min at once, no load; time since the step."""
-    end_s = QUICK_END_S if runner.quick else END_S
+    end_s = QUICK_END_S if runner.quick else END_S if loop else OURS_END_S
     events = [event(0.002, "speed_rpm", STEP_RPM), event(START_S, "command", "start")]
     overrides = [
         *timeline(end_s, events, [("steady", 0.8 * end_s, end_s)]),
@@ -101,8 +102,9 @@ def start(runner: Runner, sequence: Sequence, dead_time_us: float, loop: Many[st
         "drive.vector.injection.search=false",
         f"drive.vector.injection.sequence={sequence}",
     ]
+    may = {"speed": SETTLING} | ({"lost_angle": "the printed loop lags behind the start"} if loop else {})
     name = f"start-{sequence}-{dead_time_us:g}us-{'printed' if loop else 'best'}"
-    return Course.of(runner.drive(SCENARIO, name, *overrides), START_S)
+    return Course.of(runner.drive(SCENARIO, name, *overrides, accept=may), START_S)
 
 
 def draw_start(axes: Axes, speed: Axes, runner: Runner, dead_time_us: float, printed: Many[str]) -> list[Entry]:
@@ -118,17 +120,22 @@ def draw_start(axes: Axes, speed: Axes, runner: Runner, dead_time_us: float, pri
         end_s, colour = float(course.time_s[-1]), SEQUENCE_COLOURS[sequence]
         error(axes, course, 0.0, end_s, colour, text, radians=True)
         speeds(speed, course, 0.0, end_s, colour, text)
-        if not runner.quick:
+        top_rpm = float(course.true_rpm.max())
+        if not runner.quick and not loop:
             took_place(course, f"start, {text}", STEP_RPM, end_s - SETTLED_S, end_s)
+        elif not runner.quick and top_rpm < SWINGS * STEP_RPM:
+            raise RunFailed(f"start, {text}: {top_rpm:.1f} r/min at most, though the speed is said to swing")
         largest.append(math.radians(course.largest(0.0, end_s)))
-        found = f"{largest[-1]:.3f}, {course.end}"
+        found = f"{largest[-1]:.3f}, up to {top_rpm:.0f} r/min, {course.end}"
         if word == "less":
             agrees: bool | None = largest[1] < largest[0]
         else:
             agrees = None if word in ("", "more") else near(float(word), largest[-1], 0.0005)
         why = WHY_MORE if word in ("more", "less") else WHY_START
-        lines.append(Entry(f"0 to 50 r/min, {text}: largest 5 ms mean (rad)", word, found, "drive", agrees, why))
-    panels.title(axes, "0 to 50 r/min at once, no load")
+        lines.append(Entry(f"0 to 50 r/min, {text}: largest 5 ms mean (rad), speed", word, found, "drive", agrees, why))
+    panels.title(axes, "0 to 50 r/min at once, no load; with the paper's loop the speed swings")
+    for panel in (axes, speed):
+        panel.set_xlim(0.0, END_S - START_S)
     panels.legend(axes, 1, "lower right")
     return lines
 

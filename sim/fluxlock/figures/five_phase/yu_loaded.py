@@ -12,7 +12,18 @@ from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
-from fluxlock.figures.five_phase.support import BLUE, FAMILY, GREEN, ORANGE, Course, angles, error, speeds, took_place
+from fluxlock.figures.five_phase.support import (
+    BLUE,
+    FAMILY,
+    GREEN,
+    ORANGE,
+    SETTLING,
+    Course,
+    angles,
+    error,
+    speeds,
+    took_place,
+)
 from fluxlock.figures.five_phase.yu import PRINTED
 from fluxlock.regression.five_phase.yu import SCENARIO
 from fluxlock.regression.five_phase.yu_loaded import KNOWN_START
@@ -54,7 +65,7 @@ def loaded_start(runner: Runner, dead_time_us: float) -> Outcome:
         "drive.accel_rpm_per_s=100000",
         f"inverter.dead_time_s={dead_time_us * 1e-6:g}",
     ]
-    return runner.drive(SCENARIO, f"braked-start-{dead_time_us:g}us", *overrides)
+    return runner.drive(SCENARIO, f"braked-start-{dead_time_us:g}us", *overrides, accept={"speed": SETTLING})
 
 
 def draw_loaded_start(runner: Runner, number: str, dead_time_us: float, printed: str) -> Drawing:
@@ -131,7 +142,7 @@ def load_step(runner: Runner, curve: str) -> Outcome:
         "inverter.dead_time_s=2e-6",
         f"drive.vector.injection.compensation={curve}",
     ]
-    return runner.drive(SCENARIO, f"load-step-{curve}", *overrides)
+    return runner.drive(SCENARIO, f"load-step-{curve}", *overrides, accept={"speed": SETTLING})
 
 
 @figure(FAMILY, "yu.15")
@@ -208,7 +219,7 @@ def crawl(runner: Runner, brake_nm: float) -> Outcome:
         f"drive.vector.speed_hz={SPEED_HZ:g}",
         "inverter.dead_time_s=2e-6",
     ]
-    return runner.drive(SCENARIO, f"crawl-{brake_nm:g}nm", *overrides)
+    return runner.drive(SCENARIO, f"crawl-{brake_nm:g}nm", *overrides, accept={"speed": SETTLING})
 
 
 @figure(FAMILY, "yu.17")
