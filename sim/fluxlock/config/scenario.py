@@ -123,10 +123,10 @@ class Zcd(Model):
     """Zero-crossing detection."""
 
     method: Literal["first", "interpolated", "averaged"] = Field(
-        default="interpolated",
-        description="Time of a crossing: `first` sample after it, `interpolated` across the chop-off gap, `averaged` "
-        "over four samples on either side, else two, else interpolated. With `sampling` once a `carrier` these are "
-        "carriers apart.",
+        default="averaged",
+        description="Time of a crossing: `first` sample after it; `interpolated` between the last sample before and "
+        "the first after; `averaged` between the means of four samples before and four after, else of two and two. "
+        "The chip falls back to `interpolated`, crossing by crossing, where samples are missing or unsuitable.",
     )
     source: Literal["terminal", "star_point", "mean"] = Field(
         default="terminal",

@@ -217,7 +217,7 @@ class DriveSpec:
     advance_deg_at_max_speed: float = 0.0
     advance_deg_at_rated_current: float = 0.0
     duty_max: float = 1.0
-    zcd_method: ZcdMethod = "interpolated"
+    zcd_method: ZcdMethod = "averaged"
     zcd_source: ZcdSource = "terminal"
     zcd_sampling: ZcdSampling = "continuous"
     compute_back: bool = False
