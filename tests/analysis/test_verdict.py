@@ -298,6 +298,24 @@ def test_what_is_no_miss_passes(name: str) -> None:
     assert any(reason in line for line in found.lines[1:]), found.lines
 
 
+def test_window_that_ends_with_a_new_target() -> None:
+    """It is judged by the target before, right or wrong.
+
+    Verifies: FRONT-35
+    """
+    turned = scenario(
+        events(
+            "{at_s=0.001,speed_rpm=6000}",
+            '{at_s=0.001,command="start"}',
+            '{at_s=0.08,command="set speed_rpm -6000"}',
+        )
+    )
+    found = verdict(run(target_rpm=-RPM), turned)
+    assert found.passed and found.lines[0] == "6000.0 r/min for 6000 r/min in steady", found.lines
+    (line,) = verdict(run(speed_rpm=6_100.0, target_rpm=-RPM), turned).failures
+    assert line.startswith("6100.0 r/min for 6000 r/min in steady (+1.7 %)")
+
+
 def test_ramp_that_should_have_finished_is_a_miss() -> None:
     """The same rotor off its target is a miss once the slope has had its time, and not before.
 

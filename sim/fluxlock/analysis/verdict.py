@@ -298,20 +298,20 @@ class Judge:
             return []
         found = [self._span(f"in {w.name}", w.name, w.from_s, w.to_s) for w in self.scenario.window]
         end_s = self.analysis.track.last_cycle / self.data.clock_hz
-        target = self._target_at(end_s)
+        target = self._target_before(end_s)
         length_s = max(END_S, 60.0 / abs(target)) if target else END_S
         found.append(self._span("at the end", None, end_s - length_s, end_s))
         return [span for span in found if span is not None]
 
-    def _target_at(self, t_s: float) -> float | None:
-        """Speed that the drive was asked for."""
+    def _target_before(self, t_s: float) -> float | None:
+        """Speed that the drive was asked for until t_s: a span ends where a command at its end begins."""
         if self.by_bus:
-            rows = np.searchsorted(self.time_s, t_s, side="right") - 1
-            return float(self.states["target_rpm"][rows]) or None if rows >= 0 else None
-        return next((c.target_rpm for c in reversed(self.commands) if c.at_s <= t_s), None)
+            row = np.searchsorted(self.time_s, t_s, side="left") - 1
+            return float(self.states["target_rpm"][row]) or None if row >= 0 else None
+        return next((c.target_rpm for c in reversed(self.commands) if c.at_s < t_s), None)
 
     def _span(self, where: str, window: str | None, from_s: float, to_s: float) -> Span | None:
-        target = self._target_at(to_s)
+        target = self._target_before(to_s)
         segment = next((s for s in self.segments if s[0] <= from_s and to_s <= s[1]), None)
         reason = ""
         if not target:
@@ -341,7 +341,7 @@ class Judge:
             late = self.time_s[away & (self.time_s <= to_s)]
             return max(begin_s, float(late[-1]) if late.size else 0.0) + self.settling_s
         reference = float(self._rotor_rpm(np.array([begin_s]))[0])
-        now_s, goal, accel, disturbed_s = begin_s, self._target_at(begin_s), self.scenario.accel_rpm_per_s, begin_s
+        now_s, goal, accel, disturbed_s = begin_s, self._target_before(begin_s), self.scenario.accel_rpm_per_s, begin_s
         for c in self.commands:
             if c.at_s >= to_s:
                 break
