@@ -29,6 +29,7 @@ if [ -n "$missing" ]; then
     exit 2
 fi
 
+echo "environment: $*; the first time up to a minute"
 # An environment that holds no path of its own: scripts find the interpreter beside them, so that a copy of the checkout
 # runs what is in the copy.
 if ! grep -qs '^relocatable = true' .venv/pyvenv.cfg || ! .venv/bin/uv --version 2>/dev/null | grep -q "^uv $UV_VERSION"; then

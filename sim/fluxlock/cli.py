@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fluxlock.analysis.injection_cli import app as injection_app
-from fluxlock.analysis.rundata import SimulationFault
+from fluxlock.analysis.rundata import PLOTTING, ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
@@ -171,7 +171,9 @@ def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: Nati
             if error.data is None or error.data.records.size < 2:
                 _fail([f"simulation: {error}"])
             data = error.data
-    outcome = write_outcome(data, scenario, out_dir, broken=None if fault is None else str(fault))
+        if progress is not None:
+            progress(ProgressInfo(data.duration_s, scenario.duration_s, 0.0, 0.0, PLOTTING))
+        outcome = write_outcome(data, scenario, out_dir, broken=None if fault is None else str(fault))
     say(outcome.verdict)
     _report(console, outcome.result, out_dir)
     if not outcome.verdict.passed:

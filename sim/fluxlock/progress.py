@@ -62,7 +62,7 @@ class ProgressBar:
 
     def __init__(self, console: Console, duration_s: float) -> None:
         self._progress = Bars(
-            TextColumn("{task.description:<10}"),
+            TextColumn("{task.description:<17}"),
             BarColumn(),
             TextColumn("{task.completed:.3f}/{task.total:.3f} s"),
             TextColumn("{task.fields[speed]:>8.0f} r/min"),
@@ -83,7 +83,7 @@ class ProgressBar:
 
     def __call__(self, info: ProgressInfo) -> None:
         """Show what a run tells of itself."""
-        if self._building and info.phase != BUILDING:
+        if self._building and not info.phase.startswith(BUILDING):
             self._building = False
             self._progress.reset(self._task)
         self._progress.update(

@@ -43,7 +43,7 @@ def test_chip_of_a_scenario(
         "method": method,
     }
     assert run.chip_of(scenario) == expected
-    assert run.chip_of(scenario, waves=True) == {**expected, "waves": True}
+    assert run.chip_of(scenario, waves=True) == {**expected, "waves": True, "method": None}
     assert run.chip_of(scenario, native=True) == {**expected, "native": True}
     assert run.chip_of(scenario, can=True) == {**expected, "can": True, "method": None}
 

@@ -255,8 +255,8 @@ def test_progress_without_a_terminal() -> None:
     console = Console(file=io.StringIO(), width=120, force_terminal=False)
     with ProgressBar(console, 1.0) as bar:
         for t_s, phase in (
-            (0.0, BUILDING),
-            (0.0, BUILDING),
+            (0.0, f"{BUILDING} chip"),
+            (0.0, f"{BUILDING} chip"),
             (0.0, "simulating"),
             (0.26, "simulating"),
             (0.27, "simulating"),
@@ -264,7 +264,9 @@ def test_progress_without_a_terminal() -> None:
         ):
             bar(ProgressInfo(t_s, 1.0, 50.0, 1e6, phase))
     lines = [line.split(" s ")[0].split() for line in console.file.getvalue().splitlines()]
-    assert lines == [[BUILDING, "0.000/1.000"]] + [["simulating", f"{t}/1.000"] for t in ("0.000", "0.260", "1.000")]
+    assert lines == [[BUILDING, "chip", "0.000/1.000"]] + [
+        ["simulating", f"{t}/1.000"] for t in ("0.000", "0.260", "1.000")
+    ]
 
 
 @pytest.mark.parametrize("terminal", (False, True))
@@ -296,7 +298,8 @@ def test_progress_counts_the_simulation() -> None:
     bar = ProgressBar(Console(file=io.StringIO(), width=120, get_time=lambda: clock[0]), 1.0)
     task = bar._progress.tasks[0]
     for at_s, t_s, phase, elapsed_s in (
-        (80.0, 0.0, BUILDING, 80.0),
+        (70.0, 0.0, f"{BUILDING} chip", 70.0),
+        (80.0, 0.0, f"{BUILDING} firmware", 80.0),
         (100.0, 0.0, "simulating", 0.0),
         (110.0, 0.2, "simulating", 10.0),
         (120.0, 0.4, "simulating", 20.0),

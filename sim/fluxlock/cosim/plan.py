@@ -115,7 +115,7 @@ class CanPeer(Protocol):
 class SessionPlan:
     """One run, all in clock cycles.
 
-    batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which wall time, time
+    batch_cycles: interval at which Python wakes to drain the logs. marks: cycles at which processor time, that
     in Python and plant events are noted. gate_polarity: of the inverter, bit 0, 1: upper, lower gates are on at low
     level; a recording is replayed with 0. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault
+from fluxlock.build import generate_registers
 from fluxlock.config import Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip, build_chip
@@ -84,7 +85,8 @@ def prepare(
 def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
-    It has the path of its method alone, with CAN both. native: without its core. can: with the CAN controller even so.
+    It has the path of its method alone; with CAN, and where waveforms show them, both. native: without its core.
+    can: with the CAN controller even so.
     """
     has_can = can or scenario.can is not None
     return build_chip(
@@ -94,7 +96,7 @@ def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: 
         can=has_can,
         native=native,
         gate_polarity=scenario.inverter.gate_polarity,
-        method=None if has_can else scenario.drive.method,
+        method=None if has_can or waves else scenario.drive.method,
     )
 
 
@@ -151,10 +153,17 @@ def run_scenario(
     The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window. native:
     how the firmware runs in place of the chip's core.
     """
-    if progress is not None:
-        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, BUILDING))
+
+    def build(what: str) -> None:
+        if progress is not None:
+            progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, f"{BUILDING} {what}"))
+
     try:
+        build("registers")
+        generate_registers()
+        build("chip")
         chip = chip_of(scenario, waves, native is not None)
+        build("firmware")
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
         if native is None:
             meta = run_plan(plan, chip, progress)

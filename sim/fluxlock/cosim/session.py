@@ -59,7 +59,7 @@ class Session:
         self.text = ""
         self.lines = ConsoleLines(self.native.send, int(REPLY_S * plan.clock_hz))
         self.planned_lines: int | None = None  # of them the plan's, once all have been answered or given up
-        # Wall time, time in Python and plant events at the marks of the plan.
+        # Processor time, that in Python, s, and plant events at the marks of the plan.
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
         self.conclusion: Any = None
@@ -175,12 +175,12 @@ class Session:
         self.begin = time.perf_counter()
         for stop in stops:
             await self.wait_until(stop)
-            woken = time.perf_counter()
+            woken = time.process_time()
             self.drain()
             self.exchange()
-            self.python_s += time.perf_counter() - woken
+            self.python_s += time.process_time() - woken
             if stop in plan.marks:
-                self.marks[stop] = (woken - self.begin, self.python_s, native.status.events)
+                self.marks[stop] = (woken, self.python_s, native.status.events)
             while pending and pending[0].cycle <= stop:
                 self.act(pending.pop(0))
             if plan.peer is not None and plan.peer.finished:
