@@ -29,10 +29,9 @@ from fluxlock.regression.vector.current_bench import (
     VOLTAGE_SHARE,
     Ground,
     Setting,
-    Step,
     step_reference,
 )
-from fluxlock.regression.vector.sines import PERIOD, Response, phase_bandwidth, phase_margin_deg, sines
+from fluxlock.regression.vector.sines import PERIOD, Excited, Response, phase_bandwidth, phase_margin_deg, sines
 from fluxlock.regression.vector.specified import PEAKS_PERCENT
 
 
@@ -84,7 +83,7 @@ def test_reference_begins_where_the_response_does() -> None:
 
 
 def test_plant_from_currents_and_voltages() -> None:
-    """Phi and the Gammas of the exact model come back from a step's currents and voltages.
+    """Phi and the Gammas of the exact model come back from currents and voltages that begin from rest.
 
     Verifies: FIG-07
     """
@@ -94,7 +93,7 @@ def test_plant_from_currents_and_voltages() -> None:
     i = np.zeros(60, dtype=np.complex128)
     for k in range(59):
         i[k + 1] = model.phi * i[k] + model.gamma1 * u[k] + model.gamma2 * (u[k - 1] if k else 0.0)
-    found = identified([Step(i, i, u, i, 0.0, 0.0, 0)])
+    found = identified(Excited(i, u, 1.0))
     for name in ("phi", "gamma1", "gamma2"):
         assert complex(getattr(found, name)) == pytest.approx(complex(getattr(model, name)), rel=1e-9)
     assert math.isnan(float(found.gamma_e.real))

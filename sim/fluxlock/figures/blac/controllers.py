@@ -19,7 +19,7 @@ from fluxlock.figures.blac.support import ANALYTIC, CONTROLLER_COLOURS, FAMILY, 
 from fluxlock.figures.figure import Drawing, Entry, Speed, figure, near, rises
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.vector.current_bench import STEP_A, Setting, id_step
-from fluxlock.regression.vector.sines import Tracking, tracking
+from fluxlock.regression.vector.sines import Tracking, excited, tracking
 
 LOWEST = 1e-3  # of f_s
 SHOWN = 20  # samples of a step
@@ -27,6 +27,7 @@ INNER_DELAYS = (0.25, 0.5, 0.75)
 WHY_Q = "Near f_s/2 both pass little of the reference; there the smaller gain of B counts"
 WHY_SIX = "The thesis names no band; 5 % of the vector here, sample 0 is that of the step"
 TONES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 25, 31)  # in 64 samples
+IDENTIFIED_TONES = [sign * k for k in (1, 3, 5, 8, 12, 17, 23, 29) for sign in (1, -1)]
 CHIP_STEPS = (
     f"Lines: exact discrete model. Points: the chip with the switched inverter, i_d stepped by {STEP_A:g} A, less the "
     "same run without the step."
@@ -40,8 +41,8 @@ WHY_CIRCLE = (
     "The thesis gives no number"
 )
 WHY_ZERO = (
-    "What is left is dead time and noise. The ripple in the sample, which follows the voltage of now at 0.25 and 0.75 "
-    "T_s, is taken off by the plant's own current"
+    "What is left is dead time and noise. The ripple in a single sample at 0.25 and 0.75 T_s, which follows the "
+    "voltage of now, is taken off: it follows from the plant's current at the borders of the voltage's period"
 )
 NO_MORE = "T_d > T_s, (7.10) to (7.14), is not here: `drive.vector.delay` ends at 1"
 WHY_FINE = "0 but for the rounding of the computation"
@@ -110,8 +111,9 @@ def pole_zero_map(runner: Runner) -> Drawing:
         quantity = f"size of the zero at T_d = 0.25, 0.5, 0.75 T_s, f_e/f_s {speed:g}"
         lines.append(Entry(quantity, "", text, "imposed", None, WHY_ZERO))
     identification = (
-        "Squares and +: zero and pole by least squares from currents and voltages of the steps of figures 7.8 and 7.9 "
-        "on the chip with the switched inverter, less the carrier's ripple."
+        "Squares and +: zero and pole by least squares from currents and voltages on the chip with the switched "
+        f"inverter and controller C, {len(IDENTIFIED_TONES)} turning sines on the reference, as large as there is room "
+        "for; less the same run without them and the carrier's ripple."
     )
     return Drawing(
         f"Motor-I, f_s 15 kHz. {NO_MORE}. {ANALYTIC if runner.quick else identification}", drawn, tuple(lines)
@@ -119,8 +121,8 @@ def pole_zero_map(runner: Runner) -> Drawing:
 
 
 def _identified(runner: Runner, speed: float) -> dict[float, Coefficients]:
-    """The plant on the chip by delay, from the steps of all controllers."""
-    return {d: identified([id_step(runner, Setting(kind, speed, d)) for kind in KINDS]) for d in INNER_DELAYS}
+    """The plant on the chip by delay, with controller C."""
+    return {d: identified(excited(runner, Setting("C", speed, d), IDENTIFIED_TONES)) for d in INNER_DELAYS}
 
 
 def _frequencies(quick: bool) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -13,7 +12,7 @@ from fluxlock.analysis.vector.model import Coefficients, SmoothMachine
 from fluxlock.analysis.vector.study import Bench
 from fluxlock.config import load_motor
 from fluxlock.paths import ROOT
-from fluxlock.regression.vector.current_bench import Step
+from fluxlock.regression.vector.sines import Excited
 
 FAMILY = "blac"
 MOTOR_1 = ROOT / "motors" / "motor-1.toml"
@@ -31,15 +30,11 @@ def bench() -> Bench:
     return Bench(SmoothMachine.from_motor(load_motor(MOTOR_1)), FS_HZ)
 
 
-def identified(steps: Sequence[Step]) -> Coefficients:
-    """Phi, Gamma1 and Gamma2 by least squares from steps, all at one speed and delay: smooth currents, voltages."""
-    left, right = [], []
-    for step in steps:
-        i, u = step.smooth, step.voltage
-        before = np.concatenate(([0.0], u[:-1]))
-        left.append(np.column_stack([i[:-1], u[:-1], before[:-1]]))
-        right.append(i[1:])
-    found = np.linalg.lstsq(np.concatenate(left), np.concatenate(right), rcond=None)[0]
+def identified(seen: Excited) -> Coefficients:
+    """Phi, Gamma1 and Gamma2 by least squares from currents and voltages that begin from rest."""
+    i, u = seen.current, seen.voltage
+    before = np.concatenate(([0.0], u[:-1]))
+    found = np.linalg.lstsq(np.column_stack([i[:-1], u[:-1], before[:-1]]), i[1:], rcond=None)[0]
     phi, gamma1, gamma2 = (np.asarray(value) for value in found)
     return Coefficients(phi, gamma1, gamma2, np.asarray(np.nan))
 

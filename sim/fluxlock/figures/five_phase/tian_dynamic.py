@@ -35,43 +35,50 @@ AT_S, QUICK_AT_S, QUICK_END_S = 0.6, 0.15, 0.19
 SETTLED_S = 0.05  # mean of the speed before the step and at the end
 SETTLED = 0.05  # of the speed asked for: what a settled speed may be off
 BEFORE_S = 0.1  # shown
-LIMIT_HZ = 3.9  # where the current limit is what gives the torque
+BEYOND_RPM, LIMIT_A = 120.0, 2.0
 AT_ONCE = 100_000.0  # r/min/s
 RAMP = 300.0  # r/min/s, which the printed methods' loops follow
-SPEED_HZ = 2.5  # settles as the paper says; the filtered estimate of the conventional method swings at 3.9 Hz
 INERTIA_KGM2 = 0.12
 TIMES = {"torque-reversal": "0.25 s", "load-step": "0.75 s", "speed-reversal": "0.5 s"}
 WHY_TIME = "The paper does not say what counts as settled, and prints neither the speed regulator nor the friction"
 LEAVES = "the paper's own methods: their estimate may leave the speed meanwhile; the angle is checked before and after"
 LOST_DEG = 90.0  # from here on the estimate pulls the other way
 BEST = (
-    "Best: I/Q demodulation, 90 V at 644 Hz, exact sequence, loop of 50 Hz. For all, speed loop of "
-    f"{SPEED_HZ:g} Hz and no load but the step's; in the torque's reversal {LIMIT_HZ:g} Hz and 1.2 N·m·s"
+    "Best: I/Q demodulation, 90 V at 644 Hz, exact sequence, loop of 50 Hz. Events, load and speed loop are the same "
+    "for all: the paper prints neither; with a faster loop the conventional method's speed swings"
 )
 
 
 @dataclass(frozen=True)
 class Event:
-    """A step: its length after AT_S (s), speed before and after (r/min), speed loop (Hz)."""
+    """A step: its length after AT_S (s), speed before and after (r/min), speed loop (Hz), friction (N m s)."""
 
     name: str
     after_s: float
     from_rpm: float
     to_rpm: float
     speed_hz: float
+    viscous: float
 
     def course(self, quick: bool) -> list[str]:
         """Overrides of the run."""
         at_s, end_s = (QUICK_AT_S, QUICK_END_S) if quick else (AT_S, AT_S + self.after_s)
         events = [event(0.002, "speed_rpm", self.from_rpm), event(0.004, "command", "start")]
-        keys = [f"drive.vector.speed_hz={self.speed_hz:g}", "motor.max_speed_rpm=250"]
+        keys = [
+            f"drive.vector.speed_hz={self.speed_hz:g}",
+            f"motor.load.viscous_nm_s_per_rad={self.viscous:g}",
+            "motor.max_speed_rpm=250",
+        ]
         if self.name == "torque-reversal":
-            # The load takes nearly the whole current limit at the speed asked for: it is reached with 2 A all the time.
-            events.append(event(at_s, "command", f"set speed_rpm {self.to_rpm:g}"))
-            keys += ["drive.current_limit_a=2", f"drive.accel_rpm_per_s={AT_ONCE:g}"]
+            # The speed asked for is out of reach with 2 A: the drive gives the limit, the load decides on the speed.
+            events = [
+                event(0.002, "speed_rpm", BEYOND_RPM),
+                event(0.003, "command", f"set current_limit_a {LIMIT_A:g}"),
+            ]
+            events += [event(0.004, "command", "start"), event(at_s, "command", f"set speed_rpm {-BEYOND_RPM:g}")]
+            keys.append(f"drive.accel_rpm_per_s={AT_ONCE:g}")
         else:
-            # The factor scales every part of the load: without the viscous one the step is that of the paper.
-            keys += [f"drive.accel_rpm_per_s={RAMP:g}", "motor.load.viscous_nm_s_per_rad=0"]
+            keys.append(f"drive.accel_rpm_per_s={RAMP:g}")
         if self.name == "load-step":
             events = [event(0.0, "load_factor", 0.0), *events, event(at_s, "load_factor", 1.0)]
             keys.append(f"load.constant_nm={LOAD_NM:g}")
@@ -81,9 +88,9 @@ class Event:
         return [*timeline(end_s, events, [("steady", at_s - SETTLED_S, at_s)]), "expect=[]", *keys]
 
 
-TORQUE = Event("torque-reversal", 0.45, tian_printed.TOP_RPM, -tian_printed.TOP_RPM, LIMIT_HZ)
-LOAD = Event("load-step", 0.85, SPEED_RPM, SPEED_RPM, SPEED_HZ)
-SPEED = Event("speed-reversal", 0.65, SPEED_RPM, -SPEED_RPM, SPEED_HZ)
+TORQUE = Event("torque-reversal", 0.5, 85.0, -85.0, 3.9, 1.2)
+LOAD = Event("load-step", 1.0, SPEED_RPM, SPEED_RPM, 1.8, 0.0)
+SPEED = Event("speed-reversal", 0.7, SPEED_RPM, -SPEED_RPM, 1.5, 0.3)
 
 
 def run_of(runner: Runner, what: Event, method: str) -> Outcome:
@@ -127,7 +134,7 @@ def moved(course: Course, what: Event) -> str:
     before = float(course.true_rpm[course.within(-SETTLED_S, 0.0)].mean())
     dip = before - float(after.min())
     # In the time in which the speed loop does nothing yet.
-    least = 0.25 * LOAD_NM / INERTIA_KGM2 * RPM / (2 * np.pi * SPEED_HZ)
+    least = 0.25 * LOAD_NM / INERTIA_KGM2 * RPM / (2 * np.pi * what.speed_hz)
     return "" if dip > least else f"the load took {dip:.1f} r/min off the speed, {least:.1f} are the least"
 
 
@@ -182,7 +189,8 @@ def draw_step(runner: Runner, number: str, what: Event, text: str, printed: dict
         panels.title(grid[0][column], f"{method}; {fate[method] or courses[method].end}")
     grid[1][2].set_visible(False)
     panels.legend(grid[1][0])
-    return Drawing(f"{PRINTED}. {BEST}. Time 0: the step.", drawn, tuple(lines))
+    regulator = f"Speed loop of {what.speed_hz:g} Hz, friction {what.viscous:g} N·m·s"
+    return Drawing(f"{PRINTED}. {regulator}. {BEST}. Time 0: the step.", drawn, tuple(lines))
 
 
 def _settles_s(course: Course, rpm: float) -> float | None:

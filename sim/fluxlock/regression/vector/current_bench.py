@@ -363,12 +363,11 @@ def step_reference(step_a: complex = STEP_A) -> ComplexArray:
 class Step:
     """Response to a step of i_d: current and voltage over the step from the sample at which it begins.
 
-    current: at the samples, less what flows without the step, and so with what the step changes of the ripple;
-    smooth: without that, too. ripple_a: current that flows without the step (A), at the samples.
+    current: at the samples, less what flows without the step, and so with what the step changes of the ripple.
+    ripple_a: current that flows without the step (A), at the samples.
     """
 
     current: ComplexArray
-    smooth: ComplexArray
     voltage: ComplexArray
     ripple_a: ComplexArray
     angle_error_deg: float
@@ -384,12 +383,10 @@ def id_step(runner: Runner, setting: Setting, step_a: float = STEP_A) -> Step:
         raise RunFailed(
             f"{setting.name}: a step of {step_a:g} A, while current and voltage leave room for {room_a:.1f} A"
         )
-    stepped = play(runner, setting, reference, f"step-{step_a:g}a", every_event=True)
-    rest = play(runner, setting, np.zeros_like(reference), "rest", every_event=True)
-    current, ripple = (stepped.current - rest.current) / step_a, (stepped.ripple - rest.ripple) / step_a
+    stepped = play(runner, setting, reference, f"step-{step_a:g}a")
+    rest = play(runner, setting, np.zeros_like(reference), "rest")
     return Step(
-        current[BEFORE:],
-        (current - ripple)[BEFORE:],
+        ((stepped.current - rest.current) / step_a)[BEFORE:],
         ((stepped.voltage - rest.voltage) / step_a)[BEFORE:],
         rest.current,
         float(np.abs(np.concatenate([stepped.angle_error_deg, rest.angle_error_deg])).max()),

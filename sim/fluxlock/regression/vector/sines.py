@@ -78,6 +78,28 @@ def measure(runner: Runner, setting: Setting, tones: Sequence[int]) -> Response:
 
 
 @dataclass(frozen=True)
+class Excited:
+    """Current and voltage at the samples from where the tones begin, less those without tones and the carrier's ripple.
+
+    A, V. amplitude_a: of a tone.
+    """
+
+    current: ComplexArray
+    voltage: ComplexArray
+    amplitude_a: float
+
+
+def excited(runner: Runner, setting: Setting, tones: Sequence[int]) -> Excited:
+    """Play tones as large as `Ground.amplitude_a` allows, from rest, at any delay."""
+    amplitude_a = Ground.of(setting).amplitude_a(sines(tones, 1.0))
+    reference = sines(tones, amplitude_a)
+    played = _unbound(play(runner, setting, reference, "excited", every_event=True), setting)
+    rest = play(runner, setting, np.zeros_like(reference), "rest-excited", every_event=True)
+    current = (played.current - played.ripple) - (rest.current - rest.ripple)
+    return Excited(current, played.voltage - rest.voltage, amplitude_a)
+
+
+@dataclass(frozen=True)
 class Tracking:
     """P and Q of (7.32) at frequencies over f_s; trips; amplitude of a sine and the dead time's band (A)."""
 
