@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,16 @@ def test_table_holds_every_case() -> None:
     rows = re.findall(r"^\| ([^ |]+/[^ |]+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     found = {max((case for case in CASES if f"{row}/".startswith(f"{case}/")), key=len, default=row) for row in rows}
     assert (sorted(set(CASES) - found), sorted(found - set(CASES))) == ([], []), "(missing, unknown)"
+
+
+def test_order_does_not_depend_on_imports() -> None:
+    """The cases, and so the sections of the page, have one order, whichever set was imported before.
+
+    Verifies: DOC-05
+    """
+    script = "import fluxlock.regression.vector, fluxlock.regression.sets as s; print(*s.CASES)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == list(CASES)
 
 
 def row(name: str, revision: str | None = "aaa", seed: int = 1) -> dict[str, Any]:

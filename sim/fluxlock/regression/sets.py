@@ -1,5 +1,17 @@
-"""All sets of cases: importing this registers them."""
+"""All sets of cases: importing this registers them and puts them in order, whichever of them was imported before."""
 
 from fluxlock.regression import five_phase, six_step, vector
+from fluxlock.regression.case import CASES
 
 __all__ = ["five_phase", "six_step", "vector"]
+
+FAMILIES = ("six-step", "five-phase", "vector")
+
+
+def _order(name: str) -> tuple[int, str]:
+    return FAMILIES.index(name.partition("/")[0]), name
+
+
+_registered = dict(CASES)
+CASES.clear()
+CASES.update((name, _registered[name]) for name in sorted(_registered, key=_order))
