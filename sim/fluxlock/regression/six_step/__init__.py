@@ -16,6 +16,7 @@ from fluxlock.regression.six_step import (
     spectrum,
     starts,
     torque_limit,
+    zcd_methods,
 )
 
 __all__ = [
@@ -34,4 +35,5 @@ __all__ = [
     "spectrum",
     "starts",
     "torque_limit",
+    "zcd_methods",
 ]
