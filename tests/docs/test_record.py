@@ -136,6 +136,26 @@ def hall() -> Iterator[str]:
     yield f"| −20 000 r/min after a reversal, learnt | {' | '.join(cells)} |"
 
 
+def methods() -> Iterator[str]:
+    lines = {
+        "Motor-I, 10 000 r/min": ("motor-1-10000",),
+        "20 000 r/min": ("motor-1-20000",),
+        "20 000 r/min, the firmware's flux 20 % too small / too large": ("flux-20%-20000", "flux+20%-20000"),
+        "60 000 r/min": ("motor-1-60000",),
+        "60 000 r/min, the firmware's flux 20 % too small / too large": ("flux-20%-60000", "flux+20%-60000"),
+        "120 000 r/min": ("motor-1-120000",),
+        "60 000 r/min, star point / mean of three": ("star_point-60000", "mean-60000"),
+        "59 000 r/min, PWM-ON, RSC computed back / NSC / CSC": ("RSC-PWM-ON", "NSC-PWM-ON", "CSC-PWM-ON"),
+        "two poles, 600 000 r/min": ("highest-600000",),
+    }
+    for text, names in lines.items():
+        cells = [
+            " / ".join(value(f"zcd-methods/{name}", f"{method}.seen_deg.rms", 3) for name in names)
+            for method in ("interpolated", "averaged")
+        ]
+        yield f"| {text} | {' | '.join(cells)} |"
+
+
 TABLES = {
     "commutation-error": (LIMITS, commutation_errors),
     "zcd-source": (LIMITS, sources),
@@ -145,6 +165,7 @@ TABLES = {
     "asymmetry": (SIX_STEP, asymmetry),
     "ramp-1300hz": (SIX_STEP, ramps),
     "hall": (SIX_STEP, hall),
+    "zcd-methods": (SIX_STEP, methods),
 }
 
 
