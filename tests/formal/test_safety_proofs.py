@@ -624,8 +624,8 @@ BROKEN = {
     "entry written to another place": (
         "fl_can_rx",
         FIFO,
-        "mem[write_q[IndexWidth-1:0]] <=",
-        "mem[read_q[IndexWidth-1:0]] <=",
+        "mem[write_q[IndexWidth-1:0]] <= data_i;\n    end\n    assign",  # of the distributed memory
+        "mem[read_q[IndexWidth-1:0]] <= data_i;\n    end\n    assign",
         "a_memory a_entry",
     ),
     "entry read from another place": (
