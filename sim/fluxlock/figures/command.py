@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from fluxlock.analysis.rundata import RunData
@@ -155,7 +156,7 @@ def run_figures(family: str, wanted: Sequence[str], out: Path, quick: bool, seed
         for k, line in enumerate(part["table"]):
             table.add_row(entry.number if k == 0 else "", line["quantity"], line["printed"], line["here"])
         if part["failure"]:
-            table.add_row(entry.number, f"[bold red]{part['failure'].strip().splitlines()[-1]}[/]", "", "")
+            table.add_row(entry.number, f"[bold red]{escape(part['failure'].strip().splitlines()[-1])}[/]", "", "")
     console.print(table)
     document = _document(family, {n: {**part, **made} for n, part in found.items()}, folder / DOCUMENT, quick)
     document |= made

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from fluxlock.config import ConfigError, Problem
@@ -54,7 +55,7 @@ def _add(table: Table, row: dict[str, Any]) -> None:
     if row["note"] and not row["pass"]:
         lines.append(row["note"])
     lines += row.get("drift", [])
-    table.add_row(row["id"], "\n".join(lines), "pass" if row["pass"] else "[bold red]FAIL[/]")
+    table.add_row(row["id"], escape("\n".join(lines)), "pass" if row["pass"] else "[bold red]FAIL[/]")
 
 
 def run_regression(patterns: Sequence[str], quick: bool, seed: int, jobs: int) -> bool:

@@ -230,11 +230,15 @@ def sampling(runner: Runner) -> Drawing:
             "record.zoom_to_s=0.138",
             "window=[]",
             "duration_s=0.14",
+            accept={"duty_min": "a pulse that holds settled samples 5 µs apart is too long for the slowest speed"},
         )
         if speed_rpm == SPEEDS_RPM[0]:
             for axes, (from_s, to_s) in zip(grid[0], ((0.131, 0.1345), (0.1314, 0.1316)), strict=True):
                 _signal_and_samples(axes, run, from_s, to_s)
         counts, on_s, carrier_s = samples_a_pulse(whole(run), 0.1, 0.138)
+        clock, track = run.data.clock_hz, run.analysis.track
+        begin, end = track.theta_rad(np.array([0.1, 0.138]) * clock)
+        mean_rpm = float(end - begin) / 0.038 * 30.0 / np.pi / run.data.pole_pairs
         rows.append(
             Entry(
                 f"samples a pulse at {speed_rpm} r/min",
@@ -243,7 +247,8 @@ def sampling(runner: Runner) -> Drawing:
                 f"{carrier_s * 1e6:.1f} µs",
                 "drive",
                 bool(counts.min() == counts.max() == int(on_s / period_s)),
-                "At small duties our carrier is stretched until a pulse holds settled samples; the thesis keeps 25 µs"
+                "At small duties our carrier is stretched until a pulse holds settled samples; the thesis keeps 25 µs. "
+                f"The least pulse sets the speed where the load is light: it is {mean_rpm:.0f} r/min here"
                 if carrier_s > 26e-6
                 else "The grid of samples restarts with each carrier; one more where T_on just reaches it",
             )
