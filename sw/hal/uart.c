@@ -37,11 +37,12 @@ uint32_t uart_overruns(void) { return BITS(FL_UART_REGS__STATUS__RX_OVERRUN, reg
 
 uint32_t uart_frame_errors(void) { return BITS(FL_UART_REGS__STATUS__RX_FRAME_ERROR, reg_read(REG(uart.status))); }
 
+// Text that is made more slowly than the wire takes it leaves the FIFO with room: the node has its turn with each byte.
 void uart_put(uint8_t byte) {
-  while (BITS(FL_UART_REGS__STATUS__TX_READY, reg_read(REG(uart.status))) == 0u) {
+  do {
 #if defined(FL_CAN)
     uart_waits();
 #endif
-  }
+  } while (BITS(FL_UART_REGS__STATUS__TX_READY, reg_read(REG(uart.status))) == 0u);
   reg_write(REG(uart.tx), byte);
 }

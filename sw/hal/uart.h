@@ -23,7 +23,7 @@ uint32_t uart_frame_errors(void);
 // Waits for room in the FIFO: main loop only.
 void uart_put(uint8_t byte);
 #if defined(FL_CAN)
-// What the image does while uart_put waits: a long list of the console must not hold off the CAN bus.
+// What the image does with each byte, and while uart_put waits: a long list must not hold off the CAN bus.
 void uart_waits(void);
 #endif
 

@@ -251,6 +251,17 @@ def test_angle_of_the_vector_drive(errors_deg: np.ndarray, lost: bool) -> None:
     assert not lost or found.lines[0].startswith("the angle was lost: from 0."), found.lines
 
 
+def test_a_lagging_speed_is_no_lost_angle() -> None:
+    """A vector drive whose angle is right has lost nothing while its filtered speed lags.
+
+    Verifies: FRONT-35
+    """
+    data = make_vector_run(Drive(speed_rpm=60_000.0, duration_s=DURATION_S, measures=0.5), np.zeros(1))
+    data.uart = OK
+    found = verdict(data, scenario(f"duration_s={DURATION_S}", file="vector/start.toml", base=VECTOR))
+    assert not [line for line in found.lines if "lost" in line], found.lines
+
+
 NOT_JUDGED: dict[str, tuple[dict[str, Any], tuple[str, ...], str]] = {
     # The rotor passes 6000 r/min at 100 000 r/min per s; the target is 40 000.
     "ramp still running": (

@@ -52,7 +52,8 @@ def test_its_remedy_and_its_statement(over_speed: Outcome) -> None:
     """
     run = drive(SPIN, "least-duty-braked", *FREE, "drive.sync_rect=true")
     assert run.verdict.passed, run.verdict.lines
-    assert re.match(r"15\d{3}\.\d r/min for 15000 r/min in held", run.verdict.lines[0])
+    found = re.match(r"(\d+\.\d) r/min for 15000 r/min in held", run.verdict.lines[0])
+    assert found and abs(float(found[1]) - 15000.0) < 150.0, run.verdict.lines[0]
     stated = load_scenario(SPIN, (*FREE, 'accept=[{what="duty_min",why="nothing on the shaft"}]'))
-    found = judge_run(over_speed.data, stated, over_speed.analysis, over_speed.metrics)
-    assert found.passed and "accepted duty_min: nothing on the shaft" in found.lines
+    verdict = judge_run(over_speed.data, stated, over_speed.analysis, over_speed.metrics)
+    assert verdict.passed and "accepted duty_min: nothing on the shaft" in verdict.lines

@@ -4,8 +4,8 @@
 
 - a trip or a final fault that the scenario does not expect, or one that it expects and that stays away;
 - a console line that the drive refused or did not answer;
-- a lost lock, or an angle that is lost while the drive says that it runs: its commutations, its published angle or its
-  speed have left the true rotor;
+- a lost lock, or an angle that is lost while the drive says that it runs: its commutations, the speed of its crossings
+  or, of a vector drive, its published angle have left the true rotor;
 - a drive that is not running at the end although it was told to start and not to stop;
 - a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`, or a speed that swings;
 - a missed `[[expect]]`.
@@ -276,6 +276,9 @@ class Judge:
         return ""
 
     def _apart_text(self, begin_s: float, end_s: float, open_end: bool) -> str:
+        """Of the speed that six-step operation measures. A vector drive's may lag while its angle, judged, is right."""
+        if self.scenario.drive.method == "vector":
+            return ""
         inside = (self.time_s >= begin_s) & (self.time_s < end_s)
         time, drive = self.time_s[inside], np.abs(self.states["speed_rpm"][inside])
         rotor = np.abs(self._rotor_rpm(time))
