@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # Fluxlock. Every target sets up what it needs below .venv and build; `make help` lists them.
 SHELL := /bin/sh
 PY := .venv/bin/python

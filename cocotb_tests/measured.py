@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a block test measured, for who asks for more than pass or fail (rows of the regression)."""
 
 from __future__ import annotations

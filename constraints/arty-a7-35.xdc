@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 # Arty A7-35 (XC7A35TICSG324-1L): pins and timing of fl_board_arty. Pin table: docs/blocks/fl_board_arty.md.
 set_property CFGBVS VCCO [current_design]
 set_property CONFIG_VOLTAGE 3.3 [current_design]

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the converter faults for all inputs: a bad frame and a conversion that was not made each raise the fault in the
 // next clock, and it stays until a good frame.
 `default_nettype none

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the brake chopper for all codes and every longest on-time: off in the clock after a reset, a code below "off",
 // or without enable; on only by a code above "on", and always by it while time is left; never longer in all, between two
 // codes below "off", than the longest time; off for good after it until such a code, and told. For every age up to

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the CAN controller's pin for all inputs: recessive one clock after reset, disabling and bus-off, and while
 // listening or looping back; these modes hold while enabled; bus-off ends only by reset or after 128 runs of eleven
 // sampled recessive bits.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the receive side of the CAN controller for all inputs: a frame that a filter matches is kept or its loss is told,
 // by pulse, count and the mark on the next entry; nothing is lost while there is room; entries come out as they went in.
 `default_nettype none

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the transmit buffers of the CAN controller for all inputs: the frame on the bus stays; the highest priority is
 // chosen; a waiting frame goes only as sent or as aborted, each told once, and aborted only if that was asked for.
 `default_nettype none

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the carrier for all inputs: it counts every clock of exactly the period of its settings and then starts anew,
 // before that only for a commutation under CSC. No pulse and no gap is shorter than the minimum pulse but for one that a
 // commutation ends.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the encoder's decoder for all inputs: the position stays in the turn and moves by at most one quarter a clock,
 // by one exactly when one track has changed; both tracks at once are counted and move nothing; without Z nothing else does.
 `default_nettype none

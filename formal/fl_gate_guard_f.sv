@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the gate guard for all inputs, with the dead time free to change in every clock, for every polarity of the pins
 // (a task each). Gates are taken from the pins: on is the level that the polarity makes of it.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the register bus for all inputs, each clock another: an access is answered in the next clock, once, wherever it
 // goes; it strobes the block of its window for one clock if the block decodes its offset, else none; the answer is what
 // that block showed, or zero.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the leg carriers for all inputs: never both requests of a leg, none after reset, while disabled or before new
 // compares, all legs or none, at most one edge of a leg in a half carrier. A carrier has every clock of its period, then
 // starts anew; period and compares change at updates only, to the newest handed over in time.

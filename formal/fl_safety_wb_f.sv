@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of guards, trips and lock behind their registers, for every access in every clock and all other inputs: what the
 // firmware can write, and what it cannot. Gates are taken from the pins: on is the level that the polarity makes of it.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the lock for all inputs: it closes in the clock after the key and with nothing else, opens with a reset only,
 // and tells any single bit that differs from the settings at the closing, and no difference where there is none.
 `default_nettype none

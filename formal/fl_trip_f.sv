@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of trips and guard together, wired as on the chip, for all inputs: reaction times from the pin, a code, a pulse
 // or level to the gates; a latched trip holds until the key, and the key clears only what is gone; the first causes since
 // the last clear, the number of trips, and cause and time stamp of each for the log. Enables are free to change in every

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Proof of the watchdog for all inputs and every period, which may change in any clock: without a right number for the
 // period it has expired, a number that does not follow the last one is wrong in the next clock, both hold while it runs,
 // and a handler that repeats one number cannot hold it off.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Processor time of every test, its own and that of the tools that it starts, and the order in which workers get them.
 
 With FLUXLOCK_TEST_TIMES=FILE (`make test`) the session leaves a JSON list there, an object a test: `id`, `cpu_s`,

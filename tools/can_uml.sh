@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
 # can_uml.sh [-i] [-w DIR]... [-d] [-m MEM] [-t SEC] [--] CMD [ARG...]
 # Runs CMD under a User-Mode-Linux kernel (Debian package user-mode-linux): no KVM, no root, user code at native speed,
 # real AF_CAN with vcan0 + vcan1 up.  / = tmpfs overlay over the host's / (host untouched), except the -w dirs

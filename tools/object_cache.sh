@@ -1,4 +1,6 @@
 #!/bin/sh
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
 # Compile Verilator's own C++ once a folder instead of once a build: `object_cache.sh FOLDER COMPILER ARGUMENT...`.
 # Its objects are kept, named by the checksum of the whole command. The model of a build, Vtop__ALL.cpp, takes Verilator's
 # headers precompiled, which are most of what there is to compile. Everything else is compiled as it is asked for.

@@ -1,4 +1,6 @@
 #!/bin/sh
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
 # Refuse, in one line and with exit code 2, a folder in which the tools cannot build, or a machine that they do not run on.
 set -eu
 cd "$(dirname "$0")/.."

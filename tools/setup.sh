@@ -1,4 +1,6 @@
 #!/bin/sh
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
 # Create or update .venv with the named dependency groups from uv.lock: tools/setup.sh GROUP...
 # Says what is missing on the machine and which package brings it. Needs no root.
 set -eu

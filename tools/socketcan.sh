@@ -1,4 +1,6 @@
 #!/bin/sh
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
 # socketcan.sh CMD [ARG...]: run a command where vcan0 is a real SocketCAN interface: this kernel's where it has CAN, else
 # under User-Mode Linux (can_uml.sh). Exit status of the command; 3 and what to install if neither is to be had.
 # socketcan.sh --unpack: Debian's packages for it into build/uml, which is looked at too; needs apt, but no root.

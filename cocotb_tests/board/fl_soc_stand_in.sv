@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Stands in for the chip in the test of fl_board: trips and guard as on the chip, a strobe every 50 clocks, and gates
 // that want to be on. The Hall inputs command it: 0 clears trips and enables the gates, 1 asks for a conversion too
 // early. trc_comm_valid_o shows its reset.

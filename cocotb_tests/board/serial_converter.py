@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Model of serial converters of the AD7276 class at their pins, with the figures of the part's timing table.
 
 It knows nothing of the controller: it watches chip select and clock as they arrive at the part, checks them against the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Converter faults as one level, against a model that looks back over the inputs of all clocks."""
 
 from __future__ import annotations

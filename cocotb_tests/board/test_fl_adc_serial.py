@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Serial converter interface at its pins, against a model of the converters made from their timing table."""
 
 from __future__ import annotations

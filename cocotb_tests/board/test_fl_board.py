@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What all boards share: reset, and the way of converter faults to the gates, with a stand-in for the chip."""
 
 from __future__ import annotations

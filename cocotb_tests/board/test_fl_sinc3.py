@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sinc decimator against the convolution that it stands for, in exact integers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the tests of the CAN blocks share: sources, frames as the blocks' ports have them."""
 
 from __future__ import annotations

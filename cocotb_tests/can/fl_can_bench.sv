@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Two controllers with one set of frame lines; a strobe each. Frames on either as they are taken from the FIFO.
 `default_nettype none
 module fl_can_bench

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Bit stream processor with fault confinement, a sampled bit every four clocks; what is compared in one word.
 `default_nettype none
 module fl_can_bsp_bench

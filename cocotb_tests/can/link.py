@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The pins of controllers on a bus model in continuous time. Python wakes at edges and ends of bits only."""
 
 from __future__ import annotations

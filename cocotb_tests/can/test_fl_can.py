@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The whole controller on a bus in continuous time, with independent nodes and a second controller.
 
 FLUXLOCK_CAN_FRAMES sets the number of frames of the traffic test.

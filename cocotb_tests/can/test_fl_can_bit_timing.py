@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bit timing against a clock in continuous time that sees the same edges."""
 
 from __future__ import annotations

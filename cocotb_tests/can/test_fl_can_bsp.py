@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bit stream processor and fault confinement, bit by bit beside an independent node that sees the same bus."""
 
 from __future__ import annotations

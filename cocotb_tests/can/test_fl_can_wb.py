@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The controller through its registers, on a bus with an independent node. Addresses are those of the C header."""
 
 from __future__ import annotations

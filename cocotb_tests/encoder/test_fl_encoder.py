@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Encoder decoder against a rotor that knows where it is: pins made from its place, the position compared."""
 
 from __future__ import annotations

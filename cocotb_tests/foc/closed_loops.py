@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current loops of fl_foc with a machine in floating point, as a file asks for: not a test, rows are made of it.
 
 The machine is solved in the stationary frame, its voltage held from T_d after a sample to T_d after the next; it knows

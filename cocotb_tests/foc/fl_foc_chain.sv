@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Test wrapper: timer, sample scheduler, sensing, vector path and injection wired as on the chip; the registers of timer,
 // vector path and injection behind one bus port; counters of the requests between two updates.
 `default_nettype none

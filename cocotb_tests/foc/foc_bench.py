@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Driver of fl_foc and what its header promises, written a second time: integers for the regulator, floats else."""
 
 from __future__ import annotations

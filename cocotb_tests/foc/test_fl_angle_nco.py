@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angle accumulator against an exact sum, clock by clock."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Currents at the legs' edges ahead against a model of whole intervals."""
 
 from __future__ import annotations

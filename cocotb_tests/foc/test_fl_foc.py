@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current control: transforms against floating point, regulators against integers, the loop against its theory."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the injection path needs of fl_foc: turn of Park, pause for a filtered current, skipped step, added voltage."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current control in closed loop with the exact discrete machine: what the theory promises at a low sampling ratio.
 
 The machine is solved in the stationary frame in floating point, the voltage held from T_d after the sample to T_d after

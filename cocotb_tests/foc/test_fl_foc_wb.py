@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Vector path through its registers: codes in, requests of the legs out, beside the models of its blocks.
 
 The bench is the converter and the firmware: codes follow the time of the strobe, settings go over the bus, the snapshot

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Modulator against a model in volts and seconds, the fundamental against closed integrals, rules at their corners."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sine and cosine against floating point, to the published error bound."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Stimulus that breaks the contract of fl_injection: a first phase beyond the period. An assertion must stop it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Clock and reset of an injection block. Inputs change at the falling edge."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the headers of the injection blocks promise, written a second time in integers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Square-wave generator: patterns, mean, start and end, phase and angle of the samples."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Injection path on a machine: its own voltage makes the HF current in which each method finds the angle error."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Injection on the vector path through registers: wave on the legs, results, current and steps of the regulators."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """I/Q demodulation: sums bit by bit, periods and their ends, amplitude and phase of a tone."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Lock-in demodulator: bit by bit against its equations, in degrees of position against floating point."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a carrier does by the rules in the header of fl_carrier: volt-seconds, minimum pulse, announced commutations.
 
 Written from the rules, without the registers of the RTL.

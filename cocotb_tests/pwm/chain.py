@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Test bench of the PWM chain: stimuli by clock number, a recorded trace, and checks on recorded levels."""
 
 from __future__ import annotations

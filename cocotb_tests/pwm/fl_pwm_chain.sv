@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Test wrapper: carrier, sequencer, guard and PWM state wired as on the chip, with a free-running time and every
 // observed signal packed into one vector, so that the test bench reads it once a clock.
 `default_nettype none

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Test wrapper: modulator, leg carriers and guard wired as the vector path uses them, with every observed signal packed
 // into one vector. A vector is converted whenever sample_i is high.
 `default_nettype none

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Carrier: widths, carry, shadowing, commutation patterns and the minimum-pulse rule.
 
 The oracle counts clocks of the recorded pulse; a carrier of n clocks owes min(duty, n).

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Carrier under commutation: instants of RSC, NSC and CSC, and the minimum-pulse rule with announced commutations.
 
 The oracle is the pulse that the rules give (`carrier_model`). No internal state is read.

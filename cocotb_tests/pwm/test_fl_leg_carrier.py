@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Leg carriers: pulses to the clock, shadow registers, deadline and enable.
 
 The oracle works out every clock of the requests from the update strobes, the compares handed over and the definition of

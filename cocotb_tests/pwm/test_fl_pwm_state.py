@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """PWM state for sensing, against a reference worked out from the recorded gates."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sequencer: sector table, chopping patterns in both directions, manual commands, synchronous rectification.
 
 The oracle is the list of sectors as text and the rule "first or last 60 degrees of a switch's conduction",

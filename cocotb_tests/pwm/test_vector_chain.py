@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Modulator, leg carriers and guard together: the vector rebuilt from the gates is the one asked for.
 
 Ground truth is the levels at the pins and, with dead time, legs whose output follows the current while both switches

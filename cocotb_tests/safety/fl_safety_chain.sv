@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Test wrapper: trips and guard wired as on the chip, three phases, every channel and enable a plain vector.
 `default_nettype none
 module fl_safety_chain

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Active short circuit after a trip: trips and guard against a reference that looks back at what happened.
 
 The reference keeps a record of every clock. A short is there while all of this holds: a cause is latched or present; in

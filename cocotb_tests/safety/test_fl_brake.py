@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The brake chopper against a model that looks back over all clocks; a link that stays high, falls or goes unseen."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Gate guard against a reference of its history: when was the other gate last on, and what was asked."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The lock of the protection's settings: closes with the key only, opens with a reset only, sees every single bit."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Trips: every source, reaction times at the gates, latching, clearing with the cause gone, log.
 
 The reference is a plain list of what happened; converter codes are made from wanted deviations.

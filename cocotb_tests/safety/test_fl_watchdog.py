@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The watchdog against a model that looks back over all reports, and two stuck handlers."""
 
 from __future__ import annotations

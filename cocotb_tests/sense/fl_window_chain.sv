@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Test wrapper: leg carriers, sample scheduler, sensing and current window wired as the vector path uses them.
 `default_nettype none
 module fl_window_chain

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mean of the phase currents over a window: which samples, what mean, which instant, how late; against exact fractions.
 
 The bench is the converter: strobes at chosen clocks, each answered after a delay of its own, some never.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sample scheduler: spacing and alignment of the strobes in every mode.
 
 The oracle lists the strobes that a sequence of carrier starts must give, from start to start.

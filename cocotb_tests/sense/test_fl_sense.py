@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Correction, stamps, auto-zero and snapshot of the sensing block against exact integer arithmetic."""
 
 from __future__ import annotations

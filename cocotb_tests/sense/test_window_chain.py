@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Leg carriers, scheduler, sensing and current window together: samples anywhere in the carrier, and how late they are.
 
 The bench is the converter; its codes ramp with the time of the strobe, so that a mean tells the instant that it is of.

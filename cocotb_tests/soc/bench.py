@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Test bench of the blocks behind the register bus: clock, reset, bus master.
 
 Inputs change at the falling edge.

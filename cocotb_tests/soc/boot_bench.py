@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bench of the loader: chip with a flash, a UART at its pins, and what the flash is filled with."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # Stands in for the firmware behind the loader: writes "running" to the UART, then stays in a loop. Its first instruction is
 # at the reset vector, 0x80.
   .option norelax

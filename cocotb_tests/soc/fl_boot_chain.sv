@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // The part of a chip with Boot that the loader uses: core, RAM and ROM, bus, system registers, UART, SPI, with a flash;
 // with Can the CAN controller.
 `default_nettype none

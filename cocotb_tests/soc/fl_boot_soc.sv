@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // The whole chip with Boot, a flash and converters that show the middle of their range.
 `default_nettype none
 module fl_boot_soc #(

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Model of a SPI NOR flash from the command table that common parts share: mode 0, addresses of three bytes, pages of
 // 256 bytes, sectors of 4 KiB. 9F identification, 05 status (bit 0 busy, bit 1 write enabled), 06 write enable, 03 read,
 // 02 page program (ends a write enable, clears bits, wraps within the page), 20 sector erase. While busy only the status

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Runs on the core in test_fl_soc.py: visits every block, tries unmapped addresses and both interrupt lines, then
 // sets the six-step path going, and the vector path when the Hall inputs show VECTOR_CODE, with voltages of the core when
 // they show DIRECT_CODE. A chip of five phases has the vector path only, which goes at once. What it found goes to

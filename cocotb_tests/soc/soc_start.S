@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # Start code of the test program: stack, cleared bss (the memory survives a reset).
   .section .start, "ax"
   .globl _start

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader on the core, with a flash at its pins: what is right starts, nothing else does, and the line says why.
 
 The flash is filled from outside or through the host's own code (`fluxlock.flash`).

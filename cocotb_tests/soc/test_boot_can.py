@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader over CAN: chip with its controller, flash and UART, the host's own code on a bus with other traffic.
 
 The bus is the model of `cocotb_tests.can.link`, at the chip's pins.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware itself from the flash, by the loader, on the whole chip: it answers on the console.
 
 Takes two minutes of processor time, most of them for the copy of 115 KB: only with FLUXLOCK_BOOT_FIRMWARE set.

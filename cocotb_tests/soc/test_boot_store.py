@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Stored objects in the flash of a chip with Boot: the firmware with its CANopen node, a master on the bus, power-offs.
 
 The RAM is filled from outside, and the ROM only jumps into it: the loader's copy takes longer than all the rest.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Register bus: windows, unmapped accesses, one strobe an access."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Interrupt controller: sticky bits, routing, overrun counters."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Dual-port RAM against a dictionary, contents from a file."""
 
 from __future__ import annotations

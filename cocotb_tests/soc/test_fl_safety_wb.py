@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Watchdog, lock, safe state and brake chopper behind the register bus, up to the gates."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bits that flip in the two guards behind the register bus, up to the pins."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip with a program on its core: buses, memory, interrupts, commutations and faults up to the gates."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """SPI master: waveform at every clock rate, bytes both ways, and a flash behind the register wrapper."""
 
 from __future__ import annotations

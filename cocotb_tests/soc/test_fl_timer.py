@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Time base, control tick, update event and interval events through their registers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Register blocks behind the bus, each `fl_*_wb` alone, against the register map.
 
 The map is read from its source by the SystemRDL compiler, not from what is generated from it. The other inputs are

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Terminal voltages of a six-step motor at constant speed, from angles alone: the oracle of the ZCD tests.
 
 No sector table: the conducting phases are those with the largest EMF in the direction of rotation, the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Time from sample to crossing: against the arc sine in floating point, to the published error bound."""
 
 from __future__ import annotations

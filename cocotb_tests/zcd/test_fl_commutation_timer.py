@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commutation timer: instants exact to the clock, forced commutations, hand-over, settings."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commutation timer: Hall edges, and hand-over between them and the crossings."""
 
 from __future__ import annotations

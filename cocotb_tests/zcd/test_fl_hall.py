@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hall sensors: decoding both ways, filter, stamps to the clock, invalid and skipped codes, phase against crossings."""
 
 from __future__ import annotations

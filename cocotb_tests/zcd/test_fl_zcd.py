@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Zero-crossing detection: against the true angle of a motor, and against its rules on random streams."""
 
 from __future__ import annotations

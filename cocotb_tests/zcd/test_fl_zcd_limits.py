@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Limits of the ZCD: the wait to the clock, thresholds to the bit, intervals up to 24 bits, counters beyond 1000."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Inputs and crossing times of the ZCD against a motor's true angle: third harmonic, averaging, computing back."""
 
 from __future__ import annotations

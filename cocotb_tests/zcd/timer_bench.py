@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Drives the commutation timer with its interval meter, settings as its ports take them.
 
 Instants are worked out with exact fractions from the crossings that were played; gates are taken to change

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Commutation timer with the time base and the sector that it sees on the chip: the sector follows comm_valid_o by one
 // clock, unless hold_sector_i keeps it (as RSC does until the next carrier). now_o can be loaded, to jump in time.
 `default_nettype none

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Test bench of fl_zcd: samples in, crossings out."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Makes one fault level for the protection out of what can go wrong with the converters.
 //
 // cause_o, bit 0: a channel of the last frame was bad; bit 1: a conversion was asked for and not made (its sample would

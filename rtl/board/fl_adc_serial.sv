@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Reads simultaneous-sampling serial converters of the AD7276 kind, all on one chip select and clock.
 //
 // strobe_i: cs_no falls at the next edge, which makes the converters hold; sclk_o falls first two clocks later, so that

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // What all boards share: reset, serial converters with their faults, the chip, indicators.
 //
 // Reset is held for ResetCycles clocks after configuration, after the PLL has locked and after the button is released

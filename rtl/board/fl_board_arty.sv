@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Board top: Digilent Arty A7-35, Xilinx XC7A35TICSG324-1L.
 //
 // The oscillator's 100 MHz become 50 MHz in a PLL; the red RESET button resets.

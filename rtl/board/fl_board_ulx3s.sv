@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C; with fewer words of RAM also its smaller devices.
 //
 // The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Third-order sinc decimator for the bit streams of sigma-delta modulators at shunts, all channels in step.
 //
 // value = sum over m of h[m] * bit[last - 2 - m], h = (1 + z^-1 + .. + z^-(R-1))^3, R = 2^cfg_log2_i, 0..R^3.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // CAN 2.0B controller (ISO 11898-1): bit timing, protocol, fault confinement, three transmit buffers, eight acceptance
 // filters, receive FIFO of 32 frames with time stamps.
 //

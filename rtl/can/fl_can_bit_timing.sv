@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // CAN bit timing (ISO 11898-1): time quanta, sample point, hard synchronisation, resynchronisation.
 //
 // A bit is 1 + (tseg1 + 1) + (tseg2 + 1) quanta of brp + 1 clocks: NBT. It is sampled at the end of the quantum tseg1 + 1.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // CAN bit stream processor (ISO 11898-1): one step a sampled bit, sends and receives standard and extended, data and
 // remote frames; arbitration, stuffing, CRC, acknowledgement, error and overload frames, bus integration.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // CAN fault confinement (ISO 11898-1): error counters and the states error active, error passive, bus-off.
 //
 // Transmit counter: +8, -1, bus-off from 256. Receive counter: +1, +8, saturates at 255; -1, from above 127 to 119.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Types of the CAN controller. On the wire, on the pins and in level signals 0 is dominant, 1 recessive.
 package fl_can_pkg;
 

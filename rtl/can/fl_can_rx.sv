@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Receive side of the CAN controller: acceptance filters, FIFO with time stamps.
 //
 // A frame that an enabled filter matches is kept; without an enabled filter none is. A frame that finds the FIFO full is

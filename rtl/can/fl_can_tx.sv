@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Transmit buffers of the CAN controller: the waiting frame of the highest priority goes first, the lower number among
 // equals, chosen anew for every start of frame.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Incremental encoder: tracks A and B, index Z, glitch filter, quadrature decoder, position in the mechanical turn.
 //
 // Quarters 0, 1, 2, 3 of a line show A = 1 1 0 0 and B = 0 1 1 0: A leads B at positive speed. Each pin passes a

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Electrical angle: an accumulator that adds the speed every clock, corrected by firmware, latched at sample and update.
 //
 //   theta[n+1] = theta[n] + omega[n]  (+ correction at update_i),   modulo one turn

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Currents at the edges of the legs that are to come, from those of the same edges one and two injection periods before.
 //
 // What a leg loses to the dead time depends on the sign of its current at its own edge. That is not the current of the

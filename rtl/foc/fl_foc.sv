@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Current control of a machine with 3 or 5 phases: phase currents in, phase voltages out, on one shared multiplier.
 //
 // For subspace 1 at theta, with 5 phases subspace 3 at 3 theta too (n = 1, 3; P phases; k = 0..P-1; delta = turn / P):

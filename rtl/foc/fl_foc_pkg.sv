@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Step table of fl_foc: the operands of which product are chosen in which clock after the start, for three and for five
 // phases. The product is formed a clock later and added in the next (sum); StepLatency clocks after the choice the sum
 // stands in its accumulator.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Multiplier with accumulators: one product a clock, a pipeline of operands, product and sum.
 //
 //   sum = init or accumulator +- x * c * (high ? 2^HighShift : 1)

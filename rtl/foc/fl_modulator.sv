@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Modulator: phase voltages to compare values of the leg carriers. Zero sequence by minimum and maximum, over-modulation
 // to six-step, minimum pulse, dead-time compensation; one multiplier.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Ratio of two integers as a fraction: ratio = floor(part * 2^RatioBits / whole) for part < whole, three bits
 // a clock, two in that of the start.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Sine or cosine of an angle: quarter-wave table of 512 straight lines, one angle a clock.
 //
 //   value = (2^(Width-1) - 1) * sin(angle)    or cos(angle) with cosine_i; 2^32 = one turn

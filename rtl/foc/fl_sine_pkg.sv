@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Quarter sine as 512 straight lines, 2^22 = 1: each chord shifted up by half its sagitta.
 // Written by `python -m fluxlock.tables`; a test checks it.
 package fl_sine_pkg;

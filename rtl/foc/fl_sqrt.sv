@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Integer square root: root = floor(sqrt(radicand)), three result bits a clock, the first ones in that of the start.
 //
 // By digits of three bits: the next six bits of the radicand join the remainder, 16 * k * root + k^2 is taken off for all

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Vector path: from the samples of the phase currents to the requests of the legs, closed in hardware.
 //
 //   update -> window -> (mean current, angle of its instant) -> regulators -> modulator -> shadow registers -> update

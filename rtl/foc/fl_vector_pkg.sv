@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Settings and snapshot of the vector path (fl_vector), with room for two subspaces whatever the number of phases.
 //
 // Complex values are {q, d}: index 0 is d. Formats: fl_foc, fl_modulator, fl_leg_carrier, fl_current_window.

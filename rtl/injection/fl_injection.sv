@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Square-wave injection locked to the carrier: the voltage to add at each update, its phase, the phase of the sample.
 //
 //   v = amplitude * square(phase),   phase = 0..period-1, one further at each update

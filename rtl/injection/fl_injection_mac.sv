@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // The multiplier that the injection blocks share: a request is operands and what becomes of their product.
 //
 //   sum = (first ? 2^half : accumulator) + x c (high ? 2^FineShift : 1)

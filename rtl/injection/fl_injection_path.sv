@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Injection path: square wave to add to the voltage, HF part of the current out of the regulators' input, and what the
 // chosen method finds in the current.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Types of the injection blocks: settings, results, requests to the shared multiplier.
 //
 // Vectors are {q, d}: index 0 is d. Formats: the headers of fl_injection, fl_lock_in, fl_iq_demod, fl_separator.

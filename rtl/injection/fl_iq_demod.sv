@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // I/Q demodulation: sums of both currents against a complex reference over whole injection periods.
 //
 //   sum = sum over the samples of a period of i * 4 (c - j s)

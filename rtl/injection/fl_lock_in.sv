@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Lock-in demodulator: band-pass on both axes, product with the reference, second-order low-pass.
 //
 // Filters in trapezoidal state-variable form, g = tan(pi f0 / fs), k = 1/Q:

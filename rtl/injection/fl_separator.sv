@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Filterless separation of fundamental and HF current: four samples an injection period, square wave ++-- (Yu 2022, eq. 8).
 //
 // Sample phases k0..k3 = 0..3: at k0 and k2 the HF current crosses zero, at k1 it has its positive, at k3 its negative

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Types and constants that every Fluxlock block shares.
 //
 // Angles, signs and number formats: docs/reference/conventions.md. Sector index 0..5 = I..VI

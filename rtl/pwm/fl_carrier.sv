@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // PWM carrier: edge-aligned, the pulse at its start, with the commutation patterns RSC, NSC and CSC, the minimum-pulse
 // rule and exact volt-seconds.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Leg carriers of the vector path: one centre-aligned carrier, a compare for every leg, shadow registers with a
 // deadline, complementary gate requests.
 //

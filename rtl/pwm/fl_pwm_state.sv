@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // PWM state for sensing: what the gates do in this clock, to be latched with a sample.
 //
 // on: exactly the upper switch of the sector's positive leg and the lower switch of its negative leg are on (so not

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Six-step sequencer: sector to leg commands, and leg commands with the carrier's pulse to gate requests.
 //
 // Sector index 0..5 = I..VI = A+B-, A+C-, B+C-, B+A-, C+A-, C+B- (upper leg A A B B C C, lower leg B C C A A B).

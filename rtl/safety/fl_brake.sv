@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Brake chopper: a switch that puts a resistor across the DC link while the link is too high.
 //
 // It turns on with a vdc code above cfg_on_lsb_i and off with one below cfg_off_lsb_i, which wins where both hold. It

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Gate guard, the last stage before the pins: enable, trip, interlock, dead time and polarity of every leg.
 //
 // A gate turns off one clock after its request goes (or the other request of the leg comes, or trip_i, or enable_i

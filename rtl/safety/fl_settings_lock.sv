@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Lock of the settings that protection rests on: once the key has been there they hold until reset, and are watched.
 //
 // locked_o rises in the clock after key_i was Key, and only a reset ends it; whoever owns the registers refuses writes

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Brings one asynchronous pin into the clock domain through two flip-flops.
 //
 // Latency: a level of async_i seen by clock edge n is on sync_o after edge n + 1. A level shorter than a clock may be

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Trips: watches raw converter codes, the fault pin, the commutation timer, the leg carriers and software; latches, logs
 // and turns the gates off through the guard.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Watchdog of the control step: gates may stay on only while the firmware counts its steps aloud.
 //
 // While enable_i is high, the control step reports its number, one more than the last one, at least once in cfg_cycles_i

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Auto-zero: averages 2^log2 raw codes of every channel and hands the means out as offsets.
 //
 // Codes are aligned to 2^10 sets when they are added (code * 2^(10 - log2)), so that the sum is Q12.10 for every log2

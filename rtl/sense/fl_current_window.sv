@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Current window: the mean of the phase currents over a window of the carrier, with the instant that it belongs to.
 //
 //   mean = floor((sum + floor(n/2)) / n)   of n samples, exact (offset binary, three quotient bits a clock)

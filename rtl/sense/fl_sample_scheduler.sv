@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Sample scheduler: decides in which clock the converter holds its inputs.
 //
 // Modes (fl_pkg::sched_mode_e): CONTINUOUS one strobe every period; CARRIER the same grid, restarted at cfg_offset_i

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Sensing: offset and gain correction of all converter channels on one multiplier, time stamp and PWM state of every
 // sample set, auto-zero, and the coherent snapshot for the control step.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Request side of the register bus: what the interconnect sends to every block, with a strobe of its own for each.
 package fl_bus_pkg;
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Triggered scope: four lanes of 18 bits into block RAM at every (decimation + 1)-th sample set.
 //
 // Armed, it fills a ring; once pre_trigger records are there, the trigger ends the pre-trigger phase and the rest of the

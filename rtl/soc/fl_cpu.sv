@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // VexRiscv with its RAM, and the bus to the registers.
 //
 // Memory map (byte addresses): RAM in a window of the power of two that is not less than Words; 4 KiB of ROM behind the

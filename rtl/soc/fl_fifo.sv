@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Small synchronous FIFO with the oldest word always visible at the output.
 //
 // push_i while full and pop_i while empty are ignored, so the contents are never damaged; the user counts what is

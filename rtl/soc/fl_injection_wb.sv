@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Injection path with its registers, beside the vector path.
 //
 // tap_i is what the vector path shows, injection_o what it takes. The wave's voltage, and whether the regulators' current

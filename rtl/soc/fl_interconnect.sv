@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Register bus: one Wishbone slave port, one window of 4 KiB a block, read data registered.
 //
 // Read data get a register a block, cleared where the block is not strobed, and are joined behind it: the choice among the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Pulse every period_i clocks.
 //
 // period_i = 0 stops it at once; from stop the first pulse follows period_i + 1 clocks after the period appeared, then

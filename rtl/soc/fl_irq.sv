@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Interrupt lines and overrun counters from the pending bits.
 //
 // The pending bits themselves are sticky register fields, set by the events; this block routes the enabled ones to the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Interrupt controller with its registers, which hold the sticky pending bits.
 `default_nettype none
 module fl_irq_wb

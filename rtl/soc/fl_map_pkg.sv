@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Windows of the register bus in the order of the address map, and how much of its window each block decodes.
 `default_nettype none
 package fl_map_pkg;

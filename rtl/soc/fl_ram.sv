@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Dual-port block RAM of 32-bit words. Port a reads (instructions), port b reads or writes bytes (data).
 //
 // Latency: 1 clock to rdat. Port a keeps its output while it is not enabled: by a register behind the RAM, which reads in

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Gate guard, trips, watchdog, brake chopper and lock with their registers.
 //
 // There are two guards, alike and fed alike, and a gate is on if both say so: a bit that flips in one of them turns a gate

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Sample scheduler, correction and snapshot of the converter channels with their registers.
 `default_nettype none
 module fl_sense_wb

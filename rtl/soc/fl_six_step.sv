@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Six-step path with its registers: crossings, commutation timer, Hall sensors, freewheel meter, carrier and sequencer.
 //
 //   samples -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> requests of three legs

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // The chip: soft core with RAM, register bus, and the two paths from converter codes to gate pins.
 //
 //   converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (guard, trips) -> gates

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // SPI master of one byte at a time, mode 0: the clock rests low, a bit changes when it falls and is taken when it has
 // been high, highest bit first. The chip select is the caller's.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // System registers: identity, build options, blocks of the build, clock frequency, time base.
 `default_nettype none
 module fl_sys_wb

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Time base, control tick, update event and the two interval events.
 //
 // now_o stamps every event on the chip. The control tick is periodic, or with cfg_tick_samples_i = n it follows every n-th

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // UART, 8 data bits, no parity, 1 stop bit, with a FIFO in each direction.
 //
 // Bytes written to a full transmit FIFO and received into a full receive FIFO are dropped and counted; counters saturate.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Serial receiver: start bit, 8 data bits (least significant first), stop bit, sampled in the middle of each bit.
 //
 // rx_i is already synchronous. A start bit that is gone at its middle is a glitch and ignored. valid_o and

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Serial transmitter: start bit, 8 data bits (least significant first), stop bit.
 //
 // A byte is taken when valid_i and ready_o are high; frames follow each other without a gap. A bit lasts

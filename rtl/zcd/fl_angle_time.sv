@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Time between a sample and its zero crossing: distance = asin(value / peak) / omega, one sample at a time.
 //
 // 1 / omega comes from the interval of 60 degrees: asin is taken in intervals, so that

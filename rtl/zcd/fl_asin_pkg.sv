@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Arc sine in intervals of 60 degrees, 2^16 = 1: lines from asin(i / 128) / (pi / 3) to
 // the next; the last has no rise.
 // Written by `python -m fluxlock.tables`; a test checks it.

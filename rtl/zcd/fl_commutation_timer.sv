@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Commutation timer: from crossing time to commutation instant.
 //
 // ZCD: the gates are wanted to change at

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Time of a crossing that fl_zcd has found: direct, interpolated, averaged, or computed back.
 //
 // Samples come with count_i when they count for the visit, in order of time: those before the crossing, the crossing

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Freewheel measurement: time from a commutation until the current of the phase that it opened has decayed.
 //
 // The current has decayed when it is at or below cfg_limit_i in the direction in which it flowed at the first sample of

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Hall sensors: three inputs, glitch filter, sector, edges with the time at which they happened.
 //
 // code = {C, B, A} behind two flip-flops each. A code counts when it has been stable for cfg_filter_i clocks; its edge

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Linear interpolation of a crossing: offset = round(gap * before / (before + after)).
 //
 // gap: time between the two samples (clocks); before, after: distances from the threshold on both sides, same unit,

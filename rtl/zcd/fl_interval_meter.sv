@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Interval meter: times between crossings, their sum over an electrical period, and the crossing counters.
 //
 // interval = time of this crossing - time of the last one (24 bits, saturates; wrap-safe for any pause). It is taken

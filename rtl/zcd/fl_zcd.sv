@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Zero-crossing detection: finds where the floating phase's terminal voltage, or the third harmonic, passes the
 // threshold of its sector.
 //

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Entry point of the command `fluxlock`, also `python -m fluxlock`: ready for Ctrl-C before the slow imports begin."""
 
 from __future__ import annotations

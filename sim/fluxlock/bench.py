@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Speed of the closed loop against a bare simulation of the same chip: `make bench` writes `build/bench.json`.
 
 One run measures both sides: the demo scenario with plant and Python, its converter codes recorded; then the same

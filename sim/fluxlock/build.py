@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Build steps below `build/`: `python -m fluxlock.build regs` generates what comes from the register map.
 
 Every step keeps a stamp with the hash of its inputs and does nothing when they did not change.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A bus of python-can by its name on the command line: INTERFACE:CHANNEL, or both by options of their own."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What is worth a few minutes before a commit: `python -m fluxlock.check [--since REVISION] [--jobs N] [--list]`.
 
 Lint, the units that any change may break, whatever else goes with the files that have changed, and a short closed loop.

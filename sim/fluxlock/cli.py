@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The `fluxlock` command.
 
 Exit codes: 0 = done and passed, 1 = the run failed (`fluxlock.analysis.verdict`, or the simulation broke off), 2 = bad

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Ctrl-C while modules are loaded. Imports nothing that is slow: until this is there, Python shows a traceback."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Static checks: `python -m fluxlock.lint [--jobs N] [CHECK...]`; every check must come out without a single message.
 
 The RTL passes Verilator with all warnings, Verible's rules (`rtl/verible_lint.rules`) and the slang front end
@@ -214,9 +217,15 @@ def matrix() -> list[Part]:
     return [partial(_run, [sys.executable, "-m", "fluxlock.docs.matrix", "--check", "--strict"])]
 
 
+def licences() -> list[Part]:
+    """Every file names its licence, in its first lines or in REUSE.toml."""
+    return [partial(_run, [sys.executable, "-m", "reuse", "lint", "--lines"])]
+
+
 CHECKS: dict[str, Callable[[], list[Part]]] = {
     "c": c_code,  # what takes longest in one piece is begun first
     "mypy": mypy,
+    "licences": licences,
     "matrix": matrix,
     "ruff": ruff,
     "verible": verible,

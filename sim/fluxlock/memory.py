@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Memory map of the soft core. The RTL's default size is held to RAM_WORDS by a test, the C headers are generated."""
 
 RAM_WORDS = 32768

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Where things are in a checkout, and the environment that the tools from the wheels need."""
 
 from __future__ import annotations

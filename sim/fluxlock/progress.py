@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Progress of long work: bars in a terminal, lines where there is none."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Makes generated register blocks idle when nobody accesses them.
 
 PeakRDL decodes the address, builds the read data and works out the next value of every field in every clock. Without a

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The soft core: VexRiscv of the package, fetching from a tightly coupled memory instead of an instruction cache.
 
 The RAM of the chip answers in one clock, so a cache in front of it only costs time: a line that misses takes eleven

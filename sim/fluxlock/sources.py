@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What results are made from: one hash each of chip, firmware and plant, from the sources alone, nothing is built.
 
 The hash of a part is made of the paths and the Git blob hashes of its files. A working tree without Git and any

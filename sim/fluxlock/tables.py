@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables in the RTL that are computed, not typed: `python -m fluxlock.tables` writes them."""
 
 from __future__ import annotations

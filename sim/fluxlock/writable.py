@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Folders and files below `build/`: locks, and those that cannot be written.
 
 The latter is one line that says which and what to do, no traceback.

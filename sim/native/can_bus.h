@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The CAN bus at the chip's pins: wired-AND of the chip and of nodes of our own, with delays, clock errors and disturbances.
 //
 // Times in clocks of the chip; those of nodes lie between two clocks too. Nothing polls: `chip` is called when the chip's

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A CAN 2.0B node, bit by bit (ISO 11898-1): what joins the simulated bus to the world outside. Levels: 0 dominant.
 //
 // level() is what the node sends in the present bit; step() tells it what the bus showed at the sample point and goes on

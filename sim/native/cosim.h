@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // C interface between the simulator's main, the plant kernel and Python (ctypes).
 #pragma once
 #include <cstdint>

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Simulator main: native clock, native plant. Python (cocotb) sleeps between the events of its scenario.
 //
 // Two ways of running the same model:

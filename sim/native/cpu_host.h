@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The firmware as part of the simulator, in place of the soft core: the C sources as a shared library of this machine.
 //
 // The firmware is on top: its main() runs on the simulator's stack, and the chip's clock runs inside of each of its register

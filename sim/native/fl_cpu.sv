@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // In place of rtl/soc/fl_cpu.sv in a simulation: no core. The firmware runs in the simulator's process (cpu_host.h) and
 // comes to the register bus by the variables of this module.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The application: boot, the interrupt handlers' work, the main loop's work. The same on chip and host.
 #ifndef FL_APP_H
 #define FL_APP_H

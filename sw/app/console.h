@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Console on the UART: one command a line (CR or LF ends it), replies end with `ok` or `error: ...`.
 #ifndef FL_CONSOLE_H
 #define FL_CONSOLE_H

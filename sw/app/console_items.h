@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The named values of the console: what can be read, what can be set, in the units of people.
 #ifndef FL_CONSOLE_ITEMS_H
 #define FL_CONSOLE_ITEMS_H

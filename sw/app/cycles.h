@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Statistics of a handler's duration in clocks.
 #ifndef FL_CYCLES_H
 #define FL_CYCLES_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Numbers to text and back for the console, without a library.
 #ifndef FL_FORMAT_H
 #define FL_FORMAT_H

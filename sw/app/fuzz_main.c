@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The firmware with a main loop that goes astray: once it is told a seed it writes and reads registers at random places
 // and times, whatever they do, beside the control step that drives the machine. When that has turned the gates off, it
 // brings the drive back: drive and registers as they were when it was told the seed, trips cleared with the key.

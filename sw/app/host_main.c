@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The firmware as a shared library: one instance, driven tick by tick from outside.
 #include "app/app.h"
 #include "hal/chip.h"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Lines of text from the UART, each carried out whole or not at all, and the replies to them.
 //
 // A line ends with CR or LF; a line of blanks only is none. Every other line gets one answer, `ok` or `error: TEXT`, also

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The image for the soft core, with FL_CAN the one with the CANopen node: entry from crt0, traps from trap.S.
 #include "app/app.h"
 #if defined(FL_CAN)

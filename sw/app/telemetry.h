@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the drive shows to whoever can read its RAM: one structure of plain words at a fixed address.
 #ifndef FL_TELEMETRY_H
 #define FL_TELEMETRY_H

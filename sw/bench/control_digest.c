@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Program of its own: digests of what the control algorithms give for random inputs, the same source for the soft core
 // and for the host. Equal digests: the core computes bit for bit what the tests on the host judge.
 //

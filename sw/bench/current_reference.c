@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Program of its own for the chip: the current regulators of the hardware on a rotor whose angle and speed are known,
 // references of the current by a table, one a sample. Coefficients are designed here, as in the drive. Currents and
 // regulator states of the table's samples are sent at the end, a line each: i_d, i_q (3 digits of 6 bits), u_d, u_q (5).

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Program of its own for the chip: commutations at a set interval, means of the output by a table. The duty goes the way
 // that it goes in the drive: mean, correction for the cut pulse, pulse width, registers. No crossing, no regulator.
 #include "control/carrier.h"

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Program of its own for the chip: writes and reads registers by a table, in its order, and waits for control ticks in
 // between. What it reads goes to the console, a line of 8 hexadecimal digits each. It knows no block of the drive, so that
 // it runs on every build of the chip.

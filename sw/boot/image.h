@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Image and parameter block in the flash: taken into the RAM and checked there.
 #ifndef FL_IMAGE_H
 #define FL_IMAGE_H

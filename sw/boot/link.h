@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Frames of the loader on its two lines, UART and CAN, and its lines of text.
 //
 // A frame: code, length of the payload (2 bytes), payload, CRC-32 of code, length and payload; little endian. On the UART

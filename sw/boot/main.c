@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The loader: listens for a host on UART and CAN, starts what the flash holds if all of it is right, else says why and
 // waits for a host.
 #include "control/placement.h"

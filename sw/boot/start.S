@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # The loader's entry, at BOOT_ROM after every reset: its stack is the firmware's, it has no data to set up. An exception
 # ends in a loop, with all gates off as they are after a reset.
 #include "ram.h"

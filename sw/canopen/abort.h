@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // SDO abort codes (CiA 301).
 #ifndef FL_CANOPEN_ABORT_H
 #define FL_CANOPEN_ABORT_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A CANopen node (CiA 301) with the drive profile CiA 402 on the drive of sw/drive.
 //
 // No heap, no interrupt of its own: canopen_receive, canopen_step and canopen_next are called from one place, the main

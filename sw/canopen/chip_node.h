@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The CANopen node on the chip: CAN controller, clock, memory of the stored objects, all from the main loop.
 //
 // Node-ID and bit rate after power-up: of the SPI flash where one answers (flash_store.h), else from RAM_CAN_SETUP, two

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Drive profile CiA 402: state machine of controlword and statusword, profile velocity, cyclic synchronous velocity and
 // torque, limits, quick stop, reactions to faults and to a lost master.
 //

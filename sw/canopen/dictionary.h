@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The table of the object dictionary, generated from objects.toml: what entries there are, their types and ranges.
 #ifndef FL_DICTIONARY_H
 #define FL_DICTIONARY_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the CANopen node wants of the drive, in units of people: the only part of it that knows sw/drive.
 //
 // Called from where the console is called from; settings change as a whole between two control ticks.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Emergency object: what is wrong, told once each, the error register 0x1001 and the list 0x1003.
 #ifndef FL_EMCY_H
 #define FL_EMCY_H

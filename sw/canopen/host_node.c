@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // One CANopen node on the drive of the host library, frames and time from outside.
 #include <string.h>
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Network management slave, heartbeat producer, heartbeat consumers.
 #ifndef FL_NMT_H
 #define FL_NMT_H

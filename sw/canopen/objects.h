@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Values of the objects: reading, checking, writing, and what a write makes happen.
 #ifndef FL_OBJECTS_H
 #define FL_OBJECTS_H

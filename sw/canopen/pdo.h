@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Process data: four RPDOs and four TPDOs with mapping, SYNC, inhibit time and event timer.
 #ifndef FL_PDO_H
 #define FL_PDO_H

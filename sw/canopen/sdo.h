@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // SDO server: expedited and segmented transfers, one at a time. A new request replaces a transfer that was left.
 #ifndef FL_SDO_H
 #define FL_SDO_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Frames on their way to the driver, first in, first out. The last places are kept for what is not a PDO.
 #ifndef FL_SEND_QUEUE_H
 #define FL_SEND_QUEUE_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Stored objects: two slots in non-volatile memory, written in turns, so that a save that is cut off loses nothing.
 //
 // Image, little-endian words: magic, layout (version and checksum of what is stored), CRC-32 of all that follows it,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Durations on a wrapping microsecond counter: one that is asked at least every 35 minutes is right.
 #ifndef FL_CANOPEN_TIMER_H
 #define FL_CANOPEN_TIMER_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Commissioning: a program of its own for the chip, in place of the drive. A host asks for segments on the console and
 // evaluates their sums (sim/fluxlock/commission); nothing about the motor is known here.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A segment of the commissioning: voltage or current in a frame that turns at a set speed, for a number of control
 // ticks, and sums of what was measured, block by block.
 //

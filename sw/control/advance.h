@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Commutation advance that grows with speed and current, for the delay of the current behind its commutation.
 #ifndef FL_ADVANCE_H
 #define FL_ADVANCE_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Angles of the injection: what inverse Park and the reported angle have beyond the angle of Park, at any delay T_d from
 // the sample to the update of its voltage.
 //

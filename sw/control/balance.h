@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Adaptive crossing thresholds (Yang 2020, ch. 3): divider-gain errors and unequal inductances shift the crossings of a
 // phase's two sectors; the six crossing intervals show it, the thresholds are moved until they are equal.
 //

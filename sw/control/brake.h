@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Braking current that the DC link still takes: it falls linearly to zero as the voltage nears its trip, at once, and
 // returns slowly, so that link capacitor and regulator do not swing against each other.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // From the wanted mean voltage to duty, carrier period and pulse width.
 //
 // Duty. While the pulse is off the current freewheels through one diode (drop V_D, 0 with synchronous

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Angle and speed of a coasting rotor from the three terminal voltages at the control ticks, gates off.
 //
 //   arg = atan2( sqrt(3) (vb - vc), 2 va - vb - vc )       the star point's voltage drops out

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Complex fixed point: d + jq and factors of such. The format stands in the name of the variable; both parts share it.
 // Parts lie within +-(2^31 - 1); conjugates, sums and differences are exact and must fit 32 bits.
 // Clocks, here and in what builds on it, are the worst of random calls, counted with product 3, division 35, load 2 and

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Complex current regulator: incremental recurrence with a voltage circle, the reference of the hardware's regulator.
 //
 //   w[k] = u[k-1] + (h/g) b[k-1] + g e[k] - h e[k-1],   e = i* - i,   h = g Phi   (Yang 2020, ch. 7)

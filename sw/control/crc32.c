@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 #include "control/crc32.h"
 
 uint32_t crc32(const uint8_t *data, size_t length) {

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Cross-coupling of the axes: under load the saliency axis, which the injection follows, and the d axis part. A curve of
 // i_q, c = theta - theta of the saliency, compensates it (Yu 2022):
 //

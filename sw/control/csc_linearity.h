@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Duty for a wanted mean when every commutation restarts the carrier (CSC): the cut last pulse of a sector changes the
 // mean (Yang 2020, 5.18). N = N_Z + N_D carriers a sector, N_Z whole ones:
 //

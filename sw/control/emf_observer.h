@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // EMF observer in the estimated frame (gamma, delta), for any delay from sample to voltage (Yang 2020, ch. 7):
 //
 //   i^[k+1] = Phi i^[k] + Gamma1 u[k] + Gamma2 u[k-1] + Gamma_e e^[k] + G1 (i[k] - i^[k])

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Electrical angle from the position of an incremental encoder.
 //
 //   theta = p (position + 1/2) / quarters + offset + omega * latency

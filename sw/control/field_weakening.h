@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Field weakening by the voltage margin: i_d falls while the voltage exceeds what is wanted of it.
 //
 //   i_d += k_i (u_wanted - |u|),   lowest <= i_d <= highest

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Fixed-point helpers: saturation, gains with a binary exponent, 64-bit division without a library.
 //
 // Formats used throughout the firmware (the suffix of a name is its format):

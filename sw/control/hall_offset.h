@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Misplacement of Hall sensors: how late the edge into each sector comes, in 1/2^16 of a sector interval (60 degrees).
 //
 //   equal intervals    late[s] = late[s-1] + t[s] - T/6, mean 0      t[s] ends with the edge into sector s, T their sum

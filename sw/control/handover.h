@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Counts crossings that agree with the forced commutation: the test for handing it over to the crossings.
 //
 // A crossing is plausible when its interval lies within a tolerance of the forced interval. Clean crossings are not

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Start with a rotating current (I/f), and the way from it to the observed angle and back without a jump.
 //
 // The current stands on the d axis of a forced frame: it rises with the frame at rest, which aligns the rotor, then the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Angle error of the injection from the amplitudes that the chip's demodulators find, L_q > L_d.
 //
 //   lock-in, conventional, separator   e = L_q / (L_q - L_d) I_q / I_d

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The frame of a machine that injection holds: from the amplitudes and the fundamental current of a sample to what the
 // chip does next. Puts together rest position, angle error, hand-over to the EMF, phase-locked loop, angle sequence,
 // cross-coupling, validity, speed loop and the references of both subspaces.

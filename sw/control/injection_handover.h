@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Hand-over between injection and EMF observer, both ways, with a hysteresis of the speed.
 //
 //   |speed| above `up`, EMF there: the share s of the EMF rises to 1, then the injection is switched off

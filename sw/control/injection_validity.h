@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Is the injection's angle to be trusted? From the amplitudes of each result:
 //
 //   A      mean of I_d

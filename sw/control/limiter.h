@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Current limiter: an upper bound for the voltage, from the machine's model with a bounded trim.
 //
 //   bound = emf + R*I_limit + kp*margin + trim,   margin = least distance of a current to its limit

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Current of the conducting pair from the mean DC-link current, by the balance of power:
 //
 //   idc * vdc = i * (emf + R*i + (1 - duty) * V_D)       ratio = vdc / (emf + R*i + (1 - duty) * V_D),  i = ratio * idc

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Most torque a current: split of a current amplitude into i_d and i_q for a salient machine.
 //
 //   T ~ i_q (psi - (L_q - L_d) i_d),   k = psi / (L_q - L_d)

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Phases that carry no current though the machine does, from samples of the phase currents.
 //
 //   quiet_k   angle, with its sign, that the rotor has turned since |i_k| was last above share * amplitude

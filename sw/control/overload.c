@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 #include "control/overload.h"
 
 bool overload_step(overload_t *overload, const overload_settings_t *settings, int32_t i_q17, uint32_t ticks) {

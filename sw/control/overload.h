@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // I²t: what a current above the rated one leaves in the winding, and what one below it takes out again.
 //
 //   x += (i² - i_rated²) dt, x >= 0;   too hot where x > 3 i_rated² T

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // PI regulator with feed-forward and anti-windup by back-calculation.
 //
 //   u   = feed_forward + kp*e + integral,  output = u limited to [low, high]

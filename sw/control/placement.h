@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the compiler is to know of a function: on the path of the control step while running (HOT), the same and called
 // from one place of the image (INLINED), large or called from several places (SHARED), called by it on rare events only
 // (COLD); the last two stay out of line. The core's conditional branches reach 4 KiB: in a longer function every rare case

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Channels of the converter that cannot be right: one that never changes, currents that do not add up to nothing.
 //
 // A channel that works shows the converter's noise. One whose value is the same for many looks is stuck, whatever it

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Phase-locked loop on the observed EMF: angle, speed and, third order, acceleration of the rotor.
 //
 //   eps = -sgn(omega) e_gamma / |e| = sin(theta - theta^)    beyond 90 degrees +-1, so that it does not fade at 180

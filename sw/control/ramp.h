@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Speed ramp with an acceleration limit that waits while a limit keeps the machine from following.
 //
 // The reference moves toward the target by at most `step` a call and never leaves a window around the measured

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Coefficients of the current regulators A, B and C at the actual speed, for complex_regulator.h and the hardware.
 //
 //   A: complex vector PI     g = k_p + k_i T_s, h = k_p,  k_p = w L, k_i = w (R + j omega L)

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Position of a rotor at rest by injection, with the polarity of its magnet, from any angle.
 //
 //   two frames, 45 degrees apart: q amplitudes K sin 2(theta - phi) and -K cos 2(theta - phi), whose quotient is the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Mechanical speed from the electrical period that the commutation timer measures.
 //
 //   n = 60 * f_clk / (pole_pairs * period)   in r/min

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Open-loop start: which sector follows the alignment, and the intervals of a constant electrical acceleration.
 //
 // The rotor aligned to leg X (current into X, out of the two others) has its flux on the axis of X: theta = 0, 120,

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 #include "control/stuck.h"
 
 void stuck_reset(stuck_t *stuck) { *stuck = (stuck_t){0}; }

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A voltage channel that shows one code while the others swing: it does not follow its terminal.
 //
 // A channel that works never repeats its value for long: of a turning rotor every terminal sweeps its whole range in a

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Current reference in torque mode: the wanted current between two speed limits.
 //
 //   i = clamp(i_target, kp (n_low - n), kp (n_high - n)),   n_low < n_high, kp of the speed regulator

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Sine, cosine, arc tangent, length of a vector and exponential decay in fixed point.
 //
 // Angles are unsigned, 2^32 = one turn. Polynomials are Taylor series after reduction to an eighth of a turn (sine,

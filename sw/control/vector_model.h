@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Exact discrete model of a synchronous machine in dq at the actual signed speed, for any delay T_d from current sample
 // to voltage update, 0 <= T_d <= T_s (Yang 2020, ch. 7, corrected). Voltage latched in the stationary frame, EMF e = j
 // psi omega constant in dq:

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Speed loop of the vector path: PI on the electrical speed gives the torque-making current, within what the amplitude
 // leaves beside i_d.
 //

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The drive: state machine, start, speed control, faults. One step a control tick, from a snapshot to a command.
 //
 //   init -> ready -> starting -> running -> stopping -> ready;   any -> fault -> init

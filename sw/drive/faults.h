@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Faults by name, and the log of the last ones.
 #ifndef FL_FAULTS_H
 #define FL_FAULTS_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Hall sensors: judged at every tick, learnt once a turn, and when they drive.
 //
 //   sensored   the edges commutate from the start on

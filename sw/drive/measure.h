@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // From the snapshot to the measured quantities of the drive.
 #ifndef FL_MEASURE_H
 #define FL_MEASURE_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The parameter block as it lies in RAM: check before use.
 #ifndef FL_PARAMETERS_H
 #define FL_PARAMETERS_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Slow protection: what the hardware's trips do not see, because it needs a model, a memory or patience.
 //
 //   overload         I²t of the machine's current

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The start: wait for a slow rotor, bootstrap precharge, two alignment vectors, forced ramp, hand-over, lock.
 #ifndef FL_START_H
 #define FL_START_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Correction B at work: reads the sectors' intervals once a turn, moves the thresholds, one stage a tick.
 //
 // Nothing moves while the speed changes by more than 1/128 from turn to turn, after a late or missed crossing (the time

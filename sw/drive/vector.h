@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Vector drive: I/f start, EMF observer and phase-locked loop, speed regulator, field weakening, reversal, stop.
 //
 // Two frames: in the forced one the current stands on d and turns as the start wants it; in the observed one d is the

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The vector drive held by injection (injection_frame.h): angle and speed from standstill on, the currents of both subspaces.
 // Its frame is the third one beside forced and observed:
 //

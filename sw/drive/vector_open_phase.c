@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Open phases of a machine held by injection and EMF.
 //
 // Five phases, one of them open, k: i_k = 0 couples the subspaces. The regulators of subspace 1 hold its current as it

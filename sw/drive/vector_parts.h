@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Shared by the parts of the vector drive: vector.c (control step), vector_frame.c (frames and the ways between them),
 // vector_design.c (constants and gains).
 #ifndef FL_VECTOR_PARTS_H

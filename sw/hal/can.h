@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The CAN controller, polled: frames in and out in their order. Identifiers are standard ones, extended ones with
 // CAN_ID_EXTENDED where they are sent or filtered.
 #ifndef FL_CAN_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A CAN 2.0 frame as the node and its driver hand it over.
 #ifndef FL_CAN_FRAME_H
 #define FL_CAN_FRAME_H

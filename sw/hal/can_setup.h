@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Node-ID and bit rate in the SPI flash, beside the parameter block: for the CANopen node and for the loader.
 #ifndef FL_CAN_SETUP_H
 #define FL_CAN_SETUP_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The capture buffer: its registers, and its records as bytes.
 #ifndef FL_CAPTURE_H
 #define FL_CAPTURE_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The chip's measuring and power blocks: configuration at boot, snapshot and command at every control tick.
 #ifndef FL_CHIP_H
 #define FL_CHIP_H

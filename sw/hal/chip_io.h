@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // What the drive reads from the chip at a control tick and what it asks of it: plain values, no registers.
 #ifndef FL_CHIP_IO_H
 #define FL_CHIP_IO_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The processor: critical sections against the control interrupt, interrupt enable, fixed memory areas.
 #ifndef FL_CPU_H
 #define FL_CPU_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // SPI NOR flash with the common command set: identification, write enable, page program, sector erase, status, read;
 // addresses of three bytes.
 #ifndef FL_FLASH_H

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Register access. On the chip a plain 32-bit load or store; on a host a function of the simulated chip.
 #ifndef FL_REG_H
 #define FL_REG_H

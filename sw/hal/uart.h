@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Bytes in and out of the UART, by polling its FIFOs.
 #ifndef FL_UART_H
 #define FL_UART_H

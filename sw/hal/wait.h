@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Waiting by the chip's free-running counter: for the loader, and for the flash.
 #ifndef FL_WAIT_H
 #define FL_WAIT_H

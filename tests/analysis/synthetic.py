@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run data of an ideal six-step drive with known errors, made from the EMF alone.
 
 Which pair of phases conducts at an angle is found from the EMFs of the machine (largest line EMF), not from

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Injection from voltage to angle in floating point against the closed forms of the papers."""
 
 from __future__ import annotations

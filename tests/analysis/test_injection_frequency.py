@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Feasible injection frequencies by Tian's rule, and the command that prints them."""
 
 from __future__ import annotations

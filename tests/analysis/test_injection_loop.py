@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The float model of the whole drive with injection: its parts against independent ones, rows of the settings found."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Closed forms of the injection against independent calculations and the specification's numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Metrics against synthetic runs whose errors are known.
 
 One clock is 0.0072 deg at 60 000 r/min; stamps are whole clocks, so 0.01 deg is the tolerance of an angle.

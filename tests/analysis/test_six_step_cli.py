@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The commands of the six-step theory: tables, files, bad input."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Freewheel angles: decay voltages against independent integration and against the switched circuit."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mean of the output under CSC against generated gates and explicit pulse lists."""
 
 from __future__ import annotations

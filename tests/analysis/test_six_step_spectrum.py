@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Line spectra: series of chapter 6, generated gates, recorded gates, currents of the switched circuit."""
 
 from __future__ import annotations

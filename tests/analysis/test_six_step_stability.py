@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Stability of the zero-crossing loop: map against closed form and against the equations in exact arithmetic."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Crossing errors of unequal phases against closed forms."""
 
 from __future__ import annotations

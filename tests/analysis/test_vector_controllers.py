@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current controllers A, B, C on the exact model, and their frequency responses."""
 
 from __future__ import annotations

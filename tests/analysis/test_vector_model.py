@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact discrete model against an integration of the machine in phase variables with latched phase voltages."""
 
 from __future__ import annotations

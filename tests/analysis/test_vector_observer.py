@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """EMF observer, phase-locked loop and the sensorless current loop."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the vector rows of the regression compute from their runs, on data whose answer is known."""
 
 from __future__ import annotations

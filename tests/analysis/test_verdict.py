@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The verdict over a run: wrongs that are planted in synthetic runs are named, and what is no wrong passes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A regression row and a figure fail by name when one of their runs cannot be vouched for."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine and sampling of the vector tests: Motor-I at 15 kHz, and a five-phase machine in phase variables."""
 
 from __future__ import annotations

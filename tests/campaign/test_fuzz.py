@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Random register accesses on the running chip: gates stay safe, the bus answers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The campaign's judge on made-up runs: each way to end wrong is found, and nothing else."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The campaign's page: what is read, and from which runs it is not written."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Registers that upsets are drawn from: those that are in a netlist, whatever the Verilated model calls them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The native node and bus for test_native_node.py, through ctypes.
 #include "can_bus.h"
 

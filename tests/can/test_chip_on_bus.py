@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip's CAN controller on the simulator's native bus, its registers written by a program on the core.
 
 Needs a chip of its own, which takes minutes to build: runs with FLUXLOCK_CAN_FRAMES set, as `make can` does.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulator's native CAN node beside the Python node, bit by bit on one bus, disturbed and not."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """candump, cansend and cangen against the chip on a real SocketCAN interface.
 
 Not collected by name: test_socketcan.py and `make test-socketcan` run this file where vcan0 is.

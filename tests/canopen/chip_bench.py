@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip with its CANopen node on the simulator's bus: peers beside it, runs of a scenario."""
 
 from __future__ import annotations

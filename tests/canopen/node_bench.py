@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A CANopen node on the drive of the host library, closed over the averaged motor; an SDO client of its own."""
 
 from __future__ import annotations

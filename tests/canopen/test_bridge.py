@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The bridge between the chip's bus and python-can, with a node of the test's own in place of the simulator."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The CANopen node in the chip's firmware, on the simulator's bus."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The drive profile on the averaged motor: state machine, modes, limits, stops, faults, lost master."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The driver of the CAN controller on a register file of the host, and what the node asks of its filters."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Random frames: the node stays whole whatever comes, and nonsense does not touch a running motor."""
 
 from __future__ import annotations

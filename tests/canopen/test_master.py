@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A master that is not ours, the package `canopen`, on a bus of python-can; of the drive it knows the EDS only.
 
 The same tests on the native program and on the chip; with FLUXLOCK_SOCKETCAN=vcan0 over the kernel's bus.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The command `fluxlock native`: bus, console, pace, and what it refuses."""
 
 from __future__ import annotations

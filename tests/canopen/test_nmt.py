@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Network management, heartbeat, process data, SYNC and EMCY."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The object dictionary: what is made from its one source agrees, as read by programs that are not ours."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The SDO server against a client of its own: reading, writing, segments, abort codes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The decoder of sigrok, which is not ours, on the pin that a run of the chip has recorded."""
 
 from __future__ import annotations

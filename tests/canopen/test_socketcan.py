@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The kernel's own CAN bus, vcan0: a master that is not ours, candump, cansend and cangen, in their own session."""
 
 from __future__ import annotations

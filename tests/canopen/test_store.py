@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Stored objects: 0x1010 and 0x1011, power-ups, broken and torn images in the non-volatile memory."""
 
 from __future__ import annotations

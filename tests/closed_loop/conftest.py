@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Signals as at a terminal: a shell that starts the tests in the background lets its children ignore SIGINT."""
 
 from __future__ import annotations

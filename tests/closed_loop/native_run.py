@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The native program under the events of a scenario: the same C, averaged models in place of RTL and plant."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // In place of the firmware on the chip's bus: notes how its handlers interrupt each other, for the console. ( ) control
 // handler, < > deferred handler, [ ] critical section. The line of a handler is up as long as it runs.
 #include "hal/chip.h"

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Running scenarios from tests: outputs stay below build/closed_loop, one folder a test."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A scenario runs on the chip of its method: what it does is what the chip with both paths does, clock by clock."""
 
 from __future__ import annotations

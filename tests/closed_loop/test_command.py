@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The command on the real chip: what the console refuses, and what is left when a run is broken off."""
 
 from __future__ import annotations

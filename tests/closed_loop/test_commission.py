@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The commissioning program on the chip, with parameters that it cannot measure by."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Console lines without pause at 1 Mbaud while the core is busy: each is carried out, or refused by name."""
 
 from __future__ import annotations

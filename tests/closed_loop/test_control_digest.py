@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The control algorithms on the soft core against the same sources on the host, bit for bit."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip with five phases on the five-phase plant: registers drive the modulator open loop, gates are recorded."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Injection on the chip with five phases, its machine held at an angle: what the registers show of the HF current."""
 
 from __future__ import annotations

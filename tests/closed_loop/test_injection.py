@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machines held by injection on the whole chip: angle errors in degrees, from a rest that the drive does not know."""
 
 from __future__ import annotations

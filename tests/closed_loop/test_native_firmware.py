@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's C on the bus of the chip without its core: as with the core, under sanitizers and a debugger."""
 
 from __future__ import annotations

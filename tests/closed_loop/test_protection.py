@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Trips at speed on the whole chip, and running again afterwards."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The short version of the regression's cases, save those that others stand for, and how rows judge their values."""
 
 from __future__ import annotations

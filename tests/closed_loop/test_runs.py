@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The shipped scenarios: each carries its limits, and the run fails if one is missed."""
 
 from __future__ import annotations

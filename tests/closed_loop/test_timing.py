@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Software latency never moves an edge, and the same seed gives the same trace."""
 
 from __future__ import annotations

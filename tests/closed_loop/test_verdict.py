@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The verdict over runs of the chip: no limit is set, and what is wrong has one line; its remedy passes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """`fluxlock run --waves`: an FST of the zoomed span, and the files with which viewers show it in groups."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A bench without switching: plays the commissioning program and a machine, in steps well below a carrier."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """`fluxlock identify` as a user meets it; the measurement is replaced by one of the averaged bench."""
 
 from __future__ import annotations

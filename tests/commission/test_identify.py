@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commissioning: the conversation against a bench without switching, what it may know, and the file that it writes."""
 
 from __future__ import annotations

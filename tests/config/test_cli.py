@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The command line as a user meets it: output, exit codes, no tracebacks.
 
 The simulation is replaced by synthetic data.

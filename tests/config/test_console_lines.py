@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Console lines of a run and their answers, against a drive that loses, delays and invents some."""
 
 from __future__ import annotations

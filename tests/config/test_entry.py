@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The installed command: what ends it before it has read the command line, and while its workers begin or work."""
 
 from __future__ import annotations

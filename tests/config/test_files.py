@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reading and checking of motor, inverter and scenario files."""
 
 from __future__ import annotations

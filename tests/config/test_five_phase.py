@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Files of five-phase machines and their inverters, saturation, faults of legs."""
 
 from __future__ import annotations

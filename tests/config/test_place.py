@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A checkout that was copied, stands in a folder with a name that the tools cannot take, or on another machine."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Vector control in scenario files: what is refused, and what the firmware is told."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A build folder that may not be written to, as under another user's checkout: one line, exit code 2."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Coverage: reading and adding up counters, the report, reasons for what is not reached."""
 
 from __future__ import annotations

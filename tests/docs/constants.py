@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Values of constants, from the code: parameters of modules, `localparam`, `#define` and `enum`, Python, registers.
 
 A page names the constant that it quotes in a comment behind the number: `8<!--sw/drive/drive.c:LOOK_TICKS-->`. What is

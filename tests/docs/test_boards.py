@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Boards: every pin of a top stands once in its constraint file and in the pin table of its page."""
 
 from __future__ import annotations

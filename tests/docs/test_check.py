@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What `make check` runs for which changed files, and the page of the tests' times."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Command lines of README and docs against the commands, targets, cases, files and keys that there are."""
 
 from __future__ import annotations

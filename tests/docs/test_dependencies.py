@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Packages that the product's modules import against the dependency groups of pyproject.toml."""
 
 from __future__ import annotations

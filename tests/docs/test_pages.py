@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Pages of the documentation against the checkout: links, port tables, parameter table."""
 
 from __future__ import annotations

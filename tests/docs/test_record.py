@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers in tables of the pages that are those of the table of the regression: each line is built from it."""
 
 from __future__ import annotations

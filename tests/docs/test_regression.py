@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The page of the regression against the registered cases, and from which runs its rows are."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hashes of chip, firmware and plant on the generated pages, and the check that refuses pages of another tree."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Synthesis: what is read from the tools' reports, when it fails, and the numbers that page and README show."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The events of Tian's figures 10 to 12 as the plant gets them, and what counts as having taken place."""
 
 from __future__ import annotations

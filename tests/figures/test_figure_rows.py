@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a row of a figure has to say, how a page keeps sections, and what changed between two pages."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The figures of a thesis: registry, command, document, page, formulas. Runs are not made here."""
 
 from __future__ import annotations

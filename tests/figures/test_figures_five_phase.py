@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The figures of five-phase injection: registry, what they draw and say, page."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Firmware on the host, closed over the averaged model: machines to test with, running until something holds."""
 
 from __future__ import annotations

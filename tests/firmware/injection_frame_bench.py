@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's control of an injected machine on the bench: settings from those of the float model, courses."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A rotor that stands while crossings and the commutations that they cause chase each other.
 
 After a commutation the floating phase of a standing rotor shows no EMF: what lies first beyond the blanking is taken

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Linearity under CSC, adaptive thresholds and advance of the firmware against models in floating point."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start, hand-over and catching of the firmware against models in floating point."""
 
 from __future__ import annotations

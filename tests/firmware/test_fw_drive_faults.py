@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The drive on the host over the averaged model: named faults, trips, lost locks and restarts."""
 
 from __future__ import annotations

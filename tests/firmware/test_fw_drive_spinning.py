@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The drive on the host over the averaged model: spinning rotors, braking and reversal."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Trips and automatic restarts on the host: what a lost lock explains is started over, all else has its name."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hall sensors: the learning against exact numbers, and the whole drive on the host over the averaged model."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the images with the CANopen node leave out changes nothing of what they drive."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angle error of the injection, angles of the sequences and the cross-coupling curve, against float models."""
 
 from __future__ import annotations

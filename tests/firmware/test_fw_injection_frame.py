@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's whole control of an injected machine, on the host against the float model's machine: rows in degrees.
 
 The drive of two subspaces with injection: rest position, angle, cross-coupling, speed loop, references of all four

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hand-over between injection and EMF, and the validity of the injection."""
 
 from __future__ import annotations

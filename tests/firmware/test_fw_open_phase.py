@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Open phases from the phase currents: none where all are sound, each one within an electrical turn."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Slow protection: I²t, sum of the currents, stuck channels, silent console; alone and in the drive on the host."""
 
 from __future__ import annotations

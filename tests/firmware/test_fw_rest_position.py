@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Position of a rotor at rest with the polarity of its magnet: the firmware on the float model's machines."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angles, vectors and decay of the vector firmware against exact arithmetic."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The vector algorithms together on the exact plant with inertia and fan: start, hand-over, reversal, way back."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The vector drive with an encoder, against the exact discrete machine: sensored runs, mounting, comparison."""
 
 from __future__ import annotations

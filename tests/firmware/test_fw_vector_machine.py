@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The whole vector drive of the firmware against the exact discrete machine: runs, reversals, faults, console."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """EMF observer and phase-locked loop against floating point, and closed over the exact discrete plant."""
 
 from __future__ import annotations

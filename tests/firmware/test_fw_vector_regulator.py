@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine model, coefficients and recurrence of the current regulators against floating point and exact integers."""
 
 from __future__ import annotations

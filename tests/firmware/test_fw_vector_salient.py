@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Vector control of a salient machine: observer with L_q, least current for the torque. Machine in flux, integrated."""
 
 from __future__ import annotations

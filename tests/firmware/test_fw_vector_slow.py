@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Speed loop, torque split, field weakening and the I/f start of the vector firmware, block by block."""
 
 from __future__ import annotations

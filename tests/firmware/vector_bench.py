@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's vector drive on the host, closed over the exact discrete machine: plays the chip at every sample.
 
 Hardware: the regulator is complex_regulator.c, which the RTL equals bit for bit; angle accumulator, shadowed settings

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine in dq and its regulators in floating point: the independent side of the vector firmware's tests.
 
 Equations of Yang 2020, chapter 7; SI units, angles in radians, complex numbers d + jq.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader's C link in this process: a model of the registers that it uses, and frames made from the page alone.
 
 UART, CAN controller and SPI flash as the register reference describes them; the clock goes on with every access.

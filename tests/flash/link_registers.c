@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Registers of the loader's link on this machine: whoever has loaded the library plays the chip.
 #include "hal/reg.h"
 

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The host's side of the loader on CAN: python-can, segments, options. The board's link is the loader's own C."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The host's side of the loader: what it writes in which order, and its serial port.
 
 The chip's side, with the same code on its line: cocotb_tests/soc/test_boot.py.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader's frames on CAN and UART: its C on a model of the registers, against frames made from the page alone."""
 
 from __future__ import annotations

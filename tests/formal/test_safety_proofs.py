@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Proofs of the blocks with safety properties by k-induction, and counterexamples to each property on broken copies."""
 
 from __future__ import annotations

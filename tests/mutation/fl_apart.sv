@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Block of the proof's own test: defects that change a register and no output.
 `default_nettype none
 module fl_apart (

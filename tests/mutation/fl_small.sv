@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // Block of the machinery's own test: y_o is a_i one clock later. The term with b_i changes nothing.
 `default_nettype none
 module fl_small (

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Tests of `fl_small` as a block's tests are, with a gap: nothing looks at the reset."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mutation score: choice of mutants, outcome of each, proof of equality, page."""
 
 from __future__ import annotations

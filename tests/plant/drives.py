@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A plain six-step drive for the tests: Motor-I of the specification, commutated by its true angle."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Independent solution of the plant's circuit for the tests: nodal equations, scipy's integrator and events.
 
 Shares no formula with the kernel: unknowns are di/dt of the phases, the star voltage and the terminal voltages of one

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The circuit against an independent solution, over random circuits and switching sequences."""
 
 from __future__ import annotations

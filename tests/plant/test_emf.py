@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """EMF shapes, torque sign, floating voltages and freewheeling against closed forms of the specification."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The encoder's levels: each edge at the first clock at which the rotor has passed it."""
 
 from __future__ import annotations

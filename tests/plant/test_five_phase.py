@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Five phases: the machine's two forms, the five-leg inverter, open phases and stuck switches."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled and plain kernel: the same bits, the same faults, the fixed interface."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Unequal mutual inductances of a machine with isolated star point are unequal phase inductances at its terminals."""
 
 from __future__ import annotations

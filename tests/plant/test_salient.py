@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Salient machines: phase inductances that turn with the rotor."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Saturation on the d axis and cross-saturation: one co-energy, whatever the currents do."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The generated Python accessors, C header and register map describe the same addresses and fields."""
 
 from __future__ import annotations

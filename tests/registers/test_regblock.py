@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Register blocks after the rework that lets them rest: a variable a field, nothing missed."""
 
 from __future__ import annotations

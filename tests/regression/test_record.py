@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The record of the regression: bands about the last accepted values, and what happens to a row outside of one."""
 
 from __future__ import annotations

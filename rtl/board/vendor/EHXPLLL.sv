@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
 // PLL of the ECP5, declared for the tools that read it: ports and parameters that fl_board_ulx3s sets.
 (* blackbox *)
 module EHXPLLL #(

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """True rotor angle at any time, and the ideal instants of six-step operation.
 
 theta is the plant's electrical angle (d axis against phase A); sectors are defined in theta' = theta + 180

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the gates of a run must never do, from the gates themselves: see `GateSafety`."""
 
 from __future__ import annotations

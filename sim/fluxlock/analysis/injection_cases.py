@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Settings found for the injection, and what the float model of the whole drive shows with them.
 
     python -m fluxlock.analysis.injection_cases [SUBJECT ...] [--figures FOLDER]

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Square-wave injection from voltage to angle in floating point: machine, demodulators, angle sequences, closed forms.
 
 Sources: B. Tian, Q.-T. An, M. Molinas, IEEE Access 2019 (sign-based lock-in); K. Yu, Z. Wang, L. Li, Energies 2022

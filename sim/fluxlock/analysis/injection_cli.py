@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Command `fluxlock injection MOTOR`: feasible injection frequencies as table, map and JSON."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the compensation of the dead time leaves when every edge of the legs has its instant: float model, 2 us.
 
     python -m fluxlock.analysis.injection_dead_time

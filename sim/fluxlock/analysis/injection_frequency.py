@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Feasible injection frequencies by the rule of B. Tian et al., IEEE Access 2019, (28) to (30).
 
     w_inj >= 10 |(-w (L_d - L_q) sin(2 e) / 2 + R) / ((L_d + L_q - (L_d - L_q) cos(2 e)) / 2)|

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The whole injection drive, a control period a step, compiled by numba: converter and control on `injection_machine`.
 
 Called by `injection_loop`, which makes the arguments and says what the settings mean. Angles electrical, rad; SI units.

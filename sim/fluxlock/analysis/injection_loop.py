@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The whole drive with injection in floating point, sample by sample: settings, courses, what they show.
 
 Machine in two planes with saturation, injection on the estimated axis, current regulators, inverter as mean voltages a

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine and inverter of the injection's float model between two samples, compiled by numba.
 
 Two planes with saturation, mean voltages of a sample period with the dead time lost at the edges, mechanics. Steps of

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Closed forms of the injection: what sets the angle error, amplitude and normalisation, cross-coupling, largest speed.
 
 Errors are theta_hat - theta, electrical rad; machines are `HfMachine` (plane 1, L_q above L_d). delta = omega T_s.

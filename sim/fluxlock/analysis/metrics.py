@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Metrics of a run: errors of crossings and commutations against the plant's true angle, waveforms, trips.
 
 Sign: positive error of a crossing or commutation = late, of an angle = ahead. `rms` is about zero, `std` about the

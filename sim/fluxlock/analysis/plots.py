@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plot pages of a run as PNG: the whole run with a zoomed span, and the zoomed span alone, larger."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The result of a run as one JSON document, and whether the run passed."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a co-simulation run hands to the analysis, and the trace file that keeps it.
 
 Times are clock cycles since time 0 of the simulation (rising edges, 64 bit). Angles are electrical, in rad,

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether a run can be vouched for, in words: the same rule for every command, regression row and figure.
 
 `judge_run` is a pure function of a run and its scenario. A run fails for

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """`fluxlock campaign`: progress, score, table, `build/campaign.json`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Register fuzzer: a program on the core writes and reads registers at random beside the control step of a drive.
 
 Every copy of the drive gets a seed of its own. What must hold whatever is written: no leg with both gates on, no dead

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The grid: drives, moments, faults, and the fault names by which a drive may stop."""
 
 from __future__ import annotations

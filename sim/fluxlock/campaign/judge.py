@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """How a run has ended: ridden through, stopped with a right name, or wrong, and why.
 
 Wrong is, from the disturbance on:

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The CAN master of a campaign: enables the operation, commands all the time, keeps the names that the node sends."""
 
 from __future__ import annotations

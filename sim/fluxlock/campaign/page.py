@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The campaign's table, and docs/verification/campaign.md from its document."""
 
 from __future__ import annotations

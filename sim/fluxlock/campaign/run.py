@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run a campaign: one simulator a drive, a copy of it a run; every run judged, its trace kept if it ended wrong."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A CAN bus in continuous time: wired-AND of nodes with delays, clock errors and disturbances.
 
 Events are worked off in order of time, up to a time that the caller gives; nothing polls. Times in ns.

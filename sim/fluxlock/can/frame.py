@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """CAN frames as bits on the wire: layout, checksum, stuffing."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A CAN node's protocol, bit by bit (ISO 11898-1): a story told in order, one `yield` a bit.
 
 `level` is what the node sends in the present bit; `step` tells it what the bus showed and goes on to the next one.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bit timing of a CAN node: time quanta, segments, synchronisation (ISO 11898-1).
 
 Times are in any unit; a clock's own quantum gives the scale.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Write what is made from the object dictionary: `python -m fluxlock.canopen [--node N]`.
 
 The EDS, the DBC of a node and the Python accessors go to `build/canopen`, the tables to docs/reference/objects.md.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Python accessors of the object dictionary: text of a module with a property an entry, in its unit.
 
 The module needs nothing but Python: it reads and writes through two callbacks, which any CANopen master provides, for

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """C tables of the object dictionary: `canopen_objects.h`, included by `sw/canopen/dictionary.c`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """DBC of the frames of one node: PDOs as mapped after power-up, and the fixed services."""
 
 from __future__ import annotations

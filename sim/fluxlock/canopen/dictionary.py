@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The object dictionary: `sw/canopen/objects.toml` spread out into entries, one an index and sub-index."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Electronic data sheet (CiA 306) of the object dictionary."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The CANopen node of the host library: frames in and out, time from outside.
 
 The drive behind it is the library's firmware (`fluxlock.firmware.host.HostFirmware` on the same library) and must have

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The generated part of docs/reference/objects.md: `python -m fluxlock.canopen --check` compares it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The bench of `fluxlock identify`: scenario with the files of the command line."""
 
 from __future__ import annotations

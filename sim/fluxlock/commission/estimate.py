@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Numbers of a machine from what was measured: docs/theory/identify.md. SI units, electrical angles and speeds."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What is known of a machine before it is measured: its name plate, and first numbers for the parameter block."""
 
 from __future__ import annotations

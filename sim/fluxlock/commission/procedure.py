@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The measurement: what is asked of the commissioning program, step by step, and what follows from the answers.
 
 Knows the name plate and the inverter, nothing else: `conversation` runs the same against a simulated and a real bench.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a measurement gives a user: motor file, table, gains, figure."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The simulated bench: chip, commissioning program, and a machine that only the plant knows."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Motor, inverter and scenario files: models, reading, checking."""
 
 from fluxlock.config.errors import ConfigError, Problem

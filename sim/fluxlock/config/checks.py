@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks of a scenario across its three files: what each file alone cannot know."""
 
 from __future__ import annotations

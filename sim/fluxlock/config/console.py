@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Lines of the drive's console, checked before a run by the names of the firmware (sw/app)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Base model and field kinds of the input files: strict types, unknown keys refused, ranges with units.
 
 A range is stated once, in the field. It gives the check, the message and the line of the schema page.

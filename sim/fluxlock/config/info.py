@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What follows from a motor file: derived values and things worth a second look."""
 
 from __future__ import annotations

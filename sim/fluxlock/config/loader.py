@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Read motor, inverter and scenario files with `--set` overrides; all problems in one ConfigError."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Motor file: the machine and the load that usually belongs to it."""
 
 from __future__ import annotations

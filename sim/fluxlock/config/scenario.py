@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Scenario file: one closed-loop run with its drive settings, events, measuring windows and expectations."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reference page of the input files, generated from the models: `python -m fluxlock.config.schema`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """From the checked files of a scenario to the records that the firmware's parameters are compiled from."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Build one RTL module with Verilator and run a cocotb test module on it.
 
 Registers start at random values (`--x-initial unique`), assertions are on, the seed is printed by cocotb. With a folder

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Many ends of one run: the simulator's process is copied where they part, each copy goes on with actions of its own.
 
 A copy needs neither start-up nor the time until the moment that is looked at.

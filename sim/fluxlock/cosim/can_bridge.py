@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The bus of the simulated chip on a bus of python-can: SocketCAN, UDP multicast, virtual.
 
 Frames keep their order in each direction. Towards the chip they wait until the simulated bus carries them; towards

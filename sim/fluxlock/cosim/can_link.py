@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Joins the bus of the simulated chip to this process: frames both ways between the simulator's process and ours.
 
 In the simulator a node on the chip's bus (`LinkPeer`) sends what comes and takes what the chip sends, every

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Verilate the whole chip with the native-clock main, once a set of sources and options."""
 
 from __future__ import annotations

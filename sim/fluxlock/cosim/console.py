@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Console lines of a run, each with the answer that belongs to it. Pure bookkeeping: who uses it sends and listens."""
 
 from __future__ import annotations

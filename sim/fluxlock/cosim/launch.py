@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start the simulator's process on a plan and wait for it."""
 
 from __future__ import annotations

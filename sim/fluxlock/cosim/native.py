@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """ctypes binding of the C interface in `sim/native/cosim.h`, for use inside the simulator's process."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware as code of this machine on the chip's bus, in place of the chip's core: how it is asked for."""
 
 from __future__ import annotations

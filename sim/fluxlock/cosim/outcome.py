@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A finished run with its metrics, written to a folder, and read from it again."""
 
 from __future__ import annotations

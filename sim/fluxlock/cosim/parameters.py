@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The parameter block of a scenario, and what only the block can tell of a scenario before it runs."""
 
 from __future__ import annotations

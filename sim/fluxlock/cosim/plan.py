@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the process that starts a simulation tells the simulator's process, and what it gets back."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run a program of `sw/bench`, or a list of register accesses, on the whole chip in place of the firmware."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Registers of our RTL, read from its text: outputs that are registers, and registers that only assertions look at.
 
 The header of the Verilated model does not tell either: it names an output by the net it drives, and it holds flip-flops

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run a scenario on the whole chip: files in, `RunData` out."""
 
 from __future__ import annotations

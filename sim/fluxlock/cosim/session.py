@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The cocotb test that drives the whole chip through one plan. Runs inside the simulator's process.
 
 The clock and the plant are native; this coroutine sleeps until the next action of the plan or until the logs want

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip's registers as the simulator main can flip them: a table made from the Verilated model's header.
 
 In it: the registers of our RTL by their names, outputs that are registers, storage and pipeline registers of register

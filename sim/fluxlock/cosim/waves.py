@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """View of an FST: the chip's signals in groups, for GTKWave (save file) and Surfer (command file)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Coverage of RTL, C and Python: `python -m fluxlock.coverage [FOLDER...]`.
 
 Results in build/coverage: report.md, coverage.json, pages of C and Python in c and python. Without FOLDER the page

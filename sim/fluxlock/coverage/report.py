@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The report: numbers of RTL, C and Python by folder, by file, and what is not reached."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Coverage of the RTL by its block tests.
 
 The tests run on builds with Verilator's counters of statements, branches and signal toggles; points of all builds and

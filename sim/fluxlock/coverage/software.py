@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Coverage of C and Python by the tests on the host.
 
 The tests of `TESTS` run under coverage.py, several processes side by side; the C of their host libraries is compiled by

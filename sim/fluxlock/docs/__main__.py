@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Write every generated page of the documentation: `python -m fluxlock.docs`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A page of figures as text: its sections, its tables, and what two pages differ by."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Pages of the figures for the documentation: `python -m fluxlock.docs.figures` after `fluxlock figures FAMILY`.
 
 A page keeps the sections of figures that were not drawn anew, each with its own revision. `--against REVISION` prints a

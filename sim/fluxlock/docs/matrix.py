@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Matrix of requirements and what verifies them: `python -m fluxlock.docs.matrix`.
 
 Requirements are lines `- ID: text` in docs/verification/requirements.d/*.md (further lines of one indented). What

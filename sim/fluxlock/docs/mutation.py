@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mutation score for the docs: `python -m fluxlock.docs.mutation` after `make mutation`.
 
 Of a block without a result in `build/mutate` the page keeps what it says, so that one block can be measured alone.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chart of the chip's angle error over speed with wrong parameters, from the rows of `make regression`."""
 
 from __future__ import annotations

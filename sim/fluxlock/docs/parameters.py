@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameter table of docs/reference/parameters.md from the schema: `python -m fluxlock.docs.parameters`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Table and chart of the regression for the docs: `python -m fluxlock.docs.regression` after `make regression`.
 
 Rows of cases without a result in `build/regression.json` stay on the page as they are, with the sources that they were

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether the generated pages are those of this tree: `python -m fluxlock.docs.release`, `make release-check`.
 
 Each page names the hashes of the chip, the firmware and the plant that its results were made from, for the whole page

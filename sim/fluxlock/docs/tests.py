@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Times of the tests: `python -m fluxlock.docs.tests [--before FILE]`, after `make test`.
 
 `make test` leaves `build/test-times.json`, an object a test (`tests/times.py` says what it holds). From it are made

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """`fluxlock figures`: choose, draw side by side, write PNG and `figures.json`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Registry of figures: each is a function that runs scenarios or theory and returns a drawing with a table."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """All families of figures: importing this registers them."""
 
 from fluxlock.figures import blac, five_phase, six_step

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Firmware: parameter schema and block, gains from the motor file, image and host library."""
 
 from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_image

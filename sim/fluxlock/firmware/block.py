@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The parameter block: values by name, packed with magic, version, length and CRC as the firmware checks them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """From machine, inverter and drive to the parameter block: every gain and start-up value follows from the files.
 
 Symbols: psi phase flux (peak), p pole pairs, R_l line resistance 2 (R + R_on), k_e mean line EMF of the conducting

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The pure algorithms of the firmware, called on the host: structures and prototypes."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware as a shared library in this process: register file, UART and control ticks driven from Python.
 
 One instance a process. Whoever plays the chip writes the snapshot registers, calls `tick()` and reads the settings.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the injection from machine, inverter and drive. Equations: docs/theory/five-phase.md.
 
 Symbols as in vector_compiler; T_h injection period, w its angular frequency, L_d, L_q inductances that the wave meets:

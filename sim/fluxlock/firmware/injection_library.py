@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The injection's algorithms of the firmware, called on the host: structures, prototypes, settings from SI units."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The parameter schema: `sw/params.toml` read once, from which C header, block writer and documentation come."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plain records of machine, inverter and drive from which a parameter block is compiled.
 
 They carry the keys of the TOML files that concern the firmware, checked by whoever reads those files. SI units.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compile the firmware with zig's clang: the image for the soft core and the shared library for the host.
 
 Results are cached below `build/` under a hash of everything that enters them.

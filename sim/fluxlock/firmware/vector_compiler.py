@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the vector drive from machine, inverter and drive. Equations: docs/theory/vector.md.
 
 Symbols: V, I full scales of voltage and current, psi fundamental phase flux (peak), R phase and switch, L mean of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """When the vector drive samples, and when the voltage of a sample acts.
 
 An update every T_s: the whole carrier, or half of it with double update. T_d is the time from the mean instant of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader's frames on CAN (docs/reference/boot.md): segments of up to 8 bytes between two identifiers."""
 
 from __future__ import annotations

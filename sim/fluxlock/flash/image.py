@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What lies in the flash: header and firmware, parameter block, and the order in which it is written.
 
 The header has the words that `sw/boot/image.h` names. Versions: of the register map that the firmware was compiled for,

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The loader's protocol (docs/reference/boot.md), its frames on a serial line, the upload of image and parameter block.
 
 Frames on CAN: `fluxlock.flash.can_line`.

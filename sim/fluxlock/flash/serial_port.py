@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A serial port of the system at 1 Mbaud, 8N1, raw, without flow control."""
 
 from __future__ import annotations

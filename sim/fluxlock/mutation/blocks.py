@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Blocks whose tests are measured: sources, test bench, tests, goal."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Which mutants are the block itself: proved by SAT, register by register or at the outputs.
 
 Register by register: the block as it is and the mutant are joined at registers and outputs of the same name. What is

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mutants of a block from Yosys `mutate`, all in one Verilog netlist with a selector.
 
 The block is read with the slang front end, flattened and optimised; assertions are taken out first, since a defect in

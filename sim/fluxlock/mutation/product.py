@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Which mutants nobody outside can tell from the block: proved by SAT at the outputs.
 
 Block and mutant run side by side with the same inputs; the first clock is a reset. Each register starts with any value,

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Build the netlist of a block with its test bench and run the tests on every mutant."""
 
 from __future__ import annotations

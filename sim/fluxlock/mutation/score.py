@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mutation score of a block: mutants, tests, proofs of equality, result file."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs inside the simulator as its cocotb test module: one start, then a forked process for every mutant.
 
 Started by `fluxlock.mutation.run`, which names the job file in the environment. While cocotb imports this module, at

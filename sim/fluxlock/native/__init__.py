@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware as a program of this machine: the C sources on an averaged motor, faster than real time."""
 
 import os

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Small averaged model of chip, inverter and six-step machine, in floating point.
 
 Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once

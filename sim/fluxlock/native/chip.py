@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip as the firmware on the host sees it, played by the averaged model: registers at every control tick."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A whole drive in this process: averaged motor and chip, the firmware's C, its CANopen node. One a process."""
 
 from __future__ import annotations

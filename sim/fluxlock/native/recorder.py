@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a native drive did of late, as run data: the same verdict as over a run of the chip.
 
 A row per step (1 ms) of angle and speed of the averaged motor and of the firmware's telemetry; no gates, no currents.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the averaged chip does with the firmware's registers: settings taken over at the update, snapshots at the tick.
 
 Compiled, because it runs ten thousand times a simulated second. `r` is the register file, `x` the places of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Join a native drive to a bus of python-can and to a console, paced by the clock."""
 
 from __future__ import annotations

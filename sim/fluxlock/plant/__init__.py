@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The plant: inverter, machine, load and sensing, event-driven and exact between events.
 
 Written once; runs compiled (numba, called natively by the simulator) or as plain Python, with the same bits.

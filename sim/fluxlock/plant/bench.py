@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Cost of a kernel call: `python -m fluxlock.plant.bench`.
 
 A compiled loop calls the kernel through its address, as the simulator's main does, with the events of a

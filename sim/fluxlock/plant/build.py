@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
 
 Rules of kernel code (`circuit`, `emf`, `encoder`, `events`, `flux`, `kernel`, `mechanics`, `record`, `sensing`,

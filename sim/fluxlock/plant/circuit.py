@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Circuit: which legs conduct, and what follows at an instant. Kernel code: see `build.py` for its rules.
 
 Conducting leg x: v_x = rail_x vdc + V_x - r_x i_x (switch: V = 0, r = R_on; lower diode: V = -Vd; upper: rail

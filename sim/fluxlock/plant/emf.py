@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What turns with the rotor: EMF, corners, inductance of a salient machine, torque. Kernel code: see `build.py`.
 
 Phase x: e_x = -psi_x * omega * g(theta - 120 deg * x), theta = d axis against phase A. g = sin, or a

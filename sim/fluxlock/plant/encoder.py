@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Incremental encoder: levels A, B, Z and when they change next. Kernel code: see `build.py` for its rules.
 
 A mechanical turn has 4 * lines quarters, counted from the mounting angle. Through quarters 0, 1, 2, 3 of a line A is

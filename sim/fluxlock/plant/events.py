@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Instants inside a sub-interval at which the circuit changes. Kernel code: see `build.py` for its rules.
 
 Each is the first zero of a polynomial that is positive before: a diode current, the room of an open terminal

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine by its flux linkages: five phases, saturation. Kernel code: see `build.py` for its rules.
 
 Planes h = 1 and, with five phases, 3 carry all currents of zero sum. With gamma = 2 pi / PHASES, n_x the share of the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The plant's kernel: one call an event. Kernel code: see `build.py` for its rules."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Layout of the plant's state vector `s[]` (float64) and of `io[]` (int32): the one place that numbers them.
 
 Everything the kernel knows is in `s`: parameters, physical state, scratch of the current sub-interval, and

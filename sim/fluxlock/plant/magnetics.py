@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Flux linkages over the currents in rotor axes, for many currents at once: parameters of `flux.py`, checks.
 
 The equations stand there. Currents and flux linkages are arrays [..., axes]: d, q and, with five phases, d3, q3.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Rotor: loads, free motion, imposed speed. Kernel code: see `build.py` for its rules.
 
 J d(omega_m)/dt = T - constant - viscous omega_m - fan omega_m |omega_m| - friction. Friction is Coulomb's: it

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parameters of the plant: frozen records with units in their names, checked when they are made.
 
 Per-phase values are in the order A, B, C(, D, E). Converter channels are in the order of `channel_names`.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The plant as Python sees it: parameters in, kernel and records out."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sense chain: divider pole, noise, quantisation. Kernel code: see `build.py` for its rules.
 
 A voltage channel is unipolar: code = V * gain / (full scale / 2^bits) + offset. A current channel is offset

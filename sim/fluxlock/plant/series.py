@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Taylor series of the circuit's solution in x = t / h, 0 <= x <= 1. Kernel code: rules in `build.py`.
 
 Between events the circuit is linear with the EMF as an analytic input, so its series converges for any step;

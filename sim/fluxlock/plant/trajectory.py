@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the plant has recorded: waveforms, zoomed waveforms, diode events; and its true angle at any time."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Type of the kernel's arrays: anything indexed by int (numpy array, memoryview, C pointer)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Long sets of closed-loop runs with limits: `make regression` writes `build/regression.json`."""
 
 from fluxlock.regression.case import CASES, Case, Row, case

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Cases of the regression: each is a function that runs scenarios and yields rows of values with limits."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Where a stored result is from: every row and every figure carries revision, seed and source hashes of its own run."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The record of the regression: for each row the last accepted values, and the bands that later runs must stay in.
 
 A limit says what the drive must reach; it may be far from what it does reach. A band says what it did reach, so that a

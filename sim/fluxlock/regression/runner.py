@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs the cases side by side; a run whose inputs have not changed is read from its folder instead."""
 
 from __future__ import annotations

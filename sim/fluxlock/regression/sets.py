@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """All sets of cases: importing this registers them and puts them in order, whichever of them was imported before."""
 
 from fluxlock.regression import five_phase, six_step, vector

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Synthesis: `python -m fluxlock.synth [NAME...]`, a configuration, a block or `blocks` for all of them.
 
 Configurations of `constraints/configurations.toml` go through Yosys, nextpnr and ecppack to a bitstream; blocks of

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Every block of the RTL alone, out of context: without pads, ways to and from its ports not counted."""
 
 from __future__ import annotations

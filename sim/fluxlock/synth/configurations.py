@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Configurations of `constraints/configurations.toml`: whole chips on a board, to a bitstream."""
 
 from __future__ import annotations

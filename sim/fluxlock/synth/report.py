@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Results of synthesis as tables in the docs, and the chip's row in the README."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What nextpnr's report and log say about timing and routing."""
 
 from __future__ import annotations

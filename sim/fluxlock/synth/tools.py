@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Yosys, nextpnr and ecppack: sources in, counts of cells, timing report and bitstream out."""
 
 from __future__ import annotations

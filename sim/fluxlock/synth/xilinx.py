@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Cells of a configuration on a Xilinx 7-series device (Artix-7). Yosys alone: no open tool at hand places for it."""
 
 from __future__ import annotations

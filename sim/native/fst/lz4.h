@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The two LZ4 functions that Verilator's FST writer calls, so that `--waves` needs no system library.
 // Format: LZ4 block. A greedy search with one table of the last position of every hash.
 #pragma once

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // The two zlib functions that Verilator's FST writer calls, so that `--waves` needs no system library.
 // The writer's large input is the time table, one byte an edge, nearly always the same: runs are all that is coded.
 // Format: RFC 1950 and 1951, one block with fixed codes; a run is a match of 258 bytes at distance 1.

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A stand-in for the chip's register file on a host: what a program outside needs to play the chip.
 //
 // Registers are plain memory but for those that act: UART FIFOs, interrupt pending bits, commit, trip clear,

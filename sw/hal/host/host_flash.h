@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // A stand-in for the SPI flash at the chip's pins on a host: what hal/flash.c sends it byte by byte.
 //
 // Erasing sets the bits of a sector, programming clears bits; both need a write enable. Power can be cut in the middle.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code.
 #include "ram.h"
 

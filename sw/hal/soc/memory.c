@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // What a freestanding compiler may call: copying and clearing of structures, 64-bit shifts in code for size.
 #include <stddef.h>
 #include <stdint.h>

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 # One trap entry. Saves what a C function may change; of the handlers that are interrupted themselves also mepc, mstatus
 # and mie. An exception stops the core with the gates opened: it can only come from broken code.
 #define MCAUSE_SOFTWARE 3

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
 // Traps of the soft core. Current line: software interrupt, runs with interrupts off. Control line: machine timer
 // interrupt, only the current line pre-empts it. Deferred line: external interrupt 0, both others pre-empt it.
 #ifndef FL_TRAP_H

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commands `fluxlock soa`, `stability`, `spectrum` and others: theory of six-step operation as table, PNG and JSON.
 
 Defaults are the thesis's operating points with Motor-I. What is slow to import is imported by the commands.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Fourier coefficients of piecewise-constant signals, integrated exactly: no sampling, no window, no leakage.
 
 Takes generated gate sequences and gate edges recorded from the chip alike. The space vector of gates is the excitation

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Freewheel angle from the decay voltages of the outgoing phase, section 4.3.
 
 After a commutation the current of the outgoing phase decays through a diode. Counted so that it is positive at the

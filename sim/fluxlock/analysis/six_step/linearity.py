@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Mean of the output under CSC, section 5.4.3: a pulse that the commutation cuts changes it.
 
 All duties are 0..1, `n` is carriers a sector, a minimum pulse is in carriers. Arguments broadcast.

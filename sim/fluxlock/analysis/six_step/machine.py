@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The machine as the theory sees it: three equal phases, taken from a motor file."""
 
 from __future__ import annotations

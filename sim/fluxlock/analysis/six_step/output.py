@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the commands share: option checks, progress bars, tables, PNG and JSON files."""
 
 from __future__ import annotations

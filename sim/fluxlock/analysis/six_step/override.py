@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Overridden crossings computed back from the first valid sample, and how far that reaches.
 
 If the outgoing phase still freewheels at its crossing, the first valid sample lies an angle a past it, with the value

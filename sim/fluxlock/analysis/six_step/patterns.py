@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Ideal gate sequences of six-step operation, from the definitions of the patterns in the time domain.
 
 Sectors are indexed 0..5 = I..VI; chapter 6 counts its fundamental phase y from the entry into sector II (A+C-), where

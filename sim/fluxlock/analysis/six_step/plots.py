@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Figures of the theory as PNG, in the look of a run's plot pages."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Gate edges of a run, and the window of whole turns over which their lines are taken."""
 
 from __future__ import annotations

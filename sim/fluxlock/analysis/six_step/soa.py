@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Safe operating area of sensorless six-step operation: where freewheeling leaves the crossing visible, section 4.4.
 
 A map holds freewheel angles over current (rows) and speed (columns). Operation is safe while the angle is at most 30

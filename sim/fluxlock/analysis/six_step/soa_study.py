@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Everything the command `soa` shows, for one motor and circuit."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Line spectra of the six-step space vector under RSC, NSC and CSC, chapter 6, in closed form.
 
 Double-sided, unit: Vdc vector. Order v = frequency / fundamental; negative orders rotate backwards. With N = p/q in

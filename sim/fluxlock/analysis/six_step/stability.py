@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Stability of the loop crossing -> commutation -> freewheeling -> crossing, section 5.3.
 
 Under RSC a commutation waits for the next carrier start. If the freewheeling after it then hides the crossing, the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Freewheel angles from the switched circuit: the plant at imposed speed with ideal gates.
 
 Independent of `freewheel`: nothing here knows a decay voltage. `commutate` looks at a single commutation from a given

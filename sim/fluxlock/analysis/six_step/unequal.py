@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Crossings of a machine whose phases differ in inductance, mutual inductance, EMF or divider.
 
 Pulse on, resistances left out, (3.12) generalised (docs/theory/six-step.md):

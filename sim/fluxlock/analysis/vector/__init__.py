@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Theory of vector control at a low sampling ratio: exact model, current controllers, observer, phase-locked loop.
 
 Source: Lei Yang, *Novel Sensorless Control of Permanent Magnet Brushless Machines for High Speed Application*, PhD

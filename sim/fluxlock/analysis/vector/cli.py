@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commands `fluxlock vector ...`: tables of the vector theory. Defaults: Motor-I at 15 kHz, as in the thesis.
 
 What is slow to import is imported by the commands.

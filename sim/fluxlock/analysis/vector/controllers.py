@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current controllers A, B and C, section 7.3, as one recurrence with complex gains.
 
     u[k] = limit(u[k-1] + g eps[k] - h eps[k-1]),  eps = i* - i, G(z) = (g z - h) / (z - 1)

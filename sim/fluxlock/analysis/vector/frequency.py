@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Frequency responses of the sampled current loop: tracking P and decoupling Q, (7.32), bandwidth and margins.
 
 A complex loop answers +f and -f differently, so that a figure of merit is the worse of both. f is the frequency in the

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact discrete model of the machine with a voltage that is latched in the stationary frame, section 7.2.
 
     i[k+1] = Phi i[k] + Gamma1 u[k] + Gamma2 u[k-1] + Gamma_e e[k]      (7.16), (7.17)

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """EMF observer for any delay, section 7.4, and its steady angle error.
 
     i^[k+1] = Phi i^[k] + Gamma1 u[k] + Gamma2 u[k-1] + Gamma_e e^[k] + G1 (i[k] - i^[k])

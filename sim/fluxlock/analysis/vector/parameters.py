@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angle error of the observer when the machine differs from its file: resistance, inductance, flux.
 
 Current on the q axis only: an error of R lies along the EMF and turns it little, an error of L lies across it and turns

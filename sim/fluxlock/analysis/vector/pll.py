@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Phase-locked loop that follows the observer's EMF, second and third order, designed in z.
 
     theta^[k+1] = theta^[k] + T_s omega^[k] + a eps[k]

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The sensorless current loop, sample by sample: machine, controller, observer and phase-locked loop.
 
 Everything is relative to the true rotor at a given speed course, so that a steady operation is a fixed point: its

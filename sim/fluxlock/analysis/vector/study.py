@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Tables of the vector theory over speed, delay and parameters: what commands and figures share."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Clarke and Park for three and five phases, amplitude-invariant: the length of a vector is the phases' peak.
 
 Subspace 1 turns with theta and steps of 360/m degrees, subspace 3 (five phases) with 3 theta and 216 degrees.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Section 7.3: plant, tracking and decoupling of the current controllers, steps of the d current."""
 
 from __future__ import annotations

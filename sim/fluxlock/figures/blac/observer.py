@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Section 7.4: angle and EMF of an observer with the right and with a wrong delay."""
 
 from __future__ import annotations

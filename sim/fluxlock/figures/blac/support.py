@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the figures of vector control share. Runs of the chip are drawn beside the exact model by the same functions."""
 
 from __future__ import annotations

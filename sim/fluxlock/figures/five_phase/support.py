@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the figures of five-phase injection share: courses of angle, error and speed of a run, and their panels."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Figures 3 to 9 and 13 of Tian 2019: model, frequency, demodulation, start, steady error."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Figures 10 to 12 of Tian 2019: torque reversal, load step, speed reversal by the printed methods and our best one.
 
 Every method goes through the same events on the same load, from one settled state to the next. A drawing fails unless

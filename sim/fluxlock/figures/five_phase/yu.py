@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Figures 9, 10, 13 and 14 of Yu 2022: separation of the HF current, angle sequences."""
 
 from __future__ import annotations

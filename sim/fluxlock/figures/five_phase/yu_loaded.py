@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Figures 11 and 15 to 17 of Yu 2022: start against the rated brake, load step with and without the curve, 5 r/min."""
 
 from __future__ import annotations

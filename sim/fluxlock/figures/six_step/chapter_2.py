@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chapter 2: virtual third harmonic, unequal inductances, correction A."""
 
 from __future__ import annotations

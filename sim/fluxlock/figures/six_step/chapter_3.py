@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chapter 3: divider gains, unequal phases, correction B."""
 
 from __future__ import annotations

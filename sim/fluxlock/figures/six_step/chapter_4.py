@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chapter 4: freewheeling, chopping patterns, safe operating area."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chapter 5: delay of the carrier, stability of the crossing loop, carrier-synchronised commutation."""
 
 from __future__ import annotations

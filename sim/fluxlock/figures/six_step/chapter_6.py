@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chapter 6: spectra of RSC, NSC and CSC."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the six-step figures share: runs that begin at speed, with console commands on the way."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Driven shafts: an imposed speed, and i_q at the limit of the current, for the speed asked for is never reached."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hand-over between injection and EMF observer: standstill, rated speed, standstill, under load."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Chip and machine for the firmware's injection on the host: a sample a step, in floating point but for the formats.
 
 Machine, inverter and converter are those of the float model (`fluxlock.analysis.injection_machine`); injection,

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Step of i_d at standstill on Yu's machine: what the separator of the chip takes for HF current (Yu 2022, Fig. 9).
 
 The firmware has no such step, so registers set up regulators and injection; the HF current is read from the snapshots.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Fixed point of the lock-in: position that the RTL finds against floating point, from a cocotb test of the block."""
 
 from __future__ import annotations

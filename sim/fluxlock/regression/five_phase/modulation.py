@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """NFV-SVPWM of the chip with five phases, from its gates: registers turn a vector open loop on the five-phase plant."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Open phases of the five-phase machine at speed: found and named, ridden through, a second one stopped."""
 
 from __future__ import annotations

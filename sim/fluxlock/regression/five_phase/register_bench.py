@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The chip with five phases under a script: registers that every run needs, and the plant."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Yu's rotor at rest at a random angle, its polarity unknown: the search on the host and on the chip."""
 
 from __future__ import annotations

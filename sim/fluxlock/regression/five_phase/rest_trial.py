@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's search of a rotor at rest on the host: the compiled C against the float model's machine."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Injection whose saliency looks smaller than it should: derated, then a fault by name."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine of Tian 2019: angle error of I/Q demodulation with the exact angle sequence."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine of Tian 2019, I/Q demodulation, exact angle sequence: angle error while torque, load or speed step."""
 
 from __future__ import annotations

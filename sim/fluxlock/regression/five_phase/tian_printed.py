@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine of Tian 2019 with the demodulators as printed: steady error over speed, start from 30 degrees."""
 
 from __future__ import annotations

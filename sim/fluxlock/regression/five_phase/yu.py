@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine of Yu 2022: angle sequences, cross-coupling under load."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machine of Yu 2022 at rated load: what the cross-coupling curve is worth, and the angle at 5 r/min."""
 
 from __future__ import annotations

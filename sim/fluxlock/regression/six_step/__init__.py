@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Six-step cases (Yang 2020, chapters 2 to 6). Scenarios: scenarios/six-step."""
 
 from fluxlock.regression.six_step import (

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Machines whose phases differ in EMF or mutual inductance (left open by the thesis, ch. 8)."""
 
 from __future__ import annotations

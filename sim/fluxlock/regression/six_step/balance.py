@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Correction B: thresholds that learn divider gains and inductances."""
 
 from __future__ import annotations

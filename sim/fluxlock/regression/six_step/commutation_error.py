@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commutation error over speed, method and wrong motor values (chapters 2 and 3)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Correction A: the delay to the commutation from three crossing intervals, against unequal inductances."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Freewheel angle by chip, plant and switched circuit (chapter 4)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Hall sensors: start and run by misplaced ones, before and after learning; fallback for lost crossings."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Highest electrical frequency (a machine of low inductance and flux)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Wanted against real mean of the output under CSC (section 5.4.3), from the gates of the chip."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Locks lost on purpose: the drive finds the rotor again or stops with a named fault; the gates stay under control."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Timelines of runs, and intervals and thresholds in their windows."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Crossing signals on both kinds of EMF, advance, current loop, braking and reversal of the sensorless drive."""
 
 from __future__ import annotations

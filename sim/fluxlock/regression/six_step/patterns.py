@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The four chopping patterns in closed loop (chapter 4)."""
 
 from __future__ import annotations

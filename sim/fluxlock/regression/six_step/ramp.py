@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Ramps through whole numbers of carriers a sector."""
 
 from __future__ import annotations

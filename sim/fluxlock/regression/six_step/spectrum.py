@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Spectra of gates, current and torque (chapter 6)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Largest torque that holds the lock (chapter 4, and crossings computed back)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The default time of a crossing, averaged, against the interpolated one: the same runs in pairs.
 
 Judged by the crossings that are seen: neither method times one that freewheeling hides (`late`).

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Vector cases (Yang 2020, chapter 7). Scenarios: scenarios/vector."""
 
 from fluxlock.regression.vector import (

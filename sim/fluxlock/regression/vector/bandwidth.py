@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Bandwidth of the current loop at 20 kHz with double update, from sines of the reference on the chip."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Steps of i_d on the chip with the switched inverter, less the same run without the step."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Steps of i_d with the firmware's regulator on the host and the hardware's in simulation, on the exact machine."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the soft core has to do at the control tick, and how long the hardware takes from a sample to its voltage."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """References of the current, one a sample, on the whole chip: imposed rotor, regulators of the hardware, real inverter.
 
 `sw/bench/current_reference.c` plays them in place of the drive and sends what the regulators saw. The carrier's ripple

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The encoder as the sensored twin: angle error against its resolution; least current of a salient machine."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Current loops with the firmware's regulator on the host and with the hardware's in simulation, on exact machines.
 
 Coefficients are those of the firmware in both. On the host the machine is the exact discrete model; beside the hardware

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """When the vector drive changed between its forced and its observed frame, by what the angle did."""
 
 from __future__ import annotations

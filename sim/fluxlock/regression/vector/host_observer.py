@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The firmware's regulator, EMF observer and phase-locked loop on this computer, closed over the exact model."""
 
 from __future__ import annotations

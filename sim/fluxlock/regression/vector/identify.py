@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Commissioning on the chip: what `fluxlock identify` measures against the plant that it measured."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angle error of the EMF observer with the right and with a wrong delay, host and chip (thesis section 7.4)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Angle error of the chip's observer over the speed range when the machine differs from what the firmware is told."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Vector control without a sensor through the whole range of speed."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Frequency response of the current loop on the chip: references that are sums of sines, in whole periods."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Transforms and modulator of the hardware against floating point over random vectors: worst errors of block tests."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Field weakening: the DC link falls below what the speed's EMF needs, and comes back."""
 
 from __future__ import annotations
