@@ -23,7 +23,7 @@ from fluxlock.regression.runner import select
 from fluxlock.synth.blocks import ALL_BLOCKS, block_files, load_settings
 from fluxlock.synth.configurations import load_configurations
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 LINE = re.compile(r"(?:[A-Z]+=\w+ +)*(?:\.venv/bin/)?(fluxlock|make|python -m|pytest) +(.*)")
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.DOTALL | re.MULTILINE)

@@ -13,7 +13,7 @@ import pytest
 from fluxlock.docs import parameters
 from fluxlock.paths import ROOT, RTL
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCKS = ROOT / "docs" / "blocks"
 # Modules that share the page of their parent; the register wrappers are on the page of the chip.
 SHARED = {
