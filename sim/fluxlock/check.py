@@ -100,8 +100,8 @@ def selection(changed: Collection[str], texts: dict[str, str]) -> list[str]:
 
 
 def tasks(sby: str) -> list[str]:
-    """Tasks of a proof."""
-    return sby.split("[options]")[0].split()[1:]
+    """Tasks of a proof: what stands in that section, whatever comment comes before it."""
+    return sby.partition("[tasks]\n")[2].partition("[options]")[0].split()
 
 
 def read_texts() -> dict[str, str]:

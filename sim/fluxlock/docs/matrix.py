@@ -28,6 +28,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from fluxlock.check import tasks
 from fluxlock.paths import ROOT
 
 ID = r"[A-Z][A-Z0-9]*-\d+[a-z]?"
@@ -147,9 +148,9 @@ def read_proofs(root: Path) -> tuple[Places, list[str]]:
     read: set[str] = set()
     for path in sorted((root / PROOF_FOLDER).glob("*.sby")):
         text = path.read_text(encoding="utf-8")
-        tasks = text.partition("[options]")[0].split()[1:]
-        places |= {f"{path.relative_to(root).as_posix()}:{task}": () for task in tasks}
-        if tasks:
+        names = tasks(text)
+        places |= {f"{path.relative_to(root).as_posix()}:{task}": () for task in names}
+        if names:
             read |= {Path(line).name for line in text.partition("[files]")[2].split()}
         if DECLARATION.search(text):
             problems.append(f"{path.relative_to(root)}: a task verifies what its properties do; name it there")
