@@ -1,14 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The chip's CAN controller on the simulator's native bus, its registers written by a program on the core.
-
-Needs a chip of its own, which takes minutes to build: runs with FLUXLOCK_CAN_FRAMES set, as `make can` does.
-"""
+"""The chip's CAN controller on the simulator's native bus, its registers written by a program on the core."""
 
 from __future__ import annotations
 
-import os
 import random
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -75,7 +71,6 @@ def commands(frame: Frame, buffer: int) -> list[Row]:
 FAR = 5.0  # clocks: there and back, and the chip's own way, within the propagation segment
 
 
-@pytest.mark.skipif("FLUXLOCK_CAN_FRAMES" not in os.environ, reason="builds a chip: make can")
 @pytest.mark.parametrize(
     ("place", "glitch"),
     [(CanPlace(), 0), (CanPlace(0.005, FAR), 0), (CanPlace(-0.005, FAR), 0), (CanPlace(), 2_500)],
