@@ -35,7 +35,7 @@ SYNTH := $(RUN) .venv/.group-synth
 setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## install every dependency group
 
 demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
-	@.venv/bin/fluxlock run scenarios/demo.toml --out build/demo --seed $(SEED)
+	@.venv/bin/fluxlock demo --seed $(SEED)
 
 check: $(TEST) $(LINT) $(FORMAL) ## minutes before a commit: lint, units, what has changed, a short closed loop (SINCE=revision)
 	@$(PY) -m fluxlock.check --jobs $(JOBS) $(if $(SINCE),--since $(SINCE))

@@ -4,7 +4,7 @@
 """The `fluxlock` command.
 
 Exit codes: 0 = done and passed, 1 = the run failed (`fluxlock.analysis.verdict`, or the simulation broke off), 2 = bad
-input, 130 = interrupted, 143 = terminated.
+input, 130 = interrupted, 141 = the reader of its output is gone (`| head`), 143 = terminated.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import PLOTTING, ProgressInfo, SimulationFault
@@ -30,9 +29,11 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.can_bus import usual_channel
-from fluxlock.config import ConfigError, Problem, Scenario, load_motor, load_scenario
+from fluxlock.config import ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
+from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example
+from fluxlock.paths import BUILD, ROOT
 from fluxlock.progress import ProgressBar
 from fluxlock.writable import InUseError, alone, refusal
 
@@ -43,23 +44,48 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 128 + signal.SIGINT
 EXIT_TERMINATED = 128 + signal.SIGTERM
+EXIT_READER_GONE = 128 + signal.SIGPIPE
 
 SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 WAVES = "simulator/waves.fst"
 
 app = typer.Typer(
-    help="Sensorless motor control on an FPGA: run the chip, its firmware and a motor together.",
+    cls=Grouped,
+    help="Sensorless motor control on an FPGA: the chip, its firmware and a motor run together, clock by clock.",
+    epilog=example(
+        "fluxlock demo",
+        "fluxlock run scenarios/own-spindle.toml",
+        "fluxlock motor info motors/spindle-2pp.toml",
+        "fluxlock can scenarios/can.toml",
+        "fluxlock flash scenarios/demo.toml --port /dev/ttyUSB0",
+        "fluxlock soa motors/motor-1.toml",
+    ),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
-motor_app = typer.Typer(help="Check and explain motor files.", no_args_is_help=True)
-app.add_typer(motor_app, name="motor")
+motor_app = typer.Typer(
+    help="Check a motor file, show what follows from it.",
+    epilog=example("fluxlock motor check motors/spindle-2pp.toml", "fluxlock motor info motors/spindle-2pp.toml"),
+    no_args_is_help=True,
+)
+app.add_typer(motor_app, name="motor", rich_help_panel=MOTOR)
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
-app.add_typer(vector_app, name="vector")
+app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)
-app.command()(flash)
+app.command(rich_help_panel=BOARD, epilog=example("fluxlock flash scenarios/demo.toml --port /dev/ttyUSB0"))(flash)
+
+ScenarioArgument = Annotated[
+    Path, typer.Argument(help="Scenario file (TOML).", autocompletion=complete_toml("scenarios"))
+]
+MotorArgument = Annotated[Path, typer.Argument(help="Motor file (TOML).", autocompletion=complete_toml("motors"))]
+SeedOption = Annotated[
+    int | None, typer.Option(parser=lambda text: _seed(text), metavar="NUMBER", help="Seed of the noise.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+]
 
 
 def _seed(text: str) -> int:
@@ -121,15 +147,37 @@ def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
     console.print(f"written: {out_dir}/{written}", highlight=False, soft_wrap=True)
 
 
-@app.command()
+@app.command(rich_help_panel=RUN, epilog=example("fluxlock demo"))
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for results.", show_default="build/demo of the checkout")] = BUILD
+    / "demo",
+    seed: SeedOption = None,
+) -> None:
+    """Start a motor without a sensor, hold 60 000 r/min, take a load step.
+
+    Works from any folder of the checkout. The first run builds the chip's simulator, about two minutes; later ones take
+    about one.
+    """
+    run(ROOT / "scenarios" / "demo.toml", out=_from_here(out), seed=seed)
+
+
+def _from_here(path: Path) -> Path:
+    """A path as it is shown from the current folder, where it lies below that."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+@app.command(
+    rich_help_panel=RUN,
+    epilog=example(
+        "fluxlock run scenarios/own-spindle.toml",
+        "fluxlock run scenarios/demo.toml --set load.fan_torque_nm=0.015 --out build/light",
+    ),
+)
 def run(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
+    scenario: ScenarioArgument,
     out: Annotated[Path | None, typer.Option(help="Folder for results, default build/<name of the file>.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    set_: SetOption = None,
+    seed: SeedOption = None,
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST of the chip's signals (zoomed span).")] = False,
     native: Annotated[
         bool,
@@ -142,7 +190,7 @@ def run(
         str, typer.Option(metavar="COMMAND", help='With --native: starts the simulator, for instance "gdb --args".')
     ] = "",
 ) -> None:
-    """Run a scenario in closed loop and write result.json, trace.npz and plots."""
+    """Run a scenario in closed loop: verdict, result.json, trace.npz, plots."""
     from fluxlock.cosim.native_firmware import native_firmware
     from fluxlock.cosim.parameters import check_parameters
 
@@ -189,17 +237,20 @@ def _fail(lines: list[str]) -> NoReturn:
     raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(
+    rich_help_panel=MOTOR,
+    epilog=example("fluxlock identify --plant motors/motor-1.toml --inverter inverters/bench-25v.toml"),
+)
 def identify(
     plant: Annotated[Path, typer.Option(help="Motor file of the machine on the bench; the tool reads its name plate.")],
     inverter: Annotated[Path, typer.Option(help="Inverter file.")],
     out: Annotated[Path | None, typer.Option(help="Motor file to write, default build/identify/<plant>.toml.")] = None,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    seed: SeedOption = None,
     current_hz: Annotated[float, typer.Option(min=1.0, max=20e3, help="Bandwidth of the current gains, Hz.")] = 800.0,
     speed_hz: Annotated[float, typer.Option(min=0.1, max=2e3, help="Bandwidth of the speed gains, Hz.")] = 20.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Measure a machine through the chip and write its motor file.
+    """Measure a machine through the chip, write its motor file.
 
     Resistance, inductance on d and q, flux, dead-time voltage, inertia and friction. The bench is simulated; known are
     the name plate (pole pairs, rated current, highest speed) and the inverter file.
@@ -224,13 +275,10 @@ def identify(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=LIVE, epilog=example("fluxlock native scenarios/demo.toml"))
 def native(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML); its motor, inverter, drive and load.")],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
+    set_: SetOption = None,
     can: Annotated[
         str, typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can, for instance socketcan:vcan0.")
     ] = DEFAULT_BUS,
@@ -243,8 +291,9 @@ def native(
         Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
     ] = None,
 ) -> None:
-    """Run the firmware as a program of this machine: averaged motor, CANopen node on a bus, console on stdin.
+    """Run the firmware as a Linux program: faster than real time, CANopen on a bus.
 
+    The console is on stdin, the motor is an averaged model.
     No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
     windows of the scenario do not count.
     """
@@ -257,7 +306,7 @@ def native(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command("can")
+@app.command("can", rich_help_panel=LIVE, epilog=example("fluxlock can scenarios/can.toml --interface socketcan"))
 def can_command(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table \\[can].")],
     interface: Annotated[str, typer.Option(help="Of python-can: socketcan, udp_multicast, ...")] = "udp_multicast",
@@ -267,14 +316,11 @@ def can_command(
     seconds: Annotated[
         float | None, typer.Option(min=0.001, max=3600.0, help="Simulated time to run; without it until Ctrl-C.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
+    set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results, default build/<name>.")] = None,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    seed: SeedOption = None,
 ) -> None:
-    """Run the chip with its CAN bus on a bus of python-can, so that a master, candump or cansend talk to it.
+    """Run the chip with its CAN bus on SocketCAN or UDP: a master, candump, cansend.
 
     The simulation is slower than real time by the factor that it prints; give a master's timeouts that much more.
     Events of the scenario happen, windows and limits do not count. Ctrl-C ends the run and writes its results.
@@ -295,13 +341,13 @@ def can_command(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock regression six-step --quick"))
 def regression(
     cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the cases.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Cases run side by side.")] = os.cpu_count() or 1,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    seed: SeedOption = None,
     record: Annotated[
         bool, typer.Option("--record", help="Run with many seeds; record means, scatters, bands.")
     ] = False,
@@ -312,8 +358,9 @@ def regression(
     ] = None,
     why: Annotated[str, typer.Option("--why", help="With --accept: the reason, which the record keeps.")] = "",
 ) -> None:
-    """Run the long sets and write build/regression.json; runs finished before are not repeated.
+    """Run the long sets with their limits: build/regression.json.
 
+    The command keeps finished runs and does not repeat them.
     A row fails when it misses a limit or leaves the bands of docs/verification/record.json.
     """
     from fluxlock.regression.command import accept_rows, list_cases, record_regression, run_regression
@@ -334,7 +381,7 @@ def regression(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock campaign six-step --quick"))
 def campaign(
     drives: Annotated[
         list[str] | None,
@@ -348,8 +395,9 @@ def campaign(
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and upsets.")] = None,
 ) -> None:
-    """Faults of plant, sensors and chip at many moments of running drives, and how each run ends: build/campaign.json.
+    """Put faults into plant, sensors and chip, judge how each run ends.
 
+    The results go to build/campaign.json.
     Runs finished before with equal inputs are not repeated.
     `python -m fluxlock.campaign.page` makes the page of the documentation from it.
     """
@@ -359,7 +407,7 @@ def campaign(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock fuzz six-step --runs 2"))
 def fuzz(
     drives: Annotated[
         list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, vector, five-phase; all without.")
@@ -369,14 +417,17 @@ def fuzz(
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and runs.")] = None,
 ) -> None:
-    """Write and read registers at random while the machine runs: gates must stay safe, the bus must answer."""
+    """Write random registers while the machine runs: the gates must stay safe.
+
+    Every access must be answered too.
+    """
     from fluxlock.campaign.fuzz import fuzz_drives
 
     if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock figures six-step 2.11"))
 def figures(
     family: Annotated[
         str,
@@ -400,10 +451,11 @@ def figures(
     ] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of the noise.")] = None,
+    seed: SeedOption = None,
 ) -> None:
-    """Draw the figures of a thesis or papers from our own runs, each with a table: printed, measured.
+    """Draw a thesis's and two papers' figures from our own runs.
 
+    Each has a table: printed, measured.
     Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
     `python -m fluxlock.docs.figures` makes the page of the documentation from what stands in build/figures.
     """
@@ -415,15 +467,16 @@ def figures(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command()
+@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock mutate fl_zcd --count 10"))
 def mutate(
     blocks: Annotated[list[str] | None, typer.Argument(metavar="BLOCK", help="RTL blocks; all without.")] = None,
     count: Annotated[int, typer.Option(min=1, help="Mutants a block.")] = 300,
     seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of choice and tests.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
 ) -> None:
-    """Put defects into RTL blocks, one at a time, and see how many the block tests find: build/mutate/BLOCK.json.
+    """Put defects into RTL blocks, count how many the block tests find.
 
+    The results go to build/mutate/BLOCK.json.
     A run that was stopped goes on from there if block, tests and seed are the same.
 
     `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
@@ -434,22 +487,28 @@ def mutate(
         raise typer.Exit(EXIT_FAILED)
 
 
-@motor_app.command("check")
-def motor_check(file: Annotated[Path, typer.Argument(help="Motor file (TOML).")]) -> None:
-    """Check a motor file."""
-    motor = load_motor(file)
+def _warn(file: Path, motor: Motor) -> None:
+    """The unusual in a motor file, on the error output."""
+    messages = Console(stderr=True)
     for line in warnings(motor):
-        print(f"warning: {file}: {line}", file=sys.stderr)
+        messages.print(f"warning: {file}: {line}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
+@motor_app.command("check", epilog=example("fluxlock motor check motors/spindle-2pp.toml"))
+def motor_check(file: MotorArgument) -> None:
+    """Check a motor file: every wrong key by name, warnings of the unusual."""
+    motor = load_motor(file)
+    _warn(file, motor)
     pairs = f"{motor.pole_pairs} pole pair{'s' if motor.pole_pairs > 1 else ''}"
     print(f"{file}: ok ({motor.name}, {pairs}, {motor.emf})")
 
 
-@motor_app.command("info")
+@motor_app.command("info", epilog=example("fluxlock motor info motors/spindle-2pp.toml"))
 def motor_info(
-    file: Annotated[Path, typer.Argument(help="Motor file (TOML).")],
+    file: MotorArgument,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show a motor and what follows from its file."""
+    """Show a motor and what follows from its file, beside the machines in motors/."""
     motor = load_motor(file)
     values = derived_values(motor)
     if as_json:
@@ -460,26 +519,11 @@ def motor_info(
             )
         )
         return
-    table = Table(title=f"{motor.name}: {motor.description}" if motor.description else motor.name, title_justify="left")
-    for header, side in (("quantity", "left"), ("value", "right"), ("unit", "left")):
-        table.add_column(header, justify="right" if side == "right" else "left")
-    for name, info in type(motor).model_fields.items():
-        extra = info.json_schema_extra
-        value = getattr(motor, name)
-        if name == "emf":
-            table.add_row(name, value, "")
-        elif name == "flat_top_deg" and motor.emf != "trapezoidal":
-            continue
-        elif isinstance(extra, dict) and value is not None:
-            same = isinstance(value, tuple) and len(set(value)) == 1
-            shown = value[:1] if same else value if isinstance(value, tuple) else (value,)
-            table.add_row(name, " / ".join(f"{v:.6g}" for v in shown), str(extra["unit"]))
-    table.add_section()
-    for v in values:
-        table.add_row(v.label, f"{v.value:.4g}", v.unit)
-    Console().print(table)
-    for line in warnings(motor):
-        print(f"warning: {file}: {line}", file=sys.stderr)
+    from fluxlock.motor_info import examples, table
+
+    console = Console()
+    console.print(table(motor, examples(), console.width), highlight=False)
+    _warn(file, motor)
 
 
 def _report_usage(error: typer.TyperException) -> None:
@@ -489,6 +533,18 @@ def _report_usage(error: typer.TyperException) -> None:
     text = error.format_message().rstrip(".")
     if text:
         print(f"error: {command}: {text[:1].lower()}{text[1:]}; see {command} --help", file=sys.stderr)
+
+
+# What to do about problems that do not say it themselves, by the end of their message.
+ADVICE = {
+    "file not found": "; see `ls scenarios motors inverters`",
+    "required key is missing": "; add it: docs/reference/files.md explains every key",
+    "is a folder, not a file": "; name a file in it",
+}
+
+
+def _advice(problem: Problem) -> str:
+    return next((advice for end, advice in ADVICE.items() if problem.message.endswith(end)), "")
 
 
 def _terminate(*_: object) -> NoReturn:
@@ -501,13 +557,18 @@ def main() -> None:
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
         code = app(prog_name="fluxlock", standalone_mode=False) or 0
+        sys.stdout.flush()
     except ConfigError as error:
         for problem in error.problems:
-            print(f"error: {problem}", file=sys.stderr)
+            print(f"error: {problem}{_advice(problem)}", file=sys.stderr)
         code = EXIT_BAD_INPUT
     except typer.TyperException as error:
         _report_usage(error)
         code = EXIT_BAD_INPUT
+    except BrokenPipeError:
+        # The reader, such as `head`, has enough. What is left goes nowhere, also when the interpreter flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_READER_GONE
     except OSError as error:
         text = refusal(error)
         if text is None:
@@ -517,7 +578,9 @@ def main() -> None:
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
     except SystemExit as error:
-        code = error.code if isinstance(error.code, int) else EXIT_FAILED
+        # Rich ends the program itself when the reader is gone.
+        gone = isinstance(error.__context__, BrokenPipeError)
+        code = EXIT_READER_GONE if gone else error.code if isinstance(error.code, int) else EXIT_FAILED
     finally:
         signal.signal(signal.SIGTERM, before)
     if code in (EXIT_INTERRUPTED, EXIT_TERMINATED):

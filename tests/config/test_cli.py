@@ -38,6 +38,7 @@ from tests.analysis.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]
 
+ASYMMETRIC = ROOT / "motors" / "motor-1-asymmetric.toml"
 DEMO = str(ROOT / "scenarios" / "demo.toml")
 SHORT = [
     "--set",
@@ -411,7 +412,7 @@ def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[st
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["run", "missing.toml"], "error: missing.toml: file not found"),
+        (["run", "missing.toml"], "error: missing.toml: file not found; see `ls scenarios motors inverters`\n"),
         (
             ["run", DEMO, "--set", "drive.duty_max=1.5"],
             "error: --set: drive.duty_max: 1.5 is out of range, permitted 0.05",
@@ -559,7 +560,7 @@ def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2 and done.stdout == ""
     assert sorted(done.stderr.splitlines()) == [
-        f"error: {bad}: emf: required key is missing",
+        f"error: {bad}: emf: required key is missing; add it: docs/reference/files.md explains every key",
         f'error: {bad}: enf: unknown key, did you mean "emf"?',
         f"error: {bad}: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 1 H",
     ]
@@ -568,23 +569,30 @@ def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
 def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     """Check and info of a good file; unusual contents are warned about.
 
-    Verifies: FRONT-06
+    Verifies: FRONT-06, FRONT-64
     """
     motor = ROOT / "motors" / "motor-1.toml"
     code, out, err = invoke("motor", "check", str(motor))
     assert (code, err) == (0, "") and out == f"{motor}: ok (Motor-I, 1 pole pair, sinusoidal)\n"
     assert "4 pole pairs" in invoke("motor", "check", str(ROOT / "motors" / "pump-4pp.toml"))[1]
     code, out, _ = invoke("motor", "info", str(motor))
-    assert code == 0 and "torque constant" in out and "inductance_h" in out
-    assert re.search(r"emf +│ +sinusoidal", out) and "flat_top_deg" not in out
+    assert code == 0 and "torque constant" in out and "sinusoidal EMF" in out and "flat_top_deg" not in out
+    assert re.search(r"^inductance_h +22 +µH +10 … 11 800", out, re.M) and re.search(
+        r"^inertia_kgm2 +5 +g·cm²", out, re.M
+    )
+    assert re.search(r"^inductance_h +27 / 22 / 22 ", invoke("motor", "info", str(ASYMMETRIC))[1], re.M)
     code, out, _ = invoke("motor", "info", str(ROOT / "motors" / "pump-4pp.toml"))
-    assert re.search(r"emf +│ +trapezoidal", out) and re.search(r"flat_top_deg +│ +120", out)
-    assert re.search(r"phase EMF, harmonic 5 over fundamental +│ +4 +│ %", out), out
+    assert "trapezoidal EMF" in out and re.search(r"^flat_top_deg +120 +deg", out, re.M)
+    assert re.search(r"phase EMF, harmonic 5 over fundamental +4 +%", out), out
     code, out, _ = invoke("motor", "info", str(motor), "--json")
     derived = json.loads(out)["derived"]
-    assert re.search(r"L_q +│ +0\.0004 │ H", invoke("motor", "info", str(ROOT / "motors" / "ipm-4pp.toml"))[1])
+    assert re.search(r"L_q +400 +µH", invoke("motor", "info", str(ROOT / "motors" / "ipm-4pp.toml"))[1])
     assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])
     odd = tmp_path / "odd.toml"
     odd.write_text(motor.read_text().replace("rated_current_a = 30.0", "rated_current_a = 2.5"))
     code, _, err = invoke("motor", "check", str(odd))
     assert code == 0 and "warning" in err and "rated_current_a" in err
+    odd.write_text(motor.read_text().replace("inertia_kgm2 = 5e-7", "inertia_kgm2 = 1"))
+    code, out, err = invoke("motor", "info", str(odd))
+    assert code == 0 and err.startswith(f"warning: {odd}: inertia_kgm2: ")
+    assert [line.split()[0] for line in out.splitlines() if " ! " in line] == ["inertia_kgm2"]

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from fluxlock.analysis.six_step.output import prepare_folder, print_table, write_figure
 from fluxlock.config import ConfigError, Problem, load_motor
+from fluxlock.help import THEORY, example
 
 app = typer.Typer()
 CARRIER_HZ = 10_300.0
@@ -24,7 +25,7 @@ def _mark(accepted: bool) -> str:
     return "yes" if accepted else "no"
 
 
-@app.command()
+@app.command(rich_help_panel=THEORY, epilog=example("fluxlock injection motors/five-phase-tian.toml"))
 def injection(
     motor: Annotated[Path, typer.Argument(help="Motor file (TOML) with inductance_q_h.")],
     carrier_hz: Annotated[
@@ -39,7 +40,7 @@ def injection(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for PNG and JSON.")] = Path("build/injection"),
 ) -> None:
-    """Feasible frequencies of the injection, f_sw / n with n whole, by Tian's rule.
+    """Feasible injection frequencies f_sw / n by Tian's rule.
 
     Nominal: with the values of the motor file. Strict: also with inductances off by 10 % and the angle by 10 deg.
     """

@@ -130,7 +130,7 @@ def flash(
     ] = RAM_BYTES // 1024,
     wait_s: Annotated[float, typer.Option(min=0.1, help="How long to wait for the loader, s.")] = 60.0,
 ) -> None:
-    """Write firmware and parameter block of a scenario into the flash of a board, by UART or CAN, and start them.
+    """Write firmware and parameters into a board's flash, by UART or CAN.
 
     The loader listens for 0.2 s after a reset: reset the board while the command waits. A scenario with a
     CAN bus gets the firmware with the CANopen node; what the node has stored stays.

@@ -26,6 +26,7 @@ from fluxlock.analysis.six_step.output import (
     write_figure,
 )
 from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
+from fluxlock.help import THEORY, example
 from fluxlock.paths import ROOT
 
 if TYPE_CHECKING:
@@ -51,7 +52,9 @@ CarrierOption = Annotated[float, typer.Option("--carrier", min=100.0, max=1e6, h
 OrderOption = Annotated[float, typer.Option(min=2.0, max=200.0, help="Highest order (multiple of the fundamental).")]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=THEORY, epilog=example("fluxlock soa motors/motor-1.toml --inverter inverters/bench-25v.toml")
+)
 def soa(
     motor: Annotated[Path, typer.Argument(help="Motor file (TOML).", show_default="Motor-I of the thesis")] = MOTOR_1,
     out: OutOption = Path("build/six-step"),
@@ -84,7 +87,7 @@ def soa(
         int, typer.Option(min=2, max=1000, help="Duties a speed, between which the largest torque is interpolated.")
     ] = 33,
 ) -> None:
-    """Safe operating area: freewheel angles over speed and current, at the load of the file, torque limits."""
+    """Safe operating area: freewheel angle over speed and current, torque limits."""
     loaded = load_motor(motor)
     if loaded.phases != 3:
         raise ConfigError([Problem(str(motor), "phases", f"must be 3 for six-step operation, not {loaded.phases}")])
@@ -143,7 +146,7 @@ def _print_study(result: Study) -> None:
         print_table("Freewheel angle at the load of the file", ("speed r/min", "mN m", "A", *headers), rows)
 
 
-@app.command()
+@app.command(rich_help_panel=THEORY, epilog=example("fluxlock stability"))
 def stability(
     out: OutOption = Path("build/six-step"),
     n_min: Annotated[float, typer.Option(min=1.0, max=100.0, help="Least carriers a sector.")] = 1.0,
@@ -154,7 +157,10 @@ def stability(
         float, typer.Option(min=0.0, max=60.0, help="Freewheel angle of the examples at N = 2.9 and 3.1, deg el.")
     ] = 15.0,
 ) -> None:
-    """Stability of the zero-crossing loop: boundary of the map over N against the closed form, figure 5.7."""
+    """Stability of the zero-crossing loop over N, the carriers per sector.
+
+    The boundary of the map stands beside the closed form, figure 5.7.
+    """
     if not n_min < n_max:
         raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
     prepare_folder(out, "stability.png", "stability.json")
@@ -214,7 +220,7 @@ def _ratio(speed_rpm: float, pole_pairs: int, carrier_hz: float) -> tuple[Fracti
     return ratio, f"N = {ratio}" if ratio == exact else f"N = {float(exact):.6g}, taken as {ratio}"
 
 
-@app.command()
+@app.command(rich_help_panel=THEORY, epilog=example("fluxlock spectrum"))
 def spectrum(
     out: OutOption = Path("build/six-step"),
     speed: Annotated[float, typer.Option(min=1.0, max=2e6, help="Speed, r/min.")] = 64_000.0,
@@ -232,7 +238,10 @@ def spectrum(
     ] = 5.0,
     max_order: OrderOption = 17.0,
 ) -> None:
-    """Line spectra of the space vector under RSC, NSC and CSC: series of chapter 6 against generated gates."""
+    """Line spectra of the space vector under RSC, NSC and CSC.
+
+    The series of chapter 6 stand beside generated gates.
+    """
     if mean == 0.0:
         raise ConfigError([Problem("--mean", "", "must be above 0: there is no fundamental")])
     ratio, n_text = _ratio(speed, pole_pairs, carrier)
@@ -296,7 +305,7 @@ def _load_trace(path: Path) -> RunData:
     raise ConfigError([Problem(str(path), "", text)])
 
 
-@app.command()
+@app.command(rich_help_panel=THEORY, epilog=example("fluxlock recorded build/demo/trace.npz --from 0.66 --to 0.72"))
 def recorded(
     trace: Annotated[Path, typer.Argument(help="trace.npz of a run.")],
     from_s: Annotated[float, typer.Option("--from", min=0.0, max=1e4, help="Begin of the window, s.")],
@@ -308,7 +317,10 @@ def recorded(
     carrier: CarrierOption = 20e3,
     max_order: OrderOption = 17.0,
 ) -> None:
-    """Line spectra of the gates and of the torque ripple that a run recorded, over a whole number of turns."""
+    """Line spectra of gates and torque ripple that a run recorded.
+
+    They are taken over a whole number of turns.
+    """
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import recording as theory
 
@@ -352,7 +364,7 @@ def recorded(
     write_figure(out, "recorded", plots.recorded_figure(title, lines, max_order, torque), data)
 
 
-@app.command()
+@app.command(rich_help_panel=THEORY, epilog=example("fluxlock linearity"))
 def linearity(
     out: OutOption = Path("build/six-step"),
     n_min: Annotated[float, typer.Option(min=0.1, max=100.0, help="Least carriers a sector.")] = 2.0,
@@ -364,7 +376,10 @@ def linearity(
         float, typer.Option(min=0.0, max=0.5, help="Shortest pulse and gap, carriers (0.4 us at 20 kHz: 0.008).")
     ] = 0.008,
 ) -> None:
-    """Mean of the output under CSC with and without the compensation (5.18), wrong N, shortest pulse."""
+    """Linearity of the output under CSC, with and without compensation.
+
+    Compensation (5.18), wrong N, shortest pulse.
+    """
     if not n_min < n_max:
         raise ConfigError([Problem("--n-max", "", f"must be above --n-min ({n_min:g})")])
     prepare_folder(out, "linearity.png", "linearity.json")

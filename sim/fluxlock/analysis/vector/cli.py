@@ -17,6 +17,7 @@ import typer
 
 from fluxlock.analysis.six_step.output import number, prepare_folder, print_table, write_figure
 from fluxlock.config import ConfigError, Problem, load_motor
+from fluxlock.help import example
 from fluxlock.paths import ROOT
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from fluxlock.config import Motor
 
 app = typer.Typer(
-    help="Theory of vector control at a low sampling ratio: controllers, observer, phase-locked loop as tables.",
+    help="Vector control at few samples per turn: controllers, observer, phase-locked loop.",
     no_args_is_help=True,
 )
 
@@ -80,7 +81,7 @@ def _at(bench: Bench, speed: float) -> str:
     return f"{speed * bench.fs_hz:g}"
 
 
-@app.command()
+@app.command(epilog=example("fluxlock vector steps"))
 def steps(
     motor: MotorArgument = MOTOR_1,
     rate: RateOption = 15e3,
@@ -115,7 +116,7 @@ def steps(
     )
 
 
-@app.command()
+@app.command(epilog=example("fluxlock vector bandwidth"))
 def bandwidth(
     motor: MotorArgument = MOTOR_1,
     rate: RateOption = 40e3,
@@ -152,7 +153,7 @@ def bandwidth(
     print_table(f"Current loop, controller {kind}, f_s {rate:g} Hz, f_e {_at(bench, at)} Hz", headers, rows)
 
 
-@app.command()
+@app.command(epilog=example("fluxlock vector observer"))
 def observer(
     motor: MotorArgument = MOTOR_1,
     rate: RateOption = 15e3,
@@ -177,7 +178,7 @@ def observer(
     print_table(title, headers, rows)
 
 
-@app.command()
+@app.command(epilog=example("fluxlock vector pll"))
 def pll(
     motor: MotorArgument = MOTOR_1,
     rate: RateOption = 15e3,
@@ -219,7 +220,7 @@ def pll(
     print_table(f"Largest stable bandwidth, T_d/T_s {delay:g}", headers, rows)
 
 
-@app.command()
+@app.command(epilog=example("fluxlock vector parameters"))
 def parameters(
     motor: MotorArgument = MOTOR_1,
     out: Annotated[Path, typer.Option(help="Folder for PNG and JSON.")] = Path("build/vector"),
