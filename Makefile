@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs release-check setup
+.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs site release-check setup
 .PHONY: place clean distclean
 
 help: ## list the targets
@@ -82,6 +82,9 @@ mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests
 
 coverage: $(TEST) $(COVERAGE) ## RTL, C and Python reached by the tests: build/coverage/report.md (BLOCKS=...: RTL of some folders)
 	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
+
+site: $(RUN) .venv/.group-docs ## the documentation as a site: build/site/html
+	@$(PY) -m fluxlock.docs.site
 
 release-check: $(RUN) ## refuse generated pages that were made from other sources than this tree
 	@$(PY) -m fluxlock.docs.release
