@@ -14,8 +14,12 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs site release-check setup
 .PHONY: place clean distclean
 
-help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
+# A target's text stands behind ## with what it gives; its group stands in a line of its own behind ##@.
+help:
+	@echo 'Usage: make TARGET. Each target installs what it needs. Times: two cores, first run.'
+	@awk -F ':.*## ' '/^##@ / { printf "\n%s\n", substr($$0, 5) } \
+	  /^[a-z-]+:.*## / { printf "  %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@printf '\nEvery command of a user: .venv/bin/fluxlock --help\n'
 
 # One stamp a dependency group, renewed when the lock changes.
 .venv/.group-%: uv.lock pyproject.toml tools/setup.sh
@@ -32,69 +36,83 @@ FORMAL := .venv/.group-formal
 COVERAGE := .venv/.group-coverage
 SYNTH := $(RUN) .venv/.group-synth
 
-setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## install every dependency group
+##@ Run
 
-demo: $(RUN) ## start a motor and hold it at 60 000 r/min: results and plots in build/demo
+demo: $(RUN) ## a motor from standstill to 60 000 r/min: results and plots in build/demo; 2 min (SEED=n)
 	@.venv/bin/fluxlock demo --seed $(SEED)
 
-check: $(TEST) $(LINT) $(FORMAL) ## minutes before a commit: lint, units, what has changed, a short closed loop (SINCE=revision)
+##@ Put it on a board
+
+synth: $(SYNTH) ## bitstreams and sizes for ECP5 by Yosys and nextpnr: build/synth; 1 h (ONLY=three-phase)
+	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
+
+##@ Check a change
+
+check: $(TEST) $(LINT) $(FORMAL) ## before a commit: lint, units, what has changed, a short closed loop; minutes (SINCE=revision)
 	@$(PY) -m fluxlock.check --jobs $(JOBS) $(if $(SINCE),--since $(SINCE))
 
-test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## unit, block, firmware and closed-loop tests, proofs of the safety blocks
+test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## every test and proof: units, blocks, firmware, closed loops; 30 min to 1 h (JOBS=n)
 	@FLUXLOCK_TEST_TIMES=build/test-times.json $(PY) -m pytest -n $(JOBS) --dist worksteal
 
-can: $(TEST) ## CAN controller on a bus with independent nodes: 20 000 random frames (FRAMES=...)
+lint: $(TEST) $(LINT) ## Verilator, Verible, Yosys, C warnings, ruff, mypy, licences, requirement matrix; 20 s to minutes
+	@$(PY) -m fluxlock.lint --jobs $(JOBS)
+
+##@ One part of the tests
+
+formal: $(TEST) $(FORMAL) ## proofs of the safety blocks alone; minutes
+	@$(PY) -m pytest -n $(JOBS) --dist worksteal tests/formal
+
+can: $(TEST) ## CAN controller among independent nodes: 20 000 random frames; minutes (FRAMES=n)
 	@FLUXLOCK_CAN_FRAMES=$(or $(FRAMES),20000) $(PY) -m pytest cocotb_tests/can/test_fl_can.py tests/can
 
-canopen: $(TEST) ## the tests of the CANopen node alone, with 5000 frames to refuse on a full bus (FRAMES=...)
+canopen: $(TEST) ## CANopen node alone, with 5000 frames to refuse; minutes (FRAMES=n)
 	@FLUXLOCK_CAN_FUZZ=$(or $(FRAMES),5000) $(PY) -m pytest tests/canopen cocotb_tests/soc/test_boot_store.py \
 	  tests/campaign/test_fuzz.py tests/campaign/test_campaign.py::test_the_node_tells
 
-native: $(TEST) ## the tests of the firmware in the simulator's process alone
+native: $(TEST) ## firmware in the simulator's process alone; minutes
 	@$(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core
 
-test-socketcan: $(TEST) ## the same master, candump, cansend and cangen on a real vcan0, under User-Mode Linux where the kernel has none
+test-socketcan: $(TEST) ## master, candump, cansend and cangen on a real vcan0; minutes
 	@$(PY) -c 'from fluxlock.cosim.run import chip_of; from fluxlock.config import load_scenario; chip_of(load_scenario("scenarios/can.toml"))'
 	@FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/can_utils.py
 
-lint: $(TEST) $(LINT) ## Verilator, Verible and Yosys on the RTL, C warnings, ruff, mypy, requirement matrix
-	@$(PY) -m fluxlock.lint --jobs $(JOBS)
+##@ Long runs
 
-regression: $(TEST) ## the long sets with their limits: build/regression.json (QUICK=1: short; CASES=...: some)
+regression: $(TEST) ## long sets with their limits: build/regression.json; 2 h (QUICK=1, CASES=six-step/starts)
 	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 
-campaign: $(TEST) ## faults of plant, sensors and chip at many moments: build/campaign.json (QUICK=1: few; DRIVES=...: some)
+campaign: $(TEST) ## faults at many moments, each ending judged: build/campaign.json; hours (QUICK=1, DRIVES=vector)
 	@.venv/bin/fluxlock campaign $(DRIVES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 	@$(if $(QUICK)$(DRIVES),echo "docs/verification/campaign.md stays as it is: it shows the whole grid only",$(PY) -m fluxlock.campaign.page)
 
-bench: $(TEST) ## closed loop against a bare simulation of the same chip: build/bench.json
+bench: $(TEST) ## speed of the closed loop against a bare simulation: build/bench.json; minutes
 	@$(PY) -m fluxlock.bench
 
-synth: $(SYNTH) ## Yosys and nextpnr for ECP5: build/synth.json, tables in docs (ONLY=...: some)
-	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
-
-formal: $(TEST) $(FORMAL) ## proofs of the safety blocks
-	@$(PY) -m pytest -n $(JOBS) --dist worksteal tests/formal
-
-mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found by their tests or not: build/mutate (BLOCKS=...: some)
+mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found or not: build/mutate; hours (BLOCKS=fl_trip)
 	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
 	@$(PY) -m fluxlock.docs.mutation
 
-coverage: $(TEST) $(COVERAGE) ## RTL, C and Python reached by the tests: build/coverage/report.md (BLOCKS=...: RTL of some folders)
+coverage: $(TEST) $(COVERAGE) ## RTL, C and Python that the tests reach: build/coverage/report.md; hours (BLOCKS=safety)
 	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
 
-site: $(RUN) .venv/.group-docs ## the documentation as a site: build/site/html
+##@ Pages
+
+site: $(RUN) .venv/.group-docs ## documentation as a site with search: build/site/html; minutes
 	@$(PY) -m fluxlock.docs.site
 
-release-check: $(RUN) ## refuse generated pages that were made from other sources than this tree
-	@$(PY) -m fluxlock.docs.release
-
-docs: $(TEST) ## register reference, schema pages, verification matrix
+docs: $(TEST) ## register reference, schema pages, README tables, verification matrix; 1 min
 	@$(PY) -m fluxlock.build html
 	@$(PY) -m fluxlock.docs
 
-clean: ## remove everything built
+release-check: $(RUN) ## refuses pages that were made from other sources than this tree; seconds
+	@$(PY) -m fluxlock.docs.release
+
+##@ The environment
+
+setup: $(TEST) $(LINT) $(FORMAL) $(COVERAGE) $(SYNTH) ## every dependency group into .venv; 1 min
+
+clean: ## removes build
 	rm -rf build
 
-distclean: clean ## remove the environment too
+distclean: clean ## removes build and .venv
 	rm -rf .venv

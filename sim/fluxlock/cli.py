@@ -25,6 +25,7 @@ from rich.console import Console
 from fluxlock.analysis.injection_cli import app as injection_app
 from fluxlock.analysis.rundata import PLOTTING, ProgressInfo, SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
+from fluxlock.analysis.six_step.cli import read_trace
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
@@ -35,7 +36,7 @@ from fluxlock.flash.command import flash
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.progress import ProgressBar
-from fluxlock.writable import InUseError, alone, refusal
+from fluxlock.writable import InUseError, alone, check_file, refusal
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
@@ -235,6 +236,37 @@ def _fail(lines: list[str]) -> NoReturn:
     """Say why the run failed and leave with the exit code for it."""
     say(Verdict(False, lines))
     raise typer.Exit(EXIT_FAILED)
+
+
+@app.command(
+    "scope",
+    rich_help_panel=RUN,
+    epilog=example("fluxlock scope build/demo", "fluxlock scope build/demo --out demo.svg"),
+)
+def scope_command(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run's results.")],
+    out: Annotated[
+        Path | None, typer.Option(help="SVG to write; NAME-still.svg goes beside it. Default RUN/scope.svg.")
+    ] = None,
+) -> None:
+    """Draw a finished run as a moving scope: an SVG for any browser."""
+    try:
+        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        text = "is no result of a run; name the folder of a finished run, such as build/demo"
+        raise ConfigError([Problem(str(folder / "result.json"), "", text)]) from None
+    path = out if out is not None else folder / "scope.svg"
+    if path.suffix != ".svg":
+        raise ConfigError([Problem("--out", str(path), "must be a file name that ends in .svg")])
+    data = read_trace(folder / "trace.npz")
+    check_file(path)
+    from fluxlock.analysis import scope
+
+    still = path.with_name(f"{path.stem}-still.svg")
+    for file, moving in ((path, True), (still, False)):
+        file.write_text(scope.svg(data, result, moving), encoding="utf-8")
+    print(scope.caption(data, result))
+    print(f"written: {path}, {still.name}")
 
 
 @app.command(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fluxlock.analysis.scope import caption
 from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.paths import ROOT
@@ -18,7 +19,7 @@ from tests.closed_loop.support import drive
 def test_demo() -> None:
     """Standstill to 60 000 r/min, load step, gates off; the native program beside it.
 
-    Verifies: SYS-01, SYS-02, CO-19
+    Verifies: SYS-01, SYS-02, CO-19, FRONT-65
     """
     run = drive("demo.toml", "demo")
     assert not run.verdict.failures
@@ -32,6 +33,9 @@ def test_demo() -> None:
         assert m["commutation_error_deg"]["rms"] <= 0.3
         assert m["late_crossings"] == 0
     assert run.metrics["loaded"]["torque_nm"]["mean"] == pytest.approx(0.025, rel=0.02)
+    assert caption(run.data, run.result) in (ROOT / "README.md").read_text(encoding="utf-8"), (
+        "the README shows another run: fluxlock scope build/demo --out docs/images/scope.svg"
+    )
     native_runs_alike(run)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Synthesis: what is read from the tools' reports, when it fails, and the numbers that page and README show."""
+"""Synthesis: what is read from the tools' reports, when it fails, and the numbers that the pages show."""
 
 from __future__ import annotations
 
@@ -352,7 +352,7 @@ def test_results_of_two_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 
 
 def test_tables() -> None:
-    """Numbers of a result reach the page's table and the README's rows; an estimate is marked as one.
+    """Numbers of a result reach the page's table and the rows of what was measured; an estimate is marked as one.
 
     Verifies: BRD-09
     """
@@ -367,13 +367,13 @@ def test_tables() -> None:
     assert report.fmax_text({**placed, "fmax_mhz": None}) == "–"
     assert row[2:6] == ["38.2 (placed)", "50", "–", "3.0"] and row[-2:] == ["a; b", MADE]
     text = "| LUT4 / carry | old |\n| Fmax (MHz) | old |\nother\n"
-    assert report.with_readme_rows(text, report.readme_rows(placed)) == (
+    assert report.with_measured_rows(text, report.measured_rows(placed)) == (
         "| LUT4 / carry cells / FF / block RAM / DSP on LFE5U-85F | 12 345 / 1 001 / 7 / 5 / 4 "
         "| `make synth ONLY=three-phase` |\n"
         "| Fmax (MHz), target 50 | 38.2 (placed); a; b | `make synth ONLY=three-phase` |\nother\n"
     )
     with pytest.raises(ValueError, match="0 rows begin with 'Fmax'"):
-        report.with_readme_rows("| LUT4 / carry | old |", report.readme_rows(RESULT))
+        report.with_measured_rows("| LUT4 / carry | old |", report.measured_rows(RESULT))
 
 
 def test_xilinx_cells() -> None:
@@ -408,8 +408,8 @@ def page_rows(name: str) -> list[dict[str, str]]:
     return [dict(zip(head, row, strict=True)) for row in rows]
 
 
-def test_page_and_readme() -> None:
-    """Rows of the page are configurations and blocks that there are, and the README's numbers are the page's.
+def test_page_and_measured() -> None:
+    """Rows of the page are configurations and blocks that there are, and the numbers among the measured are the page's.
 
     Verifies: BRD-09
     """
@@ -417,12 +417,12 @@ def test_page_and_readme() -> None:
     assert list(rows) == [name for name in load_configurations() if name in rows]
     blocks = [row["block"] for row in page_rows("blocks")]
     assert blocks == [name for name in block_files(load_settings()) if name in blocks]
-    record, readme = rows[report.RECORD], report.README.read_text(encoding="utf-8")
+    record, measured = rows[report.RECORD], report.MEASURED.read_text(encoding="utf-8")
     keys = ("LUT4", "carry (CCU2C)", "FF", "block RAM (18 kbit)", "DSP (18 × 18)")
     size = " / ".join(report.thousands(int(record[key])) for key in keys)
-    (line,) = re.findall(r"^\| LUT4 / carry cells .*$", readme, re.MULTILINE)
+    (line,) = re.findall(r"^\| LUT4 / carry cells .*$", measured, re.MULTILINE)
     assert f"| {size} |" in line and record["device"].rsplit("-", 1)[0] in line
-    (line,) = re.findall(r"^\| Fmax .*$", readme, re.MULTILINE)
+    (line,) = re.findall(r"^\| Fmax .*$", measured, re.MULTILINE)
     fmax = [record["Fmax / MHz"], *([] if record["result"].startswith(report.MET) else [record["result"]])]
     assert f"| {'; '.join(fmax)} |" in line and f"target {record['target / MHz']} " in line
 

@@ -9,13 +9,14 @@ import sys
 
 from fluxlock.canopen import __main__ as objects
 from fluxlock.config import schema
-from fluxlock.docs import matrix, parameters
+from fluxlock.docs import diagram, matrix, parameters, readme
 
 
 def main() -> int:
-    """Input files, parameters, object dictionary, requirement matrix; exit code 1 if one of them fails."""
+    """Input files, parameters, object dictionary, README, requirement matrix; exit code 1 if one of them fails."""
     schema.PAGE.write_text(schema.page(), encoding="utf-8")
-    return max(parameters.main([]), objects.main([]), matrix.main([]))
+    diagram.main()
+    return max(parameters.main([]), objects.main([]), readme.main([]), matrix.main([]))
 
 
 if __name__ == "__main__":

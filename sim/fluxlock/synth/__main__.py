@@ -7,8 +7,8 @@ Configurations of `constraints/configurations.toml` go through Yosys, nextpnr an
 the RTL, one by one or as the sets of `constraints/blocks.toml`, go through Yosys and nextpnr out of context. Fails if a
 latch is inferred, if the clock is not reached, if a way between pad and flip-flop is too long or if nextpnr does not
 end in time, and prints which, with the critical path. Results, failed or not, go to `build/synth.json`, into the tables
-of `docs/reference/synthesis.md` and the README; there a row stays as it is until its configuration or block is built
-again.
+of `docs/reference/synthesis.md` and of `docs/verification/measured.md`; there a row stays as it is until its
+configuration or block is built again. `python -m fluxlock.docs.readme` brings the sizes to the README.
 """
 
 from __future__ import annotations

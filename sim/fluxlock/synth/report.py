@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of synthesis as tables in the docs, and the chip's row in the README."""
+"""Results of synthesis as tables in the docs, and the chip's rows on the page of what was measured."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from fluxlock.synth.blocks import BlockSet
 from fluxlock.synth.configurations import Configuration
 
 PAGE = ROOT / "docs" / "reference" / "synthesis.md"
-README = ROOT / "README.md"
-# Configuration of the README's rows.
+MEASURED = ROOT / "docs" / "verification" / "measured.md"
+# Configuration of the rows there.
 RECORD = "three-phase"
 MET = "all limits met"
 
@@ -139,8 +139,8 @@ def thousands(number: int) -> str:
     return f"{number:,}".replace(",", " ")
 
 
-def readme_rows(result: dict[str, Any]) -> dict[str, str]:
-    """The README's rows on the chip, by their first words."""
+def measured_rows(result: dict[str, Any]) -> dict[str, str]:
+    """That page's rows on the chip, by their first words."""
     size = " / ".join(thousands(result[key]) for key in ("lut4", "carry", "ff", "block_ram", "dsp"))
     command = f"`make synth ONLY={RECORD}`"
     fmax = "; ".join([fmax_text(result), *result["problems"]])
@@ -150,12 +150,12 @@ def readme_rows(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def with_readme_rows(text: str, rows: dict[str, str]) -> str:
-    """The README with those rows."""
+def with_measured_rows(text: str, rows: dict[str, str]) -> str:
+    """The page with those rows."""
     for start, row in rows.items():
         found = re.findall(rf"^\| {re.escape(start)}\b.*$", text, flags=re.MULTILINE)
         if len(found) != 1:
-            raise ValueError(f"{README.name}: {len(found)} rows begin with {start!r}")
+            raise ValueError(f"{MEASURED.name}: {len(found)} rows begin with {start!r}")
         text = text.replace(found[0], row)
     return text
 
@@ -166,7 +166,7 @@ def write(
     sets: dict[str, BlockSet],
     orders: tuple[Mapping[str, Configuration], Iterable[str]],
 ) -> None:
-    """New results into the page's tables, and those of the chip of record into the README; blocks: with the sets."""
+    """New results into the page's tables, and those of the chip of record among the measured; blocks: with the sets."""
     text = with_text(PAGE.read_text(encoding="utf-8"), "flags", flags_table(orders[0].values()))
     text = with_text(text, "versions", versions_text())
     rows = [configuration_row(name, result) for name, result in configurations.items()]
@@ -179,5 +179,5 @@ def write(
     text = with_rows(text, "sets", SET_HEAD, rows, sets)
     PAGE.write_text(text, encoding="utf-8")
     if RECORD in configurations:
-        text = with_readme_rows(README.read_text(encoding="utf-8"), readme_rows(configurations[RECORD]))
-        README.write_text(text, encoding="utf-8")
+        text = with_measured_rows(MEASURED.read_text(encoding="utf-8"), measured_rows(configurations[RECORD]))
+        MEASURED.write_text(text, encoding="utf-8")

@@ -287,7 +287,7 @@ def spectrum(
     write_figure(out, "spectrum", plots.spectrum_figure(title, spectra, max_order, start), data)
 
 
-def _load_trace(path: Path) -> RunData:
+def read_trace(path: Path) -> RunData:
     """Read a trace; ConfigError says what is wrong with the file."""
     from fluxlock.analysis.rundata import load_trace
 
@@ -326,7 +326,7 @@ def recorded(
 
     if not from_s < to_s:
         raise ConfigError([Problem("--to", "", f"must be above --from ({from_s:g})")])
-    run = _load_trace(trace)
+    run = read_trace(trace)
     try:
         window = theory.whole_turns(run, from_s, to_s)
         torque = theory.torque_ripple(run, window)
