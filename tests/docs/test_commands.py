@@ -45,7 +45,7 @@ def check_fluxlock(words: list[str]) -> None:
     command: Any = typer.main.get_command(app)
     while hasattr(command, "commands"):
         name, *words = words
-        if OWN.fullmatch(name):
+        if OWN.fullmatch(name) or name == "--help":
             return
         assert name in command.commands, f"no command {name}"
         command = command.commands[name]
