@@ -33,7 +33,7 @@ from fluxlock.can_bus import usual_channel
 from fluxlock.config import ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
-from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example
+from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.progress import ProgressBar
 from fluxlock.writable import InUseError, alone, check_file, refusal
@@ -587,6 +587,7 @@ def _terminate(*_: object) -> NoReturn:
 def main() -> None:
     """Entry point: bad input becomes one line a problem and exit code 2, never a traceback."""
     before = signal.signal(signal.SIGTERM, _terminate)
+    fit_help()
     try:
         code = app(prog_name="fluxlock", standalone_mode=False) or 0
         sys.stdout.flush()

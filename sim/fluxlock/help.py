@@ -5,14 +5,24 @@
 
 from __future__ import annotations
 
+import inspect
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import typer
 import typer.core
+import typer.rich_utils
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
 
 RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY = "Run", "Motor", "Live bus", "Board", "Theory", "Verify"
 GROUPS = (RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY)
+Command = typer.core.TyperCommand | typer.core.TyperGroup
+WIDE_HELP = typer.rich_utils.rich_format_help
+NARROW = 60  # columns; below it a table of options would cut their names
 
 
 def example(*lines: str) -> str:
@@ -31,6 +41,57 @@ class Grouped(typer.core.TyperGroup):
             return GROUPS.index(panel) if panel in GROUPS else len(GROUPS)
 
         return sorted(super().list_commands(ctx), key=place)
+
+
+def subcommands(command: Command, ctx: typer.Context) -> list[Command]:
+    """The commands below one, in the order of its help."""
+    if not isinstance(command, typer.core.TyperGroup):
+        return []
+    found = (command.commands[name] for name in command.list_commands(ctx))
+    return [below for below in found if isinstance(below, Command)]
+
+
+def narrow_help(command: Command, ctx: typer.Context, width: int) -> None:
+    """Print the help of a command as a list: each name on a line of its own, what it does indented below."""
+    console = Console(width=width, highlight=False)
+
+    def entry(name: str, text: str) -> None:
+        console.print(name, style="bold cyan", markup=False, soft_wrap=len(name) > width)
+        console.print(Padding(Text.from_markup(text), (0, 0, 0, 2)))
+
+    console.print(f"Usage: {ctx.command_path} {' '.join(command.collect_usage_pieces(ctx))}", markup=False)
+    console.print()
+    console.print(Text.from_markup(inspect.cleandoc(command.help or "")))
+    records = [record for parameter in command.get_params(ctx) if (record := parameter.get_help_record(ctx))]
+    console.print("\n[bold]Options[/bold]")
+    for name, text in records:
+        # Square brackets of typer's own words, such as [required], are no markup.
+        entry(name, text.replace("[required", "\\[required").replace("[default", "\\[default"))
+    group = ""
+    for below in subcommands(command, ctx):
+        panel = getattr(below, "rich_help_panel", None)
+        title = panel if panel in GROUPS else "Commands"
+        if title != group:
+            console.print(f"\n[bold]{title}[/bold]")
+            group = title
+        entry(below.name or "", inspect.cleandoc(below.help or "").splitlines()[0])
+    if command.epilog:
+        console.print()
+        console.print(Text.from_markup(command.epilog))
+
+
+def any_width_help(*, obj: Command, ctx: typer.Context, markup_mode: Literal["markdown", "rich"]) -> None:
+    """Print the help of a command: typer's tables where there is room for them, else a list."""
+    width = shutil.get_terminal_size().columns
+    if width < NARROW:
+        narrow_help(obj, ctx, width)
+    else:
+        WIDE_HELP(obj=obj, ctx=ctx, markup_mode=markup_mode)
+
+
+def fit_help() -> None:
+    """From here on typer's help fits the terminal."""
+    typer.rich_utils.rich_format_help = any_width_help  # type: ignore[assignment]  # a base that typer keeps private
 
 
 def complete_toml(folder: str) -> Callable[[str], list[str]]:

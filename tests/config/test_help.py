@@ -24,6 +24,7 @@ from fluxlock.paths import ROOT
 from tests.docs.test_commands import check_fluxlock
 
 EXAMPLE = re.compile(r"^fluxlock (.+)$", re.MULTILINE)
+RUN = ("run", "--help")
 INFO = ("motor", "info", str(ROOT / "motors" / "motor-1.toml"))
 
 
@@ -82,7 +83,7 @@ def test_examples(words: tuple[str, ...], command: Any) -> None:
         check_fluxlock(shlex.split(line))
 
 
-@pytest.mark.parametrize("words", [("--help",), ("run", "--help"), INFO], ids=["help", "run", "info"])
+@pytest.mark.parametrize("words", [("--help",), RUN, ("motor",), INFO], ids=["help", "run", "motor", "info"])
 @pytest.mark.parametrize("columns", [40, 200])
 def test_widths(words: tuple[str, ...], columns: int) -> None:
     """Narrow and wide terminals: no line is longer, no word of a key is cut.
@@ -90,8 +91,11 @@ def test_widths(words: tuple[str, ...], columns: int) -> None:
     Verifies: FRONT-61
     """
     done = run_command(*words, COLUMNS=str(columns))
-    assert done.returncode == 0 and done.stderr == ""
+    assert done.returncode == (2 if words == ("motor",) else 0) and done.stderr == ""
     assert max(map(len, done.stdout.splitlines())) <= columns
+    assert "…" not in done.stdout or words is INFO, "something is cut"
+    if words is RUN:
+        assert "--sanitize" in done.stdout and re.search("--debugger +COMMAND", done.stdout)
     if words is INFO:
         assert all(key in done.stdout for key in ("resistance_ohm", "rated_current_a", "max_speed_rpm"))
         assert ("in motors/" in done.stdout) == (columns == 200)
