@@ -23,6 +23,7 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
+from fluxlock import words
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.chip import CPU_HOST, CPU_HOST_ACCESS, rtl_sources
@@ -222,6 +223,11 @@ def licences() -> list[Part]:
     return [partial(_run, [sys.executable, "-m", "reuse", "lint", "--lines"])]
 
 
+def readable() -> list[Part]:
+    """Counts of hard sentences in the pages have not risen."""
+    return [words.check]
+
+
 CHECKS: dict[str, Callable[[], list[Part]]] = {
     "c": c_code,  # what takes longest in one piece is begun first
     "mypy": mypy,
@@ -230,6 +236,7 @@ CHECKS: dict[str, Callable[[], list[Part]]] = {
     "ruff": ruff,
     "verible": verible,
     "verilator": verilator,
+    "words": readable,
     "yosys": yosys,
 }
 
