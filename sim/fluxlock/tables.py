@@ -15,6 +15,12 @@ SEGMENTS = 128  # of the argument 0..1
 LAST = 125  # the last node; the arc sine's slope grows without bound beyond
 ASIN_FILE = RTL / "zcd" / "fl_asin_pkg.sv"
 
+# The text of a package: licence, then what follows.
+TOP = """// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
+
+"""
+
 SINE_LINES = 512  # of a quarter turn
 SINE_ONE = 1 << 22
 SINE_FILE = RTL / "foc" / "fl_sine_pkg.sv"
@@ -31,7 +37,7 @@ def asin_package() -> str:
     rises = [after - node for node, after in pairwise(nodes)] + [0]
     words = [f"29'h{node << 12 | rise:08x}" for node, rise in zip(nodes, rises, strict=True)]
     body = ",\n".join(f"    {', '.join(words[i : i + 8])}" for i in range(0, len(words), 8))
-    return f"""// Arc sine in intervals of 60 degrees, 2^16 = 1: lines from asin(i / {SEGMENTS}) / (pi / 3) to
+    return f"""{TOP}// Arc sine in intervals of 60 degrees, 2^16 = 1: lines from asin(i / {SEGMENTS}) / (pi / 3) to
 // the next; the last has no rise.
 // Written by `python -m fluxlock.tables`; a test checks it.
 package fl_asin_pkg;
@@ -68,7 +74,7 @@ def sine_package() -> str:
     """Text of the package that holds the quarter sine."""
     words = [f"36'h{start << 14 | rise:09x}" for start, rise in sine_lines()]
     body = ",\n".join(f"    {', '.join(words[i : i + 7])}" for i in range(0, len(words), 7))
-    return f"""// Quarter sine as {SINE_LINES} straight lines, 2^22 = 1: each chord shifted up by half its sagitta.
+    return f"""{TOP}// Quarter sine as {SINE_LINES} straight lines, 2^22 = 1: each chord shifted up by half its sagitta.
 // Written by `python -m fluxlock.tables`; a test checks it.
 package fl_sine_pkg;
 
