@@ -101,8 +101,9 @@ def _plain(text: str) -> str:
     """A line as a reader sees it: code as one word, links as their text, no comments, no emphasis."""
     text = re.sub(r"<!--.*?-->", "", text)
     text = re.sub(r"`[^`]*`", "CODE", text)
-    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     # A link alone in parentheses is a place to look, not a second thought.
+    text = re.sub(r" ?\(\[[^\]]*\]\([^)]*\)\)", "", text)
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     return re.sub(r"[*_]{1,2}(\S[^*_]*?)[*_]{1,2}", r"\1", text)
 
 
