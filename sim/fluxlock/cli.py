@@ -50,6 +50,7 @@ EXIT_READER_GONE = 128 + signal.SIGPIPE
 SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 WAVES = "simulator/waves.fst"
+FAILS = "docs/fails/index.md"  # page of the checkout on what each failure means
 
 app = typer.Typer(
     cls=Grouped,
@@ -229,6 +230,7 @@ def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: Nati
     say(outcome.verdict)
     _report(console, outcome.result, out_dir)
     if not outcome.verdict.passed:
+        print(f"what to do: {FAILS}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
 
 

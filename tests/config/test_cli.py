@@ -180,7 +180,9 @@ def test_fault_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], 
     """
     simulator["uart"] = FAILED_START
     code, out, err = invoke("run", DEMO, "--out", str(tmp_path), *SHORT)
-    assert code == 1 and err.splitlines()[-1] == "failed: the drive ended in fault start_failed"
+    assert code == 1 and err.splitlines()[-2] == "failed: the drive ended in fault start_failed"
+    page = err.splitlines()[-1].removeprefix("what to do: ")
+    assert (ROOT / page).is_file()
     assert "fault at the end: start_failed" in out
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["fault"] == "start_failed"
