@@ -38,7 +38,7 @@ def usual_channel(interface: str) -> str:
     """Of an interface without --channel; ConfigError where there is none."""
     _check("--interface", "", interface)
     if interface not in USUAL_CHANNELS:
-        raise ConfigError([Problem("--channel", "", f"is missing: {interface} has none that goes without saying")])
+        raise ConfigError([Problem("--channel", "", f"is missing: {interface} has no default channel")])
     return USUAL_CHANNELS[interface]
 
 

@@ -375,7 +375,7 @@ def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_pa
     ("scenario", "interface", "text"),
     [
         ("can", "pigeon", "--interface: pigeon is no interface of python-can"),
-        ("can", "slcan", "--channel: is missing: slcan has none that goes without saying"),
+        ("can", "slcan", "--channel: is missing: slcan has no default channel"),
         ("demo", "virtual", "demo.toml: can: is missing"),
     ],
 )

@@ -94,7 +94,10 @@ def test_results_of_the_loader() -> None:
 
     Verifies: DOC-09
     """
-    assert "the flash does not do it" in RESULTS and "the flash does not do it" in TEXTS["stopped/flash.md"]
+    assert (
+        "the flash did not erase or write" in RESULTS
+        and "the flash did not erase or write" in TEXTS["stopped/flash.md"]
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(FOLDER).as_posix())

@@ -202,8 +202,8 @@ def test_answers() -> None:
     [
         ({}, "--port: is missing"),
         ({"port": Path("README.md"), "can": "virtual:x"}, "leave out --port"),
-        ({"port": Path("README.md"), "node": 3}, "--node: 3: goes with --can only"),
-        ({"port": Path("README.md"), "bit_rate": 500}, "--bit-rate: 500: goes with --can only"),
+        ({"port": Path("README.md"), "node": 3}, "--node: 3: has an effect with --can only"),
+        ({"port": Path("README.md"), "bit_rate": 500}, "--bit-rate: 500: has an effect with --can only"),
         ({"can": "virtual"}, "must be INTERFACE:CHANNEL"),
     ],
 )

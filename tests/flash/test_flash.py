@@ -124,7 +124,7 @@ def test_frames() -> None:
     assert read_frame(Deaf(b"boot: text\r\n" + bytes(broken) + good), 1.0) == (4, b"abc")
     assert read_frame(Deaf(good[:-1]), 1.0) is None
     port = Deaf()
-    with pytest.raises(LoaderError, match="does not answer"):
+    with pytest.raises(LoaderError, match="stopped answering"):
         Loader(SerialLine(port)).check()
     assert port.sent == 3 * frame(4)
     with pytest.raises(LoaderError, match="reset the board"):
@@ -187,8 +187,8 @@ def test_command_uploads(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 @pytest.mark.parametrize(
     ("port", "text"),
     [
-        ("README.md", "is no serial port that may be read and written"),
-        ("/dev/null", "is no serial port of 1 Mbaud: Inappropriate ioctl for device"),
+        ("README.md", "is not a serial port that you may read and write"),
+        ("/dev/null", "does not work as a serial port at 1 Mbaud: Inappropriate ioctl for device"),
         ("/dev/tty", "cannot be opened: No such device or address"),
     ],
 )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the gates of a run must never do, from the gates themselves: see `GateSafety`."""
+"""Checks the recorded gates of a run for what must never happen, such as both switches of a leg on: `GateSafety`."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 
 """Metrics of a run: errors of crossings and commutations against the plant's true angle, waveforms, trips.
 
-Sign: positive error of a crossing or commutation = late, of an angle = ahead. `rms` is about zero, `std` about the
-mean, `max` of the absolute value. A metric whose window holds nothing to measure is None.
+A positive error of a crossing or a commutation means late, a positive error of an angle means ahead. `rms` is about
+zero, `std` about the mean, `max` of the absolute value. A metric is None if its window holds nothing to measure.
 """
 
 from __future__ import annotations

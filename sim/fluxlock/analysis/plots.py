@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plot pages of a run as PNG: the whole run with a zoomed span, and the zoomed span alone, larger."""
+"""Draws the pages of a run as PNG: `overview.png` shows the whole run and a zoomed span, `zoom.png` the span alone."""
 
 from __future__ import annotations
 

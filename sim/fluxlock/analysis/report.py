@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables for the terminal."""
+"""Prints the tables of a run in the terminal: metrics per window, clocks per interrupt handler."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a run can be vouched for, in words: the same rule for every command, regression row and figure.
+"""The verdict on a run, in words: the same rule for every command, regression row and figure.
 
-`judge_run` is a pure function of a run and its scenario. A run fails for
+`judge_run` is a pure function of a run and its scenario. `docs/fails` explains each line to users. A run fails for
 
 - a trip or a final fault that the scenario does not expect, or one that it expects and that stays away;
 - a console line that the drive refused or did not answer;
@@ -13,10 +13,10 @@
 - a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`, or a speed that swings;
 - a missed `[[expect]]`.
 
-The speed is judged where it must have settled: the drive runs, the slope of the target has had its time, and nothing
-has moved target, load, supply or settings for ten time constants of the speed loop. A limit of the drive that was
-active there is named with its duration. What the scenario names in `[[accept]]` does not fail; its reason stands in the
-verdict.
+The verdict judges the speed only where it must have settled: the drive runs, the ramp of the target has ended, and
+nothing has moved target, load, supply or settings for ten time constants of the speed loop. If a limit of the drive
+was active there, the line names it with its duration. A scenario can accept a cause in `[[accept]]`. Then the run
+passes, and the verdict gives the scenario's reason.
 """
 
 from __future__ import annotations

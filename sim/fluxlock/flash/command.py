@@ -40,18 +40,26 @@ def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | 
 
     if can is not None:
         if port is not None:
-            raise ConfigError([Problem(CAN_OPTION, can, "is a line of its own: leave out --port")])
+            raise ConfigError([Problem(CAN_OPTION, can, "and --port exclude each other: leave out --port")])
         bus = open_bus(can, KBIT_PER_S_DEFAULT if bit_rate is None else bit_rate)
         with bus:
             yield CanLine(PythonCan(bus), NODE_DEFAULT if node is None else node)
         return
     for option, value in (("--node", node), ("--bit-rate", bit_rate)):
         if value is not None:
-            raise ConfigError([Problem(option, str(value), f"goes with {CAN_OPTION} only")])
+            raise ConfigError([Problem(option, str(value), f"has an effect with {CAN_OPTION} only")])
     if port is None:
         raise ConfigError([Problem("--port", "", f"is missing: a serial port, or {CAN_OPTION} INTERFACE:CHANNEL")])
     if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
-        raise ConfigError([Problem("--port", str(port), "is no serial port that may be read and written")])
+        raise ConfigError(
+            [
+                Problem(
+                    "--port",
+                    str(port),
+                    "is not a serial port that you may read and write",
+                )
+            ]
+        )
     try:
         opened = SerialPort(port)
     except PortError as error:

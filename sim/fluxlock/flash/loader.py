@@ -18,7 +18,7 @@ from fluxlock.flash.image import Plan
 
 SYNC = 0xA5
 HELLO, ERASE, WRITE, CHECK, START = range(1, 6)
-RESULTS = ("done", "unknown command", "wrong address or length", "the flash does not do it", "refused")
+RESULTS = ("done", "unknown command", "wrong address or length", "the flash did not erase or write", "refused")
 # Of sw/boot/main.c.
 REASONS = (
     "good",
@@ -142,7 +142,7 @@ class Loader:
             answer = self.line.receive(ANSWER_S)
             if answer:
                 return answer
-        raise self._silence("the loader does not answer any more")
+        raise self._silence("the loader stopped answering: reset the board and run the command again")
 
     def _do(self, what: str, code: int, payload: bytes) -> None:
         result, _ = self._ask(code, payload)

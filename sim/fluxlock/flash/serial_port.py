@@ -40,7 +40,7 @@ class SerialPort:
             _set_up(self._fd)
         except termios.error as error:
             os.close(self._fd)
-            raise PortError(f"is no serial port of 1 Mbaud: {error.args[-1]}") from None
+            raise PortError(f"does not work as a serial port at 1 Mbaud: {error.args[-1]}") from None
 
     def __enter__(self) -> SerialPort:
         return self
