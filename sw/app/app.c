@@ -43,7 +43,8 @@ SMALL_CODE_BEGIN
 COLD void app_boot(app_t *app) {
   const parameter_block_t *block = cpu_parameter_block();
   const parameters_t *p = &block->parameters;
-  *app = (app_t){.telemetry = cpu_telemetry()};
+  __builtin_memset(app, 0, sizeof *app);  // an assignment of a whole object would need as much stack
+  app->telemetry = cpu_telemetry();
   telemetry_init(app->telemetry);
   chip_gates_off();
   uart_configure(UART_BIT_CYCLES);

@@ -200,7 +200,10 @@ int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
 
 SMALL_CODE_BEGIN
 COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
-  *drive = (drive_t){.p = (fault == FAULT_NONE) ? parameters : 0, .state = STATE_INIT, .fault = fault};
+  __builtin_memset(drive, 0, sizeof *drive);  // as app_boot does
+  drive->p = (fault == FAULT_NONE) ? parameters : 0;
+  drive->state = STATE_INIT;
+  drive->fault = fault;
   drive->command.period_cycles = 1250;
   drive->command.sampling = SAMPLING_CONTINUOUS;
   drive->command.forced_interval_cycles = 0xFFFFFF;

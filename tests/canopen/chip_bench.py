@@ -22,7 +22,7 @@ from fluxlock.cosim.plan import CanPeer, CanSide
 from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware import build_bus_library
 from fluxlock.firmware.host import TELEMETRY_TARGET
-from fluxlock.memory import TELEMETRY_ADDRESS
+from fluxlock.memory import BLOCK_ADDRESS, TELEMETRY_ADDRESS
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE
 
@@ -58,6 +58,13 @@ class Talker(Listener):
         super().exchange(cycle, node)
         if cycle > 300_000 and self.queue:
             node.send(self.queue.pop(0))
+
+
+def stack_used_bytes(look_bytes: int = 8192) -> int:
+    """Most that the stack has held since configuration: above the last word that is still zero. For a peer."""
+    words = (ctypes.c_uint32 * (look_bytes // 4))()
+    ctypes.CDLL(None).cosim_peek(BLOCK_ADDRESS - look_bytes, words, len(words))
+    return look_bytes - 4 * next((i for i, word in enumerate(words) if word), len(words))
 
 
 def sdo(index: int, sub: int, value: int, size: int) -> Frame:
@@ -150,6 +157,7 @@ class Flood:
             "refused": self.refused,
             "emergencies": self.emergencies,
             "span": self.span,
+            "stack_bytes": stack_used_bytes(),
         }
 
 

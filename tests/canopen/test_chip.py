@@ -16,6 +16,7 @@ from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.memory import STACK_BYTES
 from tests.canopen.chip_bench import CAN, NODE, SPINNING, Flood, Listener, Talker, run_chip
 from tests.canopen.test_fuzz import nonsense
 
@@ -73,8 +74,8 @@ def load_of_core(lines: list[str], clocks: float) -> float:
 def test_full_bus(tmp_path: Path) -> None:
     """Frames that must be refused, back to back at 1 Mbit/s, while the motor runs at 60 000 r/min and gets commands.
 
-    No fault, no control update missed, none entered much later, the delay of commutations unchanged; prints latencies
-    and load.
+    No fault, no control update missed, none entered much later, the delay of commutations unchanged, the stack within
+    its reserve; prints latencies, load and stack.
 
     Verifies: CO-25
     """
@@ -102,6 +103,8 @@ def test_full_bus(tmp_path: Path) -> None:
     print(f"command latency, us: mean {latency_us.mean():.0f}, max {latency_us.max():.0f}, of {len(latency_us)}")
     print(f"load of the core: quiet {quiet_load:.3f}, full bus {flood_load:.3f}")
     print(data.isr)
+    print(f"stack: {seen['stack_bytes']} of {STACK_BYTES} bytes")
+    assert seen["stack_bytes"] <= STACK_BYTES
     assert seen["dry"] == 0
     assert seen["refused"] > FUZZ // 4
     assert len(latency_us) == seen["commands"] == FUZZ // EVERY
