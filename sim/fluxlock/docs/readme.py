@@ -23,7 +23,7 @@ from fluxlock.writable import guarded
 README = ROOT / "README.md"
 IMAGES = ROOT / "docs" / "images"
 RECORD = ROOT / "docs" / "verification" / "record.json"
-BEGIN, END = "<!-- chips:begin -->", "<!-- chips:end -->"
+BEGIN, END = "<!-- chips begin -->", "<!-- chips end -->"
 HEAD = ["chip", "LUT4", "Fmax / MHz", "proved", "angle error, rms, simulated"]
 PROVED = "gates, trips, carrier"
 
