@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs site release-check setup
+.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs site diagrams release-check setup
 .PHONY: place clean distclean
 
 # A target's text stands behind ## with what it gives; its group stands in a line of its own behind ##@.
@@ -99,6 +99,12 @@ coverage: $(TEST) $(COVERAGE) ## RTL, C and Python that the tests reach: build/c
 
 site: $(RUN) .venv/.group-docs ## documentation as a site with search: build/site/html; minutes
 	@$(PY) -m fluxlock.docs.site
+
+diagrams: $(TEST) .venv/.group-docs ## timing and block diagrams of the pages from the RTL; 2 min
+	@FLUXLOCK_WRITE_DIAGRAMS=1 $(PY) -m pytest -q cocotb_tests/timing
+	@$(PY) docs/site/timing.py
+	@$(PY) -m fluxlock.docs.hierarchy
+	@$(PY) -m fluxlock.docs.gallery
 
 docs: $(TEST) ## register reference, schema pages, README tables, verification matrix; 1 min
 	@$(PY) -m fluxlock.build html

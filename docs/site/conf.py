@@ -10,10 +10,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).parent))
 
+import timing  # noqa: E402  (beside this file)
+
 project = "Fluxlock"
 author = "Fluxlock contributors"
 project_copyright = "2026, Fluxlock contributors"
 version = release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+
+if stale := timing.stale():
+    sys.exit(f"error: {', '.join(stale)}: not drawn from its trace; make diagrams")
 
 extensions = [
     "myst_parser",
@@ -21,6 +26,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "sphinx_gallery.gen_gallery",
     "source_pages",
 ]
 root_doc = "index"
@@ -37,6 +43,21 @@ autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 # A compiler and its arrays: their types stay names.
 nitpicky = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(ROOT / "docs" / "gallery"),
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"/plot_",
+    "within_subsection_order": "FileNameSortKey",
+    "download_all_examples": False,
+    "show_signature": False,
+    "show_memory": False,
+    "remove_config_comments": True,
+    "write_computation_times": False,
+    "only_warn_on_example_error": False,
+    "abort_on_example_error": True,
+    "copyfile_regex": r"",
+}
 
 html_theme = "pydata_sphinx_theme"
 html_title = "Fluxlock"

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fluxlock.docs import navigation
+from fluxlock.docs.gallery import HEADING
 from fluxlock.docs.navigation import DOCS, Entry, normal
 from fluxlock.docs.site_pages import added_pages
 from fluxlock.paths import BUILD, ROOT
@@ -31,9 +32,13 @@ SOURCE = FOLDER / "source"
 HTML = FOLDER / "html"
 LINK = re.compile(r"(\]\()([^)\s#:]+)((?:#[^)\s]*)?\))")
 FENCE = re.compile(r"^( *)```.*?^\1```", re.DOTALL | re.MULTILINE)
-LEFT_OUT = shutil.ignore_patterns("site", "requirements.d", "*.toml", "places.txt", "record.json")
+PICTURE = re.compile(
+    r"<picture>\s*<source[^>]*srcset=\"([^\"]+)\"[^>]*>\s*<img src=\"([^\"]+)\" alt=\"([^\"]+)\"[^>]*>\s*</picture>"
+)
+LEFT_OUT = shutil.ignore_patterns("site", "gallery", "requirements.d", "*.toml", "places.txt", "record.json")
 SHOWN = {".md", ".png", ".svg", ".gif"}
 README = Path("README.md")  # the site has its own first page
+GALLERY = Path("gallery")  # written by sphinx-gallery
 PROJECT = Path("project")  # where the pages of the checkout's root stand on the site
 
 
@@ -63,6 +68,7 @@ def relink(text: str, page: Path, root: Path = ROOT) -> str:
         anchor = ")" if target == README else match[3]
         return f"{match[1]}{os.path.relpath(there, here.parent)}{anchor}"
 
+    text = PICTURE.sub(r"![\3](\2){.only-light}\n![\3](\1){.only-dark}", text)
     parts, end = [], 0
     for fence in FENCE.finditer(text):
         parts += [LINK.sub(replaced, text[end : fence.start()]), fence[0]]
@@ -75,6 +81,12 @@ def with_audience(text: str, inherited: str) -> str:
     if navigation.audience(text) or not inherited:
         return text
     return re.sub(r"\A(# .*\n)", lambda match: f"{match[1]}\n{inherited}\n", text, count=1)
+
+
+def with_titles(text: str) -> str:
+    """The page with the titles of its figures as the words that stand for them."""
+    titles = {f"Figure {number}": title for title, number in HEADING.findall(text)}
+    return re.sub(r"!\[([^\]]+)\]", lambda match: f"![{titles.get(match[1], match[1])}]", text)
 
 
 def toctree(page: Path, below: Sequence[Entry]) -> str:
@@ -103,7 +115,7 @@ def stage(root: Path = ROOT, source: Path = SOURCE) -> None:
         for name, content in added.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).write_text(content, encoding="utf-8")
-        text = with_audience(relink(text, entry.page, root), inherited)
+        text = with_audience(with_titles(relink(text, entry.page, root)), inherited)
         below = [*(child for child in entry.below if child.page not in extra.replaced), *extra.entries]
         (fresh / target).parent.mkdir(parents=True, exist_ok=True)
         (fresh / target).write_text(text + (toctree(entry.page, below) if below else ""), encoding="utf-8")
@@ -120,6 +132,8 @@ def _replace(fresh: Path, source: Path) -> None:
         old = source / path.relative_to(fresh)
         if path.is_file() and old.is_file() and old.read_bytes() == path.read_bytes():
             shutil.copystat(old, path)
+    if (source / GALLERY).exists():  # figures of scripts that have not changed are not drawn again
+        shutil.copytree(source / GALLERY, fresh / GALLERY, dirs_exist_ok=True)
     shutil.rmtree(source, ignore_errors=True)
     fresh.rename(source)
 

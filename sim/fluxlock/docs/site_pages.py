@@ -17,6 +17,7 @@ from fluxlock.paths import ROOT
 
 BLOCKS = Path("docs/blocks/index.md")
 PYTHON = Path("docs/reference/python.md")
+UNDERSTAND = Path("docs/understand/index.md")
 REFERENCE = Path("docs/reference/index.md")
 FILES = Path("docs/reference/files.md")
 
@@ -186,6 +187,8 @@ def added_pages(page: Path, text: str, audience: str) -> tuple[Extra, Mapping[st
         return _blocks(text, audience)
     if page == PYTHON:
         return _python(text, audience)
+    if page == UNDERSTAND:
+        return Extra((Entry("Figures by their scripts", Path("docs/gallery/index.md")),)), {}
     if page == REFERENCE:
         return _reference(ROOT, audience)
     return Extra(), {}

@@ -1,0 +1,32 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Timing diagrams as SVG from the traces that block tests recorded: `python docs/site/timing.py`, `make diagrams`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import wavedrom
+
+FOLDER = Path(__file__).resolve().parents[1] / "images" / "timing"
+
+
+def drawn(trace: Path) -> str:
+    """A trace as SVG."""
+    return str(wavedrom.render(trace.read_text(encoding="utf-8")).tostring()) + "\n"
+
+
+def stale() -> list[str]:
+    """Traces whose picture is missing or of another trace."""
+    found = []
+    for trace in sorted(FOLDER.glob("*.json")):
+        picture = trace.with_suffix(".svg")
+        if not picture.exists() or picture.read_text(encoding="utf-8") != drawn(trace):
+            found.append(trace.name)
+    return found
+
+
+if __name__ == "__main__":
+    for trace in sorted(FOLDER.glob("*.json")):
+        trace.with_suffix(".svg").write_text(drawn(trace), encoding="utf-8")

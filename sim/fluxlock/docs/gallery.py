@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""All images of the documentation, with the command of each: `python -m fluxlock.docs.gallery [--check]`."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from fnmatch import fnmatch
+from pathlib import Path
+
+from fluxlock.docs.navigation import normal
+from fluxlock.paths import ROOT
+
+PAGE = Path("docs/figures/index.md")
+IMAGES = Path("docs/images")
+SUFFIXES = {".png", ".svg", ".gif"}
+# Pattern of an image below docs/images -> command; the first one counts. Numbered figures have their own.
+COMMANDS = {
+    "demo.png": "make demo",
+    "scope*.svg": "fluxlock scope build/demo",
+    "badge-*.svg": "python -m fluxlock.docs.readme",
+    "blocks-*.svg": "python -m fluxlock.docs.diagram",
+    "blocks/*.svg": "python -m fluxlock.docs.hierarchy",
+    "timing/*.svg": "make diagrams",
+    "identify.png": "fluxlock identify --plant motors/motor-2.toml --inverter inverters/bench-25v.toml"
+    " --out motors/my-motor.toml",
+    "six-step-soa.png": "fluxlock soa",
+    "six-step-stability.png": "fluxlock stability",
+    "six-step-spectrum.png": "fluxlock spectrum",
+    "vector-parameters.png": "fluxlock vector parameters",
+    "vector-parameters-chip.png": "make regression CASES=vector/parameter-errors",
+    "five-phase/frequency.png": "fluxlock injection motors/five-phase-tian.toml",
+    "five-phase/tian-*.png": "python -m fluxlock.analysis.injection_cases --figures docs/images/five-phase",
+    "five-phase/yu-*.png": "python -m fluxlock.analysis.injection_cases --figures docs/images/five-phase",
+}
+SHOWN = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)|<img\s[^>]*src=\"([^\"]+)\"[^>]*alt=\"([^\"]*)\"")
+HEADING = re.compile(r"^## (Figure (\S+): .*)$", re.MULTILINE)
+HEAD = """# Figures
+
+For readers who want to see the evidence, and to draw it again.
+
+Beside what was printed:
+
+- [Figures of the six-step thesis](../verification/figures-six-step.md): chapters 2 to 6, from our own runs.
+- [Figures of vector control](../verification/figures-blac.md): chapter 7, the exact model and runs of the chip.
+- [Figures of five-phase injection](../verification/figures-five-phase.md): two papers, runs of the chip.
+
+The theory by short scripts: `docs/gallery`, drawn on the site by `make site`.
+
+## All images
+
+Written by `python -m fluxlock.docs.gallery`. Commands stand without `.venv/bin/` before them.
+
+"""
+
+
+def pages(root: Path = ROOT) -> list[Path]:
+    """README and docs, this page left out."""
+    found = [Path("README.md"), *(path.relative_to(root) for path in sorted((root / "docs").rglob("*.md")))]
+    return [path for path in found if path != PAGE]
+
+
+def uses(root: Path = ROOT) -> dict[Path, tuple[Path, str]]:
+    """Image -> the first page that shows it, and the words that stand for it there; of a figure, its title."""
+    found: dict[Path, tuple[Path, str]] = {}
+    for page in pages(root):
+        text = (root / page).read_text(encoding="utf-8")
+        titles = {number: title for title, number in HEADING.findall(text)}
+        for words, target, source, alternative in SHOWN.findall(text):
+            image = normal(page.parent / (target or source))
+            number = (words or alternative).removeprefix("Figure ")
+            found.setdefault(image, (page, titles.get(number, words or alternative)))
+    return found
+
+
+def command_of(name: str, words: str) -> str | None:
+    """The command that makes an image, by its name below the images and the words that stand for it; None: unknown."""
+    family, _, file = name.rpartition("/")
+    if file.startswith("fig-") and (match := re.match(r"Figure (\S+): ", words)):
+        return f"fluxlock figures {family} {match[1]}"
+    return next((command for pattern, command in COMMANDS.items() if fnmatch(name, pattern)), None)
+
+
+def images(root: Path = ROOT) -> list[Path]:
+    """All images of the docs."""
+    return sorted(path.relative_to(root) for path in (root / IMAGES).rglob("*") if path.suffix in SUFFIXES)
+
+
+def page(root: Path = ROOT) -> str:
+    """The page; an image without a command, or that no page shows, is refused by name."""
+    shown = uses(root)
+    lines, wrong = ["| image | shows | command |", "|---|---|---|"], []
+    for image in images(root):
+        name = image.relative_to(IMAGES).as_posix()
+        twin = image.with_name(image.name.replace("-dark.", "-light."))
+        where, words = shown.get(image) or shown.get(twin) or (None, "")
+        command = command_of(name, words)
+        if command is None:
+            wrong.append(f"{image}: no command makes it; add one to COMMANDS")
+            continue
+        if image != twin or name.startswith("badge-") or where is None:
+            continue
+        label = words.replace("|", r"\|")
+        link = f"../{where.relative_to('docs').as_posix()}" if where.is_relative_to("docs") else f"../../{where}"
+        lines.append(f"| ![{label}](../images/{name}) | {label}, [page]({link}) | `{command}` |")
+    if wrong:
+        raise SystemExit("\n".join(f"error: {text}" for text in wrong))
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page, or with `--check` compare it; exit code 1 if it is not up to date."""
+    parser = argparse.ArgumentParser(description="Page of the images and their commands.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the page is not up to date")
+    check = parser.parse_args(arguments).check
+    text, path = page(), ROOT / PAGE
+    if check:
+        if path.exists() and path.read_text(encoding="utf-8") == text:
+            return 0
+        print(f"error: {PAGE} is not up to date; python -m fluxlock.docs.gallery writes it", file=sys.stderr)
+        return 1
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
