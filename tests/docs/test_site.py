@@ -81,9 +81,12 @@ def test_navigation_follows_the_lists(tmp_path: Path) -> None:
     Verifies: DOC-10
     """
     pages = {
-        "docs/index.md": "# A\n\nSee [b](b.md).\n\n- [Chip](chip/index.md): x\n- [b](b.md)\n- no [link](c.md)\n",
+        "docs/index.md": "# A\n\nSee [b](b.md).\n\n"
+        "- [Chip](chip/index.md): x\n- [b](b.md)\n- no [link](c.md)\n- [Last](last/index.md)\n",
         "docs/chip/index.md": "# C\n\n| | |\n|---|---|\n| `x` | [b again](../b.md) | |\n| `y` | [c](../c.md) | |\n",
         "docs/chip/more.md": "# More\n",
+        "docs/chip/later.md": "# Later\n",
+        "docs/last/index.md": "# L\n\n- [later](../chip/later.md)\n",
         "docs/b.md": "# B\n",
         "docs/c.md": "# C\n",
     }
@@ -91,7 +94,8 @@ def test_navigation_follows_the_lists(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     below = (Entry("c", Path("docs/c.md")), Entry("", Path("docs/chip/more.md")))
-    expected = (Entry("Chip", Path("docs/chip/index.md"), below), Entry("b", Path("docs/b.md")))
+    last = Entry("Last", Path("docs/last/index.md"), (Entry("later", Path("docs/chip/later.md")),))
+    expected = (Entry("Chip", Path("docs/chip/index.md"), below), Entry("b", Path("docs/b.md")), last)
     assert navigation.tree(tmp_path).below == expected
 
 

@@ -42,20 +42,30 @@ def normal(path: Path) -> Path:
 
 def tree(root: Path, page: Path = ROOT_PAGE, title: str = "Fluxlock") -> Entry:
     """The navigation below a page."""
-    return _entry(root, page, title, {page})
+    lists = [path.relative_to(root) for path in (root / DOCS).rglob("index.md")]
+    listed = {target for path in lists if _is_list(path) for _, target in _links(root, path)}
+    return _entry(root, page, title, {page}, listed)
 
 
-def _entry(root: Path, page: Path, title: str, seen: set[Path]) -> Entry:
-    if page.name != "index.md" or page.parent == DOCS / "verification":
+def _is_list(page: Path) -> bool:
+    return page.name == "index.md" and page.parent != DOCS / "verification"
+
+
+def _links(root: Path, page: Path) -> list[tuple[str, Path]]:
+    text = (root / page).read_text(encoding="utf-8")
+    return [(words, normal(page.parent / target)) for words, target in ENTRY.findall(text)]
+
+
+def _entry(root: Path, page: Path, title: str, seen: set[Path], listed: set[Path]) -> Entry:
+    """The entry of a page; seen: pages that have their place, listed: pages that some list names."""
+    if not _is_list(page):
         return Entry(title, page)
-    links = [(words, normal(page.parent / target)) for words, target in ENTRY.findall((root / page).read_text("utf-8"))]
-    links = [(words, target) for words, target in links if target not in seen]
-    listed = {target for _, target in links}
+    links = [(words, target) for words, target in _links(root, page) if target not in seen]
     if page != ROOT_PAGE:
         beside = sorted(path.relative_to(root) for path in (root / page).parent.glob("*.md"))
         links += [("", path) for path in beside if path not in listed | seen]
     seen.update(target for _, target in links)
-    return Entry(title, page, tuple(_entry(root, target, words, seen) for words, target in links))
+    return Entry(title, page, tuple(_entry(root, target, words, seen, listed) for words, target in links))
 
 
 def flat(entry: Entry) -> list[Entry]:
