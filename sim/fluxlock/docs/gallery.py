@@ -43,17 +43,19 @@ HEAD = """# Figures
 
 For readers who want to see the evidence, and to draw it again.
 
-Beside what was printed:
+Written by `python -m fluxlock.docs.gallery`.
+
+Our own runs beside print:
 
 - [Figures of the six-step thesis](../verification/figures-six-step.md): chapters 2 to 6, from our own runs.
 - [Figures of vector control](../verification/figures-blac.md): chapter 7, the exact model and runs of the chip.
 - [Figures of five-phase injection](../verification/figures-five-phase.md): two papers, runs of the chip.
 
-The theory by short scripts: `docs/gallery`, drawn on the site by `make site`.
+Short scripts in `docs/gallery` draw the theory. `make site` runs them and shows each figure beside its script.
 
 ## All images
 
-Written by `python -m fluxlock.docs.gallery`. Commands stand without `.venv/bin/` before them.
+Commands stand without `.venv/bin/` before them.
 
 """
 
@@ -93,7 +95,7 @@ def images(root: Path = ROOT) -> list[Path]:
 def page(root: Path = ROOT) -> str:
     """The page; an image without a command, or that no page shows, is refused by name."""
     shown = uses(root)
-    lines, wrong = ["| image | shows | command |", "|---|---|---|"], []
+    lines, wrong = ["| image | command | shown on |", "|---|---|---|"], []
     for image in images(root):
         name = image.relative_to(IMAGES).as_posix()
         twin = image.with_name(image.name.replace("-dark.", "-light."))
@@ -106,7 +108,7 @@ def page(root: Path = ROOT) -> str:
             continue
         label = words.replace("|", r"\|")
         link = f"../{where.relative_to('docs').as_posix()}" if where.is_relative_to("docs") else f"../../{where}"
-        lines.append(f"| ![{label}](../images/{name}) | {label}, [page]({link}) | `{command}` |")
+        lines.append(f"| ![{label}](../images/{name}) | `{command}` | [{where.stem}]({link}) |")
     if wrong:
         raise SystemExit("\n".join(f"error: {text}" for text in wrong))
     return HEAD + "\n".join(lines) + "\n"
