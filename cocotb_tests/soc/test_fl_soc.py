@@ -351,7 +351,6 @@ def run(
         },
         registers=REGISTER_BLOCKS,
         testcase=testcase,
-        seen=["fl_ram", "fl_carrier"],
     )
 
 

@@ -31,10 +31,8 @@ WAIVERS = RTL / "verilator_waivers.vlt"
 BUILD_ARGUMENTS = (
     *("--x-assign", "unique", "--x-initial", "unique", "--assert"),
     *("-Wall", "-Wno-fatal"),
-    "--no-public-flat-rw",  # which cocotb asks for: every signal would be kept and stored
     *("--output-split", "0", "-CFLAGS", "-O1"),
 )
-SEEN = 'public_flat_rw -module "{}" -var "*"\n'
 OBJECT_CACHE = ROOT / "tools" / "object_cache.sh"
 
 
@@ -61,7 +59,6 @@ def run_block_test(
     waves: bool = False,
     log: Path | None = None,
     assertions: bool = True,
-    seen: Sequence[str] = (),
 ) -> None:
     """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails or the RTL stops.
 
@@ -71,7 +68,6 @@ def run_block_test(
     registers: register blocks (`"zcd"`, ...) whose generated sources are compiled too.
     testcase: cocotb test name(s), default all. extra_env: passed to the simulation. seed: cocotb's random seed.
     log: file for what the simulation prints, default the terminal. assertions: those of the RTL end the simulation.
-    seen: modules whose signals the tests use beside those of `toplevel` ("*": all). What is seen is not optimized.
     """
     if registers:
         generate_registers()
@@ -79,8 +75,7 @@ def run_block_test(
     values = dict(parameters or {})
     counts = os.environ.get(COVERAGE_VARIABLE)
     arguments = [*BUILD_ARGUMENTS, *(COVERAGE_ARGUMENTS if counts else ())]
-    access = f"`verilator_config\n{''.join(SEEN.format(module) for module in (toplevel, *seen))}"
-    key = content_hash(files, toplevel, sorted(values.items()), waves, ROOT, arguments, access)
+    key = content_hash(files, toplevel, sorted(values.items()), waves, ROOT, *([COVERAGE_ARGUMENTS] if counts else []))
     build_dir = BUILD / "block" / f"{toplevel}-{key}"
     name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
     run_dir = build_dir / f"run-{name}-{os.getpid()}"
@@ -91,9 +86,8 @@ def run_block_test(
     try:
         with file_lock(BUILD / "block" / f"{toplevel}-{key}.lock"):
             if not (build_dir / ".done").exists():
-                (build_dir / "seen.vlt").write_text(access)
                 runner.build(
-                    sources=[WAIVERS, build_dir / "seen.vlt", *files],
+                    sources=[WAIVERS, *files],
                     hdl_toplevel=toplevel,
                     parameters=values,
                     build_dir=build_dir,

@@ -72,7 +72,6 @@ def run_mutants(
             },
             seed=seed,
             log=work / "simulation.log",
-            seen=["*"],
         )
     finally:
         done.set()
