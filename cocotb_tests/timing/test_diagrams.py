@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Timing contracts of `docs/architecture.md` as diagrams: dead time, trip."""
+"""Timing contracts of `docs/architecture.md` as diagrams: dead time, trip, update event."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ import pytest
 
 from cocotb_tests.safety.test_fl_gate_guard import RESET_WAIT, GuardTb
 from cocotb_tests.safety.test_fl_trip import CODE_TO_OFF, MIDDLE, TripTb
+from cocotb_tests.soc.bench import Bench
+from cocotb_tests.soc.test_fl_timer import TICK_PERIOD, TICK_TO_UPDATE, UPDATE
 from cocotb_tests.timing.recorder import Recorder, compare
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 
 DEAD_TIME = 4
+TICK = 12
 
 
 def reader(handle: Any, mask: int = -1) -> Callable[[], int]:
@@ -62,6 +65,23 @@ async def over_current(dut: Any) -> None:
     compare("over-current", recorder.diagram("Second sample set: phase current over its limit"))
 
 
+@cocotb.test
+async def update_event(dut: Any) -> None:
+    bench = Bench(dut)
+    await bench.start(sync_i=0)
+    await bench.write(TICK_PERIOD, TICK)
+    await bench.wait_high(dut.tick_o, 3 * TICK)
+    await bench.wait_high(dut.tick_o, 3 * TICK)
+    names = {"commit is written": dut.stb_i, "tick_o": dut.tick_o, "update_o": dut.update_o}
+    recorder = Recorder(dut.clk_i, {name: reader(handle) for name, handle in names.items()})
+    await bench.clocks(4)
+    await bench.write(UPDATE, 1)
+    await bench.clocks(2 * TICK)
+    ticks = [k for k, high in enumerate(recorder.values["tick_o"]) if high]
+    assert recorder.values["update_o"].index(1) - ticks[1] == TICK_TO_UPDATE
+    compare("update-event", recorder.diagram(f"Control tick every {TICK} clocks, one commit"))
+
+
 BENCHES: dict[str, tuple[str, list[Any], dict[str, Any]]] = {
     "dead_time": (
         "fl_gate_guard",
@@ -75,6 +95,11 @@ BENCHES: dict[str, tuple[str, list[Any], dict[str, Any]]] = {
             ROOT / "cocotb_tests" / "safety" / "fl_safety_chain.sv",
         ],
         {},
+    ),
+    "update_event": (
+        "fl_timer_wb",
+        ["soc/fl_bus_pkg.sv", "soc/fl_interval.sv", "soc/fl_timer.sv", "soc/fl_timer_wb.sv"],
+        {"registers": ["timer"]},
     ),
 }
 
