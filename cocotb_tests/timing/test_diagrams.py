@@ -76,7 +76,7 @@ async def update_event(dut: Any) -> None:
     recorder = Recorder(dut.clk_i, {name: reader(handle) for name, handle in names.items()})
     await bench.clocks(4)
     await bench.write(UPDATE, 1)
-    await bench.clocks(2 * TICK)
+    await bench.clocks(TICK)
     ticks = [k for k, high in enumerate(recorder.values["tick_o"]) if high]
     assert recorder.values["update_o"].index(1) - ticks[1] == TICK_TO_UPDATE
     compare("update-event", recorder.diagram(f"Control tick every {TICK} clocks, one commit"))

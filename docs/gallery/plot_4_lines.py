@@ -8,8 +8,8 @@ Lines of the voltage: RSC, NSC, CSC
 For readers who care about torque ripple and noise: which lines does each alignment put into the voltage?
 
 The space vector of six-step operation has lines at the orders 1 + 6 k / q, where N = p/q is the number of carriers per
-sector. With a whole N all lines lie at multiples of the fundamental. With N = 7/2, RSC and NSC also make lines below
-the fundamental. These lines are slow ripple of the torque. CSC has none of them, because every sector is alike.
+sector. With N = 25/8, RSC and NSC also make lines between the fundamental and zero: slow ripple of the torque. CSC
+has none of them, because every sector is alike.
 """
 
 from fractions import Fraction
@@ -19,8 +19,8 @@ import numpy as np
 
 from fluxlock.analysis.six_step.spectrum import analytic_lines, line_numbers, weighted_distortion
 
-ratio, duty = Fraction(7, 2), 0.6
-numbers = line_numbers(ratio, 30.0)
+ratio, duty = Fraction(25, 8), 0.6
+numbers = line_numbers(ratio, 25.0)
 
 # %%
 # Weighted distortion in each title: lines divided by their order, relative to the fundamental.

@@ -40,9 +40,12 @@ myst_enable_extensions = ["attrs_inline", "attrs_block", "colon_fence"]
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+autodoc_type_aliases = {
+    "npt.ArrayLike": "ArrayLike",
+    **{name: name for name in ("FloatArray", "ComplexArray", "IntArray", "BoolArray", "Commutation", "Order")},
+}
+add_module_names = False
 python_use_unqualified_type_names = True
-# A compiler and its arrays: their types stay names.
-nitpicky = False
 
 sphinx_gallery_conf = {
     "examples_dirs": str(ROOT / "docs" / "gallery"),

@@ -119,6 +119,18 @@ def test_links_on_the_site(text: str, expected: str) -> None:
     assert site.relink(text, Path("docs/blocks/fl_zcd.md")) == expected
 
 
+def test_pictures_on_the_site() -> None:
+    """A picture for dark pages, or for readers without motion, becomes two images with the class of each.
+
+    Verifies: DOC-11
+    """
+    for media, classes in site.CHOICES.items():
+        source = f'<source media="({media}: x)" srcset="images/b.svg">'
+        text = f'<picture>\n  {source}\n  <img src="images/a.svg" alt="A motor" width="800">\n</picture>\n'
+        expected = f"![A motor](images/a.svg){{.{classes[0]}}}\n![A motor](images/b.svg){{.{classes[1]}}}\n"
+        assert site.relink(text, Path("docs/index.md")) == expected
+
+
 def test_settings_by_name() -> None:
     """Every key of the tables of the input files is on the page of the settings, under its name in words.
 

@@ -76,4 +76,4 @@ def flat(entry: Entry) -> list[Entry]:
 def audience(text: str) -> str:
     """The sentence of a page that says for whom it is; empty: none."""
     found = AUDIENCE.match(text)
-    return re.split(r"(?<=[.:])\s", found[1].replace("\n", " "))[0] if found else ""
+    return re.split(r"[.:](?:\s|$)", found[1].replace("\n", " "))[0] + "." if found else ""

@@ -33,8 +33,14 @@ HTML = FOLDER / "html"
 LINK = re.compile(r"(\]\()([^)\s#:]+)((?:#[^)\s]*)?\))")
 FENCE = re.compile(r"^( *)```.*?^\1```", re.DOTALL | re.MULTILINE)
 PICTURE = re.compile(
-    r"<picture>\s*<source[^>]*srcset=\"([^\"]+)\"[^>]*>\s*<img src=\"([^\"]+)\" alt=\"([^\"]+)\"[^>]*>\s*</picture>"
+    r"<picture>\s*<source media=\"\(([\w-]+): [^>]*srcset=\"([^\"]+)\"[^>]*>"
+    r"\s*<img src=\"([^\"]+)\" alt=\"([^\"]+)\"[^>]*>\s*</picture>"
 )
+# Which of the two images of a picture is shown: classes of the theme and of static/fluxlock.css.
+CHOICES = {
+    "prefers-color-scheme": ("only-light", "only-dark"),
+    "prefers-reduced-motion": ("only-moving", "only-still"),
+}
 LEFT_OUT = shutil.ignore_patterns("site", "gallery", "requirements.d", "*.toml", "places.txt", "record.json")
 SHOWN = {".md", ".png", ".svg", ".gif"}
 README = Path("README.md")  # the site has its own first page
@@ -68,12 +74,18 @@ def relink(text: str, page: Path, root: Path = ROOT) -> str:
         anchor = ")" if target == README else match[3]
         return f"{match[1]}{os.path.relpath(there, here.parent)}{anchor}"
 
-    text = PICTURE.sub(r"![\3](\2){.only-light}\n![\3](\1){.only-dark}", text)
+    text = PICTURE.sub(_two_images, text)
     parts, end = [], 0
     for fence in FENCE.finditer(text):
         parts += [LINK.sub(replaced, text[end : fence.start()]), fence[0]]
         end = fence.end()
     return "".join([*parts, LINK.sub(replaced, text[end:])])
+
+
+def _two_images(match: re.Match[str]) -> str:
+    """A picture for two kinds of readers as two images, of which the site shows one."""
+    first, second = CHOICES[match[1]]
+    return f"![{match[4]}]({match[3]}){{.{first}}}\n![{match[4]}]({match[2]}){{.{second}}}"
 
 
 def with_audience(text: str, inherited: str) -> str:

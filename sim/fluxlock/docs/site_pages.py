@@ -62,6 +62,7 @@ UNITS = frozenset(
         "percent",
         "c",
         "rad",
+        "per",
     ]
 )
 TABLE_ROW = re.compile(r"^\| `(\w+)` \|(.*)\|$")
@@ -145,7 +146,7 @@ def settings(text: str) -> dict[str, list[tuple[str, str, list[str]]]]:
         elif row := TABLE_ROW.match(line):
             cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row[2])]
             if len(cells) == 5:
-                found.setdefault(words_of(row[1]), []).append((row[1], f"{file}, {section}", cells))
+                found.setdefault(words_of(row[1]), []).append((row[1], f"{file}, {section.partition(' (')[0]}", cells))
     return found
 
 
