@@ -36,7 +36,7 @@ from fluxlock.flash.command import flash
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.progress import ProgressBar
-from fluxlock.writable import InUseError, alone, check_file, refusal
+from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
@@ -45,7 +45,6 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 128 + signal.SIGINT
 EXIT_TERMINATED = 128 + signal.SIGTERM
-EXIT_READER_GONE = 128 + signal.SIGPIPE
 
 SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
@@ -601,9 +600,7 @@ def main() -> None:
         _report_usage(error)
         code = EXIT_BAD_INPUT
     except BrokenPipeError:
-        # The reader, such as `head`, has enough. What is left goes nowhere, also when the interpreter flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = EXIT_READER_GONE
+        code = reader_gone()
     except OSError as error:
         text = refusal(error)
         if text is None:

@@ -33,7 +33,8 @@ def example(*lines: str) -> str:
 class Grouped(typer.core.TyperGroup):
     """A command whose help lists its groups in the order of GROUPS."""
 
-    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]  # typer's own class of context
+    # The base wants a class of context that typer does not export; typer.Context is the one of it that it does.
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
         """Names of the commands, group by group, as they were added within one."""
 
         def place(name: str) -> int:
@@ -91,7 +92,8 @@ def any_width_help(*, obj: Command, ctx: typer.Context, markup_mode: Literal["ma
 
 def fit_help() -> None:
     """From here on typer's help fits the terminal."""
-    typer.rich_utils.rich_format_help = any_width_help  # type: ignore[assignment]  # a base that typer keeps private
+    # Typer types the function by base classes that it does not export: the checker cannot see that ours fits.
+    typer.rich_utils.rich_format_help = any_width_help  # type: ignore[assignment]
 
 
 def complete_toml(folder: str) -> Callable[[str], list[str]]:

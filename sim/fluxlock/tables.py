@@ -15,11 +15,12 @@ SEGMENTS = 128  # of the argument 0..1
 LAST = 125  # the last node; the arc sine's slope grows without bound beyond
 ASIN_FILE = RTL / "zcd" / "fl_asin_pkg.sv"
 
-# The text of a package: licence, then what follows.
+# The head of a package: its licence, not this file's. REUSE-IgnoreStart
 TOP = """// SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
 """
+# REUSE-IgnoreEnd
 
 SINE_LINES = 512  # of a quarter turn
 SINE_ONE = 1 << 22

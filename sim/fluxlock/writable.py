@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 EXIT_BAD_INPUT = 2
+EXIT_READER_GONE = 128 + signal.SIGPIPE
 OWN = "let this user write there, or work in a checkout of your own"
 ROOM = "make room"
 ADVICE = {
@@ -77,10 +79,23 @@ def alone(folder: Path, wait: bool = False) -> Iterator[None]:
         yield
 
 
+def reader_gone() -> int:
+    """Exit code where the reader of the output, such as `head`, has enough.
+
+    What is left goes nowhere, also when the interpreter flushes.
+    """
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return EXIT_READER_GONE
+
+
 def guarded(main: Callable[[], int | None]) -> int:
     """Exit code of a module's command line; 2 with a line on the error output where something cannot be written."""
     try:
-        return main() or 0
+        code = main() or 0
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        return reader_gone()
     except OSError as error:
         text = refusal(error)
         if text is None:

@@ -6,12 +6,16 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from fluxlock import words
 from fluxlock.lint import CHECKS
+from fluxlock.paths import ROOT
+from fluxlock.writable import EXIT_READER_GONE
 
 BEFORE = [
     ("A chip is built once and kept.", ["passive"]),
@@ -110,3 +114,15 @@ def test_generated_pages_do_not_count() -> None:
     names = {page.relative_to(words.ROOT).as_posix() for page in words.pages()}
     assert "docs/verification/matrix.md" not in names and "docs/reference/files.md" not in names
     assert {"README.md", "CONTRIBUTING.md", "docs/fails/index.md", "docs/architecture.md"} <= names
+
+
+def test_reader_that_goes() -> None:
+    """A list whose reader ends first: nothing on the error output, and the exit code of a closed pipe.
+
+    Verifies: FRONT-61
+    """
+    command = f"{sys.executable} -m fluxlock.words --list semicolon | true"
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (EXIT_READER_GONE, "")

@@ -35,36 +35,7 @@ FOLDERS = {
     "board": "Boards",
     "common": "Shared parts",
 }
-UNITS = frozenset(
-    [
-        "s",
-        "ms",
-        "us",
-        "a",
-        "ma",
-        "v",
-        "mv",
-        "rpm",
-        "deg",
-        "hz",
-        "khz",
-        "ohm",
-        "h",
-        "k",
-        "kgm2",
-        "vs",
-        "nm",
-        "mnm",
-        "w",
-        "f",
-        "kib",
-        "pct",
-        "percent",
-        "c",
-        "rad",
-        "per",
-    ]
-)
+UNIT = re.compile(r"m?s|us|m?a|m?v|rpm|deg|k?hz|ohm|h|k|kgm2|vs|m?nm|w|f|kib|pct|percent|c|rad|per")
 TABLE_ROW = re.compile(r"^\| `(\w+)` \|(.*)\|$")
 
 
@@ -131,7 +102,7 @@ def commands_page(audience: str) -> str:
 def words_of(key: str) -> str:
     """The name of a key in words, without its unit."""
     parts = key.split("_")
-    while len(parts) > 1 and parts[-1] in UNITS:
+    while len(parts) > 1 and UNIT.fullmatch(parts[-1]):
         parts.pop()
     return " ".join(parts)
 
