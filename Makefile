@@ -79,6 +79,7 @@ test-socketcan: $(TEST) ## master, candump, cansend and cangen on a real vcan0; 
 ##@ Long runs
 
 regression: $(TEST) ## long sets with their limits: build/regression.json; 2 h (QUICK=1, CASES=six-step/starts)
+	@$(if $(QUICK)$(CASES),,FLUXLOCK_BOOT_FIRMWARE=1 $(PY) -m pytest -q -n $(JOBS) cocotb_tests/soc/test_boot_firmware.py)
 	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 
 campaign: $(TEST) ## faults at many moments, each ending judged: build/campaign.json; hours (QUICK=1, DRIVES=vector)

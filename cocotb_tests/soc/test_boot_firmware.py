@@ -3,7 +3,8 @@
 
 """The firmware itself from the flash, by the loader, on the whole chip: it answers on the console.
 
-Takes two minutes of processor time, most of them for the copy of 115 KB: only with FLUXLOCK_BOOT_FIRMWARE set.
+Takes minutes of processor time, most of them for the copy of 115 KB: only with FLUXLOCK_BOOT_FIRMWARE set, as
+`make regression` does.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ async def firmware_answers(dut: Any) -> None:
     assert int(dut.gate_o.value) == 0
 
 
-@pytest.mark.skipif(not os.environ.get("FLUXLOCK_BOOT_FIRMWARE"), reason="long: only with FLUXLOCK_BOOT_FIRMWARE")
+@pytest.mark.skipif(not os.environ.get("FLUXLOCK_BOOT_FIRMWARE"), reason="long: make regression")
 @pytest.mark.parametrize(("vector", "ram_words"), [(1, RAM_WORDS), (0, SMALL_WORDS)])
 def test_boot_firmware(vector: int, ram_words: int) -> None:
     """Firmware and parameter block of the demo start from the flash, also on a chip with less RAM and one method.
