@@ -42,7 +42,7 @@ def test_load_step_is_that_of_the_paper(method: str) -> None:
     loaded = scenario_of(LOAD, method)
     load = loaded.shaft_load
     assert load.constant_nm == 8.0 and load.viscous_nm_s_per_rad == 0.0
-    assert [(e.at_s, e.load_factor) for e in loaded.event if e.load_factor is not None] == [(0.0, 0.0), (0.6, 1.0)]
+    assert [(e.at_s, e.load_factor) for e in loaded.event if e.load_factor is not None] == [(0.0, 0.0), (1.2, 1.0)]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -53,7 +53,7 @@ def test_torque_is_the_current_limit(method: str) -> None:
     """
     loaded = scenario_of(TORQUE, method)
     lines = [(e.at_s, e.command) for e in loaded.event if e.command]
-    assert lines == [(0.003, "set current_limit_a 2"), (0.004, "start"), (0.6, "set speed_rpm -120")]
+    assert lines == [(0.003, "set current_limit_a 2"), (0.004, "start"), (1.2, "set speed_rpm -120")]
     torque_nm = 2.0 * loaded.motor.torque_per_amp_nm
     assert loaded.shaft_load.torque_nm(TORQUE.from_rpm) == pytest.approx(torque_nm, rel=0.01)
 

@@ -62,7 +62,7 @@ class Entry:
             "printed": self.printed,
             "here": self.measured,
             "speed": self.speed,
-            "agrees": self.agrees,
+            "agrees": None if self.agrees is None else bool(self.agrees),  # numpy's is none of JSON
             "why": self.why,
         }
 

@@ -35,11 +35,14 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 BRAKE_NM = 11.0
 START_RPM, START_S, START_END_S, START_QUICK_S = 50.0, 0.01, 0.55, 0.06
-LOADED_RPM, ON_S, OFF_S, LOADED_END_S, LOAD_RAMP_S = 150.0, 0.12, 0.26, 0.38, 0.06
+LOADED_RPM, ON_S, OFF_S, LOADED_END_S, LOAD_RAMP_S = 150.0, 0.2, 0.7, 1.5, 0.06
 LOADED_QUICK_RPM, QUICK_ON_S, QUICK_END_S = 30.0, 0.04, 0.09
 SPEED_HZ = 12.0
 SETTLED_S = 0.02  # at the end
-CRAWL_RPM, CRAWL_END_S, CRAWL_SHOWN_S, CRAWL_QUICK_S = 5.0, 0.8, 0.4, 0.45
+SWINGS_S = 0.3  # at the end: several swings of the unloaded speed with the paper's loop
+CRAWL_RPM, CRAWL_END_S, CRAWL_SHOWN_S, CRAWL_QUICK_S = 5.0, 1.6, 0.4, 0.45
+# The loop needs seconds to turn a braked rotor from standstill at 5 r/min: it begins faster.
+BREAK_AWAY_RPM, SLOW_S, SLOW_RPM_PER_S = 50.0, 0.4, 100.0
 PERIOD_S = 500e-6  # of the injection
 OURS = (
     f"{PRINTED}; exact sequence, third-order loop of 90 Hz, speed loop {SPEED_HZ:g} Hz instead of the paper's, which "
@@ -187,7 +190,7 @@ def compensated(runner: Runner) -> Drawing:
             lines.append(Entry(quantity, printed[curve][1], NOT_SHORT, "drive", None, NOT_SHORT))
         else:
             took_place(course, f"yu.15, under load, {curve}", LOADED_RPM, *held)
-            took_place(course, f"yu.15, released, {curve}", LOADED_RPM, end_s - SETTLED_S, end_s)
+            took_place(course, f"yu.15, released, {curve}", LOADED_RPM, end_s - SWINGS_S, end_s)
             largest = math.radians(course.largest(OFF_S, end_s))
             agrees = near(float(printed[curve][1]), largest, 0.005)
             lines.append(Entry(quantity, printed[curve][1], f"{largest:.3f}", "drive", agrees, WHY_RELEASE))
@@ -211,9 +214,14 @@ WHY_OFF = (
 
 
 def crawl(runner: Runner, brake_nm: float) -> Outcome:
-    """The drive itself starts to 5 r/min and holds it, free shaft, with a brake; known angle at the start."""
+    """The drive itself slows from 50 to 5 r/min and holds it, free shaft, with a brake; known angle at the start."""
     end_s = CRAWL_QUICK_S if runner.quick else CRAWL_END_S
-    events = [event(0.002, "speed_rpm", CRAWL_RPM), event(0.004, "command", "start")]
+    slow = [
+        event(SLOW_S - 0.001, "accel_rpm_per_s", SLOW_RPM_PER_S),
+        event(SLOW_S, "command", f"set speed_rpm {CRAWL_RPM:g}"),
+    ]
+    begin_rpm = CRAWL_RPM if runner.quick else BREAK_AWAY_RPM
+    events = [event(0.002, "speed_rpm", begin_rpm), event(0.004, "command", "start"), *([] if runner.quick else slow)]
     overrides = [
         *timeline(end_s, events, [("steady", end_s - CRAWL_SHOWN_S, end_s)]),
         "expect=[]",
@@ -253,7 +261,7 @@ def slow(runner: Runner) -> Drawing:
         lines.append(Entry(f"{text}: true speed, mean, least … most (r/min)", "5", speed, "drive", agrees, WHY_CRAWL))
     panels.legend(grid[0][0], 2, "upper left")
     condition = (
-        f"{OURS}; dead time 2 µs, compensated, noise; free shaft, which the drive brings to 5 r/min and holds there, "
+        f"{OURS}; dead time 2 µs, compensated, noise; free shaft, which the drive slows from 50 to 5 r/min and holds there, "
         f"without load and against a brake of {BRAKE_NM:g} N·m."
     )
     return Drawing(condition, drawn, tuple(lines))
