@@ -35,10 +35,11 @@ from fluxlock.regression.six_step.measures import event, timeline
 
 BRAKE_NM = 11.0
 START_RPM, START_S, START_END_S, START_QUICK_S = 50.0, 0.01, 0.55, 0.06
-LOADED_RPM, ON_S, OFF_S, LOADED_END_S, LOAD_RAMP_S = 150.0, 0.2, 0.7, 1.2, 0.06
+LOADED_RPM, ON_S, OFF_S, LOADED_END_S, LOAD_RAMP_S = 150.0, 0.2, 0.7, 1.5, 0.06
 LOADED_QUICK_RPM, QUICK_ON_S, QUICK_END_S = 30.0, 0.04, 0.09
 SPEED_HZ = 12.0
 SETTLED_S = 0.02  # at the end
+SWINGS_S = 0.3  # at the end: several swings of the unloaded speed with the paper's loop
 CRAWL_RPM, CRAWL_END_S, CRAWL_SHOWN_S, CRAWL_QUICK_S = 5.0, 1.6, 0.4, 0.45
 # The loop needs seconds to turn a braked rotor from standstill at 5 r/min: it begins faster.
 BREAK_AWAY_RPM, SLOW_S, SLOW_RPM_PER_S = 50.0, 0.4, 100.0
@@ -189,7 +190,7 @@ def compensated(runner: Runner) -> Drawing:
             lines.append(Entry(quantity, printed[curve][1], NOT_SHORT, "drive", None, NOT_SHORT))
         else:
             took_place(course, f"yu.15, under load, {curve}", LOADED_RPM, *held)
-            took_place(course, f"yu.15, released, {curve}", LOADED_RPM, end_s - SETTLED_S, end_s)
+            took_place(course, f"yu.15, released, {curve}", LOADED_RPM, end_s - SWINGS_S, end_s)
             largest = math.radians(course.largest(OFF_S, end_s))
             agrees = near(float(printed[curve][1]), largest, 0.005)
             lines.append(Entry(quantity, printed[curve][1], f"{largest:.3f}", "drive", agrees, WHY_RELEASE))

@@ -331,6 +331,7 @@ def transient(runner: Runner) -> Drawing:
             f"drive.accel_rpm_per_s={slope}",
             "window=[]",
             f"duration_s={end_s:g}",
+            accept={"duty_min": "the fan alone brakes: the run ends while the rotor still slows down to 20 000 r/min"},
         )
         panels.speed(grid[0][column], run.data)
         panels.title(grid[0][column], f"correction A {name}, interpolated")
