@@ -29,9 +29,9 @@ NONE = "–"
 
 HEAD = """# Times of the tests
 
-Made by `python -m fluxlock.docs.tests` from what `make test` left in `build/test-times.json`. Processor time of the
-test and of the tools that it starts, in s: it depends little on what else the machine does. What a test builds for
-others (a chip, a library) counts as its own.
+For developers who wait for the tests. Written by `python -m fluxlock.docs.tests` from what `make test` left in
+`build/test-times.json`: processor time in s, of each test and of the tools that it starts. Other work can
+add a third to it. A chip or library that a test builds for others counts as its own.
 """
 
 
