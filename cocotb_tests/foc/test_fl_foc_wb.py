@@ -28,7 +28,6 @@ from cocotb_tests.foc.test_fl_modulator import Settings, widths
 from cocotb_tests.injection.test_fl_injection_path import PATH_SOURCES
 from cocotb_tests.sense.test_fl_current_window import mean
 from cocotb_tests.soc.bench import request
-from fluxlock.build import generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.host import register_offsets
 from fluxlock.paths import ROOT
@@ -118,7 +117,7 @@ class TB:
         self.phases = len(dut.req_h_o.value)
         self.subspaces = 2 if self.phases == 5 else 1
         self.channels = 2 * self.phases + 3
-        self.offsets = register_offsets(generate_registers() / "fluxlock_regs.h")
+        self.offsets = register_offsets()
         self.conversion = 20
         self.current: Callable[[int], list[int]] = lambda strobe: [0] * self.phases
         self.times: dict[str, list[int]] = {

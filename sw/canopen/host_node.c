@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// One CANopen node on the drive of the host library, frames and time from outside.
+#include "canopen/host_node.h"
+
 #include <string.h>
 
+#include "app/host_main.h"
 #include "canopen/canopen.h"
 #include "canopen/drive_link.h"
 #include "canopen/flash_store.h"
@@ -13,20 +15,6 @@
 
 static canopen_t node;
 
-app_t *fl_host_app(void);
-void fl_can_boot(uint32_t node_id, uint32_t now_us);
-void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data);
-void fl_can_step(uint32_t now_us);
-uint32_t fl_can_next(uint32_t *id, uint8_t *data);
-void fl_can_bus_off(void);
-void fl_can_bus_back(void);
-void fl_can_overrun(void);
-uint32_t fl_can_wanted(uint32_t k, uint32_t *mask);
-uint32_t fl_can_value(uint32_t number);
-uint8_t *fl_can_memory(void);
-uint32_t fl_can_memory_bytes(void);
-
-// After fl_host_boot.
 void fl_can_boot(uint32_t node_id, uint32_t now_us) {
   canopen_init(&node, fl_host_app(), flash_storage(), node_id, now_us);
 }
@@ -39,11 +27,10 @@ void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t 
 
 void fl_can_step(uint32_t now_us) { canopen_step(&node, now_us); }
 
-// Length of the next frame to send, 9: none.
 uint32_t fl_can_next(uint32_t *id, uint8_t *data) {
   can_frame_t frame;
   if (!canopen_next(&node, &frame)) {
-    return 9;
+    return HOST_NO_FRAME;
   }
   *id = frame.id;
   memcpy(data, frame.data, sizeof frame.data);
@@ -54,16 +41,13 @@ void fl_can_bus_off(void) { canopen_bus_off(&node); }
 void fl_can_bus_back(void) { canopen_bus_back(&node); }
 void fl_can_overrun(void) { canopen_overrun(&node); }
 
-// Identifier that the k-th filter wants, and the bits of it that count; UINT32_MAX: the filter is off.
 uint32_t fl_can_wanted(uint32_t k, uint32_t *mask) {
   const can_filter_t filter = canopen_wanted(&node, k);
   *mask = filter.mask;
   return filter.enable ? filter.id : UINT32_MAX;
 }
 
-// Value of an entry by its number, as an SDO upload would read it.
 uint32_t fl_can_value(uint32_t number) { return objects_read(&node, number); }
 
-// Sectors of both slots in the flash: they survive fl_can_boot.
 uint8_t *fl_can_memory(void) { return &fl_flash_contents()[FLASH_STORE - FLASH_BLOCK]; }
 uint32_t fl_can_memory_bytes(void) { return STORE_SLOTS * FLASH_SECTOR_BYTES; }

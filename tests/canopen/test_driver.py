@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import random
 from collections.abc import Iterator
 
@@ -15,26 +14,10 @@ import pytest
 from fluxlock.can.timing import chip_timing
 from fluxlock.config.can import BIT_RATES
 from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.firmware.binding import new
 from tests.canopen.node_bench import NODE, NodeBench
 
 EXT, RTR, ENABLE = 1 << 31, 1 << 30, 1 << 29
-
-
-class CanFrame(ctypes.Structure):
-    """`can_frame_t`."""
-
-    _fields_ = [
-        ("id", ctypes.c_uint32),
-        ("flags", ctypes.c_uint8),
-        ("length", ctypes.c_uint8),
-        ("data", ctypes.c_uint8 * 8),
-    ]
-
-
-class CanFilter(ctypes.Structure):
-    """`can_filter_t`."""
-
-    _fields_ = [("id", ctypes.c_uint32), ("mask", ctypes.c_uint32), ("enable", ctypes.c_bool)]
 
 
 class Driver:
@@ -43,9 +26,6 @@ class Driver:
     def __init__(self, bench: NodeBench) -> None:
         self.firmware = bench.bench.fw
         self.lib = self.firmware.lib
-        self.lib.can_bit_timing.restype = ctypes.c_uint32
-        for name in ("can_take", "can_send", "can_is_bus_off"):
-            getattr(self.lib, name).restype = ctypes.c_bool
         self.registers: np.ndarray[tuple[int], np.dtype[np.uint32]] = self.firmware.registers
 
     def get(self, name: str, element: int = 0) -> int:
@@ -87,8 +67,8 @@ def test_frames_in_and_out(driver: Driver) -> None:
     seed = random.randrange(1 << 32)
     print(f"seed {seed}")
     rng = random.Random(seed)
-    frame, lost = CanFrame(), ctypes.c_bool()
-    assert not driver.lib.can_take(ctypes.byref(frame), ctypes.byref(lost))
+    frame, lost = new("can_frame_t"), new("bool")
+    assert not driver.lib.can_take(frame, lost)
     for _ in range(200):
         ext, rtr, mark = rng.getrandbits(1), rng.getrandbits(1), rng.getrandbits(1)
         identifier, dlc = rng.getrandbits(29 if ext else 11), rng.randrange(16)
@@ -98,16 +78,16 @@ def test_frames_in_and_out(driver: Driver) -> None:
         for i in range(2):
             driver.put("rx_data", int.from_bytes(data[4 * i : 4 * i + 4], "little"), i)
         driver.put("rx_command", 0)
-        assert driver.lib.can_take(ctypes.byref(frame), ctypes.byref(lost))
+        assert driver.lib.can_take(frame, lost)
         assert (frame.id, frame.flags, frame.length) == (identifier, ext | rtr << 1, min(dlc, 8))
-        assert (bytes(frame.data), lost.value, driver.get("rx_command")) == (data, bool(mark), 1)
+        assert (bytes(frame.data), lost[0], driver.get("rx_command")) == (data, bool(mark), 1)
         # The lowest waiting buffer goes first: only one behind all keeps the order.
         pending = rng.randrange(8)
         free = [n for n in range(3) if pending >> n == 0]
-        out = CanFrame(rng.getrandbits(11), 0, rng.randrange(9), (ctypes.c_uint8 * 8)(*data))
+        out = new("can_frame_t", rng.getrandbits(11), 0, rng.randrange(9), data)
         driver.put("status", pending)
         driver.put("tx_command", 0)
-        assert driver.lib.can_send(ctypes.byref(out)) == bool(free)
+        assert driver.lib.can_send(out) == bool(free)
         assert driver.get("tx_command") == (1 << free[0] | out.length << 8 if free else 0)
         if free:
             assert driver.get("tx_id") == out.id
@@ -120,7 +100,7 @@ def test_filter_registers(driver: Driver) -> None:
     Verifies: CO-20
     """
     for k in range(8):
-        driver.lib.can_set_filter(k, ctypes.byref(CanFilter(0x180 + k, 0x7F0 | k, k != 3)))
+        driver.lib.can_set_filter(k, new("can_filter_t", 0x180 + k, 0x7F0 | k, k != 3))
     for k in range(8):
         assert driver.get("filter_id", k) == 0x180 + k
         assert driver.get("filter_mask", k) == EXT | RTR | (0 if k == 3 else ENABLE) | 0x7F0 | k

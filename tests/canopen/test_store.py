@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import random
 import struct
 import zlib
@@ -13,6 +12,7 @@ from collections.abc import Callable
 
 import pytest
 
+from fluxlock.firmware.binding import new, types
 from fluxlock.flash.image import pack_can_setup
 from fluxlock.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
@@ -373,13 +373,11 @@ def test_setup_in_the_flash(bench: NodeBench) -> None:
     Verifies: CO-28
     """
     library = bench.node.lib
-    library.fl_flash_contents.restype = ctypes.POINTER(ctypes.c_uint8)
-    library.flash_can_setup.restype = ctypes.c_bool
     place_of_setup = FLASH_CAN_SETUP - FLASH_BLOCK
 
     def taken(data: bytes) -> tuple[int, int] | None:
-        ctypes.memmove(ctypes.addressof(library.fl_flash_contents().contents) + place_of_setup, data, len(data))
-        setup = (ctypes.c_uint32 * 2)(77, 88)
+        types().memmove(library.fl_flash_contents() + place_of_setup, data, len(data))
+        setup = new("uint32_t[2]", 77, 88)
         if library.flash_can_setup(setup):
             return setup[0], setup[1]
         assert list(setup) == [77, 88]

@@ -78,9 +78,7 @@ class Bench(AveragedChip):
             self.step()
             if self.ticks % 10 == 0:
                 t = self.fw.telemetry()
-                self.trace.append(
-                    (self.now, self.model.rpm, t["speed_rpm_q8"] / 256.0, t["state"], t["duty_q30"] / 2**30)
-                )
+                self.trace.append((self.now, self.model.rpm, t.speed_rpm_q8 / 256.0, t.state, t.duty_q30 / 2**30))
             if until is not None and until():
                 return True
         return False

@@ -394,7 +394,7 @@ def test_freewheel_angle(ready: Bench) -> None:
         return [float(word) for word in ready.fw.command("get freewheel_deg")[0].split()[1:]]
 
     assert tick(sector * 0.5, round(sector * 0.3), 4, 2, 0) == pytest.approx([15.0, 18.0, 5.0], abs=0.2)
-    assert ready.fw.telemetry()["freewheel_count"] == 2
+    assert ready.fw.telemetry().freewheel.count == 2
     assert tick(0, 0, 0, 0, 0) == pytest.approx([15.0, 18.0, 5.0], abs=0.2)
     assert tick(sector * 0.5, 0xFFFFFF, 0, 1, 1) == pytest.approx([45.0, 60.0, 1.0], abs=0.2)
 

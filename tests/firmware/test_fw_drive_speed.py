@@ -199,7 +199,7 @@ def test_coasting_keeps_enough_pulses_in_a_sector() -> None:
         bench.step()
         assert bench.get("pwm.period") <= longest_period(bench)
         assert bench.get("pwm.duty") / 256 >= bench.block.number("least_on_cycles") - 12
-        bound += bench.fw.telemetry()["limit"] == 2
+        bound += bench.fw.telemetry().limit == bench.fw.lib.LIMIT_DUTY_MIN
     assert bound > 100
     assert bench.model.rpm < 45_000
     assert bench.fw.state == "running"
@@ -229,7 +229,7 @@ def test_linearity_makes_the_voltage_the_wanted_one(linearity: bool) -> None:
     asked, got = [], []
     for _ in range(200):
         bench.step()
-        asked.append(bench.fw.telemetry()["u_v_q25"] / 2**25 * 30.0)
+        asked.append(bench.fw.telemetry().u_v_q25 / 2**25 * 30.0)
         duty = float(bench.model.c[am.C_DUTY])
         got.append(duty * 25.0 - (1.0 - duty) * 0.7)
     ratio = float(np.mean(got) / np.mean(asked))

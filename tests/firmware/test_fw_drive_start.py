@@ -47,7 +47,7 @@ def test_starts_from_any_angle_and_holds_60000(theta_rad: float) -> None:
     for _ in range(1000):
         bench.step()
         speeds.append(bench.model.rpm)
-        assert bench.fw.telemetry()["speed_rpm_q8"] / 256 == pytest.approx(bench.model.rpm, rel=2e-3)
+        assert bench.fw.telemetry().speed_rpm_q8 / 256 == pytest.approx(bench.model.rpm, rel=2e-3)
     assert np.max(np.abs(np.array(speeds) / 60_000 - 1)) < 0.005
     assert bench.trips == 0
 
@@ -142,7 +142,7 @@ def test_start_waits_for_a_spinning_rotor() -> None:
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
     bench.fw.command("start")
-    while bench.fw.telemetry()["phase"] == 0 and bench.now < 5.0:
+    while bench.fw.phase == "coast" and bench.now < 5.0:
         assert bench.get("safety.guard") & 1 == 0
         bench.step()
     assert bench.model.rpm < 6_500
@@ -151,7 +151,7 @@ def test_start_waits_for_a_spinning_rotor() -> None:
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("phase", ["first", "second"])
+@pytest.mark.parametrize("phase", ["align_first", "align_second"])
 def test_alignment_lets_go_of_a_driven_rotor(direction: int, phase: str) -> None:
     """A load stronger than the alignment turns the rotor: gates off within 12 ms, then it is caught and runs.
 
@@ -163,11 +163,10 @@ def test_alignment_lets_go_of_a_driven_rotor(direction: int, phase: str) -> None
     assert bench.until_state("ready", 0.1)
     bench.fw.command(f"set speed_rpm {direction * 40_000}")
     bench.fw.command("start")
-    wanted = {"first": 2, "second": 3}[phase]
-    assert bench.run(1.0, lambda: bench.fw.telemetry()["phase"] == wanted)
+    assert bench.run(1.0, lambda: bench.fw.phase == phase)
     bench.run(0.02)
     bench.model.set_load(replace(FAN_1, constant_nm=-direction * 50e-3))
-    assert bench.run(0.012, lambda: bench.fw.telemetry()["phase"] == 0)
+    assert bench.run(0.012, lambda: bench.fw.phase == "coast")
     assert bench.get("safety.guard") & 1 == 0
     assert abs(bench.model.rpm) < 7_000
     assert bench.until_state("running", 0.2)
@@ -189,10 +188,11 @@ def test_alignment_keeps_a_rotor_that_swings(change: dict[str, float]) -> None:
         assert bench.until_state("ready", 0.1)
         bench.fw.command("set speed_rpm 20000")
         bench.fw.command("start")
-        seen = [0]
-        while seen[-1] != 4 and bench.now < 0.5:
+        seen = ["coast"]
+        while seen[-1] != "ramp" and bench.now < 0.5:
             bench.step()
-            phase = bench.fw.telemetry()["phase"]
+            phase = bench.fw.phase
             if phase != seen[-1]:
                 seen.append(phase)
-        assert seen == [0, 1, 2, 3, 4], f"theta {theta_rad:.2f} rad: phases {seen}"
+        expected = ["coast", "precharge", "align_first", "align_second", "ramp"]
+        assert seen == expected, f"theta {theta_rad:.2f} rad: phases {seen}"

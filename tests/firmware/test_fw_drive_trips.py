@@ -14,7 +14,6 @@ from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
 
 PHASE, DC, PIN, LOST, OVER_VOLTAGE, UNDER_VOLTAGE, DEADLINE = 1, 2, 4, 8, 16, 32, 128
-COAST, PRECHARGE, LOCK = 0, 1, 5
 
 
 def running(rpm: int = 20_000, seconds: float = 0.3, **drive: bool) -> Bench:
@@ -25,12 +24,12 @@ def running(rpm: int = 20_000, seconds: float = 0.3, **drive: bool) -> Bench:
     return bench
 
 
-def trips_in(bench: Bench, phase: int, causes: int, seconds: float = 5.0) -> int:
+def trips_in(bench: Bench, phase: str, causes: int, seconds: float = 5.0) -> int:
     """Trips at every tick of a phase of the start with gates on, until the drive gives up or runs; how many."""
     before = bench.trips
 
     def ended() -> bool:
-        if bench.get("safety.guard") & 1 and bench.fw.state == "starting" and bench.fw.telemetry()["phase"] == phase:
+        if bench.get("safety.guard") & 1 and bench.fw.state == "starting" and bench.fw.phase == phase:
             bench.trip(causes)
         return bench.fw.state in ("fault", "running")
 
@@ -54,7 +53,7 @@ def test_over_current_of_a_start_is_excused_once() -> None:
     for commands in (1, 2):
         bench.fw.command("start")
         bench.run(0.0002)
-        assert trips_in(bench, LOCK, PHASE) == 2
+        assert trips_in(bench, "lock", PHASE) == 2
         assert (bench.fw.state, fault_of(bench)) == ("fault", "phase_over_current")
         assert logged(bench) == ["phase_over_current"] * 2 * commands
         bench.fw.command("clear")
@@ -70,7 +69,7 @@ def test_over_current_of_the_restart_is_excused_once(cause: int, name: str) -> N
     bench = running(catch_rotor=False)
     bench.trip(LOST)
     bench.run(0.0003)
-    assert trips_in(bench, PRECHARGE, cause) == 2
+    assert trips_in(bench, "precharge", cause) == 2
     assert (bench.fw.state, fault_of(bench)) == ("fault", name)
     assert logged(bench) == [name] * 2
 
@@ -95,10 +94,10 @@ def test_a_second_of_running_renews_the_excuse() -> None:
     bench = running(catch_rotor=False)
     for _ in range(2):
         bench.trip(LOST)
-        assert bench.run(5.0, lambda: bench.fw.telemetry()["phase"] == PRECHARGE)
+        assert bench.run(5.0, lambda: bench.fw.phase == "precharge")
         bench.trip(PHASE)
         bench.run(0.0003)
-        assert (bench.fw.state, bench.fw.telemetry()["phase"]) == ("starting", COAST)
+        assert (bench.fw.state, bench.fw.phase) == ("starting", "coast")
         assert bench.until_state("running", 5.0)
         bench.run(1.1)
     assert logged(bench) == ["phase_over_current"] * 2

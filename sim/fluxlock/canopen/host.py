@@ -9,13 +9,12 @@ booted. One node a process.
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
 
 from fluxlock.canopen.dictionary import Dictionary, load_dictionary
+from fluxlock.firmware.binding import CData, new, types
 
 EXTENDED, REMOTE = 1, 2
-NO_FRAME = 9
 FILTERS = 8
 NO_FILTER = 0xFFFFFFFF
 
@@ -32,11 +31,8 @@ class Frame:
 class HostNode:
     """The node of a loaded library."""
 
-    def __init__(self, library: ctypes.CDLL, node_id: int) -> None:
+    def __init__(self, library: CData, node_id: int) -> None:
         self.lib, self.node_id = library, node_id
-        self.lib.fl_can_memory.restype = ctypes.POINTER(ctypes.c_uint8)
-        self.lib.fl_can_value.restype = ctypes.c_uint32
-        self.lib.fl_can_wanted.restype = ctypes.c_uint32
         self.dictionary: Dictionary = load_dictionary()
         self._numbers = {entry.name: number for number, entry in enumerate(self.dictionary.entries)}
 
@@ -55,9 +51,9 @@ class HostNode:
     def sent(self) -> list[Frame]:
         """Frames that the node has sent since they were last taken."""
         found: list[Frame] = []
-        can_id, data = ctypes.c_uint32(), (ctypes.c_uint8 * 8)()
-        while (length := self.lib.fl_can_next(ctypes.byref(can_id), data)) != NO_FRAME:
-            found.append(Frame(can_id.value, bytes(data[:length])))
+        can_id, data = new("uint32_t"), new("uint8_t[8]")
+        while (length := self.lib.fl_can_next(can_id, data)) != self.lib.HOST_NO_FRAME:
+            found.append(Frame(can_id[0], bytes(data[0:length])))
         return found
 
     def value(self, name: str) -> int:
@@ -80,18 +76,18 @@ class HostNode:
 
     def wanted(self) -> list[tuple[int, int]]:
         """Identifiers and masks of the frames that the node receives, as it gives them to a controller's filters."""
-        mask = ctypes.c_uint32()
-        found = [(self.lib.fl_can_wanted(k, ctypes.byref(mask)), mask.value) for k in range(FILTERS)]
+        mask = new("uint32_t")
+        found = [(self.lib.fl_can_wanted(k, mask), mask[0]) for k in range(FILTERS)]
         return [(can_id, bits) for can_id, bits in found if can_id != NO_FILTER]
 
     @property
     def memory(self) -> bytes:
         """The non-volatile memory: the flash's sectors of both slots."""
-        return ctypes.string_at(self.lib.fl_can_memory(), self.lib.fl_can_memory_bytes())
+        return bytes(types().buffer(self.lib.fl_can_memory(), self.lib.fl_can_memory_bytes()))
 
     @memory.setter
     def memory(self, data: bytes) -> None:
-        ctypes.memmove(self.lib.fl_can_memory(), data, self.lib.fl_can_memory_bytes())
+        types().memmove(self.lib.fl_can_memory(), data, self.lib.fl_can_memory_bytes())
 
     def fail_memory(self, failing: bool) -> None:
         """Writes to the non-volatile memory fail from now on, or work again."""

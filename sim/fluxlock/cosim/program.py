@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from fluxlock.analysis.rundata import RunData, SimulationFault
-from fluxlock.build import IO_BASE, generate_registers
+from fluxlock.build import IO_BASE
 from fluxlock.config import Scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip, build_chip
@@ -67,7 +67,7 @@ def reads(data: RunData) -> list[int]:
 
 def script_plan(rows: Sequence[Row], plant: PlantParams, duration_s: float, out_dir: Path, seed: int) -> SessionPlan:
     """Plan of a run that carries out rows in order."""
-    offsets = register_offsets(generate_registers() / "fluxlock_regs.h")
+    offsets = register_offsets()
     words = [len(rows)]
     for row in rows:
         words += [IO_BASE + offsets[row.name] + 4 * row.index + row.read if row.name else 0, row.value & 2**32 - 1]

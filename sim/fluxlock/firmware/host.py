@@ -8,67 +8,28 @@ One instance a process. Whoever plays the chip writes the snapshot registers, ca
 
 from __future__ import annotations
 
-import ctypes
-import re
-import struct
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fluxlock.firmware.binding import CData, names, new, open_library, types, view
 from fluxlock.firmware.block import ParameterBlock
-from fluxlock.firmware.toolchain import build_host_library
-from fluxlock.memory import BLOCK_MAX_BYTES, TELEMETRY_MAX_BYTES
-from fluxlock.paths import GENERATED
+from fluxlock.memory import BLOCK_MAX_BYTES
 
 REGISTER_WORDS = 0x4000
-STATES = ("init", "ready", "starting", "running", "stopping", "fault")
-HANDLERS = ("control", "control_entry", "trip", "uart", "load", "design", "idle")
-_TELEMETRY_WORDS = (
-    *(
-        "magic",
-        "length_bytes",
-        "published_q32",
-        "tick",
-        "state",
-        "phase",
-        "fault",
-        "limit",
-        "speed_rpm_q8",
-        "reference_rpm_q8",
-    ),
-    *("target_rpm", "u_v_q25", "duty_q30", "period_cycles", "vdc_v_q25", "idc_q17", "motor_q17", "crossings"),
-    *("commutations", "lost_locks", "fault_count", "freewheel_sum_cycles", "freewheel_max", "freewheel_count"),
-)
-TELEMETRY_TARGET = _TELEMETRY_WORDS.index("target_rpm")
+OFFSETS = 13  # channels of the auto-zero
+RECEIVED_BYTES = 65536
 
 
-def parse_telemetry(data: bytes) -> dict[str, int]:
-    """Words of the telemetry structure (RAM from TELEMETRY_ADDRESS), signed, by name."""
-    values = struct.unpack_from(f"<{len(_TELEMETRY_WORDS)}i", data)
-    return dict(zip(_TELEMETRY_WORDS, values, strict=True))
-
-
-def register_offsets(header: Path) -> dict[str, int]:
-    """Byte offsets of all registers, `block.register`, from the generated C header; arrays by their first element."""
-    text = header.read_text()
-    bodies: dict[str, list[tuple[str, str, int]]] = {}
-    for match in re.finditer(r"typedef struct[^{]*\{([^}]*)\}\s*(\w+);", text):
-        fields = re.findall(r"(\w+)\s+(\w+)(?:\[(\w+)\])?;", match.group(1))
-        bodies[match.group(2)] = [(kind, name, int(count, 0) if count else 1) for kind, name, count in fields]
-    sizes = {"uint32_t": 4, "uint8_t": 1}
-    for name, fields in bodies.items():
-        sizes[name] = sum(sizes[kind] * count for kind, _, count in fields)
-    result: dict[str, int] = {}
-    position = 0
-    for kind, block, count in bodies["fluxlock_regs_t"]:
-        if kind in bodies:
-            inner = position
-            for field_kind, register, field_count in bodies[kind]:
-                result[f"{block}.{register}"] = inner
-                inner += sizes[field_kind] * field_count
-        position += sizes[kind] * count
-    return result
+def register_offsets() -> dict[str, int]:
+    """Byte offsets of all registers, `block.register`, as in the generated C header; arrays by their first element."""
+    blocks = {name: place for name, place in types().typeof("fluxlock_regs_t").fields if place.type.kind == "struct"}
+    return {
+        f"{block}.{register}": place.offset + inner.offset
+        for block, place in blocks.items()
+        for register, inner in place.type.fields
+    }
 
 
 class HostFirmware:
@@ -78,22 +39,15 @@ class HostFirmware:
     """
 
     def __init__(self, library: Path | None = None) -> None:
-        self.lib = ctypes.CDLL(str(library or build_host_library()))
-        for name, kind in (
-            ("fl_host_registers", ctypes.POINTER(ctypes.c_uint32)),
-            ("fl_host_auto_zero_offsets", ctypes.POINTER(ctypes.c_int32)),
-            ("fl_host_parameter_block", ctypes.POINTER(ctypes.c_uint8)),
-            ("fl_host_telemetry", ctypes.POINTER(ctypes.c_uint8)),
-            ("fl_host_uart_receive", ctypes.c_uint32),
-            ("fl_host_uart_send", ctypes.c_uint32),
-        ):
-            getattr(self.lib, name).restype = kind
+        self.lib: CData = open_library(library)
         self.lib.fl_host_reset()
-        self.offsets = register_offsets(GENERATED / "fluxlock_regs.h")
-        self.registers: NDArray[np.uint32] = np.ctypeslib.as_array(self.lib.fl_host_registers(), (REGISTER_WORDS,))
-        self.auto_zero_offsets: NDArray[np.int32] = np.ctypeslib.as_array(self.lib.fl_host_auto_zero_offsets(), (13,))
-        self._block = np.ctypeslib.as_array(self.lib.fl_host_parameter_block(), (BLOCK_MAX_BYTES,))
-        self._telemetry = np.ctypeslib.as_array(self.lib.fl_host_telemetry(), (TELEMETRY_MAX_BYTES,))
+        self.offsets = register_offsets()
+        self.registers: NDArray[np.uint32] = view(self.lib.fl_host_registers(), REGISTER_WORDS, np.uint32)
+        self.auto_zero_offsets: NDArray[np.int32] = view(self.lib.fl_host_auto_zero_offsets(), OFFSETS, np.int32)
+        self._block = view(self.lib.fl_host_parameter_block(), BLOCK_MAX_BYTES, np.uint8)
+        self._telemetry = types().cast("telemetry_t *", self.lib.fl_host_telemetry())
+        self._states, self._phases = names("drive_state_t"), names("phase_t")
+        self._received = new(f"uint8_t[{RECEIVED_BYTES}]")
 
     def index(self, register: str, element: int = 0) -> int:
         """Index of a register in `registers`."""
@@ -117,14 +71,21 @@ class HostFirmware:
         """Deferred interrupts and one round of the main loop."""
         self.lib.fl_host_poll()
 
-    def telemetry(self) -> dict[str, int]:
-        """The telemetry structure."""
-        return parse_telemetry(self._telemetry.tobytes())
+    def telemetry(self) -> CData:
+        """A copy of the telemetry, `telemetry_t`."""
+        copy = new("telemetry_t")
+        copy[0] = self._telemetry[0]
+        return copy
 
     @property
     def state(self) -> str:
         """Name of the drive's state."""
-        return STATES[self.telemetry()["state"]]
+        return self._states[int(self._telemetry.state)]
+
+    @property
+    def phase(self) -> str:
+        """Name of the phase of the start."""
+        return self._phases[int(self._telemetry.phase)]
 
     def command(self, line: str) -> list[str]:
         """Send a console line and return the lines of the reply."""
@@ -135,6 +96,5 @@ class HostFirmware:
 
     def replies(self) -> list[str]:
         """Lines that the console has sent since they were last taken."""
-        buffer = ctypes.create_string_buffer(65536)
-        length = self.lib.fl_host_uart_receive(buffer, len(buffer))
-        return buffer.raw[:length].decode().splitlines()
+        length = self.lib.fl_host_uart_receive(self._received, RECEIVED_BYTES)
+        return bytes(types().buffer(self._received, length)).decode().splitlines()

@@ -115,6 +115,19 @@ def _zig(arguments: list[str]) -> None:
     _run([sys.executable, "-m", "ziglang", *arguments])
 
 
+def run_host_compiler(arguments: list[str]) -> str:
+    """Output of the compiler for this machine with the definitions of the host library."""
+    return _run([sys.executable, "-m", "ziglang", "cc", "-std=c11", "-DFL_HOST=1", *arguments])
+
+
+def host_headers() -> list[Path]:
+    """Headers of the host library, the loader and the CANopen node, with what they include from the build folder."""
+    generate_registers()
+    _canopen(CANOPEN_HOST)
+    found = [p for p in SW.rglob("*.h") if not p.relative_to(SW).as_posix().startswith((SOC, "hal/include/"))]
+    return [*found, *generate_headers(), *(GENERATED / name for name in ("fluxlock_regs.h", "canopen_objects.h"))]
+
+
 def _key(*extra: object) -> str:
     generate_registers()
     headers = generate_headers()

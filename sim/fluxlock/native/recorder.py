@@ -13,6 +13,7 @@ from collections import deque
 import numpy as np
 
 from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, Rejection, RunData
+from fluxlock.firmware.binding import CData
 from fluxlock.native.averaged_motor import OMEGA, THETA
 from fluxlock.native.drive import NativeDrive
 
@@ -26,7 +27,7 @@ class Recorder:
 
     def __init__(self, drive: NativeDrive) -> None:
         self._drive = drive
-        self._rows: deque[tuple[float, float, float, dict[str, int]]] = deque(maxlen=round(KEPT_S / STEP_S))
+        self._rows: deque[tuple[float, float, float, CData]] = deque(maxlen=round(KEPT_S / STEP_S))
         self._noted_us = -1
         self.rejected: list[Rejection] = []
 
@@ -55,10 +56,10 @@ class Recorder:
         records["omega_e"] = [row[2] * pairs for row in self._rows]
         log = np.zeros((time.size, 4), np.int64)
         log[:, 0], log[:, 1] = np.round(time * clock), int(LogKind.UPDATE)
-        for k, (*_, words) in enumerate(self._rows):
-            drive = words["state"] & 0xFF | (words["limit"] & 0xF) << 16 | (words["lost_locks"] & 0xFFF) << 20
-            log[k, 2] = words["speed_rpm_q8"] << 32 | drive
-            log[k, 3] = words["target_rpm"] << 32 | words["reference_rpm_q8"] & 0xFFFFFFFF
+        for k, (*_, t) in enumerate(self._rows):
+            drive = t.state & 0xFF | (t.limit & 0xF) << 16 | (t.lost_locks & 0xFFF) << 20
+            log[k, 2] = t.speed_rpm_q8 << 32 | drive
+            log[k, 3] = t.target_rpm << 32 | t.reference_rpm_q8 & 0xFFFFFFFF
         return RunData(
             log=log,
             records=records,
