@@ -3,38 +3,51 @@
 
 // Current control of a machine with 3 or 5 phases: phase currents in, phase voltages out, on one shared multiplier.
 //
-// For subspace 1 at theta, with 5 phases subspace 3 at 3 theta too (n = 1, 3; P phases; k = 0..P-1; delta = turn / P):
+// Equations, for subspace 1 at theta, and with 5 phases for subspace 3 at 3 theta too
+// (n = 1, 3; P phases; k = 0..P-1; delta = turn / P; Yang 2020, chapter 7):
 //   i      = 2/P sum i_k exp(-j n (theta + park - k delta))   Clarke and Park in one, amplitude-invariant
 //   e[k]   = i* - i                                       saturates at +-(2^17 - 1)
-//   w[k]   = u[k-1] + (h/g) b[k-1] + (g e[k] - h e[k-1]) 2^-shift      complex; h = g Phi       (Yang 2020, chapter 7)
+//   w[k]   = u[k-1] + (h/g) b[k-1] + (g e[k] - h e[k-1]) 2^-shift      complex, h = g Phi
 //   u[k]   = limit(w[k]),   b[k] = w[k] - u[k]
 //   v      = u + u_ff,  or u_ff alone with bypass_i       saturates per axis
 //   v_k    = sum over n of Re((v + v_inject) exp(j n (theta + lead - k delta)))    v + v_inject saturates per axis
-// Formats: angles 2^32 = one turn; currents and voltages signed 18 bits, 2^17 = full scale of their channel; state
-// signed 28 bits, 2^25 = full scale; g, h signed 18 bits. A complex value is {q, d}: index 0 is d.
-// The four products of an axis are summed exactly, times 2^-shift rounded half up once, added to the state, which
-// saturates at 28 bits: w. Limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale; if m > u_max,
-// factor = floor(u_max 2^17 / m) and d, q = round(d, q * factor / 2^17); the limited state is the next u[k-1].
-// b does what e[k-1] + (u - w) / g in place of e[k-1] would do (conditioning): the error counts that the limit allowed.
-// It is w - u rounded down to 2^15 = full scale; its product with h/g is rounded half up.
-// Currents and phase voltages: within 1 LSB of the equations in exact arithmetic while the vectors of all subspaces
-// together do not exceed full scale.
 //
-// enable_i low (per subspace): the state is preset_i (limited too) while the errors run on, so that the regulator takes
-// over from an applied voltage without a step; b is 0. Reset: state and errors 0.
-// direct_i: the core is the regulator. A run waits with its currents, number_o of this run, until go_i for that number:
-// w = wanted_i then, from where the run goes on with the limit. A go_i for another number is ignored. abandon_i ends a
-// direct run without results, wherever it is; a go_i in the same clock comes too late.
-// Injection: first_o tells that i of subspace 1 is there, FirstLatency clocks after start_i. With pause_i = n above 0 the
-// run stops there, and n clocks after first_o filtered_i takes the place of this i, in the regulator and at current_o.
-// skip_i: the regulator of subspace 1 does not run, its state and what it keeps for the next step stay (not if direct).
-// Latency: start_i to valid_o Latency clocks, 52 for three phases, 99 for five, whatever the values, with a pause
-// n + PauseClocks more. Starts at least Spacing clocks apart, 3 more than the latency; busy_o until then. Direct: start_i
-// to waiting_o WaitLatency clocks (21, 54), go_i to valid_o 32 clocks for three phases, 75 for five.
-// Phase currents, theta, park, lead, pause, skip and inject are taken at start_i; all other inputs must not change while
-// busy_o. A start while busy
-// is ignored and counted (saturating). Outputs are stable from valid_o until the next start.
-// Uses one multiplier and, for the cosines (fl_sincos), one multiplier and two block RAMs: 2/P is in the second table.
+// Formats: angles 2^32 = one turn. Currents and voltages signed 18 bits, 2^17 = full scale of their channel. State
+// signed 28 bits, 2^25 = full scale. g and h signed 18 bits. A complex value is {q, d}: index 0 is d.
+//
+// Rounding:
+//   - w: the four products of an axis add up exactly. The sum times 2^-shift is rounded half up once and added to the
+//     state, which saturates at 28 bits.
+//   - limit: m = floor(sqrt(d^2 + q^2)) of the state rounded to 2^17 = full scale. If m > u_max, then
+//     factor = floor(u_max 2^17 / m), and d, q = round(d, q * factor / 2^17). The limited state is the next u[k-1].
+//   - b: w - u rounded down to 2^15 = full scale. Its product with h/g is rounded half up.
+// Accuracy: currents and phase voltages are within 1 LSB of the equations in exact arithmetic, while the vectors of all
+// subspaces together do not exceed full scale.
+// Anti-windup: b does what e[k-1] + (u - w) / g in place of e[k-1] would do. So the error counts that the limit allowed.
+//
+// Modes:
+//   enable_i low  per subspace. The state is preset_i, limited too, while the errors run on. So the regulator takes over
+//                 from an applied voltage without a step. b is 0.
+//   direct_i      the core is the regulator. A run waits with its currents and with its number in number_o, until go_i
+//                 for that number. Then w = wanted_i, and the run goes on with the limit. The block ignores a go_i for
+//                 another number. abandon_i ends a direct run without results, wherever the run is. A go_i in the clock
+//                 of abandon_i comes too late.
+//   injection     first_o tells that i of subspace 1 is there, FirstLatency clocks after start_i. With pause_i = n above
+//                 0 the run stops there. n clocks after first_o, filtered_i replaces this i in the regulator and at
+//                 current_o.
+//   skip_i        the regulator of subspace 1 does not run. Its state, and what it keeps for the next step, stay.
+//                 Without effect if direct.
+// Reset: state and errors are 0.
+//
+// Latency in clocks, whatever the values:
+//   start_i to valid_o    Latency: 52 for three phases, 99 for five. With a pause n + PauseClocks more.
+//   start_i to waiting_o  WaitLatency, direct: 21 and 54
+//   go_i to valid_o       direct: 32 and 75
+// Starts are at least Spacing clocks apart, 3 more than the latency. busy_o is high until then.
+// Errors: the block ignores a start while busy, and counts it (saturating).
+// Inputs: start_i copies phase currents, theta, park, lead, pause, skip and inject. All other inputs must not change
+// while busy_o. Outputs are stable from valid_o until the next start.
+// Size: one multiplier, and for the cosines (fl_sincos) one multiplier and two block RAMs. 2/P is in the second table.
 `default_nettype none
 module fl_foc
   import fl_pkg::sample_t;

@@ -5,29 +5,37 @@
 //
 //   update -> window -> (mean current, angle of its instant) -> regulators -> modulator -> shadow registers -> update
 //
-// Every update_o of the leg carriers opens a current window; its mean starts fl_foc with the angle that the accumulator
-// had at the window's instant, fl_foc starts the modulator, whose compares wait for the next update.
-// Settings are staged: at update_i, or in the first clock after it in which no regulator step runs or starts, all of
-// them act together; so they do after reset. Speed and correction of the angle act at update_i itself (fl_angle_nco); a speed is taken over in
-// the clock after it appeared.
+// Every update_o of the leg carriers opens a current window. The window's mean starts fl_foc, with the angle that the
+// accumulator had at the window's instant. fl_foc starts the modulator. The modulator's compares wait for the next update.
+// Equations: fl_foc, fl_modulator, fl_angle_nco. Formats: angles 2^32 = one turn, speed 2^-36 turn per clock, currents and
+// voltages signed 18 bits, 2^17 = full scale.
 //
-// From the change of the gate pins at an update (update_o + 1) to the window's first clock: settings.from clocks;
-// theta_update is the angle in that clock of the pins, so that it and the angles of samples differ by omega times the
-// time between them. The angle belongs to the instant of the samples' strobes: settings.delay is not taken from it.
+// Settings are staged. All of them act together, at update_i or in the first clock after it in which no regulator step
+// runs or starts. So they do after reset. Speed and correction of the angle act at update_i itself (fl_angle_nco). The
+// block takes a speed over in the clock after it appeared.
 //
-// Latency, whatever the values: sample_valid_i of the window's last sample to compares in the shadow registers
+// Angles: the gate pins change at update_o + 1, and settings.from clocks later is the window's first clock. theta_update
+// is the angle in that clock of the pins. So theta_update and the angles of samples differ by omega times the time between
+// them. The angle belongs to the instant of the samples' strobes: settings.delay is not taken from it.
+//
+// Latency, whatever the values: from sample_valid_i of the window's last sample to compares in the shadow registers
 // 1 (one sample) or 8 (mean) + fl_foc + fl_modulator + 1 clocks: 66 or 73 for three phases, 117 or 124 for five.
-// sync_o is one clock before that. Least distance of two updates: what fl_foc needs (a window that comes while it runs
-// is ignored and counted).
-// Direct (settings.direct): a step waits with its currents in question_o for the core's answer_i, which is not staged. A
-// step that has not ended at update_o is abandoned: the legs keep their compares, which is counted as missed, an answer
-// to it is ignored.
-// Injection: injection_i is made from tap_o by fl_injection_path; what it pauses comes on top of the latency. The voltages
-// of steps and sums are those of the regulators, without the injected one. With injection_i.edges the modulator gets
-// the currents at the edges of the legs (fl_edge_current) and no band: with double update of the edge in the half in which
-// the voltage acts, else of both edges.
-// Snapshot: at tick_i the last regulator step before it, the sum of the applied voltages over the steps since the tick
-// before (saturates at 32 bits) and their number.
+// sync_o is one clock before that.
+//
+// Errors:
+//   - two updates closer than fl_foc needs: the block ignores and counts a window that comes while fl_foc runs,
+//   - a step that has not ended at update_o is abandoned. The legs keep their compares. The block counts it as missed and
+//     ignores an answer to it.
+//
+// Modes:
+//   direct     settings.direct: a step waits with its currents in question_o for the core's answer_i, which is not staged
+//   injection  fl_injection_path makes injection_i from tap_o. What it pauses comes on top of the latency. The voltages of
+//              steps and sums are those of the regulators, without the injected one.
+//   edges      injection_i.edges: the modulator gets the currents at the edges of the legs (fl_edge_current) and no band.
+//              With double update it gets those of the edge in the half in which the voltage acts, else those of both.
+//
+// Snapshot at tick_i: the last regulator step before it, and the sum of the applied voltages over the steps since the tick
+// before (saturates at 32 bits) with the number of these steps.
 `default_nettype none
 module fl_vector
   import fl_pkg::*;

@@ -1,30 +1,39 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
-// Trips: watches raw converter codes, the fault pin, the commutation timer, the leg carriers and software; latches, logs
-// and turns the gates off through the guard.
+// Trips: watches raw converter codes, the fault pin, the commutation timer, the leg carriers and the firmware. It latches
+// and logs each cause, and turns the gates off through the guard.
 //
-// Sources (bit order of fl_pkg::trip_t): phase and DC over-current |code - 2048| > limit, fault pin, lost lock, over-
-// and under-voltage of vdc, software, deadline. Codes count as they come from the converter, before any correction.
-// Causes of the codes stay present until the next sample set, the others as long as their input is high.
+// Causes (bit order of fl_pkg::trip_t): phase and DC over-current |code - 2048| > limit, fault pin, lost lock, over- and
+// under-voltage of vdc, software, deadline.
+// Formats: codes 12 bits unsigned, zero at 2048, as they come from the converter, before any correction. Limits in the
+// same LSB. A cause of the codes stays present until the next sample set, the others as long as their input is high.
 //
-// trip_o = any latched or present enabled cause. From there the guard needs one clock:
-//   fault pin: gates off at the third clock edge after the pin changed (two synchroniser stages, guard);
-//   codes: gates off 2 clocks after adc_valid_i; the other inputs: 1 clock after they rise.
+// trip_o is high while any enabled cause is latched or present. Latency to the gates, guard included:
+//   fault pin     off at the third clock edge after the pin changed (two synchroniser stages, guard)
+//   codes         2 clocks after adc_valid_i
+//   other inputs  1 clock after they rise
 //
-// A latched cause is cleared by clear_i only if it is not present (or not enabled) in that clock. Enables act at once, and
-// there is no second copy of them: whoever owns the register locks it.
-// short_o beside trip_o: the guard is to turn the lower gates on, an active short circuit in place of open gates. Only
-// with cfg_short_i, only where the guard was enabled when the trip came, and only as long as no cause is latched or
-// present that rules it out: phase or DC over-current, the fault pin, never_i. Such a cause opens the gates as fast as
-// without a short, and they then stay off until every cause has been cleared and the guard was enabled again.
+// clear_i clears a latched cause only if that cause is absent (or not enabled) in that clock. Enables act at once. There
+// is no second copy of them: whoever owns the register locks it.
 //
-// Log: every clock in which an enabled cause appears that is not yet latched makes an entry, with the time stamp of
-// that clock (the gates change one clock later), the new causes, and a code of the last sample set with its channel: of a
-// DC over-current idc (LogIdc), of an over- or under-voltage vdc (LogVdc), else, and always of a phase over-current, the
-// phase with the largest |code - 2048|. It is readable 3 clocks later; log outputs follow log_index_i by one clock.
-// first_o: what was present first since the last clear; where a cause is not gone when it is cleared, it is there anew.
-// Asserted: trip_o holds until clear_i; no short_o with a cause that rules it out.
+// Short circuit: short_o beside trip_o asks the guard to turn the lower gates on, in place of open gates. It is high only
+//   - with cfg_short_i,
+//   - where the guard was enabled when the trip came,
+//   - while no cause is latched or present that rules it out: phase or DC over-current, the fault pin, never_i.
+// Such a cause opens the gates as fast as without a short circuit. They then stay off until clear_i has cleared every
+// cause and the firmware has enabled the guard again.
+//
+// Log: an entry for every clock in which an enabled cause appears that is not yet latched. It holds the time stamp of that
+// clock (the gates change one clock later), the new causes, and a code of the last sample set with its channel:
+//   phase over-current     the phase with the largest |code - 2048|
+//   DC over-current        idc (LogIdc)
+//   over-, under-voltage   vdc (LogVdc)
+//   any other cause        the phase with the largest |code - 2048|
+// If several causes appear at once, the order of this table decides whose code is logged. An entry is readable 3 clocks
+// later. Log outputs follow log_index_i by one clock.
+// first_o: the causes that were present first since the last clear. A cause that is present at a clear is there anew.
+// Asserted: trip_o holds until clear_i. No short_o with a cause that rules it out.
 `default_nettype none
 module fl_trip
   import fl_pkg::*;

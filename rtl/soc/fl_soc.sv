@@ -1,25 +1,38 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
-// The chip: soft core with RAM, register bus, and the two paths from converter codes to gate pins.
+// The chip: a RISC-V core with RAM, a register bus, and two paths from converter codes to gate pins.
 //
-//   converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (guard, trips) -> gates
-//                sense -> foc (window, regulators, modulator, leg carriers) ----------> safety, if control.source says so
+//   six-step  converter -> sense -> zcd -> comm (commutation timer) -> pwm (carrier, sequencer) -> safety (trips, guard)
+//   vector    converter -> sense -> foc (window, regulators, modulator, leg carriers) ----------> safety (trips, guard)
 //
-// Every block sits in a wrapper fl_<block>_wb with its registers, one window of 4 KiB a block from 0x8000_0000 in the
-// order of fl_map_pkg (docs: register reference). Without SixStep, as always with five phases, there is no six-step path,
-// and without Vector neither vector path nor encoder: their windows read 0, their signals on the trace port stay 0.
-// Injection = 1: with the injection path, which needs Vector. Can = 1: with the CAN controller. Boot = 1: with the port of
-// the SPI flash, and the core starts in the loader, which BootInit holds (fl_cpu). HighActiveLow, LowActiveLow: polarity of
-// the gate pins, of the build alone.
-// The trace port shows what happens inside to a test bench or a logic analyser; nothing in the chip depends on it. Its
-// signals are valid in the clock of their pulse:
-//   trc_comm_valid_o  first clock of a new sector; trc_comm_sched_o: the instant at which its gates were to change
-//   trc_zc_valid_o    a crossing was found; trc_zc_time_o: when it happened
-//   trc_update_o      the update event: new settings act from the next clock
-//   trc_trip_o        trip causes were latched in the clock before
-//   trc_angle_valid_o instant of a current window while the leg carriers drive the gates; trc_angle_o: the estimated
-//                     electrical angle in that clock, 2^32 = one turn
+// The register foc.control.source chooses the path whose requests reach the gates.
+//
+// Parameters:
+//   Phases          3 or 5
+//   SixStep         0 leaves the six-step path out. With five phases there is none.
+//   Vector          0 leaves the vector path and the encoder out
+//   Injection       1 adds the injection path, which needs Vector
+//   Can             1 adds the CAN controller
+//   Boot            1 adds the port of the SPI flash. The core then starts in the loader, whose image is BootInit (fl_cpu).
+//   HighActiveLow,  polarity of the upper and of the lower gate pins. Only the build sets it, no register does.
+//   LowActiveLow
+// The windows of a block that is left out read 0. Its signals on the trace port stay 0.
+//
+// Registers: the wrapper fl_<block>_wb joins a block to the bus. Each block has a window of 4 KiB from 0x8000_0000 on, in
+// the order of fl_map_pkg. The register reference in the docs lists them.
+//
+// Formats: codes 12 bits unsigned, time stamps 32 bits in clocks with wrap, angles 2^32 = one turn.
+// Latency: docs/architecture.md, section "Timing contract".
+//
+// Trace port: shows a test bench or a logic analyser what happens inside. Nothing in the chip depends on it. A signal is
+// valid in the clock of its pulse:
+//   trc_comm_valid_o   first clock of a new sector. trc_comm_sched_o: the instant at which its gates were to change
+//   trc_zc_valid_o     the ZCD found a zero crossing. trc_zc_time_o: when it happened
+//   trc_update_o       the update event. New settings act from the next clock.
+//   trc_trip_o         fl_trip latched causes in the clock before
+//   trc_angle_valid_o  instant of a current window while the leg carriers drive the gates. trc_angle_o: the estimated
+//                      electrical angle in that clock
 `default_nettype none
 module fl_soc
   import fl_pkg::*;

@@ -1,36 +1,46 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
-// Zero-crossing detection: finds where the floating phase's terminal voltage, or the third harmonic, passes the
-// threshold of its sector.
+// Zero-crossing detector (ZCD): finds when the voltage of the open phase, or its third harmonic, passes the threshold of
+// the sector. Source: Yang 2020, chapters 2 to 4. docs/theory/six-step.md derives the equations.
 //
-// rel = v - round(vdc * threshold_q17 / 2^17). v, cfg_source_i:
-//   ZcTerminal   the floating phase's terminal: C, B, A, C, B, A in sectors I..VI    rel = 3/2 e at vdc/2
-//   ZcStarPoint  the star point of the sense resistors, channel vsm                 rel = v_SM = 1/2 e at vdc/2
-//   ZcMean       round((va + vb + vc) / 3), the same computed                       rel = v_SM
-// (v_SM = v - vdc/2, so that rel = v_SM - vdc * (threshold_q17 - 0x10000) / 2^17.) It must rise in II, IV, VI and fall
-// in I, III, V (the other way round with cfg_reverse_i).
+// Equation: rel = v - round(vdc * threshold_q17 / 2^17). cfg_source_i chooses v (e: EMF of the open phase):
+//   ZcTerminal   terminal of the open phase: C, B, A, C, B, A in sectors I..VI     rel = 3/2 e at the threshold vdc/2
+//   ZcStarPoint  star point of the sense resistors, channel vsm                    rel = v_SM = 1/2 e
+//   ZcMean       round((va + vb + vc) / 3): the same, computed                     rel = v_SM
+// With v_SM = v - vdc/2 the last two are rel = v_SM - vdc * (threshold_q17 - 0x10000) / 2^17.
+// rel must rise in II, IV, VI and fall in I, III, V. With cfg_reverse_i it is the other way round.
 //
-// A sample counts when it was taken with the PWM on, cfg_settle_i after the last gate change, cfg_blank_i after the
-// last commutation, not clamped by a diode, and right after cfg_need_previous_i unclamped samples of the same on-state:
-// same sector, no gate change in between. What was clamped or chopped off therefore never takes part, on either side
-// of the crossing. Clamped: v < margin or v > vdc - margin; third harmonic, where a clamped phase gives |v_SM| = vdc/6:
+// Which samples count. All of these must hold:
+//   - the PWM was on,
+//   - the gates last changed cfg_settle_i or more clocks before,
+//   - the last commutation lies cfg_blank_i or more clocks back,
+//   - no diode clamps the sample,
+//   - the cfg_need_previous_i samples before it were unclamped and from the same on-state: same sector, no gate change
+//     in between.
+// So no clamped or chopped-off sample takes part, on either side of the zero crossing.
+// Clamped: v < margin or v > vdc - margin. Third harmonic: a clamped phase gives |v_SM| = vdc/6, so the test is
 // |v_SM| > vdc/6 - margin, exactly 3 * (v - margin) < vdc or 3 * (v + margin) > 2 * vdc.
 //
-// Crossing of a sector visit, one a visit: the first sample that counts and is at or past the threshold. If none before
-// it counted, the crossing was overridden: it is late. fl_crossing_time finds its time: sample's own, interpolated
-// across the chop-off gap, averaged, or computed back; peak and interval (mean_i with cfg_use_mean_i) serve the latter.
+// Zero crossing: the first sample of a sector visit that counts and is at or past the threshold. There is one per visit.
+// It is late if no sample before it counted: freewheeling hid the crossing. fl_crossing_time finds its time: the
+// sample's own, interpolated across the chop-off gap, averaged, or computed back. The last way needs peak and
+// interval_i (mean_i with cfg_use_mean_i).
 //
-// Sector, time and ages are those of the sample, not of the clock in which it is looked at: a commutation that reaches
-// the gates while a sample is in the pipeline does not touch it. A new visit begins with a sample of another sector or
-// one whose comm_age is shorter than its distance from the sample before, and with enabling.
+// Sector, time and ages belong to the sample, not to the clock that looks at it. A commutation that reaches the gates
+// while a sample is in the pipeline does not touch that sample. A new visit begins with enabling, with a sample of
+// another sector, or with a sample whose comm_age is shorter than its distance from the sample before.
 //
-// Outputs: zc_valid_o is a pulse; time, sector, flags and values stay until the next crossing. Values are rel of the
-// first sample after and of the last one before (0 when late), 2^17 = full scale, not inverted for falling sectors.
-// zc_late_o: overridden; zc_back_o: overridden, but the time is that of the crossing; zc_averaged_o: mean of samples.
-// Settings are taken over at update_i (reset: disabled).
-// Latency, sample_valid_i to zc_valid_o: DirectLatency for a sample's own time, InterpolatedLatency and BackLatency;
-// averaged as in fl_crossing_time. ZcMean adds MeanLatency to each.
+// Outputs: zc_valid_o is a pulse. The others stay until the next zero crossing:
+//   zc_value_o, zc_value_before_o  rel of the first sample after and of the last one before (0 when late), signed,
+//                                  2^17 = full scale, not inverted for falling sectors
+//   zc_late_o                      freewheeling hid the crossing
+//   zc_back_o                      late, but the time is that of the crossing
+//   zc_averaged_o                  the time is a mean of samples
+// Settings are copied at update_i. After reset the detector is disabled.
+//
+// Latency, sample_valid_i to zc_valid_o in clocks: DirectLatency for a sample's own time, InterpolatedLatency,
+// BackLatency. fl_crossing_time states that of averaged times. ZcMean adds MeanLatency to each.
 // Asserted: samples are at least 4 clocks apart, 6 with ZcMean.
 `default_nettype none
 module fl_zcd

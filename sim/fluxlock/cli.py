@@ -1,10 +1,19 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The `fluxlock` command.
+"""The `fluxlock` command: checks what the user typed, calls the package that does it, prints the result.
 
-Exit codes: 0 = done and passed, 1 = the run failed (`fluxlock.analysis.verdict`, or the simulation broke off), 2 = bad
-input, 130 = interrupted, 141 = the reader of its output is gone (`| head`), 143 = terminated.
+Each command is one function; its docstring is the help text. Heavy packages are imported inside the functions, so that
+`--help` answers at once. Bad input raises `ConfigError`; `main` prints each problem on one line, without a traceback.
+
+Exit codes:
+
+* 0: done and passed
+* 1: the run failed (`fluxlock.analysis.verdict`), or the simulation broke off
+* 2: bad input
+* 130: interrupted
+* 141: the reader of the output is gone (`| head`)
+* 143: terminated
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
+// Boot, interrupt handlers and main loop (contract: app.h). This file moves snapshot and command between the chip's
+// registers (hal/) and the drive (drive/), which knows no register.
 #include "app/app.h"
 
 #include "app/console.h"

@@ -1,7 +1,17 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// The application: boot, the interrupt handlers' work, the main loop's work. The same on chip and host.
+// The application: what the image does at boot, in its three interrupt handlers and in the main loop. The same code runs
+// on the chip and on the host.
+//
+//   current line   regulator step in C, if the scenario asks for it     pre-empts the two others
+//   control line   trips, then the control step of drive/
+//   deferred line  UART, gains of the vector control, load generator
+//   main loop      console
+//
+// Times are in clocks (50 MHz) and wrap.
+// Errors: boot checks chip and parameter block. A wrong one leaves the drive in init with a fault that the console names.
+// The gates stay off.
 #ifndef FL_APP_H
 #define FL_APP_H
 

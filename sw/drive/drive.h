@@ -1,11 +1,19 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// The drive: state machine, start, speed control, faults. One step a control tick, from a snapshot to a command.
+// The drive: state machine, start, speed control and faults of both methods, six-step and vector. drive_step makes one
+// control step per control tick. It turns a snapshot of the chip into a command to the chip.
 //
 //   init -> ready -> starting -> running -> stopping -> ready;   any -> fault -> init
 //
-// Knows no register: app/app.c carries snapshot and command to and from the chip.
+// It knows no register. app/app.c carries snapshot and command to and from the chip, so the same code runs on the soft
+// core and in host tests.
+//
+// Numbers: fixed point, 32 bits. A name ends with its unit and Q format: speed_rpm_q8, advance_q16. Times are in clocks or
+// in control ticks. A target is negative backward. A measured speed is a magnitude.
+// Latency: a command made from the snapshot of tick n acts at the update event of tick n + 1.
+// Errors: a fault_t (drive/faults.h) names the cause. The drive then opens the gates and stays in STATE_FAULT until a clear.
+// Equations: docs/architecture.md, section "Firmware". The functions of control/ name their source.
 #ifndef FL_DRIVE_H
 #define FL_DRIVE_H
 

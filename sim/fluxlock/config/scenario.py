@@ -1,7 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenario file: one closed-loop run with its drive settings, events, measuring windows and expectations."""
+"""Scenario file: one closed-loop run with its drive settings, events, measuring windows and expectations.
+
+`Scenario` is the root. It holds the checked motor and inverter, whose files it names. Each key is a field with unit,
+range and description; the schema page of the docs is generated from these.
+
+Units: SI, but r/min for mechanical speed and degrees for angles. A key ends with its unit: `duration_s`, `speed_rpm`.
+Errors: `ConfigError` lists every problem with file, key, value and permitted range. Checks between keys are in the
+validators here, those between files in `checks.py`.
+"""
 
 from __future__ import annotations
 

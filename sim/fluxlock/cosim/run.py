@@ -1,7 +1,17 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run a scenario on the whole chip: files in, `RunData` out."""
+"""Run a scenario on the whole chip: a checked scenario in, `RunData` out.
+
+`run_scenario` builds what is missing (registers, chip, firmware), writes the firmware image with the
+scenario's parameter block, starts one simulator process, and reads what it left. Each chip variant compiles once and is
+cached in `build/chip`.
+
+Units: times of a scenario are in seconds, those of a run in clocks (50 MHz). The same scenario, seed and sources
+give the same trace, bit for bit.
+Errors: `SimulationFault` if a build fails or the run breaks off. It carries the data up to that clock, if there
+are any.
+"""
 
 from __future__ import annotations
 

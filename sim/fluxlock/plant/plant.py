@@ -1,7 +1,19 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant as Python sees it: parameters in, kernel and records out."""
+"""The plant as Python sees it: parameters in, sample codes and records out.
+
+`Plant` joins inverter, machine, DC link, load and sense chain. It is event-driven: `step` advances it to the clock of
+a gate edge or of a sample strobe. The kernel (`kernel.py`) does the work, compiled by numba or as plain Python with the
+same bits. Equations and sources: `docs/architecture.md` (section Plant), `docs/theory/five-phase-plant.md`.
+
+Units: SI unless the name says otherwise (`speed_rpm`), angles in electrical radians, times in clocks of the chip
+(`t_cycle`).
+Shapes: gates are one integer, bit 2X the upper and bit 2X + 1 the lower switch of leg X. A sample set is [channel] of
+the channels 2 * phases + 3, codes 0 to 4095. Records are structured arrays, one row per event.
+Errors: `PlantError` with the text of the kernel's fault code (`layout.FAULT_TEXT`): shoot-through, a value that is not
+finite, a full buffer. The plant shares no code with the controller.
+"""
 
 from __future__ import annotations
 
