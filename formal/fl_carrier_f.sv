@@ -5,23 +5,23 @@
 // before that only for a commutation under CSC. No pulse and no gap is shorter than the minimum pulse but for one that a
 // commutation ends.
 //
-// Assumed: one minimum pulse, whichever, from the first update on; one of the three patterns; a commutation for which the
-// carrier waits is not called off, by the pattern neither, and comes within three minimum pulses.
+// Assumed: one minimum pulse, whichever, from the first update on; one of the three alignments; a commutation for which the
+// carrier waits is not called off, by the alignment neither, and comes within three minimum pulses.
 `default_nettype none
 module fl_carrier_f
   import fl_pkg::*;
 (
-    input logic          clk_i,
-    input logic          rst_i,
-    input stamp_t        now_i,
-    input logic          update_i,
-    input comm_pattern_e cfg_commutation_i,
-    input logic [15:0]   cfg_period_i,
-    input logic [23:0]   cfg_duty_q8_i,
-    input logic [11:0]   cfg_min_pulse_i,
-    input logic          comm_valid_i,
-    input logic          sched_valid_i,
-    input stamp_t        comm_sched_i
+    input logic            clk_i,
+    input logic            rst_i,
+    input stamp_t          now_i,
+    input logic            update_i,
+    input comm_alignment_e cfg_commutation_i,
+    input logic [15:0]     cfg_period_i,
+    input logic [23:0]     cfg_duty_q8_i,
+    input logic [11:0]     cfg_min_pulse_i,
+    input logic            comm_valid_i,
+    input logic            sched_valid_i,
+    input stamp_t          comm_sched_i
 );
 
   logic apply_o, pulse_o, carrier_start_o;
@@ -39,7 +39,7 @@ module fl_carrier_f
   // Settings of the last update, and the period they make, as it was three clocks ago: a carrier that starts now has that.
   logic [15:0] cfg_period_q;
   logic [11:0] cfg_min_q;
-  comm_pattern_e pattern_q;
+  comm_alignment_e alignment_q;
   logic updated_q;
   logic [16:0] legal, legal1_q, legal2_q, legal3_q;
   always_comb begin
@@ -68,7 +68,7 @@ module fl_carrier_f
     first    <= 1'b0;
     rst_q    <= rst_i;
     comm_q   <= comm_valid_i;
-    csc_q    <= pattern_q == CommCsc;
+    csc_q    <= alignment_q == CommCsc;
     near_q   <= dut.near_q;
     near_age_q <= near_age;
     shortest_q <= shortest;
@@ -81,7 +81,7 @@ module fl_carrier_f
     if (update_i) begin
       cfg_period_q <= cfg_period_i;
       cfg_min_q    <= cfg_min_pulse_i;
-      pattern_q    <= cfg_commutation_i;
+      alignment_q  <= cfg_commutation_i;
       updated_q    <= 1'b1;
     end
     owed_q   <= owed;
@@ -89,7 +89,7 @@ module fl_carrier_f
       period_q     <= 17'h10000;
       cfg_period_q <= '1;
       cfg_min_q    <= '0;
-      pattern_q    <= CommCsc;
+      alignment_q  <= CommCsc;
       updated_q    <= 1'b0;
       legal1_q     <= 17'hFFFF;
       legal2_q     <= 17'h10000;
@@ -103,8 +103,8 @@ module fl_carrier_f
         assume (shortest == shortest_q);
         if (near_q && !comm_q && !rst_q) assume (dut.near_q);
         assume (14'(near_age) <= 14'({1'b0, shortest, 1'b0}) + 14'(shortest));
-        if (dut.near_q) assume (pattern_q != CommRsc);
-        assume (pattern_q == CommCsc || pattern_q == CommNsc || pattern_q == CommRsc);
+        if (dut.near_q) assume (alignment_q != CommRsc);
+        assume (alignment_q == CommCsc || alignment_q == CommNsc || alignment_q == CommRsc);
 
         // Verifies: PWM-12
         a_counts : assert (rst_q || (carrier_start_o ? count_o == '0 : count_o == count_q + 16'd1));
@@ -115,7 +115,7 @@ module fl_carrier_f
         if (!rst_q && pulse_o != pulse_q && !comm_q) a_shortest : assert (owed_q == '0);
 
         // Invariants.
-        assert (dut.period_a_q == cfg_period_q && dut.min_q == cfg_min_q && dut.commutation_q == pattern_q);
+        assert (dut.period_a_q == cfg_period_q && dut.min_q == cfg_min_q && dut.commutation_q == alignment_q);
         assert (17'(dut.period_b_q) == legal1_q);
         assert (17'(dut.last_c_q) + 17'd1 == legal2_q);
         assert (17'(dut.last_q) + 17'd1 == period && dut.end_q == period);

@@ -53,7 +53,7 @@ module fl_pwm_chain
       .rst_i,
       .now_i            (now),
       .update_i,
-      .cfg_commutation_i(comm_pattern_e'(cfg_commutation_i)),
+      .cfg_commutation_i(comm_alignment_e'(cfg_commutation_i)),
       .cfg_period_i,
       .cfg_duty_q8_i,
       .cfg_min_pulse_i,

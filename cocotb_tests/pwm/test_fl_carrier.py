@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Carrier: widths, carry, shadowing, commutation patterns and the minimum-pulse rule.
+"""Carrier: widths, carry, shadowing, commutation alignments and the minimum-pulse rule.
 
 The oracle counts clocks of the recorded pulse; a carrier of n clocks owes min(duty, n).
 No internal state is read.
@@ -33,7 +33,7 @@ from fluxlock.cosim.block import run_block_test
 
 PERIOD = 100
 UPDATE_TO_CARRIER = 4  # least clocks from an update to the first carrier that has its period and duty
-PATTERNS = (RSC, NSC, CSC)
+ALIGNMENTS = (RSC, NSC, CSC)
 
 
 @cocotb.test()
@@ -250,11 +250,11 @@ async def changes_are_counted_beyond_16_bits(dut: Dut) -> None:
 
 
 @cocotb.test()
-@cocotb.parametrize((("pattern", "duty"), [(NSC, 80), (RSC, 40)]))
-async def reset_clears_everything(dut: Dut, pattern: int, duty: int) -> None:
+@cocotb.parametrize((("alignment", "duty"), [(NSC, 80), (RSC, 40)]))
+async def reset_clears_everything(dut: Dut, alignment: int, duty: int) -> None:
     """One clock of reset: no pulse, count from 0, nothing counted or owed, then period 65535 until an update."""
     tb = Chain(dut)
-    await tb.start(period=PERIOD, commutation=pattern, min_pulse=12, duty_q8=duty << 8)
+    await tb.start(period=PERIOD, commutation=alignment, min_pulse=12, duty_q8=duty << 8)
     await tb.align(PERIOD)
     drive: Drive = {}
     # NSC: the pulse goes on for a commutation that is overdue, and much is owed. RSC: a commutation waits.

@@ -37,7 +37,7 @@ from cocotb_tests.pwm.chain import (
 from fluxlock.cosim.block import run_block_test
 
 PERIOD = 100
-PATTERNS = (RSC, NSC, CSC)
+ALIGNMENTS = (RSC, NSC, CSC)
 
 
 @cocotb.test()
@@ -88,15 +88,15 @@ async def any_minimum_before_a_commutation(dut: Dut) -> None:
 
 
 @cocotb.test()
-@cocotb.parametrize(pattern=[RSC, NSC, CSC])
-async def commutation_instant(dut: Dut, pattern: int) -> None:
+@cocotb.parametrize(alignment=[RSC, NSC, CSC])
+async def commutation_instant(dut: Dut, alignment: int) -> None:
     """Unannounced commutations at every phase of the carrier."""
     tb = Chain(dut)
-    await tb.start(period=PERIOD, duty_q8=40 * 256, commutation=pattern, min_pulse=8)
+    await tb.start(period=PERIOD, duty_q8=40 * 256, commutation=alignment, min_pulse=8)
     cycle, comms = 50, []
     drive: Drive = {}
     for phase in range(PERIOD + 1):
-        cycle += 3 * PERIOD + (phase if pattern == CSC else 1)
+        cycle += 3 * PERIOD + (phase if alignment == CSC else 1)
         comms.append(cycle)
     pulse(drive, comms, "comm_valid_i")
     trace = await tb.run(cycle + 3 * PERIOD, drive)
@@ -106,7 +106,7 @@ async def commutation_instant(dut: Dut, pattern: int) -> None:
     assert np.count_nonzero(np.diff(trace.sector)) == len(comms)
     phases = {int(trace.count[c]) for c in comms}
     assert phases == set(range(PERIOD)), "the stimulus does not cover every phase"
-    if pattern == RSC:
+    if alignment == RSC:
         for c, a in zip(comms, applied, strict=True):
             assert a == starts[starts > c][0], f"commutation at {c} applied at {a}, not at the next carrier start"
     else:
@@ -117,7 +117,7 @@ async def commutation_instant(dut: Dut, pattern: int) -> None:
             assert trace.gate[c + COMM_TO_GATE - 1] != trace.gate[c + COMM_TO_GATE], f"no gate change for {c}"
             assert trace.state_sector[c + COMM_TO_GATE] == trace.sector[c + 1] != trace.state_sector[c + 1]
             assert trace.comm_age[c + COMM_TO_GATE] == 0
-    if pattern == CSC:
+    if alignment == CSC:
         assert np.all(trace.count[applied] == 0) and np.all(trace.start[applied] == 1)
         assert np.all(trace.pulse[applied] == 1), "no new pulse at a commutation"
     else:
@@ -125,14 +125,14 @@ async def commutation_instant(dut: Dut, pattern: int) -> None:
 
 
 @cocotb.test()
-@cocotb.parametrize(pattern=[RSC, NSC, CSC], chop=[ON_PWM, H_PWM_L_ON, PWM_ON, H_ON_L_PWM])
-async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
+@cocotb.parametrize(alignment=[RSC, NSC, CSC], chop=[ON_PWM, H_PWM_L_ON, PWM_ON, H_ON_L_PWM])
+async def look_ahead(dut: Dut, alignment: int, chop: int) -> None:
     """Random scheduled commutations: no short pulse or gap, none is delayed, volt-seconds return."""
-    rng = random.Random(1000 * pattern + chop)
+    rng = random.Random(1000 * alignment + chop)
     tb = Chain(dut)
     minimum = 12
-    await tb.start(period=PERIOD, commutation=pattern, pattern=chop, min_pulse=minimum)
-    shortest = PERIOD + minimum if pattern == RSC else 4 * minimum
+    await tb.start(period=PERIOD, commutation=alignment, pattern=chop, min_pulse=minimum)
+    shortest = PERIOD + minimum if alignment == RSC else 4 * minimum
     cut_too_short = 0
     for reverse in (0, 1):
         for _ in range(6):
@@ -152,7 +152,7 @@ async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
             trace = await tb.run(6000 + PERIOD, drive)
             applied = np.flatnonzero(trace.comm_applied)
             assert len(applied) == len(instants)
-            if pattern != RSC:
+            if alignment != RSC:
                 assert np.array_equal(applied, np.array(instants) - COMM_TO_GATE + 1), "a commutation was moved"
             where = f"duty {duty_q8 / 256}, reverse {reverse}"
             for x in range(3):
@@ -164,28 +164,28 @@ async def look_ahead(dut: Dut, pattern: int, chop: int) -> None:
             error = owed(trace, duty_q8 / 256)
             assert np.ptp(error) <= PERIOD + 1, f"{where}: volt-seconds wander by {np.ptp(error)} clocks"
             cut_too_short += sum(n < minimum + 1 for _, n, _ in carriers(trace))
-    if pattern == CSC:
+    if alignment == CSC:
         assert cut_too_short > 10, "the stimulus never came to the rule"
 
 
 @cocotb.test()
 @cocotb.parametrize(
-    pattern=[NSC, CSC], stamp=[0x5555_5555, 0xAAAA_AAAA, 0x8000_0000 - 3 * PERIOD, 0x1_0000_0000 - 3 * PERIOD]
+    alignment=[NSC, CSC], stamp=[0x5555_5555, 0xAAAA_AAAA, 0x8000_0000 - 3 * PERIOD, 0x1_0000_0000 - 3 * PERIOD]
 )
-async def held_back_pulse_returns(dut: Dut, pattern: int, stamp: int) -> None:
+async def held_back_pulse_returns(dut: Dut, alignment: int, stamp: int) -> None:
     """A commutation shortly after every carrier start: nothing short is started, and the mean is exact.
 
     stamp: time at the beginning, so that time stamps have all their bits and pass their largest value.
     """
     tb = Chain(dut)
     minimum, duty = 12, 30
-    await tb.start(period=PERIOD, commutation=pattern, min_pulse=minimum, duty_q8=duty * 256)
+    await tb.start(period=PERIOD, commutation=alignment, min_pulse=minimum, duty_q8=duty * 256)
     dut.now.value = tb.now = stamp
     trace = await tb.run(PERIOD, {})
     first = int(np.flatnonzero(trace.start)[0]) + 0  # the next carriers start at first + k * PERIOD
     drive: Drive = {}
     instants = []
-    if pattern == NSC:
+    if alignment == NSC:
         instants = [first + k * PERIOD + 5 + COMM_TO_GATE for k in range(2, 40, 3)]
     else:
         t = first + 2 * PERIOD

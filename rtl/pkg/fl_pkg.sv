@@ -36,7 +36,7 @@ package fl_pkg;
     CommRsc = 2'd0,  // wait for the next carrier start
     CommNsc = 2'd1,  // at once, carrier runs on
     CommCsc = 2'd2   // at once, carrier restarts
-  } comm_pattern_e;
+  } comm_alignment_e;
 
   typedef enum logic [1:0] {
     ChopOnPwm   = 2'd0,

@@ -1,60 +1,64 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
-// PWM carrier: edge-aligned, the pulse at its start, with the commutation patterns RSC, NSC and CSC, the minimum-pulse
-// rule and exact volt-seconds.
+// PWM carrier: edge-aligned, with the pulse at its start. It applies a commutation by one of the commutation alignments
+// RSC, NSC and CSC, keeps the minimum pulse and gives exact volt-seconds.
 //
-// Formats: period in clocks, duty unsigned Q16.8 clocks, carry signed Q16.8 clocks.
+// Formats: period in clocks, 16 bits. Duty in clocks, unsigned Q16.8. Carry in clocks, signed Q16.8.
 //
-// Volt-seconds. A carrier of n clocks owes the load min(duty, n). Every clock the carry gains 1 while
-// count < duty (the fraction once the carrier reaches it) and loses 1 while the pulse is on, so it always holds exactly
-// what is owed; the next pulse is floor(duty + carry) long, carry as it was 3 clocks before the pulse (later changes go
-// into the pulse after it). Fractions, pulses held back and pulses stretched all return through it. |carry| <= one
-// period; what exceeds that is lost. A duty of 0 or of a period and more needs no edge at all: the carry is cleared.
+// Volt-seconds. A carrier of n clocks owes the load min(duty, n). The carry holds what is owed:
+//   - it gains 1 in every clock with count < duty, and the fraction once the carrier reaches it,
+//   - it loses 1 in every clock in which the pulse is on.
+// The next pulse is floor(duty + carry) clocks long, with the carry of 3 clocks before the pulse. Later changes go into
+// the pulse after it. So fractions, held-back pulses and stretched pulses all return. |carry| <= one period: the block
+// drops what exceeds that. A duty of 0, or of a period or more, needs no edge: the block then clears the carry.
 //
-// Minimum pulse. A pulse shorter than min_pulse is not started and a gap shorter than min_pulse is not opened; the same
-// holds where a commutation ends them, as far as sched_valid_i shows it min_pulse + 2 clocks or more before
-// comm_sched_i:
-//  - a pulse that the commutation would cut below min_pulse is not started (NSC: it starts with the commutation);
-//  - a gap that the commutation would end before min_pulse is not opened;
-//  - NSC: a rest of the pulse shorter than min_pulse ends with the commutation; a rest of the carrier shorter than
-//    min_pulse is filled, the next pulse starts with the commutation.
-// A commutation is never delayed by the rule, whatever pulse it cuts. dropped_o counts every carrier whose pulse or gap
-// the rule changes once, however often it does, two clocks after the first change.
+// Minimum pulse. The carrier starts no pulse and opens no gap shorter than min_pulse. The rule also covers a commutation
+// that would end them, if sched_valid_i announces it min_pulse + 2 or more clocks before comm_sched_i:
+//   - the carrier does not start a pulse that the commutation would cut below min_pulse (NSC: it starts with the
+//     commutation),
+//   - the carrier does not open a gap that the commutation would end before min_pulse,
+//   - NSC: a rest of the pulse shorter than min_pulse ends with the commutation,
+//   - NSC: a rest of the carrier shorter than min_pulse is filled, and the next pulse starts with the commutation.
+// The rule never delays a commutation, whatever pulse the commutation cuts. dropped_o counts each carrier whose pulse or
+// gap the rule changes, once per carrier, two clocks after the first change.
 //
-// Commutation. comm_valid_i at clock k: apply_o in the same clock (CSC, NSC), so that the sector register, count_o and
-// pulse_o change together at k + 1. RSC: apply_o one clock before the next carrier start; commutations that arrive
-// before that merge into one, so RSC needs a carrier a sector.
+// Commutation, with comm_valid_i in clock k:
+//   NSC  apply_o in clock k. Sector register, count_o and pulse_o change together in k + 1.
+//   CSC  as NSC, and the carrier restarts: count_o = 0 in k + 1.
+//   RSC  apply_o one clock before the next carrier start. Commutations that arrive before that merge into one, so RSC
+//        needs at least one carrier per sector.
 //
-// Settings are taken over at update_i; period and duty act from the first carrier whose first clock is 4 or more clocks
-// after update_i. Until the first update: period 65535, duty 0.
-// Asserted: count_o below the period.
+// Settings are copied at update_i. Period and duty act from the first carrier that starts 4 or more clocks after
+// update_i. Before the first update the period is 65535 and the duty 0.
+// Errors: none are reported. The block raises a period below 4 * min_pulse to that value.
+// Asserted: count_o stays below the period. Proved for all inputs: formal/fl_carrier.sby.
 `default_nettype none
 module fl_carrier
   import fl_pkg::*;
 (
-    input  logic                 clk_i,
-    input  logic                 rst_i,
-    input  stamp_t               now_i,
-    input  logic                 update_i,
-    input  comm_pattern_e        cfg_commutation_i,
-    input  logic          [15:0] cfg_period_i,       // clocks, raised to 4 * min_pulse
-    input  logic          [23:0] cfg_duty_q8_i,      // clocks, Q16.8
-    input  logic          [11:0] cfg_min_pulse_i,    // clocks
-    input  logic                 comm_valid_i,       // commutate now
-    input  logic                 sched_valid_i,      // a commutation is scheduled...
-    input  stamp_t               comm_sched_i,       // ...to change the gates at this instant
-    output logic                 apply_o,            // the sequencer steps at the end of this clock
-    output logic                 pulse_o,
-    output logic                 carrier_start_o,    // first clock of a carrier
-    output logic          [15:0] count_o,            // clocks since the carrier start
-    output logic          [15:0] dropped_o           // carriers changed by the rule, wraps
+    input  logic                   clk_i,
+    input  logic                   rst_i,
+    input  stamp_t                 now_i,
+    input  logic                   update_i,
+    input  comm_alignment_e        cfg_commutation_i,
+    input  logic            [15:0] cfg_period_i,       // clocks, raised to 4 * min_pulse
+    input  logic            [23:0] cfg_duty_q8_i,      // clocks, Q16.8
+    input  logic            [11:0] cfg_min_pulse_i,    // clocks
+    input  logic                   comm_valid_i,       // commutate now
+    input  logic                   sched_valid_i,      // a commutation is scheduled...
+    input  stamp_t                 comm_sched_i,       // ...to change the gates at this instant
+    output logic                   apply_o,            // the sequencer steps at the end of this clock
+    output logic                   pulse_o,
+    output logic                   carrier_start_o,    // first clock of a carrier
+    output logic            [15:0] count_o,            // clocks since the carrier start
+    output logic            [15:0] dropped_o           // carriers changed by the rule, wraps
 );
 
   typedef logic signed [25:0] volt_seconds_t;  // clocks, signed Q17.8
 
   // Stage A: the settings of the last update.
-  comm_pattern_e commutation_q;
+  comm_alignment_e commutation_q;
   logic [11:0] min_q;
   logic [15:0] period_a_q;
   logic [23:0] duty_a_q;

@@ -62,7 +62,7 @@ module fl_pwm_wb
       .rst_i,
       .now_i,
       .update_i,
-      .cfg_commutation_i(comm_pattern_e'(hwif_out.control.commutation.value)),
+      .cfg_commutation_i(comm_alignment_e'(hwif_out.control.commutation.value)),
       .cfg_period_i     (hwif_out.period.cycles.value),
       .cfg_duty_q8_i    (hwif_out.duty.cycles_q8.value),
       .cfg_min_pulse_i  (hwif_out.min_pulse.cycles.value),

@@ -20,7 +20,7 @@ typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
 typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2, COMMUTATION_HALL = 3 } commutation_mode_t;
 
-// Commutation patterns: when a commutation reaches the gates.
+// Commutation alignments: when a commutation reaches the gates.
 enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
 
 // How the time of a crossing is found.

@@ -19,7 +19,7 @@ from fluxlock.analysis.six_step.override import SampleTiming
 from fluxlock.analysis.six_step.plots import soa_figure, spectrum_figure
 from fluxlock.analysis.six_step.soa import SafeMap, TorqueLimits
 from fluxlock.analysis.six_step.soa_study import Settings, Study
-from fluxlock.analysis.six_step.spectrum_study import pattern_spectrum
+from fluxlock.analysis.six_step.spectrum_study import alignment_spectrum
 from fluxlock.config import Scenario, load_motor, load_scenario
 from fluxlock.paths import ROOT
 from tests.analysis.synthetic import Drive, make_run, make_vector_run
@@ -169,7 +169,7 @@ def test_lines_stand_clear_of_the_frame() -> None:
 
     Verifies: THEORY-11
     """
-    spectrum = pattern_spectrum("CSC", Fraction(25, 8), 0.5, 0.0, 19.0)
+    spectrum = alignment_spectrum("CSC", Fraction(25, 8), 0.5, 0.0, 19.0)
     axes = spectrum_figure("", [spectrum], 19.0, 0.0).axes[0]
     low, high = axes.get_xlim()
     assert low < -19.3 and high > 19.3

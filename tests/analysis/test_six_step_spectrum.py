@@ -201,7 +201,7 @@ def test_weighted_distortion_is_that_of_the_flux(commutation: Commutation) -> No
 
 
 def test_energy() -> None:
-    """All lines together hold the mean square of the excitation, its mean duty, for all three patterns.
+    """All lines together hold the mean square of the excitation, its mean duty, for all three alignments.
 
     Verifies: THEORY-09
     """

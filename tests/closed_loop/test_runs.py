@@ -74,18 +74,18 @@ def test_slow_down() -> None:
     assert slow["min"] >= 19_600 and slow["max"] <= 20_400
 
 
-@pytest.mark.parametrize("pattern", ["RSC", "NSC", "CSC"])
-def test_commutation_patterns(pattern: str) -> None:
+@pytest.mark.parametrize("alignment", ["RSC", "NSC", "CSC"])
+def test_commutation_alignments(alignment: str) -> None:
     """RSC: uniform over a carrier (8.85 deg mean, 5.1 deg std at N = 3.39); NSC and CSC: no delay.
 
     Verifies: SYS-03
     """
     # 0.125 s after the catch are 730 commutations: the mean of an even spread of 17.7 degrees is known to 0.2.
     short = ("duration_s=0.2", "window.steady.from_s=0.07", "window.steady.to_s=0.195")
-    run = drive("patterns.toml", f"patterns-{pattern}", f"drive.commutation={pattern}", *short)
+    run = drive("patterns.toml", f"alignments-{alignment}", f"drive.commutation={alignment}", *short)
     assert not run.result["trips"]
     error = run.metrics["steady"]["commutation_error_deg"]
-    if pattern == "RSC":
+    if alignment == "RSC":
         carrier_deg = 360.0 * 59_000 / 60 / 20_000
         assert error["mean"] == pytest.approx(carrier_deg / 2, abs=0.5)
         assert error["std"] == pytest.approx(carrier_deg / 12**0.5, abs=0.4)

@@ -249,12 +249,12 @@ def spectrum(
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step.linearity import compensated_duty
     from fluxlock.analysis.six_step.patterns import COMMUTATIONS
-    from fluxlock.analysis.six_step.spectrum_study import pattern_spectrum
+    from fluxlock.analysis.six_step.spectrum_study import alignment_spectrum
 
     csc_duty = float(compensated_duty(mean, float(ratio))) if compensate else mean
     spectra = [
-        pattern_spectrum(pattern, ratio, csc_duty if pattern == "CSC" else mean, start, max_order)
-        for pattern in COMMUTATIONS
+        alignment_spectrum(alignment, ratio, csc_duty if alignment == "CSC" else mean, start, max_order)
+        for alignment in COMMUTATIONS
     ]
     rows = [
         [
@@ -267,7 +267,7 @@ def spectrum(
         ]
         for s in spectra
     ]
-    headers = ("pattern", "duty", "fundamental", "others rms", "weighted distortion", "series - gates")
+    headers = ("alignment", "duty", "fundamental", "others rms", "weighted distortion", "series - gates")
     spacing = f"lines every {float(Fraction(6, ratio.denominator)):g} f_e; others: not 1 + 6 k, to order {max_order:g}"
     print_table(f"Space vector, unit Vdc, {n_text}, {spacing}", headers, rows)
     title = f"{speed:.0f} r/min, {carrier / 1e3:g} kHz: {n_text}; mean {mean:g}, initial phase {start:g}°"
@@ -312,7 +312,8 @@ def recorded(
     to_s: Annotated[float, typer.Option("--to", min=0.0, max=1e4, help="End of the window, s.")],
     out: OutOption = Path("build/six-step"),
     commutation: Annotated[
-        CommutationChoice | None, typer.Option(help="Pattern of the run: shows the series of chapter 6 beside.")
+        CommutationChoice | None,
+        typer.Option(help="Commutation alignment of the run: shows the series of chapter 6 beside."),
     ] = None,
     carrier: CarrierOption = 20e3,
     max_order: OrderOption = 17.0,

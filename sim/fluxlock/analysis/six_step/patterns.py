@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ideal gate sequences of six-step operation, from the definitions of the patterns in the time domain.
+"""Ideal gate sequences of six-step operation, from the definitions of alignments and chopping patterns in time.
 
 Sectors are indexed 0..5 = I..VI; chapter 6 counts its fundamental phase y from the entry into sector II (A+C-), where
 the space vector stands at 30 degrees, (6.1). Gates: bit 2X = upper, bit 2X + 1 = lower switch of leg X.

@@ -20,7 +20,7 @@ from fluxlock.analysis.six_step.patterns import SECTORS, Chopping, GateSequence
 from fluxlock.analysis.six_step.soa import SAMPLED_DEG, VISIBLE_DEG, SafeMap
 from fluxlock.analysis.six_step.soa_study import Study
 from fluxlock.analysis.six_step.spectrum import Lines
-from fluxlock.analysis.six_step.spectrum_study import PatternSpectrum
+from fluxlock.analysis.six_step.spectrum_study import AlignmentSpectrum
 
 BLUE, ORANGE, GREEN = PHASE_COLOURS
 GREY = "#888888"
@@ -186,8 +186,8 @@ def stems(axes: Axes, lines: Lines, max_order: float) -> None:
     axes.legend(loc="upper right", fontsize=SMALL)
 
 
-def spectrum_figure(title: str, spectra: Sequence[PatternSpectrum], max_order: float, start_deg: float) -> Figure:
-    """A row a pattern: lines (bars: series, crosses: gates) and gates."""
+def spectrum_figure(title: str, spectra: Sequence[AlignmentSpectrum], max_order: float, start_deg: float) -> Figure:
+    """One row per commutation alignment: lines (bars: series, crosses: gates) and gates."""
     figure = Figure(figsize=(13, 3.6 * len(spectra)), layout="constrained")
     figure.suptitle(title)
     grid = figure.subplots(len(spectra), 2, squeeze=False, width_ratios=(1.7, 1.0))

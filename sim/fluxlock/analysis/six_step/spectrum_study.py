@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything the command `spectrum` shows of one pattern."""
+"""Everything the command `spectrum` shows of one commutation alignment."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ DISTORTION_ORDER = 300.0
 
 
 @dataclass(frozen=True)
-class PatternSpectrum:
-    """One pattern at one operating point.
+class AlignmentSpectrum:
+    """One commutation alignment at one operating point.
 
     lines: of the series; gates: of the generated gates, at the same orders; sequence: those gates; distortion:
     weighted; others_rms: lines other than 1 + 6 k, unit Vdc.
@@ -41,14 +41,14 @@ class PatternSpectrum:
         return float(np.abs(self.lines.amplitude - self.gates.amplitude).max())
 
 
-def pattern_spectrum(
+def alignment_spectrum(
     commutation: Commutation, ratio: Fraction, duty: float, start_deg: float, max_order: float
-) -> PatternSpectrum:
-    """Series and gates of a pattern up to max_order; arguments as of `analytic_lines`."""
+) -> AlignmentSpectrum:
+    """Series and gates of an alignment up to max_order; arguments as of `analytic_lines`."""
     lines = analytic_lines(commutation, ratio, duty, line_numbers(ratio, max_order), start_deg)
     sequence = gate_sequence(commutation, float(ratio), duty, turns=ratio.denominator, start_deg=start_deg)
     wide = analytic_lines(commutation, ratio, duty, line_numbers(ratio, DISTORTION_ORDER), start_deg)
-    return PatternSpectrum(
+    return AlignmentSpectrum(
         commutation=commutation,
         duty=duty,
         lines=lines,

@@ -371,7 +371,7 @@ def currents_1_khz(runner: Runner) -> Drawing:
                 f"{ripple['RSC']:.1f}, {ripple['CSC']:.1f}",
                 "drive",
                 ripple["CSC"] < MUCH_SMALLER * ripple["RSC"],
-                "At N = 10/3 the pattern of RSC repeats every half turn; a speed beside it beats slowly, as printed",
+                "At N = 10/3 the delays of RSC repeat every half turn; a speed beside it beats slowly, as printed",
             ),
             Entry(
                 "spread of the positive peak from turn to turn: RSC, CSC (A)",
