@@ -320,4 +320,11 @@ async def no_wave_out_of_range(dut: Any, wrong: tuple[int, int, int]) -> None:
 @pytest.mark.parametrize("phases", [3, 5])
 def test_fl_injection_wb(phases: int) -> None:
     """Vector path with injection from codes to requests."""
-    run_block_test("fl_foc_chain", SOURCES, __name__, parameters={"Phases": phases}, registers=CHAIN_REGISTERS)
+    run_block_test(
+        "fl_foc_chain",
+        SOURCES,
+        __name__,
+        parameters={"Phases": phases},
+        registers=CHAIN_REGISTERS,
+        seen=["fl_injection_wb"],
+    )

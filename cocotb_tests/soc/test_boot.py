@@ -186,4 +186,5 @@ def test_boot() -> None:
         __name__,
         parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"'},
         registers=REGISTER_BLOCKS,
+        seen=["fl_spi_flash_model"],
     )

@@ -257,4 +257,5 @@ def test_boot_can() -> None:
         __name__,
         parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"', "Can": 1},
         registers=REGISTER_BLOCKS,
+        seen=["fl_spi_flash_model", "fl_can"],
     )

@@ -69,4 +69,5 @@ def test_boot_firmware(vector: int, ram_words: int) -> None:
         __name__,
         parameters={"BootInit": f'"{build_loader(LISTEN_MS)}"', "Vector": vector, "RamWords": ram_words},
         registers=REGISTER_BLOCKS,
+        seen=["fl_spi_flash_model"],
     )

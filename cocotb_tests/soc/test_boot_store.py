@@ -132,4 +132,5 @@ def test_boot_store() -> None:
         __name__,
         parameters={"Init": f'"{image}"', "BootInit": f'"{jump}"', "Can": 1},
         registers=REGISTER_BLOCKS,
+        seen=["fl_spi_flash_model"],
     )

@@ -404,7 +404,8 @@ def build_arguments(polarity: int) -> dict[str, Any]:
     names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")
     sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
     parameters = {"HighActiveLow": polarity & 1, "LowActiveLow": polarity >> 1}
-    return {"sources": sources, "registers": ["safety"], "parameters": parameters}
+    seen = ["fl_settings_lock", "fl_safety_regs", "fl_gate_guard"]
+    return {"sources": sources, "registers": ["safety"], "parameters": parameters, "seen": seen}
 
 
 @pytest.mark.parametrize("polarity", [0, 3])

@@ -68,4 +68,6 @@ def test_guard_upsets(polarity: int) -> None:
 
     Verifies: SAFE-22
     """
-    run_block_test("fl_safety_wb", test_module=__name__, assertions=False, **build_arguments(polarity))
+    # g_guard[n] has an index only where every signal is kept.
+    arguments = {**build_arguments(polarity), "seen": ["*"]}
+    run_block_test("fl_safety_wb", test_module=__name__, assertions=False, **arguments)

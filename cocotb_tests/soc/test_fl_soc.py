@@ -351,6 +351,7 @@ def run(
         },
         registers=REGISTER_BLOCKS,
         testcase=testcase,
+        seen=["fl_ram", "fl_carrier"],
     )
 
 

@@ -80,8 +80,9 @@ def test_commutation_alignments(alignment: str) -> None:
 
     Verifies: SYS-03
     """
-    # 0.125 s after the catch are 730 commutations: the mean of an even spread of 17.7 degrees is known to 0.2.
-    short = ("duration_s=0.2", "window.steady.from_s=0.07", "window.steady.to_s=0.195")
+    # RSC: 0.125 s after the catch are 730 commutations: the mean of an even spread of 17.7 degrees is known to 0.2.
+    end_s = 0.2 if alignment == "RSC" else 0.12
+    short = (f"duration_s={end_s}", "window.steady.from_s=0.07", f"window.steady.to_s={end_s - 0.005}")
     run = drive("patterns.toml", f"alignments-{alignment}", f"drive.commutation={alignment}", *short)
     assert not run.result["trips"]
     error = run.metrics["steady"]["commutation_error_deg"]

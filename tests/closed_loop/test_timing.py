@@ -62,7 +62,7 @@ def test_same_seed_same_trace() -> None:
 
     Verifies: SYS-07
     """
-    runs = [drive(SCENARIOS / "spin.toml", f"seed-{name}", "duration_s=0.08", "window=[]", seed=seed)
+    runs = [drive(SCENARIOS / "spin.toml", f"seed-{name}", "duration_s=0.03", "window=[]", seed=seed)
             for name, seed in (("1", 1), ("1-again", 1), ("2", 2))]  # fmt: skip
     traces = [(run.folder / "trace.npz").read_bytes() for run in runs]
     assert traces[0] == traces[1]

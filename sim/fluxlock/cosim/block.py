@@ -33,6 +33,9 @@ BUILD_ARGUMENTS = (
     *("-Wall", "-Wno-fatal"),
     *("--output-split", "0", "-CFLAGS", "-O1"),
 )
+# Against --public-flat-rw, which cocotb asks for and which keeps every signal. A row of instances has no index without.
+NOT_ALL_SEEN = "--no-public-flat-rw"
+SEEN = 'public_flat_rw -module "{}" -var "*"\n'
 OBJECT_CACHE = ROOT / "tools" / "object_cache.sh"
 
 
@@ -59,6 +62,7 @@ def run_block_test(
     waves: bool = False,
     log: Path | None = None,
     assertions: bool = True,
+    seen: Sequence[str] = (),
 ) -> None:
     """Build `toplevel` and run the cocotb tests of `test_module`; raise AssertionError when one fails or the RTL stops.
 
@@ -68,14 +72,17 @@ def run_block_test(
     registers: register blocks (`"zcd"`, ...) whose generated sources are compiled too.
     testcase: cocotb test name(s), default all. extra_env: passed to the simulation. seed: cocotb's random seed.
     log: file for what the simulation prints, default the terminal. assertions: those of the RTL end the simulation.
+    seen: modules whose signals the tests use beside those of `toplevel` ("*": all). What is seen is not optimized.
     """
     if registers:
         generate_registers()
     files = [*PACKAGES, *register_sources(*registers), *(RTL / s for s in sources)]
     values = dict(parameters or {})
     counts = os.environ.get(COVERAGE_VARIABLE)
-    arguments = [*BUILD_ARGUMENTS, *(COVERAGE_ARGUMENTS if counts else ())]
-    key = content_hash(files, toplevel, sorted(values.items()), waves, ROOT, *([COVERAGE_ARGUMENTS] if counts else []))
+    modules = () if "*" in seen else (toplevel, *seen)
+    arguments = [*BUILD_ARGUMENTS, *([NOT_ALL_SEEN] if modules else []), *(COVERAGE_ARGUMENTS if counts else ())]
+    access = f"`verilator_config\n{''.join(map(SEEN.format, modules))}"
+    key = content_hash(files, toplevel, sorted(values.items()), waves, ROOT, arguments, access)
     build_dir = BUILD / "block" / f"{toplevel}-{key}"
     name = "-".join(str(v) for v in [test_module.split(".")[-1], *([testcase] if isinstance(testcase, str) else [])])
     run_dir = build_dir / f"run-{name}-{os.getpid()}"
@@ -86,8 +93,9 @@ def run_block_test(
     try:
         with file_lock(BUILD / "block" / f"{toplevel}-{key}.lock"):
             if not (build_dir / ".done").exists():
+                (build_dir / "seen.vlt").write_text(access)
                 runner.build(
-                    sources=[WAIVERS, *files],
+                    sources=[WAIVERS, build_dir / "seen.vlt", *files],
                     hdl_toplevel=toplevel,
                     parameters=values,
                     build_dir=build_dir,

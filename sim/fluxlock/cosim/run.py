@@ -98,10 +98,10 @@ def prepare(
 def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
-    It has the path of its method alone; with CAN, and where waveforms show them, both. native: without its core.
-    can: with the CAN controller even so.
+    It has the path of its method alone; with CAN, and where waveforms show them, both. can: with the CAN controller
+    even so. native: without its core, and one for all methods, with or without CAN.
     """
-    has_can = can or scenario.can is not None
+    has_can = can or native or scenario.can is not None
     return build_chip(
         waves,
         phases=scenario.motor.phases,

@@ -72,6 +72,7 @@ def run_mutants(
             },
             seed=seed,
             log=work / "simulation.log",
+            seen=["*"],
         )
     finally:
         done.set()
