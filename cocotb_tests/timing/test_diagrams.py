@@ -1,114 +1,134 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Timing contracts of `docs/architecture.md` as diagrams: dead time, trip, update event."""
+"""Timing contracts of `docs/architecture.md` as diagrams, each from the trace of a block bench."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-import cocotb
 import pytest
 
-from cocotb_tests.safety.test_fl_gate_guard import RESET_WAIT, GuardTb
-from cocotb_tests.safety.test_fl_trip import CODE_TO_OFF, MIDDLE, TripTb
-from cocotb_tests.soc.bench import Bench
-from cocotb_tests.soc.test_fl_timer import TICK_PERIOD, TICK_TO_UPDATE, UPDATE
-from cocotb_tests.timing.recorder import Recorder, compare
+from cocotb_tests.foc.test_fl_foc_wb import CHAIN_REGISTERS
+from cocotb_tests.foc.test_fl_foc_wb import SOURCES as VECTOR_SOURCES
+from cocotb_tests.pwm.chain import SOURCES as PWM_SOURCES
+from cocotb_tests.soc.test_fl_safety_wb import build_arguments
+from cocotb_tests.timing.recorder import FOLDER, shown
+from cocotb_tests.zcd.timer_bench import TIMER_SOURCES
+from cocotb_tests.zcd.zcd_bench import ZCD_SOURCES
 from fluxlock.cosim.block import run_block_test
 from fluxlock.paths import ROOT
 
-DEAD_TIME = 4
-TICK = 12
+PAGE = ROOT / "docs" / "architecture.md"
+SAFETY, SIX_STEP, VECTOR = (f"cocotb_tests.timing.{name}_traces" for name in ("safety", "six_step", "vector"))
 
 
-def reader(handle: Any, mask: int = -1) -> Callable[[], int]:
-    """What reads some bits of a signal."""
-    return lambda: int(handle.value) & mask
+@dataclass(frozen=True)
+class Bench:
+    """A build and the traces that are recorded on it; more: further arguments of `run_block_test`."""
+
+    top: str
+    module: str
+    traces: tuple[str, ...]
+    more: dict[str, Any]
+
+    @property
+    def files(self) -> list[str]:
+        """Names of the diagrams."""
+        return [trace.replace("_", "-") for trace in self.traces]
 
 
-@cocotb.test
-async def dead_time(dut: Any) -> None:
-    tb = GuardTb(dut)
-    await tb.start()
-    for _ in range(RESET_WAIT + 4):
-        await tb.step(enable_i=1, req_h_i=1, dead_time_i=DEAD_TIME)
-    lines = {name: reader(getattr(dut, name), 1) for name in ("req_h_i", "req_l_i", "gate_h_o", "gate_l_o")}
-    recorder = Recorder(dut.clk_i, lines)
-    for _ in range(2):
-        await tb.step()
-    for _ in range(DEAD_TIME + 4):
-        await tb.step(req_h_i=0, req_l_i=1)
-    for _ in range(DEAD_TIME + 4):
-        await tb.step(req_h_i=1, req_l_i=0)
-    low, high = recorder.values["gate_l_o"], recorder.values["gate_h_o"]
-    assert low.index(1) - high.index(0) == DEAD_TIME
-    compare("dead-time", recorder.diagram(f"One leg, dead time {DEAD_TIME} clocks"))
+def sources(*names: Any) -> dict[str, Sequence[str | Path]]:
+    """The argument of that name."""
+    return {"sources": names}
 
 
-@cocotb.test
-async def over_current(dut: Any) -> None:
-    tb = TripTb(dut)
-    await tb.start()
-    lines = {name: reader(getattr(dut, name)) for name in ("adc_valid_i", "trip_o")}
-    lines["gates on"] = lambda: int(tb.gates()).bit_count()
-    recorder = Recorder(dut.clk_i, lines, numbers=("gates on",))
-    await tb.clocks(1)
-    await tb.sample()
-    await tb.clocks(3)
-    await tb.sample(c3=MIDDLE + 1001)
-    await tb.clocks(5)
-    valid, gates = recorder.values["adc_valid_i"], recorder.values["gates on"]
-    second = valid.index(1, valid.index(1) + 1)
-    assert gates.index(0) - second == CODE_TO_OFF
-    compare("over-current", recorder.diagram("Second sample set: phase current over its limit"))
-
-
-@cocotb.test
-async def update_event(dut: Any) -> None:
-    bench = Bench(dut)
-    await bench.start(sync_i=0)
-    await bench.write(TICK_PERIOD, TICK)
-    await bench.wait_high(dut.tick_o, 3 * TICK)
-    await bench.wait_high(dut.tick_o, 3 * TICK)
-    names = {"commit is written": dut.stb_i, "tick_o": dut.tick_o, "update_o": dut.update_o}
-    recorder = Recorder(dut.clk_i, {name: reader(handle) for name, handle in names.items()})
-    await bench.clocks(4)
-    await bench.write(UPDATE, 1)
-    await bench.clocks(TICK)
-    ticks = [k for k, high in enumerate(recorder.values["tick_o"]) if high]
-    assert recorder.values["update_o"].index(1) - ticks[1] == TICK_TO_UPDATE
-    compare("update-event", recorder.diagram(f"Control tick every {TICK} clocks, one commit"))
-
-
-BENCHES: dict[str, tuple[str, list[Any], dict[str, Any]]] = {
-    "dead_time": (
+BENCHES = (
+    Bench(
         "fl_gate_guard",
-        ["safety/fl_gate_guard.sv"],
-        {"parameters": {"Phases": 3, "HighActiveLow": 0, "LowActiveLow": 0}, "extra_env": {"GUARD_POLARITY": "0"}},
+        SAFETY,
+        ("dead_time",),
+        {
+            **sources("safety/fl_gate_guard.sv"),
+            "parameters": {"Phases": 3, "HighActiveLow": 0, "LowActiveLow": 0},
+            "extra_env": {"GUARD_POLARITY": "0"},
+        },
     ),
-    "over_current": (
+    Bench(
         "fl_safety_chain",
-        [
+        SAFETY,
+        ("over_current", "fault_pin", "software_trip"),
+        sources(
             *("safety/fl_sync.sv", "safety/fl_trip.sv", "safety/fl_gate_guard.sv"),
             ROOT / "cocotb_tests" / "safety" / "fl_safety_chain.sv",
-        ],
-        {},
+        ),
     ),
-    "update_event": (
+    Bench("fl_safety_wb", SAFETY, ("watchdog",), build_arguments(0)),
+    Bench("fl_brake", SAFETY, ("brake",), sources("safety/fl_brake.sv")),
+    Bench("fl_pwm_chain", SIX_STEP, ("scheduled_commutation", "carrier_settings"), sources(*PWM_SOURCES)),
+    Bench("fl_sample_scheduler", SIX_STEP, ("sample_strobe",), sources("sense/fl_sample_scheduler.sv")),
+    Bench("fl_sense", SIX_STEP, ("sample_set",), sources("sense/fl_auto_zero.sv", "sense/fl_sense.sv")),
+    Bench("fl_zcd", SIX_STEP, ("crossing_first", "crossing_interpolated"), sources(*ZCD_SOURCES)),
+    Bench("timer_bench", SIX_STEP, ("earliest_commutation",), sources(*TIMER_SOURCES)),
+    Bench("fl_leg_carrier", VECTOR, ("leg_compares",), sources("pwm/fl_leg_carrier.sv")),
+    Bench(
+        "fl_foc_chain",
+        VECTOR,
+        ("vector_step",),
+        {**sources(*VECTOR_SOURCES), "registers": CHAIN_REGISTERS, "parameters": {"Phases": 3}},
+    ),
+    Bench(
         "fl_timer_wb",
-        ["soc/fl_bus_pkg.sv", "soc/fl_interval.sv", "soc/fl_timer.sv", "soc/fl_timer_wb.sv"],
-        {"registers": ["timer"]},
+        VECTOR,
+        ("update_event", "tick_by_samples"),
+        {
+            **sources("soc/fl_bus_pkg.sv", "soc/fl_interval.sv", "soc/fl_timer.sv", "soc/fl_timer_wb.sv"),
+            "registers": ["timer"],
+        },
     ),
-}
+)
 
 
-@pytest.mark.parametrize("case", BENCHES)
-def test_diagrams(case: str) -> None:
+@pytest.mark.parametrize("bench", BENCHES, ids=lambda bench: bench.top)
+def test_diagrams(bench: Bench) -> None:
     """The timing diagrams of the pages are what the RTL does, and meet the contract that they illustrate.
 
     Verifies: DOC-14
     """
-    top, sources, more = BENCHES[case]
-    run_block_test(top, sources, __name__, testcase=case, **more)
+    run_block_test(bench.top, test_module=bench.module, testcase=list(bench.traces), **bench.more)
+
+
+def test_every_contract_has_its_diagram() -> None:
+    """Each row of the page's table names a trace, and each trace is of a bench and stands on a page.
+
+    Verifies: DOC-14
+    """
+    text = PAGE.read_text(encoding="utf-8")
+    table = text.split("## Timing contract")[1].split("\n\n")[2]
+    rows = [row for row in table.splitlines() if row.startswith("|")][2:]
+    named = [re.findall(r"\]\(images/timing/([\w-]+)\.svg\)", row) for row in rows]
+    assert rows and all(named), [row for row, names in zip(rows, named, strict=True) if not names]
+    known = {file for bench in BENCHES for file in bench.files}
+    assert {name for names in named for name in names} <= known
+    assert {path.stem for path in FOLDER.glob("*.json")} == known
+    pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
+    assert [name for name in known if not re.search(rf"!\[[^]]+\]\([./]*images/timing/{name}\.svg\)", pages)] == []
+
+
+def test_gaps() -> None:
+    """Only clocks in which nothing changes are left out; the rows of a committed diagram are of one length.
+
+    Verifies: DOC-14
+    """
+    assert shown([[0, 1, 1, 1, 1, 0]]) == [0, 1, 2, 3, 4, 5]
+    assert shown([[0, 1, 1, 1, 1, 1, 0]]) == [0, 1, None, 5, 6]
+    assert shown([[0] * 9 + [1] * 9]) == [8, 9, 10]
+    assert shown([[0] * 14, [0, 1] + [0] * 6 + [1] * 6]) == [0, 1, 2, None, 7, 8, 9]
+    for path in FOLDER.glob("*.json"):
+        rows = json.loads(path.read_text(encoding="utf-8"))["signal"]
+        assert len({len(row["wave"]) for row in rows}) == 1, path.name
