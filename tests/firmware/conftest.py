@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-import ctypes
-
 import pytest
 
-from fluxlock.firmware.control_library import control_library
+from fluxlock.firmware.binding import CData, open_library
 
 
 @pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The host library with the prototypes of the pure functions."""
-    return control_library()
+def lib() -> CData:
+    """The functions of the host library."""
+    return open_library()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from ctypes import byref
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,14 +18,14 @@ from fluxlock.analysis.injection_machine import TORQUE_AT
 from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
 from fluxlock.analysis.injection_theory import with_third_plane
 from fluxlock.analysis.rundata import FloatArray
-from fluxlock.firmware import injection_library as il
-from fluxlock.firmware.control_library import PiGains
+from fluxlock.firmware import injection_formats as formats
+from fluxlock.firmware.binding import CData, constant, new, open_library
+from fluxlock.firmware.block import gain
 from fluxlock.firmware.vector_compiler import PI_INTEGRAL
-from fluxlock.firmware.vector_library import Machine, Observer, from_complex, observer_gains, real_gain, vector_library
+from fluxlock.firmware.vector_formats import from_complex, observer_gains, vector_machine
 from fluxlock.regression.five_phase.injection_bench import (
     CLOCK_HZ,
     Q25,
-    Q30,
     Q32,
     Q36,
     TURN,
@@ -38,7 +37,6 @@ from tests.firmware.test_fw_rest_position import Setting
 
 SEED = 12
 Q16, Q21 = 2**16, 2**21
-PARK_EXACT = 1
 HERTZ = Q36 / CLOCK_HZ / TURN  # of rad/s, in 2^-36 turn a clock
 
 
@@ -57,8 +55,8 @@ def ipm_setting(dead_time_s: float) -> Setting:
     return Setting(ipm(IPM_BEST, dead_time_s), 10.0, 4000.0, 0.1, settle=6, frame_count=8, lock=20)
 
 
-def frame_settings(setting: Setting) -> il.FrameSettings:
-    """The firmware's settings from those of the float model."""
+def frame_settings(setting: Setting) -> CData:
+    """injection_frame_settings_t from the settings of the float model."""
     loop = setting.loop
     s, motor, full_scale_a = loop.settings, loop.motor, loop.inverter.current_full_scale_a
     bench = InjectionBench(loop)
@@ -77,31 +75,39 @@ def frame_settings(setting: Setting) -> il.FrameSettings:
     if saturation is not None:
         curve = saturation.angle_rad
         most = CURVE_REACH * (saturation.angle_current_a or saturation.current_a)
-    method = il.SEPARATOR if s.method == "separator" else il.IQ
     hz = 1 / (s.period * s.ts_s)
     ampere_per_rad_s = Q25 / full_scale_a / HERTZ
     top = motor.omega_e(motor.max_speed_rpm)
-    return il.FrameSettings(
-        il.error_settings(
-            method, hf.ld_h, hf.lq_h, r_ohm=m.r, injection_hz=hz, full_scale_a=full_scale_a, minimum_a=0.1 * expected
-        ),
-        setting.firmware(),
-        il.HandoverSettings(round(2 * top * HERTZ), round(top * HERTZ), 1, 1),
-        il.ValiditySettings(
-            *(round(0.2 * expected * unit), round(expected * unit), round(ratio * Q16)),
-            *(round((0.4 * ratio + 0.6) * Q16), round((0.1 * ratio + 0.9) * Q16)),
-            *(round(noise * Q16), round(0.3 * Q16), round(0.6 * Q16), 6, 100),
-        ),
-        firmware_pll(s.pll, tick, 2 * top),
-        il.SEQUENCES.index(s.sequence),
-        machine_for(1.0, bench.cycles),
-        il.cross_coupling_settings(
+    return new(
+        "injection_frame_settings_t",
+        error=formats.error_settings(
+            s.method, hf.ld_h, hf.lq_h, r_ohm=m.r, injection_hz=hz, full_scale_a=full_scale_a, minimum_a=0.1 * expected
+        )[0],
+        rest=setting.firmware()[0],
+        handover=formats.handover_settings(2 * top * HERTZ, top * HERTZ, 1 / Q16, 1)[0],
+        validity=new(
+            "injection_validity_settings_t",
+            minimum_i_q21=round(0.2 * expected * unit),
+            expected_i_q21=round(expected * unit),
+            saliency_q16=round(ratio * Q16),
+            derate_ratio_q16=round((0.4 * ratio + 0.6) * Q16),
+            fault_ratio_q16=round((0.1 * ratio + 0.9) * Q16),
+            noise_factor_q16=round(noise * Q16),
+            derate_noise_q16=round(0.3 * Q16),
+            fault_noise_q16=round(0.6 * Q16),
+            filter_shift=6,
+            fault_results=100,
+        )[0],
+        pll=firmware_pll(s.pll, tick, 2 * top)[0],
+        sequence=constant("SEQUENCE", s.sequence),
+        machine=machine_for(1.0, bench.cycles)[0],
+        coupling=formats.cross_coupling_settings(
             curve, most, full_scale_a, 1 - math.exp(-TURN * s.curve_hz * tick), s.compensation == "following"
-        ),
-        PiGains(real_gain(s.speed_p * ampere_per_rad_s), real_gain(s.speed_i * tick * ampere_per_rad_s * PI_INTEGRAL)),
-        round((1 - math.exp(-TURN * s.speed_hz * tick)) * Q16),
-        round(s.third_ratio * Q16),
-        round(s.current_limit_a / full_scale_a * Q25),
+        )[0],
+        speed=(gain(s.speed_p * ampere_per_rad_s), gain(s.speed_i * tick * ampere_per_rad_s * PI_INTEGRAL)),
+        speed_filter_q16=round((1 - math.exp(-TURN * s.speed_hz * tick)) * Q16),
+        third_q16=round(s.third_ratio * Q16),
+        limit_i_q25=round(s.current_limit_a / full_scale_a * Q25),
     )
 
 
@@ -112,29 +118,26 @@ class EmfObserver:
     REDESIGN = 20  # samples
 
     def __init__(self, chip: InjectionBench, pole: float = 0.9, least_v: float = 1.0) -> None:
-        self.lib, self.chip, self.pole = vector_library(), chip, pole
+        self.lib, self.chip, self.pole = open_library(), chip, pole
         s, m = chip.loop.settings, chip.m
         self.unit_v = Q25 / self.FULL_SCALE_V
         self.unit_a = 2**17 / chip.loop.inverter.current_full_scale_a
         self.least = round(least_v * self.unit_v)
         admittance = s.ts_s * self.FULL_SCALE_V / (m.l_q * chip.loop.inverter.current_full_scale_a)
-        self.machine = Machine(
-            *(round(m.r * s.ts_s / m.l_q * Q30), round(Q30), real_gain(admittance), real_gain(1 / admittance)),
-            *(chip.cycles, 1, PARK_EXACT),
-        )
-        self.observer = Observer()
+        self.machine = vector_machine(m.r * s.ts_s / m.l_q, 1.0, admittance, chip.cycles, "exact")
+        self.observer = new("emf_observer_t")
         self.gains = observer_gains(self.lib, self.machine, 0, pole, pole)
 
     def step(self, turn_q32: int) -> tuple[int, bool]:
         """Error and whether it counts, after a sample before which the frame was turned."""
-        chip, observer = self.chip, byref(self.observer)
+        chip, observer = self.chip, self.observer
         speed = chip.command.speed_turn_q36
         if chip.step % self.REDESIGN == 0:
             self.gains = observer_gains(self.lib, self.machine, speed, self.pole, self.pole)
         if turn_q32:
             self.lib.emf_observer_turn(observer, self.lib.cis_q30(-turn_q32 & 0xFFFFFFFF))
-        self.lib.emf_observer_step(observer, byref(self.gains), from_complex(chip.current_a, self.unit_a))
-        self.lib.emf_observer_voltage(observer, byref(self.gains), from_complex(chip.held, self.unit_v))
+        self.lib.emf_observer_step(observer, self.gains, from_complex(chip.current_a, self.unit_a))
+        self.lib.emf_observer_voltage(observer, self.gains, from_complex(chip.held, self.unit_v))
         emf = self.observer.emf_v_q25
         return self.lib.pll_error_q30(emf, speed, self.least), math.hypot(emf.re, emf.im) > 2 * self.least
 
@@ -156,16 +159,16 @@ class FrameBench:
     raw_rad: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.lib = il.injection_library()
+        self.lib = open_library()
         self.settings = frame_settings(self.setting)
         self.chip = InjectionBench(self.setting.loop, self.theta, SEED, self.speed_rad_s)
-        self.state = il.Frame()
+        self.state = new("injection_frame_t")
         speed = round(self.speed_rad_s * HERTZ)
-        self.lib.injection_frame_begin(byref(self.state), byref(self.settings), self.resting, speed)
+        self.lib.injection_frame_begin(self.state, self.settings, self.resting, speed)
         frame = self.theta + self.error_rad - self.state.curve_q32 / Q32 * TURN
         self.chip.nco_q36 = round(frame / TURN * Q36) % int(Q36)
         self.chip.command.speed_turn_q36 = speed
-        self.amplitude: il.Amplitude | None = None
+        self.amplitude: CData | None = None
         self.report = 0.0
         self.torques_nm: list[float] = []
         self.injecting: list[bool] = []
@@ -185,18 +188,19 @@ class FrameBench:
             self.amplitude = chip.amplitude or self.amplitude
             if chip.step % s.tick == 0:
                 wanted = self.wanted(t)
-                given = il.FrameInput(
-                    self.amplitude is not None,
-                    self.amplitude or il.Amplitude(),
-                    from_complex(chip.current_a, ampere),
-                    emf_q30,
-                    emf_there,
-                    wanted is not None,
-                    round((wanted or 0.0) * HERTZ),
-                    from_complex(1j * self.i_q_a(t), ampere),
+                given = new(
+                    "injection_frame_input_t",
+                    current_i_q25=from_complex(chip.current_a, ampere),
+                    emf_error_q30=emf_q30,
+                    emf_there=emf_there,
+                    by_speed=wanted is not None,
+                    speed_turn_q36=round((wanted or 0.0) * HERTZ),
+                    current_wanted_i_q25=from_complex(1j * self.i_q_a(t), ampere),
                 )
+                if self.amplitude is not None:
+                    given.fresh, given.amplitude = True, self.amplitude[0]
                 self.amplitude = None
-                made = self.lib.injection_frame_step(byref(self.state), byref(self.settings), byref(given))
+                made = self.lib.injection_frame_step(self.state, self.settings, given)
                 c = chip.command
                 c.turn_q32, c.speed_turn_q36 = made.turn_q32, made.speed_turn_q36
                 c.lead_q32, c.inject = made.lead_q32, made.inject

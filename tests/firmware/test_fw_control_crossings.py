@@ -5,20 +5,19 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from random import Random
 
 import pytest
 
 from fluxlock.firmware import gain
-from fluxlock.firmware.control_library import Balance, Gain
+from fluxlock.firmware.binding import CData, address, new
 
 
-def linear_duty(lib: ctypes.CDLL, sector: int, period: int, mean: float, tolerance: int = 655) -> float:
+def linear_duty(lib: CData, sector: int, period: int, mean: float, tolerance: int = 655) -> float:
     """Duty that the firmware makes of a wanted mean."""
     factors = lib.csc_linearity(sector, period, tolerance)
-    return float(lib.csc_linear_duty_q30(ctypes.byref(factors), round(mean * 2**30))) / 2**30
+    return float(lib.csc_linear_duty_q30(address(factors), round(mean * 2**30))) / 2**30
 
 
 def cut_mean(sector: int, period: int, duty: float) -> float:
@@ -26,7 +25,7 @@ def cut_mean(sector: int, period: int, duty: float) -> float:
     return sum(min(duty * period, sector - start) for start in range(0, sector, period)) / sector
 
 
-def test_csc_linearity_gives_the_wanted_mean(lib: ctypes.CDLL) -> None:
+def test_csc_linearity_gives_the_wanted_mean(lib: CData) -> None:
     """N 0.8 to 8, M 0.02 to 1: the mean of the cut train is the wanted one within 1e-3, also at and about integers.
 
     Verifies: FW-27
@@ -47,7 +46,7 @@ def test_csc_linearity_gives_the_wanted_mean(lib: ctypes.CDLL) -> None:
     assert max(abs(cut_mean(s, period, m) - m) for s in sectors[:100] for m in (0.2, 0.5, 0.8)) > 0.15
 
 
-def test_csc_linearity_tolerates_jitter_about_integers(lib: ctypes.CDLL) -> None:
+def test_csc_linearity_tolerates_jitter_about_integers(lib: CData) -> None:
     """Within the tolerance below an integer the duty is the mean; it is continuous there within 1 %.
 
     Verifies: FW-27
@@ -84,7 +83,7 @@ def carried_mean(sector: int, period: int, duty: float, min_pulse: int, sectors:
     return on / (sectors * sector)
 
 
-def test_csc_linearity_with_minimum_pulses(lib: ctypes.CDLL) -> None:
+def test_csc_linearity_with_minimum_pulses(lib: CData) -> None:
     """Vanishing pulses and gaps return through the carrier's account: the mean holds within 0.4 %.
 
     Verifies: FW-27
@@ -106,7 +105,7 @@ def crossing_lag_rad(threshold: float, divider: float, asymmetry: float, emf: fl
 
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("mode", [1, 2])
-def test_balance_evens_out_the_crossings(lib: ctypes.CDLL, mode: int, backward: bool) -> None:
+def test_balance_evens_out_the_crossings(lib: CData, mode: int, backward: bool) -> None:
     """Divider gains 1.10, 1.00, 0.90 end at thresholds of 0.550, 0.500, 0.450; inductances are seen in `both` only.
 
     Verifies: FW-28
@@ -118,12 +117,12 @@ def test_balance_evens_out_the_crossings(lib: ctypes.CDLL, mode: int, backward: 
           for h, k in zip(high, low, strict=True)]  # fmt: skip
     if mode == 1:
         dv = [0.0] * 6
-    step = Gain(*gain(bandwidth * 2 * math.pi / 50e6 * 1.5 * emf * 2**25 / 6))
-    balance = Balance()
-    intervals, errors = (ctypes.c_uint32 * 6)(), (ctypes.c_int32 * 6)()
+    step = gain(bandwidth * 2 * math.pi / 50e6 * 1.5 * emf * 2**25 / 6)
+    balance = new("balance_t")
+    intervals, errors = new("uint32_t[6]"), new("int32_t[6]")
     history = []
     for _ in range(100):
-        thresholds = [lib.balance_threshold_q17(ctypes.byref(balance), s, 65536) / 2**17 for s in range(6)]
+        thresholds = [lib.balance_threshold_q17(balance, s, 65536) / 2**17 for s in range(6)]
         lag = [
             crossing_lag_rad(thresholds[s], dividers[opened[s]], dv[s], emf, (s % 2 == 1) != backward) for s in range(6)
         ]
@@ -132,7 +131,7 @@ def test_balance_evens_out_the_crossings(lib: ctypes.CDLL, mode: int, backward: 
             intervals[s] = round(turn / 6 + (lag[s] - before) / (2 * math.pi) * turn)
         history.append(max(abs(6 * t / turn - 1) * 60 for t in intervals))
         lib.balance_errors(intervals, backward, errors)
-        lib.balance_step(ctypes.byref(balance), mode, errors, step, round(0.15 * 2**25))
+        lib.balance_step(balance, mode, errors, step, round(0.15 * 2**25))
     assert history[0] > 10.0
     assert history[-1] < 0.05
     # First order: w T_turn of the rest in a turn.
@@ -140,27 +139,25 @@ def test_balance_evens_out_the_crossings(lib: ctypes.CDLL, mode: int, backward: 
     for s in range(6):
         assert thresholds[s] == pytest.approx(dividers[opened[s]] * (0.5 + dv[s]), abs=1.5e-3), s
     # What is excluded returns to zero.
-    lib.balance_step(ctypes.byref(balance), 0, errors, step, round(0.15 * 2**25))
-    assert [lib.balance_threshold_q17(ctypes.byref(balance), s, 60000 + s) for s in range(6)] == [
-        60000 + s for s in range(6)
-    ]
+    lib.balance_step(balance, 0, errors, step, round(0.15 * 2**25))
+    assert [lib.balance_threshold_q17(balance, s, 60000 + s) for s in range(6)] == [60000 + s for s in range(6)]
 
 
-def test_balance_is_limited_and_blind_to_a_common_lag(lib: ctypes.CDLL) -> None:
+def test_balance_is_limited_and_blind_to_a_common_lag(lib: CData) -> None:
     """A lag in all sectors changes nothing; an absurd one is limited.
 
     Verifies: FW-28
     """
-    balance, errors = Balance(), (ctypes.c_int32 * 6)()
-    lib.balance_errors((ctypes.c_uint32 * 6)(*[20_000] * 6), False, errors)
+    balance, errors = new("balance_t"), new("int32_t[6]")
+    lib.balance_errors([20_000] * 6, False, errors)
     assert list(errors) == [0] * 6
-    lib.balance_errors((ctypes.c_uint32 * 6)(30_000, 10_000, 30_000, 10_000, 30_000, 10_000), False, errors)
+    lib.balance_errors([30_000, 10_000] * 3, False, errors)
     for _ in range(1000):
-        lib.balance_step(ctypes.byref(balance), 2, errors, Gain(*gain(5.0)), 1_000_000)
+        lib.balance_step(balance, 2, errors, gain(5.0), 1_000_000)
     assert all(abs(abs(v) - 1_000_000) < 2 for v in balance.vertical_q25)
 
 
-def test_advance_is_linear_and_limited(lib: ctypes.CDLL) -> None:
+def test_advance_is_linear_and_limited(lib: CData) -> None:
     """Two products, rounded; the sum within 30 degrees.
 
     Verifies: FW-29

@@ -5,29 +5,28 @@
 
 from __future__ import annotations
 
-import ctypes
 from random import Random
 
 import pytest
 
 from fluxlock.firmware import gain
-from fluxlock.firmware.control_library import Gain, Limiter, PiGains, PiState, Ramp
+from fluxlock.firmware.binding import CData, new
 
 
-def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:
+def test_pi_follows_its_float_model(lib: CData) -> None:
     """Random errors and moving limits: output within 4 units of a float PI with the same back-calculation.
 
     Verifies: FW-04
     """
     rng = Random(4)
     kp, ki = 37.2, 5.3 * 32
-    gains = PiGains(Gain(*gain(kp)), Gain(*gain(ki)))
-    state, integral, error = PiState(0), 0.0, 0
+    gains = new("pi_gains_t", gain(kp), gain(ki))
+    state, integral, error = new("pi_state_t", 0), 0.0, 0
     for k in range(4000):
         error = rng.randint(-20000, 20000) if k % 50 == 0 else error + rng.randint(-200, 200)
         feed_forward = 2_000_000 + 1000 * (k % 300)
         high = 2_500_000 if (k // 500) % 2 else 30_000_000
-        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), error, feed_forward, 100_000, high)
+        result = lib.pi_step(state, gains, error, feed_forward, 100_000, high)
         u = feed_forward + kp * error + integral
         out = min(max(u, 100_000), high)
         integral += ki / 32 * error + (out - u) / 8
@@ -35,52 +34,50 @@ def test_pi_follows_its_float_model(lib: ctypes.CDLL) -> None:
         assert (result.output < result.unlimited) == (out < u) or abs(out - u) < 4
 
 
-def test_pi_leaves_a_limit_without_windup(lib: ctypes.CDLL) -> None:
+def test_pi_leaves_a_limit_without_windup(lib: CData) -> None:
     """After a second at the limit the output leaves it within 40 steps of the sign change of the error.
 
     Verifies: FW-04
     """
-    gains = PiGains(Gain(*gain(10.0)), Gain(*gain(2.0 * 32)))
-    state = PiState(0)
+    gains = new("pi_gains_t", gain(10.0), gain(2.0 * 32))
+    state = new("pi_state_t", 0)
     for _ in range(10_000):
-        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 50_000, 0, 0, 1_000_000)
+        result = lib.pi_step(state, gains, 50_000, 0, 0, 1_000_000)
     assert result.output == 1_000_000
     steps = 0
     while result.output == 1_000_000:
-        result = lib.pi_step(ctypes.byref(state), ctypes.byref(gains), -2_000, 0, 0, 1_000_000)
+        result = lib.pi_step(state, gains, -2_000, 0, 0, 1_000_000)
         steps += 1
         assert steps < 40
-    lib.pi_preset(ctypes.byref(state), gains.kp, 1234, 5678, 400_000)
-    assert lib.pi_step(ctypes.byref(state), ctypes.byref(gains), 1234, 5678, 0, 10**8).output == pytest.approx(
-        400_000, abs=1
-    )
+    lib.pi_preset(state, gains.kp, 1234, 5678, 400_000)
+    assert lib.pi_step(state, gains, 1234, 5678, 0, 10**8).output == pytest.approx(400_000, abs=1)
 
 
-def test_ramp_slope_window_and_fractions(lib: ctypes.CDLL) -> None:
+def test_ramp_slope_window_and_fractions(lib: CData) -> None:
     """Slopes far below 1/256 r/min a step are kept exactly; the window holds the reference; both directions alike.
 
     Verifies: FW-05
     """
     for sign in (1, -1):
-        ramp = Ramp()
-        lib.ramp_preset(ctypes.byref(ramp), sign * 256_000)
+        ramp = new("ramp_t")
+        lib.ramp_preset(ramp, sign * 256_000)
         target, step = sign * 2_560_000, 1_301
         for k in range(1, 50_000):
-            assert lib.ramp_step(ctypes.byref(ramp), target, step, target, 10**6) == sign
+            assert lib.ramp_step(ramp, target, step, target, 10**6) == sign
             assert abs(sign * ramp.value_rpm_q8 - (256_000 + k * step / 4096)) <= 1
-        lib.ramp_preset(ctypes.byref(ramp), 0)
+        lib.ramp_preset(ramp, 0)
         for _ in range(1000):
-            lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 2**31 - 1, 0, 5_000)
+            lib.ramp_step(ramp, sign * 100_000, 2**31 - 1, 0, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_000
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 100_000, 4096, sign * -9_000, 5_000) == sign
+        assert lib.ramp_step(ramp, sign * 100_000, 4096, sign * -9_000, 5_000) == sign
         assert ramp.value_rpm_q8 == sign * 5_000
         for _ in range(1000):
-            lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, sign * 5_000, 5_000)
+            lib.ramp_step(ramp, sign * 5_100, 4096, sign * 5_000, 5_000)
         assert ramp.value_rpm_q8 == sign * 5_100
-        assert lib.ramp_step(ctypes.byref(ramp), sign * 5_100, 4096, 0, 5_000) == 0
+        assert lib.ramp_step(ramp, sign * 5_100, 4096, 0, 5_000) == 0
 
 
-def test_speed_from_period(lib: ctypes.CDLL) -> None:
+def test_speed_from_period(lib: CData) -> None:
     """r/min of a period to 1/256 r/min, for pole pairs and clocks.
 
     Verifies: FW-06
@@ -97,7 +94,7 @@ def test_speed_from_period(lib: ctypes.CDLL) -> None:
     assert lib.speed_from_period_rpm_q8(numerator, 0) == 2**31 - 1
 
 
-def test_duty_and_voltage_are_inverse(lib: ctypes.CDLL) -> None:
+def test_duty_and_voltage_are_inverse(lib: CData) -> None:
     """Duty of a voltage with and without a diode drop; voltage_from_duty inverts it; limits at 0 and 1.
 
     Verifies: FW-07
@@ -116,7 +113,7 @@ def test_duty_and_voltage_are_inverse(lib: ctypes.CDLL) -> None:
     assert lib.duty_from_voltage_q30(1000, 0, 0) == 0
 
 
-def test_carrier_period_and_pulse(lib: ctypes.CDLL) -> None:
+def test_carrier_period_and_pulse(lib: CData) -> None:
     """The carrier is stretched just so far that the pulse keeps its floor, within its limits; the dead time is added.
 
     Verifies: FW-08
@@ -129,24 +126,24 @@ def test_carrier_period_and_pulse(lib: ctypes.CDLL) -> None:
         assert pulse == pytest.approx(0 if duty == 0 else duty * period + 10, abs=0.005)
 
 
-def test_limiter_bounds_by_model_and_trim(lib: ctypes.CDLL) -> None:
+def test_limiter_bounds_by_model_and_trim(lib: CData) -> None:
     """Bound = EMF + R*I + kp*margin; the trim moves only while it binds, within half of R*I, and decays after.
 
     Verifies: FW-10
     """
-    gains = PiGains(Gain(*gain(20.0)), Gain(*gain(2.0)))
-    limiter = Limiter(0)
-    bound = lib.limiter_bound(ctypes.byref(limiter), ctypes.byref(gains), 10_000_000, 400_000, -500)
+    gains = new("limiter_gains_t", kp=gain(20.0), ki=gain(2.0))
+    limiter = new("limiter_t", 0)
+    bound = lib.limiter_bound(limiter, gains, 10_000_000, 400_000, -500)
     assert bound == pytest.approx(10_000_000 + 400_000 - 20 * 500, abs=2)
     for _ in range(1000):
-        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, True)
+        lib.limiter_update(limiter, gains, 400_000, -500, True)
     assert limiter.trim_v_q25 == -200_000
     for _ in range(1000):
-        lib.limiter_update(ctypes.byref(limiter), ctypes.byref(gains), 400_000, -500, False)
+        lib.limiter_update(limiter, gains, 400_000, -500, False)
     assert abs(limiter.trim_v_q25) < 64
 
 
-def test_line_current_balances_the_power(lib: ctypes.CDLL) -> None:
+def test_line_current_balances_the_power(lib: CData) -> None:
     """The current whose power behind the link is what the link gives, with R and diode; bounded near standstill.
 
     Verifies: FW-25
@@ -171,7 +168,7 @@ def test_line_current_balances_the_power(lib: ctypes.CDLL) -> None:
     assert lib.line_current_ratio_q16(0, 1000, 0, 0, 2**20) == 0
 
 
-def test_torque_reference_between_its_limits(lib: ctypes.CDLL) -> None:
+def test_torque_reference_between_its_limits(lib: CData) -> None:
     """Target inside; a falling line toward the upper speed, a rising one toward the lower; current limits last.
 
     Verifies: FW-26
@@ -181,16 +178,16 @@ def test_torque_reference_between_its_limits(lib: ctypes.CDLL) -> None:
         for speed in (0, 900, 1_000, 5_000, 9_000, 10_000, 12_000, 40_000):
             wanted = min(max(target, kp * (1_000 - speed)), kp * (10_000 - speed))
             wanted = min(max(wanted, -20_000), 25_000)
-            got = lib.torque_reference(target, Gain(*gain(kp)), speed, 1_000, 10_000, -20_000, 25_000)
+            got = lib.torque_reference(target, gain(kp), speed, 1_000, 10_000, -20_000, 25_000)
             assert got == pytest.approx(wanted, abs=1), (target, speed)
 
 
-def test_braking_current_falls_at_once_and_rises_slowly(lib: ctypes.CDLL) -> None:
+def test_braking_current_falls_at_once_and_rises_slowly(lib: CData) -> None:
     """Full far below the limit voltage, none at it, linear between; upward at most a 64th of the limit a step.
 
     Verifies: FW-31
     """
-    share = Gain(*gain(65536 / 1_000_000))
+    share = gain(65536 / 1_000_000)
     for vdc, wanted in ((10_000_000, 640_000), (19_500_000, 320_000), (20_000_000, 0), (25_000_000, 0)):
         assert lib.brake_current(640_000, 640_000, vdc, 20_000_000, share) == pytest.approx(wanted, abs=20)
     current, steps = 0, 0

@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from random import Random
 
 import pytest
 
-from fluxlock.firmware.control_library import Catch, Handover, Stuck
+from fluxlock.firmware.binding import CData, new
 
 
-def test_start_sector_pulls_by_90_degrees(lib: ctypes.CDLL) -> None:
+def test_start_sector_pulls_by_90_degrees(lib: CData) -> None:
     """The field of the start sector leads the aligned rotor by 90 degrees in the direction of rotation.
 
     Verifies: FW-09
@@ -29,7 +28,7 @@ def test_start_sector_pulls_by_90_degrees(lib: ctypes.CDLL) -> None:
             assert (ahead - (-90 if reverse else 90) + 180) % 360 - 180 == pytest.approx(0, abs=1e-9)
 
 
-def test_forced_intervals_accelerate_evenly(lib: ctypes.CDLL) -> None:
+def test_forced_intervals_accelerate_evenly(lib: CData) -> None:
     """The sum of the intervals is the time that a constant acceleration needs: to 5e-4 of it.
 
     Verifies: FW-09
@@ -42,19 +41,19 @@ def test_forced_intervals_accelerate_evenly(lib: ctypes.CDLL) -> None:
         assert total == pytest.approx(wanted, rel=5e-4), n
 
 
-def test_handover_counts_plausible_crossings(lib: ctypes.CDLL) -> None:
+def test_handover_counts_plausible_crossings(lib: CData) -> None:
     """Late crossings are plausible but not clean; a wrong interval starts both counts anew; counters wrap.
 
     Verifies: FW-11
     """
-    h = Handover()
-    lib.handover_reset(ctypes.byref(h), 65_534, 255)
+    h = new("handover_t")
+    lib.handover_reset(h, 65_534, 255)
     count, late = 65_534, 255
 
     def step(fresh: int, more_late: int, interval: int) -> tuple[int, int]:
         nonlocal count, late
         count, late = (count + fresh) & 0xFFFF, (late + more_late) & 0xFF
-        lib.handover_step(ctypes.byref(h), count, late, interval, 100_000, 16_384)
+        lib.handover_step(h, count, late, interval, 100_000, 16_384)
         return h.clean, h.plausible
 
     assert step(1, 0, 100_000) == (1, 1)
@@ -67,76 +66,76 @@ def test_handover_counts_plausible_crossings(lib: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize("channels", [(), (0,), (2,), (0, 1), (0, 1, 2)])
-def test_stuck_channels(lib: ctypes.CDLL, channels: tuple[int, ...]) -> None:
+def test_stuck_channels(lib: CData, channels: tuple[int, ...]) -> None:
     """One or two channels that never change are found after exactly the limit; none, or all of a dead rotor, are not.
 
     Verifies: FW-34
     """
-    stuck, limit = Stuck(), 100
-    lib.stuck_reset(ctypes.byref(stuck))
+    stuck, limit = new("stuck_t"), 100
+    lib.stuck_reset(stuck)
     found = []
     for tick in range(2 * limit):
         v = [5000 if x in channels else round(8000 * math.sin(0.3 * tick + 2.1 * x)) for x in range(3)]
         if tick < 5:
             v = [tick + x for x in range(3)]
         # The EMF may vanish for some ticks of a turn.
-        found.append(lib.stuck_step(ctypes.byref(stuck), (ctypes.c_int32 * 3)(*v), tick % 21 != 0, limit))
+        found.append(lib.stuck_step(stuck, v, tick % 21 != 0, limit))
     assert any(found) == (len(channels) in (1, 2))
     if any(found):
         assert found.index(True) == 5 + limit, "the first of equal values begins the count"
-    rest = (ctypes.c_int32 * 3)(5000, 0, 0)
-    lib.stuck_reset(ctypes.byref(stuck))
-    assert not any(lib.stuck_step(ctypes.byref(stuck), rest, False, limit) for _ in range(4 * limit)), "no EMF"
+    rest = [5000, 0, 0]
+    lib.stuck_reset(stuck)
+    assert not any(lib.stuck_step(stuck, rest, False, limit) for _ in range(4 * limit)), "no EMF"
 
 
-def shown_voltages(theta: float, amplitude: float, diode: float, rng: Random) -> ctypes.Array[ctypes.c_int32]:
+def shown_voltages(theta: float, amplitude: float, diode: float, rng: Random) -> list[int]:
     """Terminal voltages of a coasting rotor as a converter that knows no negative ones shows them."""
     e = [-amplitude * math.sin(math.radians(theta - 120 * x)) for x in range(3)]
     lift = max(0.0, -min(e) - diode)
-    return (ctypes.c_int32 * 3)(*(max(0, round(v + lift + rng.gauss(0, 20))) for v in e))
+    return [max(0, round(v + lift + rng.gauss(0, 20))) for v in e]
 
 
 @pytest.mark.parametrize("degrees_a_tick", [3.0, -3.0, 17.3, -36.0, 56.4, 60.0, -60.0, 100.0, -118.0])
-def test_catch_measures_and_chooses_the_sector(lib: ctypes.CDLL, degrees_a_tick: float) -> None:
+def test_catch_measures_and_chooses_the_sector(lib: CData, degrees_a_tick: float) -> None:
     """Noisy terminal voltages: step within 1.6 degrees; the entered sector's crossing is 5 to 85 degrees ahead.
 
     Verifies: FW-30
     """
     rng = Random(10)
     for _ in range(60):
-        rotor, mean = Catch(), ctypes.c_int32()
+        rotor, mean = new("catch_t"), new("int32_t")
         theta, done = rng.uniform(0, 360), False
         amplitude, diode = rng.uniform(3_000, 40_000), rng.choice([0.0, 0.2, 0.38])
         sign = 1 if degrees_a_tick > 0 else -1
         for _ in range(40):
             theta += degrees_a_tick
-            v, line = (ctypes.c_int32 * 3)(), amplitude * math.sqrt(3)
+            v, line = new("int32_t[3]"), amplitude * math.sqrt(3)
             shown = shown_voltages(theta, sign * amplitude, diode * amplitude, rng)
             spread = lib.catch_restore(shown, round(diode * amplitude), v)
             assert 0.7 * line < spread < 1.1 * line
-            done = lib.catch_step(ctypes.byref(rotor), v, ctypes.byref(mean))
+            done = lib.catch_step(rotor, v, mean)
             if done:
                 break
         assert done
-        assert mean.value / 2**32 * 360 == pytest.approx(degrees_a_tick, abs=1.6)
+        assert mean[0] / 2**32 * 360 == pytest.approx(degrees_a_tick, abs=1.6)
         update = theta + degrees_a_tick
-        sector = lib.catch_sector((rotor.angle + mean.value) % 2**32, degrees_a_tick < 0)
+        sector = lib.catch_sector((rotor.angle + mean[0]) % 2**32, degrees_a_tick < 0)
         # theta' = theta + 180; the crossing of sector index s at 60 + 60 s forward, 240 + 60 s backward.
         crossing = 60 + 60 * sector if sign > 0 else 240 + 60 * sector
         ahead = sign * (crossing - (update + 180)) % 360
         assert 5.0 < ahead < 85.0, (sector, update)
-        cycles = lib.catch_sector_cycles(mean.value, 5000)
+        cycles = lib.catch_sector_cycles(mean[0], 5000)
         assert cycles == pytest.approx(5000 * 60 / abs(degrees_a_tick), rel=0.6 if abs(degrees_a_tick) < 5 else 0.08)
 
 
-def test_catch_refuses_what_does_not_turn_evenly(lib: ctypes.CDLL) -> None:
+def test_catch_refuses_what_does_not_turn_evenly(lib: CData) -> None:
     """Noise, a stuck channel at speed, or more than a third of a turn a tick are not caught.
 
     Verifies: FW-30
     """
     rng = Random(11)
     for case in ("noise", "stuck", "fast"):
-        rotor, mean, caught = Catch(), ctypes.c_int32(), 0
+        rotor, mean, caught = new("catch_t"), new("int32_t"), 0
         for k in range(200):
             angle = math.radians(k * (30.0 if case == "stuck" else 130.0))
             v = [20_000 * math.sin(angle - 2 * math.pi / 3 * x) for x in range(3)]
@@ -144,5 +143,5 @@ def test_catch_refuses_what_does_not_turn_evenly(lib: ctypes.CDLL) -> None:
                 v = [rng.gauss(0, 50) for _ in range(3)]
             elif case == "stuck":
                 v[1] = 9_000.0
-            caught += lib.catch_step(ctypes.byref(rotor), (ctypes.c_int32 * 3)(*map(round, v)), ctypes.byref(mean))
+            caught += lib.catch_step(rotor, list(map(round, v)), mean)
         assert caught == 0, case

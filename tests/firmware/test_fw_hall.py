@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from random import Random
 
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 
 from fluxlock.firmware import DriveSpec
-from fluxlock.firmware.toolchain import build_host_library
+from fluxlock.firmware.binding import CData, new
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import Bench
 
@@ -71,30 +70,23 @@ def fallback(**drive: object) -> Bench:
     return bench
 
 
-@pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The firmware's functions."""
-    return ctypes.CDLL(str(build_host_library()))
-
-
 @pytest.mark.parametrize("backward", [False, True])
-def test_lateness_from_intervals_and_phases(lib: ctypes.CDLL, backward: bool) -> None:
+def test_lateness_from_intervals_and_phases(lib: CData, backward: bool) -> None:
     """Edges at random places: both rules give them back, the intervals without the part common to all.
 
     Verifies: FW-40
     """
     rng = Random(40)
     print("seed 40")
-    lib.hall_late_from_phase_q16.argtypes = [ctypes.c_uint32, ctypes.c_uint32]
     for _ in range(200):
         turn = rng.randint(3000, 60_000_000)
         late = [rng.uniform(-14.0, 14.0) for _ in range(6)]
         order = [5 - k for k in range(6)] if backward else list(range(6))
-        interval = (ctypes.c_uint32 * 6)()
+        interval = new("uint32_t[6]")
         for k, s in enumerate(order):
             interval[s] = round(turn * (60.0 + late[s] - late[order[k - 1]]) / 360.0)
         period = sum(interval)
-        x6 = (ctypes.c_int32 * 6)()
+        x6 = new("int32_t[6]")
         lib.interval_lateness(interval, backward, x6)
         mean = sum(late) / 6
         grain_deg = 4 * 360.0 / turn + 60.0 / 65536
@@ -109,17 +101,17 @@ def test_lateness_from_intervals_and_phases(lib: ctypes.CDLL, backward: bool) ->
         assert lib.hall_late_from_phase_q16(phase, 60_000) == 32768
 
 
-def test_mirrored_places(lib: ctypes.CDLL) -> None:
+def test_mirrored_places(lib: CData) -> None:
     """The sensors seen in the other direction: late becomes early at the same place; twice is the same again.
 
     Verifies: FW-40
     """
-    forward = (ctypes.c_int32 * 6)(*(round(100 * x) for x in expected_deg(1)))
-    backward, again = (ctypes.c_int32 * 6)(), (ctypes.c_int32 * 6)()
+    forward = [round(100 * x) for x in expected_deg(1)]
+    backward, again = new("int32_t[6]"), new("int32_t[6]")
     lib.hall_mirror(forward, True, backward)
     lib.hall_mirror(backward, False, again)
     assert list(backward) == [round(100 * x) for x in expected_deg(-1)]
-    assert list(again) == list(forward)
+    assert list(again) == forward
 
 
 @pytest.mark.parametrize("theta_rad", [0.2, 2.5, 4.9])

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from fluxlock.analysis.injection_cases import DEAD_TIMES
-from fluxlock.firmware import injection_library as il
+from fluxlock.firmware import injection_formats as formats
+from fluxlock.firmware.binding import names
 from fluxlock.regression.five_phase.injection_bench import Q25
 from tests.firmware.injection_frame_bench import (
     HERTZ,
-    Q16,
     SEED,
     EmfObserver,
     FrameBench,
@@ -110,14 +110,14 @@ def test_yu_from_unknown_rest_to_speed_against_the_brake() -> None:
         before=brake,
     )
     bench.run(at_rest)
-    assert not bench.state.resting and il.REST_PHASES[bench.state.rest.phase] == "found"
+    assert not bench.state.resting and names("rest_phase_t")[bench.state.rest.phase] == "found"
     judge("yu, rest position", bench.errors_deg(0.045)[-1], 5.0)
     bench.run(1.0 - at_rest)
     assert bench.chip.state[5] == pytest.approx(speed, rel=0.03)
     judge("yu, to 150 r/min and brake, dynamic", bench.largest_mean_deg(at_rest), math.degrees(0.07))
     judge("yu, rated load: raw less 0.30 rad", float(bench.errors_deg(0.9, raw=True).mean()) - math.degrees(0.30), 1.15)
     judge("yu, rated load: published", float(bench.errors_deg(0.9).mean()), math.degrees(0.01))
-    assert il.VERDICTS[bench.state.validity.verdict] == "good"
+    assert names("injection_verdict_t")[bench.state.validity.verdict] == "good"
 
 
 def test_ipm_reversal() -> None:
@@ -160,7 +160,7 @@ def test_through_the_whole_speed() -> None:
     bench = FrameBench(setting, i_q_a=lambda _: 3.0, before=drive)
     bench.emf = EmfObserver(bench.chip)
     up, down = omega_e(600.0) * HERTZ, omega_e(450.0) * HERTZ
-    bench.settings.handover = il.HandoverSettings(round(up), round(down), round(Q16 * 2 * ts / 0.02), 10)
+    bench.settings.handover = formats.handover_settings(up, down, 2 * ts / 0.02, 10)[0]
     bench.run(0.7)
     changes = int(np.abs(np.diff(np.array(bench.injecting, int))).sum())
     assert changes == 2, "one hand-over each way"
@@ -194,4 +194,4 @@ def test_derated_current() -> None:
     bench.chip.loop = replace(setting.loop, settings=replace(setting.loop.settings, amplitude_v=30.0))
     bench.run(0.15)
     assert bench.state.wanted_i_q25 == 0 and bench.state.limited
-    assert il.VERDICTS[bench.state.validity.verdict] == "no_saliency"
+    assert names("injection_verdict_t")[bench.state.validity.verdict] == "no_saliency"

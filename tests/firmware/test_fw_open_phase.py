@@ -5,28 +5,31 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable
-from ctypes import byref
+from functools import cache
 from random import Random
 
 import pytest
 
-from fluxlock.firmware import injection_library as il
+from fluxlock.firmware.binding import CData, new
 
 SEED = 57
 TURN = 2 * math.pi
 FULL_Q17 = 2**17
 LIMIT_RAD = math.radians(60)
-SETTINGS = il.OpenPhaseSettings(round(0.15 * 2**16), round(0.05 * FULL_Q17), round(LIMIT_RAD / TURN * 2**32))
 Currents = Callable[[float], list[float]]
 
 
-@pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The host library with the prototypes of the injection's functions."""
-    return il.injection_library()
+@cache
+def settings() -> CData:
+    """What counts as open: a share of the expected current, above a least one, over an angle."""
+    return new(
+        "open_phase_settings_t",
+        share_q16=round(0.15 * 2**16),
+        minimum_i_q17=round(0.05 * FULL_Q17),
+        turn_q32=round(LIMIT_RAD / TURN * 2**32),
+    )
 
 
 def sound(phases: int, amplitude: float, third: float, lead: float) -> Currents:
@@ -49,28 +52,24 @@ def without(currents: Currents, lost: int) -> Currents:
     return found
 
 
-def sample(
-    lib: ctypes.CDLL, state: il.OpenPhase, rng: Random, currents: list[float], amplitude: float, theta: float
-) -> int:
+def sample(lib: CData, state: CData, rng: Random, currents: list[float], amplitude: float, theta: float) -> int:
     """One step with noise of the converter."""
     codes = [round(x * FULL_Q17 + rng.gauss(0, 64)) for x in currents]
-    values = (ctypes.c_int32 * 5)(*codes, *[0] * (5 - len(codes)))
+    values = [*codes, *[0] * (5 - len(codes))]
     angle = round(theta / TURN * 2**32) % 2**32
-    return int(
-        lib.open_phase_step(byref(state), byref(SETTINGS), values, len(codes), round(abs(amplitude) * FULL_Q17), angle)
-    )
+    return int(lib.open_phase_step(state, settings(), values, len(codes), round(abs(amplitude) * FULL_Q17), angle))
 
 
 @pytest.mark.parametrize("phases", [3, 5])
-def test_sound_phases(lib: ctypes.CDLL, phases: int) -> None:
+def test_sound_phases(lib: CData, phases: int) -> None:
     """Random speeds both ways, currents and third harmonics; through zero and at a standstill nothing is found.
 
     Verifies: INJC-13
     """
     rng = Random(SEED)
     for _ in range(150):
-        state = il.OpenPhase()
-        lib.open_phase_begin(byref(state))
+        state = new("open_phase_t")
+        lib.open_phase_begin(state)
         step = rng.choice((0.0, 0.001, 0.1, 0.3, 0.7)) * rng.choice((-1, 1))
         third, lead = rng.uniform(-0.2, 0.2) if phases == 5 else 0.0, rng.uniform(-math.pi, math.pi)
         theta = rng.uniform(0, TURN)
@@ -80,15 +79,15 @@ def test_sound_phases(lib: ctypes.CDLL, phases: int) -> None:
             assert sample(lib, state, rng, sound(phases, amplitude, third, lead)(theta), amplitude, theta) == 0, SEED
 
 
-def test_shaking_rotor(lib: ctypes.CDLL) -> None:
+def test_shaking_rotor(lib: CData) -> None:
     """An angle that swings by up to 20 degrees about that at which a sound phase has no current tells nothing.
 
     Verifies: INJC-13
     """
     rng = Random(SEED)
     for _ in range(20):
-        state = il.OpenPhase()
-        lib.open_phase_begin(byref(state))
+        state = new("open_phase_t")
+        lib.open_phase_begin(state)
         for _ in range(2000):
             theta = 0.3 + math.radians(rng.uniform(-10, 10))
             currents = sound(5, 0.5, 0.0, math.pi / 2)(0.0)
@@ -96,7 +95,7 @@ def test_shaking_rotor(lib: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize("phases", [3, 5])
-def test_open_phase_is_found(lib: ctypes.CDLL, phases: int) -> None:
+def test_open_phase_is_found(lib: CData, phases: int) -> None:
     """Any phase, from any angle: found within 0.75 of a turn, alone, and kept; with five phases a second one too.
 
     Verifies: INJC-13
@@ -104,8 +103,8 @@ def test_open_phase_is_found(lib: ctypes.CDLL, phases: int) -> None:
     rng = Random(SEED)
     largest = 0.0
     for _ in range(200):
-        state = il.OpenPhase()
-        lib.open_phase_begin(byref(state))
+        state = new("open_phase_t")
+        lib.open_phase_begin(state)
         step, amplitude = rng.choice((0.02, 0.2, 0.6)) * rng.choice((-1, 1)), rng.uniform(0.1, 0.6)
         lost, theta = rng.randrange(phases), rng.uniform(0, TURN)
         whole = sound(phases, amplitude, 0.0, rng.uniform(-math.pi, math.pi))

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import itertools
 import math
 import random
@@ -15,36 +14,30 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec
+from fluxlock.firmware.binding import CData, new
 from fluxlock.firmware.specs import BrakeSpec, SafeState
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
 
 
-class Settings(ctypes.Structure):
-    """`overload_settings_t`."""
-
-    _fields_ = (("rated_i_q17", ctypes.c_int32), ("ticks", ctypes.c_uint32))
-
-
 @pytest.mark.parametrize("ratio", [1.1, 1.5, 2.0, 3.0])
-def test_overload_time(ratio: float, lib: ctypes.CDLL) -> None:
+def test_overload_time(ratio: float, lib: CData) -> None:
     """Constant current above the rated one: too hot after 3 T / (ratio² - 1), from cold.
 
     Verifies: FW-45
     """
     rated, ticks = 20_000, 1000
-    heat = ctypes.c_int64()
-    lib.overload_step.restype = ctypes.c_bool
-    settings = Settings(rated, ticks)
+    heat = new("overload_t")
+    settings = new("overload_settings_t", rated_i_q17=rated, ticks=ticks)
     current = round(ratio * rated)
     steps = 0
-    while not lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), current, 4):
+    while not lib.overload_step(heat, settings, current, 4):
         steps += 1
         assert steps < 100_000
     assert 4 * steps == pytest.approx(3 * ticks / (ratio**2 - 1), abs=8)
 
 
-def test_overload_follows_the_integral(lib: ctypes.CDLL) -> None:
+def test_overload_follows_the_integral(lib: CData) -> None:
     """Random currents against the integral in floating point; the rated current for ever, T = 0 for ever.
 
     Verifies: FW-45
@@ -52,21 +45,20 @@ def test_overload_follows_the_integral(lib: ctypes.CDLL) -> None:
     seed = random.randrange(1 << 32)
     rng = random.Random(seed)
     print(f"seed {seed}")
-    lib.overload_step.restype = ctypes.c_bool
     for _ in range(20):
         rated, ticks = rng.randrange(1, 1 << 17), rng.randrange(1, 2000)
-        heat, settings = ctypes.c_int64(), Settings(rated, ticks)
+        heat, settings = new("overload_t"), new("overload_settings_t", rated_i_q17=rated, ticks=ticks)
         model, limit = 0.0, 3.0 * rated**2 * ticks
         for _ in range(3000):
             current = rng.randrange(-(1 << 17), 1 << 17)
-            hot = lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), current, 1)
+            hot = lib.overload_step(heat, settings, current, 1)
             model = max(0.0, model + float(current) ** 2 - float(rated) ** 2)
             assert hot == (model > limit)
             model = min(model, limit)
-    heat, settings = ctypes.c_int64(), Settings(5000, 10)
-    assert not any(lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), 5000, 1) for _ in range(10_000))
-    settings = Settings(5000, 0)
-    assert not any(lib.overload_step(ctypes.byref(heat), ctypes.byref(settings), 131_071, 1) for _ in range(10_000))
+    heat, settings = new("overload_t"), new("overload_settings_t", rated_i_q17=5000, ticks=10)
+    assert not any(lib.overload_step(heat, settings, 5000, 1) for _ in range(10_000))
+    settings.ticks = 0
+    assert not any(lib.overload_step(heat, settings, 131_071, 1) for _ in range(10_000))
 
 
 class NoisyBench(Bench):

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from ctypes import byref
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +13,9 @@ import pytest
 
 from fluxlock.analysis.injection_cases import DEAD_TIMES, IPM_BEST, YU_BEST, ipm, yu
 from fluxlock.analysis.injection_loop import Loop
-from fluxlock.firmware import injection_library as il
-from fluxlock.firmware.vector_library import Complex
+from fluxlock.firmware import injection_formats as formats
+from fluxlock.firmware.binding import CData, new, open_library
+from fluxlock.firmware.vector_formats import Complex
 from fluxlock.regression.five_phase.injection_bench import Q25, TURN
 from fluxlock.regression.five_phase.rest_trial import RIGHT_RAD, Trial, saturated, trials
 
@@ -39,15 +39,20 @@ class Setting:
     current_count: int = 8
     sure: float = 0.012
 
-    def firmware(self) -> il.RestSettings:
-        """In the firmware's formats."""
+    def firmware(self) -> CData:
+        """rest_position_settings_t."""
         ampere = Q25 / self.loop.inverter.current_full_scale_a
-        return il.RestSettings(
-            *(self.settle, self.frame_count, self.lock, self.current_settle, self.current_count),
-            round(self.current_a * ampere),
-            round(self.rise_a_per_s * self.loop.settings.ts_s * ampere),
-            round(self.sure * 2**16),
-            round(self.least_a * Q21 / self.loop.inverter.current_full_scale_a),
+        return new(
+            "rest_position_settings_t",
+            settle=self.settle,
+            frame_count=self.frame_count,
+            lock=self.lock,
+            current_settle=self.current_settle,
+            current_count=self.current_count,
+            current_i_q25=round(self.current_a * ampere),
+            rise_i_q25=round(self.rise_a_per_s * self.loop.settings.ts_s * ampere),
+            sure_q16=round(self.sure * 2**16),
+            minimum_i_q21=round(self.least_a * Q21 / self.loop.inverter.current_full_scale_a),
         )
 
 
@@ -99,12 +104,12 @@ def test_three_phases_with_sums(count: int = 10) -> None:
 
 
 def test_too_little_saturation_is_said() -> None:
-    """With a tenth of the weak saturation the angle is right up to half a turn, the polarity "not sure".
+    """With a tenth of the weak saturation the angle is right up to half a turn, the polarity "not_sure".
 
     Verifies: INJC-05
     """
     for outcome in ran(yu_setting(0.0, -0.003, 0.0015), 5):
-        assert outcome.name == "not sure"
+        assert outcome.name == "not_sure"
         assert abs(math.remainder(2 * outcome.error_rad, TURN)) < 2 * RIGHT_RAD
 
 
@@ -116,7 +121,7 @@ def test_no_saliency_is_said() -> None:
     setting = yu_setting(0.0)
     loop = replace(setting.loop, settings=replace(setting.loop.settings, amplitude_v=0.6))
     for outcome in ran(replace(setting, loop=loop), 5):
-        assert outcome.name == "no signal"
+        assert outcome.name == "no_signal"
 
 
 def test_vector_of_the_amplitudes() -> None:
@@ -124,21 +129,21 @@ def test_vector_of_the_amplitudes() -> None:
 
     Verifies: INJC-05
     """
-    lib = il.injection_library()
+    lib = open_library()
     d, q, turn = 0.31, -0.027, np.exp(1j * 2.1)
     for method, scale, count, shift in (
-        (il.IQ, 2**19 / 2, 37, 0),
-        (il.SEPARATOR, 2**18, 0, 0),
-        (il.LOCK_IN, Q21, 0, 3),
+        ("iq", 2**19 / 2, 37, 0),
+        ("separator", 2**18, 0, 0),
+        ("lock_in", Q21, 0, 3),
     ):
-        settings = il.error_settings(method, 1e-3, 2e-3, shift=shift)
+        settings = formats.error_settings(method, 1e-3, 2e-3, shift=shift)
         for sign in (1, -1):
             z = [sign * x * scale * (count * turn if count else 1.0) for x in (d, q * 2**shift)]
-            a = il.Amplitude(*(Complex(round(x.real), round(complex(x).imag)) for x in z), count)
-            got = lib.injection_vector_i_q21(byref(settings), byref(a))
+            a = new("injection_amplitude_t", *(Complex(round(x.real), round(complex(x).imag)) for x in z), count)
+            got = lib.injection_vector_i_q21(settings, a)
             assert got.re == pytest.approx(d * Q21, abs=10), method
             assert got.im == pytest.approx(q * Q21, abs=10), method
-    empty = il.Amplitude(Complex(0, 0), Complex(5, 5), 0)
-    settings = il.error_settings(il.IQ, 1e-3, 2e-3)
-    got = lib.injection_vector_i_q21(byref(settings), byref(empty))
+    empty = new("injection_amplitude_t", Complex(0, 0), Complex(5, 5), 0)
+    settings = formats.error_settings("iq", 1e-3, 2e-3)
+    got = lib.injection_vector_i_q21(settings, empty)
     assert (got.re, got.im) == (0, 0)

@@ -6,23 +6,15 @@
 from __future__ import annotations
 
 import cmath
-import ctypes
 import math
 from random import Random
 
-import pytest
-
-from fluxlock.firmware.vector_library import Complex, to_complex, vector_library
+from fluxlock.firmware.binding import CData
+from fluxlock.firmware.vector_formats import Complex, to_complex
 
 SEED = 20
 Q30 = 2**30
 Q32 = 2**32
-
-
-@pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The host library with the prototypes of the vector functions."""
-    return vector_library()
 
 
 def some_angles(rng: Random) -> list[int]:
@@ -42,7 +34,7 @@ def some_vectors(rng: Random) -> list[Complex]:
     return found
 
 
-def test_sine_and_cosine(lib: ctypes.CDLL) -> None:
+def test_sine_and_cosine(lib: CData) -> None:
     """Both within 2e-9 at random angles, exact on the axes, the mirror image exact.
 
     Verifies: VC-01
@@ -58,7 +50,7 @@ def test_sine_and_cosine(lib: ctypes.CDLL) -> None:
     assert [to_complex(lib.cis_q30(k * Q32 // 4), Q30) for k in range(4)] == [1, 1j, -1, -1j]
 
 
-def test_angle_and_length_of_a_vector(lib: ctypes.CDLL) -> None:
+def test_angle_and_length_of_a_vector(lib: CData) -> None:
     """Angle within 5 units of 2^-32 of a turn, length the floor, for all lengths and directions.
 
     Verifies: VC-01
@@ -76,7 +68,7 @@ def test_angle_and_length_of_a_vector(lib: ctypes.CDLL) -> None:
     assert quarters == [0, 1, 2, 3]
 
 
-def test_root_of_64_bits_is_the_floor(lib: ctypes.CDLL) -> None:
+def test_root_of_64_bits_is_the_floor(lib: CData) -> None:
     """Random numbers of all lengths, squares and their neighbours.
 
     Verifies: VC-01
@@ -92,7 +84,7 @@ def test_root_of_64_bits_is_the_floor(lib: ctypes.CDLL) -> None:
         assert lib.sqrt_u64(n) == math.isqrt(n), n
 
 
-def test_decay(lib: ctypes.CDLL) -> None:
+def test_decay(lib: CData) -> None:
     """exp(-x) and (1 - exp(-x))/x within 3e-9 for 0 <= x < 2.
 
     Verifies: VC-01
@@ -107,7 +99,7 @@ def test_decay(lib: ctypes.CDLL) -> None:
     assert worst < 3e-9
 
 
-def test_complex_products_and_inverse(lib: ctypes.CDLL) -> None:
+def test_complex_products_and_inverse(lib: CData) -> None:
     """Products round half up and saturate; the inverse is right to 2^-27 of its length.
 
     Verifies: VC-02

@@ -6,30 +6,22 @@
 from __future__ import annotations
 
 import cmath
-import ctypes
 import math
-from ctypes import byref
 from dataclasses import dataclass, field
+from functools import partial
 
 import pytest
 
-from fluxlock.firmware.control_library import PiGains, PiState
-from fluxlock.firmware.vector_library import (
+from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.block import gain
+from fluxlock.firmware.vector_formats import (
     Complex,
-    ComplexRegulator,
-    IfSettings,
-    IfStart,
-    Observer,
-    Pll,
-    RegulatorDesign,
-    RegulatorGains,
     from_complex,
     model_at,
     observer_gains,
     pll_gains,
-    real_gain,
+    regulator_design,
     to_complex,
-    vector_library,
 )
 from tests.firmware.vector_float import CLOCK_HZ, GAMMA, C, Subspace, float_model
 
@@ -38,12 +30,6 @@ MOTOR_1 = Subspace(delay=0.5)
 INERTIA_KGM2 = 5e-7
 JUMP_A = 0.1  # 1 % of the forced current; i_d fades by half of that a sample
 FAN_NM, FAN_RAD_S = 0.020, 2 * math.pi * 1000.0
-
-
-@pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The host library with the prototypes of the vector functions."""
-    return vector_library()
 
 
 @dataclass
@@ -76,13 +62,13 @@ class Plant:
 class Drive:
     """Calls the firmware's blocks in the order in which the chip and its interrupt will."""
 
-    lib: ctypes.CDLL
+    lib: CData
     plant: Plant
-    start: IfStart = field(default_factory=IfStart)
-    regulator: ComplexRegulator = field(default_factory=ComplexRegulator)
-    observer: Observer = field(default_factory=Observer)
-    pll: Pll = field(default_factory=Pll)
-    speed: PiState = field(default_factory=PiState)
+    start: CData = field(default_factory=partial(new, "if_start_t"))
+    regulator: CData = field(default_factory=partial(new, "complex_regulator_t"))
+    observer: CData = field(default_factory=partial(new, "emf_observer_t"))
+    pll: CData = field(default_factory=partial(new, "pll_t"))
+    speed: CData = field(default_factory=partial(new, "pi_state_t"))
     forced: bool = True
     i_d_q25: int = 0
     error_deg: float = 0.0
@@ -95,29 +81,36 @@ class Drive:
         self.unit_turn = Q36 / CLOCK_HZ  # Hz -> 2^-36 turn a clock
         slope = 1500.0 * m.period_s * self.unit_turn * 256
         amp = 256 * self.unit_a
-        self.settings = IfSettings(
-            round(10 * amp), round(0.05 * amp), 400, round(slope), round(0.5 * self.unit_v), round(Q32 / 360), 60
+        self.settings = new(
+            "if_settings_t",
+            current_i_q25=round(10 * amp),
+            rise_i_q25=round(0.05 * amp),
+            align_ticks=400,
+            acceleration_turn_q44=round(slope),
+            minimum_v_q25=round(0.5 * self.unit_v),
+            tolerance_turn_q32=round(Q32 / 360),
+            steady_ticks=60,
         )
         self.loop = pll_gains(0.95, m.period_cycles, order=3)
         bandwidth = 2 * math.pi * 15.0
         kp = bandwidth * INERTIA_KGM2 / (1.5 * m.psi_vs) * 2 * math.pi * amp / self.unit_turn
-        self.gains = PiGains(real_gain(kp), real_gain(kp * bandwidth / 4 * m.period_s * 32))
-        self.lib.if_begin(byref(self.start))
+        self.gains = new("pi_gains_t", gain(kp), gain(kp * bandwidth / 4 * m.period_s * 32))
+        self.lib.if_begin(self.start)
 
     def turn_frame(self, turn_q32: int) -> None:
         """Angle of the frame ahead by turn; the vectors stay in the machine."""
         rotation = self.lib.cis_q30(-turn_q32 % Q32)
-        self.lib.complex_regulator_turn(byref(self.regulator), rotation)
-        self.lib.emf_observer_turn(byref(self.observer), rotation)
-        angle = (self.lib.pll_angle_turn_q32(byref(self.pll)) + turn_q32) % Q32
-        self.lib.pll_preset(byref(self.pll), angle, self.speed_q36)
+        self.lib.complex_regulator_turn(self.regulator, rotation)
+        self.lib.emf_observer_turn(self.observer, rotation)
+        angle = (self.lib.pll_angle_turn_q32(self.pll) + turn_q32) % Q32
+        self.lib.pll_preset(self.pll, angle, self.speed_q36)
 
     @property
     def speed_q36(self) -> int:
         """Speed of the frame."""
         if self.forced:
-            return int(self.lib.if_speed_turn_q36(byref(self.start)))
-        return int(self.lib.pll_speed_turn_q36(byref(self.pll)))
+            return int(self.lib.if_speed_turn_q36(self.start))
+        return int(self.lib.pll_speed_turn_q36(self.pll))
 
     def hand_over(self, target_q36: int) -> None:
         """From the forced frame to the observed angle."""
@@ -125,54 +118,52 @@ class Drive:
         i = self.start.current_i_q25 * cmath.exp(-2j * math.pi * turn / Q32)
         self.turn_frame(turn)
         self.i_d_q25 = round(i.real)
-        self.lib.vector_speed_preset(byref(self.speed), byref(self.gains), target_q36, self.speed_q36, round(i.imag))
+        self.lib.vector_speed_preset(self.speed, self.gains, target_q36, self.speed_q36, round(i.imag))
         self.forced = False
 
     def hand_back(self, i: Complex) -> None:
         """From the observed angle to the forced frame."""
         speed = self.speed_q36
         self.turn_frame(self.lib.if_turn_back_q32(i))
-        self.lib.if_resume(byref(self.start), byref(self.settings), speed, self.lib.complex_abs(i))
+        self.lib.if_resume(self.start, self.settings, speed, self.lib.complex_abs(i))
         self.forced = True
 
     def step(self, target_hz: float, i_d_a: float = 0.0) -> bool:
         """One sample; true where a hand-over, or with i_d wanted a way back, is possible. Target in Hz."""
         lib, plant, m = self.lib, self.plant, self.plant.m
         target = round(target_hz * self.unit_turn)
-        angle = lib.pll_angle_turn_q32(byref(self.pll))
+        angle = lib.pll_angle_turn_q32(self.pll)
         frame = cmath.exp(2j * math.pi * angle / Q32)
         self.error_deg = math.degrees(cmath.phase(frame * cmath.exp(-1j * plant.theta)))
         measured = from_complex(plant.current / frame, self.unit_a)
         if self.forced:
-            lib.if_step(byref(self.start), byref(self.settings), target)
+            lib.if_step(self.start, self.settings, target)
             self.wanted = Complex(self.start.current_i_q25, 0)
         else:
             goal = round(i_d_a * 256 * self.unit_a)
             self.i_d_q25 = lib.fade(self.i_d_q25, goal, self.settings.rise_i_q25)
             limit = lib.current_rest_i_q25(round(25 * 256 * self.unit_a), self.i_d_q25)
-            result = lib.vector_speed_step(byref(self.speed), byref(self.gains), target, self.speed_q36, 0, limit)
+            result = lib.vector_speed_step(self.speed, self.gains, target, self.speed_q36, 0, limit)
             self.wanted = Complex(self.i_d_q25, result.output)
         speed = self.speed_q36
-        model, regulator_gains = model_at(lib, self.machine, speed), RegulatorGains()
-        design = RegulatorDesign(C, 0, round(GAMMA * Q30))
-        assert lib.regulator_design(byref(regulator_gains), byref(design), byref(self.machine), byref(model))
+        model, regulator_gains = model_at(lib, self.machine, speed), new("regulator_gains_t")
+        design = regulator_design(C, gamma=GAMMA)
+        assert lib.regulator_design(regulator_gains, design, self.machine, model)
         reference = Complex((self.wanted.re + 128) >> 8, (self.wanted.im + 128) >> 8)
-        lib.complex_regulator_step(
-            byref(self.regulator), byref(regulator_gains), reference, measured, round(14.0 / 30 * 2**17)
-        )
+        lib.complex_regulator_step(self.regulator, regulator_gains, reference, measured, round(14.0 / 30 * 2**17))
         u = self.regulator.voltage_v_q25
         gains = observer_gains(lib, self.machine, speed, 0.7, 0.7)
-        lib.emf_observer_step(byref(self.observer), byref(gains), measured)
-        lib.emf_observer_voltage(byref(self.observer), byref(gains), u)
+        lib.emf_observer_step(self.observer, gains, measured)
+        lib.emf_observer_voltage(self.observer, gains, u)
         emf = self.observer.emf_v_q25
         if self.forced:
-            ready = bool(lib.if_ready(byref(self.start), byref(self.settings), emf))
-            lib.pll_preset(byref(self.pll), angle, speed)
-            lib.pll_step(byref(self.pll), byref(self.loop), m.period_cycles, 0)
+            ready = bool(lib.if_ready(self.start, self.settings, emf))
+            lib.pll_preset(self.pll, angle, speed)
+            lib.pll_step(self.pll, self.loop, m.period_cycles, 0)
         else:
             ready = abs(self.i_d_q25 - i_d_a * 256 * self.unit_a) < 1
             error = lib.pll_error_q30(emf, speed, round(0.2 * self.unit_v))
-            lib.pll_step(byref(self.pll), byref(self.loop), m.period_cycles, error)
+            lib.pll_step(self.pll, self.loop, m.period_cycles, error)
         plant.step(to_complex(u, self.unit_v) * frame)
         return ready
 
@@ -195,7 +186,7 @@ def run_until_ready(drive: Drive, hz: float, jumps: list[float], most: int = 20_
     raise AssertionError(f"not ready at {hz} Hz after {most} samples, speed {drive.plant.omega / 2 / math.pi:.1f} Hz")
 
 
-def test_start_hand_over_reversal_and_way_back(lib: ctypes.CDLL) -> None:
+def test_start_hand_over_reversal_and_way_back(lib: CData) -> None:
     """Standstill, 300 Hz forced, 900 Hz sensorless, back, through zero forced, -900 Hz sensorless, and down again.
 
     Verifies: VC-14

@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
-from ctypes import byref
 from dataclasses import replace
 
 import pytest
@@ -16,8 +15,9 @@ import pytest
 from fluxlock.config import load_scenario
 from fluxlock.config.specs import inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
+from fluxlock.firmware.binding import open_library
 from fluxlock.firmware.block import Value, gain
-from fluxlock.firmware.vector_library import model_at, to_complex, vector_library
+from fluxlock.firmware.vector_formats import model_at, to_complex
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
@@ -464,12 +464,12 @@ def test_joined_model_is_that_many_steps_of_one(periods: int) -> None:
 
     Verifies: VC-07
     """
-    lib = vector_library()
+    lib = open_library()
     m = Subspace(delay=0.3, park=EXACT, period_cycles=500)
     for hz in (-1500.0, 0.0, 700.0):
         speed = round(hz / CLOCK_HZ * 2**36)
         model = model_at(lib, m.machine(), speed)
-        lib.vector_model_join(byref(model), periods)
+        lib.vector_model_join(model, periods)
         exact = float_model(m, m.omega(speed))
         unit = periods * m.period_s / m.inductance_h
 

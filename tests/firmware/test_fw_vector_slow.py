@@ -6,27 +6,14 @@
 from __future__ import annotations
 
 import cmath
-import ctypes
 import math
-from ctypes import byref
 from random import Random
 
 import pytest
 
-from fluxlock.firmware.control_library import PiGains, PiState
-from fluxlock.firmware.vector_library import (
-    Complex,
-    ComplexRegulator,
-    FieldWeakening,
-    FieldWeakeningSettings,
-    IfSettings,
-    IfStart,
-    Observer,
-    from_complex,
-    real_gain,
-    to_complex,
-    vector_library,
-)
+from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.block import gain
+from fluxlock.firmware.vector_formats import Complex, from_complex, to_complex
 from tests.firmware.vector_float import Subspace
 
 SEED = 23
@@ -35,13 +22,7 @@ Q32 = 2**32
 FULL = 2**25
 
 
-@pytest.fixture(scope="module")
-def lib() -> ctypes.CDLL:
-    """The host library with the prototypes of the vector functions."""
-    return vector_library()
-
-
-def test_torque_split_has_the_most_torque(lib: ctypes.CDLL) -> None:
+def test_torque_split_has_the_most_torque(lib: CData) -> None:
     """For random saliencies of either sign the split is the best of a fine grid, and its length the amplitude.
 
     Verifies: VC-10
@@ -66,7 +47,7 @@ def test_torque_split_has_the_most_torque(lib: ctypes.CDLL) -> None:
     assert to_complex(lib.mtpa_current_i_q25(0, 99)) == 0
 
 
-def test_field_weakening_settles_at_the_wanted_voltage(lib: ctypes.CDLL) -> None:
+def test_field_weakening_settles_at_the_wanted_voltage(lib: CData) -> None:
     """Above the base speed i_d settles where |u| is the wanted one; below it returns to the highest i_d; limits hold.
 
     Verifies: VC-11
@@ -74,29 +55,32 @@ def test_field_weakening_settles_at_the_wanted_voltage(lib: ctypes.CDLL) -> None
     m = Subspace(full_scale_a=120.0)
     unit_a, unit_v, wanted_v = FULL / m.full_scale_a, FULL / m.full_scale_v, 10.0
     for sign in (1, -1):
-        settings = FieldWeakeningSettings(
-            real_gain(0.02 * 32 * unit_a / unit_v / 0.1), round(wanted_v * unit_v), round(-60.0 * unit_a)
+        settings = new(
+            "field_weakening_settings_t",
+            ki=gain(0.02 * 32 * unit_a / unit_v / 0.1),
+            wanted_v_q25=round(wanted_v * unit_v),
+            lowest_i_q25=round(-60.0 * unit_a),
         )
-        state = FieldWeakening()
+        state = new("field_weakening_t")
         for omega, weak in ((2 * math.pi * 1000, False), (2 * math.pi * 1700, True), (2 * math.pi * 1000, False)):
             i_d = 0.0
             for _ in range(4000):
                 i = i_d + 5j * sign
                 u = (m.resistance_ohm + 1j * sign * omega * m.inductance_h) * i + 1j * sign * omega * m.psi_vs
-                i_d = lib.field_weakening_step(byref(state), byref(settings), from_complex(u, unit_v), 0) / unit_a
+                i_d = lib.field_weakening_step(state, settings, from_complex(u, unit_v), 0) / unit_a
             if weak:
                 assert abs(u) == pytest.approx(wanted_v, abs=1e-3)
                 assert -60.0 < i_d < 0.0
             else:
                 assert i_d == 0.0
         for _ in range(4000):
-            i_d = lib.field_weakening_step(byref(state), byref(settings), from_complex(25.0, unit_v), 0) / unit_a
+            i_d = lib.field_weakening_step(state, settings, from_complex(25.0, unit_v), 0) / unit_a
         assert i_d == pytest.approx(-60.0, abs=1e-4)
-        top = lib.field_weakening_step(byref(state), byref(settings), Complex(0, 0), round(-60.5 * unit_a))
+        top = lib.field_weakening_step(state, settings, Complex(0, 0), round(-60.5 * unit_a))
         assert top / unit_a == pytest.approx(-60.5, abs=1e-4)
 
 
-def test_current_that_is_left(lib: ctypes.CDLL) -> None:
+def test_current_that_is_left(lib: CData) -> None:
     """The rest beside i_d is the floor of the root, zero where i_d takes all.
 
     Verifies: VC-12
@@ -108,7 +92,7 @@ def test_current_that_is_left(lib: ctypes.CDLL) -> None:
         assert lib.current_rest_i_q25(most, other) == wanted, (SEED, most, other)
 
 
-def test_speed_loop_settles_and_leaves_its_limit(lib: ctypes.CDLL) -> None:
+def test_speed_loop_settles_and_leaves_its_limit(lib: CData) -> None:
     """On an inertia with a load the loop settles without error both ways, within the limit, and does not wind up.
 
     Verifies: VC-12
@@ -117,28 +101,26 @@ def test_speed_loop_settles_and_leaves_its_limit(lib: ctypes.CDLL) -> None:
     unit_speed, unit_a = 2**36 / clock / (2 * math.pi), FULL / 50.0
     ts = period / clock
     kp = bandwidth / per_amp * unit_a / unit_speed
-    gains = PiGains(real_gain(kp), real_gain(kp * bandwidth / 4 * ts * 32))
+    gains = new("pi_gains_t", gain(kp), gain(kp * bandwidth / 4 * ts * 32))
     limit = round(20.0 * unit_a)
     for sign in (1, -1):
-        state, omega, largest = PiState(), 0.0, 0.0
+        state, omega, largest = new("pi_state_t"), 0.0, 0.0
         target, load = sign * 4000.0, sign * 5.0
         for _ in range(6000):
             result = lib.vector_speed_step(
-                byref(state), byref(gains), round(target * unit_speed), round(omega * unit_speed), 0, limit
+                state, gains, round(target * unit_speed), round(omega * unit_speed), 0, limit
             )
             assert abs(result.output) <= limit
             omega += (result.output / unit_a - load) * per_amp * ts
             largest = max(largest, sign * omega)
         assert omega == pytest.approx(target, abs=0.5)
         assert largest < 4000 * 1.1
-        lib.vector_speed_preset(byref(state), byref(gains), round(4000 * unit_speed), round(3900 * unit_speed), 77_777)
-        first = lib.vector_speed_step(
-            byref(state), byref(gains), round(4000 * unit_speed), round(3900 * unit_speed), 0, limit
-        )
+        lib.vector_speed_preset(state, gains, round(4000 * unit_speed), round(3900 * unit_speed), 77_777)
+        first = lib.vector_speed_step(state, gains, round(4000 * unit_speed), round(3900 * unit_speed), 0, limit)
         assert first.output == pytest.approx(77_777, abs=1)
 
 
-def test_fade(lib: ctypes.CDLL) -> None:
+def test_fade(lib: CData) -> None:
     """One step at a time, exactly to the end, also across the whole range.
 
     Verifies: VC-13
@@ -154,41 +136,50 @@ def test_fade(lib: ctypes.CDLL) -> None:
     assert lib.fade(2**31 - 1, -(2**31), 2**31 - 1) == 0
 
 
-def test_forced_start_aligns_then_accelerates(lib: ctypes.CDLL) -> None:
+def test_forced_start_aligns_then_accelerates(lib: CData) -> None:
     """Current first, then the pause, then the ramp at its slope, to either sign and through zero.
 
     Verifies: VC-13
     """
-    settings = IfSettings(1000, 10, 50, 123_456, 1, 1, 1)
-    state = IfStart()
-    lib.if_begin(byref(state))
+    settings = new(
+        "if_settings_t",
+        current_i_q25=1000,
+        rise_i_q25=10,
+        align_ticks=50,
+        acceleration_turn_q44=123_456,
+        minimum_v_q25=1,
+        tolerance_turn_q32=1,
+        steady_ticks=1,
+    )
+    state = new("if_start_t")
+    lib.if_begin(state)
     target = 10_000
     for tick in range(1, 150):
-        assert not lib.if_step(byref(state), byref(settings), target)
+        assert not lib.if_step(state, settings, target)
         assert state.current_i_q25 == min(10 * tick, 1000)
-        assert lib.if_speed_turn_q36(byref(state)) == 0
+        assert lib.if_speed_turn_q36(state) == 0
     for wanted in (target, -target):
         start, ticks = state.speed_turn_q44, 0
-        while not lib.if_step(byref(state), byref(settings), wanted):
+        while not lib.if_step(state, settings, wanted):
             ticks += 1
             slope = 123_456 if wanted > 0 else -123_456
             assert state.speed_turn_q44 == start + ticks * slope
-        assert lib.if_speed_turn_q36(byref(state)) == wanted
+        assert lib.if_speed_turn_q36(state) == wanted
 
 
-def test_ready_only_when_steady_and_within_reach(lib: ctypes.CDLL) -> None:
+def test_ready_only_when_steady_and_within_reach(lib: CData) -> None:
     """The rotor's angle in the frame from the EMF, both directions; small EMF, movement and 90 degrees reset the count.
 
     Verifies: VC-13
     """
-    settings = IfSettings(1000, 10, 0, 1000, 10_000, round(0.01 * Q32), 5)
+    settings = new("if_settings_t", minimum_v_q25=10_000, tolerance_turn_q32=round(0.01 * Q32), steady_ticks=5)
     for sign in (1, -1):
-        state = IfStart(speed_turn_q44=sign * 10**6)
+        state = new("if_start_t", speed_turn_q44=sign * 10**6)
 
-        def ready(degrees: float, length: float = 1e6, state: IfStart = state, sign: int = sign) -> bool:
+        def ready(degrees: float, length: float = 1e6, state: CData = state, sign: int = sign) -> bool:
             """One tick with the rotor so many degrees ahead of the frame."""
             emf = from_complex(1j * sign * length * cmath.exp(1j * math.radians(degrees)))
-            return bool(lib.if_ready(byref(state), byref(settings), emf))
+            return bool(lib.if_ready(state, settings, emf))
 
         assert [ready(-40.0 * sign) for _ in range(6)] == [False] * 5 + [True]
         assert state.turn_q32 / Q32 * 360 == pytest.approx(-40.0 * sign, abs=1e-3)
@@ -198,7 +189,7 @@ def test_ready_only_when_steady_and_within_reach(lib: ctypes.CDLL) -> None:
         assert not any(ready(-100.0 * sign) for _ in range(10))
 
 
-def test_turning_the_frame_keeps_the_vectors(lib: ctypes.CDLL) -> None:
+def test_turning_the_frame_keeps_the_vectors(lib: CData) -> None:
     """Regulator and observer turned by an angle and back hold what they held, to two units.
 
     Verifies: VC-13
@@ -206,12 +197,12 @@ def test_turning_the_frame_keeps_the_vectors(lib: ctypes.CDLL) -> None:
     rng = Random(SEED)
     for _ in range(200):
         numbers = [rng.randint(-(2**24), 2**24) for _ in range(6)]
-        regulator = ComplexRegulator(Complex(*numbers[:2]), Complex(numbers[2] >> 8, numbers[3] >> 8))
-        observer = Observer(Complex(*numbers[:2]), Complex(*numbers[2:4]), Complex(*numbers[4:]))
+        regulator = new("complex_regulator_t", Complex(*numbers[:2]), Complex(numbers[2] >> 8, numbers[3] >> 8))
+        observer = new("emf_observer_t", Complex(*numbers[:2]), Complex(*numbers[2:4]), Complex(*numbers[4:]))
         turn = rng.getrandbits(32)
         held = [to_complex(z) for z in (regulator.voltage_v_q25, observer.current_i_q25, observer.emf_v_q25)]
-        lib.complex_regulator_turn(byref(regulator), lib.cis_q30(-turn % Q32))
-        lib.emf_observer_turn(byref(observer), lib.cis_q30(-turn % Q32))
+        lib.complex_regulator_turn(regulator, lib.cis_q30(-turn % Q32))
+        lib.emf_observer_turn(observer, lib.cis_q30(-turn % Q32))
         rotation = cmath.exp(-2j * math.pi * turn / Q32)
         turned = [to_complex(z) for z in (regulator.voltage_v_q25, observer.current_i_q25, observer.emf_v_q25)]
         assert all(abs(a * rotation - b) < 2 for a, b in zip(held, turned, strict=True)), SEED

@@ -10,18 +10,17 @@ and tick as the registers describe them. Machine: exact from sample to sample, m
 from __future__ import annotations
 
 import cmath
-import ctypes
 import math
 from collections.abc import Callable
-from ctypes import byref
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
+from fluxlock.firmware.binding import new, open_library
 from fluxlock.firmware.block import Value
 from fluxlock.firmware.host import HostFirmware
-from fluxlock.firmware.vector_library import Complex, ComplexRegulator, RegulatorGains, vector_library
+from fluxlock.firmware.vector_formats import Complex
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 from tests.firmware.vector_float import CLOCK_HZ, Subspace, float_model
 
@@ -170,7 +169,7 @@ class VectorBench:
         self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, drive)
         self.block.update(vector_values(self.motor, self.inverter, s))
         self.block.update(self.values)
-        self.lib = vector_library()
+        self.lib = open_library()
         self.fw = HostFirmware(self.library)
         self.fw.load(self.block)
         self.fw.boot()
@@ -185,7 +184,7 @@ class VectorBench:
         )
         self.unit_a = Q17 / self.inverter.current_full_scale_a
         self.unit_v = Q17 / self.inverter.voltage_full_scale_v
-        self.regulator = ComplexRegulator()
+        self.regulator = new("complex_regulator_t")
         self.omega = 0.0  # electrical
         self.i = 0j
         self.u_before = self.u_stationary_before = 0j
@@ -232,7 +231,9 @@ class VectorBench:
         """The update event: the settings written become those in use."""
         control = self.get("foc.control")
         self.enable, self.regulate = bool(control & 2), bool(control & 16)
-        self.gains = RegulatorGains(self._pair("gain"), self._pair("hold"), self._pair("ratio"), self.get("foc.shift"))
+        self.gains = new(
+            "regulator_gains_t", self._pair("gain"), self._pair("hold"), self._pair("ratio"), self.get("foc.shift")
+        )
         self.reference, self.preset = self._pair("reference"), self._pair("preset")
         self.limit = self.get("foc.limit") & (Q17 - 1)
         self.lead = self.get("foc.lead")
@@ -294,11 +295,11 @@ class VectorBench:
     def _regulate(self, current: Complex) -> bool:
         """The hardware's regulator; returns whether the limit acted."""
         if self.regulate:
-            regulator, gains = byref(self.regulator), byref(self.gains)
-            return bool(self.lib.complex_regulator_step(regulator, gains, self.reference, current, self.limit))
+            step = self.lib.complex_regulator_step
+            return bool(step(self.regulator, self.gains, self.reference, current, self.limit))
         error = Complex(self.reference.re - current.re, self.reference.im - current.im)
         preset = Complex(self.preset.re * 256, self.preset.im * 256)
-        self.lib.complex_regulator_preset(byref(self.regulator), preset, error)
+        self.lib.complex_regulator_preset(self.regulator, preset, error)
         return False
 
     def _direct(self, current: Complex, masked: bool, late: bool) -> bool:
@@ -321,14 +322,14 @@ class VectorBench:
         if late:
             return False
         wanted = Complex(self.signed("foc.direct_v", 0, 28), self.signed("foc.direct_v", 1, 28))
-        limited = ctypes.c_bool()
-        bound = self.lib.circle_limit_v_q25(wanted, self.limit, byref(limited))
+        limited = new("bool")
+        bound = self.lib.circle_limit_v_q25(wanted, self.limit, limited)
         hardware = self.regulator.voltage_v_q25
         self.direct_steps += 1
-        self.direct_limited += limited.value
+        self.direct_limited += limited[0]
         self.direct_differences += (bound.re, bound.im) != (hardware.re, hardware.im)
         self.regulator.voltage_v_q25 = bound
-        return limited.value
+        return bool(limited[0])
 
     def _encode(self) -> None:
         """Position of the encoder now, as filter and synchronisers show it."""

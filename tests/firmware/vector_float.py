@@ -12,11 +12,12 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from fluxlock.firmware.vector_library import Machine, real_gain
+from fluxlock.firmware.binding import CData
+from fluxlock.firmware.vector_formats import vector_machine
 
 CLOCK_HZ = 50e6
-HELD, EXACT = 0, 1
-A, B, C = 0, 1, 2
+HELD, EXACT = "held", "exact"
+A, B, C = "ABC"
 GAMMA = 0.35
 BANDWIDTH = 2 * math.pi * 800.0  # of regulator A, rad/s
 
@@ -33,26 +34,19 @@ class Subspace:
     period_cycles: int = 3333  # 15 kHz
     delay: float = 0.5  # T_d / T_s
     harmonic: int = 1
-    park: int = HELD
+    park: str = HELD
 
     @property
     def period_s(self) -> float:
         """T_s."""
         return self.period_cycles / CLOCK_HZ
 
-    def machine(self) -> Machine:
-        """The same in the units of the firmware."""
+    def machine(self) -> CData:
+        """The same in the units of the firmware, vector_machine_t."""
         per_second = self.resistance_ohm / self.inductance_h
         admittance = self.period_s * self.full_scale_v / (self.inductance_h * self.full_scale_a)
-        return Machine(
-            round(per_second * self.period_s * 2**30),
-            round(self.delay * 2**30),
-            real_gain(admittance),
-            real_gain(1 / admittance),
-            self.period_cycles,
-            self.harmonic,
-            self.park,
-        )
+        resistance = per_second * self.period_s
+        return vector_machine(resistance, self.delay, admittance, self.period_cycles, self.park, self.harmonic)
 
     def speed_turn_q36(self, turns_per_period: float) -> int:
         """Electrical speed of the rotor for so many turns (of subspace 1) in a sample period."""
@@ -87,7 +81,7 @@ def float_model(m: Subspace, omega: float) -> FloatModel:
     return FloatModel(phi, gamma1, gamma2, (phi - 1) / (r + 1j * omega * m.inductance_h))
 
 
-def float_gains(m: Subspace, order: int, omega: float) -> tuple[complex, complex]:
+def float_gains(m: Subspace, order: str, omega: float) -> tuple[complex, complex]:
     """Coefficients g and h of regulator A, B or C, V/A."""
     model = float_model(m, omega)
     if order == A:

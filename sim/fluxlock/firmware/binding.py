@@ -165,6 +165,11 @@ def names(enum: str) -> tuple[str, ...]:
     return tuple(name.removeprefix(prefix).lower() for name in found)
 
 
+def constant(prefix: str, name: str) -> int:
+    """Value of a C constant: `SEQUENCE`, `held-tian` of SEQUENCE_HELD_TIAN."""
+    return int(getattr(open_library(), f"{prefix}_{name}".replace("-", "_").upper()))
+
+
 def view(pointer: CData, count: int, dtype: DTypeLike) -> NDArray[Any]:
     """`count` elements of C memory as an array that shares it."""
     kind = np.dtype(dtype)

@@ -33,8 +33,10 @@ from fluxlock.analysis.injection_machine import (
     triangle,
 )
 from fluxlock.analysis.rundata import FloatArray
-from fluxlock.firmware.injection_library import SEPARATOR_FULL_SCALE, Amplitude
-from fluxlock.firmware.vector_library import Complex, PllGains, real_gain
+from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.block import gain
+from fluxlock.firmware.injection_formats import SEPARATOR_FULL_SCALE
+from fluxlock.firmware.vector_formats import Complex, from_complex
 
 CLOCK_HZ = 50e6
 Q25, Q30, Q32, Q36, Q60 = 2.0**25, 2.0**30, 2.0**32, 2.0**36, 2.0**60
@@ -93,7 +95,7 @@ class InjectionBench:
     load_nm: float = 0.0
     coulomb_nm: float = 0.0
     imposed_rad_s: float = math.nan  # electrical
-    amplitude: Amplitude | None = None  # of this sample
+    amplitude: CData | None = None  # injection_amplitude_t of this sample
     current_a: complex = 0j  # for the regulators, chip's frame
 
     def __post_init__(self) -> None:
@@ -215,15 +217,16 @@ class InjectionBench:
         if len(self.zeros) == 2 and self.step >= 3:
             hf = (self.peak - sum(self.zeros) / 2) * (1 if self.peak_phase == 1 else -1)
             unit = SEPARATOR_FULL_SCALE / self.loop.inverter.current_full_scale_a
-            self.amplitude = Amplitude(Complex(round(hf.real * unit), 0), Complex(round(hf.imag * unit), 0), 0)
+            d, q = (Complex(round(x * unit), 0) for x in (hf.real, hf.imag))
+            self.amplitude = new("injection_amplitude_t", d=d, q=q)
 
     def _sum(self, sampled: complex, phase: int) -> None:
         s = self.loop.settings
         if phase < self.last_phase:
             if self.sums_known:
                 unit = 2**19 / self.loop.inverter.current_full_scale_a
-                d, q = (Complex(round(z.real * unit), round(z.imag * unit)) for z in self.sums)
-                self.amplitude = Amplitude(d, q, s.period)
+                d, q = (from_complex(z, unit) for z in self.sums)
+                self.amplitude = new("injection_amplitude_t", d=d, q=q, count=s.period)
             self.sums_known, self.sums = True, [0j, 0j]
         self.last_phase = phase
         kernel = cmath.exp(-1j * TURN * (self.step + s.period // 4) / s.period)
@@ -269,12 +272,13 @@ class InjectionBench:
             )
 
 
-def firmware_pll(gains: tuple[float, float, float], period_s: float, speed_max_rad_s: float = 1000.0) -> PllGains:
-    """Gains a, b (1/s), c (1/s^2) of the float model as those of pll.h, for ticks of period_s."""
+def firmware_pll(gains: tuple[float, float, float], period_s: float, speed_max_rad_s: float = 1000.0) -> CData:
+    """Gains a, b (1/s), c (1/s^2) of the float model as pll_gains_t, for ticks of period_s."""
     per_turn = Q60 / (TURN * CLOCK_HZ * Q30)
-    return PllGains(
-        real_gain(gains[0] * Q32 / (TURN * Q30)),
-        real_gain(gains[1] * per_turn),
-        real_gain(gains[2] * period_s * per_turn),
-        round(speed_max_rad_s / TURN / CLOCK_HZ * Q36),
+    return new(
+        "pll_gains_t",
+        angle=gain(gains[0] * Q32 / (TURN * Q30)),
+        speed=gain(gains[1] * per_turn),
+        acceleration=gain(gains[2] * period_s * per_turn),
+        speed_max_turn_q36=round(speed_max_rad_s / TURN / CLOCK_HZ * Q36),
     )

@@ -17,7 +17,7 @@ from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import ParameterBlock
-from fluxlock.firmware import injection_library as il
+from fluxlock.firmware.binding import CData, new
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.five_phase.rest_trial import Trial, saturated, trials
@@ -52,12 +52,19 @@ class Saturation:
 SATURATIONS = (Saturation("strong", -0.10, 0.05), Saturation("weak", -0.03, 0.015))
 
 
-def search_settings(block: ParameterBlock) -> il.RestSettings:
-    """What the chip's firmware makes of its parameters."""
+def search_settings(block: ParameterBlock) -> CData:
+    """rest_position_settings_t as the chip's firmware makes them of its parameters."""
     results = block["injection_search_results"]
     assert isinstance(results, tuple)
-    names = ("i_q25", "rise_i_q25", "sure_q16", "least_i_q21")
-    return il.RestSettings(*results, *(block.number(f"injection_search_{name}") for name in names))
+    counts = dict(zip(("settle", "frame_count", "lock", "current_settle", "current_count"), results, strict=True))
+    return new(
+        "rest_position_settings_t",
+        **counts,
+        current_i_q25=block.number("injection_search_i_q25"),
+        rise_i_q25=block.number("injection_search_rise_i_q25"),
+        sure_q16=block.number("injection_search_sure_q16"),
+        minimum_i_q21=block.number("injection_search_least_i_q21"),
+    )
 
 
 def chip_trial(runner: Runner, saturation: Saturation, theta_rad: float, k: int) -> Trial:
@@ -90,10 +97,10 @@ def judged(run: Outcome) -> Trial:
     console = run.console()
     error_deg = run.metrics["steady"]["angle_error_deg"]["mean"]
     if re.search(r"^fault polarity_unsure", console, re.MULTILINE):
-        return Trial("not sure", LONGEST_S, math.inf, moved)
+        return Trial("not_sure", LONGEST_S, math.inf, moved)
     state = re.search(r"^state (\S+)", console, re.MULTILINE)
     if state is None or state[1] != "running" or error_deg is None or run.result["trips"]:
-        return Trial("no signal", math.inf, math.inf, moved)
+        return Trial("no_signal", math.inf, math.inf, moved)
     return Trial("found", LONGEST_S, math.radians(error_deg), moved)
 
 
@@ -103,12 +110,12 @@ def row_of(name: str, saturation: Saturation, found: Sequence[Trial], note: str)
     values: dict[str, Number] = {
         "trials": len(found),
         "right": sum(t.right for t in found),
-        "not_sure": sum(t.name == "not sure" for t in found),
+        "not_sure": sum(t.name == "not_sure" for t in found),
         "in_50ms": sum(t.seconds <= LONGEST_S for t in found),
         "moved_deg.max": max(t.moved_deg for t in found),
         "angle_error_rad.max": max(errors) if errors else None,
     }
-    values["wrong"] = len(found) - sum(t.right or t.name == "not sure" for t in found)
+    values["wrong"] = len(found) - sum(t.right or t.name == "not_sure" for t in found)
     if note != CHIP_NOTE:
         values["seconds.max"] = max(t.seconds for t in found)
     limits: Limits = {"wrong": (0, 0), "in_50ms": (len(found), len(found)), "moved_deg.max": (None, MOVED_DEG)}

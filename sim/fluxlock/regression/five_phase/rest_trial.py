@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 import math
-from ctypes import byref
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fluxlock.analysis.injection_loop import Loop
-from fluxlock.firmware import injection_library as il
-from fluxlock.firmware.vector_library import Complex, Pll, vector_library
+from fluxlock.firmware import injection_formats as formats
+from fluxlock.firmware.binding import CData, names, new, open_library
+from fluxlock.firmware.vector_formats import Complex
 from fluxlock.regression.five_phase.injection_bench import Q25, Q32, TURN, InjectionBench, firmware_pll
 
 RIGHT_RAD = math.radians(10)
@@ -42,41 +42,40 @@ def saturated(loop: Loop, plus: float, minus: float) -> Loop:
     return replace(loop, motor=loop.motor.model_copy(update={"saturation": changed}))
 
 
-def trial(loop: Loop, settings: il.RestSettings, theta: float, seed: int) -> Trial:
+def trial(loop: Loop, settings: CData, theta: float, seed: int) -> Trial:
     """From an angle (rad) to the end; seed: of the noise."""
-    lib, vector = il.injection_library(), vector_library()
+    lib, phases = open_library(), names("rest_phase_t")
     s, full_scale_a = loop.settings, loop.inverter.current_full_scale_a
     bench = InjectionBench(loop, theta, seed)
     hz = 1 / (s.period * s.ts_s)
-    method = il.SEPARATOR if s.method == "separator" else il.IQ
-    errors = il.error_settings(
-        method, bench.m.l_d, bench.m.l_q, r_ohm=bench.m.r, injection_hz=hz, full_scale_a=full_scale_a, minimum_a=0.01
+    errors = formats.error_settings(
+        s.method, bench.m.l_d, bench.m.l_q, r_ohm=bench.m.r, injection_hz=hz, full_scale_a=full_scale_a, minimum_a=0.01
     )
     gains = firmware_pll(s.pll, s.tick * s.ts_s)
-    state, pll, error_q30, moved = il.RestPosition(), Pll(), 0, 0.0
-    lib.rest_position_begin(byref(state))
-    while il.REST_PHASES[state.phase] not in ("found", "not sure", "no signal"):
+    state, pll, error_q30, moved = new("rest_position_t"), new("pll_t"), 0, 0.0
+    lib.rest_position_begin(state)
+    while phases[state.phase] not in ("found", "not_sure", "no_signal"):
         bench.sample()
         result, amplitude = Complex(0, 0), bench.amplitude
         if amplitude is not None:
-            result = lib.injection_vector_i_q21(byref(errors), byref(amplitude))
-            error_q30 = lib.injection_error_q30(byref(errors), byref(amplitude))
-        wanted = lib.rest_position_step(byref(state), byref(settings), amplitude is not None, result)
+            result = lib.injection_vector_i_q21(errors, amplitude)
+            error_q30 = lib.injection_error_q30(errors, amplitude)
+        wanted = lib.rest_position_step(state, settings, amplitude is not None, result)
         command = bench.command
         command.turn_q32 = wanted.turn_q32
         if wanted.track and bench.step % s.tick == 0:
-            command.turn_q32 += vector.pll_correct(byref(pll), byref(gains), error_q30)
-        command.speed_turn_q36 = vector.pll_speed_turn_q36(byref(pll))
+            command.turn_q32 += lib.pll_correct(pll, gains, error_q30)
+        command.speed_turn_q36 = lib.pll_speed_turn_q36(pll)
         command.reference_a = wanted.current_i_q25 / Q25 * full_scale_a + 0j
         moved = max(moved, abs(bench.theta_rad - theta) / loop.motor.pole_pairs)
     saturation = loop.motor.saturation
     curve = saturation.angle_rad[0] if saturation else 0.0
     turn = bench.command.turn_q32 / Q32 * TURN
-    name = il.REST_PHASES[state.phase]
+    name = phases[state.phase]
     return Trial(name, bench.step * s.ts_s, bench.error_rad(curve + turn), math.degrees(moved))
 
 
-def trials(loop: Loop, settings: il.RestSettings, count: int, seed: int) -> list[Trial]:
+def trials(loop: Loop, settings: CData, count: int, seed: int) -> list[Trial]:
     """From random angles; seed: of the angles, the noise of the k-th trial has the seed k."""
     rng = np.random.default_rng(seed)
     return [trial(loop, settings, float(rng.uniform(-math.pi, math.pi)), k) for k in range(count)]

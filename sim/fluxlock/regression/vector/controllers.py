@@ -13,7 +13,7 @@ from fluxlock.analysis.vector.controllers import KINDS, Kind, cross_peak, settli
 from fluxlock.analysis.vector.model import PARKS, ComplexArray, Park, SmoothMachine
 from fluxlock.config import load_motor
 from fluxlock.config.specs import CLOCK_HZ
-from fluxlock.firmware.vector_library import vector_library
+from fluxlock.firmware.binding import open_library
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.runner import Runner
@@ -36,7 +36,7 @@ NOTE = (
 def controllers(runner: Runner) -> Iterator[Row]:
     """Peak of i_q after a step of i_d within 0.5 % of the table, C and RTL; C settles to 5 % in seven samples."""
     machine = SmoothMachine.from_motor(load_motor(ROOT / "motors" / "motor-1.toml"))
-    lib, period = vector_library(), round(CLOCK_HZ / FS_HZ)
+    lib, period = open_library(), round(CLOCK_HZ / FS_HZ)
     points = [p for p in PEAKS_PERCENT if not runner.quick or p[0] == 0.1]
     loops = {
         (speed, delay, kind, park, sign): FixedLoop(machine, kind, sign * speed, delay, park, period)

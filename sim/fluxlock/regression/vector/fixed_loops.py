@@ -9,20 +9,17 @@ it is solved in the stationary frame in phase currents (`cocotb_tests/foc/closed
 
 from __future__ import annotations
 
-import ctypes
 import json
 import math
 from collections.abc import Sequence
-from ctypes import byref
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from fluxlock.analysis.vector.controllers import BANDWIDTH_HZ, GAMMA, KINDS, Gains, Kind, Regulator, follow, gains
+from fluxlock.analysis.vector.controllers import BANDWIDTH_HZ, GAMMA, Gains, Kind, Regulator, follow, gains
 from fluxlock.analysis.vector.model import (
-    PARKS,
     Coefficients,
     ComplexArray,
     Park,
@@ -32,16 +29,14 @@ from fluxlock.analysis.vector.model import (
 )
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.block import run_block_test
-from fluxlock.firmware.vector_library import (
+from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.vector_formats import (
     Complex,
-    ComplexRegulator,
-    Machine,
-    RegulatorDesign,
-    RegulatorGains,
     from_complex,
     model_at,
-    real_gain,
+    regulator_design,
     to_complex,
+    vector_machine,
 )
 from fluxlock.regression.vector.transforms import FOC
 
@@ -84,32 +79,25 @@ class FixedLoop:
         return gains(self.kind, self.machine, self.omega, self.sampling, gamma=self.gamma)
 
     @property
-    def firmware_machine(self) -> Machine:
-        """As the parameter block has it."""
+    def firmware_machine(self) -> CData:
+        """vector_machine_t as the parameter block has it."""
         ts, l_h = self.sampling.ts_s, self.machine.l_h
         admittance = ts * FULL_V / (l_h * FULL_A)
-        return Machine(
-            round(self.machine.r_ohm / l_h * ts * Q30),
-            round(self.delay * Q30),
-            real_gain(admittance),
-            real_gain(1.0 / admittance),
-            self.period_cycles,
-            1,
-            PARKS.index(self.park),
-        )
+        resistance = self.machine.r_ohm / l_h * ts
+        return vector_machine(resistance, self.delay, admittance, self.period_cycles, self.park)
 
     @property
     def speed_turn_q36(self) -> int:
         """2^-36 turn a clock."""
         return round(self.speed / self.period_cycles * 2**36)
 
-    def firmware_gains(self, lib: ctypes.CDLL) -> RegulatorGains:
-        """What the firmware designs."""
-        machine, found = self.firmware_machine, RegulatorGains()
+    def firmware_gains(self, lib: CData) -> CData:
+        """regulator_gains_t that the firmware designs."""
+        machine, found = self.firmware_machine, new("regulator_gains_t")
         bandwidth = 2.0 * math.pi * BANDWIDTH_HZ * self.sampling.ts_s
-        design = RegulatorDesign(KINDS.index(self.kind), round(bandwidth * Q30), round(self.gamma * Q30))
+        design = regulator_design(self.kind, bandwidth, self.gamma)
         model = model_at(lib, machine, self.speed_turn_q36)
-        if not lib.regulator_design(byref(found), byref(design), byref(machine), byref(model)):
+        if not lib.regulator_design(found, design, machine, model):
             raise ValueError(f"{self}: the gains do not fit")
         return found
 
@@ -117,9 +105,9 @@ class FixedLoop:
         """Current (A) at the samples in floating point."""
         return follow(self.model, Regulator(self.exact_gains), reference)
 
-    def host(self, lib: ctypes.CDLL, reference: ComplexArray) -> ComplexArray:
+    def host(self, lib: CData, reference: ComplexArray) -> ComplexArray:
         """Current (A) at the samples with the firmware's regulator."""
-        model, chosen, state = self.model, self.firmware_gains(lib), ComplexRegulator()
+        model, chosen, state = self.model, self.firmware_gains(lib), new("complex_regulator_t")
         phi, gamma1, gamma2 = complex(model.phi), complex(model.gamma1), complex(model.gamma2)
         unit_a, unit_v = FULL_Q17 / FULL_A, 2**25 / FULL_V
         current, before = 0j, 0j
@@ -128,13 +116,13 @@ class FixedLoop:
             found[k] = current
             measured = from_complex(current, unit_a)
             reference_q17: Complex = from_complex(complex(wanted), unit_a)
-            lib.complex_regulator_step(byref(state), byref(chosen), reference_q17, measured, FULL_Q17 - 1)
+            lib.complex_regulator_step(state, chosen, reference_q17, measured, FULL_Q17 - 1)
             u = to_complex(state.voltage_v_q25, unit_v)
             current = phi * current + gamma1 * u + gamma2 * before
             before = u
         return found
 
-    def job(self, lib: ctypes.CDLL, reference: ComplexArray) -> dict[str, object]:
+    def job(self, lib: CData, reference: ComplexArray) -> dict[str, object]:
         """What the simulation of the hardware is asked."""
         chosen, machine = self.firmware_gains(lib), self.firmware_machine
         unit_a = FULL_Q17 / FULL_A
@@ -144,10 +132,10 @@ class FixedLoop:
             "period_s": self.sampling.ts_s,
             "delay_s": self.sampling.td_s,
             "turns_a_period": self.speed,
-            "lead_q32": lib.vector_lead_turn_q32(byref(machine), self.speed_turn_q36),
+            "lead_q32": lib.vector_lead_turn_q32(machine, self.speed_turn_q36),
             "gain": [chosen.g.re, chosen.g.im],
             "hold": [chosen.h.re, chosen.h.im],
-            "ratio": [chosen.ratio.re, chosen.ratio.im],
+            "ratio": [chosen.ratio_q17.re, chosen.ratio_q17.im],
             "shift": chosen.shift,
             "full_scale_a": FULL_A,
             "full_scale_v": FULL_V,
@@ -155,7 +143,7 @@ class FixedLoop:
         }
 
 
-def hardware(lib: ctypes.CDLL, loops: Sequence[FixedLoop], reference: ComplexArray) -> list[ComplexArray]:
+def hardware(lib: CData, loops: Sequence[FixedLoop], reference: ComplexArray) -> list[ComplexArray]:
     """Currents (A) of the loops with the regulator of the RTL."""
     with TemporaryDirectory() as folder:
         asked, answered = Path(folder) / "loops.json", Path(folder) / "responses.json"
