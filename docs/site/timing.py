@@ -18,8 +18,10 @@ FOLDER = Path(__file__).resolve().parents[1] / "images" / "timing"
 
 
 def drawn(trace: Path) -> str:
-    """A trace as SVG."""
-    return str(wavedrom.render(trace.read_text(encoding="utf-8")).tostring()) + "\n"
+    """A trace as SVG, on white: on a dark page without a style of its own black lines would not be seen."""
+    drawing = wavedrom.render(trace.read_text(encoding="utf-8"))
+    drawing["style"] = "background: #fff"
+    return str(drawing.tostring()) + "\n"
 
 
 def stale() -> list[str]:
