@@ -28,6 +28,7 @@ EVENTS = [{"at_s": 0.004, "command": "start"}, {"at_s": 0.012, "load_factor": 1.
 
 def result_of(metrics: dict[str, Any] | None = None) -> dict[str, Any]:
     settings = {"name": "x", "description": "a < b & c", "motor": {"name": "Motor"}, "event": EVENTS}
+    settings["window"] = [{"name": name, "from_s": 0.01, "to_s": 0.015} for name in metrics or {}]
     return {"metrics": metrics or {}, "scenario": {"settings": settings}}
 
 
@@ -46,18 +47,18 @@ def test_caption(run: RunData) -> None:
     crossings = {"zcp_error_deg": {"rms": 0.0194}, "commutation_error_deg": {"rms": 0.0301}}
     metrics = {"speed_rpm": {"min": 59_998.4, "max": 60_002.1}, **errors, **crossings}
     text = scope.caption(run, result_of({"steady": metrics, "loaded": {}}))
-    errors_text = "crossing error 0.019°, commutation error 0.030° rms (window `steady`)."
-    assert text.replace("\u00a0", " ") == f"Held at 59 998 to 60 002 r/min: {errors_text}"
+    turns, span = "The simulated rotor turns at", "r/min from 0.01 to 0.015 s"
+    errors_text = "crossing error 0.019° rms, commutation error 0.030° rms"
+    assert text.replace("\u00a0", " ") == f"{turns} 59 998 to 60 002 {span}: {errors_text}."
     text = scope.caption(run, result_of()).replace("\u00a0", " ")
-    assert re.fullmatch(
-        r"Held at 60 000 to 60 000 r/min: crossing error 0\.199°, commutation error \d\.\d{3}° rms \(second half\)\.",
-        text,
-    )
+    half = rf"60 000 to 60 000 r/min from {run.duration_s / 2:g} to {run.duration_s:g} s"
+    errors_text = r"crossing error 0\.199° rms, commutation error \d\.\d{3}° rms"
+    assert re.fullmatch(rf"{turns} {half}: {errors_text}\.", text)
     vector = {"speed_rpm": {"min": 1.0, "max": 2.0}, **errors, "angle_error_deg": {"rms": 0.5}}
     text = scope.caption(run, result_of({"w": vector})).replace("\u00a0", " ")
-    assert text == "Held at 1 to 2 r/min: angle error 0.500° rms (window `w`)."
+    assert text == f"{turns} 1 to 2 {span}: angle error 0.500° rms."
     silent = {"speed_rpm": {"min": 1.0, "max": 2.0}, **errors}
-    assert scope.caption(run, result_of({"w": silent})) == "Held at 1 to 2 r/min (window `w`)."
+    assert scope.caption(run, result_of({"w": silent})) == f"{turns} 1 to 2 {span}."
 
 
 def test_picture(run: RunData) -> None:
@@ -118,7 +119,7 @@ def test_command(run: RunData, tmp_path: Path) -> None:
     save_trace(folder / "trace.npz", run)
     (folder / "result.json").write_text(json.dumps(result_of()))
     done = CliRunner().invoke(cli.app, ["scope", str(folder)])
-    assert done.exit_code == 0 and "(second half)." in done.output
+    assert done.exit_code == 0 and "The simulated rotor turns at " in done.output
     assert (folder / "scope.svg").read_text() == scope.svg(run, result_of())
     assert "<animate" not in (folder / "scope-still.svg").read_text()
     for words in ([str(tmp_path)], [str(folder), "--out", str(tmp_path / "x.png")]):

@@ -65,20 +65,23 @@ def _step(span: float, most: int) -> float:
     return next(power * factor for factor in (1, 2, 5, 10) if span / (power * factor) <= most)
 
 
-def _window(data: RunData, result: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Where the numbers of the caption come from: the run's first window, else its second half."""
+def _window(data: RunData, result: dict[str, Any]) -> tuple[tuple[float, float], dict[str, Any]]:
+    """Span (s) and metrics that the caption is of: the run's first window, else its second half."""
+    spans = {entry["name"]: (entry["from_s"], entry["to_s"]) for entry in result["scenario"]["settings"]["window"]}
     for name, metrics in result["metrics"].items():
-        return f"window `{name}`", metrics
-    return "second half", Analysis(data).window(data.duration_s / 2, data.duration_s)
+        return spans[name], metrics
+    half = (data.duration_s / 2, data.duration_s)
+    return half, Analysis(data).window(*half)
 
 
 def caption(data: RunData, result: dict[str, Any]) -> str:
     """One sentence with the numbers of the run: each error that the method has is named."""
-    where, metrics = _window(data, result)
+    (from_s, to_s), metrics = _window(data, result)
     low, high = (thousands(metrics["speed_rpm"][end], NO_BREAK) for end in ("min", "max"))
     found = {name: metrics[key]["rms"] for name, key in ERRORS.items() if metrics[key]["rms"] is not None}
-    errors = ", ".join(f"{name} {value:.3f}°" for name, value in found.items())
-    return f"Held at {low} to {high} r/min{f': {errors} rms' if errors else ''} ({where})."
+    errors = ", ".join(f"{name} {value:.3f}° rms" for name, value in found.items())
+    turns = f"The simulated rotor turns at {low} to {high} r/min from {from_s:g} to {to_s:g} s"
+    return f"{turns}: {errors}." if errors else f"{turns}."
 
 
 def _marks(data: RunData, result: dict[str, Any]) -> list[tuple[float, str]]:

@@ -25,8 +25,8 @@ README = ROOT / "README.md"
 IMAGES = ROOT / "docs" / "images"
 RECORD = ROOT / "docs" / "verification" / "record.json"
 BEGIN, END = "<!-- chips begin -->", "<!-- chips end -->"
-HEAD = ["chip", "LUT4", "Fmax / MHz", "proved", "angle error, rms, simulated"]
-PROVED = "gates, trips, carrier"
+HEAD = ["configuration", "LUT4", "Fmax / MHz", "proved", "simulated error, rms"]
+PROVED = "gate guard, trips, carrier"
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,19 @@ class Chip:
 CHIPS = (
     Chip(
         "six-step", "six-step", PROVED,
-        "six-step/zcd-methods/motor-1-60000", "averaged.commutation_deg.rms", "commutations at 60 000 r/min",
+        "six-step/zcd-methods/motor-1-60000", "averaged.commutation_deg.rms", "of commutations, 60 000 r/min",
     ),
     Chip(
         "six-step, vector", "three-phase", PROVED,
-        "vector/sequence/whole", "angle_error_deg.rms", "0 to 90 000 r/min",
+        "vector/sequence/whole", "angle_error_deg.rms", "of the angle, up to 90 000 r/min",
     ),
     Chip(
-        "six-step, vector, injection", None, PROVED,
-        "five-phase/ipm-steady/400rpm-10A", "angle_error_deg.rms", "400 r/min",
+        "six-step, vector, injection", "three-phase-injection", PROVED,
+        "five-phase/ipm-steady/400rpm-10A", "angle_error_deg.rms", "of the angle, 400 r/min",
     ),
     Chip(
-        "vector, injection, five phases, CAN", "five-phase", "the same for three legs, CAN",
-        "five-phase/tian-best/100rpm-2A", "angle_error_deg.rms", "100 r/min",
+        "vector, injection, five phases, CAN", "five-phase", f"{PROVED} (of three legs), CAN",
+        "five-phase/tian-best/100rpm-2A", "angle_error_deg.rms", "of the angle, 100 r/min",
     ),
 )  # fmt: skip
 
@@ -76,7 +76,7 @@ def table() -> str:
         row = built.get(chip.configuration or "", {})
         size = thousands(int(row["LUT4"])) if row else "not built yet"
         error = record[chip.row]["values"][chip.value]["value"]
-        rows.append([chip.name, size, row.get("Fmax / MHz", "–"), chip.proved, f"{error:.2f}°, {chip.condition}"])
+        rows.append([chip.name, size, row.get("Fmax / MHz", "–"), chip.proved, f"{error:.2f}° {chip.condition}"])
     return markdown(HEAD, rows)
 
 
