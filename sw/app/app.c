@@ -189,7 +189,7 @@ void app_deferred_interrupt(app_t *app) {
   if ((pending & (uint32_t)IRQ_LOAD) != 0u) {
     const uint32_t start = chip_now();
     chip_irq_clear(IRQ_LOAD);
-    const uint32_t busy_cycles = app->load_period_cycles / 2u;
+    const uint32_t busy_cycles = (uint32_t)app->drive.settings.irq_load / 2u;
     while (chip_now() - start < busy_cycles) {
     }
     cycles_add(&telemetry->handler[HANDLER_LOAD], chip_now() - start);
@@ -211,3 +211,23 @@ void app_poll(app_t *app) {
   app->polled = now;
   console_poll(app);
 }
+
+SMALL_CODE_BEGIN
+setting_result_t app_set(app_t *app, setting_t setting, int32_t value) {
+  drive_t *drive = &app->drive;
+  // The control step reads the settings: work on a copy, put it in place as a whole.
+  settings_t next = drive->settings;
+  const setting_result_t result = settings_set(&next, drive->p, setting, value);
+  if (result != SETTING_TAKEN) {
+    return result;
+  }
+  const uint32_t state = critical_enter();
+  drive->settings = next;
+  drive->settings_fresh = true;
+  critical_leave(state);
+  if (setting == SETTING_IRQ_LOAD) {
+    chip_set_load((uint32_t)value);
+  }
+  return SETTING_TAKEN;
+}
+SMALL_CODE_END

@@ -24,7 +24,6 @@ typedef struct {
   drive_t drive;
   telemetry_t *telemetry;
   bool gate_enable_written;
-  volatile uint32_t load_period_cycles;
   uint32_t polled;  // when the main loop came round last, 0: not yet
   uint32_t quiet_round_cycles;  // of the main loop's last round that nothing interrupted
   uint32_t idle_cycles;         // that the rounds took without what interrupted them; wraps
@@ -40,5 +39,8 @@ void app_control_interrupt(app_t *app);
 void app_deferred_interrupt(app_t *app);
 // One round of the main loop: the console.
 void app_poll(app_t *app);
+
+// Set a setting between two control ticks; main loop only.
+setting_result_t app_set(app_t *app, setting_t setting, int32_t value);
 
 #endif

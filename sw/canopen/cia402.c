@@ -201,7 +201,7 @@ static bool wanted(const canopen_t *node, link_order_t *order) {
   const int32_t fastest = (profile < motor) ? profile : motor;
   const int32_t permille = limit_permille(node);
   order->limit_ma = limit_ma(node);
-  if (mode == MODE_TORQUE) {
+  if (mode == OPERATION_TORQUE) {
     const int32_t torque = value(node, OD_TARGET_TORQUE);
     const int32_t bound = clamp_i32(torque, -permille, permille);
     order->torque = true;
@@ -210,7 +210,7 @@ static bool wanted(const canopen_t *node, link_order_t *order) {
     order->accel_rpm_s = value(node, OD_MAX_ACCELERATION);
     return bound != torque;
   }
-  if (mode != MODE_PROFILE_VELOCITY && mode != MODE_VELOCITY) {
+  if (mode != OPERATION_PROFILE_VELOCITY && mode != OPERATION_VELOCITY) {
     order->target_rpm = 0;
     order->accel_rpm_s = value(node, OD_PROFILE_DECELERATION);
     return false;
@@ -218,7 +218,7 @@ static bool wanted(const canopen_t *node, link_order_t *order) {
   const int32_t target = value(node, OD_TARGET_VELOCITY);
   const int32_t demand = node->drive.status.demand_rpm;
   order->target_rpm = clamp_i32(target, -fastest, fastest);
-  const bool cyclic = mode == MODE_VELOCITY;
+  const bool cyclic = mode == OPERATION_VELOCITY;
   const bool slower = (demand > 0 && order->target_rpm < demand) || (demand < 0 && order->target_rpm > demand);
   const uint32_t number = cyclic ? (slower ? OD_MAX_DECELERATION : OD_MAX_ACCELERATION)
                                  : (slower ? OD_PROFILE_DECELERATION : OD_PROFILE_ACCELERATION);
@@ -295,7 +295,7 @@ static bool run(canopen_t *node) {
       order.target_rpm = c->order.target_rpm;
       give(node, &order);
     } else {
-      const bool cyclic = value(node, OD_MODES_OF_OPERATION_DISPLAY) == MODE_VELOCITY;
+      const bool cyclic = value(node, OD_MODES_OF_OPERATION_DISPLAY) == OPERATION_VELOCITY;
       (void)stop_by_ramp(node, cyclic ? OD_MAX_DECELERATION : OD_PROFILE_DECELERATION);
     }
     return limited;
@@ -434,12 +434,12 @@ static void show(canopen_t *node, bool limited) {
   const int32_t halted = (c->controlword & CONTROL_HALT) != 0u ? 0 : value(node, OD_TARGET_VELOCITY);
   const uint32_t apart_rpm = (uint32_t)abs_sat(sat_i32((int64_t)s->speed_rpm - halted));
   const bool enabled = c->state == PDS_ENABLED;
-  hold(node, enabled && mode != MODE_TORQUE && apart_rpm <= node->value[OD_VELOCITY_WINDOW],
+  hold(node, enabled && mode != OPERATION_TORQUE && apart_rpm <= node->value[OD_VELOCITY_WINDOW],
        node->value[OD_VELOCITY_WINDOW_TIME], &c->reaching, &c->reached);
   hold(node, (uint32_t)abs_sat(s->speed_rpm) <= node->value[OD_VELOCITY_THRESHOLD],
        node->value[OD_VELOCITY_THRESHOLD_TIME], &c->standing, &c->still);
   const bool follows = enabled && s->state == STATE_RUNNING && !limited;
-  const bool mode_bit = (mode == MODE_PROFILE_VELOCITY) ? c->still : (mode != MODE_NONE && follows);
+  const bool mode_bit = (mode == OPERATION_PROFILE_VELOCITY) ? c->still : (mode != OPERATION_NONE && follows);
   node->value[OD_STATUSWORD] = state_bits(c->state) | STATUS_REMOTE | (s->powered ? STATUS_POWERED : 0u) |
                                (c->reached ? STATUS_REACHED : 0u) | ((limited || s->limited) ? STATUS_LIMITED : 0u) |
                                (mode_bit ? STATUS_MODE : 0u);
@@ -452,7 +452,7 @@ static void show(canopen_t *node, bool limited) {
   const uint32_t current = (s->current_ma < 0) ? 0u - permille : permille;
   node->value[OD_CURRENT_ACTUAL] = current;
   node->value[OD_TORQUE_ACTUAL] = current;
-  node->value[OD_TORQUE_DEMAND] = (enabled && mode == MODE_TORQUE) ? node->value[OD_TARGET_TORQUE] : 0u;
+  node->value[OD_TORQUE_DEMAND] = (enabled && mode == OPERATION_TORQUE) ? node->value[OD_TARGET_TORQUE] : 0u;
 }
 
 void cia402_step(canopen_t *node) {

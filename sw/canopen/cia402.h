@@ -28,7 +28,7 @@ typedef enum {
   PDS_FAULT,
 } pds_t;
 
-enum { MODE_NONE = 0, MODE_PROFILE_VELOCITY = 3, MODE_VELOCITY = 9, MODE_TORQUE = 10 };
+enum { OPERATION_NONE = 0, OPERATION_PROFILE_VELOCITY = 3, OPERATION_VELOCITY = 9, OPERATION_TORQUE = 10 };
 
 typedef struct {
   pds_t state;

@@ -3,8 +3,6 @@
 
 #include "canopen/drive_link.h"
 
-#include "app/console_items.h"
-#include "app/format.h"
 #include "canopen/dictionary.h"
 #include "control/fixed.h"
 #include "control/placement.h"
@@ -65,9 +63,9 @@ void link_ratings(const app_t *app, link_ratings_t *ratings) {
   if (p == 0) {
     return;
   }
-  const int32_t rated_i_q25 = drive_current_q17(p, p->current_limit_ma) * 256;
+  const int32_t rated_i_q25 = current_q17_of_ma(p, p->current_limit_ma) * 256;
   ratings->rated_ma = p->current_limit_ma;
-  ratings->rated_mnm = (drive_torque_unm(p, rated_i_q25) + 500) / 1000;
+  ratings->rated_mnm = (torque_unm_of_current(p, rated_i_q25) + 500) / 1000;
   ratings->speed_max_rpm = p->speed_max_rpm;
   ratings->stop_rpm = p->stop_rpm;
   ratings->accel_rpm_s = p->accel_rpm_s;
@@ -85,11 +83,12 @@ void link_order(app_t *app, const link_order_t *order) {
     return;
   }
   settings_t next = app->drive.settings;
-  if (!settings_target(&next, p, order->target_rpm) || !settings_accel(&next, p, order->accel_rpm_s) ||
-      (order->torque && !settings_target_current(&next, p, order->current_ma))) {
+  if (settings_set(&next, p, SETTING_SPEED_RPM, order->target_rpm) != SETTING_TAKEN ||
+      settings_set(&next, p, SETTING_ACCEL_RPM_S, order->accel_rpm_s) != SETTING_TAKEN ||
+      (order->torque && settings_set(&next, p, SETTING_CURRENT_MA, order->current_ma) != SETTING_TAKEN)) {
     return;
   }
-  const int32_t limit_q17 = drive_current_q17(p, order->limit_ma);
+  const int32_t limit_q17 = current_q17_of_ma(p, order->limit_ma);
   // What the node orders only: a copy of all settings would hold the control step off for some 200 clocks.
   settings_t *settings = &app->drive.settings;
   const uint32_t state = critical_enter();
@@ -98,7 +97,7 @@ void link_order(app_t *app, const link_order_t *order) {
   settings->accel_rpm_q20 = next.accel_rpm_q20;
   settings->accel_rpm_q8 = next.accel_rpm_q8;
   settings->current_limit_q17 = limit_q17;
-  settings->torque_mode = order->torque;
+  settings->mode = order->torque ? MODE_TORQUE : MODE_SPEED;
   settings->target_i_q25 = next.target_i_q25;
   app->drive.settings_fresh = true;
   critical_leave(state);
@@ -119,33 +118,10 @@ static fault_entry_t logged(const drive_t *d, uint32_t back) {
   return (back < count) ? d->log.entry[(count - 1u - back) % FAULT_LOG_LENGTH] : none;
 }
 
-static uint32_t read_setting(const settings_t *s, const parameters_t *p, uint32_t number) {
-  switch (number) {
-    case OD_SETTING_COMMUTATION:
-      return s->commutation;
-    case OD_SETTING_PATTERN:
-      return s->pattern;
-    case OD_SETTING_CARRIER_HZ:
-      return (uint32_t)p->clock_hz / s->carrier_period_cycles;
-    case OD_SETTING_ADVANCE_Q16:
-      return (uint32_t)s->advance_q16;
-    case OD_SETTING_SYNC_RECT:
-      return s->sync_rect ? 1u : 0u;
-    case OD_SETTING_BALANCE:
-      return (uint32_t)s->balance;
-    case OD_SETTING_ZCD_METHOD:
-      return s->crossing.method;
-    case OD_SETTING_ZCD_SOURCE:
-      return s->crossing.source;
-    case OD_SETTING_COMPUTE_BACK:
-      return s->crossing.compute_back ? 1u : 0u;
-    case OD_SETTING_CORRECTION_A:
-      return s->crossing.correction_a ? 1u : 0u;
-    case OD_SETTING_CATCH:
-      return s->catch_rotor ? 1u : 0u;
-    default:
-      return s->current_loop ? 1u : 0u;
-  }
+// Setting of an object.
+static setting_t setting_of(uint32_t number) {
+  static const uint8_t settings[] = OD_SETTINGS;
+  return (setting_t)settings[number - OD_SETTINGS_FIRST];
 }
 
 uint32_t link_read(const app_t *app, uint32_t number) {
@@ -166,8 +142,8 @@ uint32_t link_read(const app_t *app, uint32_t number) {
   if (p == 0) {
     return 0;
   }
-  if (number >= OD_SETTING_COMMUTATION && number <= OD_SETTING_CURRENT_LOOP) {
-    return read_setting(&d->settings, p, number);
+  if (number >= OD_SETTINGS_FIRST && number < OD_SETTINGS_END) {
+    return (uint32_t)settings_get(&d->settings, p, setting_of(number));
   }
   if (number >= OD_THRESHOLD_SECTOR_1 && number <= OD_THRESHOLD_SECTOR_6) {
     return (uint32_t)d->command.threshold_q17[number - OD_THRESHOLD_SECTOR_1];
@@ -199,10 +175,6 @@ uint32_t link_read(const app_t *app, uint32_t number) {
 }
 
 bool link_write(app_t *app, uint32_t number, uint32_t value) {
-  // The console's names, so that its checks hold for both.
-  static const char *const names[] = {"commutation", "pattern",      "carrier_hz",   "advance_q16", "sync_rect", "balance",
-                                      "zcd_method",  "zcd_source",   "compute_back", "correction_a", "catch",
-                                      "current_loop"};
   if (app->drive.p == 0) {
     return false;
   }
@@ -214,9 +186,7 @@ bool link_write(app_t *app, uint32_t number, uint32_t value) {
     capture_set_lanes(value);
     return true;
   }
-  char text[FORMAT_LENGTH];
-  format_i32(text, (int32_t)value);
-  return items_set(app, names[number - OD_SETTING_COMMUTATION], text) == 0;
+  return app_set(app, setting_of(number), (int32_t)value) == SETTING_TAKEN;
 }
 
 SMALL_CODE_END

@@ -76,7 +76,7 @@ uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
     case OD_HEARTBEAT_CONSUMER_NODE_4:
       return check_consumer(node, number, value);
     case OD_MODES_OF_OPERATION:
-      return (value == MODE_TORQUE && !link_has_torque(node->app)) ? SDO_STATE : SDO_OK;
+      return (value == OPERATION_TORQUE && !link_has_torque(node->app)) ? SDO_STATE : SDO_OK;
     default:
       return SDO_OK;
   }

@@ -33,7 +33,7 @@ void balance_errors(const uint32_t interval_cycles[SECTORS], bool backward, int3
   }
 }
 
-void balance_step(balance_t *balance, balance_mode_t mode, const int32_t error_x6[SECTORS], gain_t step,
+void balance_step(balance_t *balance, uint32_t mode, const int32_t error_x6[SECTORS], gain_t step,
                   int32_t limit_q25) {
   for (uint32_t s = 0; s < 3u; s++) {
     const uint32_t x = open_phase(s);

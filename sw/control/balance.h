@@ -21,10 +21,9 @@
 #include <stdint.h>
 
 #include "control/fixed.h"
+#include "settings_table.h"  // BALANCE_NONE..
 
 #define SECTORS 6u
-
-typedef enum { BALANCE_NONE, BALANCE_VERTICAL, BALANCE_BOTH } balance_mode_t;
 
 // Integrators by phase A, B, C, in fractions of vdc, Q0.25: common-mode and differential threshold.
 typedef struct {
@@ -42,7 +41,7 @@ void balance_errors(const uint32_t interval_cycles[SECTORS], bool backward, int3
 
 // Move the integrators by one turn's errors; step: clocks times 6 -> Q0.25 of vdc, bandwidth and slope in it.
 // limit_q25: largest magnitude of either part. Parts that the mode excludes return to zero. About 500 clocks.
-void balance_step(balance_t *balance, balance_mode_t mode, const int32_t error_x6[SECTORS], gain_t step,
+void balance_step(balance_t *balance, uint32_t mode, const int32_t error_x6[SECTORS], gain_t step,
                   int32_t limit_q25);
 
 // Threshold of sector index 0..5, Q0.17 of vdc, about its value without correction.

@@ -82,7 +82,7 @@ COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
 }
 
 COLD void drive_take_crossing(drive_t *drive) {
-  const bool other_signal = drive->command.crossing.source != drive->settings.crossing.source;
+  const bool other_signal = drive->command.crossing.zcd_source != drive->settings.crossing.zcd_source;
   drive->command.crossing = drive->settings.crossing;
   if (other_signal) {
     thresholds_reset(drive);
@@ -119,85 +119,6 @@ HOT int32_t drive_target_rpm_q8(const drive_t *drive) {
   return clamp_i32(target, p->stop_rpm, p->speed_max_rpm) * 256;
 }
 
-bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm) {
-  if (rpm > parameters->speed_max_rpm || rpm < -parameters->speed_max_rpm) {
-    return false;
-  }
-  settings->target_rpm = rpm;
-  return true;
-}
-
-SMALL_CODE_BEGIN
-bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s) {
-  const parameters_t *p = parameters;
-  if (rpm_s < 1 || rpm_s > 100000000) {
-    return false;
-  }
-  // Change a tick, 2^-20 r/min: rpm_s * 2^20 * tick_cycles / clock_hz.
-  const uint64_t numerator = (uint64_t)(uint32_t)rpm_s * (uint32_t)p->tick_cycles;
-  const uint64_t whole = div_u64(numerator, (uint32_t)p->clock_hz);
-  const uint64_t rest = numerator - whole * (uint32_t)p->clock_hz;
-  const uint64_t step = (whole << 20) + div_u64(rest << 20, (uint32_t)p->clock_hz);
-  settings->accel_rpm_s = rpm_s;
-  settings->accel_rpm_q20 = (step > (uint32_t)INT32_MAX) ? INT32_MAX : ((step < 1u) ? 1 : (int32_t)step);
-  settings->accel_rpm_q8 = gain_apply(rpm_s, p->accel_feed_forward_s);
-  return true;
-}
-SMALL_CODE_END
-
-bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz) {
-  const parameters_t *p = parameters;
-  const int32_t period = (hz > 0) ? (p->clock_hz + hz / 2) / hz : 0;
-  if (period < 4 * p->min_pulse_cycles || period > p->carrier_longest_cycles) {
-    return false;
-  }
-  settings->carrier_period_cycles = (uint32_t)period;
-  return true;
-}
-
-bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp) {
-  const uint32_t full_ma = (uint32_t)parameters->current_full_scale_ma;
-  const uint32_t size_ma = (uint32_t)abs_sat(milliamp);
-  if (size_ma > full_ma) {
-    return false;
-  }
-  const int32_t i_q25 = (int32_t)div_u64(((uint64_t)size_ma << 25) + full_ma / 2u, full_ma);
-  settings->target_i_q25 = (milliamp < 0) ? -i_q25 : i_q25;
-  return true;
-}
-
-bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm) {
-  const int32_t i_q25 = gain_apply(micro_nm, parameters->torque_to_current);
-  if (abs_sat(i_q25) > 1 << 25) {
-    return false;
-  }
-  settings->target_i_q25 = i_q25;
-  return true;
-}
-
-int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25) {
-  // Division by mant * 2^-shift, the mantissa normalised to 31 bits: shifted so far that nothing is lost or overflows.
-  const gain_t g = parameters->torque_to_current;
-  const uint32_t size = (uint32_t)abs_sat(i_q25);
-  if (g.mant <= 0) {
-    return 0;
-  }
-  if (g.shift > 37) {
-    return INT32_MAX;
-  }
-  const uint64_t scaled = ((uint64_t)size << g.shift) + (uint32_t)g.mant / 2u;
-  const int32_t unm = sat_i32((int64_t)(div_u64(scaled, (uint32_t)g.mant) & INT64_MAX));
-  return (i_q25 < 0) ? -unm : unm;
-}
-
-int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp) {
-  if (milliamp <= 0) {
-    return 0;
-  }
-  const uint64_t scaled = (uint64_t)(uint32_t)milliamp << 17;
-  return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)parameters->current_full_scale_ma)), 0, 131071);
-}
-
 SMALL_CODE_BEGIN
 COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
   __builtin_memset(drive, 0, sizeof *drive);  // as app_boot does
@@ -213,32 +134,8 @@ COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fau
   }
   const parameters_t *p = parameters;
   drive->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
-  settings_t *s = &drive->settings;
-  s->current_limit_q17 = drive_current_q17(p, p->current_limit_ma);
-  s->dc_limit_q17 = drive_current_q17(p, p->dc_current_limit_ma);
-  s->advance_q16 = p->advance_q16;
-  s->advance_speed_q16 = p->advance_speed_q16;
-  s->advance_current_q16 = p->advance_current_q16;
-  s->commutation = (uint32_t)p->commutation;
-  s->pattern = (uint32_t)p->pattern;
-  s->sync_rect = p->sync_rect != 0;
-  s->carrier_period_cycles = (uint32_t)p->carrier_period_cycles;
-  s->balance = (balance_mode_t)p->balance;
-  s->brake_limit_i_q25 = drive_current_q17(p, p->brake_limit_ma) * 256;
-  s->catch_rotor = p->catch_rotor != 0;
-  s->linearity = p->csc_linearity != 0;
-  s->hall_learn = p->hall_learn != 0;
-  s->current_loop = p->current_loop != 0;
-  s->torque_mode = p->torque_mode != 0 && s->current_loop;
-  s->target_i_q25 = p->target_i_q25;
-  (void)settings_target(s, p, p->target_rpm);
-  (void)settings_accel(s, p, p->accel_rpm_s);
-  s->crossing = (crossing_settings_t){
-      .method = (uint8_t)p->zcd_method,
-      .source = (uint8_t)p->zcd_source,
-      .compute_back = p->zcd_compute_back != 0,
-      .correction_a = p->correction_a != 0,
-  };
+  const settings_t *s = &drive->settings;
+  settings_init(&drive->settings, p);
   drive->command.crossing = s->crossing;
   drive->command.commutation = s->commutation;
   drive->command.pattern = s->pattern;

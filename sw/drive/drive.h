@@ -40,6 +40,7 @@
 #include "control/vector_model.h"
 #include "drive/faults.h"
 #include "drive/parameters.h"
+#include "drive/settings.h"
 #include "hal/chip_io.h"
 
 typedef enum { STATE_INIT, STATE_READY, STATE_STARTING, STATE_RUNNING, STATE_STOPPING, STATE_FAULT } drive_state_t;
@@ -61,34 +62,6 @@ typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQU
 
 // The limit that bound the voltage in the last step.
 typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_SLEW } limit_t;
-
-// What may change at run time. The control step only reads them; the console replaces the set as a whole.
-typedef struct {
-  int32_t target_rpm;      // negative: backward
-  int32_t accel_rpm_s;
-  int32_t accel_rpm_q20;  // the same a tick
-  int32_t accel_rpm_q8;    // what accel_feed_forward_s makes of it
-  int32_t current_limit_q17;
-  int32_t dc_limit_q17;
-  int32_t advance_q16;
-  int32_t advance_speed_q16;    // further advance at speed_max
-  int32_t advance_current_q16;  // further advance at rated current
-  uint32_t commutation;
-  uint32_t pattern;
-  uint32_t carrier_period_cycles;
-  bool sync_rect;
-  crossing_settings_t crossing;
-  bool freeze;  // while running: hold duty and every setting
-  balance_mode_t balance;
-  int32_t brake_limit_i_q25;
-  bool catch_rotor;
-  bool linearity;  // correct the duty for cut pulses under CSC
-  bool hall_learn;
-  bool current_loop;
-  bool torque_mode;      // needs the current loop; target_rpm is the speed limit and the direction then
-  int32_t target_i_q25;  // torque mode; positive drives
-  uint32_t command_timeout_ticks;  // while active, a console silent for longer is a fault; 0: it may be
-} settings_t;
 
 // Measured quantities of the last tick.
 typedef struct {
@@ -176,7 +149,7 @@ typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulato
 // Correction B.
 typedef struct {
   balance_t balance;
-  balance_mode_t mode;  // that the integrators are in
+  uint8_t mode;  // BALANCE_NONE.. that the integrators are in
   uint32_t stage;
   bool busy;  // a stage ran in this tick
   uint32_t turn_from;      // crossings when the wait for a turn began
@@ -300,7 +273,7 @@ typedef struct {
 typedef struct {
   const parameters_t *p;
   uint64_t speed_numerator_q8;
-  settings_t settings;
+  settings_t settings;  // the control step only reads them; the console replaces the set as a whole
   bool settings_fresh;  // changed since the control step took them
   request_t request;
 
@@ -367,17 +340,6 @@ void drive_vector_step(drive_t *drive, const chip_snapshot_t *in);
 const char *drive_state_name(drive_state_t state);
 const char *drive_phase_name(phase_t phase);
 const char *drive_limit_name(limit_t limit);
-
-// Settings in the units of people; false: out of range, nothing changed.
-bool settings_target(settings_t *settings, const parameters_t *parameters, int32_t rpm);
-bool settings_accel(settings_t *settings, const parameters_t *parameters, int32_t rpm_s);
-bool settings_carrier_hz(settings_t *settings, const parameters_t *parameters, int32_t hz);
-// Target of the torque mode: current, or torque through the machine's constant; at most full scale.
-bool settings_target_current(settings_t *settings, const parameters_t *parameters, int32_t milliamp);
-bool settings_target_torque(settings_t *settings, const parameters_t *parameters, int32_t micro_nm);
-int32_t drive_torque_unm(const parameters_t *parameters, int32_t i_q25);
-// Current in the format of the samples, 0 below zero, at most full scale.
-int32_t drive_current_q17(const parameters_t *parameters, int32_t milliamp);
 
 // Shared by the parts of the drive.
 void drive_init_step(drive_t *drive, const chip_snapshot_t *in);  // current offsets, gates off

@@ -163,7 +163,7 @@ HOT static regulator_t wanted_regulator(const drive_t *drive) {
   if (!drive->settings.current_loop) {
     return REGULATOR_VOLTAGE;
   }
-  const bool torque = drive->settings.torque_mode && drive->state == STATE_RUNNING && !drive_turns_wrong(drive);
+  const bool torque = drive->settings.mode == MODE_TORQUE && drive->state == STATE_RUNNING && !drive_turns_wrong(drive);
   return torque ? REGULATOR_TORQUE : REGULATOR_CURRENT;
 }
 

@@ -87,7 +87,7 @@ static void begin_lock(drive_t *drive) {
 
 // Channels that show an EMF without a rotor are given up. What a load has turned is no such failure.
 static bool may_catch(const drive_t *drive) {
-  return drive->settings.catch_rotor && (drive->failed_starts < CATCH_FAILURES_MAX || drive->pulled_out);
+  return drive->settings.catch && (drive->failed_starts < CATCH_FAILURES_MAX || drive->pulled_out);
 }
 
 // The amplitude of the EMF belongs to the speed at which its angle turns, to a quarter: all three channels measure.

@@ -53,7 +53,7 @@ static gain_t step_gain(const drive_t *drive) {
   if (turn > most) {
     share_q16 = (share_q16 >> 1) * clamp_u32(most, 0, 65535u) / turn << 1;
   }
-  if (drive->command.crossing.source != ZCD_TERMINAL) {
+  if (drive->command.crossing.zcd_source != ZCD_SOURCE_TERMINAL) {
     share_q16 /= 3u;  // slope of the third harmonic
   }
   return (gain_t){mul_q16(p->balance_step.mant, (int32_t)share_q16), p->balance_step.shift};

@@ -338,14 +338,14 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_B, command->leg[1]) |
                                  FIELD(FL_PWM_REGS__MANUAL__LEG_C, command->leg[2]));
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.method) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.zcd_method) |
                                   FIELD(FL_ZCD_REGS__CONTROL__COMPUTE_BACK, crossing.compute_back ? 1 : 0) |
                                   FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, need_previous) |
                                   FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
                                   FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.source));
+                                  FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.zcd_source));
   reg_write(REG(zcd.clamp),
-            (uint32_t)((crossing.source == ZCD_TERMINAL) ? p->zcd_margin_q17 : p->zcd_margin_third_q17));
+            (uint32_t)((crossing.zcd_source == ZCD_SOURCE_TERMINAL) ? p->zcd_margin_q17 : p->zcd_margin_third_q17));
   reg_write(REG(comm.control), FIELD(FL_COMM_REGS__CONTROL__MODE, command->timer) |
                                    FIELD(FL_COMM_REGS__CONTROL__FORCE_ON_MISS, command->force_on_miss ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |
@@ -364,7 +364,7 @@ HOT static void write_loop(const chip_command_t *command, const parameters_t *p)
   reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
                                  FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
   reg_write(REG(zcd.wait_limit), (delay_q16 > 0) ? (uint32_t)delay_q16 >> 9 : 0u);
-  reg_write(REG(zcd.amplitude), (command->crossing.source == ZCD_TERMINAL) ? peak_q17 : peak_q17 / 3u);
+  reg_write(REG(zcd.amplitude), (command->crossing.zcd_source == ZCD_SOURCE_TERMINAL) ? peak_q17 : peak_q17 / 3u);
 }
 
 SMALL_CODE_BEGIN

@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "control/complex_fixed.h"
+#include "settings_table.h"  // crossing_settings_t, words of the choices
 
 #ifndef PHASES
 #define PHASES 3  // or 5, by the build
@@ -20,24 +21,8 @@ typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
 typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2, COMMUTATION_HALL = 3 } commutation_mode_t;
 
-// Commutation alignments: when a commutation reaches the gates.
-enum { COMMUTATION_RSC = 0, COMMUTATION_NSC = 1, COMMUTATION_CSC = 2 };
-
-// How the time of a crossing is found.
-enum { ZCD_FIRST = 0, ZCD_INTERPOLATED = 1, ZCD_AVERAGED = 2 };
-// Signal that is searched for crossings.
-enum { ZCD_TERMINAL = 0, ZCD_STAR_POINT = 1, ZCD_MEAN = 2 };
-
 // Sample scheduler.
 enum { SAMPLING_CONTINUOUS = 1, SAMPLING_RESTARTED = 2, SAMPLING_ONCE = 3 };
-
-// Detection of crossings, as the console may change it while running.
-typedef struct {
-  uint8_t method;     // ZCD_FIRST..
-  uint8_t source;     // ZCD_TERMINAL..
-  bool compute_back;  // overridden crossings
-  bool correction_a;  // delay to the commutation from the last three intervals
-} crossing_settings_t;
 
 // Trip causes in the bit order of the safety registers.
 enum {
@@ -198,8 +183,8 @@ typedef struct {
   commutation_mode_t timer;
   leg_command_t leg[PHASES];
   uint32_t start_sector;
-  uint32_t commutation;  // 0 RSC, 1 NSC, 2 CSC
-  uint32_t pattern;
+  uint32_t commutation;  // COMMUTATION_RSC..
+  uint32_t pattern;      // PATTERN_ON_PWM..
   bool sync_rect;
   bool reverse;
   bool zcd_enable;

@@ -16,7 +16,7 @@ import pytest
 from fluxlock.analysis.rundata import TRIP_CAUSES, trip_fault
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
-from fluxlock.config.console import CHOICES, COMMAND_LENGTH, COMMANDS, SETTINGS, VALUES
+from fluxlock.config.console import COMMAND_LENGTH, COMMANDS, VALUES
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.config.scenario import Channel, Drive, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
@@ -849,28 +849,13 @@ def test_override_of_an_entry_that_no_file_has(copy: Path) -> None:
     ]
 
 
-def test_console_names_are_those_of_the_firmware() -> None:
-    """Values and settings that console lines are checked by: those of the firmware's table.
+def test_console_values_are_those_of_the_firmware() -> None:
+    """Values that console lines are checked by: those of the firmware's table.
 
     Verifies: FRONT-03
     """
     items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
-    names = tuple(re.findall(r'^    \[ITEM_\w+\] = "(\w+)",', items, re.MULTILINE))
-    settable = names.index("speed_rpm")
-    assert "ITEM_SPEED_RPM,  // from here on settable" in items
-    assert names == (*VALUES, *SETTINGS) and settable == len(VALUES)
-    words = {
-        name: tuple(re.findall(r'"([^"]+)"', listed))
-        for name, listed in re.findall(r"const (\w+)_names\[\] = \{(.*)\};", items)
-    }
-    assert {
-        "commutation": words["commutation"],
-        "pattern": words["pattern"],
-        "balance": words["balance"],
-        "mode": words["mode"],
-        "zcd_method": words["method"],
-        "zcd_source": words["source"],
-    } == CHOICES
+    assert tuple(re.findall(r'^    \[ITEM_\w+\] = "(\w+)",', items, re.MULTILINE)) == VALUES
 
 
 def test_words_are_those_of_the_other_parts() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fluxlock.docs import parameters
+from fluxlock.interface import __main__ as console
 from fluxlock.paths import ROOT, RTL
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
@@ -94,3 +95,11 @@ def test_parameter_table() -> None:
     Verifies: DOC-03
     """
     assert parameters.main(["--check"]) == 0
+
+
+def test_console_tables() -> None:
+    """The tables of the console's page are the drive's own.
+
+    Verifies: DOC-03
+    """
+    assert console.main(["--check"]) == 0

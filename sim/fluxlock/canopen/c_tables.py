@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from fluxlock.canopen.dictionary import STRING_MAX_BYTES, Dictionary, Entry
+from fluxlock.interface import settings
 
 FLAG_NAMES = ("OD_READ", "OD_WRITE", "OD_RECEIVABLE", "OD_SENDABLE", "OD_STORED", "OD_LIVE", "OD_NODE_RELATIVE")
 
@@ -49,6 +50,11 @@ def c_header(dictionary: Dictionary) -> str:
         f"#define OD_STRING_MAX {STRING_MAX_BYTES}u",
         f"#define OD_STORED_COUNT {len(dictionary.stored)}u",
         f"#define OD_STORE_WORD 0x{dictionary.store_word:08X}u",
+        "",
+        "// Entries of the settings, and which setting each is.",
+        f"#define OD_SETTINGS_FIRST ((uint32_t)OD_SETTING_{settings.objects()[0].name.upper()})",
+        f"#define OD_SETTINGS_END (OD_SETTINGS_FIRST + {len(settings.objects())}u)",
+        f"#define OD_SETTINGS {{{', '.join(s.constant for s in settings.objects())}}}",
         "",
         "// index, sub-index, type, flags, choices, min, max, default",
         "#define OD_ENTRIES { \\",

@@ -12,6 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fluxlock.interface import settings
+from fluxlock.interface.settings import Setting
 from fluxlock.paths import ROOT
 
 OBJECTS_FILE = ROOT / "sw" / "canopen" / "objects.toml"
@@ -180,9 +182,26 @@ def _entry(item: dict[str, Any], index: int, object_name: str, sub: int, suffix:
     return entry
 
 
+def _setting(setting: Setting) -> dict[str, Any]:
+    """Sub-index of a setting, as the source would list it."""
+    item: dict[str, Any] = {
+        "n": setting.object,
+        "name": setting.name,
+        "type": "u8" if setting.kind != "number" else "i32" if setting.signed else "u32",
+        "access": "rw",
+        "live": True,
+        "unit": setting.unit,
+        "scale": 10.0**-setting.decimals,
+        "text": setting.sentences,
+    }
+    if setting.kind != "number":
+        item["choices"] = list(range(len(setting.choices) or 2))
+    return item
+
+
 def _subs(item: dict[str, Any], index: int, name: str, cob_offset: int) -> list[Entry]:
     found: list[Entry] = []
-    for sub in item["sub"]:
+    for sub in map(_setting, settings.objects()) if item.get("settings") else item["sub"]:
         count = sub.get("count")
         for k in range(count or 1):
             suffix = f"_{k + 1}" if count else ""
@@ -199,7 +218,11 @@ def _spread(item: dict[str, Any]) -> list[Object]:
     for k in range(item.get("repeat", 1)):
         name, index = item["name"].format(n=k + 1), item["index"] + k
         cob_offset = k * item.get("cob_step", 0)
-        entries = _subs(item, index, name, cob_offset) if "sub" in item else [_entry(item, index, name, 0, "", 0)]
+        entries = (
+            _subs(item, index, name, cob_offset)
+            if "sub" in item or "settings" in item
+            else [_entry(item, index, name, 0, "", 0)]
+        )
         result.append(Object(index, name, item.get("kind", "var"), item.get("text", ""), tuple(entries)))
     return result
 

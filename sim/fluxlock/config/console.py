@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 
 from fluxlock.config.errors import did_you_mean
+from fluxlock.interface.settings import load_settings
 
 # First words (console.c) and the longest line.
 COMMANDS = ("help", "status", "get", "set", "start", "stop", "faults", "clear", "stats")
@@ -45,77 +46,15 @@ VALUES = (
     "injection",
     "idle",
 )
-SETTINGS = (
-    "speed_rpm",
-    "accel_rpm_s",
-    "advance_q16",
-    "advance_speed_q16",
-    "advance_current_q16",
-    "commutation",
-    "pattern",
-    "carrier_hz",
-    "sync_rect",
-    "current_limit_a",
-    "dc_limit_a",
-    "brake_limit_a",
-    "freeze",
-    "catch",
-    "balance",
-    "linearity",
-    "zcd_method",
-    "zcd_source",
-    "compute_back",
-    "correction_a",
-    "current_loop",
-    "mode",
-    "torque_mnm",
-    "current_ma",
-    "hall_learn",
-    "command_timeout_ms",
-    "irq_load",
-)
+SETTINGS = {setting.name: setting for setting in load_settings()}
+
+NAMES = (*VALUES, *SETTINGS)
 
 # Settings that vector control has too.
-VECTOR_SETTINGS = (
-    "speed_rpm",
-    "accel_rpm_s",
-    "current_limit_a",
-    "brake_limit_a",
-    "catch",
-    "command_timeout_ms",
-    "irq_load",
-)
+VECTOR_SETTINGS = tuple(name for name, setting in SETTINGS.items() if "vector" in setting.methods)
 
-# Values that the firmware takes whatever the drive is: words or their number (console_items.c), ranges.
-CHOICES = {
-    "commutation": ("RSC", "NSC", "CSC"),
-    "pattern": ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"),
-    "balance": ("none", "vertical", "both"),
-    "mode": ("speed", "torque"),
-    "zcd_method": ("first", "interpolated", "averaged"),
-    "zcd_source": ("terminal", "star_point", "mean"),
-}
 NUMBER_MAX = 2**31 - 1  # read into 32 bits, those with decimals in thousandths
-RANGES = {
-    "accel_rpm_s": (1, 100_000_000),
-    "carrier_hz": (1, NUMBER_MAX),
-    "advance_q16": (-0x8000, 0x7FFF),
-    "advance_speed_q16": (-0x8000, 0x7FFF),
-    "advance_current_q16": (-0x8000, 0x7FFF),
-    "sync_rect": (0, 1),
-    "freeze": (0, 1),
-    "catch": (0, 1),
-    "linearity": (0, 1),
-    "compute_back": (0, 1),
-    "correction_a": (0, 1),
-    "current_loop": (0, 1),
-    "hall_learn": (0, 1),
-    "command_timeout_ms": (0, 600_000),
-}
-LOAD_PERIOD_MIN = 500
-# Read with up to three decimals, all other numbers without.
 CURRENT_LIMITS = ("current_limit_a", "dc_limit_a", "brake_limit_a")
-DECIMALS = (*CURRENT_LIMITS, "torque_mnm")
 _WHOLE = re.compile(r"-?\d+", re.ASCII)
 _MILLI = re.compile(r"-?(\d+\.?\d{0,3}|\.\d{1,3})", re.ASCII)
 
@@ -133,8 +72,8 @@ def line_problem(line: str) -> str | None:
         return 'must have the form "stop" or "stop now"'
     if command == "get" and len(names) > 1:
         return 'must have the form "get" or "get NAME"'
-    if command == "get" and names and names[0] not in (*VALUES, *SETTINGS):
-        return f'"{names[0]}" is no value of the drive{_known(names[0], (*VALUES, *SETTINGS))}'
+    if command == "get" and names and names[0] not in NAMES:
+        return f'"{names[0]}" is no value of the drive{_known(names[0], NAMES)}'
     if command == "set":
         return _setting_problem(names)
     return None
@@ -150,7 +89,7 @@ def number_of_line(line: str, name: str) -> float | None:
     words = line.split()
     if words[:2] != ["set", name] or len(words) != 3:
         return None
-    form = _MILLI if name in DECIMALS else _WHOLE
+    form = _MILLI if SETTINGS[name].decimals else _WHOLE
     return float(words[2]) if form.fullmatch(words[2]) else None
 
 
@@ -160,30 +99,28 @@ def _setting_problem(words: list[str]) -> str | None:
     if words[0] in VALUES:
         return f'"{words[0]}" is a value of the drive that cannot be set'
     if words[0] not in SETTINGS:
-        return f'"{words[0]}" is no setting of the drive{_known(words[0], SETTINGS)}'
+        return f'"{words[0]}" is no setting of the drive{_known(words[0], tuple(SETTINGS))}'
     permitted = _permitted_instead(*words)
     return permitted and f"'{words[1]}' is not permitted for {words[0]}, permitted: {permitted}"
 
 
 def _permitted_instead(name: str, text: str) -> str | None:
     """What a setting takes if it never takes this value."""
-    choices = CHOICES.get(name, ())
-    low, high = (0, len(choices) - 1) if choices else RANGES.get(name, (None, None))
+    setting = SETTINGS[name]
     number = number_of_line(f"set {name} {text}", name)
-    if text in choices:
+    if text in setting.choices or (number == 0 and setting.zero):
         return None
+    low, high = setting.min, setting.max
     if low is not None and high is not None:
+        span = f"0 or from {low} to {high}" if setting.zero else f"{low} to {high}"
         inside = number is not None and low <= number <= high
-        return None if inside else ", or ".join([*filter(None, [", ".join(choices)]), f"{low} to {high}"])
-    if name == "irq_load":
-        inside = number is not None and (number == 0 or LOAD_PERIOD_MIN <= number <= NUMBER_MAX)
-        return None if inside else f"0 or from {LOAD_PERIOD_MIN} to {NUMBER_MAX}"
+        return None if inside else ", or ".join([*filter(None, [", ".join(setting.choices)]), span])
+    form = "a number with at most three decimals" if setting.decimals else "a whole number"
     if number is None:
-        return "a number with at most three decimals" if name in DECIMALS else "a whole number"
-    if name in DECIMALS and round(1000 * abs(number)) > NUMBER_MAX:
-        return f"a number with at most three decimals, of at most {NUMBER_MAX / 1000:.3f} in size"
-    if name not in DECIMALS and abs(number) > NUMBER_MAX:
-        return f"a whole number of at most {NUMBER_MAX} in size"
+        return form
+    if round(10**setting.decimals * abs(number)) > NUMBER_MAX:
+        most = f", of at most {NUMBER_MAX / 1000:.3f}" if setting.decimals else f" of at most {NUMBER_MAX}"
+        return f"{form}{most} in size"
     return None
 
 
@@ -192,7 +129,7 @@ def switch_of_line(line: str, name: str) -> bool | None:
     words = line.split()
     if words[:2] != ["set", name] or len(words) != 3:
         return None
-    return words[2] == "torque" if words[2] in CHOICES["mode"] else number_of_line(line, name) == 1
+    return words[2] == "torque" if words[2] in SETTINGS["mode"].choices else number_of_line(line, name) == 1
 
 
 def _known(word: str, names: tuple[str, ...]) -> str:

@@ -10,14 +10,17 @@ import sys
 from fluxlock.canopen import __main__ as objects
 from fluxlock.config import schema
 from fluxlock.docs import diagram, gallery, hierarchy, matrix, parameters, readme
+from fluxlock.interface import __main__ as console
 
 
 def main() -> int:
-    """Input files, parameters, object dictionary, README, requirement matrix; exit code 1 if one of them fails."""
+    """Input files, parameters, console, object dictionary, README, requirement matrix; exit code 1 if one fails."""
     schema.PAGE.write_text(schema.page(), encoding="utf-8")
     diagram.main()
     hierarchy.main([])
-    return max(parameters.main([]), objects.main([]), readme.main([]), gallery.main([]), matrix.main([]))
+    return max(
+        parameters.main([]), console.main([]), objects.main([]), readme.main([]), gallery.main([]), matrix.main([])
+    )
 
 
 if __name__ == "__main__":

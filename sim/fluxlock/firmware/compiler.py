@@ -306,7 +306,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "pattern": PATTERNS.index(drive.pattern),
         "sync_rect": int(drive.sync_rect),
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
-        "csc_linearity": int(drive.linearity),
+        "linearity": int(drive.linearity),
         "csc_tolerance_q16": round(CSC_TOLERANCE * Q16),
         "carrier_longest_cycles": cycles(longest_s),
         "on_time_floor_cycles": cycles(on_time_s),
@@ -316,7 +316,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "slew_v_q25": max(1, round(supply * tick / 5e-3 * volt)),
         "zcd_method": ZCD_METHODS.index(drive.zcd_method),
         "zcd_source": ZCD_SOURCES.index(drive.zcd_source),
-        "zcd_compute_back": int(drive.compute_back),
+        "compute_back": int(drive.compute_back),
         "zcd_linear": int(motor.emf == "trapezoidal"),
         "zcd_peak": gain(
             (1.5 if motor.emf == "sinusoidal" else 1.0) * p * motor.psi_vs * volt_q17 / rpm_q8, "zcd_peak"
@@ -351,7 +351,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "miss_limit": drive.miss_limit,
         "coast_v_q17": q17_volts(max(m.line_emf_peak * p * w_coast, 20.0 * v_lsb)),
         "coast_timeout_ticks": ticks(30.0),
-        "catch_rotor": int(drive.catch_rotor and can_catch),
+        "catch": int(drive.catch_rotor and can_catch),
         "catch_v_q17": q17_volts(
             max(
                 CATCH_SPEED_RATIO * m.line_emf_peak * p * w_handover, CATCH_DIODES * inverter.diode_drop_v, 40.0 * v_lsb
@@ -400,7 +400,7 @@ def compile_parameters(motor: MotorSpec, inverter: InverterSpec, drive: DriveSpe
         "limiter_ki": gain(limiter_ki, "limiter_ki"),
         "current_filter_shift": 3,
         "current_loop": int(drive.current_loop),
-        "torque_mode": int(drive.mode == "torque"),
+        "mode": int(drive.mode == "torque"),
         "target_i_q25": max(-Q25, min(Q25, round(drive.target_torque_nm / m.k_e * amp_q25))),
         "torque_to_current": gain(1e-6 / m.k_e * amp_q25, "torque_to_current"),
         "speed_to_current_kp": gain(outer_kp, "speed_to_current_kp"),

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import tomllib
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.paths import ROOT
 
 SCHEMA_FILE = ROOT / "sw" / "params.toml"
@@ -73,6 +76,25 @@ class Schema:
         raise KeyError(name)
 
 
+def _of_setting(setting: Setting) -> dict[str, Any]:
+    """The parameter that a setting begins with, as the schema would list it."""
+    return {
+        "name": setting.parameter,
+        "unit": setting.unit or {"switch": "bool", "choice": "enum"}.get(setting.kind, ""),
+        "min": setting.range[0],
+        "max": setting.range[1],
+        "description": f"Setting at the start. {setting.sentences}",
+    }
+
+
+def _entries(listed: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for entry in listed:
+        if entry.get("settings"):
+            yield from (_of_setting(setting) for setting in load_settings() if setting.own_parameter)
+        else:
+            yield entry
+
+
 def load_schema(path: Path = SCHEMA_FILE) -> Schema:
     """Read the schema file."""
     with path.open("rb") as file:
@@ -88,7 +110,7 @@ def load_schema(path: Path = SCHEMA_FILE) -> Schema:
             description=entry["description"],
             default=entry.get("default"),
         )
-        for entry in data["parameter"]
+        for entry in _entries(data["parameter"])
     )
     names = [p.name for p in parameters]
     if len(set(names)) != len(names):

@@ -19,6 +19,7 @@ from fluxlock.build import generate_registers
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
+from fluxlock.interface import settings
 from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 from fluxlock.writable import file_lock
@@ -96,9 +97,11 @@ def _generate(name: str, text: str) -> Path:
     return header
 
 
-def generate_headers() -> tuple[Path, Path]:
-    """Write `params.h` (schema) and `ram.h` (memory map) below `build/generated`, only when they changed."""
-    return _generate("params.h", c_header(load_schema())), _generate("ram.h", memory.c_header())
+def generate_headers() -> tuple[Path, ...]:
+    """Write what comes from schema, memory map and settings below `build/generated`, only when they changed."""
+    settings.check_uses(_sources())
+    texts = {"params.h": c_header(load_schema()), "ram.h": memory.c_header(), "settings_table.h": settings.c_header()}
+    return tuple(_generate(name, text) for name, text in texts.items())
 
 
 def _run(command: list[str]) -> str:
