@@ -78,7 +78,7 @@ static const char *const item_names[ITEM_COUNT] = {
     [ITEM_IDLE] = "idle",
 };
 
-static const char *const timer_names[] = {"none", "clock", "crossings", "hall"};
+static const char *const timer_names[] = TIMER_WORDS;
 
 static uint32_t find_item(const char *name) {
   uint32_t item = 0;

@@ -18,7 +18,7 @@ typedef struct {
 } emcy_kind_t;
 
 static const emcy_kind_t *kind_of_fault(uint32_t fault) {
-  static const emcy_kind_t kinds[FAULT_COUNT] = OD_FAULTS;
+  static const emcy_kind_t kinds[FAULT_COUNT] = FAULT_ERRORS;
   return &kinds[(fault < (uint32_t)FAULT_COUNT) ? fault : (uint32_t)FAULT_NONE];
 }
 

@@ -32,18 +32,17 @@
 #define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
 
 const char *drive_state_name(drive_state_t state) {
-  static const char *const names[] = {"init", "ready", "starting", "running", "stopping", "fault"};
+  static const char *const names[] = STATE_WORDS;
   return names[state];
 }
 
 const char *drive_phase_name(phase_t phase) {
-  static const char *const names[] = {"coast", "precharge", "align_first", "align_second", "ramp",
-                                      "lock",  "hall",      "align",       "hand_over",    "search"};
+  static const char *const names[] = PHASE_WORDS;
   return names[phase];
 }
 
 const char *drive_limit_name(limit_t limit) {
-  static const char *const names[] = {"none", "duty_max", "duty_min", "current", "slew"};
+  static const char *const names[] = LIMIT_WORDS;
   return names[limit];
 }
 

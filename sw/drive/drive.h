@@ -43,25 +43,7 @@
 #include "drive/settings.h"
 #include "hal/chip_io.h"
 
-typedef enum { STATE_INIT, STATE_READY, STATE_STARTING, STATE_RUNNING, STATE_STOPPING, STATE_FAULT } drive_state_t;
-
-typedef enum {
-  START_COAST,
-  START_PRECHARGE,
-  START_ALIGN_FIRST,
-  START_ALIGN_SECOND,
-  START_RAMP,
-  START_LOCK,
-  START_HALL,
-  START_ALIGN,  // vector drive
-  START_HAND_OVER,
-  START_SEARCH,  // for the rotor at rest, by injection
-} phase_t;
-
 typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQUEST_CLEAR } request_t;
-
-// The limit that bound the voltage in the last step.
-typedef enum { LIMIT_NONE, LIMIT_DUTY_MAX, LIMIT_DUTY_MIN, LIMIT_CURRENT, LIMIT_SLEW } limit_t;
 
 // Measured quantities of the last tick.
 typedef struct {
@@ -106,8 +88,6 @@ typedef struct {
   csc_linearity_t linearity;
   int32_t advance_q16;  // what speed and current add
 } scheduled_t;
-
-typedef enum { HALL_OFF, HALL_SENSORED, HALL_FALLBACK } hall_mode_t;
 
 // Hall sensors. late: how late the edge into each sector comes, for positive [0] and negative [1] speed.
 typedef struct {

@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "control/complex_fixed.h"
+#include "names.h"
 #include "settings_table.h"  // crossing_settings_t, words of the choices
 
 #ifndef PHASES
@@ -19,37 +20,11 @@
 
 typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;
-typedef enum { COMMUTATION_OFF = 0, COMMUTATION_FORCED = 1, COMMUTATION_ZCD = 2, COMMUTATION_HALL = 3 } commutation_mode_t;
 
 // Sample scheduler.
 enum { SAMPLING_CONTINUOUS = 1, SAMPLING_RESTARTED = 2, SAMPLING_ONCE = 3 };
 
-// Trip causes in the bit order of the safety registers.
-enum {
-  TRIP_PHASE_CURRENT = 1u << 0,
-  TRIP_DC_CURRENT = 1u << 1,
-  TRIP_FAULT_PIN = 1u << 2,
-  TRIP_LOST_LOCK = 1u << 3,
-  TRIP_OVER_VOLTAGE = 1u << 4,
-  TRIP_UNDER_VOLTAGE = 1u << 5,
-  TRIP_SOFTWARE = 1u << 6,
-  TRIP_DEADLINE = 1u << 7,
-};
-
-// What raised a deadline trip beside the leg carriers, bits of the monitor register.
-enum {
-  MONITOR_EXPIRED = 1u << 0,
-  MONITOR_WRONG = 1u << 1,
-  MONITOR_CHANGED = 1u << 2,
-  MONITOR_BRAKE = 1u << 3,
-  MONITOR_LATE = 1u << 4,
-  MONITOR_CONVERTER = 1u << 5,  // a bad frame, or a missed conversion
-};
-
-// How the machine is driven, fixed by the parameters.
-typedef enum { METHOD_SIX_STEP = 0, METHOD_VECTOR = 1 } method_t;
-
-// What of them the image holds, by the build: one that needs the room leaves some out. Bits by method_t, and the injection.
+// What methods of driving the image holds, by the build: one that needs the room leaves some out. Bits by method_t, and the injection.
 // A chip with five phases has no sequencer: its image leaves the six-step drive out.
 #define HELD_INJECTION 4
 #define HELD_ALL 7

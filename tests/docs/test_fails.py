@@ -16,8 +16,9 @@ from fluxlock.config import Scenario
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.loader import keys_of
 from fluxlock.config.motor import Motor
-from fluxlock.config.scenario import Accept, DriveFault, TripCause
+from fluxlock.config.scenario import Accept, TripCause
 from fluxlock.flash.loader import RESULTS
+from fluxlock.interface.names import fault_names
 from fluxlock.paths import ROOT
 
 FOLDER = ROOT / "docs" / "fails"
@@ -31,13 +32,6 @@ KEYS = {
     *(f"inverter.{key}" for key in keys_of(Inverter)),
 }
 TABLES = {key.partition(".")[0] for key in KEYS if "." in key}
-# A name of the firmware: what `status` prints as the fault.
-PRINTED = re.compile(r'\[FAULT_\w+\] = "(\w+)"')
-
-
-def firmware_faults() -> set[str]:
-    """Names of the faults, from the firmware."""
-    return set(PRINTED.findall((ROOT / "sw" / "drive" / "faults.c").read_text(encoding="utf-8"))) - {"none"}
 
 
 def named(text: str) -> set[str]:
@@ -60,18 +54,16 @@ def wrong_quotes(text: str) -> list[str]:
         for trip in re.findall(r"^failed: trip at [\d.]+ s: (\S+)$", text, re.MULTILINE)
         for cause in trip.split("+")
     ]
-    return [name for name in faults if name not in firmware_faults()] + [
-        t for t in trips if t not in get_args(TripCause)
-    ]
+    return [name for name in faults if name not in fault_names()] + [t for t in trips if t not in get_args(TripCause)]
 
 
 def test_every_fault_has_a_page() -> None:
-    """Each fault of the firmware, and each trip, stands on a page; the scenario's words are the firmware's.
+    """Each fault of the firmware, and each trip, stands on a page.
 
     Verifies: DOC-09
     """
-    faults = firmware_faults()
-    assert faults == set(get_args(DriveFault)) and len(faults) > 30
+    faults = set(fault_names())
+    assert len(faults) > 30
     # The command of a run calls the trip `software` by its fault's name.
     trips = {"software_trip" if trip == "software" else trip for trip in get_args(TripCause)}
     assert sorted((faults | trips) - named(OTHERS)) == []

@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fluxlock.interface.names import words
+
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -50,22 +52,7 @@ class PlantEventKind(IntEnum):
 
 
 # Bits of a trip cause, least significant first (`trip_t` of the RTL package).
-TRIP_CAUSES = (
-    "phase_current",
-    "dc_current",
-    "fault_pin",
-    "lost_lock",
-    "over_voltage",
-    "under_voltage",
-    "software",
-    "deadline",
-)
-# Faults whose names are not those of their trips.
-TRIP_FAULTS = {
-    "phase_current": "phase_over_current",
-    "dc_current": "dc_over_current",
-    "software": "software_trip",
-}
+TRIP_CAUSES = words("trip")
 
 RECORD_DTYPE = np.dtype(
     [
@@ -192,11 +179,6 @@ class SimulationFault(Exception):
 def trip_cause_names(mask: int) -> list[str]:
     """Names of the causes in a trip mask."""
     return [name for bit, name in enumerate(TRIP_CAUSES) if mask >> bit & 1]
-
-
-def trip_fault(cause: str) -> str:
-    """Fault of the firmware that a trip cause means."""
-    return TRIP_FAULTS.get(cause, cause)
 
 
 def save_trace(path: Path, data: RunData) -> None:

@@ -29,9 +29,10 @@ from typing import Any
 import numpy as np
 
 from fluxlock.analysis.metrics import Analysis, judge, trips
-from fluxlock.analysis.rundata import FloatArray, Rejection, RunData, trip_fault
+from fluxlock.analysis.rundata import FloatArray, Rejection, RunData
 from fluxlock.config.console import number_of_line, switch_of_line
 from fluxlock.config.scenario import Accept, Scenario
+from fluxlock.interface.names import trip_fault, words
 
 SPEED_TOLERANCE = 0.01
 # Bandwidth of the six-step speed loop, if the scenario leaves it to the firmware (firmware/compiler.py), and how many
@@ -54,8 +55,12 @@ LOST_S = 1e-3
 APART, APART_OF_MAX, APART_S = 0.2, 0.02, 0.05
 
 READY, STARTING, RUNNING, STOPPING, FAULT = 1, 2, 3, 4, 5
-STATES = ("init", "ready", "starting", "running", "stopping", "fault")
-LIMITS = {1: "voltage", 2: "duty_min", 3: "current"}  # limit_t of the firmware; the slew is no limit of the speed
+STATES = words("state")
+# Limits of the firmware by their numbers; the slew is no limit of the speed.
+LIMITS = {
+    words("limit").index(word): name
+    for word, name in (("duty_max", "voltage"), ("duty_min", "duty_min"), ("current", "current"))
+}
 READ_ONLY = ("help", "status", "get", "faults", "stats")
 LIMIT_TEXTS = {
     "duty_min": "the least pulse drives the rotor faster, nothing brakes it",

@@ -34,7 +34,7 @@ def _row(entry: Entry) -> str:
 
 
 def c_header(dictionary: Dictionary) -> str:
-    """Numbers of the entries, table of the entries, constant strings, EMCY codes of the faults."""
+    """Numbers of the entries, table of the entries, constant strings."""
     entries = dictionary.entries
     lines = [
         "// Generated from sw/canopen/objects.toml. Do not edit.",
@@ -54,7 +54,7 @@ def c_header(dictionary: Dictionary) -> str:
         "// Entries of the settings, and which setting each is.",
         f"#define OD_SETTINGS_FIRST ((uint32_t)OD_SETTING_{settings.objects()[0].name.upper()})",
         f"#define OD_SETTINGS_END (OD_SETTINGS_FIRST + {len(settings.objects())}u)",
-        f"#define OD_SETTINGS {{{', '.join(s.constant for s in settings.objects())}}}",
+        f"#define OD_SETTINGS {{{', '.join(s.number for s in settings.objects())}}}",
         "",
         "// index, sub-index, type, flags, choices, min, max, default",
         "#define OD_ENTRIES { \\",
@@ -64,14 +64,6 @@ def c_header(dictionary: Dictionary) -> str:
         "// number, text",
         "#define OD_STRINGS { \\",
         *(f'  {{OD_{e.name.upper()}, "{e.default}"}}, \\' for e in entries if isinstance(e.default, str)),
-        "}",
-        "",
-        "// By number of the fault: EMCY code, error register.",
-        "#define OD_FAULTS { \\",
-        *(
-            f"  [FAULT_{name.upper()}] = {{0x{code:04X}u, 0x{1 << bit | 1:02X}u}}, \\"
-            for name, (code, bit) in dictionary.faults.items()
-        ),
         "}",
         "",
         "#endif",

@@ -106,13 +106,12 @@ class Object:
 
 @dataclass(frozen=True)
 class Dictionary:
-    """All objects by rising index, and what the drive's faults are called on the bus."""
+    """All objects by rising index."""
 
     version: int
     vendor: str
     product: str
     objects: tuple[Object, ...]
-    faults: dict[str, tuple[int, int]]  # name: EMCY code, bit of the error register
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
@@ -253,5 +252,4 @@ def load_dictionary(path: Path = OBJECTS_FILE) -> Dictionary:
     if missing:
         raise DictionaryError(f"{path}: mapped objects that are not there: {', '.join(missing)}")
     objects = [_with_mapping(o, [by_name[n] for n in mapped[o.name]]) if o.name in mapped else o for o in objects]
-    faults = {name: (int(fault["code"]), int(fault["bit"])) for name, fault in data["fault"].items()}
-    return Dictionary(int(data["version"]), data["vendor"], data["product"], tuple(objects), faults)
+    return Dictionary(int(data["version"]), data["vendor"], data["product"], tuple(objects))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from fluxlock.canopen.dbc import PDOS, mapped
 from fluxlock.canopen.dictionary import NODE_PREFIX, Dictionary, Entry
+from fluxlock.interface.names import load_faults
 from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "objects.md"
@@ -47,7 +48,7 @@ def tables(dictionary: Dictionary) -> str:
         for i, entry in enumerate(item.entries):
             lines.append(_row(entry, item.text if i == 0 and not single else ""))
     lines += ["", "## Error codes of the drive's faults", "", "| fault | EMCY | error register |", "|---|---|---|"]
-    lines += [f"| `{name}` | 0x{code:04X} | 0x{1 << bit | 1:02X} |" for name, (code, bit) in dictionary.faults.items()]
+    lines += [f"| `{f.name}` | 0x{f.emcy:04X} | 0x{1 << f.bit | 1:02X} |" for f in load_faults()]
     return "\n".join(lines) + "\n"
 
 

@@ -43,46 +43,19 @@ from fluxlock.firmware.specs import (
     TICK_HZ,
     current_bandwidth_max_hz,
 )
+from fluxlock.interface.kinds import (
+    Balance,
+    Commutation,
+    DriveFault,
+    HallMode,
+    Method,
+    Mode,
+    Pattern,
+    TripCause,
+    ZcdMethod,
+    ZcdSource,
+)
 
-TripCause = Literal[
-    "phase_current", "dc_current", "fault_pin", "lost_lock", "over_voltage", "under_voltage", "software", "deadline"
-]
-DriveFault = Literal[
-    "parameter_magic",
-    "parameter_version",
-    "parameter_crc",
-    "parameter_range",
-    "chip",
-    "no_samples",
-    "current_offset",
-    "phase_over_current",
-    "dc_over_current",
-    "fault_pin",
-    "over_voltage",
-    "under_voltage",
-    "software_trip",
-    "lost_lock",
-    "start_failed",
-    "rotor_spinning",
-    "overspeed",
-    "hall_sensor",
-    "voltage_channel",
-    "deadline",
-    "polarity_unsure",
-    "injection_signal",
-    "injection_noise",
-    "no_saliency",
-    "watchdog",
-    "settings_changed",
-    "overload",
-    "current_sum",
-    "stuck_channel",
-    "command_timeout",
-    "open_phase",
-    "open_phases",
-    "brake_overload",
-    "converter",
-]
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
 # Metrics of a measuring window, dotted. The analysis computes exactly these.
@@ -133,13 +106,13 @@ ADVANCE_MAX_DEG = 30.0
 class Zcd(Model):
     """Zero-crossing detection."""
 
-    method: Literal["first", "interpolated", "averaged"] = Field(
+    method: ZcdMethod = Field(
         default="averaged",
         description="Time of a crossing: `first` sample after it; `interpolated` between the last sample before and "
         "the first after; `averaged` between the means of four samples before and four after, else of two and two. "
         "The chip falls back to `interpolated`, crossing by crossing, where samples are missing or unsuitable.",
     )
-    source: Literal["terminal", "star_point", "mean"] = Field(
+    source: ZcdSource = Field(
         default="terminal",
         description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
         "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
@@ -165,7 +138,7 @@ class Zcd(Model):
         0.95,
         default=(0.5,) * 6,
     )
-    balance: Literal["none", "vertical", "both"] = Field(
+    balance: Balance = Field(
         default="none",
         description="Thresholds that adapt until the crossings are even (correction B): `vertical` for divider gains, "
         "`both` for unequal inductances too.",
@@ -179,7 +152,7 @@ class Zcd(Model):
 class Hall(Model):
     """Hall sensors, as the drive uses them."""
 
-    mode: Literal["off", "sensored", "fallback"] = Field(
+    mode: HallMode = Field(
         default="off",
         description="`sensored`: the edges commutate from standstill on; `fallback`: they take over when the crossings "
         "are lost, until these agree again. Both need `[hall]` of the motor file.",
@@ -237,18 +210,14 @@ class MotorError(Model):
 class Drive(Model):
     """Settings of the drive."""
 
-    method: Literal["six-step", "vector"] = Field(
+    method: Method = Field(
         default="six-step",
         description="What drives the machine. With `vector` only the keys `carrier_hz`, `current_limit_a`, "
         "`accel_rpm_per_s`, `brake_current_limit_a`, `start.catch`, `start.retries`, `start.restart_retries`, "
         "`motor_error` and those of `[drive.vector]` may be given; all others belong to `six-step`.",
     )
-    commutation: Literal["RSC", "NSC", "CSC"] = Field(
-        default="CSC", description="When a commutation reaches the gates."
-    )
-    pattern: Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"] = Field(
-        default="ON-PWM", description="Which switch chops."
-    )
+    commutation: Commutation = Field(default="CSC", description="When a commutation reaches the gates.")
+    pattern: Pattern = Field(default="ON-PWM", description="Which switch chops.")
     carrier_hz: float = quantity("Carrier frequency.", "Hz", 1e3, 200e3)
     sync_rect: bool = Field(
         default=False, description="The other switch of the chopping leg conducts while the pulse is off."
@@ -300,7 +269,7 @@ class Drive(Model):
         default=None,
         absent="100 Hz",
     )
-    mode: Literal["speed", "torque"] = Field(
+    mode: Mode = Field(
         default="speed", description="What the target is. `torque`: a current, with `current_loop` only."
     )
     torque_mnm: float | None = quantity(

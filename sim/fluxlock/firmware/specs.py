@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from fluxlock.interface.kinds import Balance, Commutation, HallMode, Mode, Pattern, ZcdMethod, ZcdSource
+from fluxlock.interface.names import words
+from fluxlock.interface.settings import choices
+
 Emf = Literal["sinusoidal", "trapezoidal"]
 SafeState = Literal["off", "short"]
-Commutation = Literal["RSC", "NSC", "CSC"]
-Pattern = Literal["ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM"]
-Balance = Literal["none", "vertical", "both"]
-ZcdMethod = Literal["first", "interpolated", "averaged"]
-ZcdSource = Literal["terminal", "star_point", "mean"]
-HallMode = Literal["off", "sensored", "fallback"]
 ZcdSampling = Literal["continuous", "carrier"]
 CurrentWindow = Literal["sample", "carrier"]
 Regulator = Literal["A", "B", "C"]
@@ -31,12 +29,12 @@ InjectionMethod = Literal["lock-in", "conventional", "iq", "separator"]
 Sequence = Literal["held-tian", "held", "half-step", "exact"]
 Compensation = Literal["off", "on", "following"]
 
-COMMUTATIONS: tuple[Commutation, ...] = ("RSC", "NSC", "CSC")
-PATTERNS: tuple[Pattern, ...] = ("ON-PWM", "H_PWM-L_ON", "PWM-ON", "H_ON-L_PWM")
-BALANCES: tuple[Balance, ...] = ("none", "vertical", "both")
-ZCD_METHODS: tuple[ZcdMethod, ...] = ("first", "interpolated", "averaged")
-ZCD_SOURCES: tuple[ZcdSource, ...] = ("terminal", "star_point", "mean")
-HALL_MODES: tuple[HallMode, ...] = ("off", "sensored", "fallback")
+COMMUTATIONS = choices("commutation")
+PATTERNS = choices("pattern")
+BALANCES = choices("balance")
+ZCD_METHODS = choices("zcd_method")
+ZCD_SOURCES = choices("zcd_source")
+HALL_MODES = words("hall_mode")
 REGULATORS: tuple[Regulator, ...] = ("A", "B", "C")
 INVERSE_PARKS: tuple[InversePark, ...] = ("held", "exact")
 INJECTION_METHODS: tuple[InjectionMethod, ...] = ("lock-in", "conventional", "iq", "separator")
@@ -239,7 +237,7 @@ class DriveSpec:
     balance_bandwidth_hz: float | None = None
     linearity: bool = False
     current_loop: bool = False
-    mode: Literal["speed", "torque"] = "speed"
+    mode: Mode = "speed"
     target_torque_nm: float = 0.0
     current_bandwidth_hz: float | None = None
     vector: VectorSpec | None = None

@@ -19,7 +19,7 @@ from fluxlock.build import generate_registers
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
-from fluxlock.interface import settings
+from fluxlock.interface import names, settings
 from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 from fluxlock.writable import file_lock
@@ -98,9 +98,15 @@ def _generate(name: str, text: str) -> Path:
 
 
 def generate_headers() -> tuple[Path, ...]:
-    """Write what comes from schema, memory map and settings below `build/generated`, only when they changed."""
+    """Write what comes from the tables and the memory map below `build/generated`, only when they changed."""
     settings.check_uses(_sources())
-    texts = {"params.h": c_header(load_schema()), "ram.h": memory.c_header(), "settings_table.h": settings.c_header()}
+    names.check_uses(_sources())
+    texts = {
+        "params.h": c_header(load_schema()),
+        "ram.h": memory.c_header(),
+        "settings_table.h": settings.c_header(),
+        "names.h": names.c_header(),
+    }
     return tuple(_generate(name, text) for name, text in texts.items())
 
 

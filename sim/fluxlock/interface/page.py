@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from fluxlock.interface.names import load_faults
 from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.paths import ROOT
 
@@ -42,7 +43,12 @@ def settings_table() -> str:
     return "\n".join(rows) + "\n"
 
 
-TABLES = {"settings": settings_table}
+def faults_table() -> str:
+    """Faults and their causes."""
+    return "\n".join(["| name | cause |", "|---|---|", *(f"| `{f.name}` | {f.text} |" for f in load_faults())]) + "\n"
+
+
+TABLES = {"settings": settings_table, "faults": faults_table}
 
 
 def page_text() -> str:

@@ -14,11 +14,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fluxlock.interface.names import c_strings, constant, words
 from fluxlock.paths import ROOT
 
 SETTINGS_FILE = ROOT / "sw" / "drive" / "settings.toml"
 KINDS = ("switch", "choice", "number")
-METHODS = ("six-step", "vector")  # by their bits
+METHODS = words("method")  # by their bits
 KEYS = (
     *("name", "kind", "choices", "unit", "decimals", "min", "max", "zero", "permitted"),
     *("methods", "stored", "functions", "group", "parameter", "object", "text"),
@@ -52,7 +53,7 @@ class Setting:
     object: int | None = None  # sub-index
 
     @property
-    def constant(self) -> str:
+    def number(self) -> str:
         """Its number in C."""
         return f"SETTING_{self.name.upper()}"
 
@@ -87,9 +88,9 @@ class Setting:
         numbered = ", ".join(f"{k} {word}" for k, word in enumerate(self.choices))
         return f"{self.text} {numbered}." if numbered else self.text
 
-    def words(self, choice: int) -> str:
+    def constant_of(self, choice: int) -> str:
         """A choice as a C constant."""
-        return f"{self.name}_{re.sub(r'[^A-Za-z0-9]', '_', self.choices[choice])}".upper()
+        return constant(self.name, self.choices[choice])
 
 
 def _setting(entry: dict[str, Any]) -> Setting:
@@ -141,6 +142,11 @@ def load_settings(path: Path = SETTINGS_FILE) -> tuple[Setting, ...]:
     return settings
 
 
+def choices(name: str) -> tuple[str, ...]:
+    """Words of a setting, by their numbers."""
+    return next(setting.choices for setting in load_settings() if setting.name == name)
+
+
 def objects() -> list[Setting]:
     """Settings that have a CANopen object, by sub-index."""
     return sorted((s for s in load_settings() if s.object), key=lambda s: s.object or 0)
@@ -173,10 +179,9 @@ def _row(s: Setting) -> str:
     place = f"offsetof(settings_t, {s.member}), sizeof(((settings_t *)0)->{s.member})" if s.member else "0, 0"
     parameter = f"offsetof(parameters_t, {s.parameter}) / 4u" if s.parameter else "SETTING_NO_PARAMETER"
     flags = sum(1 << METHODS.index(method) for method in s.methods) | (4 if s.decimals else 0) | (8 if s.zero else 0)
-    words = ", ".join(f'"{word}"' for word in s.choices)
-    choices = f"(const char *const[]){{{words}}}" if s.choices else "0"
+    choices = f"(const char *const[]){c_strings(s.choices)}" if s.choices else "0"
     limits = ", ".join("INT32_MIN" if limit == -(2**31) else str(limit) for limit in (low, high))
-    return f'  [{s.constant}] = {{"{s.name}", {choices}, {limits}, {parameter}, {place}, {flags}u}}, \\'
+    return f'  [{s.number}] = {{"{s.name}", {choices}, {limits}, {parameter}, {place}, {flags}u}}, \\'
 
 
 def c_header(settings: tuple[Setting, ...] | None = None) -> str:
@@ -188,7 +193,7 @@ def c_header(settings: tuple[Setting, ...] | None = None) -> str:
     groups = [f"  {g}_settings_t {g};" for g in dict.fromkeys(s.group for s in settings if s.group)]
 
     def calls(kind: str) -> list[str]:
-        named = [f"  X({s.constant}, {kind}_{s.name}) \\" for s in settings if kind in s.functions]
+        named = [f"  X({s.number}, {kind}_{s.name}) \\" for s in settings if kind in s.functions]
         return [f"#define SETTINGS_{kind.upper()}(X) \\", *named, ""]
 
     lines = [
@@ -199,8 +204,8 @@ def c_header(settings: tuple[Setting, ...] | None = None) -> str:
         "#include <stdbool.h>",
         "#include <stdint.h>",
         "",
-        *("typedef enum {", *(f"  {s.constant}," for s in settings), "  SETTING_COUNT,", "} setting_t;", ""),
-        *(f"enum {{ {', '.join(s.words(k) for k in range(len(s.choices)))} }};" for s in listed),
+        *("typedef enum {", *(f"  {s.number}," for s in settings), "  SETTING_COUNT,", "} setting_t;", ""),
+        *(f"enum {{ {', '.join(s.constant_of(k) for k in range(len(s.choices)))} }};" for s in listed),
         "",
         *_group_types(settings),
         *("typedef struct {", *members, *groups, "} settings_t;", ""),

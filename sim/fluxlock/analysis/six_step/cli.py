@@ -27,6 +27,7 @@ from fluxlock.analysis.six_step.output import (
 )
 from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.help import THEORY, example
+from fluxlock.interface.kinds import Commutation
 from fluxlock.paths import ROOT
 
 if TYPE_CHECKING:
@@ -46,7 +47,6 @@ SPEED_OVER_MAX, CURRENT_OVER_RATED = 120 / 94, 2.0
 MAX_DENOMINATOR = 100
 N_RANGE = (Fraction(1, 10), Fraction(100))  # carriers a sector
 
-CommutationChoice = Literal["RSC", "NSC", "CSC"]
 OutOption = Annotated[Path, typer.Option(help="Folder for PNG and JSON.")]
 CarrierOption = Annotated[float, typer.Option("--carrier", min=100.0, max=1e6, help="Carrier frequency, Hz.")]
 OrderOption = Annotated[float, typer.Option(min=2.0, max=200.0, help="Highest order (multiple of the fundamental).")]
@@ -166,7 +166,6 @@ def stability(
     prepare_folder(out, "stability.png", "stability.json")
     from fluxlock.analysis.six_step import plots
     from fluxlock.analysis.six_step import stability as theory
-    from fluxlock.analysis.six_step.patterns import Commutation
 
     n = np.linspace(n_min, n_max, points)
     cases: dict[str, tuple[Commutation, bool]] = {
@@ -312,7 +311,7 @@ def recorded(
     to_s: Annotated[float, typer.Option("--to", min=0.0, max=1e4, help="End of the window, s.")],
     out: OutOption = Path("build/six-step"),
     commutation: Annotated[
-        CommutationChoice | None,
+        Commutation | None,
         typer.Option(help="Commutation alignment of the run: shows the series of chapter 6 beside."),
     ] = None,
     carrier: CarrierOption = 20e3,

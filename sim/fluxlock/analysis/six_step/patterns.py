@@ -10,16 +10,17 @@ the space vector stands at 30 degrees, (6.1). Gates: bit 2X = upper, bit 2X + 1 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TypeAlias
 
 import numpy as np
 
 from fluxlock.analysis.rundata import BoolArray, FloatArray, IntArray
+from fluxlock.interface import kinds
+from fluxlock.interface.settings import choices
 
-Commutation = Literal["RSC", "NSC", "CSC"]
-Chopping = Literal["ON-PWM", "PWM-ON", "H_PWM-L_ON", "H_ON-L_PWM"]
-COMMUTATIONS: tuple[Commutation, ...] = get_args(Commutation)
-CHOPPINGS: tuple[Chopping, ...] = get_args(Chopping)
+Commutation: TypeAlias = kinds.Commutation
+Chopping: TypeAlias = kinds.Pattern
+COMMUTATIONS, CHOPPINGS = choices("commutation"), choices("pattern")
 
 SECTORS = 6
 UPPER_LEG = np.array([0, 0, 1, 1, 2, 2])
