@@ -79,7 +79,7 @@ BENCHES = (
     Bench(
         "fl_foc_chain",
         VECTOR,
-        ("vector_step",),
+        ("vector_step", "vector_mean"),
         {**sources(*VECTOR_SOURCES), "registers": CHAIN_REGISTERS, "parameters": {"Phases": 3}},
     ),
     Bench(

@@ -10,7 +10,7 @@ from typing import Any
 import cocotb
 
 from cocotb_tests.foc.foc_bench import Regulator
-from cocotb_tests.foc.test_fl_foc_wb import CODES_TO_COMPARES, ONCE
+from cocotb_tests.foc.test_fl_foc_wb import CARRIER, CODES_TO_COMPARES, MEAN_MORE, ONCE
 from cocotb_tests.foc.test_fl_foc_wb import TB as VectorTb
 from cocotb_tests.foc.test_fl_modulator import Settings
 from cocotb_tests.pwm.chain import Drive
@@ -22,6 +22,9 @@ from cocotb_tests.timing.recorder import Recorder, compare, reader
 
 TICK = 12
 PERIOD = 20  # of a leg carrier, clocks
+STEP = 320  # between two regulator steps, clocks
+# Of the samples, clocks; a carrier's first one comes as late, so that none before is in its way.
+SPACING = 80
 
 
 @cocotb.test
@@ -78,25 +81,41 @@ async def leg_compares(dut: Any) -> None:
     compare("leg-compares", recorder.diagram("Compares in time for the next update: 6, then 14 clocks"))
 
 
-@cocotb.test
-async def vector_step(dut: Any) -> None:
-    """sync_o: the compares are made; they are in the shadow registers one clock later."""
-    tb = VectorTb(dut)
-    await tb.start(cfg_mode_i=ONCE, cfg_offset_i=0)
-    await tb.modulator(Settings(period=250))
+async def step(tb: VectorTb, start: int, length: int) -> Recorder:
+    """From one update of the leg carriers to the next; start, length: of the current window, 0: one sample."""
+    await tb.modulator(Settings(period=STEP))
     await tb.regulators([Regulator() for _ in range(tb.subspaces)])
-    await tb.window(0, 0, 0)
+    await tb.window(start, length, start)
     await tb.control(source=1, enable=1, bypass=1)
     await tb.settle()
     await tb.write("timer.tick_samples", 1)
     await tb.tick()
     await tb.tick()
-    names = ("adc_strobe_o", "adc_valid_i", "sync_o", "tick_o", "update_o")
-    recorder = Recorder(dut.clk_i, {name: reader(getattr(dut, name)) for name in names})
-    await tb.tick()
-    while not int(dut.update_o.value):
+    while not int(tb.dut.update_o.value):
         await tb.clocks(1)
-    await tb.clocks(3)
-    recorder.takes(CODES_TO_COMPARES[tb.phases] - 1, "adc_valid_i", "sync_o")
+    names = ("update_o", "adc_valid_i", "sync_o", "tick_o")
+    recorder = Recorder(tb.dut.clk_i, {name: reader(getattr(tb.dut, name)) for name in names})
+    await tb.clocks(STEP + 3)
     recorder.takes(SYNC_TO_TICK, "sync_o", "tick_o")
+    return recorder
+
+
+@cocotb.test
+async def vector_step(dut: Any) -> None:
+    """sync_o: the compares are made; they are in the shadow registers one clock later."""
+    tb = VectorTb(dut)
+    await tb.start(cfg_mode_i=ONCE, cfg_offset_i=0)
+    recorder = await step(tb, 0, 0)
+    recorder.takes(CODES_TO_COMPARES[tb.phases] - 1, "adc_valid_i", "sync_o")
     compare("vector-step", recorder.diagram("Regulator step of one sample, three phases"))
+
+
+@cocotb.test
+async def vector_mean(dut: Any) -> None:
+    """The window takes the second and third sample; the last one strobes before the next window."""
+    tb = VectorTb(dut)
+    await tb.start(cfg_mode_i=CARRIER, cfg_spacing_i=SPACING, cfg_offset_i=SPACING)
+    recorder = await step(tb, SPACING, SPACING + 1)
+    last = 2 * SPACING + 1 + tb.conversion  # the second sample of the window
+    recorder.takes(CODES_TO_COMPARES[tb.phases] + MEAN_MORE - 1, "adc_valid_i", "sync_o", last)
+    compare("vector-mean", recorder.diagram("Regulator step of the mean of the second and third sample"))
