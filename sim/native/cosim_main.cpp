@@ -443,12 +443,11 @@ API int64_t cosim_console_take(char* buffer, int64_t size) {
     C.from_chip.erase(0, static_cast<size_t>(n));
     return n;
 }
-API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {  // copy words of the soft core's memory
+API int32_t cosim_peek(uint32_t address, uint32_t* words, int32_t count) {
     if (!memory || (address & 3) || count < 0 || address / 4 + static_cast<uint32_t>(count) > COSIM_MEMORY_WORDS) return -1;
     memcpy(words, memory + address / 4, 4u * static_cast<uint32_t>(count));
     return 0;
 }
-// Flip a bit of the soft core's memory; its caches do not hear of it.
 API int32_t cosim_upset_memory(uint32_t address, int32_t bit) {
     if (!memory || (address & 3) || address / 4 >= COSIM_MEMORY_WORDS || bit < 0 || bit > 31) return -1;
     memory[address / 4] ^= 1u << bit;
@@ -458,21 +457,17 @@ API int32_t cosim_upset_memory(uint32_t address, int32_t bit) {
 API int32_t cosim_upset_count() { return static_cast<int32_t>(sizeof upsets / sizeof upsets[0]); }
 API const char* cosim_upset_name(int32_t n) { return upsets[n].name; }
 API int32_t cosim_upset_bits(int32_t n) { return upsets[n].bits; }
-// Flip a bit of a register: between two clock edges, what depends on it follows at the next one.
 API int32_t cosim_upset(int32_t n, int32_t bit) {
     if (n < 0 || n >= cosim_upset_count() || bit < 0 || bit >= upsets[n].bits) return -1;
     model[upsets[n].offset + static_cast<size_t>(bit) / 8] ^= static_cast<char>(1 << bit % 8);
     C.changed = true;
     return 0;
 }
-// A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks a quantum; the node's clock is fast
-// by the error, the delay to the chip in clocks.
 API int32_t cosim_can_open(int32_t brp, int32_t prop, int32_t ps1, int32_t ps2, int32_t sjw, double error, double delay) {
     C.can_nodes.push_back(C.can.open(C.st.cycle, {brp, prop, ps1, ps2, sjw, error, delay}));
     plan();
     return static_cast<int32_t>(C.can_nodes.size()) - 1;
 }
-// head: identifier, extended, remote, length code; data: 8 bytes.
 API void cosim_can_send(int32_t node, const uint32_t* head, const uint8_t* data) {
     can_frame_t frame;
     frame.id = head[0];
@@ -481,7 +476,7 @@ API void cosim_can_send(int32_t node, const uint32_t* head, const uint8_t* data)
     memcpy(frame.data, data, sizeof frame.data);
     C.can_nodes[static_cast<size_t>(node)]->queue.push_back(frame);
 }
-API int32_t cosim_can_take(int32_t node, uint32_t* head, uint8_t* data) {  // 0: there is none
+API int32_t cosim_can_take(int32_t node, uint32_t* head, uint8_t* data) {
     auto& received = C.can_nodes[static_cast<size_t>(node)]->received;
     if (received.empty()) return 0;
     const can_frame_t frame = received.front();
@@ -494,12 +489,9 @@ API void cosim_can_state(int32_t node, can_state_t* state) {
     const can_node_t& n = *C.can_nodes[static_cast<size_t>(node)];
     *state = {static_cast<int64_t>(n.queue.size()), n.sent, n.errors, n.tec, n.rec, n.bus_off};
 }
-// A disturbance: the bus has this level from a cycle up to another, both to come.
 API void cosim_can_force(int64_t start, int64_t end, int32_t level) { C.can.force(start, end, level), plan(); }
 API int32_t cosim_pin_count() { return PIN_COUNT; }
 API const char* cosim_pin_name(int32_t n) { return PIN_NAMES[n]; }
-// A disturbance: a pin has this level, or with -1 the opposite of the one that is driven, for so many clock edges from the
-// next but one on.
 API int32_t cosim_force_pin(int32_t pin, int32_t level, int64_t cycles) {
     if (pin < 0 || pin >= PIN_COUNT || level < -1 || level > 1 || cycles < 1) return -1;
     const int64_t start = C.st.cycle + 1;
@@ -510,7 +502,7 @@ API int32_t cosim_force_pin(int32_t pin, int32_t level, int64_t cycles) {
 }
 API void cosim_can_log(int32_t on) { C.log_can = on != 0; }
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
-API int32_t cosim_record_save(const char* path) {  // int64 counts, inputs, codes
+API int32_t cosim_record_save(const char* path) {
     FILE* f = fopen(path, "wb");
     if (!f) return -1;
     const int64_t head[2] = {static_cast<int64_t>(C.rec.inputs.size()), static_cast<int64_t>(C.rec.codes.size())};

@@ -6,6 +6,8 @@
 //
 // A section is a group of algorithms; each draws its inputs from a generator of its own (xorshift, period 2^32 - 1) and
 // puts every result into an FNV-1a hash of 32 bits. On the core the digests are sent as lines of eight hexadecimal digits.
+#include "bench/control_digest.h"
+
 #include "control/advance.h"
 #include "control/carrier.h"
 #include "control/complex_regulator.h"
@@ -258,9 +260,6 @@ static void coupling(digest_t *d) {
     put(d, (uint32_t)validity.verdict);
   }
 }
-
-// Digest of `rounds` rounds of a section, 0..SECTIONS-1; seed above 0.
-uint32_t control_digest(uint32_t section, uint32_t seed, uint32_t rounds);
 
 uint32_t control_digest(uint32_t section, uint32_t seed, uint32_t rounds) {
   static void (*const round[SECTIONS])(digest_t *) = {arithmetic, angles, vector, speed, six_step, injection, coupling};

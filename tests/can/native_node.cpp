@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// The native node and bus for test_native_node.py, through ctypes.
+#include "native_node.h"
+
 #include "can_bus.h"
 
-extern "C" {
 can_node_t* node_new() { return new can_node_t; }
-void node_delete(can_node_t* node) { delete node; }
 void node_send(can_node_t* node, uint32_t id, int ext, int rtr, int dlc, const uint8_t* data) {
     can_frame_t frame;
     frame.id = id;
@@ -16,14 +15,12 @@ void node_send(can_node_t* node, uint32_t id, int ext, int rtr, int dlc, const u
     for (int i = 0; i < frame.bytes(); i++) frame.data[i] = data[i];
     node->queue.push_back(frame);
 }
-// Steps, then: level, between, bus-off, both counters, frames sent, errors, frames received.
 void node_step(can_node_t* node, int seen, int64_t* view) {
     if (seen >= 0) node->step(seen);
     const int64_t now[8] = {node->level(), node->between, node->bus_off, node->tec, node->rec, node->sent, node->errors,
                             static_cast<int64_t>(node->received.size())};
     for (int i = 0; i < 8; i++) view[i] = now[i];
 }
-// The last frame received: id, ext, rtr, dlc, data.
 void node_last(const can_node_t* node, uint32_t* head, uint8_t* data) {
     const can_frame_t& frame = node->received.back();
     head[0] = frame.id, head[1] = frame.ext, head[2] = frame.rtr, head[3] = frame.dlc;
@@ -40,4 +37,3 @@ void bus_chip(can_bus_t* bus, int64_t now, int level) { bus->chip(now, level); }
 void bus_run(can_bus_t* bus, int64_t now) { bus->run(now); }
 int64_t bus_next(const can_bus_t* bus) { return bus->next; }
 int bus_level(const can_bus_t* bus) { return bus->level; }
-}

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import random
 import subprocess
+from functools import cache
 from math import ceil
 from pathlib import Path
 
@@ -19,16 +19,24 @@ from fluxlock.can.bus import Bus
 from fluxlock.can.frame import Frame
 from fluxlock.can.mac import Fault, Mac
 from fluxlock.can.timing import BitTiming
+from fluxlock.headers import CData, bind
 from fluxlock.paths import BUILD, ROOT, content_hash
 
 NATIVE = ROOT / "sim" / "native"
-SOURCES = [Path(__file__).with_name("native_node.cpp"), NATIVE / "can_node.h", NATIVE / "can_bus.h"]
+HEADER = Path(__file__).with_name("native_node.h")
+SOURCES = [HEADER.with_suffix(".cpp"), HEADER, NATIVE / "can_node.h", NATIVE / "can_bus.h"]
 BITS = 12_000
 BUS_JOINED = 2000  # clocks: every node has seen its eleven recessive bits
 
 
+@cache
+def types() -> CData:
+    """Of the node and the bus."""
+    return bind([HEADER], HEADER.parent)
+
+
 @pytest.fixture(scope="module")
-def library() -> ctypes.CDLL:
+def library() -> CData:
     folder = BUILD / "can"
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"native_node-{content_hash(SOURCES)}.so"
@@ -37,19 +45,15 @@ def library() -> ctypes.CDLL:
         flags = ["-shared", "-fPIC", "-O1", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-I", str(NATIVE)]
         subprocess.run([os.environ.get("CXX", "c++"), *flags, str(SOURCES[0]), "-o", str(part)], check=True)
         part.replace(target)
-    lib = ctypes.CDLL(str(target))
-    for name in ("node_new", "bus_new", "bus_open"):
-        getattr(lib, name).restype = ctypes.c_void_p
-    lib.bus_next.restype = ctypes.c_int64
-    return lib
+    return types().dlopen(str(target))
 
 
 class Native:
     """A native node."""
 
-    def __init__(self, lib: ctypes.CDLL, address: int) -> None:
-        self.lib, self.node = lib, ctypes.c_void_p(address)
-        self.view = (ctypes.c_int64 * 8)()
+    def __init__(self, lib: CData, node: CData) -> None:
+        self.lib, self.node = lib, node
+        self.view = types().new("int64_t[8]")
         self.look()
 
     def look(self) -> None:
@@ -61,26 +65,23 @@ class Native:
     @property
     def last(self) -> Frame:
         """The last frame received."""
-        head, data = (ctypes.c_uint32 * 4)(), (ctypes.c_uint8 * 8)()
+        head, data = types().new("uint32_t[4]"), types().new("uint8_t[8]")
         self.lib.node_last(self.node, head, data)
         count = 0 if head[2] else min(head[3], 8)
-        assert not any(data[count:])
-        return Frame(head[0], bool(head[1]), bool(head[2]), head[3], bytes(data)[:count])
+        assert not any(data[count:8])
+        return Frame(head[0], bool(head[1]), bool(head[2]), head[3], bytes(data[0:count]))
 
 
-def open_node(
-    lib: ctypes.CDLL, bus: ctypes.c_void_p, now: int, timing: BitTiming, error: float = 0.0, delay: float = 0.0
-) -> int:
-    """The address of a node on a native bus."""
+def open_node(lib: CData, bus: CData, now: int, timing: BitTiming, error: float = 0.0, delay: float = 0.0) -> CData:
+    """A node on a native bus."""
     segments = (timing.brp, timing.prop, timing.ps1, timing.ps2, timing.sjw)
-    place = (ctypes.c_double(error), ctypes.c_double(delay))
-    return int(lib.bus_open(bus, ctypes.c_int64(now), *segments, *place))
+    return lib.bus_open(bus, now, *segments, error, delay)
 
 
 class Pair(Native):
     """A native node and its twin, which see the same bus and must do the same."""
 
-    def __init__(self, lib: ctypes.CDLL) -> None:
+    def __init__(self, lib: CData) -> None:
         super().__init__(lib, lib.node_new())
         self.mac = Mac()
         self.bits = 0
@@ -106,7 +107,7 @@ class Pair(Native):
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.003, 0.01, 0.1])
-def test_bit_by_bit(library: ctypes.CDLL, rate: float) -> None:
+def test_bit_by_bit(library: CData, rate: float) -> None:
     """Levels, counters, bus-off, frames and errors of three nodes; flips and bursts seen by all or by one.
 
     Verifies: CAN-25
@@ -141,7 +142,7 @@ def test_bit_by_bit(library: ctypes.CDLL, rate: float) -> None:
         assert faults >= {Fault.BIT, Fault.STUFF, Fault.FORM}
 
 
-def test_alone(library: ctypes.CDLL) -> None:
+def test_alone(library: CData) -> None:
     """Nobody acknowledges: error passive and no further; bits flipped while it sends: bus-off, and back.
 
     Verifies: CAN-25
@@ -159,7 +160,7 @@ def test_alone(library: ctypes.CDLL) -> None:
     assert not pair.mac.bus_off
 
 
-def test_bus(library: ctypes.CDLL) -> None:
+def test_bus(library: CData) -> None:
     """Nodes with other segments and phases, and one of the Python bus at the chip's place: nothing lost or changed.
 
     Verifies: CAN-25
@@ -167,7 +168,7 @@ def test_bus(library: ctypes.CDLL) -> None:
     seed = random.randrange(1 << 32)
     print(f"seed {seed}")
     rng = random.Random(seed)
-    address = ctypes.c_void_p(library.bus_new())
+    bus = library.bus_new()
     timings = [BitTiming(5, 10, 6, 3, 3), BitTiming(10, 4, 3, 2, 2), BitTiming(4, 12, 8, 4, 4)]
     # The chip: a node whose clock is fast by 0.2 %. Times are clocks.
     there = Bus()
@@ -176,7 +177,7 @@ def test_bus(library: ctypes.CDLL) -> None:
     natives: list[Native] = []
     for timing in timings:
         now = rng.randrange(100)
-        natives.append(Native(library, open_node(library, address, now, timing)))
+        natives.append(Native(library, open_node(library, bus, now, timing)))
     frames = [[told_apart(Frame.draw(rng), x) for _ in range(25)] for x in range(4)]
     chip.mac.queue.extend(frames[3])
     for native, own in zip(natives, frames, strict=False):
@@ -185,11 +186,11 @@ def test_bus(library: ctypes.CDLL) -> None:
     got: list[list[Frame]] = [[], [], []]
     now = 0
     for _ in range(1_000_000):
-        now = min(ceil(there.wake_at), library.bus_next(address))
+        now = min(ceil(there.wake_at), library.bus_next(bus))
         there.run(now)
-        library.bus_chip(address, ctypes.c_int64(now), chip.port.arrived)
-        library.bus_run(address, ctypes.c_int64(now))
-        here.drive(now, library.bus_level(address))
+        library.bus_chip(bus, now, chip.port.arrived)
+        library.bus_run(bus, now)
+        here.drive(now, library.bus_level(bus))
         there.run(now)
         for native, taken in zip(natives, got, strict=True):
             before = native.view[7]
@@ -206,7 +207,7 @@ def test_bus(library: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize("disturbed", [False, True])
-def test_delays_errors_disturbances(library: ctypes.CDLL, disturbed: bool) -> None:
+def test_delays_errors_disturbances(library: CData, disturbed: bool) -> None:
     """Nodes far apart, clocks fast and slow up to what the timing bears: levels and nodes as on the Python bus.
 
     Undisturbed nothing is lost or changed.
@@ -216,7 +217,7 @@ def test_delays_errors_disturbances(library: ctypes.CDLL, disturbed: bool) -> No
     seed = random.randrange(1 << 32)
     print(f"seed {seed}")
     rng = random.Random(seed)
-    address = ctypes.c_void_p(library.bus_new())
+    bus = library.bus_new()
     timing = BitTiming(2, 9, 7, 8, 4)
     here = Bus()
     chip = here.port(0.0, lambda now, level: None)
@@ -228,7 +229,7 @@ def test_delays_errors_disturbances(library: ctypes.CDLL, disturbed: bool) -> No
         now = rng.randrange(100)
         node = here.node(timing, timing.brp / (1.0 + error), delay, float(now))
         macs.append(node.mac)
-        natives.append(Native(library, open_node(library, address, now, timing, error, delay)))
+        natives.append(Native(library, open_node(library, bus, now, timing, error, delay)))
     frames = [[told_apart(Frame.draw(rng), x) for _ in range(12)] for x in range(4)]
     now, change, forced_until = 0, BUS_JOINED, 0
     while now < 1_500_000:
@@ -237,21 +238,21 @@ def test_delays_errors_disturbances(library: ctypes.CDLL, disturbed: bool) -> No
                 mac.queue.extend(own)
                 for frame in own:
                     native.send(frame)
-        now = min(ceil(here.wake_at), library.bus_next(address), change)
+        now = min(ceil(here.wake_at), library.bus_next(bus), change)
         if now == change:  # the chip's place, without a protocol: a glitch of a few clocks
             level = 1 - chip.sent if disturbed else 1
             here.run(now - 1)
             chip.drive(now, level)
-            library.bus_chip(address, ctypes.c_int64(now), level)
+            library.bus_chip(bus, now, level)
             change = now + (rng.randrange(1, 40) if level == 0 else rng.randrange(20_000, 60_000))
         elif disturbed and now > forced_until and rng.random() < 0.0005:
             start, end, level = now + rng.randrange(1, 50), now + rng.randrange(50, 400), rng.randrange(2)
             forced_until = end
             here.force(start, end, level)
-            library.bus_force(address, ctypes.c_int64(start), ctypes.c_int64(end), level)
+            library.bus_force(bus, start, end, level)
         here.run(now)
-        library.bus_run(address, ctypes.c_int64(now))
-        assert library.bus_level(address) == here.level
+        library.bus_run(bus, now)
+        assert library.bus_level(bus) == here.level
         for mac, native in zip(macs, natives, strict=True):
             native.look()
             found = list(native.view)

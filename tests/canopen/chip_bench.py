@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import struct
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fluxlock.analysis.rundata import RunData
 from fluxlock.can.frame import Frame
@@ -18,10 +19,11 @@ from fluxlock.config import load_scenario
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
+from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import CanPeer, CanSide
 from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware import build_bus_library
-from fluxlock.firmware.host import TELEMETRY_TARGET
+from fluxlock.firmware.binding import types
 from fluxlock.memory import BLOCK_ADDRESS, TELEMETRY_ADDRESS
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE
@@ -62,8 +64,7 @@ class Talker(Listener):
 
 def stack_used_bytes(look_bytes: int = 8192) -> int:
     """Most that the stack has held since configuration: above the last word that is still zero. For a peer."""
-    words = (ctypes.c_uint32 * (look_bytes // 4))()
-    ctypes.CDLL(None).cosim_peek(BLOCK_ADDRESS - look_bytes, words, len(words))
+    words = peek(BLOCK_ADDRESS - look_bytes, look_bytes // 4)
     return look_bytes - 4 * next((i for i, word in enumerate(words) if word), len(words))
 
 
@@ -141,10 +142,8 @@ class Flood:
         number, rpm = self.commands[len(self.latency)]
         if sent >= number and not self.acknowledged:
             self.acknowledged = cycle
-        word = ctypes.c_int32()
-        address = TELEMETRY_ADDRESS + 4 * TELEMETRY_TARGET
-        ctypes.CDLL(None).cosim_peek(address, ctypes.byref(word), 1)
-        if self.acknowledged and word.value == rpm:
+        (target,) = peek(TELEMETRY_ADDRESS + types().offsetof("telemetry_t", "target_rpm"), 1).view(np.int32)
+        if self.acknowledged and target == rpm:
             self.latency.append(cycle - self.acknowledged)
             self.acknowledged = 0
 

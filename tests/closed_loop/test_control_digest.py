@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import random
 import struct
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 from fluxlock.config import load_scenario
 from fluxlock.cosim.program import run_program
 from fluxlock.firmware import build_program_library
+from fluxlock.firmware.binding import open_library
 from fluxlock.paths import ROOT
 
 PROGRAM = "control_digest"
@@ -27,9 +27,7 @@ def test_core_computes_what_the_host_computes(tmp_path: Path) -> None:
     """
     seed = random.SystemRandom().randrange(1, 2**32)
     print(f"seed {seed}")
-    library = ctypes.CDLL(str(build_program_library(PROGRAM)))
-    library.control_digest.argtypes = [ctypes.c_uint32] * 3
-    library.control_digest.restype = ctypes.c_uint32
+    library = open_library(build_program_library(PROGRAM))
 
     def digests(seed: int) -> dict[str, str]:
         return {n: f"{library.control_digest(k, seed, rounds):08x}" for k, (n, rounds) in enumerate(ROUNDS.items())}

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import itertools
 import os
 import random
@@ -21,23 +20,33 @@ import pywellen
 from fluxlock.analysis.rundata import LogKind, RunData, load_trace
 from fluxlock.cosim.chip import FST
 from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SIX_STEP, SURFER_FILE, WAVE_FILE
+from fluxlock.headers import bind
 from fluxlock.paths import BUILD, ROOT
 
 SCENARIO = ROOT / "scenarios" / "six-step" / "start.toml"
 # The first carriers after the start command.
 FROM_S, TO_S = 0.020, 0.021
 CLOCK_NS = 20
+SHIM_HEADER = """
+unsigned long lz4(const char* src, char* dst, unsigned long size);
+unsigned long deflate(const unsigned char* src, unsigned char* dst, unsigned long size);
+unsigned long lz4_bound(unsigned long size);
+unsigned long deflate_bound(unsigned long size);
+"""
 SHIM = """
+extern "C" {
+#include "shim.h"
+}
 #include "lz4.h"
 #include "zlib.h"
-extern "C" unsigned long lz4(const char* src, char* dst, unsigned long size) {
+unsigned long lz4(const char* src, char* dst, unsigned long size) {
     return LZ4_compress_default(src, dst, size, LZ4_compressBound(size));
 }
-extern "C" unsigned long deflate(const unsigned char* src, unsigned char* dst, unsigned long size) {
+unsigned long deflate(const unsigned char* src, unsigned char* dst, unsigned long size) {
     return compress2(dst, &size, src, size, 9), size;
 }
-extern "C" unsigned long lz4_bound(unsigned long size) { return LZ4_compressBound(size); }
-extern "C" unsigned long deflate_bound(unsigned long size) { return compressBound(size); }
+unsigned long lz4_bound(unsigned long size) { return LZ4_compressBound(size); }
+unsigned long deflate_bound(unsigned long size) { return compressBound(size); }
 """
 
 
@@ -134,20 +143,22 @@ def _lz4_block(data: bytes) -> bytes:
 
 def test_compression(tmp_path: Path) -> None:
     """The stand-ins for LZ4 and zlib write valid streams within their bounds, from empty to beyond LZ4's window."""
-    source, library = tmp_path / "shim.cpp", tmp_path / "shim.so"
+    header, source, library = (tmp_path / f"shim.{kind}" for kind in ("h", "cpp", "so"))
+    header.write_text(SHIM_HEADER)
     source.write_text(SHIM)
     compiler = os.environ.get("CXX", "c++")
     subprocess.run([compiler, "-O1", "-shared", "-fPIC", f"-I{FST}", source, "-o", library], check=True)
-    lib = ctypes.CDLL(str(library))
+    types = bind([header], tmp_path, tmp_path)
+    lib = types.dlopen(str(library))
     rng = random.Random(1)
     for size in (*range(40), 255, 256, 257, 258, 259, 274, 517, 4000, 150_000):
         for alphabet in (1, 2, 20, 256):
             data = bytes(rng.choices(range(alphabet), k=size))
             data += data[: size // 2]
             for name, decoder in (("lz4", _lz4_block), ("deflate", zlib.decompress)):
-                bound = lib[f"{name}_bound"](len(data))
-                packed = ctypes.create_string_buffer(bound + 1)
-                written = lib[name](data, packed, len(data))
+                bound = getattr(lib, f"{name}_bound")(len(data))
+                packed = bytearray(bound + 1)
+                written = getattr(lib, name)(data, types.from_buffer(packed), len(data))
                 assert written <= bound
-                assert decoder(packed.raw[:written]) == data, (name, size, alphabet)
-    assert lib.deflate(bytes(100_000), ctypes.create_string_buffer(200_000), 100_000) < 1000
+                assert decoder(bytes(packed[:written])) == data, (name, size, alphabet)
+    assert lib.deflate(bytes(100_000), types.from_buffer(bytearray(200_000)), 100_000) < 1000

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.firmware.binding import CData, open_library
+from fluxlock.firmware.binding import open_library
+from fluxlock.headers import CData
 
 
 @pytest.fixture(scope="module")

@@ -19,10 +19,11 @@ from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
 from fluxlock.analysis.injection_theory import with_third_plane
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.firmware import injection_formats as formats
-from fluxlock.firmware.binding import CData, constant, new, open_library
+from fluxlock.firmware.binding import constant, new, open_library
 from fluxlock.firmware.block import gain
 from fluxlock.firmware.vector_compiler import PI_INTEGRAL
 from fluxlock.firmware.vector_formats import from_complex, observer_gains, vector_machine
+from fluxlock.headers import CData
 from fluxlock.regression.five_phase.injection_bench import (
     CLOCK_HZ,
     Q25,

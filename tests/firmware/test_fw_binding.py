@@ -12,10 +12,18 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.analysis.rundata import LogKind
+from fluxlock.analysis.verdict import STATES
 from fluxlock.canopen.host import EXTENDED, REMOTE
-from fluxlock.firmware import FirmwareError, build_host_library
-from fluxlock.firmware.binding import CData, bind, names, new, open_library, types
+from fluxlock.cosim import branches, native
+from fluxlock.firmware import build_host_library
+from fluxlock.firmware.binding import names, new, open_library, types
+from fluxlock.firmware.specs import INJECTION_METHODS, INVERSE_PARKS, REGULATORS, SEQUENCES
 from fluxlock.firmware.toolchain import SW
+from fluxlock.firmware.vector_formats import Complex
+from fluxlock.headers import CData, HeaderError, bind
+from fluxlock.memory import PUBLISHED_ADDRESS, TELEMETRY_ADDRESS
+from fluxlock.plant import layout
 
 Bound = Callable[[str, str], CData]
 
@@ -69,20 +77,49 @@ def test_changed_function_fails_by_name(bound: Bound) -> None:
 def test_unreadable_header_is_named(bound: Bound, text: str) -> None:
     """What the compiler or cffi does not read: header and line."""
     line = (SW / "control" / "ramp.h").read_text().splitlines().index("  int32_t value_rpm_q8;") + 1
-    with pytest.raises(FirmwareError, match=rf"control/ramp\.h:{line}"):
+    with pytest.raises(HeaderError, match=rf"control/ramp\.h:{line}"):
         bound("int32_t value_rpm_q8;", text)
 
 
 def test_layout_that_cffi_does_not_know(bound: Bound) -> None:
     """An attribute moves the fields: the compiler refuses the offset that cffi has, by name."""
-    with pytest.raises(FirmwareError, match=re.escape("ramp_t.carry_q12")):
+    with pytest.raises(HeaderError, match=re.escape("ramp_t.carry_q12")):
         bound("  uint32_t carry_q12;", "  __attribute__((aligned(16))) uint32_t carry_q12;")
 
 
 def test_names_of_constants() -> None:
-    """Constants of an enum by their order; numbers that Python must know without the library are those of C."""
-    assert names("drive_state_t") == ("init", "ready", "starting", "running", "stopping", "fault")
+    """Constants of an enum by their order."""
+    assert names("drive_state_t") == STATES
+    for wordlist, enum in (
+        (SEQUENCES, "angle_sequence_t"),
+        (REGULATORS, "regulator_order_t"),
+        (INVERSE_PARKS, "park_t"),
+        (INJECTION_METHODS, "injection_method_t"),
+    ):
+        assert names(enum) == tuple(word.lower().replace("-", "_") for word in wordlist), enum
     with pytest.raises(types().error, match="nothing_t"):
         names("nothing_t")
-    library = open_library()
+
+
+def test_numbers_that_python_has_of_c() -> None:
+    """What Python and the simulator's main must know without a compiler is as the headers have it."""
+    firmware, library, cosim = types(), open_library(), native.types().dlopen(None)
     assert (EXTENDED, REMOTE) == (library.CAN_EXTENDED, library.CAN_REMOTE)
+    assert (branches.STATE_STARTING, branches.STATE_FAULT) == (library.STATE_STARTING, library.STATE_FAULT)
+    assert firmware.offsetof("telemetry_t", "state") == branches.STATE_ADDRESS - TELEMETRY_ADDRESS
+    assert firmware.offsetof("telemetry_t", "published_q32") == PUBLISHED_ADDRESS - TELEMETRY_ADDRESS
+    assert {kind.name: kind.value for kind in LogKind} == {
+        name.removeprefix("LOG_"): getattr(cosim, name) for name in dir(cosim) if name.startswith("LOG_")
+    }
+    for name in (name for name in dir(cosim) if name.startswith("IO_")):
+        assert getattr(layout, name) == getattr(cosim, name), name
+    assert tuple(name for name, _ in firmware.typeof("complex_t").fields) == Complex._fields
+    words = {
+        **{"STATE": "state", "FAULT": "fault", "LIMIT": "limit", "SPEED": "speed_rpm_q8"},
+        **{"REFERENCE": "reference_rpm_q8", "TARGET": "target_rpm", "LOST_LOCKS": "lost_locks"},
+    }
+    main = (native.HEADER.parent / "cosim_main.cpp").read_text()
+    taken = re.search(r"enum \{ (STATE = [^}]*) \};", main)
+    assert taken is not None
+    places = {name: int(place) for name, place in re.findall(r"(\w+) = (\d+)", taken[1])}
+    assert places == {name: firmware.offsetof("telemetry_t", field) // 4 for name, field in words.items()}

@@ -12,7 +12,7 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from fluxlock.firmware.binding import CData
+from fluxlock.headers import CData
 
 PRODUCT_MAX = 2**29 - 1
 

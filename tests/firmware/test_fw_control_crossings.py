@@ -11,7 +11,8 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from fluxlock.firmware.binding import CData, address, new
+from fluxlock.firmware.binding import address, new
+from fluxlock.headers import CData
 
 
 def linear_duty(lib: CData, sector: int, period: int, mean: float, tolerance: int = 655) -> float:

@@ -10,7 +10,8 @@ from random import Random
 import pytest
 
 from fluxlock.firmware import gain
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
+from fluxlock.headers import CData
 
 
 def test_pi_follows_its_float_model(lib: CData) -> None:

@@ -10,7 +10,8 @@ from random import Random
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
+from fluxlock.headers import CData
 
 
 def test_start_sector_pulls_by_90_degrees(lib: CData) -> None:

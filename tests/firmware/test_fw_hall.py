@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from fluxlock.firmware import DriveSpec
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
+from fluxlock.headers import CData
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import Bench
 

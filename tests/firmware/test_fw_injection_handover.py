@@ -14,8 +14,9 @@ from fluxlock.analysis.injection_cases import YU_BEST, yu
 from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
 from fluxlock.firmware import injection_formats as formats
-from fluxlock.firmware.binding import CData, names, new, types
+from fluxlock.firmware.binding import names, new, types
 from fluxlock.firmware.vector_formats import Complex
+from fluxlock.headers import CData
 from fluxlock.regression.five_phase.injection_bench import CLOCK_HZ, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
 
 SEED = 41

@@ -12,7 +12,8 @@ from random import Random
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
+from fluxlock.headers import CData
 
 SEED = 57
 TURN = 2 * math.pi

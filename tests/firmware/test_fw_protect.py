@@ -14,8 +14,9 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware import DriveSpec, InverterSpec
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.specs import BrakeSpec, SafeState
+from fluxlock.headers import CData
 from fluxlock.native import averaged_motor as am
 from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
 

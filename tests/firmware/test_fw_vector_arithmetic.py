@@ -9,8 +9,8 @@ import cmath
 import math
 from random import Random
 
-from fluxlock.firmware.binding import CData
 from fluxlock.firmware.vector_formats import Complex, to_complex
+from fluxlock.headers import CData
 
 SEED = 20
 Q30 = 2**30

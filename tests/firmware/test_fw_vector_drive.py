@@ -12,7 +12,7 @@ from functools import partial
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.block import gain
 from fluxlock.firmware.vector_formats import (
     Complex,
@@ -23,6 +23,7 @@ from fluxlock.firmware.vector_formats import (
     regulator_design,
     to_complex,
 )
+from fluxlock.headers import CData
 from tests.firmware.vector_float import CLOCK_HZ, GAMMA, C, Subspace, float_model
 
 Q30, Q32, Q36 = 2**30, 2**32, 2**36

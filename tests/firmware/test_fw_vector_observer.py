@@ -12,7 +12,7 @@ from random import Random
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.vector_formats import (
     Complex,
     from_complex,
@@ -22,6 +22,7 @@ from fluxlock.firmware.vector_formats import (
     regulator_design,
     to_complex,
 )
+from fluxlock.headers import CData
 from tests.firmware.vector_float import EXACT, GAMMA, HELD, C, Subspace, float_model
 
 SEED = 22

@@ -11,8 +11,9 @@ from random import Random
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.vector_formats import Complex, from_complex, model_at, regulator_design, to_complex
+from fluxlock.headers import CData
 from tests.firmware.vector_float import BANDWIDTH, EXACT, GAMMA, HELD, A, B, C, Subspace, float_gains, float_model
 
 SEED = 21

@@ -11,9 +11,10 @@ from random import Random
 
 import pytest
 
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.block import gain
 from fluxlock.firmware.vector_formats import Complex, from_complex, to_complex
+from fluxlock.headers import CData
 from tests.firmware.vector_float import Subspace
 
 SEED = 23

@@ -12,8 +12,8 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from fluxlock.firmware.binding import CData
 from fluxlock.firmware.vector_formats import vector_machine
+from fluxlock.headers import CData
 
 CLOCK_HZ = 50e6
 HELD, EXACT = "held", "exact"

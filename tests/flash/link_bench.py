@@ -8,15 +8,17 @@ UART, CAN controller and SPI flash as the register reference describes them; the
 
 from __future__ import annotations
 
-import ctypes
 import struct
 import zlib
 from collections import deque
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from fluxlock.firmware.toolchain import build_link_library
+from fluxlock.firmware.toolchain import SW, build_link_library, host_headers
+from fluxlock.headers import CData, bind
 
+REGISTERS = Path(__file__).with_name("link_registers.c")
 SYS_TIME, UART, CAN, SPI = 0x8000000C, 0x80003000, 0x8000F000, 0x80010000
 EXTENDED, REMOTE = 1 << 31, 1 << 30
 TO_LOADER, TO_HOST = 0x1FB00000, 0x1FB00100
@@ -146,18 +148,16 @@ class Received(NamedTuple):
     mark: int  # 0 to 3
 
 
-class _Frame(ctypes.Structure):
-    _fields_ = [
-        ("code", ctypes.c_uint8),
-        ("length", ctypes.c_uint16),
-        ("on_can", ctypes.c_bool),
-        ("mark", ctypes.c_uint8),
-        ("payload", ctypes.c_uint8 * 260),
-    ]
+@cache
+def types() -> CData:
+    """Of the link, and of the registers that this module plays."""
+    return bind([*host_headers(), REGISTERS.with_suffix(".h")], SW)
 
 
-READER = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)
-WRITER = ctypes.CFUNCTYPE(None, ctypes.c_uint32, ctypes.c_uint32)
+@cache
+def library() -> CData:
+    """The link's functions."""
+    return types().dlopen(str(build_link_library(REGISTERS)))
 
 
 class Link:
@@ -165,25 +165,24 @@ class Link:
 
     def __init__(self, chip: Chip) -> None:
         self.chip = chip
-        self.lib = ctypes.CDLL(str(build_link_library(Path(__file__).parent / "link_registers.c")))
-        self.lib.link_receive.restype = ctypes.c_bool
-        self._calls = READER(chip.read), WRITER(chip.write)
+        self.lib = library()
+        self._calls = types().callback("reader_t", chip.read), types().callback("writer_t", chip.write)
         self.lib.fl_link_registers(*self._calls)
-        self._link = (ctypes.c_uint8 * 1024)()
+        self._link = types().new("link_t *")
         self.lib.link_configure(self._link)
 
     def receive(self, limit_ms: int = 1) -> Received | None:
         """The next frame."""
-        frame = _Frame()
-        if not self.lib.link_receive(self._link, ctypes.byref(frame), limit_ms):
+        frame = types().new("link_frame_t *")
+        if not self.lib.link_receive(self._link, frame, limit_ms):
             return None
-        return Received(frame.code, bytes(frame.payload[: frame.length]), frame.on_can, frame.mark >> 6)
+        return Received(frame.code, bytes(frame.payload[0 : frame.length]), frame.on_can, frame.mark >> 6)
 
     def send(self, answer: Received) -> None:
         """An answer."""
-        frame = _Frame(answer.code, len(answer.payload), answer.on_can, answer.mark << 6)
-        frame.payload[: len(answer.payload)] = answer.payload
-        self.lib.link_send(self._link, ctypes.byref(frame))
+        fields = {"code": answer.code, "length": len(answer.payload), "on_can": answer.on_can, "mark": answer.mark << 6}
+        frame = types().new("link_frame_t *", fields | {"payload": answer.payload})
+        self.lib.link_send(self._link, frame)
 
     def leave(self) -> None:
         """As before the firmware starts."""

@@ -1,13 +1,9 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Registers of the loader's link on this machine: whoever has loaded the library plays the chip.
+#include "link_registers.h"
+
 #include "hal/reg.h"
-
-typedef uint32_t (*reader_t)(uint32_t address);
-typedef void (*writer_t)(uint32_t address, uint32_t value);
-
-void fl_link_registers(reader_t read, writer_t write);
 
 static reader_t reader;
 static writer_t writer;

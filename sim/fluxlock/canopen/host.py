@@ -12,7 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fluxlock.canopen.dictionary import Dictionary, load_dictionary
-from fluxlock.firmware.binding import CData, new, types
+from fluxlock.firmware.binding import new, types
+from fluxlock.headers import CData
 
 EXTENDED, REMOTE = 1, 2
 FILTERS = 8

@@ -18,6 +18,7 @@ import traceback
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import Action, Branch
 from fluxlock.memory import TELEMETRY_ADDRESS
 
@@ -36,7 +37,7 @@ PATIENCE = 3
 def end_with_parent() -> None:
     """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # noqa: TID251 (of the C library)
 
 
 async def run_branches(session: Session) -> None:
@@ -126,8 +127,8 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
         await session.wait_until(stop)
         session.drain()
         session.exchange()
-        session.watched.append([int(session.native.peek(address, 1)[0]) for address in session.plan.watch])
-        state = int(session.native.peek(STATE_ADDRESS, 1)[0])
+        session.watched.append([int(peek(address, 1)[0]) for address in session.plan.watch])
+        state = int(peek(STATE_ADDRESS, 1)[0])
         if state != STATE_FAULT:
             faulty_from = None
         elif faulty_from is None:

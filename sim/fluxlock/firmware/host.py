@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.firmware.binding import CData, names, new, open_library, types, view
+from fluxlock.firmware.binding import names, new, open_library, types, view
 from fluxlock.firmware.block import ParameterBlock
+from fluxlock.headers import CData
 from fluxlock.memory import BLOCK_MAX_BYTES
 
 REGISTER_WORDS = 0x4000

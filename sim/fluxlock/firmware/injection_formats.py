@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
-from fluxlock.firmware.binding import CData, constant, new
+from fluxlock.firmware.binding import constant, new
 from fluxlock.firmware.block import gain
+from fluxlock.headers import CData
 
 Q16, Q17, Q25, Q29, Q32 = 2**16, 2**17, 2**25, 2**29, 2**32
 SEPARATOR_FULL_SCALE = 2**18

@@ -124,11 +124,6 @@ def _zig(arguments: list[str]) -> None:
     _run([sys.executable, "-m", "ziglang", *arguments])
 
 
-def run_host_compiler(arguments: list[str]) -> str:
-    """Output of the compiler for this machine with the definitions of the host library."""
-    return _run([sys.executable, "-m", "ziglang", "cc", "-std=c11", "-DFL_HOST=1", *arguments])
-
-
 def host_headers() -> list[Path]:
     """Headers of the host library, the loader and the CANopen node, with what they include from the build folder."""
     generate_registers()
@@ -246,9 +241,18 @@ def build_loader(listen_ms: int | None = None) -> Path:
 
 
 def build_link_library(registers: Path) -> Path:
-    """The loader's frames on UART and CAN for this machine. registers: C source of reg_read and reg_write."""
+    """The loader's frames on UART and CAN for this machine.
+
+    registers: C source of reg_read and reg_write, with its header beside it.
+    """
     sources = [f"{BOOT}link.c", *BOOT_PARTS, str(registers)]
-    return _library("libboot-link", sources, BUILD / "firmware", (*HOST_FLAGS, *WARNINGS), content_hash([registers]))
+    return _library(
+        "libboot-link",
+        sources,
+        BUILD / "firmware",
+        (*HOST_FLAGS, *WARNINGS),
+        content_hash([registers, registers.with_suffix(".h")]),
+    )
 
 
 def _canopen(without: str) -> tuple[list[str], str]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from fluxlock.firmware.binding import CData, constant, new
+from fluxlock.firmware.binding import constant, new
 from fluxlock.firmware.block import gain
+from fluxlock.headers import CData
 
 
 class Complex(NamedTuple):

@@ -13,7 +13,7 @@ from collections import deque
 import numpy as np
 
 from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, Rejection, RunData
-from fluxlock.firmware.binding import CData
+from fluxlock.headers import CData
 from fluxlock.native.averaged_motor import OMEGA, THETA
 from fluxlock.native.drive import NativeDrive
 

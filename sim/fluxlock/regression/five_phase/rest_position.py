@@ -17,7 +17,8 @@ from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import ParameterBlock
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
+from fluxlock.headers import CData
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.five_phase.rest_trial import Trial, saturated, trials

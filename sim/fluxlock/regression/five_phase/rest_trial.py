@@ -12,8 +12,9 @@ import numpy as np
 
 from fluxlock.analysis.injection_loop import Loop
 from fluxlock.firmware import injection_formats as formats
-from fluxlock.firmware.binding import CData, names, new, open_library
+from fluxlock.firmware.binding import names, new, open_library
 from fluxlock.firmware.vector_formats import Complex
+from fluxlock.headers import CData
 from fluxlock.regression.five_phase.injection_bench import Q25, Q32, TURN, InjectionBench, firmware_pll
 
 RIGHT_RAD = math.radians(10)

@@ -29,7 +29,7 @@ from fluxlock.analysis.vector.model import (
 )
 from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.block import run_block_test
-from fluxlock.firmware.binding import CData, new
+from fluxlock.firmware.binding import new
 from fluxlock.firmware.vector_formats import (
     Complex,
     from_complex,
@@ -38,6 +38,7 @@ from fluxlock.firmware.vector_formats import (
     to_complex,
     vector_machine,
 )
+from fluxlock.headers import CData
 from fluxlock.regression.vector.transforms import FOC
 
 Q30 = 2**30

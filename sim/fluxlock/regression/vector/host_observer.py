@@ -9,7 +9,7 @@ import cmath
 import math
 
 from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients, emf
-from fluxlock.firmware.binding import CData, new, open_library
+from fluxlock.firmware.binding import new, open_library
 from fluxlock.firmware.vector_formats import (
     Complex,
     from_complex,
@@ -20,6 +20,7 @@ from fluxlock.firmware.vector_formats import (
     to_complex,
     vector_machine,
 )
+from fluxlock.headers import CData
 
 CLOCK_HZ = 50e6
 FULL_SCALE_A, FULL_SCALE_V = 50.0, 30.0
