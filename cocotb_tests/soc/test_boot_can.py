@@ -25,7 +25,7 @@ from cocotb_tests.soc.boot_bench import BootBench, build_program, make_block
 from cocotb_tests.soc.test_boot import LISTEN_MS, PHASES, RUNNING, SOURCES, with_word
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
-from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.flash.can_line import ID_TO_HOST, ID_TO_LOADER, CanLine, segments

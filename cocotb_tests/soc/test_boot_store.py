@@ -20,8 +20,8 @@ from cocotb_tests.soc.boot_bench import BootBench
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
 from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.cosim.parameters import parameter_block

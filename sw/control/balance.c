@@ -53,5 +53,5 @@ int32_t balance_threshold_q17(const balance_t *balance, uint32_t sector, int32_t
   const uint32_t x = open_phase(sector);
   const int32_t horizontal = balance->horizontal_q25[x];
   const int32_t sum = balance->vertical_q25[x] + ((sector % 2u == 0u) ? -horizontal : horizontal);
-  return clamp_i32(base_q17 + ((sum + 128) >> 8), 0, 131071);
+  return clamp_i32(base_q17 + ((sum + 128) >> 8), 0, SAMPLE_MAX_Q17);
 }

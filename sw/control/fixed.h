@@ -21,6 +21,9 @@ typedef struct {
   int32_t shift;
 } gain_t;
 
+#define FULL_Q17 (1 << 17)            // full scale of a converter
+#define SAMPLE_MAX_Q17 (FULL_Q17 - 1)  // largest sample
+
 static inline int32_t sat_i32(int64_t x) {
   if (x > INT32_MAX) {
     return INT32_MAX;

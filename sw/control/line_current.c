@@ -25,5 +25,5 @@ HOT int32_t line_current(int32_t idc, int32_t ratio_q16) { return mul_q16(idc, r
 
 HOT int32_t line_current_limit_q25(int32_t dc_limit_q17, int32_t ratio_q16) {
   const int64_t limit_q17 = ((int64_t)dc_limit_q17 * ratio_q16) >> 16;
-  return (limit_q17 >= 131072) ? 1 << 25 : (int32_t)limit_q17 * 256;
+  return (limit_q17 >= FULL_Q17) ? 1 << 25 : (int32_t)limit_q17 * 256;
 }

@@ -6,7 +6,7 @@
 #include "control/fixed.h"
 
 // Half a step of a 12-bit converter from either end of q17.
-#define TOP_Q17 (131071 - 80)
+#define TOP_Q17 (SAMPLE_MAX_Q17 - 80)
 #define BAD_LOOK 4u
 #define BAD_LIMIT 16u
 

@@ -12,7 +12,6 @@
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 #define CARRIERS_A_SECTOR 6u
-#define PEAK_MAX_Q17 131071
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
@@ -26,9 +25,9 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
   const int32_t shift = drive->p->current_filter_shift;
   if (in->sum_count > 0u) {
     const int32_t count = (int32_t)in->sum_count;
-    const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, 131071);
+    const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, SAMPLE_MAX_Q17);
     m->vdc_v_q25 = vdc_q17 * 256;
-    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -131072, 131071);
+    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -FULL_Q17, SAMPLE_MAX_Q17);
     m->idc_mean_q17 = idc_q17;
     m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, shift);
     (void)filter(&m->loop_filter_q25, idc_q17, drive->p->loop_filter_shift);
@@ -91,7 +90,7 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
-    drive->command.peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, drive->p->zcd_peak), 0, PEAK_MAX_Q17);
+    drive->command.peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, drive->p->zcd_peak), 0, SAMPLE_MAX_Q17);
   }
 }
 

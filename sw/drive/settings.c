@@ -23,7 +23,7 @@ int32_t current_q17_of_ma(const parameters_t *p, int32_t milliamp) {
     return 0;
   }
   const uint64_t scaled = (uint64_t)(uint32_t)milliamp << 17;
-  return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)p->current_full_scale_ma)), 0, 131071);
+  return clamp_i32(sat_i32((int64_t)div_u64(scaled, (uint32_t)p->current_full_scale_ma)), 0, SAMPLE_MAX_Q17);
 }
 
 int32_t current_ma_of_q17(const parameters_t *p, int32_t i_q17) {

@@ -58,7 +58,7 @@ HOT static void measure(drive_t *drive, const chip_snapshot_t *in) {
   if (in->sum_count > 0u) {
     const int32_t share_q30 = share_of(&drive->vector.sums, in->sum_count);
     m->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
-    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -SAMPLE_MAX_Q17 - 1, SAMPLE_MAX_Q17);
+    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -FULL_Q17, SAMPLE_MAX_Q17);
     m->idc_mean_q17 = idc_q17;
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> drive->p->current_filter_shift;
     m->idc_q17 = m->idc_filter_q25 >> 8;

@@ -11,7 +11,6 @@
 #include "control/trig.h"
 #include "drive/vector.h"
 
-#define SAMPLE_MAX_Q17 131071
 // The estimate is lost where the error stays beyond 30 degrees.
 #define LOST_ERROR_Q30 (ONE_Q30 / 2)
 

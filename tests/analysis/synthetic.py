@@ -16,9 +16,9 @@ from itertools import pairwise
 import numpy as np
 
 from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, PlantEventKind, RunData
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.plant.trajectory import wave_dtype
 
-CLOCK_HZ = 50e6
 PAIRS = ((0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1))  # upper and lower phase of sectors I..VI
 
 

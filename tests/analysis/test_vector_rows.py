@@ -17,7 +17,8 @@ from fluxlock.analysis.rundata import FloatArray, LogKind
 from fluxlock.analysis.vector import frequency
 from fluxlock.analysis.vector.controllers import KINDS, cross_peak
 from fluxlock.analysis.vector.model import ComplexArray, coefficients
-from fluxlock.config.specs import CLOCK_HZ, inverter_spec
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.specs import inverter_spec
 from fluxlock.figures.blac.support import bench, identified
 from fluxlock.firmware.vector_timing import output_shift_cycles
 from fluxlock.regression.runner import RunFailed

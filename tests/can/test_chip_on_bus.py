@@ -14,9 +14,9 @@ import pytest
 from cocotb_tests.can.bench import told_apart
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_inverter, load_motor
 from fluxlock.config.motor import machine_params
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.launch import run_plan

@@ -15,8 +15,8 @@ import numpy as np
 from fluxlock.analysis.rundata import RunData
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming, chip_timing
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.native import peek

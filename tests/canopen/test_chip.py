@@ -15,7 +15,7 @@ from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
 from fluxlock.canopen.dictionary import load_dictionary
-from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.memory import STACK_BYTES
 from tests.canopen.chip_bench import CAN, NODE, SPINNING, Flood, Listener, Talker, run_chip
 from tests.canopen.test_fuzz import nonsense

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from fluxlock.can.timing import chip_timing
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.can import BIT_RATES
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.firmware.binding import new
 from tests.canopen.node_bench import NODE, NodeBench
 

@@ -13,8 +13,8 @@ import pytest
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.bench import replay
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE

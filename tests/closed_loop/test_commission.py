@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.commission.bench import bench_of
 from fluxlock.commission.simulate import known_of
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.run import IMAGE_FILE, prepare

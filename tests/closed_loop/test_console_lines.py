@@ -9,8 +9,8 @@ import re
 from dataclasses import replace
 from typing import Any
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import Action
 from fluxlock.cosim.run import BIT_CYCLES, chip_of, parse_statistics, prepare

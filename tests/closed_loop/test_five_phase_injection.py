@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from fluxlock.analysis.rundata import LogKind
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, load_inverter, load_motor
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.program import Row, read, reads, run_script, wait
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.five_phase.register_bench import bypassed, locked_plant, voltage_q17

@@ -14,8 +14,9 @@ from random import Random
 import pytest
 
 from fluxlock.analysis.vector.pll import pll_gains
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Scenario, load_scenario
-from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
+from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, VectorSpec, compile_parameters
 from fluxlock.firmware.vector_timing import (

@@ -21,7 +21,6 @@ from fluxlock.headers import CData
 
 SEED = 77
 Q29, Q30, Q32, Q36 = 2**29, 2**30, 2**32, 2**36
-CLOCK_HZ = 50e6
 FULL_SCALE_A = 10.0
 YU = HfMachine(0.5, 11.8e-3, 13.7e-3)
 TIAN = HfMachine(1.3, 6.54e-3, 8.32e-3)

@@ -12,10 +12,10 @@ import cmath
 import math
 from dataclasses import dataclass
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.firmware.vector_formats import vector_machine
 from fluxlock.headers import CData
 
-CLOCK_HZ = 50e6
 HELD, EXACT = "held", "exact"
 A, B, C = "ABC"
 GAMMA = 0.35

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.firmware import build_firmware
 from fluxlock.flash import loader
 from fluxlock.flash.command import CONVERSION_S, SPACING_S, flash

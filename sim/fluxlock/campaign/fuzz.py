@@ -23,8 +23,8 @@ import numpy as np
 from fluxlock.analysis.gates import gate_safety
 from fluxlock.analysis.rundata import LogKind, RunData
 from fluxlock.campaign.judge import CURRENT_S, PULSE_S, over_current_s
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import LOG_FILE, SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, Action, Branch

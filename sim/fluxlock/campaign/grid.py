@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.plan import Action
 from fluxlock.firmware.specs import over_voltage_limit
 from fluxlock.memory import BLOCK_ADDRESS

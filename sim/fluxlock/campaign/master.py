@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming, chip_timing
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.plan import CanSide
 
 BOOT_CYCLES = 300_000

@@ -28,8 +28,8 @@ from fluxlock.campaign.grid import (
 )
 from fluxlock.campaign.judge import WRONG, judge
 from fluxlock.campaign.master import master_of, told_since
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan

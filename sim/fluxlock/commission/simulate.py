@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo, SimulationFault
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.commission.plate import NamePlate, first_guess
 from fluxlock.commission.procedure import Commissioning
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.config import ConfigError, Motor, Problem, Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block

@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.scenario import Scenario
 from fluxlock.firmware.specs import BrakeSpec, DriveSpec, EncoderSpec, InverterSpec, MotorSpec, ThirdSpec
-
-CLOCK_HZ = 50e6
 
 
 def _mean(values: tuple[float, float, float]) -> float:

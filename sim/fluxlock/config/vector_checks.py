@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import plain, with_unit
 from fluxlock.config.scenario import Drive, Scenario, Start
-from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
+from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware import vector_compiler, vector_timing
 
 # Keys of the drive that both methods know.

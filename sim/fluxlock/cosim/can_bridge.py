@@ -23,8 +23,8 @@ from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
 from fluxlock.can_bus import has_taken
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.can_link import CanLink, LinkPeer
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.run import chip_of, collect, prepare

@@ -18,8 +18,8 @@ from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.verdict import say
 from fluxlock.build import check_build
 from fluxlock.can_bus import join_bus, usual_channel
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
 from fluxlock.cosim.outcome import write_outcome
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S, machine_params
 from fluxlock.config.scenario import Event
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.plan import Action
 from fluxlock.plant import (
     InverterParams,

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from fluxlock.analysis.rundata import RunData, SimulationFault
 from fluxlock.build import IO_BASE
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block

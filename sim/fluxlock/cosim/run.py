@@ -23,8 +23,8 @@ import numpy as np
 
 from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault
 from fluxlock.build import generate_registers
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import action_of, plant_params

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.interface.kinds import Balance, Commutation, HallMode, Mode, Pattern, ZcdMethod, ZcdSource
 from fluxlock.interface.names import words
 from fluxlock.interface.settings import choices
@@ -201,7 +202,7 @@ class DriveSpec:
     vector: None is six-step operation. Its samples, not tick_hz, then give the control tick.
     """
 
-    clock_hz: float = 50e6
+    clock_hz: float = CLOCK_HZ
     tick_hz: float = TICK_HZ
     commutation: Commutation = "CSC"
     pattern: Pattern = "ON-PWM"

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from fluxlock.can_bus import OPTION as CAN_OPTION
 from fluxlock.can_bus import open_bus
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.scenario import MotorError
 from fluxlock.memory import RAM_BYTES
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
 EXIT_FAILED = 1
 # Converters of the boards (fl_board): strobe to valid codes, and the least spacing of strobes.
-CONVERSION_S = 34 / 50e6
-SPACING_S = 36 / 50e6
+CONVERSION_S = 34 / CLOCK_HZ
+SPACING_S = 36 / CLOCK_HZ
 
 
 @contextmanager

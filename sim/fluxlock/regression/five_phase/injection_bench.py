@@ -33,13 +33,13 @@ from fluxlock.analysis.injection_machine import (
     triangle,
 )
 from fluxlock.analysis.rundata import FloatArray
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.firmware.binding import new
 from fluxlock.firmware.block import gain
 from fluxlock.firmware.injection_formats import SEPARATOR_FULL_SCALE
 from fluxlock.firmware.vector_formats import Complex, from_complex
 from fluxlock.headers import CData
 
-CLOCK_HZ = 50e6
 Q25, Q30, Q32, Q36, Q60 = 2.0**25, 2.0**30, 2.0**32, 2.0**36, 2.0**60
 TURN = 2 * math.pi
 

@@ -17,8 +17,8 @@ import numpy as np
 from fluxlock.analysis.rundata import FloatArray, LogKind
 from fluxlock.analysis.vector.controllers import gains
 from fluxlock.analysis.vector.model import Sampling, SmoothMachine
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Motor, load_inverter, load_motor
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import read, reads, wait
 from fluxlock.paths import ROOT

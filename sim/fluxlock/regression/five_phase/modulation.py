@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, load_inverter, load_motor
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import wait
 from fluxlock.paths import ROOT

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
-from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.firmware.vector_compiler import RPM
 from fluxlock.regression.case import Number, Row, case

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Motor
 from fluxlock.config.motor import machine_params
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.program import Row, wait
 from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams

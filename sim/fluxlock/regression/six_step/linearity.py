@@ -17,10 +17,10 @@ from fluxlock.analysis.rundata import FloatArray, LogKind, RunData
 from fluxlock.analysis.six_step.fourier import space_vector
 from fluxlock.analysis.six_step.linearity import compensated_duty, mean_output, whole_and_rest
 from fluxlock.analysis.six_step.recording import mean_excitation, whole_turns
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.regression.case import Condition, Row, case
 from fluxlock.regression.runner import Runner
 
-CLOCK_HZ = 50e6
 PERIOD_CYCLES, TICK_CYCLES = 1250, 5000  # carrier of 40 kHz
 MIN_PULSE_CYCLES = 20
 LIMIT_PERCENT = 0.2

@@ -11,8 +11,8 @@ import numpy as np
 
 from fluxlock.analysis.vector.controllers import KINDS, Kind, cross_peak, settling_samples
 from fluxlock.analysis.vector.model import PARKS, ComplexArray, Park, SmoothMachine
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_motor
-from fluxlock.config.specs import CLOCK_HZ
 from fluxlock.firmware.binding import open_library
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Number, Row, case

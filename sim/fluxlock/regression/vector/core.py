@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.analysis.rundata import LogKind
-from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner

@@ -31,8 +31,9 @@ from fluxlock.analysis.vector.model import (
     emf,
     steady_voltage,
 )
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.config.specs import CLOCK_HZ, drive_spec, inverter_spec, motor_spec
+from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware.vector_compiler import VectorMachine, circle, ripple_a_per_v
 from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
 from fluxlock.paths import ROOT

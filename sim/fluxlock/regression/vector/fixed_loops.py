@@ -27,7 +27,7 @@ from fluxlock.analysis.vector.model import (
     SmoothMachine,
     coefficients,
 )
-from fluxlock.config.specs import CLOCK_HZ
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.binding import new
 from fluxlock.firmware.vector_formats import (

@@ -9,6 +9,7 @@ import cmath
 import math
 
 from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients, emf
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.firmware.binding import new, open_library
 from fluxlock.firmware.vector_formats import (
     Complex,
@@ -22,7 +23,6 @@ from fluxlock.firmware.vector_formats import (
 )
 from fluxlock.headers import CData
 
-CLOCK_HZ = 50e6
 FULL_SCALE_A, FULL_SCALE_V = 50.0, 30.0
 Q32, Q36 = 2**32, 2**36
 GAMMA, POLE, PLL_POLE = 0.35, 0.7, 0.95
