@@ -10,74 +10,11 @@
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "control/placement.h"
+#include "values_table.h"
 
 SMALL_CODE_BEGIN
 
-typedef enum {
-  ITEM_STATE,
-  ITEM_PHASE,
-  ITEM_FAULT,
-  ITEM_LIMIT,
-  ITEM_MEASURED_RPM,
-  ITEM_REFERENCE_RPM,
-  ITEM_DUTY,
-  ITEM_VDC_V,
-  ITEM_IDC_A,
-  ITEM_MOTOR_A,
-  ITEM_LOST_LOCKS,
-  ITEM_THRESHOLD_PU,
-  ITEM_CATCHES,
-  ITEM_LINE_A,
-  ITEM_REFERENCE_A,
-  ITEM_FREEWHEEL_DEG,
-  ITEM_HALL_STATE,
-  ITEM_HALL_OFFSET_DEG,
-  ITEM_HALL_HANDOVERS,
-  ITEM_COMMUTATED_BY,
-  ITEM_ID_MA,
-  ITEM_IQ_MA,
-  ITEM_ANGLE_DEG,
-  ITEM_OBSERVED_AHEAD_DEG,
-  ITEM_ENCODER_AHEAD_DEG,
-  ITEM_ENCODER_FAULTS,
-  ITEM_OPEN_PHASES,
-  ITEM_INJECTION,
-  ITEM_IDLE,
-  ITEM_COUNT,
-} item_t;
-
-static const char *const item_names[ITEM_COUNT] = {
-    [ITEM_STATE] = "state",
-    [ITEM_PHASE] = "phase",
-    [ITEM_FAULT] = "fault",
-    [ITEM_LIMIT] = "limit",
-    [ITEM_MEASURED_RPM] = "measured_rpm",
-    [ITEM_REFERENCE_RPM] = "reference_rpm",
-    [ITEM_DUTY] = "duty",
-    [ITEM_VDC_V] = "vdc_v",
-    [ITEM_IDC_A] = "idc_a",
-    [ITEM_MOTOR_A] = "motor_a",
-    [ITEM_LOST_LOCKS] = "lost_locks",
-    [ITEM_THRESHOLD_PU] = "threshold_pu",
-    [ITEM_CATCHES] = "catches",
-    [ITEM_LINE_A] = "line_a",
-    [ITEM_REFERENCE_A] = "reference_a",
-    [ITEM_FREEWHEEL_DEG] = "freewheel_deg",
-    [ITEM_HALL_STATE] = "hall_state",
-    [ITEM_HALL_OFFSET_DEG] = "hall_offset_deg",
-    [ITEM_HALL_HANDOVERS] = "hall_handovers",
-    [ITEM_COMMUTATED_BY] = "commutated_by",
-    [ITEM_ID_MA] = "id_ma",
-    [ITEM_IQ_MA] = "iq_ma",
-    [ITEM_ANGLE_DEG] = "angle_deg",
-    [ITEM_OBSERVED_AHEAD_DEG] = "observed_ahead_deg",
-    [ITEM_ENCODER_AHEAD_DEG] = "encoder_ahead_deg",
-    [ITEM_ENCODER_FAULTS] = "encoder_faults",
-    [ITEM_OPEN_PHASES] = "open_phases",
-    [ITEM_INJECTION] = "injection",
-    [ITEM_IDLE] = "idle",
-};
-
+static const char *const item_names[ITEM_COUNT] = ITEM_NAMES;
 static const char *const timer_names[] = TIMER_WORDS;
 
 static uint32_t find_item(const char *name) {
@@ -274,8 +211,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_INJECTION:
       return injection(text, d->vector.injection);
     case ITEM_COUNT:
-    default:
-      return "?";
+      break;
   }
   return text;
 }

@@ -16,7 +16,7 @@ import pytest
 from fluxlock.analysis.rundata import TRIP_CAUSES
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.checks import required_voltage
-from fluxlock.config.console import COMMAND_LENGTH, COMMANDS, VALUES
+from fluxlock.config.console import COMMAND_LENGTH, COMMANDS
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.config.scenario import Channel, Drive, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
@@ -848,15 +848,6 @@ def test_override_of_an_entry_that_no_file_has(copy: Path) -> None:
         '--set: window: has no entry "foo", the scenario has no [[window]]; give whole entries with '
         "--set 'window=[{...}]'"
     ]
-
-
-def test_console_values_are_those_of_the_firmware() -> None:
-    """Values that console lines are checked by: those of the firmware's table.
-
-    Verifies: FRONT-03
-    """
-    items = (ROOT / "sw" / "app" / "console_items.c").read_text(encoding="utf-8")
-    assert tuple(re.findall(r'^    \[ITEM_\w+\] = "(\w+)",', items, re.MULTILINE)) == VALUES
 
 
 def test_words_are_those_of_the_other_parts() -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from fluxlock.firmware.toolchain import SW, WARNINGS, generate_headers
 from fluxlock.interface.settings import Setting, SettingsError, c_header, check_uses, load_settings
+from fluxlock.interface.values import load_values
 from fluxlock.paths import GENERATED
 from tests.firmware.firmware_bench import Bench
 
@@ -47,7 +48,7 @@ def test_every_setting_has_its_range_on_the_console(ready: Bench) -> None:
     Verifies: FW-23
     """
     names = [line.split()[0] for line in ready.fw.command("get")[:-1]]
-    assert names[-len(load_settings()) :] == [s.name for s in load_settings()]
+    assert names == [item.name for item in (*load_values(), *load_settings())]
     assert ready.fw.command("help")[1].split()[1:] == [s.name for s in load_settings()]
     for s in load_settings():
         for value, word in enumerate(s.choices):

@@ -9,43 +9,14 @@ import re
 
 from fluxlock.config.errors import did_you_mean
 from fluxlock.interface.settings import load_settings
+from fluxlock.interface.values import load_values
 
 # First words (console.c) and the longest line.
 COMMANDS = ("help", "status", "get", "set", "start", "stop", "faults", "clear", "stats")
 COMMAND_LENGTH = 79
 
-# Names in the order of console_items.c: those that can only be read, those that can be set too.
-VALUES = (
-    "state",
-    "phase",
-    "fault",
-    "limit",
-    "measured_rpm",
-    "reference_rpm",
-    "duty",
-    "vdc_v",
-    "idc_a",
-    "motor_a",
-    "lost_locks",
-    "threshold_pu",
-    "catches",
-    "line_a",
-    "reference_a",
-    "freewheel_deg",
-    "hall_state",
-    "hall_offset_deg",
-    "hall_handovers",
-    "commutated_by",
-    "id_ma",
-    "iq_ma",
-    "angle_deg",
-    "observed_ahead_deg",
-    "encoder_ahead_deg",
-    "encoder_faults",
-    "open_phases",
-    "injection",
-    "idle",
-)
+# What the console reads alone, what it sets too.
+VALUES = tuple(value.name for value in load_values())
 SETTINGS = {setting.name: setting for setting in load_settings()}
 
 NAMES = (*VALUES, *SETTINGS)

@@ -19,7 +19,7 @@ from fluxlock.build import generate_registers
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
-from fluxlock.interface import names, settings
+from fluxlock.interface import names, settings, values
 from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
 from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
 from fluxlock.writable import file_lock
@@ -106,6 +106,7 @@ def generate_headers() -> tuple[Path, ...]:
         "ram.h": memory.c_header(),
         "settings_table.h": settings.c_header(),
         "names.h": names.c_header(),
+        "values_table.h": values.c_header(),
     }
     return tuple(_generate(name, text) for name, text in texts.items())
 

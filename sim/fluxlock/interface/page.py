@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from fluxlock.interface.names import load_faults
 from fluxlock.interface.settings import Setting, load_settings
+from fluxlock.interface.values import load_values
 from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "console.md"
@@ -48,7 +49,13 @@ def faults_table() -> str:
     return "\n".join(["| name | cause |", "|---|---|", *(f"| `{f.name}` | {f.text} |" for f in load_faults())]) + "\n"
 
 
-TABLES = {"settings": settings_table, "faults": faults_table}
+def values_table() -> str:
+    """Values: name, unit, meaning."""
+    rows = ["| name | unit | |", "|---|---|---|", *(f"| `{v.name}` | {v.unit} | {v.text} |" for v in load_values())]
+    return "\n".join(rows) + "\n"
+
+
+TABLES = {"values": values_table, "settings": settings_table, "faults": faults_table}
 
 
 def page_text() -> str:
