@@ -25,7 +25,7 @@ def check_build() -> None:
     """See that the folders which builds and runs fill can be written; OSError names the one that refuses."""
     from fluxlock.plant.build import cache_folder
 
-    for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", cache_folder()):
+    for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", BUILD / "bindings", cache_folder()):
         check_folder(folder)
 
 

@@ -91,10 +91,11 @@ def bind(headers: Iterable[Path], root: Path, folder: Path | None = None) -> CDa
     headers = sorted(headers)
     folder = folder or BUILD / "bindings"
     module = folder / f"{content_hash([*headers, Path(__file__)], headers, root, version('cffi'))}.py"
-    with file_lock(BUILD / ".bindings.lock"):
-        if not module.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            _write(headers, root, module)
+    if not module.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with file_lock(BUILD / ".bindings.lock"):
+            if not module.exists():
+                _write(headers, root, module)
     spec = importlib.util.spec_from_file_location(f"binding_{module.stem}", module)
     assert spec is not None and spec.loader is not None
     found = importlib.util.module_from_spec(spec)

@@ -16,13 +16,15 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from fluxlock.firmware.toolchain import SW, build_host_library, host_headers
 from fluxlock.headers import CData, bind
+
+Number = TypeVar("Number", bound=np.number)
 
 
 @cache
@@ -55,6 +57,7 @@ def address(value: CData) -> CData:
     return types().addressof(value)
 
 
+@cache
 def names(enum: str) -> tuple[str, ...]:
     """Names of the constants of a C enum that counts from 0: in small letters, without their common prefix."""
     elements: dict[int, str] = types().typeof(enum).elements
@@ -63,12 +66,12 @@ def names(enum: str) -> tuple[str, ...]:
     return tuple(name.removeprefix(prefix).lower() for name in found)
 
 
+@cache
 def constant(prefix: str, name: str) -> int:
     """Value of a C constant: `SEQUENCE`, `held-tian` of SEQUENCE_HELD_TIAN."""
     return int(getattr(open_library(), f"{prefix}_{name}".replace("-", "_").upper()))
 
 
-def view(pointer: CData, count: int, dtype: DTypeLike) -> NDArray[Any]:
+def view(pointer: CData, count: int, kind: type[Number]) -> NDArray[Number]:
     """`count` elements of C memory as an array that shares it."""
-    kind = np.dtype(dtype)
-    return np.frombuffer(types().buffer(pointer, count * kind.itemsize), kind)
+    return np.frombuffer(types().buffer(pointer, count * np.dtype(kind).itemsize), kind)
