@@ -18,9 +18,8 @@ from fluxlock.analysis.vector import frequency
 from fluxlock.analysis.vector.controllers import KINDS, cross_peak
 from fluxlock.analysis.vector.model import ComplexArray, coefficients
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.config.specs import inverter_spec
+from fluxlock.config.vector_timing import output_shift_cycles
 from fluxlock.figures.blac.support import bench, identified
-from fluxlock.firmware.vector_timing import output_shift_cycles
 from fluxlock.regression.runner import RunFailed
 from fluxlock.regression.vector import current_bench
 from fluxlock.regression.vector.bandwidth import CARRIER_HZ, POINTS, SPEED, TONES
@@ -148,7 +147,7 @@ def test_ripple_of_a_pulsed_voltage() -> None:
     """
     ground = Ground.of(Setting("C", 0.1, 0.25))
     t, machine = ground.timing, ground.machine
-    shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    shift = output_shift_cycles(ground.scenario.inverter)
     carrier, count = t.carrier_cycles, 12
     omega = 2 * math.pi * ground.setting.fundamental_hz / CLOCK_HZ
     rng = np.random.default_rng(5)

@@ -11,13 +11,14 @@ from typing import Any
 
 from fluxlock.canopen.dictionary import Entry
 from fluxlock.canopen.host import Frame
-from fluxlock.firmware import DriveSpec, build_canopen_library
+from fluxlock.firmware import build_canopen_library
 from fluxlock.native.drive import STEP_US, NativeDrive
+from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 
 NODE = 5
 # Synchronous rectification: it can brake.
-DRIVE = DriveSpec(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
+DRIVE = machines.drive(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
 # State by the statusword's bits 0..3, 5, 6.
 STATES = {
     0x00: "not ready",

@@ -18,6 +18,7 @@ from fluxlock.analysis.verdict import Verdict
 from fluxlock.can_bus import open_bus
 from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
+from fluxlock.native.averaged_motor import M_CONSTANT, M_COULOMB, M_FAN, M_P, M_VISCOUS
 from fluxlock.native.drive import drive_of_scenario
 from fluxlock.native.program import MemoryFile, verdict_of
 from fluxlock.native.recorder import Recorder
@@ -168,15 +169,14 @@ def test_same_drive_as_the_scenario() -> None:
     """
     scenario = load_scenario(ROOT / "scenarios" / "own-pump.toml")
     drive = drive_of_scenario(scenario, NODE)
-    assert drive.chip.motor.pole_pairs == scenario.motor.pole_pairs
+    assert drive.chip.model.m[M_P] == scenario.motor.pole_pairs
     assert drive.node.value("max_motor_speed") == round(scenario.motor.max_speed_rpm)
     assert drive.node.value("rated_current") == round(1000 * scenario.current_limit_a)
     assert drive.node.value("profile_acceleration") == round(scenario.accel_rpm_per_s)
     for rpm in (1_000.0, scenario.motor.max_speed_rpm):
         omega = rpm / 9.549296585513721
-        load = drive.chip.load
-        fan = load.fan_torque_nm * (rpm / load.fan_speed_rpm) ** 2
-        total = fan + load.coulomb_nm + load.viscous_nm_s * omega + load.constant_nm
+        fan, viscous, other = (float(drive.chip.model.m[k].sum()) for k in (M_FAN, M_VISCOUS, [M_COULOMB, M_CONSTANT]))
+        total = fan * omega**2 + viscous * omega + other
         assert total == pytest.approx(scenario.shaft_load.torque_nm(rpm))
 
 

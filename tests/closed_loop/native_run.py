@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.config import Scenario
-from fluxlock.native.averaged_motor import Load
 from fluxlock.native.drive import STEP_US, drive_of_scenario
 
 STEP_S = STEP_US / 1e6
@@ -28,7 +27,7 @@ def factor_at(scenario: Scenario, t_s: float) -> float:
 def play(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (s) and speeds (r/min) of the native program under a scenario's commands, targets and load factors."""
     native = drive_of_scenario(scenario, 1)
-    load = native.chip.load
+    load = scenario.shaft_load
     events = scenario.events_in_order()
     rows = []
     while (t_s := native.now_us / 1e6) < scenario.duration_s:
@@ -38,8 +37,8 @@ def play(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             if line is not None:
                 assert native.chip.fw.command(line) == ["ok"], line
         factor = factor_at(scenario, t_s)
-        now = (factor * part for part in (load.coulomb_nm, load.viscous_nm_s, load.constant_nm))
-        native.chip.model.set_load(Load(factor * load.fan_torque_nm, load.fan_speed_rpm, *now))
+        parts = ("fan_torque_nm", "coulomb_nm", "viscous_nm_s_per_rad", "constant_nm")
+        native.chip.model.set_load(load.model_copy(update={part: factor * getattr(load, part) for part in parts}))
         native.step()
         rows.append((t_s + STEP_S, native.chip.model.rpm))
     found = np.array(rows)

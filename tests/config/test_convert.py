@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.config.specs import drive_spec, motor_spec
+from fluxlock.config.vector_design import told_machine
 from fluxlock.cosim.convert import plant_params
 from fluxlock.cosim.parameters import check_parameters, parameter_block
 from fluxlock.paths import ROOT
@@ -28,8 +28,8 @@ def test_wrong_motor_values_reach_the_firmware_only() -> None:
     right = load_scenario(DEMO)
     factors = {"resistance": 1.2, "inductance": 0.8, "flux": 1.1}
     wrong = load_scenario(DEMO, [f"drive.motor_error.{name}={factor}" for name, factor in factors.items()])
-    before, after = motor_spec(right), motor_spec(wrong)
-    assert after.resistance_ohm == pytest.approx(1.2 * before.resistance_ohm)
+    before, after = told_machine(right), told_machine(wrong)
+    assert after.winding_ohm == pytest.approx(1.2 * before.winding_ohm)
     assert after.inductance_h == pytest.approx(0.8 * before.inductance_h)
     assert after.psi_vs == pytest.approx(1.1 * before.psi_vs)
     assert plant_params(wrong, 1, ()) == plant_params(right, 1, ())
@@ -42,7 +42,7 @@ def test_sampling_once_a_carrier() -> None:
 
     Verifies: FW-35
     """
-    assert drive_spec(load_scenario(DEMO)).zcd_sampling == "continuous"
+    assert load_scenario(DEMO).drive.zcd.sampling == "continuous"
     values = parameter_block(load_scenario(DEMO, ["drive.zcd.sampling=carrier"])).values
     assert values["sample_mode"] == 3 and parameter_block(load_scenario(DEMO)).values["sample_mode"] == 1
     offset, settle, least = (values[name] for name in ("sample_offset_cycles", "zcd_settle_cycles", "least_on_cycles"))
@@ -149,7 +149,7 @@ def test_salient_machine() -> None:
     assert (machine.l_h, machine.l_q_h) == ((0.2e-3,) * 3, 0.4e-3)
     assert machine.encoder == EncoderParams(1024, index=True, offset_deg=37.0)
     assert plant_params(load_scenario(scenario), 1, ()).machine.encoder is None
-    assert motor_spec(salient).inductance_h == pytest.approx(0.3e-3)
+    assert told_machine(salient).inductance_h == pytest.approx(0.3e-3)
     compiled = parameter_block(salient).values
     mean, other = (
         load_scenario(scenario, [*ipm, f"motor.inductance_h={henry}", f"motor.inductance_q_h={henry}"])

@@ -18,9 +18,8 @@ from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenari
 from fluxlock.config.checks import required_voltage
 from fluxlock.config.console import COMMAND_LENGTH, COMMANDS
 from fluxlock.config.info import derived_values, warnings
-from fluxlock.config.scenario import Channel, Drive, DriveFault, TripCause
+from fluxlock.config.scenario import Channel, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
-from fluxlock.firmware.specs import COMMUTATIONS, PATTERNS
 from fluxlock.interface.names import fault_names
 from fluxlock.paths import ROOT
 from fluxlock.plant.params import CHANNEL_NAMES
@@ -857,8 +856,6 @@ def test_words_are_those_of_the_other_parts() -> None:
     """
     assert get_args(TripCause) == TRIP_CAUSES
     assert get_args(Channel) == CHANNEL_NAMES
-    assert get_args(Drive.model_fields["commutation"].annotation) == COMMUTATIONS
-    assert get_args(Drive.model_fields["pattern"].annotation) == PATTERNS
     assert get_args(DriveFault) == fault_names()
     console = (ROOT / "sw" / "app" / "console.c").read_text(encoding="utf-8")
     assert set(re.findall(r'text_equal\(name, "(\w+)"\)', console)) == set(COMMANDS)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -15,20 +14,14 @@ import pytest
 
 from fluxlock.analysis.vector.pll import pll_gains
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.config import ConfigError, Scenario, load_scenario
-from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
+from fluxlock.config import ConfigError, Inverter, Motor, Scenario, load_scenario
+from fluxlock.config.vector_timing import default_delay, shortest_delay, update_hz, update_hz_max, vector_timing
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, VectorSpec, compile_parameters
-from fluxlock.firmware.vector_timing import (
-    default_delay,
-    shortest_delay,
-    update_hz,
-    update_hz_max,
-    vector_timing,
-)
+from fluxlock.firmware import ParameterBlock, compile_parameters
 from fluxlock.memory import BLOCK_MAX_BYTES
 from fluxlock.paths import ROOT
-from tests.firmware.test_fw_parameters import INVERTERS, MOTORS
+from tests.firmware import machines
+from tests.firmware.test_fw_parameters import INVERTERS, MOTORS, told
 from tests.firmware.vector_float import Subspace
 
 START = ROOT / "tests" / "config" / "scenarios" / "vector.toml"
@@ -288,7 +281,7 @@ def test_voltage_is_that_of_the_phasor_diagram() -> None:
 PINS_CYCLES = {"sample": 76, "carrier": 83}
 
 
-def sampled_delay(t: ParameterBlock, inverter: InverterSpec, latency: int, before: int) -> tuple[float, float]:
+def sampled_delay(t: ParameterBlock, inverter: Inverter, latency: int, before: int) -> tuple[float, float]:
     """Delay over T_s and its slack (clocks) on a time line of updates, samples and pulses, by the parameters alone.
 
     latency: clocks from codes to the pins; before: from the last sample of another grid to the first update.
@@ -309,9 +302,9 @@ def sampled_delay(t: ParameterBlock, inverter: InverterSpec, latency: int, befor
     window = [x for x in strobes if begin <= x < begin + max(length, 1)]
     assert window and window[0] == begin
     assert len(window) == (1 if length == 0 else (length - 1) // period + 1)
-    ready = window[-1] + math.ceil(inverter.conversion_s * CLOCK_HZ) + latency
+    ready = window[-1] + math.ceil(inverter.sensing.conversion_s * CLOCK_HZ) + latency
     update = ts * math.ceil(ready / ts)
-    pulses = update + (inverter.driver_delay_s + inverter.dead_time_s / 2) * CLOCK_HZ
+    pulses = update + (inverter.gate_delay_s + inverter.dead_time_s / 2) * CLOCK_HZ
     return (pulses - sum(window) / len(window)) / ts, update - ready
 
 
@@ -323,36 +316,36 @@ def test_window_has_the_delay_that_the_model_has() -> None:
     rng = Random(SEED)
     seen = 0
     while seen < 300:
-        inverter = InverterSpec(
-            25.0,
+        inverter = machines.inverter(
             sample_period_s=rng.choice([0.5e-6, 1e-6, 1.7e-6]),
-            driver_delay_s=rng.choice([0.0, 300e-9]),
+            gate_delay_s=rng.choice([0.0, 300e-9]),
             dead_time_s=rng.choice([0.0, 200e-9, 700e-9]),
+            min_pulse_s=700e-9,
         )
         carrier_hz = 10 ** rng.uniform(3.7, 4.7)
         double, window = rng.random() < 0.5, rng.choice(["sample", "carrier"])
         place = rng.choice(["rtl", "c"])
-        vector = VectorSpec(double=double, window=window, current_regulator=place)
-        shortest = shortest_delay(CLOCK_HZ, carrier_hz, inverter, vector)
-        count = CLOCK_HZ / update_hz(carrier_hz, vector) / (inverter.sample_period_s * CLOCK_HZ)
-        if shortest > 0.99 or count > 255 or update_hz(carrier_hz, vector) > update_hz_max(vector):
+        vector = {"update": "double" if double else "single", "window": window, "current_regulator": place}
+        drive = machines.drive(method="vector", carrier_hz=carrier_hz, vector=vector)
+        shortest = shortest_delay(drive, inverter)
+        count = 1.0 / update_hz(drive) / inverter.sensing.sample_period_s
+        if shortest > 0.99 or count > 255 or update_hz(drive) > update_hz_max(drive):
             continue
         seen += 1
         delay = rng.choice([None, 1.0, rng.uniform(shortest + 0.01, 1.0)])
-        vector = replace(vector, delay=delay)
-        drive = DriveSpec(carrier_hz=carrier_hz, vector=vector)
-        block = compile_parameters(MOTORS[0], inverter, drive)
+        drive = machines.drive(method="vector", carrier_hz=carrier_hz, vector=vector | {"delay": delay})
+        block = compile_parameters(machines.scenario(MOTORS[0], inverter, drive))
         latency = 600 if place == "c" else PINS_CYCLES[window]
         found, slack = sampled_delay(block, inverter, latency, rng.randrange(1, 26))
-        wanted = default_delay(CLOCK_HZ, carrier_hz, inverter, vector) if delay is None else delay
+        wanted = default_delay(drive, inverter) if delay is None else delay
         ts = block.number("vector_sample_cycles")
         case = (SEED, seen, carrier_hz, double, window, place, delay)
         assert found == pytest.approx(block.number("vector_delay_q30") / 2**30, abs=1.0 / ts), case
         # T_s may be rounded to whole converter periods, and the window begins at a clock.
         assert found == pytest.approx(wanted, abs=0.03), case
         assert slack >= 0, case
-        wanted_ts = CLOCK_HZ / update_hz(carrier_hz, vector)
-        assert abs(ts - wanted_ts) <= inverter.sample_period_s * CLOCK_HZ / 2 + 0.5, case
+        wanted_ts = CLOCK_HZ / update_hz(drive)
+        assert abs(ts - wanted_ts) <= inverter.sensing.sample_period_s * CLOCK_HZ / 2 + 0.5, case
 
 
 def test_believed_delay_reaches_the_model_only() -> None:
@@ -387,15 +380,15 @@ def test_single_sample_is_free_of_ripple() -> None:
 
     Verifies: VCONF-04
     """
-    inverter = InverterSpec(25.0)
+    inverter = INVERTERS[0]
     for carrier_hz, double, middle in ((15e3, False, True), (15e3, True, False), (20e3, True, False)):
-        vector = VectorSpec(double=double)
-        t = vector_timing(CLOCK_HZ, carrier_hz, inverter, vector)
+        drive = machines.drive(carrier_hz=carrier_hz, vector={"update": "double" if double else "single"})
+        t = vector_timing(drive, inverter)
         shift = inverter.dead_time_s / 2 * CLOCK_HZ
         wanted = t.sample_cycles / 2 + shift if middle else shift
         assert t.from_cycles == pytest.approx(wanted, abs=1.0)
         assert t.length_cycles == 0
-    assert default_delay(CLOCK_HZ, 100e3, inverter, VectorSpec(double=False)) == 0.5
+    assert default_delay(machines.drive(carrier_hz=100e3, vector={"update": "single"}), inverter) == 0.5
 
 
 def test_tick_follows_the_samples() -> None:
@@ -530,7 +523,8 @@ def test_modulator() -> None:
             band_a = changed.gain("vector_band") * voltage_v / 30 * 2**25 / 2**17 * 50
             ripple_a = ripple_at_own_edge(voltage_v / 25.0) * 25 / 20e3 / inductance_h
             assert band_a == pytest.approx(ripple_a, rel=1e-4)
-    fine = compile_parameters(replace(motor_spec(s), inductance_h=1e-3), inverter_spec(s), drive_spec(s))
+    smooth = s.motor.model_copy(update={"inductance_h": (1e-3,) * 3})
+    fine = compile_parameters(s.model_copy(update={"motor": smooth}))
     slope = fine.number("vector_slope") * 2.0 ** -fine.number("vector_slope_shift")
     assert 10 / slope / 2**17 * 50 == pytest.approx(8 * 50 / 2**12, rel=1e-4), "not within the converter's noise"
     margin = block.number("vector_margin_cycles")
@@ -561,7 +555,7 @@ def test_salient_machine_and_trapezoid() -> None:
     steps = [(k + 0.5) * math.pi / 20_000 for k in range(20_000)]
     shape = [min(1.0, x / ramp, (math.pi - x) / ramp) for x in steps]
     first = 2 / 20_000 * sum(y * math.sin(x) for x, y in zip(steps, shape, strict=True))
-    assert motor_spec(pump).emf_fundamental == pytest.approx(first, rel=1e-6)
+    assert pump.motor.emf_fundamental == pytest.approx(first, rel=1e-6)
     speed = 2**36 / CLOCK_HZ / (2 * math.pi)
     flux = parameter_block(pump).gain("vector_flux") * speed / 2**25 * 30
     assert flux == pytest.approx(pump.motor.psi_vs[0] * first, rel=1e-6)
@@ -569,13 +563,13 @@ def test_salient_machine_and_trapezoid() -> None:
 
 @pytest.mark.parametrize("motor", MOTORS)
 @pytest.mark.parametrize("inverter", INVERTERS)
-def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> None:
+def test_every_machine_compiles(motor: Motor, inverter: Inverter) -> None:
     """Blocks of very different machines are within the schema with either update.
 
     Verifies: VCONF-03
     """
-    for vector in (VectorSpec(), VectorSpec(double=False, weakening=True, window="carrier")):
-        block = compile_parameters(motor, inverter, DriveSpec(carrier_hz=20e3, vector=vector))
+    for vector in ({}, {"update": "single", "weakening": True, "window": "carrier"}):
+        block = compile_parameters(told(motor, inverter, method="vector", carrier_hz=20e3, vector=vector))
         assert len(block.pack()) <= BLOCK_MAX_BYTES
         assert 0 < block.number("vector_back_turn_q36") < block.number("vector_handover_turn_q36")
         over = block.number("vector_handover_turn_q36")
@@ -590,8 +584,7 @@ def test_six_step_blocks_have_no_vector_parameters() -> None:
     values = parameter_block(load_scenario(DEMO)).values
     assert not [name for name in values if name.startswith("vector") or name == "method"]
     assert values["tick_cycles"] == 5000 and values["trip_enable"] == 0xFF
-    s = load_scenario(START)
-    block = compile_parameters(motor_spec(s), inverter_spec(s), drive_spec(s))
+    block = parameter_block(load_scenario(START))
     assert block.number("method") == 1
     assert block.number("sample_mode") == 2
 

@@ -6,70 +6,77 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.native.averaged_motor import Load
+from fluxlock.config import Inverter, Load, Motor
+from fluxlock.config.drive import Drive
 from fluxlock.native.chip import AveragedChip
+from tests.firmware import machines
+from tests.firmware.machines import inverter, motor
 
-MOTOR_1 = MotorSpec(
-    pole_pairs=1,
-    resistance_ohm=20e-3,
-    inductance_h=22e-6,
-    psi_vs=1e-3,
-    inertia_kgm2=5e-7,
-    rated_current_a=20.0,
-    max_speed_rpm=100_000.0,
-)
-INVERTER_1 = InverterSpec(
-    supply_v=25.0,
-    on_resistance_ohm=2e-3,
-    voltage_full_scale_v=30.0,
-    current_full_scale_a=50.0,
-    phase_current_trip_a=45.0,
-    dc_current_trip_a=45.0,
-)
+MOTOR_1 = motor()
+INVERTER_1 = inverter()
 FAN_1 = Load(fan_torque_nm=20e-3, fan_speed_rpm=60_000.0)
+SLOW_STAGE = {"on_resistance_ohm": 5e-3, "dead_time_s": 300e-9, "min_pulse_s": 600e-9, "divider_pole_s": 200e-9}
+
+
+def small_motor(p: int, r_ohm: float, l_h: float, psi_vs: float, j_kgm2: float, rated_a: float, rpm: float) -> Motor:
+    """A machine by its main values."""
+    size = {"resistance_ohm": r_ohm, "inductance_h": l_h, "psi_vs": psi_vs, "inertia_kgm2": j_kgm2}
+    return motor(pole_pairs=p, **size, rated_current_a=rated_a, max_speed_rpm=rpm)
+
+
+def _stage(supply_v: float, full_v: float, full_a: float, trip_a: float, **keys: float) -> Inverter:
+    scales = {"voltage_full_scale_v": full_v, "current_full_scale_a": full_a}
+    return inverter(supply_v=supply_v, **scales, phase_current_a=trip_a, dc_current_a=trip_a, **(SLOW_STAGE | keys))
+
+
 # Machines of other pole pairs, voltages and EMF, with a speed (r/min) to hold.
 OTHERS = [
     (
-        MotorSpec(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
-        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 25.0, 200e-9),
-        Load(0.02, 15_000, 2e-3),
+        small_motor(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
+        _stage(48.0, 60.0, 25.0, 24.0),
+        Load(fan_torque_nm=0.02, fan_speed_rpm=15_000, coulomb_nm=2e-3),
         15_000,
     ),
     (
-        MotorSpec(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0, "trapezoidal"),
-        InverterSpec(24.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 30.0, 30.0, 200e-9),
-        Load(0.12, 8_000, 3e-3),
+        small_motor(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0).model_copy(update={"emf": "trapezoidal"}),
+        _stage(24.0, 30.0, 30.0, 28.8),
+        Load(fan_torque_nm=0.12, fan_speed_rpm=8_000, coulomb_nm=3e-3),
         6_000,
     ),
     (
-        MotorSpec(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
-        InverterSpec(14.8, 3e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 20.0, 60.0, 200e-9),
-        Load(0.10, 9_000),
+        small_motor(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
+        _stage(14.8, 20.0, 60.0, 48.0, on_resistance_ohm=3e-3, dead_time_s=200e-9, min_pulse_s=400e-9),
+        Load(fan_torque_nm=0.10, fan_speed_rpm=9_000),
         8_000,
     ),
     (
-        MotorSpec(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
-        InverterSpec(48.0, 5e-3, 0.7, 300e-9, 600e-9, 12, 1e-6, 60.0, 15.0, 200e-9),
-        Load(0.2, 3_000, 0.02),
+        small_motor(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
+        _stage(48.0, 60.0, 15.0, 14.4),
+        Load(fan_torque_nm=0.2, fan_speed_rpm=3_000, coulomb_nm=0.02),
         3_000,
     ),
 ]
 
 
-@dataclass
 class Bench(AveragedChip):
     """One drive on one machine."""
 
-    motor: MotorSpec = MOTOR_1
-    inverter: InverterSpec = INVERTER_1
-    drive: DriveSpec = field(default_factory=DriveSpec)
-    load: Load = field(default_factory=lambda: replace(FAN_1))
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(
+        self,
+        motor: Motor = MOTOR_1,
+        inverter: Inverter = INVERTER_1,
+        drive: Drive | None = None,
+        load: Load = FAN_1,
+        theta_rad: float = 0.4,
+        speed_rpm: float = 0.0,
+        model_motor: Motor | None = None,
+        library: Path | None = None,
+        cut_pulses: bool = False,
+    ) -> None:
+        told = machines.scenario(motor, inverter, drive or machines.drive(), load, theta_rad, speed_rpm)
+        super().__init__(told, model_motor, library, cut_pulses)
         self.trace: list[tuple[float, float, float, int, float]] = []
 
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:

@@ -9,16 +9,18 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.analysis.verdict import STATES
 from fluxlock.canopen.host import EXTENDED, REMOTE
+from fluxlock.config.injection import InjectionMethod, Sequence
+from fluxlock.config.vector import InversePark, Regulator
 from fluxlock.cosim import branches, native
 from fluxlock.firmware import build_host_library
 from fluxlock.firmware.binding import names, new, open_library, types
-from fluxlock.firmware.specs import INJECTION_METHODS, INVERSE_PARKS, REGULATORS, SEQUENCES
 from fluxlock.firmware.toolchain import SW
 from fluxlock.firmware.vector_formats import Complex
 from fluxlock.headers import CData, HeaderError, bind
@@ -90,13 +92,13 @@ def test_layout_that_cffi_does_not_know(bound: Bound) -> None:
 def test_names_of_constants() -> None:
     """Constants of an enum by their order."""
     assert names("drive_state_t") == STATES
-    for wordlist, enum in (
-        (SEQUENCES, "angle_sequence_t"),
-        (REGULATORS, "regulator_order_t"),
-        (INVERSE_PARKS, "park_t"),
-        (INJECTION_METHODS, "injection_method_t"),
+    for choice, enum in (
+        (Sequence, "angle_sequence_t"),
+        (Regulator, "regulator_order_t"),
+        (InversePark, "park_t"),
+        (InjectionMethod, "injection_method_t"),
     ):
-        assert names(enum) == tuple(word.lower().replace("-", "_") for word in wordlist), enum
+        assert names(enum) == tuple(word.lower().replace("-", "_") for word in get_args(choice)), enum
     with pytest.raises(types().error, match="nothing_t"):
         names("nothing_t")
 

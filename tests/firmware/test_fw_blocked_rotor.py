@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.firmware import DriveSpec
+from fluxlock.config import Load
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import Load
+from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 
 GHOST_S = (60e-6, 100e-6, 150e-6)
@@ -31,7 +31,7 @@ def test_blocked_rotor_is_a_failed_start(ghost_s: float) -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(drive=DriveSpec(start_retries=2, start_current_a=6.0))
+    bench = Bench(drive=machines.drive(start={"retries": 2, "current_a": 6.0}))
     bench.model.m[am.M_LOCKED] = 1.0
     bench.model.m[am.M_GHOST] = ghost_s
     bench.until_state("ready", 0.1)
@@ -54,7 +54,7 @@ def test_rotor_that_jams_is_a_lost_lock() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(drive=DriveSpec(start_retries=1))
+    bench = Bench(drive=machines.drive(start={"retries": 1}))
     bench.start(8_000, 0.35)
     bench.run(1.1)
     bench.model.m[am.M_LOCKED] = 1.0
@@ -86,7 +86,7 @@ def test_turning_rotor_is_not_doubted(speed_rpm: int) -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(drive=DriveSpec(zcd_sampling="carrier"))
+    bench = Bench(drive=machines.drive(zcd={"sampling": "carrier"}))
     bench.start(speed_rpm, 0.5)
     bench.model.set_load(Load(coulomb_nm=10e-3))
     for _ in range(10_000):

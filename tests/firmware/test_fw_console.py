@@ -10,15 +10,15 @@ import re
 
 import pytest
 
-from fluxlock.firmware import DriveSpec
 from fluxlock.paths import ROOT
+from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 
 
 @pytest.fixture
 def ready() -> Bench:
     """A drive that is ready."""
-    bench = Bench(drive=DriveSpec(accel_rpm_per_s=150_000.0, current_limit_a=22.5))
+    bench = Bench(drive=machines.drive(accel_rpm_per_s=150_000.0, current_limit_a=22.5))
     assert bench.until_state("ready", 0.1)
     return bench
 

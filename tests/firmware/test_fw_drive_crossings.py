@@ -5,19 +5,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.config import Load
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import Load
-from tests.firmware.firmware_bench import MOTOR_1, Bench
+from tests.firmware import machines
+from tests.firmware.firmware_bench import Bench
 
-MOTOR_2 = MotorSpec(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0)
-INVERTER_2 = InverterSpec(15.0, 2e-3, 0.7, 200e-9, 400e-9, 12, 1e-6, 18.0, 20.0)
-FAN_2 = Load(8e-3, 54_000)
+MOTOR_2 = machines.motor(
+    resistance_ohm=0.0397, inductance_h=27.8e-6, psi_vs=1.27e-3, rated_current_a=10.0, max_speed_rpm=60_000.0
+)
+INVERTER_2 = machines.inverter(
+    supply_v=15.0, voltage_full_scale_v=18.0, current_full_scale_a=20.0, phase_current_a=19.4, dc_current_a=19.4
+)
+FAN_2 = Load(fan_torque_nm=8e-3, fan_speed_rpm=54_000)
 
 
 def thresholds_of(bench: Bench) -> list[float]:
@@ -37,7 +39,7 @@ def test_balance_learns_dividers_and_inductances(direction: int) -> None:
 
     Verifies: FW-28
     """
-    bench = Bench(MOTOR_2, INVERTER_2, DriveSpec(accel_rpm_per_s=20_000.0), FAN_2)
+    bench = Bench(MOTOR_2, INVERTER_2, machines.drive(accel_rpm_per_s=20_000.0), FAN_2)
     bench.start(direction * 20_000, 3.0)
     bench.run(0.8)
     mean = (27.5 + 27.2 + 28.6) / 3
@@ -78,7 +80,7 @@ def test_balance_rests_in_transients() -> None:
 
     Verifies: FW-28
     """
-    bench = Bench(drive=DriveSpec(accel_rpm_per_s=400_000.0, balance="both"))
+    bench = Bench(drive=machines.drive(accel_rpm_per_s=400_000.0, zcd={"balance": "both"}))
     bench.start(80_000)
     worst = 0.0
     for _ in range(6000):
@@ -94,8 +96,10 @@ def test_crossing_settings_reach_the_registers(emf: str, factor: float) -> None:
 
     Verifies: FW-32
     """
-    drive = DriveSpec(zcd_method="averaged", zcd_source="star_point", compute_back=True, correction_a=True)
-    bench = Bench(motor=replace(MOTOR_1, emf=emf), drive=drive)
+    drive = machines.drive(
+        zcd={"method": "averaged", "source": "star_point", "compute_back": True, "correction_a": True}
+    )
+    bench = Bench(motor=machines.motor(emf=emf), drive=drive)
     assert bench.until_state("ready", 0.1)
     bench.step()
     assert bench.get("zcd.amplitude") == 0
@@ -136,7 +140,7 @@ def test_balance_learns_from_computed_back_crossings(source: str) -> None:
 
     Verifies: FW-32, FW-28
     """
-    bench = Bench(drive=DriveSpec(zcd_source=source, compute_back=True, balance="both"))  # type: ignore[arg-type]
+    bench = Bench(drive=machines.drive(zcd={"source": source, "compute_back": True, "balance": "both"}))  # type: ignore[arg-type]
     bench.start(40_000)
     bench.run(0.5)
     bench.model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = (1.03, 1.0, 0.98)
@@ -160,7 +164,7 @@ def test_sampling_once_a_carrier_while_running_only() -> None:
 
     Verifies: FW-35
     """
-    bench = Bench(drive=DriveSpec(zcd_sampling="carrier"))
+    bench = Bench(drive=machines.drive(zcd={"sampling": "carrier"}))
 
     def sampling() -> tuple[int, int]:
         return bench.get("sense.scheduler") & 3, (bench.get("zcd.control") >> 4) & 3

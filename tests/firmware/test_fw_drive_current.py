@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.config import Inverter, Load, Motor
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import Load
-from tests.firmware.firmware_bench import MOTOR_1, OTHERS, Bench
+from tests.firmware import machines
+from tests.firmware.firmware_bench import OTHERS, Bench
 
 
 def line_current_a(bench: Bench) -> float:
@@ -30,7 +28,7 @@ def mean_torque_nm(bench: Bench, steps: int = 300) -> float:
     return total / steps
 
 
-CURRENT_LOOP = DriveSpec(current_loop=True, accel_rpm_per_s=150_000.0)
+CURRENT_LOOP = machines.drive(current_loop=True, accel_rpm_per_s=150_000.0)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -44,7 +42,7 @@ def test_current_loop_holds_the_speed(direction: int) -> None:
     bench.run(0.8)
     assert bench.model.rpm == pytest.approx(direction * 60_000, rel=0.005)
     assert line_current_a(bench) == pytest.approx(float(bench.model.s[am.I_LINE]), rel=0.05)
-    bench.model.set_load(Load(25e-3, 60_000))
+    bench.model.set_load(Load(fan_torque_nm=25e-3, fan_speed_rpm=60_000))
     dip = 60_000.0
     for _ in range(800):
         bench.step()
@@ -54,14 +52,12 @@ def test_current_loop_holds_the_speed(direction: int) -> None:
 
 
 @pytest.mark.parametrize(("motor", "inverter", "load", "rpm"), OTHERS)
-def test_current_loop_follows_from_the_motor_file(
-    motor: MotorSpec, inverter: InverterSpec, load: Load, rpm: int
-) -> None:
+def test_current_loop_follows_from_the_motor_file(motor: Motor, inverter: Inverter, load: Load, rpm: int) -> None:
     """The machines of the files hold their speed with the current loop too.
 
     Verifies: FW-25
     """
-    bench = Bench(motor, inverter, DriveSpec(carrier_hz=30e3, current_loop=True), load)
+    bench = Bench(motor, inverter, machines.drive(carrier_hz=30e3, current_loop=True), load)
     bench.start(rpm, 2.0)
     bench.run(2.0)
     assert bench.model.rpm == pytest.approx(rpm, rel=0.005)
@@ -73,8 +69,8 @@ def test_current_loop_bounds_the_current(change: dict[str, float]) -> None:
 
     Verifies: FW-25, FW-17
     """
-    drive = DriveSpec(current_loop=True, accel_rpm_per_s=2e6, current_limit_a=15.0)
-    bench = Bench(drive=drive, model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+    drive = machines.drive(current_loop=True, accel_rpm_per_s=2e6, current_limit_a=15.0)
+    bench = Bench(drive=drive, model_motor=machines.motor(**change))  # type: ignore[arg-type]
     bench.start(60_000)
     peak_rpm, currents = 0.0, []
     for _ in range(6000):
@@ -93,14 +89,16 @@ def test_current_loop_obeys_dc_and_duty_limits() -> None:
 
     Verifies: FW-25, FW-17
     """
-    bench = Bench(drive=replace(CURRENT_LOOP, dc_current_limit_a=4.0))
+    bench = Bench(drive=CURRENT_LOOP)
+    assert bench.until_state("ready", 0.1)
+    assert bench.fw.command("set dc_limit_a 4") == ["ok"]
     bench.start(60_000)
     bench.run(1.2)
     mean = [bench.model.s[am.IDC_MEAN] for _ in range(500) if bench.step() is None]
     assert np.mean(mean) == pytest.approx(4.0, rel=0.05)
     assert bench.fw.command("get limit") == ["limit current", "ok"]
-    inverter = InverterSpec(supply_v=12.0, phase_current_trip_a=45.0)
-    bench = Bench(inverter=inverter, drive=replace(CURRENT_LOOP, duty_max=0.9))
+    drive = CURRENT_LOOP.model_copy(update={"duty_max": 0.9})
+    bench = Bench(inverter=machines.inverter(supply_v=12.0), drive=drive)
     bench.start(60_000)
     bench.run(1.0)
     assert bench.fw.command("get duty") == ["duty 0.9000", "ok"]
@@ -134,7 +132,7 @@ def test_torque_mode_gives_the_torque() -> None:
     Verifies: FW-26
     """
     for flux, tolerance in ((1.0e-3, 0.05), (0.9e-3, 0.12)):
-        bench = Bench(drive=CURRENT_LOOP, model_motor=replace(MOTOR_1, psi_vs=flux))
+        bench = Bench(drive=CURRENT_LOOP, model_motor=machines.motor(psi_vs=flux))
         bench.start(80_000)
         assert bench.fw.command("set torque_mnm 12.5") == ["ok"]
         assert bench.fw.command("get torque_mnm") == ["torque_mnm 12.500", "ok"]

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from fluxlock.firmware import DriveSpec
 from fluxlock.native import averaged_motor as am
+from tests.firmware import machines
 from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
 
 
@@ -80,7 +78,7 @@ def test_real_over_current_in_the_model_trips() -> None:
 
     Verifies: FW-18
     """
-    bench = Bench(drive=DriveSpec(restart_retries=0))
+    bench = Bench(drive=machines.drive(start={"restart_retries": 0}))
     bench.start(60_000)
     bench.run(0.6)
     bench.model.m[am.M_LOCKED] = 1.0
@@ -94,7 +92,7 @@ def test_lost_lock_restarts_by_itself() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench = Bench(load=FAN_1.model_copy(update={"coulomb_nm": 1e-3}))
     bench.start(20_000)
     bench.run(0.3)
     bench.model.m[am.M_BLIND] = 1.0
@@ -112,13 +110,15 @@ def test_restarts_are_limited() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(start_retries=2, catch_rotor=False))
+    bench = Bench(
+        load=FAN_1.model_copy(update={"coulomb_nm": 1e-3}), drive=machines.drive(start={"retries": 2, "catch": False})
+    )
     bench.start(20_000)
     bench.run(0.2)
     bench.model.m[am.M_BLIND] = 1.0
     assert bench.until_state("fault", 10.0)
     assert fault_of(bench) == "start_failed"
-    bench = Bench(drive=DriveSpec(restart_retries=0))
+    bench = Bench(drive=machines.drive(start={"restart_retries": 0}))
     bench.start(20_000)
     bench.model.m[am.M_BLIND] = 1.0
     assert bench.until_state("fault", 1.0)
@@ -130,7 +130,7 @@ def test_unseen_rotor_shorted_by_the_precharge_of_a_restart() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(catch_rotor=False))
+    bench = Bench(load=FAN_1.model_copy(update={"coulomb_nm": 1e-3}), drive=machines.drive(start={"catch": False}))
     bench.start(20_000)
     bench.run(0.3)
     bench.model.m[am.M_BLIND] = 1.0
@@ -149,7 +149,7 @@ def test_locked_rotor_fails_to_start_by_name() -> None:
 
     Verifies: FW-20
     """
-    bench = Bench(drive=DriveSpec(start_retries=1, start_current_a=6.0))
+    bench = Bench(drive=machines.drive(start={"retries": 1, "current_a": 6.0}))
     bench.model.m[am.M_LOCKED] = 1.0
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec, InverterSpec
+from fluxlock.config import Load
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import Load
+from tests.firmware import machines
 from tests.firmware.firmware_bench import MOTOR_1, Bench
 
 
@@ -27,10 +27,10 @@ def test_load_step_and_ramp_follow_the_settings() -> None:
 
     Verifies: FW-16
     """
-    bench = Bench(drive=DriveSpec(accel_rpm_per_s=150_000.0))
+    bench = Bench(drive=machines.drive(accel_rpm_per_s=150_000.0))
     bench.start(60_000)
     bench.run(0.7)
-    bench.model.set_load(Load(25e-3, 60_000))
+    bench.model.set_load(Load(fan_torque_nm=25e-3, fan_speed_rpm=60_000))
     dip = 60_000.0
     for _ in range(600):
         bench.step()
@@ -51,7 +51,7 @@ def test_current_limit_binds_without_windup() -> None:
 
     Verifies: FW-17
     """
-    bench = Bench(drive=DriveSpec(accel_rpm_per_s=2e6, current_limit_a=15.0))
+    bench = Bench(drive=machines.drive(accel_rpm_per_s=2e6, current_limit_a=15.0))
     bench.start(60_000)
     peak_rpm, currents = 0.0, []
     for _ in range(6000):
@@ -70,7 +70,9 @@ def test_dc_limit_binds() -> None:
 
     Verifies: FW-17
     """
-    bench = Bench(drive=DriveSpec(dc_current_limit_a=4.0))
+    bench = Bench()
+    assert bench.until_state("ready", 0.1)
+    assert bench.fw.command("set dc_limit_a 4") == ["ok"]
     bench.start(60_000)
     bench.run(1.2)
     mean = [bench.model.s[am.IDC_MEAN] for _ in range(500) if bench.step() is None]
@@ -84,8 +86,9 @@ def test_duty_limit_binds_and_releases() -> None:
 
     Verifies: FW-17
     """
-    inverter = InverterSpec(supply_v=12.0, phase_current_trip_a=45.0)
-    bench = Bench(inverter=inverter, drive=DriveSpec(duty_max=0.9, accel_rpm_per_s=200_000.0))
+    bench = Bench(
+        inverter=machines.inverter(supply_v=12.0), drive=machines.drive(duty_max=0.9, accel_rpm_per_s=200_000.0)
+    )
     bench.start(60_000)
     bench.run(1.0)
     assert bench.fw.command("get duty") == ["duty 0.9000", "ok"]
@@ -154,7 +157,7 @@ def test_freeze_holds_every_setting() -> None:
         "zcd.control",
     )
     held = [bench.get(name) for name in names]
-    bench.model.set_load(Load(24e-3, 60_000))
+    bench.model.set_load(Load(fan_torque_nm=24e-3, fan_speed_rpm=60_000))
     bench.fw.command("set advance_q16 1000")
     bench.fw.command("set speed_rpm 50000")
     for _ in range(500):
@@ -223,7 +226,7 @@ def test_linearity_makes_the_voltage_the_wanted_one(linearity: bool) -> None:
 
     Verifies: FW-27
     """
-    bench = Bench(drive=DriveSpec(carrier_hz=20e3, linearity=linearity), cut_pulses=True)
+    bench = Bench(drive=machines.drive(carrier_hz=20e3, linearity=linearity), cut_pulses=True)
     bench.start(59_000)
     bench.run(1.0)
     asked, got = [], []
@@ -242,7 +245,7 @@ def test_advance_follows_speed_and_current() -> None:
 
     Verifies: FW-29
     """
-    drive = DriveSpec(advance_deg=1.0, advance_deg_at_max_speed=6.0, advance_deg_at_rated_current=4.0)
+    drive = machines.drive(advance_deg=1.0, advance_deg_at_max_speed=6.0, advance_deg_at_rated_current=4.0)
     bench = Bench(drive=drive)
     bench.start(50_000)
     bench.run(1.0)

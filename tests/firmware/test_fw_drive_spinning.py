@@ -5,13 +5,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from fluxlock.firmware import DriveSpec
+from fluxlock.config import Load
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import Load
+from tests.firmware import machines
 from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
 
 
@@ -22,7 +20,11 @@ def test_spinning_rotor_is_caught(rpm: int, direction: int) -> None:
 
     Verifies: FW-30
     """
-    bench = Bench(speed_rpm=direction * rpm, theta_rad=0.3 * direction + rpm, load=Load(20e-3, 100_000))
+    bench = Bench(
+        speed_rpm=direction * rpm,
+        theta_rad=0.3 * direction + rpm,
+        load=Load(fan_torque_nm=20e-3, fan_speed_rpm=100_000),
+    )
     bench.until_state("ready", 0.1)
     bench.fw.command(f"set speed_rpm {direction * rpm}")
     before = abs(bench.model.rpm)
@@ -61,8 +63,8 @@ def test_rotor_that_spins_backward_is_turned(sync_rect: bool, current_loop: bool
 
     Verifies: FW-30, FW-31
     """
-    drive = DriveSpec(sync_rect=sync_rect, current_loop=current_loop, accel_rpm_per_s=200_000.0)
-    bench = Bench(speed_rpm=-50_000.0, load=replace(FAN_1, coulomb_nm=2e-3), drive=drive)
+    drive = machines.drive(sync_rect=sync_rect, current_loop=current_loop, accel_rpm_per_s=200_000.0)
+    bench = Bench(speed_rpm=-50_000.0, load=FAN_1.model_copy(update={"coulomb_nm": 2e-3}), drive=drive)
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 40000")
     bench.fw.command("start")
@@ -79,7 +81,7 @@ def test_reversal_brakes_within_its_limit(current_loop: bool) -> None:
 
     Verifies: FW-31
     """
-    drive = DriveSpec(sync_rect=True, current_loop=current_loop, accel_rpm_per_s=1e6, brake_current_limit_a=8.0)
+    drive = machines.drive(sync_rect=True, current_loop=current_loop, accel_rpm_per_s=1e6, brake_current_limit_a=8.0)
     bench = Bench(drive=drive)
     bench.start(60_000)
     bench.run(0.6)
@@ -103,7 +105,7 @@ def test_braking_spares_the_dc_link() -> None:
 
     Verifies: FW-31
     """
-    bench = Bench(drive=DriveSpec(sync_rect=True, accel_rpm_per_s=1e6, brake_current_limit_a=10.0))
+    bench = Bench(drive=machines.drive(sync_rect=True, accel_rpm_per_s=1e6, brake_current_limit_a=10.0))
     bench.start(60_000)
     bench.run(0.6)
     bench.model.m[am.M_VDC] = 29.8

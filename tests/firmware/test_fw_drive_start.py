@@ -5,14 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec
-from fluxlock.native.averaged_motor import Load
-from tests.firmware.firmware_bench import FAN_1, MOTOR_1, OTHERS, Bench
+from fluxlock.config import Inverter, Load, Motor
+from tests.firmware import machines
+from tests.firmware.firmware_bench import FAN_1, OTHERS, Bench
 
 
 def test_boot_measures_offsets_with_gates_off() -> None:
@@ -99,7 +97,7 @@ def test_start_tolerates_wrong_parameters(change: dict[str, float]) -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+    bench = Bench(model_motor=machines.motor(**change))  # type: ignore[arg-type]
     bench.start(40_000, 0.35)
     bench.run(1.0)
     assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
@@ -112,7 +110,7 @@ def test_start_against_friction(coulomb_nm: float) -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=coulomb_nm))
+    bench = Bench(load=FAN_1.model_copy(update={"coulomb_nm": coulomb_nm}))
     bench.start(30_000, 1.0)
     bench.run(1.0)
     assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
@@ -121,13 +119,13 @@ def test_start_against_friction(coulomb_nm: float) -> None:
 @pytest.mark.parametrize(("motor", "inverter", "load", "rpm"), OTHERS)
 @pytest.mark.parametrize("direction", [1, -1])
 def test_other_machines_run_from_their_files(
-    motor: MotorSpec, inverter: InverterSpec, load: Load, rpm: int, direction: int
+    motor: Motor, inverter: Inverter, load: Load, rpm: int, direction: int
 ) -> None:
     """2, 4 and 7 pole pairs, 15 to 48 V, to mH, trapezoidal, both directions: start, hold within 0.5 %.
 
     Verifies: FW-13, FW-15, FW-16
     """
-    bench = Bench(motor, inverter, DriveSpec(carrier_hz=30e3), load)
+    bench = Bench(motor, inverter, machines.drive(carrier_hz=30e3), load)
     bench.start(direction * rpm, 2.0)
     bench.run(2.0)
     assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
@@ -138,7 +136,11 @@ def test_start_waits_for_a_spinning_rotor() -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(speed_rpm=40_000.0, load=Load(20e-3, 20_000, 3e-3), drive=DriveSpec(catch_rotor=False))
+    bench = Bench(
+        speed_rpm=40_000.0,
+        load=Load(fan_torque_nm=20e-3, fan_speed_rpm=20_000, coulomb_nm=3e-3),
+        drive=machines.drive(start={"catch": False}),
+    )
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
     bench.fw.command("start")
@@ -165,7 +167,7 @@ def test_alignment_lets_go_of_a_driven_rotor(direction: int, phase: str) -> None
     bench.fw.command("start")
     assert bench.run(1.0, lambda: bench.fw.phase == phase)
     bench.run(0.02)
-    bench.model.set_load(replace(FAN_1, constant_nm=-direction * 50e-3))
+    bench.model.set_load(FAN_1.model_copy(update={"constant_nm": -direction * 50e-3}))
     assert bench.run(0.012, lambda: bench.fw.phase == "coast")
     assert bench.get("safety.guard") & 1 == 0
     assert abs(bench.model.rpm) < 7_000
@@ -184,7 +186,7 @@ def test_alignment_keeps_a_rotor_that_swings(change: dict[str, float]) -> None:
     Verifies: FW-52
     """
     for theta_rad in (*np.arange(0.0, 6.3, 0.5), 3.1, 3.14, 1.06, 5.2, 5.24):
-        bench = Bench(theta_rad=float(theta_rad), model_motor=replace(MOTOR_1, **change))  # type: ignore[arg-type]
+        bench = Bench(theta_rad=float(theta_rad), model_motor=machines.motor(**change))  # type: ignore[arg-type]
         assert bench.until_state("ready", 0.1)
         bench.fw.command("set speed_rpm 20000")
         bench.fw.command("start")

@@ -5,20 +5,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from fluxlock.firmware import DriveSpec
 from fluxlock.native import averaged_motor as am
+from tests.firmware import machines
 from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
 
 PHASE, DC, PIN, LOST, OVER_VOLTAGE, UNDER_VOLTAGE, DEADLINE = 1, 2, 4, 8, 16, 32, 128
 
 
-def running(rpm: int = 20_000, seconds: float = 0.3, **drive: bool) -> Bench:
+def running(rpm: int = 20_000, seconds: float = 0.3, **drive: object) -> Bench:
     """A drive at speed, with some friction."""
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3), drive=DriveSpec(**drive))
+    bench = Bench(load=FAN_1.model_copy(update={"coulomb_nm": 1e-3}), drive=machines.drive(**drive))
     bench.start(rpm)
     bench.run(seconds)
     return bench
@@ -47,7 +45,7 @@ def test_over_current_of_a_start_is_excused_once() -> None:
 
     Verifies: FW-18, FW-20
     """
-    bench = Bench(load=replace(FAN_1, coulomb_nm=1e-3))
+    bench = Bench(load=FAN_1.model_copy(update={"coulomb_nm": 1e-3}))
     assert bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
     for commands in (1, 2):
@@ -66,7 +64,7 @@ def test_over_current_of_the_restart_is_excused_once(cause: int, name: str) -> N
 
     Verifies: FW-18, FW-20
     """
-    bench = running(catch_rotor=False)
+    bench = running(start={"catch": False})
     bench.trip(LOST)
     bench.run(0.0003)
     assert trips_in(bench, "precharge", cause) == 2
@@ -91,7 +89,7 @@ def test_a_second_of_running_renews_the_excuse() -> None:
 
     Verifies: FW-20
     """
-    bench = running(catch_rotor=False)
+    bench = running(start={"catch": False})
     for _ in range(2):
         bench.trip(LOST)
         assert bench.run(5.0, lambda: bench.fw.phase == "precharge")
@@ -199,7 +197,7 @@ def test_jammed_rotor_hides_no_trip(cause: int, state: str) -> None:
     """
 
     def jammed() -> Bench:
-        bench = Bench(drive=DriveSpec(start_retries=1))
+        bench = Bench(drive=machines.drive(start={"retries": 1}))
         bench.start(8_000, 0.35)
         bench.run(1.1)
         bench.model.m[am.M_LOCKED] = 1.0

@@ -11,13 +11,14 @@ from random import Random
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec
 from fluxlock.firmware.binding import new
 from fluxlock.headers import CData
 from fluxlock.native import averaged_motor as am
+from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 
 MISPLACED_DEG = (6.0, -4.0, 3.0)
+SENSED = machines.motor(hall={"offset_deg": MISPLACED_DEG})
 # Sensor whose edge leads into a sector, for positive and for negative speed.
 SENSOR = {1: (2, 1, 0, 2, 1, 0), -1: (1, 0, 2, 1, 0, 2)}
 
@@ -40,7 +41,7 @@ def learnt_deg(bench: Bench) -> list[float]:
 def commutation_errors_deg(bench: Bench, ticks: int = 300) -> np.ndarray:
     """How late the commutations of a span come, from the model's true angle."""
     errors = []
-    s, p = bench.model.s, bench.motor.pole_pairs
+    s, p = bench.model.s, bench.scenario.motor.pole_pairs
     direction = 1 if s[am.OMEGA] > 0 else -1
     before = s[am.T_COMM]
     for _ in range(ticks):
@@ -53,18 +54,19 @@ def commutation_errors_deg(bench: Bench, ticks: int = 300) -> np.ndarray:
     return np.array(errors)
 
 
-def sensored(**drive: object) -> Bench:
+def sensored(hall: dict[str, object] | None = None, theta_rad: float = 0.4, rpm: float = 0.0, **drive: object) -> Bench:
     """A drive with misplaced sensors."""
-    return Bench(drive=DriveSpec(hall_mode="sensored", **drive), hall_offset_deg=MISPLACED_DEG)  # type: ignore[arg-type]
+    return Bench(
+        SENSED,
+        drive=machines.drive(**drive, hall={"mode": "sensored"} | (hall or {})),
+        theta_rad=theta_rad,
+        speed_rpm=rpm,
+    )
 
 
 def fallback(**drive: object) -> Bench:
     """The same, commutated by its crossings at 60 000 r/min."""
-    bench = Bench(
-        drive=DriveSpec(hall_mode="fallback", **drive),  # type: ignore[arg-type]
-        hall_offset_deg=MISPLACED_DEG,
-        speed_rpm=60_000,
-    )
+    bench = Bench(SENSED, drive=machines.drive(**drive, hall={"mode": "fallback"}), speed_rpm=60_000)
     bench.start(60_000, 1.0)
     bench.run(0.2)
     assert value(bench, "commutated_by") == "crossings"
@@ -121,7 +123,7 @@ def test_sensored_start_needs_no_alignment(theta_rad: float) -> None:
 
     Verifies: FW-41
     """
-    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, theta_rad=theta_rad)
+    bench = sensored(theta_rad=theta_rad)
     assert bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 60000")
     bench.fw.command("start")
@@ -142,7 +144,7 @@ def test_sensored_learns_where_the_sensors_sit(direction: int) -> None:
 
     Verifies: FW-40, FW-41
     """
-    bench = sensored(hall_learn=False)
+    bench = sensored({"learn": False})
     bench.start(direction * 60_000, 1.0)
     bench.run(0.4)
     assert learnt_deg(bench) == [0.0] * 6
@@ -161,7 +163,7 @@ def test_known_places_are_used_from_the_start() -> None:
 
     Verifies: FW-40
     """
-    bench = sensored(hall_learn=False, hall_offset_deg=MISPLACED_DEG)
+    bench = sensored({"learn": False, "offset_deg": MISPLACED_DEG})
     bench.start(40_000, 1.0)
     bench.run(0.3)
     errors = commutation_errors_deg(bench)
@@ -195,7 +197,7 @@ def test_sensored_catches_a_spinning_rotor(rpm: int) -> None:
 
     Verifies: FW-41
     """
-    bench = Bench(drive=DriveSpec(hall_mode="sensored"), hall_offset_deg=MISPLACED_DEG, speed_rpm=rpm)
+    bench = sensored(rpm=rpm)
     bench.start(20_000, 0.1)
     assert value(bench, "catches") == "1"
     assert bench.run(3.0, lambda: bench.model.rpm > 19_000)
@@ -240,7 +242,7 @@ def test_blocked_rotor_fails_to_start_by_name() -> None:
 
     Verifies: FW-41
     """
-    bench = sensored(start_retries=1)
+    bench = sensored(start={"retries": 1})
     bench.model.m[am.M_LOCKED] = 1.0
     bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 20000")
@@ -291,7 +293,7 @@ def test_faulty_sensors_are_no_fallback() -> None:
 
     Verifies: FW-42, FW-43
     """
-    bench = fallback(restart_retries=0)
+    bench = fallback(start={"restart_retries": 0})
     assert bench.get("comm.control") >> 8 & 0xFF == 0
     bench.model.m[am.M_HALL + 5] = 1.0
     bench.run(0.05)
@@ -340,6 +342,6 @@ def test_drive_without_sensors_reads_none() -> None:
 
     Verifies: FW-41
     """
-    bench = Bench(hall_offset_deg=MISPLACED_DEG)
+    bench = Bench(SENSED)
     bench.start(20_000, 1.0)
     assert value(bench, "hall_state") == "off" and value(bench, "hall_handovers") == "0"

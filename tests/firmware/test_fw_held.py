@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fluxlock.firmware import DriveSpec
+from fluxlock.config.drive import TICK_HZ
 from fluxlock.firmware.toolchain import build_host_library
+from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 from tests.firmware.vector_bench import VectorBench
 
@@ -21,11 +22,11 @@ def test_six_step_is_the_same() -> None:
 
     Verifies: CO-22
     """
-    drive = DriveSpec(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
+    drive = machines.drive(accel_rpm_per_s=400_000.0, current_limit_a=22.5, sync_rect=True)
     benches = [Bench(drive=drive, library=library) for library in (None, build_host_library(can_method="six-step"))]
     for bench in benches:
         assert bench.fw.command("set speed_rpm 40000") == ["ok"]
-    for tick in range(round(SECONDS * drive.tick_hz)):
+    for tick in range(round(SECONDS * TICK_HZ)):
         for bench in benches:
             if tick == 100:
                 assert bench.fw.command("start") == ["ok"]

@@ -13,9 +13,9 @@ import pytest
 
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, IqDemodulator, LockIn, Separator
 from fluxlock.analysis.injection_theory import LEAD_AND_REPORT, LoopSequence, sequence_error
+from fluxlock.config.injection import SEQUENCES
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import constant, names, new
-from fluxlock.firmware.specs import SEQUENCES
 from fluxlock.firmware.vector_formats import Complex, from_complex, pll_gains, vector_machine
 from fluxlock.headers import CData
 

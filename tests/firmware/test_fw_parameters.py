@@ -16,12 +16,11 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.config import load_scenario
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config import Inverter, Motor, Scenario, load_scenario
+from fluxlock.config.drive import TICK_HZ
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import (
-    DriveSpec,
-    InverterSpec,
-    MotorSpec,
     ParameterBlock,
     ParameterError,
     build_firmware,
@@ -32,16 +31,21 @@ from fluxlock.firmware import (
 )
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
-from fluxlock.firmware.specs import BrakeSpec
 from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from fluxlock.paths import REGISTER_BLOCKS, ROOT
-from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
+from tests.firmware import machines
+from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1, OTHERS, small_motor
+
+
+def told(motor: Motor = MOTOR_1, inverter: Inverter = INVERTER_1, **drive: object) -> Scenario:
+    """A scenario with these parts."""
+    return machines.scenario(motor, inverter, machines.drive(**drive))
 
 
 def block() -> ParameterBlock:
     """A valid block."""
-    return compile_parameters(MOTOR_1, INVERTER_1, DriveSpec())
+    return compile_parameters(told())
 
 
 def boot(data: bytes) -> HostFirmware:
@@ -258,45 +262,43 @@ def test_schema_makes_header_and_table() -> None:
 
 MOTORS = [
     MOTOR_1,
-    MotorSpec(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0),
-    MotorSpec(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
-    MotorSpec(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0, "trapezoidal"),
-    MotorSpec(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
-    MotorSpec(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
-    MotorSpec(21, 0.2, 0.3e-3, 8e-3, 3e-3, 15.0, 600.0),
-    MotorSpec(1, 0.02, 8e-6, 0.4e-3, 5e-8, 10.0, 250_000.0),
+    *(motor for motor, _, _, _ in OTHERS),
+    small_motor(1, 0.0397, 27.8e-6, 1.27e-3, 5e-7, 10.0, 60_000.0),
+    small_motor(21, 0.2, 0.3e-3, 8e-3, 3e-3, 15.0, 600.0),
+    small_motor(1, 0.02, 8e-6, 0.4e-3, 5e-8, 10.0, 250_000.0),
 ]
 INVERTERS = [
     INVERTER_1,
-    InverterSpec(supply_v=12.0, voltage_full_scale_v=15.0, current_full_scale_a=30.0),
-    InverterSpec(supply_v=48.0, voltage_full_scale_v=60.0, current_full_scale_a=60.0, divider_pole_s=1e-6),
+    machines.inverter(
+        supply_v=12.0, voltage_full_scale_v=15.0, current_full_scale_a=30.0, phase_current_a=29.0, dc_current_a=29.0
+    ),
+    machines.inverter(supply_v=48.0, voltage_full_scale_v=60.0, current_full_scale_a=60.0, divider_pole_s=1e-6),
 ]
 
 
 @pytest.mark.parametrize(("motor", "inverter"), list(itertools.product(MOTORS, INVERTERS)))
-def test_every_machine_compiles(motor: MotorSpec, inverter: InverterSpec) -> None:
+def test_every_machine_compiles(motor: Motor, inverter: Inverter) -> None:
     """Blocks of very different machines are within the schema, and the gains mean what the formulas say.
 
     Verifies: FW-12, FW-13
     """
-    drive = DriveSpec(carrier_hz=30e3)
-    b = compile_parameters(motor, inverter, drive)
+    b, psi_vs = compile_parameters(told(motor, inverter, carrier_hz=30e3)), motor.psi_vs[0]
     assert len(b.pack()) < 2048
-    volt = 2**25 / inverter.voltage_full_scale_v
-    k_e = motor.pole_pairs * motor.psi_vs * (2.0 if motor.emf == "trapezoidal" else 3 * math.sqrt(3) / math.pi)
+    volt = 2**25 / inverter.sensing.voltage_full_scale_v
+    k_e = motor.pole_pairs * psi_vs * (2.0 if motor.emf == "trapezoidal" else 3 * math.sqrt(3) / math.pi)
     assert b.gain("emf") * 256 * 60 / (2 * math.pi) / volt == pytest.approx(k_e, rel=1e-6)
     # The floating voltage at hand-over is well above the converter's step.
     w_e = b.number("handover_rpm") * math.pi / 30 * motor.pole_pairs
-    step = inverter.voltage_full_scale_v / 2**inverter.bits
-    assert (1.0 if motor.emf == "trapezoidal" else 0.75) * motor.psi_vs * w_e >= 29 * step or (
+    step = inverter.sensing.voltage_full_scale_v / 2**12
+    assert (1.0 if motor.emf == "trapezoidal" else 0.75) * psi_vs * w_e >= 29 * step or (
         b.number("handover_rpm") == pytest.approx(0.3 * motor.max_speed_rpm, abs=1)
     )
     assert b.number("handover_rpm") < b.number("stop_rpm") < b.number("speed_max_rpm")
     # Same acceleration in both of its units.
-    accel = b.number("start_accel_rpm_q20") / 2**20 * drive.tick_hz * math.pi / 30
-    first_s = b.number("start_first_cycles") / drive.clock_hz
+    accel = b.number("start_accel_rpm_q20") / 2**20 * TICK_HZ * math.pi / 30
+    first_s = b.number("start_first_cycles") / CLOCK_HZ
     assert 0.5 * accel * motor.pole_pairs * first_s**2 == pytest.approx(math.pi / 6, rel=1e-3)
-    assert 0.02 <= b.number("align_ticks") / drive.tick_hz <= 0.6
+    assert 0.02 <= b.number("align_ticks") / TICK_HZ <= 0.6
 
 
 def test_image_carries_the_block(tmp_path: Path) -> None:
@@ -338,18 +340,16 @@ def test_power_stage_keys_reach_the_block() -> None:
 
     Verifies: FW-12
     """
-    drive = DriveSpec()
-    values = compile_parameters(MOTOR_1, replace(INVERTER_1, precharge_s=15e-3), drive).values
+    values = compile_parameters(told(inverter=machines.inverter(precharge_s=15e-3))).values
     assert values["precharge_ticks"] == 150
-    inverter = replace(INVERTER_1, supply_v=25.0, voltage_full_scale_v=30.0)
-    values = compile_parameters(MOTOR_1, inverter, drive).values
+    values = compile_parameters(told()).values
     assert values["trip_over_voltage_lsb"] == round(0.98 * 4096)
     assert values["trip_under_voltage_lsb"] == round(0.6 * 25 / 30 * 4096)
-    values = compile_parameters(MOTOR_1, replace(inverter, voltage_full_scale_v=40.0), drive).values
+    values = compile_parameters(told(inverter=machines.inverter(voltage_full_scale_v=40.0))).values
     assert values["trip_over_voltage_lsb"] == round(1.25 * 25 / 40 * 4096)
     assert values["brake_longest_cycles"] == 0, "the chip drives no brake"
-    stated = replace(inverter, over_voltage_v=28.0, under_voltage_v=20.0)
-    values = compile_parameters(MOTOR_1, stated, drive).values
+    stated = machines.inverter(over_voltage_v=28.0, under_voltage_v=20.0)
+    values = compile_parameters(told(inverter=stated)).values
     assert values["trip_over_voltage_lsb"] == round(28 / 30 * 4096)
     assert values["trip_under_voltage_lsb"] == round(20 / 30 * 4096)
 
@@ -359,11 +359,12 @@ def test_brake_keys_reach_the_block() -> None:
 
     Verifies: FW-50
     """
-    brake = BrakeSpec(on_v=27.5, off_v=26.0, longest_on_s=0.25)
-    inverter = replace(INVERTER_1, voltage_full_scale_v=30.0, sample_period_s=2e-6, brake=brake)
-    values = compile_parameters(MOTOR_1, inverter, DriveSpec()).values
+    brake = {"on_v": 27.5, "off_v": 26.0, "resistance_ohm": 1.0, "longest_on_s": 0.25}
+    link = {"dc_link_f": 1e-3, "supply_resistance_ohm": 1e-3}
+    inverter = machines.inverter(sample_period_s=2e-6, brake_chopper=brake, **link)
+    values = compile_parameters(told(inverter=inverter)).values
     assert (values["brake_on_lsb"], values["brake_off_lsb"]) == (3755, 3550)
     assert values["brake_longest_cycles"] == 12_500_000
     assert values["sample_age_cycles"] == 4 * 100
-    values = compile_parameters(MOTOR_1, inverter, DriveSpec(zcd_sampling="carrier")).values
+    values = compile_parameters(told(inverter=inverter, zcd={"sampling": "carrier"})).values
     assert values["sample_age_cycles"] == 4 * values["carrier_longest_cycles"]

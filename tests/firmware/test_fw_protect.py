@@ -9,16 +9,16 @@ import itertools
 import math
 import random
 import re
-from dataclasses import replace
 
 import pytest
 
-from fluxlock.firmware import DriveSpec, InverterSpec
+from fluxlock.config import Scenario
+from fluxlock.config.inverter import BrakeChopper, SafeState
 from fluxlock.firmware.binding import new
-from fluxlock.firmware.specs import BrakeSpec, SafeState
 from fluxlock.headers import CData
 from fluxlock.native import averaged_motor as am
-from tests.firmware.firmware_bench import FAN_1, INVERTER_1, MOTOR_1, Bench, fault_of
+from tests.firmware import machines
+from tests.firmware.firmware_bench import INVERTER_1, Bench, fault_of
 
 
 @pytest.mark.parametrize("ratio", [1.1, 1.5, 2.0, 3.0])
@@ -70,8 +70,8 @@ class NoisyBench(Bench):
         self.kept: dict[str, int] = {}
         super().__post_init__()
 
-    def told_inverter(self) -> InverterSpec:
-        return self.inverter
+    def told(self) -> Scenario:
+        return self.scenario
 
     def _snapshot(self) -> None:
         super()._snapshot()
@@ -97,7 +97,7 @@ def signed(word: int) -> int:
     return word - (1 << 32) if word >> 31 else word
 
 
-NOISY = replace(INVERTER_1, noise_lsb=1.0)
+NOISY = machines.inverter(noise_lsb=1.0)
 
 
 @pytest.mark.parametrize("channel", ["ia", "ib", "ic", "vdc", "idc"])
@@ -160,11 +160,10 @@ def test_overload_is_named() -> None:
 
     Verifies: FW-45
     """
-    bench = Bench(motor=replace(MOTOR_1, overload_s=0.4, rated_current_a=6.0), drive=DriveSpec(current_limit_a=20.0))
+    bench = Bench(motor=machines.motor(overload_s=0.4, rated_current_a=6.0), drive=machines.drive(current_limit_a=20.0))
     bench.start(30_000)
     bench.run(0.3)
     assert bench.fw.state == "running"
-    bench.load = replace(FAN_1, fan_torque_nm=0.12)
     bench.model.m[am.M_FAN] *= 6.0
     before = bench.now
     assert bench.until_state("fault", 1.0)
@@ -303,24 +302,24 @@ def test_safe_state_is_set_at_boot(choice: SafeState, bit: int) -> None:
 
     Verifies: FW-51
     """
-    bench = Bench(inverter=replace(INVERTER_1, safe_state=choice))
+    bench = Bench(inverter=machines.inverter(safe_state=choice))
     assert bench.get("safety.lock") == 0x10CC
     assert bench.get("safety.guard") == bit << 8
 
 
-@pytest.mark.parametrize("brake", [None, BrakeSpec(on_v=14.0, off_v=13.0, longest_on_s=0.5)])
-def test_brake_is_set_at_boot(brake: BrakeSpec | None) -> None:
+@pytest.mark.parametrize("brake", [None, BrakeChopper(on_v=28.0, off_v=27.0, resistance_ohm=1.0, longest_on_s=0.5)])
+def test_brake_is_set_at_boot(brake: BrakeChopper | None) -> None:
     """Thresholds, time and age, before the lock; without a brake of the inverter file it is off.
 
     Verifies: FW-50
     """
-    bench = Bench(inverter=replace(INVERTER_1, brake=brake))
+    bench = Bench(inverter=machines.inverter(brake_chopper=brake, dc_link_f=1e-3, supply_resistance_ohm=1e-3))
     assert bench.get("safety.lock") == 0x10CC
     assert bench.get("safety.brake") & 1 == (brake is not None)
     assert bench.get("safety.sample_age") == 4 * 50
     assert bench.get("safety.brake_time") == (25_000_000 if brake else 0)
-    step = INVERTER_1.voltage_full_scale_v / 4096
-    level = round(14.0 / step) | round(13.0 / step) << 16 if brake else 0
+    step = INVERTER_1.sensing.step_v
+    level = round(28.0 / step) | round(27.0 / step) << 16 if brake else 0
     assert bench.get("safety.brake_level") == level
 
 

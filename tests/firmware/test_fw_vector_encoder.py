@@ -12,13 +12,11 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware.block import Value
-from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.vector_bench import VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ
 
 ACCEL_RPM_S = 250_000
 VALUES: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": ACCEL_RPM_S}
-NO_TRIP = replace(INVERTER_1, phase_current_trip_a=None, dc_current_trip_a=None)
 LINES = 256
 RESOLUTION_DEG = 360.0 / (4 * LINES)
 SENSORED = VectorSettings(sensored=True, encoder_lines=LINES, encoder_offset_turn=0.3)
@@ -100,7 +98,7 @@ def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock(monkeypatch: 
     Verifies: ENC-04
     """
     values: dict[str, Value] = {**VALUES, "restart_retries": 0}
-    bench = VectorBench(replace(SENSORED, encoder_index=False), inverter=NO_TRIP, values=values)
+    bench = VectorBench(replace(SENSORED, encoder_index=False), values=values, unprotected=True)
     bench.start(20_000, 0.2)
     bench.run(0.2)
     bench.put("encoder.counters", 3)

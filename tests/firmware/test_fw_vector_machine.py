@@ -8,24 +8,23 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
-from dataclasses import replace
 
 import pytest
 
 from fluxlock.config import load_scenario
-from fluxlock.config.specs import inverter_spec, motor_spec
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.binding import open_library
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.vector_formats import model_at, to_complex
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
+from tests.firmware.machines import inverter
 from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
 
 FAST: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": 250_000}
 TRIP_DEADLINE = 0x80
-NO_TRIP = replace(INVERTER_1, phase_current_trip_a=None, dc_current_trip_a=None)
+SENSING = INVERTER_1.sensing
 
 
 def errors_deg(record: list[Sample], states: tuple[str, ...] = ("running",)) -> tuple[float, float]:
@@ -152,7 +151,7 @@ def test_rotor_that_stops_is_a_lost_lock() -> None:
     Verifies: VC-16
     """
     for retries, fault in ((0, "lost_lock"), (1, "none")):
-        bench = VectorBench(values={**FAST, "restart_retries": retries}, inverter=NO_TRIP)
+        bench = VectorBench(values={**FAST, "restart_retries": retries}, unprotected=True)
         bench.start(30_000)
         bench.run(0.1)
         bench.omega, bench.locked = 0.0, True
@@ -293,7 +292,7 @@ def test_ignored_answer_moves_the_current_once(kind: str) -> None:
     departed = [abs(a - b) for a, b in zip(*currents, strict=True)]
     m = bench.machine
     turned = abs(1.0 - cmath.exp(-1j * bench.omega * m.period_s))
-    most_a = bench.motor.psi_vs * bench.omega * turned * m.period_s / bench.motor.inductance_h
+    most_a = m.psi_vs * bench.omega * turned * m.period_s / m.inductance_h
     late = max(departed[len(departed) // 2 :])
     print(f"largest {max(departed):.2f} A of {most_a:.2f} A, after 5 ms {late:.3f} A")
     assert 0.5 * most_a < max(departed) <= most_a
@@ -336,16 +335,15 @@ def test_compensation_that_comes_late_does_not_turn_the_angle(exact_park: bool, 
 
     Verifies: VC-31
     """
-    inverter = replace(INVERTER_1, phase_current_trip_a=None)
-    slope = round(10 / 3.0 * inverter.current_full_scale_a / 2**17 * 2**26)  # 10 clocks from 3 A on
+    slope = round(10 / 3.0 * SENSING.current_full_scale_a / 2**17 * 2**26)  # 10 clocks from 3 A on
     values: dict[str, Value] = {
         **FAST,
         "vector_dead_comp_cycles": 10,
-        "vector_band": gain(band_a_per_v * inverter.voltage_full_scale_v / inverter.current_full_scale_a / 256),
+        "vector_band": gain(band_a_per_v * SENSING.voltage_full_scale_v / SENSING.current_full_scale_a / 256),
         "vector_slope": slope,
         "vector_slope_shift": 26,
     }
-    bench = VectorBench(VectorSettings(exact_park=exact_park), inverter=inverter, values=values, dead_time=True)
+    bench = VectorBench(VectorSettings(exact_park=exact_park), values=values, dead_time=True, unprotected=True)
     bench.start(30_000)
     for rpm, seconds in ((30_000, 0.15), (80_000, 0.35), (-40_000, 1.0)):
         bench.fw.command(f"set speed_rpm {rpm}")
@@ -371,7 +369,7 @@ def test_rotor_that_swings_is_handed_over(theta: float) -> None:
     settings = VectorSettings(
         values["vector_sample_cycles"], values["vector_tick_samples"], values["vector_delay_q30"] / 2**30
     )
-    bench = VectorBench(settings, motor_spec(s), inverter_spec(s), values, 0.020, 60_000.0, theta, 1.0)
+    bench = VectorBench(settings, s.motor, s.inverter, values, 0.020, 60_000.0, theta, 1.0)
     bench.start(90_000)
     bench.record.clear()
     bench.run(0.04)
@@ -388,9 +386,7 @@ def test_field_weakening_keeps_a_reserve_of_voltage() -> None:
     Verifies: VC-15
     """
     for lowest, share, limit in ((-25.0, 0.95, "none"), (0.0, 1.0, "duty_max")):
-        bench = VectorBench(
-            VectorSettings(weakening_lowest_a=lowest), inverter=replace(INVERTER_1, supply_v=15.0), values=FAST
-        )
+        bench = VectorBench(VectorSettings(weakening_lowest_a=lowest), inverter=inverter(supply_v=15.0), values=FAST)
         bench.start(90_000)
         bench.run(0.6)
         assert bench.fw.state == "running", bench.fw.command("status")

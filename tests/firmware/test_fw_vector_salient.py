@@ -11,22 +11,25 @@ from dataclasses import replace
 import pytest
 from scipy.optimize import brentq
 
-from fluxlock.firmware import InverterSpec, MotorSpec
+from fluxlock.config.machine import Machine
 from fluxlock.firmware.block import Value, gain
+from tests.firmware.machines import inverter, motor
 from tests.firmware.vector_bench import VectorBench, VectorSettings
 
 L_D_H, L_Q_H = 0.2e-3, 0.4e-3
-IPM = MotorSpec(
+MOTOR = motor(
     pole_pairs=4,
     resistance_ohm=0.12,
-    inductance_h=(L_D_H + L_Q_H) / 2,
+    inductance_h=L_D_H,
+    inductance_q_h=L_Q_H,
     psi_vs=14.5e-3,
     inertia_kgm2=8e-5,
     rated_current_a=10.0,
     max_speed_rpm=4_000,
-    saliency_h=L_Q_H - L_D_H,
 )
-INVERTER = InverterSpec(supply_v=48.0, voltage_full_scale_v=60.0, current_full_scale_a=25.0, phase_current_trip_a=22.0)
+SCALES = {"voltage_full_scale_v": 60.0, "current_full_scale_a": 25.0}
+INVERTER = inverter(supply_v=48.0, on_resistance_ohm=0.0, phase_current_a=22.0, dc_current_a=22.0, **SCALES)
+IPM = Machine.of(MOTOR, INVERTER)
 RATIO_A = IPM.psi_vs / IPM.saliency_h
 SETTINGS = VectorSettings(
     mtpa_ratio_a=RATIO_A,
@@ -51,7 +54,7 @@ def best_current_a(torque_nm: float) -> complex:
         return complex(RATIO_A / 2 - math.sqrt(RATIO_A**2 / 4 + i_q**2), i_q)
 
     def torque(i_q: float) -> float:
-        return 1.5 * IPM.pole_pairs * (IPM.psi_vs - IPM.saliency_h * at(i_q).real) * i_q
+        return 1.5 * MOTOR.pole_pairs * (IPM.psi_vs - IPM.saliency_h * at(i_q).real) * i_q
 
     return at(float(brentq(lambda i_q: torque(i_q) - torque_nm, 0.0, 50.0)))
 
@@ -63,7 +66,7 @@ def test_least_current_for_the_torque(load_nm: float, sensored: bool) -> None:
 
     Verifies: VC-18
     """
-    bench = VectorBench(replace(SETTINGS, sensored=sensored), IPM, INVERTER, VALUES, fan_nm=load_nm, fan_rpm=2_000.0)
+    bench = VectorBench(replace(SETTINGS, sensored=sensored), MOTOR, INVERTER, VALUES, fan_nm=load_nm, fan_rpm=2_000.0)
     bench.start(2_000, 3.0)
     bench.run(0.9)
     assert bench.rpm == pytest.approx(2_000, rel=0.01)
@@ -82,14 +85,14 @@ def test_observer_with_another_inductance_turns_by_its_current() -> None:
     """
     found = {}
     resistance, tick_s = IPM.resistance_ohm, SETTINGS.sample_cycles / 50e6
-    admittance = tick_s * INVERTER.voltage_full_scale_v / (IPM.inductance_h * INVERTER.current_full_scale_a)
+    admittance = tick_s * SCALES["voltage_full_scale_v"] / (IPM.inductance_h * SCALES["current_full_scale_a"])
     mean: dict[str, Value] = {
         "vector_observer_resistance_q30": round(resistance / IPM.inductance_h * tick_s * 2**30),
         "vector_observer_admittance": gain(admittance),
         "vector_observer_impedance": gain(1.0 / admittance),
     }
     for name, values in (("L_q", {}), ("mean", mean)):
-        bench = VectorBench(SETTINGS, IPM, INVERTER, {**VALUES, **values}, fan_nm=0.6, fan_rpm=2_000.0)
+        bench = VectorBench(SETTINGS, MOTOR, INVERTER, {**VALUES, **values}, fan_nm=0.6, fan_rpm=2_000.0)
         bench.start(2_000, 3.0)
         bench.run(0.7)
         bench.record.clear()

@@ -16,12 +16,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters, gain
+from fluxlock.config import Inverter, Motor
+from fluxlock.config.machine import Machine
+from fluxlock.firmware import ParameterBlock, compile_parameters, gain
 from fluxlock.firmware.binding import new, open_library
 from fluxlock.firmware.block import Value
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.vector_formats import Complex
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
+from tests.firmware.machines import drive, scenario
 from tests.firmware.vector_float import CLOCK_HZ, Subspace, float_model
 
 Q17, Q25, Q30, Q32, Q36 = 2**17, 2**25, 2**30, 2**32, 2**36
@@ -59,20 +62,20 @@ class VectorSettings:
     direct: bool = False  # the regulator in C is the drive's
 
 
-def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -> dict[str, Value]:
+def vector_values(motor: Motor, inverter: Inverter, s: VectorSettings) -> dict[str, Value]:
     """The parameters of vector control."""
-    clock, full_v, full_a = CLOCK_HZ, inverter.voltage_full_scale_v, inverter.current_full_scale_a
+    clock, full_v, full_a = CLOCK_HZ, inverter.sensing.voltage_full_scale_v, inverter.sensing.current_full_scale_a
+    m = Machine.of(motor, inverter)
     period = s.sample_cycles / clock
     tick = period * s.tick_samples
-    resistance = motor.resistance_ohm + inverter.on_resistance_ohm
-    admittance = period * full_v / (motor.inductance_h * full_a)
-    observed_h = motor.inductance_h + motor.saliency_h / 2.0
+    admittance = period * full_v / (m.inductance_h * full_a)
+    observed_h = m.inductance_h + m.saliency_h / 2.0
     volt, amp = Q25 / full_v, Q25 / full_a
     hertz = Q36 / clock  # 2^-36 turn a clock
     q = 1.0 - s.pll_pole
     per_turn = Q30 / (2 * math.pi) / (s.sample_cycles * s.tick_samples)
     bandwidth = 2 * math.pi * s.speed_bandwidth_hz
-    torque = 1.5 * motor.pole_pairs**2 * motor.psi_vs  # electrical acceleration a current, times the inertia
+    torque = 1.5 * motor.pole_pairs**2 * m.psi_vs  # electrical acceleration a current, times the inertia
     kp = bandwidth * motor.inertia_kgm2 / torque * 2 * math.pi * amp / hertz
     scale = s.sample_cycles * 2**8
     return {
@@ -84,13 +87,13 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_tick_samples": s.tick_samples,
         "vector_from_cycles": round((1.0 - s.delay) * s.sample_cycles),
         "vector_length_cycles": 0,
-        "vector_resistance_q30": round(resistance / motor.inductance_h * period * Q30),
+        "vector_resistance_q30": round(m.resistance_ohm / m.inductance_h * period * Q30),
         "vector_delay_q30": round(s.delay * Q30),
         "vector_admittance": gain(admittance),
         "vector_impedance": gain(1.0 / admittance),
-        "vector_observer_resistance_q30": round(resistance / observed_h * period * Q30),
-        "vector_observer_admittance": gain(admittance * motor.inductance_h / observed_h),
-        "vector_observer_impedance": gain(observed_h / motor.inductance_h / admittance),
+        "vector_observer_resistance_q30": round(m.resistance_ohm / observed_h * period * Q30),
+        "vector_observer_admittance": gain(admittance * m.inductance_h / observed_h),
+        "vector_observer_impedance": gain(observed_h / m.inductance_h / admittance),
         "vector_park": int(s.exact_park),
         "vector_order": s.order,
         "vector_bandwidth_q30": round(2 * math.pi * 800.0 * period * Q30),
@@ -114,7 +117,7 @@ def vector_values(motor: MotorSpec, inverter: InverterSpec, s: VectorSettings) -
         "vector_speed_kp": gain(kp),
         "vector_speed_ki": gain(kp * bandwidth / 4 * tick * 32),
         "vector_rpm_to_turn": gain(motor.pole_pairs / 60 / 256 * hertz),
-        "vector_flux": gain(2 * math.pi / hertz * motor.psi_vs * volt),
+        "vector_flux": gain(2 * math.pi / hertz * m.psi_vs * volt),
         "vector_circle_q16": round(0.97 * 2**16),
         "vector_weakening_ki": gain(0.02 * 32 * full_v / full_a / 2),
         "vector_weakening_share_q16": round(0.95 * 2**16),
@@ -152,8 +155,8 @@ class VectorBench:
     """One vector drive on one machine."""
 
     settings: VectorSettings = field(default_factory=VectorSettings)
-    motor: MotorSpec = MOTOR_1
-    inverter: InverterSpec = INVERTER_1
+    motor: Motor = MOTOR_1
+    inverter: Inverter = INVERTER_1
     values: dict[str, Value] = field(default_factory=dict)  # over the computed ones
     fan_nm: float = 0.015
     fan_rpm: float = 90_000.0
@@ -162,28 +165,31 @@ class VectorBench:
     locked: bool = False
     dead_time: bool = False  # the legs lose what the modulator is told to add for a current at the time of action
     library: Path | None = None  # of the firmware, if it is another one
+    unprotected: bool = False  # no trip by the phase current
 
     def __post_init__(self) -> None:
         s = self.settings
-        drive = DriveSpec(tick_hz=CLOCK_HZ / (s.sample_cycles * s.tick_samples))
-        self.block: ParameterBlock = compile_parameters(self.motor, self.inverter, drive)
+        vector = {"update": "single", "observer_every": s.tick_samples, "delay": s.delay}
+        asked = drive(method="vector", carrier_hz=CLOCK_HZ / s.sample_cycles, vector=vector)
+        self.block: ParameterBlock = compile_parameters(scenario(self.motor, self.inverter, asked))
         self.block.update(vector_values(self.motor, self.inverter, s))
         self.block.update(self.values)
         self.lib = open_library()
         self.fw = HostFirmware(self.library)
         self.fw.load(self.block)
         self.fw.boot()
+        self.told, sensing = Machine.of(self.motor, self.inverter), self.inverter.sensing
         self.machine = Subspace(
-            self.motor.resistance_ohm + self.inverter.on_resistance_ohm,
-            self.motor.inductance_h,
-            self.motor.psi_vs,
-            self.inverter.current_full_scale_a,
-            self.inverter.voltage_full_scale_v,
+            self.told.resistance_ohm,
+            self.told.inductance_h,
+            self.told.psi_vs,
+            sensing.current_full_scale_a,
+            sensing.voltage_full_scale_v,
             s.sample_cycles,
             s.delay,
         )
-        self.unit_a = Q17 / self.inverter.current_full_scale_a
-        self.unit_v = Q17 / self.inverter.voltage_full_scale_v
+        self.unit_a = Q17 / sensing.current_full_scale_a
+        self.unit_v = Q17 / sensing.voltage_full_scale_v
         self.regulator = new("complex_regulator_t")
         self.omega = 0.0  # electrical
         self.i = 0j
@@ -360,20 +366,20 @@ class VectorBench:
         return v * self.inverter.supply_v / periods
 
     def _noise(self) -> complex:
-        rms = self.noise_lsb * self.inverter.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
+        rms = self.noise_lsb * self.inverter.sensing.current_full_scale_a / 2**11 * math.sqrt(2 / 3)
         return complex(self.noise.gauss(0.0, rms), self.noise.gauss(0.0, rms)) if rms else 0j
 
     def _salient(self, u_stationary: complex, before: complex) -> None:
         """One sample of a salient machine: flux in the stationary frame, Runge-Kutta."""
-        m, motor = self.machine, self.motor
-        l_d, l_q = (motor.inductance_h + sign * motor.saliency_h / 2.0 for sign in (-1.0, 1.0))
+        m, told = self.machine, self.told
+        l_d, l_q = (told.inductance_h + sign * told.saliency_h / 2.0 for sign in (-1.0, 1.0))
 
         def current(flux: complex, theta: float) -> complex:
             rotor = flux * cmath.exp(-1j * theta)
-            return complex((rotor.real - motor.psi_vs) / l_d, rotor.imag / l_q) * cmath.exp(1j * theta)
+            return complex((rotor.real - told.psi_vs) / l_d, rotor.imag / l_q) * cmath.exp(1j * theta)
 
         theta = self.theta
-        flux = complex(l_d * self.i.real + motor.psi_vs, l_q * self.i.imag) * cmath.exp(1j * theta)
+        flux = complex(l_d * self.i.real + told.psi_vs, l_q * self.i.imag) * cmath.exp(1j * theta)
         for u, time in ((before, m.delay * m.period_s), (u_stationary, (1.0 - m.delay) * m.period_s)):
             h = time / 6.0
             for _ in range(6 if h > 0.0 else 0):
@@ -390,22 +396,22 @@ class VectorBench:
     def _machine(self, u_stationary: complex | None) -> None:
         m, p = self.machine, self.motor.pole_pairs
         if u_stationary is None:
-            self.i, self.u_before = 0j, 1j * self.motor.psi_vs * self.omega
+            self.i, self.u_before = 0j, 1j * self.told.psi_vs * self.omega
             self.u_stationary_before = self.u_before * cmath.exp(1j * self.theta)
             torque = 0.0
         else:
             u = u_stationary * cmath.exp(-1j * self.theta)
-            torque = 1.5 * p * (self.motor.psi_vs - self.motor.saliency_h * self.i.real) * self.i.imag
+            torque = 1.5 * p * (self.told.psi_vs - self.told.saliency_h * self.i.real) * self.i.imag
             self.torque_nm = torque
             # The voltage before was latched in the stationary frame; its model counts in the frame of its own instant.
-            if self.motor.saliency_h:
+            if self.told.saliency_h:
                 self._salient(u_stationary, self.u_stationary_before)
             else:
-                step = float_model(m, self.omega).step(self.i, u, self.u_before, 1j * self.motor.psi_vs * self.omega)
+                step = float_model(m, self.omega).step(self.i, u, self.u_before, 1j * self.told.psi_vs * self.omega)
                 self.i = step
             self.u_before, self.u_stationary_before = u, u_stationary
             peak = abs(self.i)
-            if peak > (self.inverter.phase_current_trip_a or math.inf):
+            if peak > self.inverter.protection.phase_current_a and not self.unprotected:
                 self.trip(1)
         mech = self.omega / p
         fan = self.fan_rpm * math.pi / 30
@@ -428,7 +434,7 @@ class VectorBench:
         vdc = round(self.inverter.supply_v * self.unit_v)
         put("sense.snap_vdc_sum", vdc * self.steps)
         put("sense.snap_count", self.steps)
-        emf = self.i if self.enable else 1j * self.motor.psi_vs * self.omega * cmath.exp(1j * self.theta)
+        emf = self.i if self.enable else 1j * self.told.psi_vs * self.omega * cmath.exp(1j * self.theta)
         phases = [(emf * cmath.exp(-2j * math.pi * x / 3)).real for x in range(3)]
         for x in range(3):
             put("sense.snap_channel", max(0, round((phases[x] - min(phases)) * self.unit_v)), x)

@@ -34,7 +34,8 @@ from fluxlock.analysis.rundata import (
     RunData,
     trip_cause_names,
 )
-from fluxlock.config.scenario import ADVANCE_MAX_DEG, Expect, Scenario
+from fluxlock.config.drive import ADVANCE_MAX_DEG
+from fluxlock.config.scenario import Expect, Scenario
 
 # A commutation's own gate edge follows the change of the sector register within this many clocks; without an
 # edge (the switches were off already) the gates would have changed one clock after it.

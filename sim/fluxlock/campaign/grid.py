@@ -13,7 +13,6 @@ from itertools import cycle
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.plan import Action
-from fluxlock.firmware.specs import over_voltage_limit
 from fluxlock.memory import BLOCK_ADDRESS
 from fluxlock.paths import ROOT
 from fluxlock.plant import channel_names
@@ -201,8 +200,7 @@ def _machine_faults(s: Scenario) -> list[Fault]:
     n, supply_v, sensing = s.motor.phases, s.inverter.supply_v, s.inverter.sensing
     legs = "ABCDE"[:n]
     dip_v, rated_nm = DIP * supply_v, s.motor.rated_torque_nm
-    limit_v = s.inverter.protection.over_voltage_v or over_voltage_limit(supply_v, sensing.voltage_full_scale_v)
-    rise_v = limit_v + BEYOND * sensing.voltage_full_scale_v
+    rise_v = s.inverter.over_voltage_v + BEYOND * sensing.voltage_full_scale_v
     found = [
         *(Fault(f"phase {leg} open", (_fault("open_phase", phases=(x,)),), MACHINE | CHANNEL | {"open_phase"})
           for x, leg in enumerate(legs)),

@@ -11,7 +11,7 @@ from fluxlock.config.console import CURRENT_LIMITS, number_of_line, switch_of_li
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
-from fluxlock.config.motor import Motor
+from fluxlock.config.motor import OVERSPEED_RATIO, Motor
 from fluxlock.config.scenario import METHOD_METRICS, METRICS, Scenario
 from fluxlock.config.vector_checks import (
     check_vector,
@@ -20,7 +20,6 @@ from fluxlock.config.vector_checks import (
     other_methods_keys,
     vector_speed,
 )
-from fluxlock.firmware.specs import OVERSPEED_RATIO, least_pulse_s
 
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
@@ -248,7 +247,7 @@ def _search_current(s: Scenario) -> list[Problem]:
 def _samples(s: Scenario, period_s: float) -> list[Problem]:
     """A crossing, needed without Hall sensors in six-step operation, is found if a pulse can hold settled samples."""
     sensing = s.inverter.sensing
-    needed_s = least_pulse_s(sensing.sample_period_s, sensing.divider_pole_s)
+    needed_s = sensing.least_pulse_s
     if period_s >= needed_s or s.drive.hall.mode == "sensored" or s.drive.method == "vector":
         return []
     text = (

@@ -5,11 +5,16 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, conflict, quantity
+
+InjectionMethod = Literal["lock-in", "conventional", "iq", "separator"]
+Sequence = Literal["held-tian", "held", "half-step", "exact"]
+
+SEQUENCES: tuple[Sequence, ...] = get_args(Sequence)
 
 
 class Injection(Model):
@@ -18,13 +23,13 @@ class Injection(Model):
     The motor needs `inductance_q_h` above `inductance_h`.
     """
 
-    method: Literal["lock-in", "conventional", "iq", "separator"] = Field(
+    method: InjectionMethod = Field(
         description="Demodulation: `lock-in` by the sign of the HF current on the d axis, `conventional` by a sine, "
         "`iq` by complex sums over whole periods, `separator` from four samples a period without a filter.",
     )
     amplitude_v: float = quantity("Amplitude of the wave.", "V", 0.01, 1500)
     period: int = quantity("Injection period in updates, even; 4 with `separator`.", "", 4, 1000)
-    sequence: Literal["held-tian", "held", "half-step", "exact"] = Field(
+    sequence: Sequence = Field(
         default="exact",
         description="Angle of the inverse Park transform: that of the sample (`held-tian`), half a T_s before the "
         "middle of the voltage's effect (`held`), that middle (`half-step`, `exact`). With `held` and `half-step` the "

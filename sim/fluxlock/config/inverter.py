@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
-from fluxlock.firmware.specs import SafeState, over_voltage_limit
+
+SafeState = Literal["off", "short"]
 
 
 class Sensing(Model):
@@ -39,6 +40,21 @@ class Sensing(Model):
         200,
         default=(0.0, 0.0, 0.0),
     )
+
+    @property
+    def step_v(self) -> float:
+        """Step of the voltage channels."""
+        return self.voltage_full_scale_v / 2.0**self.bits
+
+    @property
+    def settling_s(self) -> float:
+        """Time from a gate edge until a sample counts (s): it follows one that is settled itself."""
+        return max(0.4e-6, 6.0 * self.divider_pole_s) + self.sample_period_s
+
+    @property
+    def least_pulse_s(self) -> float:
+        """Shortest pulse that holds the settled samples of a crossing (s)."""
+        return self.settling_s + 3.0 * self.sample_period_s
 
     @model_validator(mode="after")
     def _conversion(self) -> Self:
@@ -144,6 +160,18 @@ class Inverter(Model):
         """Gate pins that are active low: bit 0 the upper ones, bit 1 the lower ones."""
         return int(self.gate_high_active_low) | int(self.gate_low_active_low) << 1
 
+    @property
+    def over_voltage_v(self) -> float:
+        """Trip of the link, below the converter's full scale, which could never be exceeded."""
+        stated_v, full_v = self.protection.over_voltage_v, self.sensing.voltage_full_scale_v
+        return min(1.25 * self.supply_v, 0.98 * full_v) if stated_v is None else stated_v
+
+    @property
+    def under_voltage_v(self) -> float:
+        """Trip of the link, 0: never."""
+        stated_v = self.protection.under_voltage_v
+        return 0.6 * self.supply_v if stated_v is None else stated_v
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.legs == 4:
@@ -189,7 +217,7 @@ class Inverter(Model):
             text = f"{full} leaves no room for an over-voltage trip above supply_v ({supply})"
             raise conflict("sensing.voltage_full_scale_v", text)
         # The converter's largest code exceeds the one before it, and nothing below its first code.
-        step_v = self.sensing.voltage_full_scale_v / 2**self.sensing.bits
+        step_v = self.sensing.step_v
         highest_v = self.sensing.voltage_full_scale_v - 2 * step_v
         if over_v is not None and over_v > highest_v:
             text = f"{with_unit(over_v, 'V')} is above {with_unit(highest_v, 'V')}, two steps of the converter below "
@@ -208,18 +236,16 @@ class Inverter(Model):
 
     def _check_brake(self) -> None:
         """A brake switch that the chip drives works above the supply and below the trip, by codes that differ."""
-        brake, full_v = self.brake_chopper, self.sensing.voltage_full_scale_v
+        brake, limit_v = self.brake_chopper, self.over_voltage_v
         if brake is None or brake.longest_on_s is None:
             return
-        over_v = self.protection.over_voltage_v
-        limit_v = over_voltage_limit(self.supply_v, full_v) if over_v is None else over_v
         on, off, limit = (with_unit(volts, "V") for volts in (brake.on_v, brake.off_v, limit_v))
         if brake.off_v <= self.supply_v:
             text = f"{off} is not above supply_v ({with_unit(self.supply_v, 'V')}): it would never turn off"
             raise conflict("brake_chopper.off_v", text)
         if brake.on_v >= limit_v:
             raise conflict("brake_chopper.on_v", f"{on} is not below the over-voltage trip ({limit})")
-        least_v = 4 * full_v / 2**self.sensing.bits
+        least_v = 4 * self.sensing.step_v
         if brake.on_v - brake.off_v < least_v:
             text = f"{off} is less than 4 converter steps ({with_unit(least_v, 'V')}) below on_v ({on})"
             raise conflict("brake_chopper.off_v", text)

@@ -15,6 +15,8 @@ from fluxlock.plant.params import EncoderParams, MachineParams, SaturationParams
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
+OVERSPEED_RATIO = 1.25  # over-speed limit over the motor's highest speed
+OVERLOAD_S = 2.0  # in which a machine bears twice its rated current where its file does not say
 
 
 def listed(values: tuple[float, ...]) -> str:

@@ -11,7 +11,9 @@ from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, conflict, quantity
 from fluxlock.config.injection import Injection
-from fluxlock.firmware.specs import InjectionSpec, VectorSpec
+
+Regulator = Literal["A", "B", "C"]
+InversePark = Literal["held", "exact"]
 
 
 class Vector(Model):
@@ -44,7 +46,7 @@ class Vector(Model):
         default="sample",
         description="Current of one `sample`, or the mean of the samples in a T_s (`carrier`), of up to 255.",
     )
-    regulator: Literal["A", "B", "C"] = Field(
+    regulator: Regulator = Field(
         default="C",
         description="Current regulator: A complex vector PI, B without and C with the delay in its model.",
     )
@@ -53,7 +55,7 @@ class Vector(Model):
         description="Where the current regulator runs: in hardware, or on the core (`c`), with the same voltages bit "
         "for bit 10 us later. It takes the core's time at every sample: up to 20 000 a second.",
     )
-    park: Literal["held", "exact"] = Field(
+    park: InversePark = Field(
         default="exact",
         description="Angle of the inverse Park transform: that of the sample, or that in the middle of the time in "
         "which the voltage acts.",
@@ -136,9 +138,3 @@ class Vector(Model):
         if unused in self.model_fields_set:
             raise conflict(unused, f'does not belong to regulator = "{self.regulator}"')
         return self
-
-    def spec(self) -> VectorSpec:
-        """The same as the firmware's parameters are compiled from it."""
-        settings = self.model_dump(exclude={"update", "injection"})
-        injection = InjectionSpec(**self.injection.model_dump()) if self.injection else None
-        return VectorSpec(double=self.update == "double", injection=injection, **settings)

@@ -9,12 +9,14 @@ import math
 from collections.abc import Iterator
 
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.config import vector_design, vector_timing
 from fluxlock.config.console import VECTOR_SETTINGS
+from fluxlock.config.drive import Drive, Start
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import plain, with_unit
-from fluxlock.config.scenario import Drive, Scenario, Start
-from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
-from fluxlock.firmware import vector_compiler, vector_timing
+from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.config.scenario import Scenario
+from fluxlock.config.vector_design import told_machine
 
 # Keys of the drive that both methods know.
 SHARED_KEYS = {
@@ -58,17 +60,15 @@ def other_methods_keys(s: Scenario) -> list[Problem]:
 
 
 def _tick_hz(s: Scenario) -> float:
-    v, carrier_hz = s.drive.vector.spec(), s.drive.carrier_hz
-    return vector_timing.update_hz(carrier_hz, v) / vector_timing.tick_samples(carrier_hz, v)
+    return vector_timing.update_hz(s.drive) / vector_timing.tick_samples(s.drive)
 
 
 def _times(s: Scenario) -> Iterator[Problem]:
     """Carrier, window and delay: what the chip can do between two updates."""
-    file, carrier_hz, inverter = s.sources.scenario, s.drive.carrier_hz, inverter_spec(s)
-    v = s.drive.vector.spec()
-    update_hz = vector_timing.update_hz(carrier_hz, v)
-    updates = f'{with_unit(carrier_hz, "Hz")} with drive.vector.update = "{s.drive.vector.update}"'
-    most_hz = vector_timing.update_hz_max(v)
+    file, carrier_hz, v = s.sources.scenario, s.drive.carrier_hz, s.drive.vector
+    update_hz = vector_timing.update_hz(s.drive)
+    updates = f'{with_unit(carrier_hz, "Hz")} with drive.vector.update = "{v.update}"'
+    most_hz = vector_timing.update_hz_max(s.drive)
     if update_hz > most_hz:
         most = with_unit(most_hz * carrier_hz / update_hz, "Hz")
         where = ' on the core (drive.vector.current_regulator = "c")' if v.current_regulator == "c" else ""
@@ -79,17 +79,17 @@ def _times(s: Scenario) -> Iterator[Problem]:
             f"{most}",
         )
         return
-    count = vector_timing.window_samples(CLOCK_HZ, carrier_hz, inverter, v)
+    count = vector_timing.window_samples(s.drive, s.inverter)
     if v.window == "carrier" and not 2 <= count <= vector_timing.WINDOW_SAMPLES_MAX:
         yield Problem(
             file,
             "drive.vector.window",
             f'"carrier" takes {count} samples in T_s = {1e6 / update_hz:.4g} us at inverter.sensing.sample_period_s = '
-            f"{with_unit(inverter.sample_period_s, 's')}, permitted 2 to {vector_timing.WINDOW_SAMPLES_MAX}",
+            f"{with_unit(s.inverter.sensing.sample_period_s, 's')}, permitted 2 to {vector_timing.WINDOW_SAMPLES_MAX}",
         )
         return
-    shortest = vector_timing.shortest_delay(CLOCK_HZ, carrier_hz, inverter, v)
-    what = f"window, conversion, {vector_timing.latency_cycles(v)} clocks and the way to the gates"
+    shortest = vector_timing.shortest_delay(s.drive, s.inverter)
+    what = f"window, conversion, {vector_timing.latency_cycles(s.drive)} clocks and the way to the gates"
     if shortest > 1.0:
         hint = ', drive.vector.window = "sample"' if v.window == "carrier" else ""
         yield Problem(
@@ -112,13 +112,13 @@ def _encoder(s: Scenario) -> Iterator[Problem]:
     v, encoder, file = s.drive.vector, s.motor.encoder, s.sources.scenario
     if v.angle == "encoder" and encoder is None:
         yield Problem(file, "drive.vector.angle", '"encoder" needs one: the motor file has no [encoder]')
-    least = math.ceil(vector_compiler.ENCODER_QUARTERS_MIN * s.motor.pole_pairs / 4)
+    least = math.ceil(vector_design.ENCODER_QUARTERS_MIN * s.motor.pole_pairs / 4)
     if v.angle == "encoder" and encoder is not None and encoder.lines < least:
         yield Problem(
             s.sources.motor,
             "encoder.lines",
             f'{encoder.lines} lines are too few for drive.vector.angle = "encoder", needed at least {least}: '
-            f"{vector_compiler.ENCODER_QUARTERS_MIN} edges an electrical turn",
+            f"{vector_design.ENCODER_QUARTERS_MIN} edges an electrical turn",
         )
     if "mounting" in v.model_fields_set and v.angle != "encoder":
         yield Problem(file, "drive.vector.mounting", 'belongs to drive.vector.angle = "encoder"')
@@ -127,7 +127,7 @@ def _encoder(s: Scenario) -> Iterator[Problem]:
 def _loops(s: Scenario) -> Iterator[Problem]:
     """Control tick and bandwidths."""
     file, v, tick_hz = s.sources.scenario, s.drive.vector, _tick_hz(s)
-    update_hz = vector_timing.update_hz(s.drive.carrier_hz, v.spec())
+    update_hz = vector_timing.update_hz(s.drive)
     if tick_hz > vector_timing.TICK_HZ_MAX:
         least = math.ceil(update_hz / vector_timing.TICK_HZ_MAX)
         yield Problem(
@@ -136,7 +136,7 @@ def _loops(s: Scenario) -> Iterator[Problem]:
             f"{v.observer_every} gives a control tick of {tick_hz:.0f} Hz, permitted "
             f"{vector_timing.TICK_HZ_MAX:.0f} Hz: at least {least}",
         )
-    m = vector_compiler.VectorMachine.of(motor_spec(s), inverter_spec(s))
+    m = told_machine(s)
     if m.resistance_ohm / m.inductance_h / tick_hz > TIME_CONSTANTS_A_TICK:
         yield Problem(
             file,
@@ -169,9 +169,7 @@ def _loops(s: Scenario) -> Iterator[Problem]:
 
 def _handover(s: Scenario) -> Iterator[Problem]:
     """The speed of the hand-over to the EMF, and the EMF there."""
-    file, motor, inverter, drive = s.sources.scenario, motor_spec(s), inverter_spec(s), drive_spec(s)
-    v = s.drive.vector.spec()
-    rpm = vector_compiler.handover_rpm(motor, inverter, drive, v)
+    file, rpm = s.sources.scenario, vector_design.handover_rpm(s)
     if rpm > s.motor.max_speed_rpm:
         most = with_unit(s.motor.max_speed_rpm, "r/min")
         yield Problem(
@@ -180,8 +178,8 @@ def _handover(s: Scenario) -> Iterator[Problem]:
             f"{with_unit(rpm, 'r/min')} is above max_speed_rpm of the motor ({most})",
         )
         return
-    step_v = inverter.voltage_full_scale_v / 2**inverter.bits
-    emf_v = vector_compiler.VectorMachine.of(motor, inverter).psi_vs * s.motor.omega_e(rpm)
+    step_v = s.inverter.sensing.step_v
+    emf_v = told_machine(s).fundamental_vs * s.motor.omega_e(rpm)
     if emf_v < EMF_LSB_MIN * step_v:
         least = math.ceil(rpm * EMF_LSB_MIN * step_v / emf_v)
         yield Problem(
@@ -194,9 +192,7 @@ def _handover(s: Scenario) -> Iterator[Problem]:
 
 def _start(s: Scenario) -> Iterator[Problem]:
     """The forced start: its current, the hand-over, its torque against load and inertia."""
-    file, motor, inverter, drive = s.sources.scenario, motor_spec(s), inverter_spec(s), drive_spec(s)
-    v = s.drive.vector.spec()
-    current_a = vector_compiler.start_current_a(motor, drive, v)
+    file, current_a = s.sources.scenario, vector_design.start_current_a(s)
     if current_a > s.current_limit_a:
         limit = with_unit(s.current_limit_a, "A")
         yield Problem(
@@ -205,16 +201,15 @@ def _start(s: Scenario) -> Iterator[Problem]:
             f"{with_unit(current_a, 'A')} is above drive.current_limit_a ({limit})",
         )
     yield from _handover(s)
-    rpm = vector_compiler.handover_rpm(motor, inverter, drive, v)
-    m = vector_compiler.VectorMachine.of(motor, inverter)
+    rpm = vector_design.handover_rpm(s)
     if rpm > s.motor.max_speed_rpm or s.mechanics.mode != "free":
         return
-    accel = vector_compiler.start_accel_rpm_per_s(motor, inverter, drive, v)
-    most_nm = START_TORQUE_SHARE_MAX * m.torque_nm_per_a * current_a
+    accel = vector_design.start_accel_rpm_per_s(s)
+    most_nm = START_TORQUE_SHARE_MAX * told_machine(s).torque_nm_per_a * current_a
     load_nm = s.shaft_load.torque_nm(rpm)
-    inertia_nm = s.motor.inertia_kgm2 * accel / vector_compiler.RPM
+    inertia_nm = s.motor.inertia_kgm2 * accel / RPM_PER_RAD_S
     if load_nm + inertia_nm > most_nm:
-        chosen = v.start_accel_rpm_per_s is not None and load_nm < most_nm
+        chosen = s.drive.vector.start_accel_rpm_per_s is not None and load_nm < most_nm
         yield Problem(
             file,
             "drive.vector.start_accel_rpm_per_s" if chosen else "drive.vector.start_current_a",
@@ -238,12 +233,12 @@ def _injection(s: Scenario) -> Iterator[Problem]:
         yield from _handover(s)
     if spec.third_ratio and motor.phases == 3:
         yield Problem(file, "drive.vector.injection.third_ratio", "belongs to a motor of five phases")
-    timing = vector_timing.vector_timing(CLOCK_HZ, s.drive.carrier_hz, inverter_spec(s), vector.spec())
+    timing = vector_timing.vector_timing(s.drive, s.inverter)
     if spec.method == "separator" and (timing.tick_samples != 1 or round(timing.delay, 2) != 1.0):
         text = '"separator" needs drive.vector.observer_every = 1 and drive.vector.delay = 1'
         yield Problem(file, "drive.vector.injection.method", text)
-    margin = vector_compiler.circle(CLOCK_HZ, inverter_spec(s), timing)
-    most_v = margin * vector_compiler.linear_voltage(motor.phases) * s.inverter.supply_v
+    margin = vector_design.circle(s.inverter, timing)
+    most_v = margin * vector_design.linear_voltage(motor.phases) * s.inverter.supply_v
     if spec.amplitude_v >= most_v:
         text = f"{with_unit(spec.amplitude_v, 'V')} is not below the largest voltage, {most_v:.4g} V"
         yield Problem(file, "drive.vector.injection.amplitude_v", text)
@@ -305,14 +300,14 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
     i_q = abs(torque_nm) / (m.phases / 2 * m.pole_pairs * psi)
     found, i_d = [], 0.0
     if v.weakening and i_q < s.current_limit_a:
-        room_a = vector_compiler.WEAKENING_CURRENT_SHARE * s.current_limit_a
+        room_a = vector_design.WEAKENING_CURRENT_SHARE * s.current_limit_a
         i_d = -min(room_a, math.sqrt(s.current_limit_a**2 - i_q**2), psi / inductance)
-    margins = 2.0 * vector_compiler.margin_cycles(CLOCK_HZ, inverter_spec(s)) * s.drive.carrier_hz / CLOCK_HZ
+    margins = 2.0 * vector_design.margin_cycles(s.inverter) * s.drive.carrier_hz / CLOCK_HZ
     needs = []
     for d in {0.0, i_d}:
         u = complex(r, omega * inductance) * complex(d, i_q) + 1j * omega * psi
         drop_v = s.inverter.supply_resistance_ohm * m.phases / 2 * (u * complex(d, -i_q)).real / max(supply_v, 1e-9)
-        circle_v = (1.0 - margins) * (supply_v - drop_v) * vector_compiler.linear_voltage(m.phases)
+        circle_v = (1.0 - margins) * (supply_v - drop_v) * vector_design.linear_voltage(m.phases)
         circle_v = math.sqrt(max(0.0, circle_v**2 - _injected_v(s, speed_rpm) ** 2))
         needs.append((abs(u), circle_v))
     need_v, have_v = min(needs, key=lambda pair: pair[0] - pair[1])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the checked files of a scenario to the records of the plant and to its actions (firmware: config/specs.py)."""
+"""From the checked files of a scenario to the records of the plant and to its actions."""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ from pydantic import BaseModel
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.console import number_of_line
 from fluxlock.config.fields import with_unit
-from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware import ParameterBlock, ParameterError, compile_parameters
 
 # Keys that a parameter follows from, by the beginning of its name; the first match counts. All others are charged to
@@ -59,7 +58,7 @@ FOLLOWS_FROM: dict[str, tuple[str, ...]] = {
 def parameter_block(scenario: Scenario) -> ParameterBlock:
     """What the firmware is told in a scenario; a value that no parameter can hold raises ConfigError."""
     try:
-        block = compile_parameters(motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario))
+        block = compile_parameters(scenario)
         block.pack()
     except ParameterError as error:
         raise ConfigError([_problem(scenario, error)]) from error

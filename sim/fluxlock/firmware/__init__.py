@@ -6,7 +6,6 @@
 from fluxlock.firmware.block import ParameterBlock, ParameterError, gain, write_image
 from fluxlock.firmware.compiler import compile_parameters
 from fluxlock.firmware.schema import load_schema
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec, VectorSpec
 from fluxlock.firmware.toolchain import (
     BusLibrary,
     FirmwareError,
@@ -21,13 +20,9 @@ from fluxlock.firmware.toolchain import (
 
 __all__ = [
     "BusLibrary",
-    "DriveSpec",
     "FirmwareError",
-    "InverterSpec",
-    "MotorSpec",
     "ParameterBlock",
     "ParameterError",
-    "VectorSpec",
     "build_bus_library",
     "build_canopen_library",
     "build_commission",

@@ -96,8 +96,10 @@ class ParameterBlock:
         return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
 
     def words(self) -> list[int]:
-        """Payload as signed 32-bit words, every value checked against the schema."""
+        """Payload as signed 32-bit words, every value checked against the schema; unknown names are refused."""
         result: list[int] = []
+        for name in self.values.keys() - self.schema.offsets.keys():
+            raise ParameterError("is no parameter", name)
         for p in self.schema.parameters:
             value = self.values.get(p.name, self._default(p))
             if value is None:

@@ -12,21 +12,14 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from typing import get_args
 
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.injection import SEQUENCES, Injection, InjectionMethod
+from fluxlock.config.vector import Vector
+from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
-from fluxlock.firmware.specs import (
-    INJECTION_METHODS,
-    SEQUENCES,
-    DriveSpec,
-    InjectionSpec,
-    InverterSpec,
-    MotorSpec,
-    VectorSpec,
-)
-from fluxlock.firmware.vector_timing import VectorTiming
-
-Q16, Q17, Q21, Q22, Q25, Q29, Q30 = 2.0**16, 2.0**17, 2.0**21, 2.0**22, 2.0**25, 2.0**29, 2.0**30
-Q32, Q36 = 2.0**32, 2.0**36
+from fluxlock.firmware.design import Q16, Q17, Q21, Q22, Q25, Q29, Q30, Q32, Q36, Design
 
 BAND_K = 0.45  # of the band-pass: its bandwidth over its frequency
 LOW_K = math.sqrt(2.0)
@@ -68,23 +61,23 @@ class _Wave:
     hz: float
 
     @staticmethod
-    def of(motor: MotorSpec, spec: InjectionSpec, vector: VectorSpec, sample_s: float) -> _Wave:
-        half = motor.saliency_h / 2
-        l_d, l_q = motor.inductance_h - half, motor.inductance_h + half
-        if motor.third is not None:
-            mutual = motor.third.mutual_h**2
-            l_d, l_q = l_d - mutual / motor.third.inductance_d_h, l_q - mutual / motor.third.inductance_q_h
-        period_s = spec.period * sample_s
-        peak = spec.amplitude_v * period_s / (4 * l_d)
-        turned = _turned(motor.resistance_ohm, l_d, spec, vector, sample_s)
+    def of(d: Design, injection: Injection, sample_s: float) -> _Wave:
+        m, third, half = d.machine, d.s.motor.third, d.machine.saliency_h / 2
+        l_d, l_q = m.inductance_h - half, m.inductance_h + half
+        if third is not None:
+            mutual = third.mutual_h**2
+            l_d, l_q = l_d - mutual / third.inductance_d_h, l_q - mutual / third.inductance_q_h
+        period_s = injection.period * sample_s
+        peak = injection.amplitude_v * period_s / (4 * l_d)
+        turned = _turned(m.winding_ohm, l_d, d.s.drive.vector, injection, sample_s)
         # The sine reference stands where the current of an inductance does.
         shown = {
             "separator": 1.0,
             "iq": FUNDAMENTAL,
             "lock-in": FUNDAMENTAL * RECTIFIED * abs(turned),
             "conventional": FUNDAMENTAL * max(turned.real, LEAST_SHARE) / 2,
-        }[spec.method]
-        results = {"separator": 2 / period_s, "iq": 1 / period_s}.get(spec.method, 1 / sample_s)
+        }[injection.method]
+        results = {"separator": 2 / period_s, "iq": 1 / period_s}.get(injection.method, 1 / sample_s)
         return _Wave(l_d, l_q, peak * shown, results, 1 / period_s)
 
     @property
@@ -93,16 +86,16 @@ class _Wave:
         return self.l_q / (self.l_q - self.l_d)
 
 
-def _turned(r_ohm: float, l_h: float, spec: InjectionSpec, vector: VectorSpec, sample_s: float) -> complex:
+def _turned(r_ohm: float, l_h: float, vector: Vector, injection: Injection, sample_s: float) -> complex:
     """HF current over that of an inductance alone: resistance, and the regulators unless they do not see it."""
-    s = 2j * math.pi / (spec.period * sample_s)
+    s = 2j * math.pi / (injection.period * sample_s)
     loop_rad_s = 2 * math.pi * vector.bandwidth_hz if vector.regulator == "A" else vector.gamma / sample_s
-    open_loop = 0.0 if spec.remove else loop_rad_s / s * cmath.exp(-ACTION * sample_s * s)
+    open_loop = 0.0 if injection.remove else loop_rad_s / s * cmath.exp(-ACTION * sample_s * s)
     return s * l_h / (r_ohm + s * l_h) / (1 + open_loop)
 
 
-def _q17(value: float, one: float = Q17) -> int:
-    return max(-int(Q17), min(int(Q17) - 1, round(value * one)))
+def _q17(value: float, one: int = Q17) -> int:
+    return max(-Q17, min(Q17 - 1, round(value * one)))
 
 
 def _filter(tangent: float, k: float) -> tuple[tuple[int, int, int], bool]:
@@ -113,9 +106,9 @@ def _filter(tangent: float, k: float) -> tuple[tuple[int, int, int], bool]:
     return (_q17(a1), _q17(tangent * a1, one), _q17(tangent, one)), fine
 
 
-def _filters(spec: InjectionSpec, sample_s: float) -> dict[str, Value]:
-    band, band_fine = _filter(math.tan(math.pi / spec.period), BAND_K)
-    low, low_fine = _filter(math.tan(math.pi * spec.low_hz * sample_s), LOW_K)
+def _filters(injection: Injection, sample_s: float) -> dict[str, Value]:
+    band, band_fine = _filter(math.tan(math.pi / injection.period), BAND_K)
+    low, low_fine = _filter(math.tan(math.pi * injection.low_hz * sample_s), LOW_K)
     return {
         "injection_shift": LOCK_IN_SHIFT,
         "injection_fine": int(band_fine) + 2 * int(low_fine),
@@ -124,29 +117,29 @@ def _filters(spec: InjectionSpec, sample_s: float) -> dict[str, Value]:
     }
 
 
-def _search(
-    motor: MotorSpec, spec: InjectionSpec, wave: _Wave, sample_s: float, tick_s: float, full_scale_a: float
-) -> dict[str, Value]:
-    current = spec.search_current_a or motor.polarity_current_a or motor.rated_current_a
-    rise = spec.search_rise_a_per_s or current / SEARCH_S
-    ampere = Q25 / full_scale_a
-    counts = SEARCH_RESULTS.get(spec.method, SEARCH_RESULTS_OTHERS)
-    if spec.method in ("lock-in", "conventional"):
-        settle = math.ceil(LOCK_IN_TIME_CONSTANTS / (2 * math.pi * spec.low_hz * sample_s))
+def _search(d: Design, injection: Injection, wave: _Wave, sample_s: float) -> dict[str, Value]:
+    saturation = d.s.motor.saturation
+    polarity_a = saturation.current_a if saturation else d.s.motor.rated_current_a
+    current = injection.search_current_a or polarity_a
+    rise = injection.search_rise_a_per_s or current / SEARCH_S
+    counts = SEARCH_RESULTS.get(injection.method, SEARCH_RESULTS_OTHERS)
+    if injection.method in ("lock-in", "conventional"):
+        settle = math.ceil(LOCK_IN_TIME_CONSTANTS / (2 * math.pi * injection.low_hz * sample_s))
         counts = (settle, 50, 2 * settle, settle, 50)
+    least_a = SEARCH_LEAST * wave.expected_a / wave.ratio
     return {
-        "injection_search": int(spec.search),
+        "injection_search": int(injection.search),
         "injection_search_results": counts,
-        "injection_search_i_q25": round(current * ampere),
-        "injection_search_rise_i_q25": max(1, round(rise * tick_s * ampere)),
+        "injection_search_i_q25": round(current * d.ampere),
+        "injection_search_rise_i_q25": max(1, round(rise * d.tick_s * d.ampere)),
         "injection_search_sure_q16": round(SEARCH_SURE * Q16),
-        "injection_search_least_i_q21": round(SEARCH_LEAST * wave.expected_a / wave.ratio * Q21 / full_scale_a),
+        "injection_search_least_i_q21": round(least_a * Q21 / d.s.inverter.sensing.current_full_scale_a),
     }
 
 
-def _validity(spec: InjectionSpec, wave: _Wave, full_scale_a: float) -> dict[str, Value]:
+def _validity(d: Design, wave: _Wave) -> dict[str, Value]:
     over = wave.l_q / wave.l_d - 1
-    unit = Q21 / full_scale_a
+    unit = Q21 / d.s.inverter.sensing.current_full_scale_a
     return {
         "injection_least_i_q21": round(LEAST_SHARE * wave.expected_a * unit),
         "injection_expected_i_q21": max(1, round(wave.expected_a * unit)),
@@ -161,32 +154,34 @@ def _validity(spec: InjectionSpec, wave: _Wave, full_scale_a: float) -> dict[str
     }
 
 
-def _curve(motor: MotorSpec, spec: InjectionSpec, tick_s: float, full_scale_a: float) -> dict[str, Value]:
-    most_a = CURVE_REACH * (motor.curve_current_a or motor.rated_current_a)
-    on = spec.compensation != "off"
-    turns = [motor.curve_rad[k] * most_a**k / (2 * math.pi) if on else 0.0 for k in range(4)]
+def _curve(d: Design, injection: Injection) -> dict[str, Value]:
+    saturation, most_a, powers = d.s.motor.saturation, d.s.motor.rated_current_a, (0.0,) * 4
+    if saturation:
+        most_a, powers = saturation.angle_current_a or saturation.current_a, saturation.angle_rad
+    most_a *= CURVE_REACH
+    on = injection.compensation != "off"
+    turns = [power * most_a**k / (2 * math.pi) if on else 0.0 for k, power in enumerate(powers)]
+    current = Q29 / (most_a / d.s.inverter.sensing.current_full_scale_a * Q25)
     return {
         "injection_curve_q32": tuple(round(turn * Q32) for turn in turns),
-        "injection_curve_current": gain(Q29 / (most_a / full_scale_a * Q25), "injection_curve_current"),
-        "injection_curve_filter_q16": round(-math.expm1(-2 * math.pi * CURVE_HZ * tick_s) * Q16),
-        "injection_following": int(spec.compensation == "following"),
+        "injection_curve_current": gain(current, "injection_curve_current"),
+        "injection_curve_filter_q16": round(-math.expm1(-2 * math.pi * CURVE_HZ * d.tick_s) * Q16),
+        "injection_following": int(injection.compensation == "following"),
     }
 
 
-def _third(
-    motor: MotorSpec, inverter: InverterSpec, spec: InjectionSpec, sample_s: float, clock_hz: float
-) -> dict[str, Value]:
+def _third(d: Design, injection: Injection, sample_s: float) -> dict[str, Value]:
     resistance, admittance, impedance, flux = 0, 0.0, 0.0, 0.0
-    if motor.third is not None:
-        inductance = (motor.third.inductance_d_h + motor.third.inductance_q_h) / 2
-        admittance = sample_s * inverter.voltage_full_scale_v / (inductance * inverter.current_full_scale_a)
+    third, sensing = d.s.motor.third, d.s.inverter.sensing
+    if third is not None:
+        inductance = (third.inductance_d_h + third.inductance_q_h) / 2
+        admittance = sample_s * sensing.voltage_full_scale_v / (inductance * sensing.current_full_scale_a)
         impedance = 1 / admittance
-        resistance = round((motor.resistance_ohm + inverter.on_resistance_ohm) / inductance * sample_s * Q30)
+        resistance = round(d.machine.resistance_ohm / inductance * sample_s * Q30)
         # From a speed of 2^-36 turn a clock to v_q25.
-        unit = 2 * math.pi * clock_hz / Q36 * Q25 / inverter.voltage_full_scale_v
-        flux = 3 * motor.third.psi_vs * unit
+        flux = 3 * third.psi_vs * (2 * math.pi * CLOCK_HZ / Q36 * d.volt)
     return {
-        "injection_third_q16": round(spec.third_ratio * Q16),
+        "injection_third_q16": round(injection.third_ratio * Q16),
         "injection_third_resistance_q30": resistance,
         "injection_third_admittance": gain(admittance, "injection_third_admittance"),
         "injection_third_impedance": gain(impedance, "injection_third_impedance"),
@@ -194,33 +189,31 @@ def _third(
     }
 
 
-def injection_parameters(
-    motor: MotorSpec, inverter: InverterSpec, drive: DriveSpec, vector: VectorSpec, timing: VectorTiming
-) -> dict[str, Value]:
+def injection_parameters(d: Design, timing: VectorTiming) -> dict[str, Value]:
     """All parameters of the injection, none without one. Values that do not fit raise ParameterError when packed."""
-    spec = vector.injection
-    if spec is None:
+    injection = d.s.drive.vector.injection
+    if injection is None:
         return {}
-    clock, full_scale_a = drive.clock_hz, inverter.current_full_scale_a
-    sample_s, tick_s = timing.sample_cycles / clock, timing.tick_cycles / clock
-    wave = _Wave.of(motor, spec, vector, sample_s)
-    difference = wave.l_q - wave.l_d
-    loss = (motor.resistance_ohm + inverter.on_resistance_ohm) / (2 * math.pi * wave.hz * difference)
+    sample_s = timing.sample_cycles / CLOCK_HZ
+    wave = _Wave.of(d, injection, sample_s)
+    loss = d.machine.resistance_ohm / (2 * math.pi * wave.hz * (wave.l_q - wave.l_d))
+    amplitude = injection.amplitude_v / d.s.inverter.sensing.voltage_full_scale_v
+    by_emf = d.s.drive.vector.handover_rpm is not None
     return {
-        "injection": 1 + INJECTION_METHODS.index(spec.method),
-        "catch_rotor": 0,
-        "injection_period": spec.period,
-        "injection_rate_turn_q36": round(Q36 / (spec.period * timing.sample_cycles)),
-        "injection_v_q17": round(spec.amplitude_v / inverter.voltage_full_scale_v * Q17),
-        "injection_remove": int(spec.remove),
-        "injection_sequence": SEQUENCES.index(spec.sequence),
+        "injection": 1 + get_args(InjectionMethod).index(injection.method),
+        "catch": 0,
+        "injection_period": injection.period,
+        "injection_rate_turn_q36": round(Q36 / (injection.period * timing.sample_cycles)),
+        "injection_v_q17": round(amplitude * Q17),
+        "injection_remove": int(injection.remove),
+        "injection_sequence": SEQUENCES.index(injection.sequence),
         "injection_ratio": gain(wave.ratio, "injection_ratio"),
         "injection_loss": gain(loss, "injection_loss"),
-        "injection_fade_q16": 0 if vector.handover_rpm is None else max(1, round(tick_s / HANDOVER_S * Q16)),
-        "injection_speed_filter_q16": round(-math.expm1(-2 * math.pi * spec.speed_filter_hz * tick_s) * Q16),
-        **_filters(spec, sample_s),
-        **_search(motor, spec, wave, sample_s, tick_s, full_scale_a),
-        **_validity(spec, wave, full_scale_a),
-        **_curve(motor, spec, tick_s, full_scale_a),
-        **_third(motor, inverter, spec, sample_s, clock),
+        "injection_fade_q16": max(1, round(d.tick_s / HANDOVER_S * Q16)) if by_emf else 0,
+        "injection_speed_filter_q16": round(-math.expm1(-2 * math.pi * injection.speed_filter_hz * d.tick_s) * Q16),
+        **_filters(injection, sample_s),
+        **_search(d, injection, wave, sample_s),
+        **_validity(d, wave),
+        **_curve(d, injection),
+        **_third(d, injection, sample_s),
     }

@@ -19,7 +19,7 @@ from fluxlock.can_bus import OPTION as CAN_OPTION
 from fluxlock.can_bus import open_bus
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
-from fluxlock.config.scenario import MotorError
+from fluxlock.config.drive import MotorError
 from fluxlock.memory import RAM_BYTES
 from fluxlock.progress import counting_bars
 

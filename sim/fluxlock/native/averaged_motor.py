@@ -12,13 +12,14 @@ on, each turned by its offset; its edges commutate at offset and advance after t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.firmware.specs import DriveSpec, InverterSpec, MotorSpec
+from fluxlock.config import Inverter, Load, Motor
+from fluxlock.config.machine import Machine
 
 STEP_S = 5e-6
 
@@ -353,27 +354,14 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
 
 
 @dataclass
-class Load:
-    """Load torques: fan at a speed, Coulomb friction, proportional to speed, one that always acts against forward."""
-
-    fan_torque_nm: float = 0.0
-    fan_speed_rpm: float = 1.0
-    coulomb_nm: float = 0.0
-    viscous_nm_s: float = 0.0
-    constant_nm: float = 0.0
-
-
-@dataclass
 class AveragedMotor:
     """State and parameters of the model, with the quantities to look at."""
 
-    motor: MotorSpec
-    inverter: InverterSpec
-    drive: DriveSpec
-    load: Load = field(default_factory=Load)
+    motor: Motor
+    inverter: Inverter
+    load: Load
     theta_rad: float = 0.0
     speed_rpm: float = 0.0
-    hall_offset_deg: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         self.s = np.zeros(STATES)
@@ -383,12 +371,11 @@ class AveragedMotor:
         self.s[OMEGA] = self.speed_rpm * math.pi / 30.0
         self.s[T_SCHED] = 1e30
         self.s[SEED] = 12345.0
-        motor, inverter = self.motor, self.inverter
-        trip = inverter.phase_current_trip_a or 0.97 * inverter.current_full_scale_a
+        motor, inverter, machine = self.motor, self.inverter, Machine.of(self.motor, self.inverter)
         self.m[:M_BLIND] = (
-            motor.resistance_ohm + inverter.on_resistance_ohm,
-            motor.inductance_h,
-            motor.psi_vs,
+            machine.resistance_ohm,
+            machine.inductance_h,
+            machine.psi_vs,
             float(motor.emf == "trapezoidal"),
             motor.pole_pairs,
             motor.inertia_kgm2,
@@ -396,8 +383,8 @@ class AveragedMotor:
             0.0,
             inverter.supply_v,
             inverter.diode_drop_v,
-            trip,
-            inverter.voltage_full_scale_v / 2**inverter.bits,
+            inverter.protection.phase_current_a,
+            inverter.sensing.step_v,
             0.0,
         )
         self.c[C_THRESHOLD : C_THRESHOLD + 6] = 0.5
@@ -406,16 +393,16 @@ class AveragedMotor:
         self.m[M_ONE_BLIND] = -1.0
         self.s[[H_CODE, H_POSITION]] = -1.0
         self.s[H_PHASE : H_PHASE + 6] = 1.0
-        if self.hall_offset_deg is not None:
+        if motor.hall is not None:
             self.m[M_HALL] = 1.0
-            self.m[M_HALL + 1 : M_HALL + 4] = np.radians(self.hall_offset_deg)
-        self.m[M_DC_TRIP] = inverter.dc_current_trip_a or trip
+            self.m[M_HALL + 1 : M_HALL + 4] = np.radians(motor.hall.offset_deg)
+        self.m[M_DC_TRIP] = inverter.protection.dc_current_a
         self.set_load(self.load)
 
     def set_load(self, load: Load) -> None:
         """Change the load."""
-        self.m[M_FAN] = load.fan_torque_nm / (load.fan_speed_rpm * math.pi / 30.0) ** 2
-        self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s, load.constant_nm
+        self.m[M_FAN] = load.fan_nm_s2_per_rad2
+        self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s_per_rad, load.constant_nm
 
     @property
     def rpm(self) -> float:

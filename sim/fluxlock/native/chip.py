@@ -5,15 +5,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fluxlock.firmware import DriveSpec, InverterSpec, MotorSpec, ParameterBlock, compile_parameters
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config import Motor, Scenario
+from fluxlock.config.drive import TICK_HZ
+from fluxlock.firmware import ParameterBlock, compile_parameters
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native import averaged_motor as am
-from fluxlock.native.averaged_motor import AveragedMotor, Load
+from fluxlock.native.averaged_motor import AveragedMotor
 from fluxlock.native.registers import (
     FREE,
     K_CLOCK_HZ,
@@ -34,27 +38,20 @@ from fluxlock.native.registers import (
 class AveragedChip:
     """One drive on one machine; the firmware has booted."""
 
-    motor: MotorSpec
-    inverter: InverterSpec
-    drive: DriveSpec = field(default_factory=DriveSpec)
-    load: Load = field(default_factory=Load)
-    theta_rad: float = 0.4
-    speed_rpm: float = 0.0
-    model_motor: MotorSpec | None = None  # what the machine really is, if not `motor`
-    hall_offset_deg: tuple[float, float, float] | None = None  # sensors A, B, C; None: there are none
+    scenario: Scenario
+    model_motor: Motor | None = None  # what the machine really is, if not that of the scenario
     library: Path | None = None  # of the firmware, if it holds more
     cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
-        self.block: ParameterBlock = compile_parameters(self.motor, self.told_inverter(), self.drive)
+        s = self.scenario
+        self.block: ParameterBlock = compile_parameters(self.told())
         self.model = AveragedMotor(
-            self.model_motor or self.motor,
-            self.inverter,
-            self.drive,
-            self.load,
-            self.theta_rad,
-            self.speed_rpm,
-            self.hall_offset_deg,
+            self.model_motor or s.motor,
+            s.inverter,
+            s.shaft_load,
+            math.radians(s.initial.theta_deg),
+            s.initial.speed_rpm,
         )
         self.fw = HostFirmware(self.library)
         self.fw.load(self.block)
@@ -67,21 +64,23 @@ class AveragedChip:
         self.stuck: dict[int, int] = {}  # voltage channels that keep a value, q17
         self.overridden = 0  # late crossings besides those of the model
         self.computed_back = 0
-        self.clock = self.drive.clock_hz
-        self.tick_s = 1.0 / self.drive.tick_hz
+        self.clock = CLOCK_HZ
+        self.tick_s = 1.0 / TICK_HZ
         self._places = places(self.fw.offsets)
-        self._samples = round(self.tick_s / self.inverter.sample_period_s)
+        self._samples = round(self.tick_s / s.inverter.sensing.sample_period_s)
         self._scales = np.zeros(K_NUMBERS)
         self._scales[[K_CLOCK_HZ, K_SAMPLES]] = self.clock, self._samples
-        self._scales[K_V_UNIT] = 2**17 / self.inverter.voltage_full_scale_v
-        self._scales[K_I_UNIT] = 2**17 / self.inverter.current_full_scale_a
-        self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.hall_offset_deg is not None
+        self._scales[K_V_UNIT] = 2**17 / s.inverter.sensing.voltage_full_scale_v
+        self._scales[K_I_UNIT] = 2**17 / s.inverter.sensing.current_full_scale_a
+        self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.model.motor.hall is not None
         self._free = np.full(3, FREE)
         self._reg = {name: self.fw.offsets[name] // 4 for name in self.fw.offsets}
 
-    def told_inverter(self) -> InverterSpec:
+    def told(self) -> Scenario:
         """What the firmware is told: the samples have no noise, a value that stays is none of a stuck channel."""
-        return replace(self.inverter, noise_lsb=0.0)
+        inverter = self.scenario.inverter
+        quiet = inverter.model_copy(update={"sensing": inverter.sensing.model_copy(update={"noise_lsb": 0.0})})
+        return self.scenario.model_copy(update={"inverter": quiet})
 
     # Registers as integers.
     def get(self, name: str, element: int = 0) -> int:

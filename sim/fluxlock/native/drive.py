@@ -5,13 +5,9 @@
 
 from __future__ import annotations
 
-import math
-
 from fluxlock.canopen.host import HostNode
 from fluxlock.config import ConfigError, Scenario
-from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
 from fluxlock.firmware import build_canopen_library
-from fluxlock.native.averaged_motor import Load
 from fluxlock.native.chip import AveragedChip
 
 STEP_US = 1000
@@ -46,20 +42,4 @@ def drive_of_scenario(scenario: Scenario, node_id: int) -> NativeDrive:
         problems.append(scenario.sources.problem("drive.hall.mode", "the native program has no Hall sensors"))
     if problems:
         raise ConfigError(problems)
-    load = scenario.shaft_load
-    chip = AveragedChip(
-        motor=motor_spec(scenario),
-        inverter=inverter_spec(scenario),
-        drive=drive_spec(scenario),
-        load=Load(
-            load.fan_torque_nm,
-            load.fan_speed_rpm or 1.0,
-            load.coulomb_nm,
-            load.viscous_nm_s_per_rad,
-            load.constant_nm,
-        ),
-        theta_rad=math.radians(scenario.initial.theta_deg),
-        speed_rpm=scenario.initial.speed_rpm,
-        library=build_canopen_library(),
-    )
-    return NativeDrive(chip, node_id)
+    return NativeDrive(AveragedChip(scenario, library=build_canopen_library()), node_id)

@@ -48,7 +48,7 @@ class Recorder:
     def data(self) -> RunData:
         """The rows as run data; time 0 is that of the drive."""
         clock = self._drive.chip.clock
-        pairs = self._drive.chip.motor.pole_pairs
+        pairs = self._drive.chip.scenario.motor.pole_pairs
         time = np.array([row[0] for row in self._rows])
         records = np.zeros(time.size, RECORD_DTYPE)
         records["t_cycle"] = time * clock

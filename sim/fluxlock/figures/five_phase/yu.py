@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fluxlock.analysis.six_step.plots import GREY, finish
+from fluxlock.config.injection import Sequence
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.figures.five_phase.support import BLUE, FAMILY, GREEN, ORANGE, SETTLING, Course, error, speeds, took_place
-from fluxlock.firmware.specs import Sequence
 from fluxlock.regression.five_phase.leakage import STEP_A, TS_S, Stepped
 from fluxlock.regression.five_phase.leakage import stepped as id_stepped
 from fluxlock.regression.five_phase.yu import SCENARIO, closed_form_rad, sequence_run

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.firmware.vector_compiler import BACK_SHARE, RPM
+from fluxlock.firmware.vector_compiler import BACK_SHARE
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values
 from fluxlock.regression.runner import Runner
@@ -81,7 +82,7 @@ def handed_over_s(run: Outcome, course: Course) -> tuple[float, float]:
     """When the rotor passes the speed of the hand-over, and that of the way back."""
     records = run.data.records
     time_s = records["t_cycle"] / run.data.clock_hz
-    rpm = records["omega_e"] / run.data.pole_pairs * RPM
+    rpm = records["omega_e"] / run.data.pole_pairs * RPM_PER_RAD_S
     back = (time_s > course.back_s) & (rpm < BACK_SHARE * course.handover_rpm)
     return float(time_s[rpm > course.handover_rpm][0]), float(time_s[back][0])
 

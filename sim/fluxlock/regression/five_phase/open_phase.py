@@ -12,8 +12,8 @@ import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.firmware.vector_compiler import RPM
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values
 from fluxlock.regression.runner import Runner
@@ -82,7 +82,7 @@ def opened(runner: Runner, dead_time_us: float) -> Row:
         "named": int(f"open_phases {FIRST}" in console),
         "second.found_turns": second,
         "second.named": int(bool(re.search(r"^now open_phases", console, re.MULTILINE))),
-        "speed_rpm.min": float(records["omega_e"][inside].min()) / run.data.pole_pairs * RPM,
+        "speed_rpm.min": float(records["omega_e"][inside].min()) / run.data.pole_pairs * RPM_PER_RAD_S,
         "torque_nm.mean": float(records["torque_nm"][settled].mean()),
         "torque_nm.rms": float(np.std(records["torque_nm"][settled])),
         "phase_current_a.max": float(np.abs([records[f"i{x}"][settled] for x in "abde"]).max()),

@@ -13,8 +13,8 @@ import numpy as np
 from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import sequence_error
 from fluxlock.config import Motor, load_scenario
+from fluxlock.config.injection import SEQUENCES, Sequence
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.firmware.specs import SEQUENCES, Sequence
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fluxlock.firmware.specs import PATTERNS
+from fluxlock.interface.settings import choices
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -17,7 +17,7 @@ LIMIT_DEG = 0.3
 @case("six-step/patterns", tested=True)
 def patterns(runner: Runner) -> Iterator[Row]:
     """Every chopping pattern, with and without synchronous rectification, at 60 000 r/min and 40 kHz."""
-    variants = [(pattern, sync_rect) for pattern in PATTERNS for sync_rect in (False, True)]
+    variants = [(pattern, sync_rect) for pattern in choices("pattern") for sync_rect in (False, True)]
     short = ("duration_s=0.1", "window.steady.from_s=0.07", "window.steady.to_s=0.1") if runner.quick else ()
     for pattern, sync_rect in [("PWM-ON", False), ("H_PWM-L_ON", True)] if runner.quick else variants:
         name = pattern + ("-sync-rect" if sync_rect else "")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fluxlock.firmware.specs import PATTERNS
+from fluxlock.interface.settings import choices
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import event, in_window, timeline
@@ -66,7 +66,7 @@ POINTS = (
     ),
     Point("reverse-60000", COMMUTATION, -60_000, (TOP_RPM,)),
     *(_flux(rpm, factor) for rpm in (20_000, 60_000) for factor in (0.8, 1.2)),
-    *(_pattern(alignment, pattern) for alignment in ("RSC", "NSC", "CSC") for pattern in PATTERNS),
+    *(_pattern(alignment, pattern) for alignment in ("RSC", "NSC", "CSC") for pattern in choices("pattern")),
     *(
         Point(f"{source}-60000", COMMUTATION, 60_000, (TOP_RPM, f"drive.zcd.source={source}"))
         for source in ("star_point", "mean")

@@ -33,9 +33,9 @@ from fluxlock.analysis.vector.model import (
 )
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.config.specs import drive_spec, inverter_spec, motor_spec
-from fluxlock.firmware.vector_compiler import VectorMachine, circle, ripple_a_per_v
-from fluxlock.firmware.vector_timing import VectorTiming, output_shift_cycles, vector_timing
+from fluxlock.config.vector_design import circle, told_machine
+from fluxlock.config.vector_timing import VectorTiming, output_shift_cycles, vector_timing
+from fluxlock.firmware.vector_compiler import ripple_a_per_v
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import RunFailed, Runner
 from fluxlock.regression.vector.specified import FS_HZ
@@ -142,11 +142,8 @@ class Ground:
     def of(setting: Setting) -> Ground:
         """Load the scenario with the setting's keys."""
         scenario = load_scenario(ROOT / "scenarios" / SCENARIO, setting.overrides())
-        motor, inverter, drive = motor_spec(scenario), inverter_spec(scenario), drive_spec(scenario)
-        assert drive.vector is not None
-        timing = vector_timing(CLOCK_HZ, drive.carrier_hz, inverter, drive.vector)
-        m = VectorMachine.of(motor, inverter)
-        return Ground(setting, scenario, timing, SmoothMachine(m.resistance_ohm, m.inductance_h, m.psi_vs))
+        timing, m = vector_timing(scenario.drive, scenario.inverter), told_machine(scenario)
+        return Ground(setting, scenario, timing, SmoothMachine(m.resistance_ohm, m.inductance_h, m.fundamental_vs))
 
     @property
     def theory(self) -> Theory:
@@ -175,13 +172,13 @@ class Ground:
     @property
     def limit_v(self) -> float:
         """Circle that binds the voltage."""
-        supply_v = self.scenario.inverter.supply_v
-        return circle(CLOCK_HZ, inverter_spec(self.scenario), self.timing) * supply_v / math.sqrt(3.0)
+        inverter = self.scenario.inverter
+        return circle(inverter, self.timing) * inverter.supply_v / math.sqrt(3.0)
 
     @property
     def band_a(self) -> float:
         """Phase current below which the dead time costs nothing (docs/theory/vector.md, Dead time)."""
-        return ripple_a_per_v(motor_spec(self.scenario), self.timing, CLOCK_HZ) * abs(self.held_v)
+        return ripple_a_per_v(told_machine(self.scenario), self.timing) * abs(self.held_v)
 
     def amplitude_a(self, unit: ComplexArray) -> float:
         """Amplitude (A) of a reference that is given for 1 A: the largest that current and voltage leave room for.
@@ -299,7 +296,7 @@ def _ripple(run: RunData, ground: Ground, count: int) -> ComplexArray:
     at = instants[instants < run.rows(LogKind.GATES)[-1, 0]][-count:]
     theta = np.interp(at, time, records["theta_e"])
     omega = 2 * np.pi * ground.setting.fundamental_hz / CLOCK_HZ
-    begin = at - ground.timing.from_cycles + output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    begin = at - ground.timing.from_cycles + output_shift_cycles(ground.scenario.inverter)
     end = begin + ground.timing.carrier_cycles
 
     def without_emf(cycle: FloatArray) -> ComplexArray:
@@ -346,7 +343,7 @@ def _instant_error(run: RunData, ground: Ground) -> float:
     middle = (gates[begin, 0] + gates[begin + 1, 0]) / 2.0
     instants = run.rows(LogKind.ANGLE)[:, 0].astype(np.float64)
     before = instants[np.searchsorted(instants, middle, side="right") - 1]
-    shift = output_shift_cycles(CLOCK_HZ, inverter_spec(ground.scenario))
+    shift = output_shift_cycles(ground.scenario.inverter)
     expected = shift + t.carrier_cycles / 2 - t.from_cycles - max(t.length_cycles - 1, 0) / 2
     late = expected - (middle - before)
     return float(max((late + t.sample_cycles / 2) % t.sample_cycles - t.sample_cycles / 2, key=abs))

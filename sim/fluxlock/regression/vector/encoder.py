@@ -11,9 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.config import Scenario
-from fluxlock.config.specs import motor_spec
+from fluxlock.config.machine import Machine
+from fluxlock.config.motor import Motor
+from fluxlock.config.vector_design import told_machine
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.firmware.specs import MotorSpec
 from fluxlock.firmware.vector_compiler import PLL_BANDWIDTH
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
@@ -33,7 +34,7 @@ QUICK_END_S = 0.34
 MOUNTINGS = ("given", "learnt")
 
 
-def resolution_deg(motor: MotorSpec) -> float:
+def resolution_deg(motor: Motor) -> float:
     """Electrical angle of a quarter of a line."""
     assert motor.encoder is not None
     return 360.0 * motor.pole_pairs / (4 * motor.encoder.lines)
@@ -46,12 +47,12 @@ def loop_lag_deg(scenario: Scenario) -> float:
     return math.degrees(2.0 * math.exp(-2.0) * slope / omega_n**2)
 
 
-def best_current_a(motor: MotorSpec, torque_nm: float) -> complex:
+def best_current_a(m: Machine, torque_nm: float) -> complex:
     """Current vector of the least amplitude for a torque of a salient machine, A; read from its curve to 1e-6."""
-    half_a = motor.psi_vs / motor.saliency_h / 2
-    i_q = np.linspace(0.0, 100.0 * motor.rated_current_a, 1_000_001)
+    half_a = m.psi_vs / m.saliency_h / 2
+    i_q = np.linspace(0.0, 100.0 * m.motor.rated_current_a, 1_000_001)
     i_d = half_a - np.sqrt(half_a**2 + i_q**2)
-    torque = 1.5 * motor.pole_pairs * (motor.psi_vs - motor.saliency_h * i_d) * i_q
+    torque = 1.5 * m.motor.pole_pairs * (m.psi_vs - m.saliency_h * i_d) * i_q
     found = float(np.interp(abs(torque_nm), torque, i_q))
     return complex(half_a - math.hypot(half_a, found), math.copysign(found, torque_nm))
 
@@ -70,7 +71,7 @@ def encoder(runner: Runner) -> Iterator[Row]:
     """Sensored by the encoder from standstill to speed, reversal, zero speed: angle error against the resolution."""
     for mounting in MOUNTINGS[: 1 if runner.quick else None]:
         run = drive(runner, mounting)
-        allowed = resolution_deg(motor_spec(run.scenario)) + (LEARNT_DEG if mounting == "learnt" else 0.0)
+        allowed = resolution_deg(run.scenario.motor) + (LEARNT_DEG if mounting == "learnt" else 0.0)
         values: dict[str, Number] = {"trips": len(run.result["trips"])}
         limits: Limits = {"trips": (0, 0)}
         for window, sign in (("forward", 1), ("reversal", 0), ("backward", -1), ("held", 0)):
@@ -85,7 +86,7 @@ def encoder(runner: Runner) -> Iterator[Row]:
                 limits[f"speed_rpm.{window}"] = (sign * SPEED_RPM - 20, sign * SPEED_RPM + 20)
         yield Row(
             f"vector/encoder/{mounting}",
-            CONDITIONS | {"mounting": mounting, "resolution_deg": round(resolution_deg(motor_spec(run.scenario)), 4)},
+            CONDITIONS | {"mounting": mounting, "resolution_deg": round(resolution_deg(run.scenario.motor), 4)},
             values,
             limits,
             "A quarter of a line; while the speed changes, what the loop lags behind the ramp's slope comes to it; "
@@ -97,13 +98,13 @@ def encoder(runner: Runner) -> Iterator[Row]:
 def mtpa(runner: Runner) -> Iterator[Row]:
     """Least current for the torque of a salient machine on the chip: i_d within 2 % of the optimum."""
     run = drive(runner, "given")
-    motor = motor_spec(run.scenario)
+    machine = told_machine(run.scenario)
     for window in ("forward", "backward"):
         if window not in run.metrics:
             continue
         found = run.metrics[window]
         torque = found["torque_nm"]["mean"]
-        best = best_current_a(motor, torque)
+        best = best_current_a(machine, torque)
         yield Row(
             f"vector/mtpa/{window}",
             CONDITIONS | {"inductances_mh": "0.2/0.4", "speed_rpm": SPEED_RPM if window == "forward" else -SPEED_RPM},

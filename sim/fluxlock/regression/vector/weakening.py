@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.config.specs import motor_spec
+from fluxlock.config.vector_design import told_machine
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
@@ -29,10 +29,8 @@ BACK_A = 0.5
 
 def voltage_v(run: Outcome, current_a: complex) -> float:
     """Amplitude of the fundamental voltage that the machine needs at the speed with a current."""
-    motor = motor_spec(run.scenario)
-    omega = SPEED_RPM * math.pi / 30 * motor.pole_pairs
-    resistance = float(np.mean(motor.resistance_ohm)) + run.scenario.inverter.on_resistance_ohm
-    return abs(complex(resistance, omega * float(np.mean(motor.inductance_h))) * current_a + 1j * omega * motor.psi_vs)
+    m, omega = told_machine(run.scenario), run.scenario.motor.omega_e(SPEED_RPM)
+    return abs(complex(m.resistance_ohm, omega * m.inductance_h) * current_a + 1j * omega * m.psi_vs)
 
 
 def _row(run: Outcome, weakening: bool) -> Row:

@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fluxlock.firmware.specs import InverterSpec, VectorSpec
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.drive import Drive
+from fluxlock.config.inverter import Inverter
 
 # Last codes of a window to the pins of the update at which their voltage acts, clocks: regulators in hardware (of a
 # mean; 76 of one sample), on the core.
@@ -60,85 +62,84 @@ class _Window:
     count: int
 
     @staticmethod
-    def of(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> _Window:
+    def of(drive: Drive, inverter: Inverter) -> _Window:
         """The mean over a T_s takes whole converter periods, so that the sample grid runs on through an update."""
-        ts = round(clock_hz / update_hz(carrier_hz, vector))
-        converter = round(inverter.sample_period_s * clock_hz)
-        if vector.window == "sample":
-            count = vector.injection.samples if vector.injection else 1
+        ts = round(CLOCK_HZ / update_hz(drive))
+        converter = round(inverter.sensing.sample_period_s * CLOCK_HZ)
+        if drive.vector.window == "sample":
+            count = drive.vector.injection.samples if drive.vector.injection else 1
             return _Window(ts, (count - 1) * converter, count)
         count = max(1, round(ts / converter))
         return _Window(count * converter, (count - 1) * converter, count)
 
 
-def update_hz(carrier_hz: float, vector: VectorSpec) -> float:
+def update_hz(drive: Drive) -> float:
     """1 / T_s."""
-    return 2 * carrier_hz if vector.double else carrier_hz
+    return 2 * drive.carrier_hz if drive.vector.update == "double" else drive.carrier_hz
 
 
-def update_hz_max(vector: VectorSpec) -> float:
+def update_hz_max(drive: Drive) -> float:
     """Largest 1 / T_s that the regulators keep up with."""
-    return CORE_UPDATE_HZ_MAX if vector.current_regulator == "c" else UPDATE_HZ_MAX
+    return CORE_UPDATE_HZ_MAX if drive.vector.current_regulator == "c" else UPDATE_HZ_MAX
 
 
-def latency_cycles(vector: VectorSpec) -> int:
+def latency_cycles(drive: Drive) -> int:
     """Clocks from the last codes of a window to the pins for which the delay leaves room."""
-    if vector.injection is not None:
+    if drive.vector.injection is not None:
         return INJECTION_LATENCY_CYCLES
-    return CORE_LATENCY_CYCLES if vector.current_regulator == "c" else LATENCY_CYCLES
+    return CORE_LATENCY_CYCLES if drive.vector.current_regulator == "c" else LATENCY_CYCLES
 
 
-def tick_samples(carrier_hz: float, vector: VectorSpec) -> int:
+def tick_samples(drive: Drive) -> int:
     """Samples a control tick: what is asked for, else as few as keep the tick at or below 20 kHz."""
-    return vector.observer_every or max(1, math.ceil(update_hz(carrier_hz, vector) / TICK_HZ - 1e-9))
+    return drive.vector.observer_every or max(1, math.ceil(update_hz(drive) / TICK_HZ - 1e-9))
 
 
-def window_samples(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> int:
+def window_samples(drive: Drive, inverter: Inverter) -> int:
     """Samples in the window."""
-    return _Window.of(clock_hz, carrier_hz, inverter, vector).count
+    return _Window.of(drive, inverter).count
 
 
-def output_shift_cycles(clock_hz: float, inverter: InverterSpec) -> float:
+def output_shift_cycles(inverter: Inverter) -> float:
     """From the update to the middle of the edges: the gates' delay and half a dead time.
 
     A dead time moves the pulse of a leg that sources current and of one that sinks it by half of itself.
     """
-    return (inverter.driver_delay_s + inverter.dead_time_s / 2) * clock_hz
+    return (inverter.gate_delay_s + inverter.dead_time_s / 2) * CLOCK_HZ
 
 
-def shortest_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
+def shortest_delay(drive: Drive, inverter: Inverter) -> float:
     """Least T_d / T_s: rest of the window after its mean instant, conversion, latency, way to the gates."""
-    window = _Window.of(clock_hz, carrier_hz, inverter, vector)
-    after = (
-        math.ceil(inverter.conversion_s * clock_hz) + latency_cycles(vector) + output_shift_cycles(clock_hz, inverter)
-    )
+    window = _Window.of(drive, inverter)
+    conversion = math.ceil(inverter.sensing.conversion_s * CLOCK_HZ)
+    after = conversion + latency_cycles(drive) + output_shift_cycles(inverter)
     return (window.span / 2 + after) / window.sample_cycles
 
 
-def default_delay(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> float:
+def default_delay(drive: Drive, inverter: Inverter) -> float:
     """The shortest T_d / T_s that fits; of a single sample the shortest at which it is free of the carrier's ripple.
 
     That is in the middle of a gap or of a pulse: at an update, with a single one a carrier also halfway between two.
     Elsewhere the ripple counts as current: t before the middle of a gap it is u t / L, which turns the observed EMF by
     omega t |u| / |e|.
     """
-    shortest = shortest_delay(clock_hz, carrier_hz, inverter, vector)
-    if vector.window == "carrier":
+    shortest = shortest_delay(drive, inverter)
+    if drive.vector.window == "carrier":
         return shortest
-    return 0.5 if not vector.double and shortest <= 0.5 else 1.0
+    return 0.5 if drive.vector.update == "single" and shortest <= 0.5 else 1.0
 
 
-def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, vector: VectorSpec) -> VectorTiming:
+def vector_timing(drive: Drive, inverter: Inverter) -> VectorTiming:
     """Clocks for a carrier and a delay that fit (`shortest_delay`).
 
     The grid of the samples restarts a whole converter period later than it could: the one before cannot hold it up, and
     in step it has a sample at the earlier instant too. T_s is a whole number of converter periods where a single sample
     lies within one after the update: so the grids are in step.
     """
-    converter = round(inverter.sample_period_s * clock_hz)
-    wanted = default_delay(clock_hz, carrier_hz, inverter, vector) if vector.delay is None else vector.delay
-    shift = output_shift_cycles(clock_hz, inverter)
-    window = _Window.of(clock_hz, carrier_hz, inverter, vector)
+    vector, converter = drive.vector, round(inverter.sensing.sample_period_s * CLOCK_HZ)
+    wanted = default_delay(drive, inverter) if vector.delay is None else vector.delay
+    shift = output_shift_cycles(inverter)
+    window = _Window.of(drive, inverter)
     ts, middle = window.sample_cycles, window.span / 2
 
     def begin(ts: int) -> int:
@@ -151,8 +152,8 @@ def vector_timing(clock_hz: float, carrier_hz: float, inverter: InverterSpec, ve
     delay = (ts + shift - middle - first) / ts
     return VectorTiming(
         sample_cycles=ts,
-        carrier_cycles=2 * ts if vector.double else ts,
-        tick_samples=tick_samples(carrier_hz, vector),
+        carrier_cycles=2 * ts if vector.update == "double" else ts,
+        tick_samples=tick_samples(drive),
         from_cycles=first,
         length_cycles=window.span + 1 if window.count > 1 or vector.window == "carrier" else 0,
         offset_cycles=first % converter + converter,
