@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from fluxlock.config.fields import Model, PhaseValues, SectorValues, conflict, quantity, range_text, with_unit
 from fluxlock.config.motor import OVERSPEED_RATIO
 from fluxlock.config.vector import Vector
-from fluxlock.interface.kinds import Balance, Commutation, HallMode, Method, Mode, Pattern, ZcdMethod, ZcdSource
+from fluxlock.interface.kinds import Commutation, HallMode, Method, Mode, Pattern
 
 TICK_HZ = 10e3  # control tick of six-step operation
 # Phase that dead time (two ticks from the mean of the measurement to the mean of the voltage) and filter of the current
@@ -29,33 +29,13 @@ ZcdSampling = Literal["continuous", "carrier"]
 ADVANCE_MAX_DEG = 30.0
 
 
-class Zcd(Model):
+class Zcd(Model, settings="zcd"):
     """Zero-crossing detection."""
 
-    method: ZcdMethod = Field(
-        default="averaged",
-        description="Time of a crossing: `first` sample after it; `interpolated` between the last sample before and "
-        "the first after; `averaged` between the means of four samples before and four after, else of two and two. "
-        "The chip falls back to `interpolated`, crossing by crossing, where samples are missing or unsuitable.",
-    )
-    source: ZcdSource = Field(
-        default="terminal",
-        description="Signal searched for crossings: `terminal` voltage of the open phase, or the virtual third "
-        "harmonic, measured at the `star_point` of the sense resistors or as the `mean` of the three terminals.",
-    )
     sampling: ZcdSampling = Field(
         default="continuous",
         description="Samples while running: `continuous` at the converter's period (oversampling), or one every "
         "`carrier`, at a fixed time into its pulse (conventional). Trips see no more samples than that.",
-    )
-    compute_back: bool = Field(
-        default=False,
-        description="A crossing that the freewheeling diode overrides is computed back from the first valid sample.",
-    )
-    correction_a: bool = Field(
-        default=False,
-        description="Delay to the commutation from the last three crossing intervals (correction A): evens out "
-        "unequal inductances, amplifies errors of the divider gains: not advised with unequal dividers.",
     )
     threshold: SectorValues = quantity(
         "Crossing threshold as a fraction of the DC-link voltage: one number, or six for sectors I to VI.",
@@ -64,28 +44,19 @@ class Zcd(Model):
         0.95,
         default=(0.5,) * 6,
     )
-    balance: Balance = Field(
-        default="none",
-        description="Thresholds that adapt until the crossings are even (correction B): `vertical` for divider gains, "
-        "`both` for unequal inductances too.",
-    )
     balance_bandwidth_hz: float | None = quantity(
         "Bandwidth of that loop.", "Hz", 0.1, 500, default=None, absent="1.5 times that of the speed loop"
     )
     miss_limit: int = quantity("Missed crossings in a row that mean a lost lock.", "", 1, 255, default=6)
 
 
-class Hall(Model):
+class Hall(Model, settings="hall"):
     """Hall sensors, as the drive uses them."""
 
     mode: HallMode = Field(
         default="off",
         description="`sensored`: the edges commutate from standstill on; `fallback`: they take over when the crossings "
         "are lost, until these agree again. Both need `[hall]` of the motor file.",
-    )
-    learn: bool = Field(
-        default=True,
-        description="Learn where the edges sit, from their intervals and from the crossings.",
     )
     offset_deg: PhaseValues = quantity(
         "Misplacement that the drive begins with: how late the edges of a sensor come at positive speed, electrical. "
@@ -104,7 +75,7 @@ class Hall(Model):
     )
 
 
-class Start(Model):
+class Start(Model, settings="start"):
     """Start-up and restart. What is left out follows from the motor file."""
 
     current_a: float | None = quantity(
@@ -133,7 +104,7 @@ class MotorError(Model):
     flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
 
 
-class Drive(Model):
+class Drive(Model, settings=""):
     """Settings of the drive."""
 
     method: Method = Field(
@@ -176,10 +147,6 @@ class Drive(Model):
     )
     speed_bandwidth_hz: float | None = quantity(
         "Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=None, absent="from the motor"
-    )
-    linearity: bool = Field(
-        default=False,
-        description="CSC: duty corrected for the pulse that a commutation cuts; no effect under RSC and NSC.",
     )
     current_loop: bool = Field(
         default=False,

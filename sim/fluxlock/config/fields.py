@@ -8,10 +8,12 @@ A range is stated once, in the field. It gives the check, the message and the li
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Unpack
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
+
+from fluxlock.interface.settings import Setting, load_settings
 
 PHASE_NAMES = ("A", "B", "C")
 
@@ -20,6 +22,15 @@ class Model(BaseModel):
     """Base of all models: immutable, strict, no unknown keys, ranges of `quantity` fields checked."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    def __init_subclass__(cls, settings: str | None = None, **options: Unpack[ConfigDict]) -> None:
+        """Add the keys that the drive's table of settings has. settings: their table below [drive], "": [drive]."""
+        super().__init_subclass__(**options)
+        for setting in load_settings() if settings is not None else ():
+            table, _, key = setting.file.rpartition(".")
+            if setting.file and table == settings and setting.default is not None:
+                cls.__annotations__[key] = _kind_of(setting)
+                setattr(cls, key, _field_of(setting))
 
     @field_validator("*")
     @classmethod
@@ -46,6 +57,18 @@ class Model(BaseModel):
                     },
                 )
         return value
+
+
+def _kind_of(setting: Setting) -> object:
+    """Type of a setting's key."""
+    return Literal[setting.choices] if setting.choices else bool if setting.kind == "switch" else int
+
+
+def _field_of(setting: Setting) -> object:
+    """Field of a setting's key."""
+    if setting.kind == "number":
+        return quantity(setting.text, setting.unit, *setting.range, default=setting.default)
+    return Field(default=setting.default, description=setting.text)
 
 
 def conflict(key: str, message: str) -> PydanticCustomError:

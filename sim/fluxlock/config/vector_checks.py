@@ -17,6 +17,7 @@ from fluxlock.config.fields import plain, with_unit
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import told_machine
+from fluxlock.interface.settings import load_settings
 
 # Keys of the drive that both methods know.
 SHARED_KEYS = {
@@ -27,6 +28,7 @@ SHARED_KEYS = {
     "brake_current_limit_a",
     "start",
     "motor_error",
+    *(s.file for s in load_settings() if "vector" in s.methods),
 }
 SHARED_START_KEYS = {"catch", "retries", "restart_retries"}
 

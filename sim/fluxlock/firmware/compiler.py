@@ -10,6 +10,8 @@ values when the block is packed.
 from __future__ import annotations
 
 import math
+from functools import reduce
+from typing import Any
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.drive import LOOP_FILTER_SHIFT, ZcdSampling
@@ -20,7 +22,7 @@ from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.design import INTERVAL_MAX_CYCLES, Q5, Q8, Q16, Q17, Q20, Q25, Q30, RPM_Q8, Design, cycles
 from fluxlock.firmware.vector_compiler import vector_parameters
 from fluxlock.interface.names import words
-from fluxlock.interface.settings import choices
+from fluxlock.interface.settings import load_settings
 
 # The watchdog waits for so many control steps, of which every fourth is told.
 WATCHDOG_TICKS = 8
@@ -68,7 +70,7 @@ def compile_parameters(s: Scenario) -> ParameterBlock:
     """All parameters of the firmware."""
     d = Design(s)
     groups = (
-        *(_sampling, _power_stage, _protection, _brake_switch, _plausibility),
+        *(_settings, _sampling, _power_stage, _protection, _brake_switch, _plausibility),
         *(_speed, _machine, _carrier, _crossings, _balance, _hall, _commutation),
         *(_coasting, _alignment, _ramp, _handover, _limits, _current, _stop),
     )
@@ -78,6 +80,16 @@ def compile_parameters(s: Scenario) -> ParameterBlock:
     if s.drive.method == "vector":
         values |= vector_parameters(d)
     return ParameterBlock(values)
+
+
+def _settings(d: Design) -> dict[str, Value]:
+    """What the settings begin with, where a key of the scenario says it."""
+    values: dict[str, Value] = {}
+    for setting in load_settings():
+        if setting.file:
+            stated: Any = reduce(getattr, setting.file.split("."), d.s.drive)
+            values[setting.parameter] = setting.number_of(stated)
+    return values
 
 
 def _sampling(d: Design) -> dict[str, Value]:
@@ -168,11 +180,7 @@ def _machine(d: Design) -> dict[str, Value]:
 def _carrier(d: Design) -> dict[str, Value]:
     drive, sensing = d.s.drive, d.s.inverter.sensing
     return {
-        "commutation": choices("commutation").index(drive.commutation),
-        "pattern": choices("pattern").index(drive.pattern),
-        "sync_rect": int(drive.sync_rect),
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
-        "linearity": int(drive.linearity),
         "csc_tolerance_q16": round(CSC_TOLERANCE * Q16),
         "carrier_longest_cycles": cycles(d.longest_s),
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
@@ -189,9 +197,6 @@ def _crossings(d: Design) -> dict[str, Value]:
     margin_v = max(0.03 * inverter.supply_v, 12.0 * d.step_v)
     peak_vs = (1.5 if m.sinusoidal else 1.0) * d.s.motor.pole_pairs * m.psi_vs
     return {
-        "zcd_method": choices("zcd_method").index(zcd.method),
-        "zcd_source": choices("zcd_source").index(zcd.source),
-        "compute_back": int(zcd.compute_back),
         "zcd_linear": int(not m.sinusoidal),
         "zcd_peak": gain(peak_vs * (d.volt / Q8) / RPM_Q8, "zcd_peak"),
         "zcd_need_previous": 1,
@@ -202,7 +207,6 @@ def _crossings(d: Design) -> dict[str, Value]:
         "zcd_margin_third_q17": d.v_q17(margin_v),
         "zcd_threshold_q17": tuple(round(share * Q17) for share in zcd.threshold),
         "freewheel_limit_q17": round(FREEWHEEL_LSB * Q17 / d.half_codes),
-        "correction_a": int(zcd.correction_a),
         "miss_limit": zcd.miss_limit,
         "timeout_q12": 0x1800,
     }
@@ -217,7 +221,6 @@ def _balance(d: Design) -> dict[str, Value]:
         bandwidth = BALANCE_BANDWIDTH_RATIO * d.bandwidth
     slope = (1.5 if m.sinusoidal else 6.0 / math.pi) * d.s.motor.pole_pairs * m.psi_vs / m.k_e
     return {
-        "balance": choices("balance").index(zcd.balance),
         "balance_step": gain(bandwidth * 2.0 * math.pi / CLOCK_HZ * slope * Q25 / 6.0, "balance_step"),
         "balance_turn_cycles": max(256, min(INTERVAL_MAX_CYCLES, cycles(BALANCE_SHARE_A_TURN / bandwidth))),
         "balance_limit_q25": round(BALANCE_LIMIT * Q25),
@@ -238,7 +241,6 @@ def _hall(d: Design) -> dict[str, Value]:
         "hall_mode": words("hall_mode").index(hall.mode),
         "hall_filter_cycles": cycles(hall.filter_s),
         "hall_late_q16": tuple(_turn60(hall.offset_deg[x]) for x in HALL_SENSOR),
-        "hall_learn": int(hall.learn),
         "hall_calm_ticks": d.ticks(calm_s),
         "hall_stall_ticks": d.ticks(max(HALL_STALL_INTERVALS * d.handover_interval_s, 2.0 * calm_s)),
         "hall_start_ticks": d.ticks(start_s),
@@ -359,8 +361,6 @@ def _current(d: Design) -> dict[str, Value]:
     outer_kp = d.s.motor.inertia_kgm2 * outer / m.k_e * d.ampere / RPM_Q8
     torque_nm = 1e-3 * (drive.torque_mnm or 0.0)
     return {
-        "current_loop": int(drive.current_loop),
-        "mode": int(drive.mode == "torque"),
         "target_i_q25": max(-Q25, min(Q25, round(torque_nm / m.k_e * d.ampere))),
         "torque_to_current": gain(1e-6 / m.k_e * d.ampere, "torque_to_current"),
         "speed_to_current_kp": gain(outer_kp, "speed_to_current_kp"),

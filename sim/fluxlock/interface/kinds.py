@@ -16,16 +16,12 @@ from fluxlock.interface.settings import choices
 if TYPE_CHECKING:
     Commutation: TypeAlias = str
     Pattern: TypeAlias = str
-    Balance: TypeAlias = str
-    ZcdMethod: TypeAlias = str
-    ZcdSource: TypeAlias = str
     Mode: TypeAlias = str
     HallMode: TypeAlias = str
     Method: TypeAlias = str
     TripCause: TypeAlias = str
     DriveFault: TypeAlias = str
 else:
-    Commutation, Pattern, Balance = (Literal[choices(name)] for name in ("commutation", "pattern", "balance"))
-    ZcdMethod, ZcdSource, Mode = (Literal[choices(name)] for name in ("zcd_method", "zcd_source", "mode"))
+    Commutation, Pattern, Mode = (Literal[choices(name)] for name in ("commutation", "pattern", "mode"))
     HallMode, Method, TripCause = (Literal[words(name)] for name in ("hall_mode", "method", "trip"))
     DriveFault = Literal[fault_names()]

@@ -22,7 +22,7 @@ KINDS = ("switch", "choice", "number")
 METHODS = words("method")  # by their bits
 KEYS = (
     *("name", "kind", "choices", "unit", "decimals", "min", "max", "zero", "permitted"),
-    *("methods", "stored", "functions", "group", "parameter", "object", "text"),
+    *("methods", "stored", "functions", "group", "parameter", "file", "default", "object", "text"),
 )
 
 
@@ -50,6 +50,8 @@ class Setting:
     group: str = ""
     parameter: str = ""  # that it begins with
     own_parameter: bool = False  # the parameter is made from this table
+    file: str = ""  # key below [drive] of a scenario, dotted
+    default: bool | int | str | None = None  # of that key; None: the model has the key itself
     object: int | None = None  # sub-index
 
     @property
@@ -88,6 +90,10 @@ class Setting:
         numbered = ", ".join(f"{k} {word}" for k, word in enumerate(self.choices))
         return f"{self.text} {numbered}." if numbered else self.text
 
+    def number_of(self, value: bool | int | str) -> int:
+        """Number of a value as a file states it."""
+        return self.choices.index(value) if isinstance(value, str) else int(value)
+
     def constant_of(self, choice: int) -> str:
         """A choice as a C constant."""
         return constant(self.name, self.choices[choice])
@@ -110,6 +116,8 @@ def _setting(entry: dict[str, Any]) -> Setting:
     if kind != "number":
         low, high = 0, len(choices) - 1 if choices else 1
     parameter = entry.get("parameter", "")
+    if "file" in entry and (parameter is not True or entry.get("decimals")):
+        raise SettingsError(f"setting {name}: a key of the file needs parameter = true, and no decimals")
     return Setting(
         name=name,
         kind=kind,
@@ -127,6 +135,8 @@ def _setting(entry: dict[str, Any]) -> Setting:
         group=entry.get("group", ""),
         parameter=name if parameter is True else parameter,
         own_parameter=parameter is True,
+        file=entry.get("file", ""),
+        default=entry.get("default"),
         object=entry.get("object"),
     )
 
