@@ -12,7 +12,6 @@ import pytest
 
 from tests.canopen.node_bench import DRIVE, NODE, Aborted, NodeBench
 
-TRIP_PHASE_CURRENT = 1
 TIMEOUT_MS = 50
 QUICK = 0x0B  # controlword: quick stop, bit 2 is 0
 
@@ -242,7 +241,7 @@ def test_fault_and_reset(turning: NodeBench) -> None:
     Verifies: CO-13
     """
     b = turning
-    b.bench.trip(TRIP_PHASE_CURRENT)
+    b.bench.trip(b.bench.fw.lib.TRIP_PHASE_CURRENT)
     b.run(0.005)
     assert b.state == "fault"
     assert b.read("error_code") == 0x2310

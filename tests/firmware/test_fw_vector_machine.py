@@ -19,11 +19,10 @@ from fluxlock.firmware.vector_formats import model_at, to_complex
 from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.machines import inverter
-from tests.firmware.vector_bench import IRQ_MACHINE_TIMER, Sample, VectorBench, VectorSettings
+from tests.firmware.vector_bench import Sample, VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ, EXACT, Subspace, float_model
 
 FAST: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": 250_000}
-TRIP_DEADLINE = 0x80
 SENSING = INVERTER_1.sensing
 
 
@@ -185,8 +184,8 @@ def test_missed_deadlines_trip_by_name() -> None:
     bench = VectorBench(values=FAST)
     bench.start(30_000)
     assert bench.get("timer.tick_samples") == 1
-    bench.trip(TRIP_DEADLINE)
-    bench.fw.lib.fl_host_raise(2)
+    bench.trip(bench.fw.lib.TRIP_DEADLINE)
+    bench.fw.lib.fl_host_raise(bench.fw.lib.IRQ_TRIP)
     bench.sample()
     assert (bench.fw.state, bench.console("fault")) == ("fault", "deadline")
     assert bench.get("timer.tick_samples") == 0
@@ -429,7 +428,7 @@ def test_design_comes_in_short_stages() -> None:
     taken = []
     for _ in range(26):
         bench.put("foc.gain", 0)
-        bench.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
+        bench.fw.lib.fl_host_raise(bench.fw.lib.IRQ_MACHINE_TIMER)
         bench.fw.poll()
         bench.fw.tick()
         taken.append(bench.get("foc.gain") != 0)

@@ -28,7 +28,6 @@ from tests.firmware.machines import drive, scenario
 from tests.firmware.vector_float import CLOCK_HZ, Subspace, float_model
 
 Q17, Q25, Q30, Q32, Q36 = 2**17, 2**25, 2**30, 2**32, 2**36
-IRQ_MACHINE_TIMER = 4
 PENDING = 2
 SEED = 31
 
@@ -295,7 +294,7 @@ class VectorBench:
         self.since_timer += m.period_cycles
         if self.since_timer >= self.get("timer.machine_period"):
             self.since_timer -= self.get("timer.machine_period")
-            self.fw.lib.fl_host_raise(IRQ_MACHINE_TIMER)
+            self.fw.lib.fl_host_raise(self.fw.lib.IRQ_MACHINE_TIMER)
             self.fw.poll()
 
     def _regulate(self, current: Complex) -> bool:
