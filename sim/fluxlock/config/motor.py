@@ -11,7 +11,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, Powers, conflict, quantity
-from fluxlock.plant.params import EncoderParams, MachineParams, SaturationParams, ThirdParams
+from fluxlock.plant.params import EncoderParams, MachineParams, SaturationParams, ThirdParams, positive_definite
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
@@ -278,13 +278,10 @@ class Motor(Model):
 
     @model_validator(mode="after")
     def _inductance_matrix(self) -> Self:
-        la, lb, lc = self.self_inductance_h
-        if min(la, lb, lc) <= 0:
-            raise conflict("mutual_h", f"with inductance_h gives a self inductance of {min(la, lb, lc):g} H")
-        mab, mbc, mca = self.mutual_h
-        # Energy of any currents with zero sum must be positive: 2 x 2 matrix of (ia, ib), ic = -ia - ib.
-        aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
-        if not (aa > 0 and aa * bb - ab * ab > 0):
+        least_h = min(self.self_inductance_h)
+        if least_h <= 0:
+            raise conflict("mutual_h", f"with inductance_h gives a self inductance of {least_h:g} H")
+        if not positive_definite(self.self_inductance_h, self.mutual_h):
             raise conflict("mutual_h", "with inductance_h gives an inductance matrix that is not positive definite")
         return self
 

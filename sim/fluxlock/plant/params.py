@@ -40,6 +40,13 @@ def finite_at_least(low: float, *values: float) -> bool:
     return all(math.isfinite(v) and v >= low for v in values)
 
 
+def positive_definite(l_h: Phases, m_h: Triple) -> bool:
+    """Whether the energy of any currents without a sum is positive: 2 x 2 matrix of (i_a, i_b), i_c = -i_a - i_b."""
+    (la, lb, lc), (mab, mbc, mca) = l_h, m_h
+    aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
+    return aa > 0.0 and aa * bb - ab * ab > 0.0
+
+
 @dataclass(frozen=True)
 class EncoderParams:
     """Incremental encoder. lines: periods of A and B a mechanical turn; A leads B at positive speed.
@@ -162,9 +169,7 @@ class MachineParams:
         if self.by_flux:
             self._check_by_flux()
             return
-        (la, lb, lc), (mab, mbc, mca) = self.l_h, self.m_h
-        aa, bb, ab = la + lc - 2 * mca, lb + lc - 2 * mbc, mab + lc - mca - mbc
-        definite = aa > 0.0 and aa * bb - ab * ab > 0.0
+        definite = positive_definite(self.l_h, self.m_h)
         require(definite, "l_h, m_h", (self.l_h, self.m_h), "a positive definite inductance matrix")
 
     @property
