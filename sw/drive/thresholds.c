@@ -9,6 +9,8 @@
 #define CROSSINGS_A_TURN 7u
 // Largest change of the electrical period from turn to turn, as a power of two of it.
 #define STEADY_SHIFT 7
+// 0.15 of the link voltage.
+#define BALANCE_LIMIT_Q25 5033165
 
 typedef enum { STAGE_WAIT, STAGE_ERRORS, STAGE_GAIN, STAGE_STEP, STAGE_WRITE } stage_t;
 
@@ -75,7 +77,7 @@ COLD static void thresholds_stage(drive_t *drive, const chip_snapshot_t *in) {
       t->stage = STAGE_STEP;
       break;
     case STAGE_STEP:
-      balance_step(&t->balance, drive->settings.balance, t->error_x6, t->gain, drive->p->balance_limit_q25);
+      balance_step(&t->balance, drive->settings.balance, t->error_x6, t->gain, BALANCE_LIMIT_Q25);
       t->stage = STAGE_WRITE;
       break;
     case STAGE_WRITE:

@@ -10,18 +10,18 @@
 #define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define CLEAR_KEY 0xA5u
 #define LOCK_KEY 0x10CCu
+#define UNITY_GAIN_Q15 0x8000u
+#define ALL_TRIPS 0xFFu
+#define AUTO_ZERO_LOG2_SAMPLES 6u
+// Unclamped samples in the same on-state that a crossing's sample must follow.
+#define SAMPLES_BEFORE 1u
+// From the crossing to the commutation, over the interval, before advance.
+#define COMMUTATION_DELAY_Q16 0x8000
+// Updates in a row without new voltages that trip.
+#define VECTOR_MISS_LIMIT 2u
 
 // Channels: voltages and currents of the phases, DC link's voltage and current, star point.
 static uint32_t current_channel(uint32_t i) { return (i < PHASES) ? PHASES + i : 2u * PHASES + 1u; }
-
-// Gains are given for the channels of three phases; equal phases have the first one's.
-static uint32_t gain_of(uint32_t channel) {
-#if PHASES == 3
-  return channel;
-#else
-  return (channel < PHASES) ? 0u : ((channel < 2u * PHASES) ? 3u : channel - 2u * PHASES + 6u);
-#endif
-}
 
 bool chip_is_known(void) {
   const uint32_t build = reg_read(REG(sys.build));
@@ -65,7 +65,7 @@ COLD static void configure_sensing(const parameters_t *p) {
   reg_write(REG(sense.period), (uint32_t)p->sample_period_cycles);
   reg_write(REG(sense.delay), (uint32_t)p->sense_delay_cycles);
   for (uint32_t c = 0; c < CHANNELS; c++) {
-    reg_write(REG(sense.gain[0]) + 4u * c, (uint32_t)p->gain_q15[gain_of(c)]);
+    reg_write(REG(sense.gain[0]) + 4u * c, UNITY_GAIN_Q15);
     reg_write(REG(sense.offset[0]) + 4u * c, 0);
   }
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
@@ -90,7 +90,7 @@ COLD static void configure_safety(const parameters_t *p) {
                                            FIELD(FL_SAFETY_REGS__CURRENT_LIMIT__DC_LSB, p->trip_dc_lsb));
   reg_write(REG(safety.voltage_limit), FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__OVER_LSB, p->trip_over_voltage_lsb) |
                                            FIELD(FL_SAFETY_REGS__VOLTAGE_LIMIT__UNDER_LSB, p->trip_under_voltage_lsb));
-  reg_write(REG(safety.trip_enable), (uint32_t)p->trip_enable);
+  reg_write(REG(safety.trip_enable), ALL_TRIPS);
   reg_write(REG(safety.watchdog), (uint32_t)p->watchdog_cycles);
   reg_write(REG(safety.brake_level), FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__ON_LSB, p->brake_on_lsb) |
                                          FIELD(FL_SAFETY_REGS__BRAKE_LEVEL__OFF_LSB, p->brake_off_lsb));
@@ -110,7 +110,7 @@ static uint32_t vector_control(const chip_vector_command_t *vector, const parame
          FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__REGULATE, regulate) |
          FIELD(FL_FOC_REGS__CONTROL__DIRECT, p->vector_direct) |
-         FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, p->vector_miss_limit);
+         FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, VECTOR_MISS_LIMIT);
 }
 
 SMALL_CODE_BEGIN
@@ -325,7 +325,7 @@ COLD static void write_thresholds(const chip_command_t *command) {
 COLD static void write_modes(const chip_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
   // One sample a pulse has none before it.
-  const int32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0 : p->zcd_need_previous;
+  const uint32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0u : SAMPLES_BEFORE;
   write_scheduler(command->sampling, p);
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
@@ -356,25 +356,25 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
 }
 
 // What the control loop moves. The wait of an averaged crossing ends half-way to the commutation.
-HOT static void write_loop(const chip_command_t *command, const parameters_t *p) {
-  const int32_t delay_q16 = p->delay_q16 - command->advance_q16;
+HOT static void write_loop(const chip_command_t *command) {
+  const int32_t delay_q16 = COMMUTATION_DELAY_Q16 - command->advance_q16;
   const uint32_t peak_q17 = command->peak_q17;
   reg_write(REG(pwm.period), command->period_cycles);
   reg_write(REG(pwm.duty), command->pulse_cycles_q8);
-  reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, p->delay_q16) |
+  reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, COMMUTATION_DELAY_Q16) |
                                  FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
   reg_write(REG(zcd.wait_limit), (delay_q16 > 0) ? (uint32_t)delay_q16 >> 9 : 0u);
   reg_write(REG(zcd.amplitude), (command->crossing.zcd_source == ZCD_SOURCE_TERMINAL) ? peak_q17 : peak_q17 / 3u);
 }
 
 SMALL_CODE_BEGIN
-COLD static void start_auto_zero(const parameters_t *p) {
+COLD static void start_auto_zero(void) {
   uint32_t mask = 0;
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     mask |= 1u << current_channel(i);
   }
   reg_write(REG(sense.auto_zero), FIELD(FL_SENSE_REGS__AUTO_ZERO__START, 1) |
-                                      FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, p->auto_zero_log2) |
+                                      FIELD(FL_SENSE_REGS__AUTO_ZERO__LOG2_SAMPLES, AUTO_ZERO_LOG2_SAMPLES) |
                                       FIELD(FL_SENSE_REGS__AUTO_ZERO__MASK, mask));
 }
 SMALL_CODE_END
@@ -383,7 +383,7 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
   if (command->write_modes) {
     write_modes(command, parameters);
   }
-  write_loop(command, parameters);
+  write_loop(command);
   if (command->write_thresholds) {
     write_thresholds(command);
   }
@@ -392,7 +392,7 @@ HOT void chip_write(const chip_command_t *command, const parameters_t *parameter
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {
-    start_auto_zero(parameters);
+    start_auto_zero();
   }
 }
 
@@ -461,7 +461,7 @@ INLINED void chip_write_vector(const chip_command_t *command, const parameters_t
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
   if (command->start_auto_zero) {
-    start_auto_zero(parameters);
+    start_auto_zero();
   }
 }
 

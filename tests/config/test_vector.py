@@ -583,7 +583,7 @@ def test_six_step_blocks_have_no_vector_parameters() -> None:
     """
     values = parameter_block(load_scenario(DEMO)).values
     assert not [name for name in values if name.startswith("vector") or name == "method"]
-    assert values["tick_cycles"] == 5000 and values["trip_enable"] == 0xFF
+    assert values["tick_cycles"] == 5000
     block = parameter_block(load_scenario(START))
     assert block.number("method") == 1
     assert block.number("sample_mode") == 2

@@ -108,12 +108,11 @@ def patched(offset: int, value: int) -> bytes:
         (patched(200, 77), "parameter_crc"),
         (repacked({"pole_pairs": 0}), "parameter_range"),
         (repacked({"duty_max_q30": 2**30 + 1}), "parameter_range"),
-        # Limits that no code exceeds, a watchdog that is off, a trip that is off.
+        # Limits that no code exceeds, a watchdog that is off.
         (repacked({"trip_phase_lsb": 2047}), "parameter_range"),
         (repacked({"trip_dc_lsb": 2047}), "parameter_range"),
         (repacked({"trip_over_voltage_lsb": 4095}), "parameter_range"),
         (repacked({"watchdog_cycles": 0}), "parameter_range"),
-        *((repacked({"trip_enable": 0xFF & ~(1 << bit)}), "parameter_range") for bit in (0, 1, 2, 3, 4, 6, 7)),
         (repacked({"clock_hz": 40_000_000}), "chip"),
     ],
 )

@@ -128,7 +128,6 @@ def vector_values(motor: Motor, inverter: Inverter, s: VectorSettings) -> dict[s
         "vector_slope_shift": 20,
         "vector_dead_comp_cycles": 0,
         "vector_margin_cycles": 0,
-        "vector_miss_limit": 2,
         "vector_angle": int(s.sensored),
         "encoder_quarters": 4 * s.encoder_lines if s.encoder_lines else 1,
         "encoder_index": int(s.encoder_index),

@@ -49,10 +49,9 @@ DIVIDER_TOLERANCE = 0.1
 # Above noise and offset; where a decaying current is slow each step of it counts.
 FREEWHEEL_LSB = 4.0
 CSC_TOLERANCE = 0.01
-# Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn, range.
+# Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn.
 BALANCE_BANDWIDTH_RATIO = 1.5
 BALANCE_SHARE_A_TURN = 0.4
-BALANCE_LIMIT = 0.15
 # Catching: speed over that of the hand-over; the angle between two control ticks must stay below a third of a turn.
 CATCH_SPEED_RATIO = 1.25
 CATCH_TURNS_A_TICK = 0.28
@@ -99,8 +98,6 @@ def _sampling(d: Design) -> dict[str, Value]:
         "sample_period_cycles": cycles(sensing.sample_period_s),
         "sample_offset_cycles": cycles(d.offset_s),
         "sense_delay_cycles": cycles(sensing.divider_pole_s),
-        "gain_q15": (0x8000,) * 9,
-        "auto_zero_log2": 6,
         "offset_limit_lsb": d.half_codes // 10,
         "voltage_full_scale_mv": round(1e3 * sensing.voltage_full_scale_v),
         "current_full_scale_ma": round(1e3 * sensing.current_full_scale_a),
@@ -124,7 +121,6 @@ def _protection(d: Design) -> dict[str, Value]:
     inverter, protection = d.s.inverter, d.s.inverter.protection
     full_a = inverter.sensing.current_full_scale_a
     return {
-        "trip_enable": 0xFF,
         "trip_phase_lsb": round(d.trip_a / full_a * d.half_codes),
         "trip_dc_lsb": round(d.visible_a(protection.dc_current_a) / full_a * d.half_codes),
         "trip_over_voltage_lsb": d.code(inverter.over_voltage_v),
@@ -199,7 +195,6 @@ def _crossings(d: Design) -> dict[str, Value]:
     return {
         "zcd_linear": int(not m.sinusoidal),
         "zcd_peak": gain(peak_vs * (d.volt / Q8) / RPM_Q8, "zcd_peak"),
-        "zcd_need_previous": 1,
         "zcd_settle_cycles": cycles(d.settle_s),
         "zcd_blank_cycles": cycles(blank_s),
         # A divider whose gain is too small shows a clamped terminal below the rail.
@@ -223,7 +218,6 @@ def _balance(d: Design) -> dict[str, Value]:
     return {
         "balance_step": gain(bandwidth * 2.0 * math.pi / CLOCK_HZ * slope * Q25 / 6.0, "balance_step"),
         "balance_turn_cycles": max(256, min(INTERVAL_MAX_CYCLES, cycles(BALANCE_SHARE_A_TURN / bandwidth))),
-        "balance_limit_q25": round(BALANCE_LIMIT * Q25),
     }
 
 
@@ -250,7 +244,6 @@ def _hall(d: Design) -> dict[str, Value]:
 def _commutation(d: Design) -> dict[str, Value]:
     drive = d.s.drive
     return {
-        "delay_q16": 0x8000,
         "advance_q16": _turn60(drive.advance_deg),
         "advance_speed_q16": _turn60(drive.advance_deg_at_max_speed),
         "advance_current_q16": _turn60(drive.advance_deg_at_rated_current),

@@ -58,7 +58,6 @@ DEAD_TIME_ZONE_SHARE = 0.25
 # The same with the currents at the edges themselves, as injection has them: docs/theory/five-phase.md, Dead time.
 EDGE_ZONE_SHARE = 0.075
 DEAD_TIME_LSB = 8.0
-MISS_LIMIT = 2
 # Share of the shortest quarter of a line that the encoder's filter takes.
 ENCODER_FILTER_SHARE = 0.25
 ENCODER_FILTER_MAX = 50
@@ -177,7 +176,6 @@ def _modulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
         "vector_slope_shift": shift,
         "vector_dead_comp_cycles": lost,
         "vector_margin_cycles": margin_cycles(inverter),
-        "vector_miss_limit": MISS_LIMIT,
     }
 
 
