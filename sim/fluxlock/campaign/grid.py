@@ -13,6 +13,7 @@ from itertools import cycle
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.plan import Action
+from fluxlock.interface.names import fault_names
 from fluxlock.memory import BLOCK_ADDRESS
 from fluxlock.paths import ROOT
 from fluxlock.plant import channel_names
@@ -24,16 +25,24 @@ SLOW_S = 0.110
 
 Change = tuple[float, str, Mapping[str, object]]  # after the moment (s), kind and arguments of an `Action`
 
-CURRENT = frozenset({"phase_over_current", "dc_over_current"})
-LOCK = frozenset({"lost_lock", "start_failed"})
-LINK = frozenset({"under_voltage", "over_voltage"})
-CHANNEL = frozenset({"voltage_channel", "stuck_channel", "current_sum"})
-PIN = frozenset({"fault_pin"})
-CONVERTER = frozenset({"converter"})
-SETTINGS = frozenset({"settings_changed"})
-PARAMETERS = frozenset({"parameter_magic", "parameter_version", "parameter_crc"})
-INJECTION = frozenset({"injection_signal", "injection_noise", "no_saliency", "polarity_unsure"})
-BUS = frozenset({"command_timeout", "bus_off"})
+
+def _faults(*names: str) -> frozenset[str]:
+    """Faults of the drive by their names."""
+    if unknown := sorted(set(names) - set(fault_names())):
+        raise ValueError(f"the drive has no fault {unknown[0]}")
+    return frozenset(names)
+
+
+CURRENT = _faults("phase_over_current", "dc_over_current")
+LOCK = _faults("lost_lock", "start_failed")
+LINK = _faults("under_voltage", "over_voltage")
+CHANNEL = _faults("voltage_channel", "stuck_channel", "current_sum")
+PIN = _faults("fault_pin")
+CONVERTER = _faults("converter")
+SETTINGS = _faults("settings_changed")
+PARAMETERS = _faults("parameter_magic", "parameter_version", "parameter_crc")
+INJECTION = _faults("injection_signal", "injection_noise", "no_saliency", "polarity_unsure")
+BUS = _faults("command_timeout") | {"bus_off"}  # the bus tells the other
 NONE: frozenset[str] = frozenset()  # no stop is right
 ANY = frozenset({"*"})
 

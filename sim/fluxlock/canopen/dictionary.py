@@ -195,6 +195,8 @@ def _setting(setting: Setting) -> dict[str, Any]:
     }
     if setting.kind != "number":
         item["choices"] = list(range(len(setting.choices) or 2))
+    elif setting.min is not None and setting.max is not None and not setting.zero:
+        item |= {"min": setting.min, "max": setting.max}
     return item
 
 
