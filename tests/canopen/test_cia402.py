@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 
 import pytest
 
@@ -148,7 +147,7 @@ def test_cyclic_torque() -> None:
 
     Verifies: CO-10
     """
-    b = NodeBench(drive=replace(DRIVE, current_loop=True), speed_rpm=15_000)
+    b = NodeBench(drive=DRIVE.model_copy(update={"current_loop": True}), speed_rpm=15_000)
     assert b.until("disabled", 0.1)
     b.write("modes_of_operation", 10)
     b.enable()
