@@ -51,7 +51,11 @@ def faults_table() -> str:
 
 def values_table() -> str:
     """Values: name, unit, meaning."""
-    rows = ["| name | unit | |", "|---|---|---|", *(f"| `{v.name}` | {v.unit} | {v.text} |" for v in load_values())]
+    rows = [
+        "| name | unit | |",
+        "|---|---|---|",
+        *(f"| `{v.name}` | {v.unit} | {v.sentences} |" for v in load_values()),
+    ]
     return "\n".join(rows) + "\n"
 
 

@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 
-from fluxlock.interface.names import c_strings
+from fluxlock.interface.names import c_strings, words
 from fluxlock.paths import ROOT
 
 VALUES_FILE = ROOT / "sw" / "app" / "values.toml"
@@ -22,6 +22,14 @@ class Value:
     name: str
     text: str
     unit: str = ""
+    words: str = ""  # list of names that it is one of
+
+    @property
+    def sentences(self) -> str:
+        """What it is, with the words that it may be."""
+        return (
+            f"{self.text} One of {', '.join(f'`{word}`' for word in words(self.words))}." if self.words else self.text
+        )
 
 
 @cache
