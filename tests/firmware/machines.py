@@ -38,6 +38,7 @@ _INVERTER = {
     "phase_current_a": 45.0,
     "dc_current_a": 45.0,
 }
+_PARTS = {"sensing": Sensing, "protection": Protection}
 
 
 def motor(**keys: Any) -> Motor:
@@ -50,9 +51,6 @@ def inverter(**keys: Any) -> Inverter:
     table = _INVERTER | keys
     parts = {name: {k: table.pop(k) for k in part.model_fields if k in table} for name, part in _PARTS.items()}
     return Inverter.model_validate(table | parts)
-
-
-_PARTS = {"sensing": Sensing, "protection": Protection}
 
 
 def drive(**keys: Any) -> Drive:

@@ -73,7 +73,7 @@ def test_standstill_to_full_speed_reversal_and_stop(samples: int, cycles: int) -
     assert max(onward + back) < 0.5
 
 
-@pytest.mark.parametrize(("samples", "cycles", "delay"), [(1, 2500, 0.5), (2, 1250, 0.5), (4, 625, 1.0)])
+@pytest.mark.parametrize(("samples", "cycles", "delay"), [(1, 2500, 0.5), (2, 1250, 0.5), (4, 600, 1.0)])
 def test_hand_over_without_a_bump(samples: int, cycles: int, delay: float) -> None:
     """The regulators, held for a tick while the frame turns, go on: without noise at most 1 % of the start current.
 
