@@ -84,16 +84,13 @@ class ParameterBlock:
             self.schema[name]
             self.values[name] = value
 
-    def _default(self, p: Parameter) -> Value | None:
+    def _unused(self, p: Parameter) -> Value | None:
         """Value of a parameter that the six-step method, or a vector drive without injection, does not need."""
-        needed = self.values.get("method", 0) != 0
-        if p.name.startswith("injection"):
-            needed = self.values.get("injection", 0) != 0
-        if p.default is None or needed:
+        group = p.name.partition("_")[0]
+        owner = {"vector": "method", "encoder": "method", "injection": "injection"}.get(group)
+        if owner is None or self.values.get(owner, 0) != 0:
             return None
-        if p.count > 1:
-            return (p.default,) * p.count
-        return p.default if p.kind == "i32" else (p.default, SHIFT_MIN)
+        return (0, p.min) if p.kind == "gain" else (max(p.min, min(0, p.max)),) * p.count
 
     def words(self) -> list[int]:
         """Payload as signed 32-bit words, every value checked against the schema; unknown names are refused."""
@@ -101,7 +98,7 @@ class ParameterBlock:
         for name in self.values.keys() - self.schema.offsets.keys():
             raise ParameterError("is no parameter", name)
         for p in self.schema.parameters:
-            value = self.values.get(p.name, self._default(p))
+            value = self.values.get(p.name, self._unused(p))
             if value is None:
                 raise ParameterError(f"parameter {p.name} has no value")
             words = (value,) if isinstance(value, int) else tuple(value)

@@ -73,7 +73,7 @@ def compile_parameters(s: Scenario) -> ParameterBlock:
         *(_speed, _machine, _carrier, _crossings, _balance, _hall, _commutation),
         *(_coasting, _alignment, _ramp, _handover, _limits, _current, _stop),
     )
-    values: dict[str, Value] = {"clock_hz": round(CLOCK_HZ), "tick_cycles": cycles(d.tick_s)}
+    values: dict[str, Value] = {"clock_hz": round(CLOCK_HZ), "method": 0, "tick_cycles": cycles(d.tick_s)}
     for group in groups:
         values |= group(d)
     if s.drive.method == "vector":

@@ -33,7 +33,6 @@ class Parameter:
     min: int
     max: int
     description: str
-    default: int | None = None  # of blocks of the six-step method that do not name it; of a gain: its mantissa
 
     @property
     def words(self) -> int:
@@ -105,10 +104,9 @@ def load_schema(path: Path = SCHEMA_FILE) -> Schema:
             kind=entry.get("kind", "i32"),
             count=int(entry.get("count", 1)),
             unit=entry["unit"],
-            min=int(entry["min"]),
-            max=int(entry["max"]),
+            min=int(entry.get("min", SHIFT_MIN) if entry.get("kind") == "gain" else entry["min"]),
+            max=int(entry.get("max", SHIFT_MAX) if entry.get("kind") == "gain" else entry["max"]),
             description=entry["description"],
-            default=entry.get("default"),
         )
         for entry in _entries(data["parameter"])
     )
