@@ -8,7 +8,6 @@
 #include "app/console.h"
 #include "control/placement.h"
 #include "drive/parameters.h"
-#include "drive/vector.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
@@ -67,52 +66,49 @@ COLD void app_boot(app_t *app) {
 }
 SMALL_CODE_END
 
-HOT static void write_guard(app_t *app) {
-  const drive_t *drive = &app->drive;
-  const bool enable = drive->command.gate_enable;
-  if (enable != app->gate_enable_written || drive->command.clear_trips) {
-    chip_write_guard(&drive->command);
-    app->gate_enable_written = enable;
+HOT static void write_guard(drive_t *drive) {
+  if (__builtin_expect(drive->guard.fresh, 0)) {
+    chip_write_guard(&drive->guard);
   }
 }
 
 // While running, telemetry follows the ticks that have read everything.
 HOT static void vector_control_step(app_t *app) {
   drive_t *drive = &app->drive;
+  vector_command_t *command = &drive->method.vector.command;
   chip_snapshot_t snapshot;
-  chip_read_vector(&snapshot, &drive->command, drive->p);
-  if (drive->state == STATE_INIT) {
+  chip_read_vector(&snapshot, command, drive->p);
+  if (drive->order.state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }
-  const bool whole = drive->command.vector.read_slow || drive->state != STATE_RUNNING || vector_injects(drive);
   drive_vector_step(drive, &snapshot);
-  write_guard(app);
-  chip_write_vector(&drive->command, drive->p);
-  if (whole || drive->state != STATE_RUNNING) {
+  write_guard(drive);
+  chip_write_vector(command, drive->p);
+  if (drive->method.vector.whole || drive->order.state != STATE_RUNNING) {
     telemetry_update(app->telemetry, drive);
   }
 }
 
 SHARED static void six_step_control_step(app_t *app) {
   drive_t *drive = &app->drive;
+  six_step_command_t *command = &drive->method.six_step.command;
   chip_snapshot_t snapshot;
   chip_read(&snapshot);
-  if (drive->state == STATE_INIT) {
+  if (drive->order.state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }
-  if (drive->command.read_sectors) {
+  if (command->threshold.read || command->edge.read) {
     chip_read_sectors(&snapshot);
   }
   if (drive->p->hall_mode != HALL_OFF) {
     chip_read_hall(&snapshot);
-    if (drive->command.read_phases) {
-      chip_read_sectors(&snapshot);
+    if (command->edge.read) {
       chip_read_phases(&snapshot);
     }
   }
   drive_step(drive, &snapshot);
-  write_guard(app);
-  chip_write(&drive->command, drive->p);
+  write_guard(drive);
+  chip_write(command, drive->p);
   chip_read_freewheel(&app->telemetry->freewheel);
   telemetry_update(app->telemetry, drive);
 }
@@ -120,7 +116,7 @@ SHARED static void six_step_control_step(app_t *app) {
 HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
   if (drive->p == 0) {
-    drive->tick++;
+    drive_wait(drive);
     telemetry_update(app->telemetry, drive);
   } else if (method_is_vector(drive->p->method)) {
     vector_control_step(app);
@@ -136,9 +132,9 @@ HOT void app_current_interrupt(app_t *app) {
   if (!chip_read_direct(&direct)) {
     return;
   }
-  const complex_t wanted_v_q25 = vector_want(&app->drive, direct.i_q17);
+  const complex_t wanted_v_q25 = vector_want(&app->drive.method.vector, direct.i_q17);
   chip_write_direct(&direct, wanted_v_q25);
-  vector_bound(&app->drive, wanted_v_q25);
+  vector_bound(&app->drive.method.vector, wanted_v_q25);
 }
 
 COLD static void trip_interrupt(app_t *app) {
@@ -163,8 +159,8 @@ HOT void app_control_interrupt(app_t *app) {
     const uint32_t tick_time = chip_tick_time();
     chip_irq_clear(IRQ_TICK);
     control_step(app);
-    if (app->drive.tick % REPORT_TICKS == 0u) {
-      chip_report_step(app->drive.tick / REPORT_TICKS);
+    if (app->drive.order.tick % REPORT_TICKS == 0u) {
+      chip_report_step(app->drive.order.tick / REPORT_TICKS);
     }
     cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
     cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
@@ -183,7 +179,9 @@ void app_deferred_interrupt(app_t *app) {
   if ((pending & (uint32_t)IRQ_MACHINE_TIMER) != 0u) {
     const uint32_t start = chip_now();
     chip_irq_clear(IRQ_MACHINE_TIMER);
-    vector_design(&app->drive);
+    if (app->drive.p != 0 && method_is_vector(app->drive.p->method)) {
+      vector_design(&app->drive.method.vector);
+    }
     cycles_add(&telemetry->handler[HANDLER_DESIGN], chip_now() - start);
   }
   if ((pending & (uint32_t)IRQ_LOAD) != 0u) {

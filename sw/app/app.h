@@ -23,7 +23,6 @@
 typedef struct {
   drive_t drive;
   telemetry_t *telemetry;
-  bool gate_enable_written;
   uint32_t polled;  // when the main loop came round last, 0: not yet
   uint32_t quiet_round_cycles;  // of the main loop's last round that nothing interrupted
   uint32_t idle_cycles;         // that the rounds took without what interrupted them; wraps

@@ -167,7 +167,7 @@ static const char *command_stats(const app_t *app) {
 }
 
 static const char *command_start(app_t *app) {
-  if (app->drive.state != STATE_READY) {
+  if (app->drive.order.state != STATE_READY) {
     return "not ready";
   }
   if (app->drive.settings.target_rpm == 0) {
@@ -186,7 +186,7 @@ static const char *command_stop(app_t *app, uint32_t words, char **word) {
 }
 
 static const char *command_clear(app_t *app) {
-  if (app->drive.state != STATE_FAULT) {
+  if (app->drive.order.state != STATE_FAULT) {
     return "no fault to clear";
   }
   request(app, REQUEST_CLEAR);
@@ -266,7 +266,7 @@ COLD static void run_line(app_t *app) {
   const char *error = line_check(&console.line);
   if (error == 0) {
     const uint32_t words = split(console.text, word);
-    app->drive.heard_tick = app->drive.tick;
+    app->drive.heard_tick = app->drive.order.tick;
     error = (words > WORDS_MAX) ? "too many words" : execute(app, words, word);
   }
   line_answer(&console.line, error);

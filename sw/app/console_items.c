@@ -5,8 +5,6 @@
 
 #include "app/format.h"
 #include "control/fixed.h"
-#include "drive/hall.h"
-#include "drive/vector_injection.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "control/placement.h"
@@ -70,7 +68,7 @@ static char *put_degrees(char *text, uint64_t cycles, uint32_t sector_cycles) {
 static const char *freewheel(char *text, const app_t *app) {
   const uint32_t state = critical_enter();
   const chip_freewheel_t f = app->telemetry->freewheel;
-  const uint32_t sector_cycles = app->drive.m.sector_cycles;
+  const uint32_t sector_cycles = app->drive.report->six_step.sector_cycles;
   critical_leave(state);
   const uint32_t ended = f.count & 0xFFFFu;
   const uint32_t open = f.count >> 16;
@@ -92,16 +90,13 @@ static void degrees_of_radians(char *text, int32_t angle_q30) {
 
 // Share of the current that the validity permits, noise of the angle in degrees, seen ratio of the inductances, share of
 // the EMF.
-static const char *injection(char *text, const vector_injection_t *j) {
-  if (j == 0) {
+static const char *injection(char *text, const vector_report_t *vector) {
+  if (!vector->injects) {
     return "none";
   }
-  const injection_validity_t *validity = &j->frame.validity;
-  const uint32_t values_q16[] = {validity->share_q16, validity->noise_q16, validity->ratio_q16,
-                                 (uint32_t)j->frame.handover.share_q16};
   char *at = text;
-  for (uint32_t k = 0; k < sizeof values_q16 / sizeof values_q16[0]; k++) {
-    const int64_t value_q16 = (int64_t)values_q16[k];
+  for (uint32_t k = 0; k < 4u; k++) {
+    const int64_t value_q16 = (int64_t)vector->injection_q16[k];
     format_fixed(at, (k == 1u) ? (value_q16 * DEGREES_Q16) >> 16 : value_q16, 16, 3);
     at = next_to(at);
   }
@@ -109,8 +104,7 @@ static const char *injection(char *text, const vector_injection_t *j) {
   return text;
 }
 
-static const char *open_phases(char *text, const vector_injection_t *j) {
-  const uint32_t open = (j == 0) ? 0u : j->open.open;
+static const char *open_phases(char *text, uint32_t open) {
   char *at = text;
   for (uint32_t x = 0; x < PHASES; x++) {
     if ((open >> x & 1u) != 0u) {
@@ -120,6 +114,13 @@ static const char *open_phases(char *text, const vector_injection_t *j) {
   }
   *at = '\0';
   return (open == 0u) ? "none" : text;
+}
+
+static const char *hall_state_name(const parameters_t *p, bool faulty) {
+  if (p->hall_mode == HALL_OFF) {
+    return "off";
+  }
+  return faulty ? "faulty" : "ok";
 }
 
 static void milliamperes(char *text, const parameters_t *p, int32_t current_q17) {
@@ -132,84 +133,84 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
   const parameters_t *p = d->p;
   switch (item) {
     case ITEM_STATE:
-      return drive_state_name(d->state);
+      return drive_state_name(d->order.state);
     case ITEM_PHASE:
-      return (d->state == STATE_STARTING) ? drive_phase_name(d->phase) : "none";
+      return (d->order.state == STATE_STARTING) ? drive_phase_name(d->report->phase) : "none";
     case ITEM_FAULT:
       return fault_name(d->fault);
     case ITEM_LIMIT:
-      return drive_limit_name(d->limit);
+      return drive_limit_name(d->report->limit);
     case ITEM_MEASURED_RPM:
-      format_fixed(text, d->reverse ? -(int64_t)d->m.speed_rpm_q8 : d->m.speed_rpm_q8, 8, 1);
+      format_fixed(text, d->report->backward ? -(int64_t)d->report->speed_rpm_q8 : d->report->speed_rpm_q8, 8, 1);
       break;
     case ITEM_REFERENCE_RPM:
-      format_fixed(text, d->reverse ? -(int64_t)d->ramp.value_rpm_q8 : d->ramp.value_rpm_q8, 8, 1);
+      format_fixed(text, d->report->backward ? -(int64_t)d->report->demand_rpm_q8 : d->report->demand_rpm_q8, 8, 1);
       break;
     case ITEM_DUTY:
-      format_fixed(text, d->duty_q30, 30, 4);
+      format_fixed(text, d->report->duty_q30, 30, 4);
       break;
     case ITEM_VDC_V:
-      format_milli(text, sat_i32(round_shift((int64_t)d->m.vdc_v_q25 * p->voltage_full_scale_mv, 25)));
+      format_milli(text, sat_i32(round_shift((int64_t)d->report->vdc_v_q25 * p->voltage_full_scale_mv, 25)));
       break;
     case ITEM_IDC_A:
-      amperes(text, p, d->m.idc_q17);
+      amperes(text, p, d->report->idc_q17);
       break;
     case ITEM_MOTOR_A:
-      amperes(text, p, d->m.motor_q17);
+      amperes(text, p, d->report->motor_q17);
       break;
     case ITEM_LOST_LOCKS:
       format_u32(text, d->lost_locks);
       break;
     case ITEM_THRESHOLD_PU:
-      six_numbers(text, d->command.threshold_q17, 1, 17, 4);
+      six_numbers(text, d->report->six_step.threshold_q17, 1, 17, 4);
       break;
     case ITEM_IDLE:
       format_u32(text, app->idle_cycles);
       format_u32(next_to(text), app->polled);
       break;
     case ITEM_CATCHES:
-      format_u32(text, d->catches);
+      format_u32(text, d->report->catches);
       break;
     case ITEM_LINE_A:
-      amperes(text, p, d->m.line_i_q25 / 256);
+      amperes(text, p, d->report->current_i_q25 / 256);
       break;
     case ITEM_REFERENCE_A:
-      amperes(text, p, d->reference_i_q25 / 256);
+      amperes(text, p, d->report->six_step.reference_i_q25 / 256);
       break;
     case ITEM_FREEWHEEL_DEG:
       return freewheel(text, app);
     case ITEM_HALL_STATE:
-      return hall_state_name(d);
+      return hall_state_name(p, d->report->six_step.hall_faulty);
     case ITEM_HALL_OFFSET_DEG:
-      six_numbers(text, d->hall.late_q20[d->reverse ? 1 : 0], 60, 20, 2);
+      six_numbers(text, d->report->six_step.hall_late_q20, 60, 20, 2);
       break;
     case ITEM_HALL_HANDOVERS:
-      format_u32(text, d->hall.handovers);
+      format_u32(text, d->report->six_step.hall_handovers);
       break;
     case ITEM_COMMUTATED_BY:
-      return timer_names[d->command.timer];
+      return timer_names[d->report->six_step.commutated_by];
     case ITEM_ID_MA:
-      milliamperes(text, p, d->vector.current_i_q17.re);
+      milliamperes(text, p, d->report->vector.current_i_q17.re);
       break;
     case ITEM_IQ_MA:
-      milliamperes(text, p, d->vector.current_i_q17.im);
+      milliamperes(text, p, d->report->vector.current_i_q17.im);
       break;
     case ITEM_ANGLE_DEG:
-      format_fixed(text, (int64_t)d->vector.angle_turn_q32 * 360, 32, 1);
+      format_fixed(text, (int64_t)d->report->vector.angle_turn_q32 * 360, 32, 1);
       break;
     case ITEM_OBSERVED_AHEAD_DEG:
-      degrees_of_radians(text, d->vector.observed_ahead_q30);
+      degrees_of_radians(text, d->report->vector.observed_ahead_q30);
       break;
     case ITEM_ENCODER_AHEAD_DEG:
-      degrees_of_radians(text, d->vector.encoder_ahead_q30);
+      degrees_of_radians(text, d->report->vector.encoder_ahead_q30);
       break;
     case ITEM_ENCODER_FAULTS:
-      format_u32(text, d->vector.encoder_faults);
+      format_u32(text, d->report->vector.encoder_faults);
       break;
     case ITEM_OPEN_PHASES:
-      return open_phases(text, d->vector.injection);
+      return open_phases(text, d->report->vector.open_phases);
     case ITEM_INJECTION:
-      return injection(text, d->vector.injection);
+      return injection(text, &d->report->vector);
     case ITEM_COUNT:
       break;
   }

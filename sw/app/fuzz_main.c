@@ -11,7 +11,6 @@
 #include <stdbool.h>
 
 #include "app/app.h"
-#include "drive/vector_injection.h"
 #include "hal/can.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
@@ -69,12 +68,17 @@ static void each_word(bool write) {
   }
 }
 
+static vector_injection_t *injection(void) {
+  const drive_t *drive = &app.drive;
+  return (drive->p != 0 && method_is_vector(drive->p->method)) ? drive->method.vector.injection : 0;
+}
+
 // Interrupts that wait are dropped: written back they would clear the later ones.
 static void keep(void) {
   const uint32_t interrupts = critical_enter();
   kept = app;
-  if (app.drive.vector.injection != 0) {
-    kept_injection = *app.drive.vector.injection;
+  if (injection() != 0) {
+    kept_injection = *injection();
   }
   chip_irq_clear(~0u);
   each_word(false);
@@ -84,19 +88,18 @@ static void keep(void) {
 // A tick by time takes the registers over, its control step enables the guard. The ticks count on: the watchdog knows the
 // last number.
 static void bring_back(void) {
-  static const chip_command_t cleared = {.clear_trips = true};
   const uint32_t interrupts = critical_enter();
-  const uint32_t tick = app.drive.tick;
+  const uint32_t tick = app.drive.order.tick;
   app = kept;
-  app.drive.tick = tick;
-  app.drive.command.write_modes = true;
-  app.gate_enable_written = false;
-  if (app.drive.vector.injection != 0) {
-    *app.drive.vector.injection = kept_injection;
+  app.drive.order.tick = tick;
+  app.drive.guard.fresh = true;
+  if (injection() != 0) {
+    *injection() = kept_injection;
   }
   each_word(true);
   chip_tick_by_time();
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
+  guard_command_t cleared = {.clear_trips = true};
   chip_write_guard(&cleared);
   traps = 0;
   critical_leave(interrupts);

@@ -6,7 +6,6 @@
 #include <stddef.h>
 
 #include "control/placement.h"
-#include "drive/vector.h"
 #include "ram.h"
 
 _Static_assert(RAM_TELEMETRY + offsetof(telemetry_t, published_q32) == RAM_PUBLISHED, "the simulator reads it there");
@@ -31,32 +30,34 @@ void telemetry_init(telemetry_t *telemetry) {
   }
 }
 
-HOT void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
-  telemetry->tick = drive->tick;
-  telemetry->state = (uint32_t)drive->state;
-  telemetry->phase = (uint32_t)drive->phase;
+SHARED void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
+  const report_t *report = drive->report;
+  const vector_report_t *vector = &report->vector;
+  telemetry->tick = drive->order.tick;
+  telemetry->state = (uint32_t)drive->order.state;
+  telemetry->phase = (uint32_t)report->phase;
   telemetry->fault = (uint32_t)drive->fault;
-  telemetry->limit = (uint32_t)drive->limit;
-  telemetry->speed_rpm_q8 = drive->m.speed_rpm_q8;
-  telemetry->reference_rpm_q8 = drive->ramp.value_rpm_q8;
+  telemetry->limit = (uint32_t)report->limit;
+  telemetry->speed_rpm_q8 = report->speed_rpm_q8;
+  telemetry->reference_rpm_q8 = report->demand_rpm_q8;
   telemetry->target_rpm = drive->settings.target_rpm;
-  telemetry->u_v_q25 = drive->u_v_q25;
-  telemetry->duty_q30 = drive->duty_q30;
-  telemetry->period_cycles = drive->command.period_cycles;
-  telemetry->vdc_v_q25 = drive->m.vdc_v_q25;
-  telemetry->idc_q17 = drive->m.idc_q17;
-  telemetry->motor_q17 = drive->m.motor_q17;
-  telemetry->crossings = drive->m.crossings;
-  telemetry->commutations = drive->m.commutations;
+  telemetry->u_v_q25 = report->voltage_v_q25;
+  telemetry->duty_q30 = report->duty_q30;
+  telemetry->period_cycles = report->period_cycles;
+  telemetry->vdc_v_q25 = report->vdc_v_q25;
+  telemetry->idc_q17 = report->idc_q17;
+  telemetry->motor_q17 = report->motor_q17;
+  telemetry->crossings = report->crossings;
+  telemetry->commutations = report->six_step.commutations;
   telemetry->lost_locks = drive->lost_locks;
   telemetry->fault_count = drive->log.count;
-  telemetry->angle_turn_q32 = drive->vector.angle_turn_q32;
-  telemetry->speed_turn_q36 = drive->vector.speed_turn_q36;
-  telemetry->d_i_q17 = drive->vector.current_i_q17.re;
-  telemetry->q_i_q17 = drive->vector.current_i_q17.im;
-  telemetry->emf_v_q25 = drive->vector.emf_v_q25;
-  telemetry->observed_ahead_q30 = drive->vector.observed_ahead_q30;
-  telemetry->encoder_ahead_q30 = drive->vector.encoder_ahead_q30;
-  telemetry->encoder_faults = drive->vector.encoder_faults;
-  telemetry->published_q32 = vector_published_q32(drive);
+  telemetry->angle_turn_q32 = vector->angle_turn_q32;
+  telemetry->speed_turn_q36 = vector->speed_turn_q36;
+  telemetry->d_i_q17 = vector->current_i_q17.re;
+  telemetry->q_i_q17 = vector->current_i_q17.im;
+  telemetry->emf_v_q25 = vector->emf_v_q25;
+  telemetry->observed_ahead_q30 = vector->observed_ahead_q30;
+  telemetry->encoder_ahead_q30 = vector->encoder_ahead_q30;
+  telemetry->encoder_faults = vector->encoder_faults;
+  telemetry->published_q32 = vector->published_q32;
 }

@@ -54,12 +54,14 @@ static void await_tick(void) {
 }
 
 // The set takes effect at the next tick.
-static void commit(const chip_command_t *command) {
+static void commit(vector_command_t *command) {
+  command->control.fresh = true;
+  command->reference.fresh = true;
   chip_write_vector(command, &parameters);
   await_tick();
 }
 
-static void design(chip_vector_command_t *command) {
+static void design(vector_command_t *command) {
   const vector_machine_t machine = {
       .resistance_q30 = (uint32_t)parameters.vector_resistance_q30,
       .delay_q30 = (uint32_t)parameters.vector_delay_q30,
@@ -77,11 +79,11 @@ static void design(chip_vector_command_t *command) {
   vector_plant(&plant, &machine);
   vector_model(&model, &plant, command->omega_turn_q36);
   (void)regulator_design(&gains, &order, &plant.machine, &model);
-  command->gain[0] = gains.g;
-  command->hold[0] = gains.h;
-  command->ratio_q17[0] = gains.ratio_q17;
-  command->shift[0] = (uint32_t)gains.shift;
-  command->lead_q32 = vector_lead_turn_q32(&machine, command->omega_turn_q36);
+  command->gains.gain[0] = gains.g;
+  command->gains.hold[0] = gains.h;
+  command->gains.ratio_q17[0] = gains.ratio_q17;
+  command->gains.shift[0] = (uint32_t)gains.shift;
+  command->limits.lead_q32 = vector_lead_turn_q32(&machine, command->omega_turn_q36);
 }
 
 // From the chip's angle to the rotor's, at the last sample.
@@ -108,48 +110,42 @@ int main(void) {
   chip_irq_configure(0, 0);
   uart_configure(UART_BIT_CYCLES);
   chip_snapshot_t in;
-  chip_command_t command = {.gate_enable = true};
-  chip_vector_command_t *v = &command.vector;
-  v->omega_turn_q36 = table->omega_turn_q36;
+  guard_command_t guard = {.enable = true};
+  vector_command_t command = {.omega_turn_q36 = table->omega_turn_q36};
+  vector_command_t *v = &command;
   v->preset_v_q17[0] = table->preset_v_q17;
-  v->limit_v_q17[0] = table->limit_v_q17;
-  v->band_i_q17 = table->band_i_q17;
-  v->scale = table->scale;
-  v->scale_shift = table->scale_shift;
-  v->write_control = true;
-  v->write_reference = true;
-  v->write_gains = true;
-  v->write_limits = true;
-  v->read_slow = true;
+  v->limits.v_q17[0] = table->limit_v_q17;
+  v->gains.band_i_q17 = table->band_i_q17;
+  v->limits.scale = table->scale;
+  v->limits.scale_shift = table->scale_shift;
+  v->gains.fresh = true;
+  v->limits.fresh = true;
+  v->look.slow = true;
   design(v);
   last_tick = chip_tick_time();
   chip_set_tick(tick_cycles);
   await_tick();
   commit(&command);
-  v->write_gains = false;
-  v->write_limits = false;
   // Samples come: from here on a tick a sample.
   await_tick();
   await_tick();
-  command.write_modes = true;
-  v->tick_by_samples = true;
+  command.tick.fresh = true;
+  v->tick.by_samples = true;
   commit(&command);
-  command.write_modes = false;
   await_tick();
   chip_read_vector(&in, &command, &parameters);
   v->correct_q32 = angle_error(table, &in.vector);
-  v->write_correct = true;
   commit(&command);
-  v->write_correct = false;
-  chip_write_guard(&command);
-  v->enable = true;
+  v->correct_q32 = 0;
+  chip_write_guard(&guard);
+  v->control.enable = true;
   commit(&command);
   await_tick();
-  v->regulate[0] = true;
+  v->control.regulate[0] = true;
   const uint32_t count = (table->count < SAMPLES_MAX) ? table->count : SAMPLES_MAX;
   for (uint32_t k = 0; k < table->settle + count; k++) {
     const uint32_t row = (k < table->settle) ? 0u : k - table->settle;
-    v->reference_i_q17[0] = table->reference_i_q17[row];
+    v->reference.i_q17[0] = table->reference_i_q17[row];
     commit(&command);
     chip_read_vector(&in, &command, &parameters);
     seen[row] = (seen_t){in.vector.i_q17[0], in.vector.u_v_q25[0]};

@@ -48,23 +48,26 @@ int main(void) {
   chip_configure(p);
   chip_irq_configure(0, 0);
   chip_set_tick((uint32_t)p->tick_cycles);
-  chip_command_t command = {
-      .gate_enable = true,
-      .sequencer = SEQUENCER_SIX_STEP,
-      .timer = COMMUTATION_FORCED,
-      .commutation = (uint32_t)p->commutation,
-      .pattern = (uint32_t)p->pattern,
-      .sampling = SAMPLING_CONTINUOUS,
-      .timeout_q12 = (uint32_t)p->timeout_q12,
-      .write_modes = true,
+  guard_command_t guard = {.enable = true};
+  six_step_command_t command = {
+      .sequence =
+          {
+              .sequencer = SEQUENCER_SIX_STEP,
+              .timer = COMMUTATION_FORCED,
+              .commutation = (uint32_t)p->commutation,
+              .pattern = (uint32_t)p->pattern,
+              .sampling = SAMPLING_CONTINUOUS,
+              .timeout_q12 = (uint32_t)p->timeout_q12,
+          },
   };
-  chip_write_guard(&command);
+  chip_write_guard(&guard);
   for (uint32_t i = 0; i < table->count; i++) {
     const row_t *row = &table->row[i];
     const uint32_t start = chip_now();
-    command.forced_interval_cycles = row->interval_cycles;
-    command.period_cycles = row->period_cycles;
-    command.pulse_cycles_q8 = pulse_of(row, p);
+    command.sequence.forced_interval_cycles = row->interval_cycles;
+    command.sequence.fresh = true;
+    command.loop.period_cycles = row->period_cycles;
+    command.loop.pulse_cycles_q8 = pulse_of(row, p);
     chip_write(&command, p);
     while (chip_now() - start < row->hold_cycles) {
     }

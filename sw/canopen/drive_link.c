@@ -19,11 +19,10 @@ static int32_t milli(int32_t value, int32_t full_scale_milli, int32_t bits) {
 void link_status(const app_t *app, link_status_t *status) {
   const drive_t *d = &app->drive;
   const parameters_t *p = d->p;
-  *status = (link_status_t){.state = d->state, .fault = d->fault, .request = d->request};
+  *status = (link_status_t){.state = d->order.state, .fault = d->fault, .request = d->request};
   if (p == 0) {
     return;
   }
-  const bool vectors = method_is_vector(p->method);
   bool turned;
   int32_t speed_rpm_q8;
   int32_t demand_rpm_q8;
@@ -33,19 +32,19 @@ void link_status(const app_t *app, link_status_t *status) {
   uint32_t tick;
   // One coherent set without holding the control step off: where it came in between, read again.
   do {
-    tick = *(const volatile uint32_t *)&d->tick;
+    tick = *(const volatile uint32_t *)&d->order.tick;
     __atomic_signal_fence(__ATOMIC_SEQ_CST);
-    turned = d->reverse && !vectors;
-    speed_rpm_q8 = d->m.speed_rpm_q8;
-    demand_rpm_q8 = d->ramp.value_rpm_q8;
-    current_q17 = vectors ? d->vector.current_i_q17.im : d->m.line_i_q25 / 256;
-    vdc_v_q25 = d->m.vdc_v_q25;
-    limit = d->limit;
-    status->state = d->state;
+    turned = d->report->backward;
+    speed_rpm_q8 = d->report->speed_rpm_q8;
+    demand_rpm_q8 = d->report->demand_rpm_q8;
+    current_q17 = d->report->current_i_q25 / 256;
+    vdc_v_q25 = d->report->vdc_v_q25;
+    limit = d->report->limit;
+    status->state = d->order.state;
     status->fault = d->fault;
     status->request = d->request;
     __atomic_signal_fence(__ATOMIC_SEQ_CST);
-  } while (*(const volatile uint32_t *)&d->tick != tick);
+  } while (*(const volatile uint32_t *)&d->order.tick != tick);
   const bool active = status->state == STATE_RUNNING || status->state == STATE_STOPPING;
   status->limited = active && limit != LIMIT_NONE;
   status->vdc_mv = milli(vdc_v_q25, p->voltage_full_scale_mv, 25);
@@ -146,23 +145,23 @@ uint32_t link_read(const app_t *app, uint32_t number) {
     return (uint32_t)settings_get(&d->settings, p, setting_of(number));
   }
   if (number >= OD_THRESHOLD_SECTOR_1 && number <= OD_THRESHOLD_SECTOR_6) {
-    return (uint32_t)d->command.threshold_q17[number - OD_THRESHOLD_SECTOR_1];
+    return (uint32_t)d->report->six_step.threshold_q17[number - OD_THRESHOLD_SECTOR_1];
   }
   switch (number) {
     case OD_OBSERVER_I_D:
-      return (uint32_t)milli(d->vector.current_i_q17.re, p->current_full_scale_ma, 17);
+      return (uint32_t)milli(d->report->vector.current_i_q17.re, p->current_full_scale_ma, 17);
     case OD_OBSERVER_I_Q:
-      return (uint32_t)milli(d->vector.current_i_q17.im, p->current_full_scale_ma, 17);
+      return (uint32_t)milli(d->report->vector.current_i_q17.im, p->current_full_scale_ma, 17);
     case OD_OBSERVER_ANGLE:
-      return d->vector.angle_turn_q32;
+      return d->report->vector.angle_turn_q32;
     case OD_OBSERVER_CROSSINGS:
-      return d->m.crossings;
+      return d->report->crossings;
     case OD_OBSERVER_LOST_LOCKS:
       return d->lost_locks;
     case OD_OBSERVER_CATCHES:
-      return d->catches;
+      return d->report->catches;
     case OD_OBSERVER_COMMUTATED_BY:
-      return (uint32_t)d->command.timer;
+      return d->report->six_step.commutated_by;
     case OD_CAPTURE_CONTROL:
       return capture_control();
     case OD_CAPTURE_LANES:

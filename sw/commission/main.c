@@ -29,7 +29,6 @@
 
 static segment_t segment;
 static const parameters_t *p;
-static bool gates;
 static uint32_t boot_ticks;
 static uint32_t steps;
 static char line_text[LINE_LENGTH];
@@ -42,26 +41,24 @@ static bool booted(chip_snapshot_t *in) {
   }
   chip_read_offsets(in);
   boot_ticks++;
-  segment.command.start_auto_zero = boot_ticks == SETTLE_TICKS;
+  segment.guard.start_auto_zero = boot_ticks == SETTLE_TICKS;
+  segment.guard.fresh = segment.guard.fresh || segment.guard.start_auto_zero;
   return false;
 }
 
 static void control_step(void) {
   static bool by_samples;
   chip_snapshot_t in = {.auto_zero_busy = true};
-  chip_command_t *command = &segment.command;
+  vector_command_t *command = &segment.command;
   chip_read_vector(&in, command, p);
   if (!by_samples && booted(&in)) {
     by_samples = true;
-    command->vector.tick_by_samples = true;
-    command->write_modes = true;
-  } else {
-    command->write_modes = false;
+    command->tick.fresh = true;
+    command->tick.by_samples = true;
   }
   segment_step(&segment, &in);
-  if (command->gate_enable != gates) {
-    gates = command->gate_enable;
-    chip_write_guard(command);
+  if (segment.guard.fresh) {
+    chip_write_guard(&segment.guard);
   }
   chip_write_vector(command, p);
 }

@@ -18,10 +18,8 @@ void segment_init(segment_t *segment, const parameters_t *parameters) {
   const uint32_t delay = (uint32_t)(((uint64_t)sample * (uint32_t)parameters->vector_delay_q30) >> 30);
   *segment = (segment_t){.lead_cycles = delay + sample / 2u};
   // Everything is read and written at every tick: nothing else needs the time.
-  segment->command.vector.read_slow = true;
-  segment->command.vector.read_steps = true;
-  segment->command.vector.write_control = true;
-  segment->command.vector.write_reference = true;
+  segment->command.look.slow = true;
+  segment->command.look.steps = true;
 }
 
 void segment_run(segment_t *segment, uint32_t ticks, uint32_t block) {
@@ -67,26 +65,26 @@ static void measure(segment_t *segment, const chip_snapshot_t *in) {
 
 static void drive_current(segment_t *segment) {
   const segment_settings_t *set = &segment->set;
-  chip_vector_command_t *c = &segment->command.vector;
+  vector_command_t *c = &segment->command;
   const int32_t omega_turn_q36 = segment->omega_turn_q44 >> 8;
-  c->regulate[0] = true;
-  c->reference_i_q17[0] = set->reference_i_q17;
-  c->gain[0] = (complex_t){set->gain.re, (int32_t)(((int64_t)omega_turn_q36 * set->cross_q30) >> 30)};
-  c->hold[0] = (complex_t){set->gain.im, 0};
-  c->shift[0] = set->shift;
-  c->write_gains = true;
+  c->control.regulate[0] = true;
+  c->reference.i_q17[0] = set->reference_i_q17;
+  c->gains.gain[0] = (complex_t){set->gain.re, (int32_t)(((int64_t)omega_turn_q36 * set->cross_q30) >> 30)};
+  c->gains.hold[0] = (complex_t){set->gain.im, 0};
+  c->gains.shift[0] = set->shift;
+  c->gains.fresh = true;
 }
 
 static void drive_voltage(segment_t *segment) {
   const segment_settings_t *set = &segment->set;
-  chip_vector_command_t *c = &segment->command.vector;
-  c->regulate[0] = false;
+  vector_command_t *c = &segment->command;
+  c->control.regulate[0] = false;
   c->preset_v_q17[0] = signed_sum(set->voltage_v_q17, set->alternate_v_q17, segment->tick % 4u >= 2u);
 }
 
 void segment_step(segment_t *segment, const chip_snapshot_t *in) {
   const segment_settings_t *set = &segment->set;
-  chip_vector_command_t *c = &segment->command.vector;
+  vector_command_t *c = &segment->command;
   segment->tick++;
   segment->trip |= in->trip_latched;
   if (segment->left_ticks > 0u) {
@@ -94,19 +92,20 @@ void segment_step(segment_t *segment, const chip_snapshot_t *in) {
     segment->left_ticks--;
   }
   const bool on = set->mode != SEGMENT_OFF && segment->trip == 0u;
-  segment->command.gate_enable = on;
-  c->enable = on;
+  segment->guard.fresh = segment->guard.fresh || segment->guard.enable != on;
+  segment->guard.enable = on;
+  c->control.enable = on;
   segment->omega_turn_q44 = on ? stepped(segment->omega_turn_q44, set->target_turn_q44, set->step_turn_q44) : 0;
   c->omega_turn_q36 = segment->omega_turn_q44 >> 8;
-  c->lead_q32 = (int32_t)(((int64_t)c->omega_turn_q36 * segment->lead_cycles) >> 4);
+  c->limits.lead_q32 = (int32_t)(((int64_t)c->omega_turn_q36 * segment->lead_cycles) >> 4);
   c->correct_q32 = segment->turn_q32;
-  c->write_correct = segment->turn_q32 != 0;
+  c->control.fresh = true;
+  c->reference.fresh = true;
   segment->turn_q32 = 0;
-  c->scale = set->scale;
-  c->scale_shift = set->scale_shift;
-  c->limit_v_q17[0] = set->limit_v_q17;
-  c->write_limits = true;
-  c->write_gains = false;
+  c->limits.scale = set->scale;
+  c->limits.scale_shift = set->scale_shift;
+  c->limits.v_q17[0] = set->limit_v_q17;
+  c->limits.fresh = true;
   if (on && set->mode == SEGMENT_CURRENT) {
     drive_current(segment);
   } else {

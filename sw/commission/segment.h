@@ -59,7 +59,8 @@ typedef struct {
   uint32_t head, tail;
   bool lost;  // a block came while BLOCKS waited
   uint8_t trip;
-  chip_command_t command;
+  guard_command_t guard;
+  vector_command_t command;
 } segment_t;
 
 // Gates off. Angle and speed from 0.

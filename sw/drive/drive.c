@@ -3,33 +3,12 @@
 
 #include "drive/drive.h"
 
-#include "control/carrier.h"
 #include "control/fixed.h"
 #include "control/placement.h"
-#include "control/speed.h"
-#include "drive/hall.h"
-#include "drive/measure.h"
-#include "drive/protect.h"
-#include "drive/run.h"
-#include "drive/start.h"
-#include "drive/thresholds.h"
-#include "drive/vector.h"
 
 #define INIT_SETTLE_TICKS 5u
 #define AUTO_ZERO_MIN_TICKS 3u
-#define SILENT_TICKS 3u
-// Ticks after a clear in which the latched trips may still be the old ones.
-#define CLEAR_TICKS 2u
-#define MISSES_BEFORE_TRIP 2u
-// 5 ms at 10 kHz.
-#define OUTRUN_TICKS 50u
-// The slow protection looks at every eighth tick, never at one that the watchdog hears of too (REPORT_TICKS of app.c).
-#define LOOK_TICKS 8u
-#define LOOK_AT 2u
 #define MID_CODE_Q4 (2048 * 16)
-// Trips that mean nothing while the gates are off anyway.
-#define TRIPS_OF_RUNNING (TRIP_LOST_LOCK | TRIP_UNDER_VOLTAGE)
-#define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
 
 const char *drive_state_name(drive_state_t state) {
   static const char *const names[] = STATE_WORDS;
@@ -46,387 +25,310 @@ const char *drive_limit_name(limit_t limit) {
   return names[limit];
 }
 
-COLD void drive_enter(drive_t *drive, drive_state_t state) {
-  drive->state = state;
-  drive->command.write_modes = true;
-  drive->command.read_sectors = false;
-  drive->command.read_phases = false;
-  drive->state_ticks = 0;
-  drive->limit = LIMIT_NONE;
-}
-
-COLD void drive_gates_off(drive_t *drive) {
-  chip_command_t *command = &drive->command;
-  command->gate_enable = false;
-  command->sequencer = SEQUENCER_OFF;
-  command->timer = COMMUTATION_OFF;
-  command->zcd_enable = false;
-  command->sampling = SAMPLING_CONTINUOUS;
-  command->miss_limit = 0;
-  command->force_on_miss = false;
-  command->pulse_cycles_q8 = 0;
-  for (uint32_t x = 0; x < PHASES; x++) {
-    command->leg[x] = LEG_OFF;
-  }
-  drive->u_v_q25 = 0;
-  drive->duty_q30 = 0;
-  vector_off(drive);
-}
-
-COLD void drive_enter_fault(drive_t *drive, fault_t fault) {
-  drive_gates_off(drive);
-  drive_enter(drive, STATE_FAULT);
-  drive->fault = fault;
-  fault_log_add(&drive->log, fault, drive->tick);
-}
-
-COLD void drive_take_crossing(drive_t *drive) {
-  const bool other_signal = drive->command.crossing.zcd_source != drive->settings.crossing.zcd_source;
-  drive->command.crossing = drive->settings.crossing;
-  if (other_signal) {
-    thresholds_reset(drive);
-  }
-}
-
-HOT void drive_apply_voltage(drive_t *drive, int32_t u_v_q25, bool sync_rect) {
-  const parameters_t *p = drive->p;
-  const int32_t diode = sync_rect ? 0 : p->diode_v_q25;
-  const uint32_t dead_time = sync_rect ? (uint32_t)p->dead_time_cycles : 0u;
-  drive->u_v_q25 = u_v_q25;
-  drive->duty_q30 = duty_from_voltage_q30(u_v_q25, drive->m.vdc_v_q25, diode);
-  const uint32_t period_cycles =
-      carrier_period_cycles(drive->duty_q30, drive->settings.carrier_period_cycles,
-                            drive->m.longest_cycles, (uint32_t)p->on_time_floor_cycles);
-  int32_t duty_q30 = drive->duty_q30;
-  if (drive->settings.linearity && drive->settings.commutation == COMMUTATION_CSC &&
-      (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING)) {
-    duty_q30 = csc_linear_duty_q30(&drive->scheduled.linearity, duty_q30);
-  }
-  drive->command.sync_rect = sync_rect;
-  drive->command.period_cycles = period_cycles;
-  drive->command.pulse_cycles_q8 = pulse_cycles_q8(duty_q30, period_cycles, dead_time);
-}
-
-bool drive_turns_wrong(const drive_t *drive) {
-  const int32_t target = drive->settings.target_rpm;
-  return target != 0 && (target < 0) != drive->reverse;
-}
-
-HOT int32_t drive_target_rpm_q8(const drive_t *drive) {
-  const parameters_t *p = drive->p;
-  const int32_t target = drive->reverse ? -drive->settings.target_rpm : drive->settings.target_rpm;
-  return clamp_i32(target, p->stop_rpm, p->speed_max_rpm) * 256;
-}
-
 SMALL_CODE_BEGIN
+
+// What follows from an event in a state.
+typedef enum {
+  NOTHING,
+  READY,    // gates off
+  BEGIN,    // start, with all attempts that the parameters allow
+  ATTEMPT,  // start again, or the fault of a failed start
+  RESTART,  // start again, or the fault of a lost lock
+  TURN,     // start again, for the other direction
+  LEAD,     // starting, with the gates on
+  RUN,
+  BRAKE,  // stopping
+  FAIL,
+  CLEAR,
+} action_t;
+
+static const uint8_t actions[EVENT_COUNT][STATE_COUNT] = {
+    [EVENT_OFFSETS_KNOWN] = {[STATE_INIT] = READY},
+    [EVENT_START] = {[STATE_READY] = BEGIN},
+    [EVENT_STOP] = {[STATE_STARTING] = READY, [STATE_RUNNING] = BRAKE},
+    [EVENT_STOP_NOW] = {[STATE_STARTING] = READY, [STATE_RUNNING] = READY, [STATE_STOPPING] = READY},
+    [EVENT_CLEAR] = {[STATE_FAULT] = CLEAR},
+    [EVENT_STARTED] = {[STATE_STARTING] = RUN},
+    [EVENT_STOPPED] = {[STATE_STARTING] = READY, [STATE_RUNNING] = READY, [STATE_STOPPING] = READY},
+    [EVENT_REVERSE] = {[STATE_RUNNING] = TURN},
+    [EVENT_HANDED_BACK] = {[STATE_RUNNING] = LEAD},
+    [EVENT_LOCK_LOST] = {[STATE_STARTING] = ATTEMPT, [STATE_RUNNING] = RESTART, [STATE_STOPPING] = READY},
+    [EVENT_LOCK_NEVER] = {[STATE_RUNNING] = ATTEMPT},
+    [EVENT_START_FAILED] = {[STATE_STARTING] = ATTEMPT},
+    [EVENT_PULLED_OUT] = {[STATE_STARTING] = ATTEMPT},
+    [EVENT_FAULTED] = {FAIL, FAIL, FAIL, FAIL, FAIL, FAIL},
+};
+
+static bool by_vectors(const drive_t *drive) { return method_is_vector(drive->p->method); }
+
+static void off(drive_t *drive) {
+  if (by_vectors(drive)) {
+    vector_off(&drive->method.vector);
+  } else {
+    six_step_off(&drive->method.six_step);
+  }
+}
+
+static void begin(drive_t *drive) {
+  if (by_vectors(drive)) {
+    vector_start(&drive->method.vector, &drive->order, &drive->settings);
+  } else {
+    six_step_start(&drive->method.six_step, &drive->order, &drive->settings);
+  }
+}
+
+static void lost(drive_t *drive) {
+  if (!by_vectors(drive)) {
+    six_step_lost(&drive->method.six_step);
+  }
+}
+
+static void enter(drive_t *drive, drive_state_t state) {
+  drive->order.state = state;
+  drive->order.state_ticks = 0;
+}
+
+static void gates_off(drive_t *drive) {
+  drive->guard.enable = false;
+  drive->guard.fresh = true;
+  off(drive);
+}
+
+static void clear_trips(drive_t *drive) {
+  drive->guard.clear_trips = true;
+  drive->guard.fresh = true;
+}
+
+static void start(drive_t *drive) {
+  gates_off(drive);
+  enter(drive, STATE_STARTING);
+  begin(drive);
+  clear_trips(drive);
+}
+
+static void renew_attempts(drive_t *drive) {
+  drive->order.failed_starts = 0;
+  drive->order.restarts = 0;
+  supervise_renew(&drive->supervise);
+}
+
+// Another attempt at what has failed `count` times before, of so many that are allowed; false: none is left.
+static bool again(drive_t *drive, uint32_t *count, int32_t allowed) {
+  if (*count >= (uint32_t)allowed) {
+    return false;
+  }
+  (*count)++;
+  drive->order.again = true;
+  start(drive);
+  return true;
+}
+
+// The only place that changes the state, and that logs a fault.
+COLD static void follow(drive_t *drive, outcome_t outcome) {
+  order_t *order = &drive->order;
+  const parameters_t *p = drive->p;
+  const event_t event = outcome_event(outcome);
+  fault_t fault = outcome_fault_of(outcome);
+  action_t action = (action_t)actions[event][order->state];
+  if (outcome_passed(outcome) != FAULT_NONE) {
+    fault_log_add(&drive->log, outcome_passed(outcome), order->tick);
+  }
+  if (event == EVENT_LOCK_LOST || event == EVENT_LOCK_SAVED) {
+    drive->lost_locks++;
+    lost(drive);
+  }
+  order->again = false;
+  order->requested = false;
+  switch (action) {
+    case READY:
+      drive->fault = FAULT_NONE;
+      gates_off(drive);
+      enter(drive, STATE_READY);
+      break;
+    case BEGIN:
+      renew_attempts(drive);
+      order->requested = true;
+      start(drive);
+      break;
+    case TURN:
+      start(drive);
+      break;
+    case ATTEMPT:
+      order->pulled_out = event == EVENT_PULLED_OUT;
+      if (!again(drive, &order->failed_starts, p->start_retries)) {
+        fault = FAULT_START_FAILED;
+        action = FAIL;
+      }
+      break;
+    case RESTART:
+      if (!again(drive, &order->restarts, p->restart_retries)) {
+        fault = FAULT_LOST_LOCK;
+        action = FAIL;
+      }
+      break;
+    case LEAD:
+      enter(drive, STATE_STARTING);
+      break;
+    case RUN:
+      enter(drive, STATE_RUNNING);
+      break;
+    case BRAKE:
+      enter(drive, STATE_STOPPING);
+      break;
+    case CLEAR:
+      enter(drive, STATE_INIT);
+      clear_trips(drive);
+      break;
+    case NOTHING:
+    case FAIL:
+    default:
+      break;
+  }
+  if (action == FAIL) {
+    gates_off(drive);
+    enter(drive, STATE_FAULT);
+    drive->fault = fault;
+    fault_log_add(&drive->log, fault, order->tick);
+  }
+}
+
+COLD static void follow_request(drive_t *drive) {
+  static const uint8_t events[] = {
+      [REQUEST_NONE] = EVENT_STAY,         [REQUEST_START] = EVENT_START, [REQUEST_STOP] = EVENT_STOP,
+      [REQUEST_STOP_NOW] = EVENT_STOP_NOW, [REQUEST_CLEAR] = EVENT_CLEAR,
+  };
+  const request_t request = drive->request;
+  drive->request = REQUEST_NONE;
+  follow(drive, outcome_of((event_t)events[request]));
+}
+
 COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault) {
+  static const report_t none;
   __builtin_memset(drive, 0, sizeof *drive);  // as app_boot does
-  drive->p = (fault == FAULT_NONE) ? parameters : 0;
-  drive->state = STATE_INIT;
-  drive->fault = fault;
-  drive->command.period_cycles = 1250;
-  drive->command.sampling = SAMPLING_CONTINUOUS;
-  drive->command.forced_interval_cycles = 0xFFFFFF;
+  drive->report = &none;
+  enter(drive, STATE_INIT);
   if (fault != FAULT_NONE) {
+    drive->fault = fault;
     fault_log_add(&drive->log, fault, 0);
     return;
   }
-  const parameters_t *p = parameters;
-  drive->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
-  const settings_t *s = &drive->settings;
-  settings_init(&drive->settings, p);
-  drive->command.crossing = s->crossing;
-  drive->command.commutation = s->commutation;
-  drive->command.pattern = s->pattern;
-  drive->command.advance_q16 = s->advance_q16;
-  drive->command.timeout_q12 = (uint32_t)p->timeout_q12;
-  drive->command.period_cycles = (uint32_t)p->carrier_longest_cycles;
-  thresholds_reset(drive);
-  hall_init(drive);
-  if (method_is_vector(p->method)) {
-    vector_init(drive);
+  drive->p = parameters;
+  settings_init(&drive->settings, parameters);
+  if (by_vectors(drive)) {
+    vector_init(&drive->method.vector, parameters, &drive->order, &drive->settings);
+    drive->report = &drive->method.vector.report;
+  } else {
+    six_step_init(&drive->method.six_step, parameters, &drive->settings);
+    drive->report = &drive->method.six_step.report;
   }
 }
 SMALL_CODE_END
 
 // Let samples settle, measure the current offsets with the gates off, judge them.
-COLD void drive_init_step(drive_t *drive, const chip_snapshot_t *in) {
-  if (drive->state_ticks <= INIT_SETTLE_TICKS) {
-    drive->command.start_auto_zero = drive->state_ticks == INIT_SETTLE_TICKS;
-    return;
+COLD static outcome_t init_step(drive_t *drive, const chip_snapshot_t *in) {
+  const uint32_t ticks = drive->order.state_ticks;
+  if (ticks <= INIT_SETTLE_TICKS) {
+    drive->guard.start_auto_zero = ticks == INIT_SETTLE_TICKS;
+    drive->guard.fresh = true;
+    return outcome_of(EVENT_STAY);
   }
-  if (drive->state_ticks < INIT_SETTLE_TICKS + AUTO_ZERO_MIN_TICKS || in->auto_zero_busy) {
-    return;
+  if (ticks < INIT_SETTLE_TICKS + AUTO_ZERO_MIN_TICKS || in->auto_zero_busy) {
+    return outcome_of(EVENT_STAY);
   }
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     const int32_t deviation = abs_sat((int32_t)in->current_code_offset_q4[i] - MID_CODE_Q4);
     if (deviation > drive->p->offset_limit_lsb * 16) {
-      drive_enter_fault(drive, FAULT_CURRENT_OFFSET);
-      return;
+      return outcome_fault(FAULT_CURRENT_OFFSET);
     }
   }
-  drive->fault = FAULT_NONE;
-  drive_enter(drive, STATE_READY);
+  // Ticks that follow the samples of a vector drive need some.
+  const bool sampled = !by_vectors(drive) || in->vector.steps > 0u;
+  return sampled ? outcome_of(EVENT_OFFSETS_KNOWN) : outcome_fault(FAULT_NO_SAMPLES);
 }
 
-// A lost lock restarts the drive as often as the parameters allow.
-COLD void drive_lost_lock(drive_t *drive) {
-  drive->lost_locks++;
-  thresholds_reset(drive);
-  if (drive->state == STATE_STARTING) {
-    start_failed(drive);
-  } else if (drive->state == STATE_STOPPING) {
-    drive_gates_off(drive);
-    drive_enter(drive, STATE_READY);
-  } else if (drive->restarts >= (uint32_t)drive->p->restart_retries) {
-    drive_enter_fault(drive, FAULT_LOST_LOCK);
-  } else {
-    drive->restarts++;
-    hall_resort(drive);
-    start_begin(drive);
+// True: something has happened.
+INLINED static bool followed(drive_t *drive, outcome_t outcome) {
+  if (__builtin_expect(outcome != 0u, 0)) {
+    follow(drive, outcome);
   }
+  return outcome_event(outcome) != EVENT_STAY;
 }
 
-static bool is_over_current(fault_t fault) {
-  return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
+COLD static bool followed_protection(drive_t *drive, const chip_snapshot_t *in) {
+  const uint32_t silent_ticks = drive->order.tick - drive->heard_tick;
+  if (drive->order.state == STATE_RUNNING && drive->order.state_ticks >= (uint32_t)drive->p->restart_clear_ticks) {
+    renew_attempts(drive);
+  }
+  const fault_t fault = protect_step(&drive->protect, drive->p, in, &drive->order, &drive->settings, drive->report,
+                                     by_vectors(drive) ? VECTOR_LOOK_TICKS : SIX_STEP_LOOK_TICKS, silent_ticks);
+  return fault != FAULT_NONE && followed(drive, outcome_fault(fault));
 }
 
-// A drive that has lost its lock drives current against the EMF: an over-current after missed crossings, or at a speed that
-// no rotor has, is its consequence, not a fault of its own; nor is one before the lock is there, or as the precharge of the
-// restart shorts a rotor whose EMF was not seen. With one voltage channel dead every third crossing is missed, never two
-// in a row: all of the last 64 to 128 ticks count. While starting a short circuit looks the same: once may be chance.
-COLD static bool excuses_over_current(drive_t *drive, const chip_snapshot_t *in, bool impossible) {
-  const uint8_t lately = (uint8_t)(in->timeouts - drive->m.timeouts_before);
-  const bool missed = drive->command.timer == COMMUTATION_ZCD &&
-                      (in->misses >= MISSES_BEFORE_TRIP || lately >= MISSES_BEFORE_TRIP);
-  const bool lost = missed || impossible || (in->trip_first & TRIP_LOST_LOCK) != 0u || hall_blames_crossings(drive);
-  if (drive->state != STATE_STARTING) {
-    return drive->state == STATE_RUNNING && lost;
-  }
-  const bool unseen = drive->restarts > 0u && drive->phase == START_PRECHARGE;
-  const bool excused = !drive->start_excused && (lost || unseen || drive->phase == START_LOCK);
-  drive->start_excused = drive->start_excused || excused;
-  return excused;
+COLD static bool explains(const drive_t *drive, const chip_snapshot_t *in) {
+  return by_vectors(drive) ? vector_explains(&drive->method.vector, in, &drive->order)
+                           : six_step_explains(&drive->method.six_step, in, &drive->order);
 }
 
-// Of the latched trips those that a lost lock explains; a link that falls after another one is judged by the start. A drive
-// that is ready has no lock to lose.
-COLD static uint32_t explained_trips(drive_t *drive, const chip_snapshot_t *in, uint32_t first, bool impossible) {
-  if (drive->state == STATE_READY) {
-    return 0;
-  }
-  uint32_t explained = TRIP_LOST_LOCK | (TRIP_UNDER_VOLTAGE & ~first);
-  const uint32_t over_current = in->trip_latched & TRIPS_OF_CURRENT;
-  if (over_current != 0u && excuses_over_current(drive, in, impossible)) {
-    explained |= TRIPS_OF_CURRENT;
-    fault_log_add(&drive->log, fault_of_trip(over_current), drive->tick);
-  }
-  return explained;
+INLINED static bool supervised(drive_t *drive, const chip_snapshot_t *in, const report_t *report) {
+  const bool over_current = (in->trip_latched & TRIPS_OF_CURRENT) != 0u;
+  const bool explained = __builtin_expect(over_current, 0) && explains(drive, in);
+  return followed(drive, supervise_step(&drive->supervise, drive->p, in, &drive->order, report, explained));
 }
 
-// A rotor that jams loses its lock without a missed crossing; soon after a start there has been no lock.
-COLD static void lose_lock(drive_t *drive, bool impossible) {
-  const bool soon = drive->state == STATE_RUNNING && drive->state_ticks < (uint32_t)drive->p->restart_clear_ticks;
-  if (impossible && soon) {
-    start_failed(drive);
-  } else {
-    drive_lost_lock(drive);
+// What is rare or slow before the method's own step. True: something has happened.
+INLINED static bool judged(drive_t *drive, const chip_snapshot_t *in, const report_t *report, bool look,
+                           bool protect) {
+  if (__builtin_expect(drive->request != REQUEST_NONE, 0)) {
+    follow_request(drive);
   }
-}
-
-// Gates are off already when a trip is seen here: this gives it its name. Only what is explained is cleared unnamed by the
-// restart. True: the state has been left.
-COLD static bool handle_trips(drive_t *drive, const chip_snapshot_t *in, bool impossible) {
-  const bool coasting = drive->state == STATE_STARTING && drive->phase == START_COAST;
-  const bool clearing = coasting && drive->state_ticks <= CLEAR_TICKS;
-  const uint32_t counts = (drive->state == STATE_READY) ? ~(uint32_t)TRIPS_OF_RUNNING : UINT32_MAX;
-  const uint32_t latched = in->trip_latched & counts;
-  const uint32_t first = ((in->trip_first != 0u) ? in->trip_first : in->trip_latched) & counts;
-  if (latched == 0u || clearing) {
-    return false;
-  }
-  const uint32_t rest = latched & ~explained_trips(drive, in, first, impossible);
-  if (rest == 0u) {
-    lose_lock(drive, impossible);
+  if (look && supervised(drive, in, report)) {
     return true;
   }
-  const uint32_t causes = ((first & rest) != 0u) ? first & rest : rest;
-  const fault_t fault = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u ? fault_of_monitor(in->trip_monitor)
-                                                                  : fault_of_trip(causes);
-  const bool by_sensors = is_over_current(fault) && drive->hall.driving && drive->hall.suspicion > 0u;
-  drive_enter_fault(drive, by_sensors ? FAULT_HALL_SENSOR : fault);
-  return true;
-}
-
-// The edges that commutate have become useless, or stay away: a rotor that is blocked. True: the state has been left.
-COLD static bool sensors_lost(drive_t *drive) {
-  if (drive->state == STATE_READY) {
-    return false;
-  }
-  if (drive->hall.faulty) {
-    drive_enter_fault(drive, FAULT_HALL_SENSOR);
-    return true;
-  }
-  if (drive->state == STATE_STARTING) {
-    return false;  // it has its own patience
-  }
-  drive_lost_lock(drive);
-  return true;
-}
-
-bool drive_outruns_voltage(const drive_t *drive, int32_t drop_v_q25) {
-  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
-  return drive->command.timer == COMMUTATION_ZCD && emf_v_q25 / 4 > drive->u_v_q25 - drop_v_q25;
-}
-
-// No rotor turns at the measured speed.
-HOT static bool speed_impossible(drive_t *drive, bool over) {
-  // The phases' current is right however seldom it is sampled; braking it drops nothing.
-  const int32_t driving_i_q25 = (drive->m.idc_q17 > 0) ? drive->m.motor_q17 * 256 : 0;
-  const bool outruns = drive_outruns_voltage(drive, gain_apply(driving_i_q25, drive->scheduled.resistance));
-  drive->outrun_ticks = outruns ? drive->outrun_ticks + 1u : 0u;
-  if (drive->outrun_ticks < OUTRUN_TICKS && !(over && outruns)) {
-    return false;
-  }
-  drive->outrun_ticks = 0;
-  return true;
-}
-
-HOT bool drive_supervise(drive_t *drive, const chip_snapshot_t *in) {
-  if (drive->state == STATE_INIT || drive->state == STATE_FAULT) {
-    return false;
-  }
-  if (drive->m.silent_ticks >= SILENT_TICKS) {
-    drive_enter_fault(drive, FAULT_NO_SAMPLES);
-    return true;
-  }
-  const bool turning = drive->m.speed_valid && (drive->state == STATE_RUNNING || drive->state == STATE_STOPPING);
-  const bool over = turning && drive->m.speed_rpm_q8 / 256 > drive->p->overspeed_rpm;
-  const bool impossible = turning && speed_impossible(drive, over);
-  // Before anything that starts anew, and clears.
-  if (in->trip_latched != 0u && handle_trips(drive, in, impossible)) {
-    return true;
-  }
-  if (impossible) {
-    lose_lock(drive, impossible);
-    return true;
-  }
-  if (over) {
-    drive_enter_fault(drive, FAULT_OVERSPEED);
-    return true;
-  }
-  return drive->hall.driving && (drive->hall.faulty || hall_rotor_stalled(drive)) && sensors_lost(drive);
-}
-
-COLD void drive_renew_attempts(drive_t *drive) {
-  drive->failed_starts = 0;
-  drive->restarts = 0;
-  drive->start_excused = false;
-}
-
-COLD void drive_handle_request(drive_t *drive) {
-  const request_t request = drive->request;
-  drive->request = REQUEST_NONE;
-  const bool active = drive->state == STATE_STARTING || drive->state == STATE_RUNNING || drive->state == STATE_STOPPING;
-  if (request == REQUEST_START && drive->state == STATE_READY) {
-    drive_renew_attempts(drive);
-    drive->hall.driving = false;
-    start_begin(drive);
-  } else if (request == REQUEST_STOP && drive->state == STATE_RUNNING) {
-    drive_enter(drive, STATE_STOPPING);
-  } else if ((request == REQUEST_STOP && drive->state == STATE_STARTING) || (request == REQUEST_STOP_NOW && active)) {
-    drive_gates_off(drive);
-    drive_enter(drive, STATE_READY);
-  } else if (request == REQUEST_CLEAR && drive->state == STATE_FAULT) {
-    drive_enter(drive, STATE_INIT);
-    drive->command.clear_trips = true;
-  }
-}
-
-// Slow enough to open the gates of a drive that is to stop: about the stop speed, or where the least duty holds a
-// braked rotor above it.
-static bool nearly_stopped(const drive_t *drive) {
-  const int32_t stop_rpm = drive->p->stop_rpm;
-  const int32_t emf_v_q25 = gain_apply(drive->m.speed_rpm_q8, drive->p->emf);
-  const bool held = drive->settings.sync_rect && emf_v_q25 < drive->scheduled.low_v_q25 / 4 * 5;
-  return drive->m.speed_rpm_q8 < stop_rpm * 256 + stop_rpm * 16 || held;
-}
-
-static void stopping_step(drive_t *drive, const chip_snapshot_t *in) {
-  const parameters_t *p = drive->p;
-  if (p->hall_mode != HALL_OFF) {
-    hall_step(drive, in);
-  }
-  run_step(drive, p->stop_rpm * 256);
-  if (nearly_stopped(drive) || drive->state_ticks > (uint32_t)p->stop_timeout_ticks) {
-    drive_gates_off(drive);
-    drive_enter(drive, STATE_READY);
-  }
+  return __builtin_expect(protect, 0) && followed_protection(drive, in);
 }
 
 INLINED static void begin_step(drive_t *drive) {
-  drive->tick++;
-  drive->command.clear_trips = false;
-  drive->command.start_auto_zero = false;
-  drive->command.write_modes = drive->state != STATE_RUNNING;
-  if (drive->state_ticks < UINT32_MAX) {
-    drive->state_ticks++;
+  order_t *order = &drive->order;
+  order->tick++;
+  if (order->state_ticks < UINT32_MAX) {
+    order->state_ticks++;
   }
 }
 
+// The gates follow the method; while the drive runs they are on.
+INLINED static void end_step(drive_t *drive, bool gates) {
+  if (drive->order.state != STATE_RUNNING && gates != drive->guard.enable) {
+    drive->guard.enable = gates;
+    drive->guard.fresh = true;
+  }
+}
+
+void drive_wait(drive_t *drive) { drive->order.tick++; }
+
 INLINED void drive_vector_step(drive_t *drive, const chip_snapshot_t *in) {
+  vector_t *method = &drive->method.vector;
+  order_t *order = &drive->order;
   begin_step(drive);
-  vector_drive_step(drive, in);
+  const bool look = vector_measure(method, in, order, &drive->settings);
+  if (!judged(drive, in, &method->report, look, order->tick % VECTOR_LOOK_TICKS == VECTOR_LOOK_AT)) {
+    const bool init = __builtin_expect(order->state == STATE_INIT, 0);
+    (void)followed(drive, init ? init_step(drive, in) : vector_step(method, in, order, &drive->settings));
+  }
+  vector_finish(method, order);
+  end_step(drive, method->report.gates);
 }
 
 HOT void drive_step(drive_t *drive, const chip_snapshot_t *in) {
+  six_step_t *method = &drive->method.six_step;
+  order_t *order = &drive->order;
   begin_step(drive);
-  measure_update(drive, in);
-  drive->command.write_offsets = false;
-  drive->command.write_thresholds = false;
-  drive->command.read_phases = false;
-  if (drive->p->hall_mode != HALL_OFF) {
-    hall_judge(drive, in);
+  order->settings_fresh = drive->settings_fresh;
+  drive->settings_fresh = false;
+  const bool look = six_step_measure(method, in, order, &drive->settings);
+  if (!judged(drive, in, &method->report, look, order->tick % SIX_STEP_LOOK_TICKS == SIX_STEP_LOOK_AT)) {
+    const bool init = __builtin_expect(order->state == STATE_INIT, 0);
+    (void)followed(drive, init ? init_step(drive, in) : six_step_step(method, in, order, &drive->settings));
   }
-  if (drive->request != REQUEST_NONE) {
-    drive_handle_request(drive);
-  }
-  if (drive_supervise(drive, in)) {
-    return;
-  }
-  if (drive->tick % LOOK_TICKS == LOOK_AT && protect_step(drive, in, drive->m.motor_q17, LOOK_TICKS)) {
-    return;
-  }
-  switch (drive->state) {
-    case STATE_INIT:
-      drive_init_step(drive, in);
-      break;
-    case STATE_STARTING:
-      start_step(drive, in);
-      break;
-    case STATE_RUNNING:
-      if (drive->command.timer == COMMUTATION_ZCD) {
-        thresholds_step(drive, in);
-      }
-      if (drive->p->hall_mode != HALL_OFF) {
-        hall_step(drive, in);
-      }
-      run_step(drive, drive_target_rpm_q8(drive));
-      if (drive_turns_wrong(drive) && nearly_stopped(drive)) {
-        // Reversal: through standstill by a new start.
-        start_begin(drive);
-        break;
-      }
-      if (drive->state_ticks == (uint32_t)drive->p->restart_clear_ticks) {
-        drive_renew_attempts(drive);
-      }
-      break;
-    case STATE_STOPPING:
-      stopping_step(drive, in);
-      break;
-    case STATE_READY:
-    case STATE_FAULT:
-    default:
-      break;
-  }
+  six_step_finish(method, order);
+  end_step(drive, method->report.gates);
 }

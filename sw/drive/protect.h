@@ -10,10 +10,19 @@
 #ifndef FL_PROTECT_H
 #define FL_PROTECT_H
 
-#include "drive/drive.h"
+#include "control/overload.h"
+#include "control/plausible.h"
+#include "drive/method.h"
 
-// One look at a snapshot with sums and phase currents; current_i_q17: of the machine, magnitude; ticks: since the look
-// before. True: the drive has entered a fault. In every state but init and fault. About 150 clocks.
-bool protect_step(drive_t *drive, const chip_snapshot_t *in, int32_t current_i_q17, uint32_t ticks);
+typedef struct {
+  overload_t overload;
+  sum_t sum;
+  still_t still;
+} protect_t;
+
+// One look at a snapshot with sums and phase currents. ticks: since the look before; silent_ticks: since the console's last
+// line. FAULT_NONE: all is well, or the drive is in init or fault. About 150 clocks.
+fault_t protect_step(protect_t *protect, const parameters_t *p, const chip_snapshot_t *in, const order_t *order,
+                     const settings_t *settings, const report_t *report, uint32_t ticks, uint32_t silent_ticks);
 
 #endif

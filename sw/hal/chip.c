@@ -102,12 +102,12 @@ COLD static void configure_safety(const parameters_t *p) {
 }
 SMALL_CODE_END
 
-static uint32_t vector_control(const chip_vector_command_t *vector, const parameters_t *p) {
-  const uint32_t regulate = (vector->regulate[0] ? 1u : 0u) | (vector->regulate[1] ? 2u : 0u);
+static uint32_t vector_control(const control_command_t *control, const parameters_t *p) {
+  const uint32_t regulate = (control->regulate[0] ? 1u : 0u) | (control->regulate[1] ? 2u : 0u);
   return FIELD(FL_FOC_REGS__CONTROL__SOURCE, method_is_vector(p->method) ? 1 : 0) |
-         FIELD(FL_FOC_REGS__CONTROL__ENABLE, vector->enable ? 1 : 0) |
+         FIELD(FL_FOC_REGS__CONTROL__ENABLE, control->enable ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__DOUBLE, p->vector_double) |
-         FIELD(FL_FOC_REGS__CONTROL__BYPASS, vector->bypass ? 1 : 0) |
+         FIELD(FL_FOC_REGS__CONTROL__BYPASS, control->bypass ? 1 : 0) |
          FIELD(FL_FOC_REGS__CONTROL__REGULATE, regulate) |
          FIELD(FL_FOC_REGS__CONTROL__DIRECT, p->vector_direct) |
          FIELD(FL_FOC_REGS__CONTROL__MISS_LIMIT, VECTOR_MISS_LIMIT);
@@ -116,7 +116,7 @@ static uint32_t vector_control(const chip_vector_command_t *vector, const parame
 SMALL_CODE_BEGIN
 // Takes effect at the first tick.
 COLD static void configure_vector(const parameters_t *p) {
-  const chip_vector_command_t off = {0};
+  const control_command_t off = {0};
   const uint32_t updates = (p->vector_double != 0) ? 2u : 1u;
   reg_write(REG(foc.control), vector_control(&off, p));
   reg_write(REG(foc.period), (uint32_t)p->vector_sample_cycles * updates);
@@ -214,7 +214,7 @@ HOT static void read_currents(chip_snapshot_t *snapshot) {
   }
 }
 
-INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters) {
+INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t *command, const parameters_t *parameters) {
   chip_vector_snapshot_t *v = &snapshot->vector;
   read_trips(snapshot);
   for (uint32_t s = 0; s < SUBSPACES; s++) {
@@ -225,7 +225,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
       v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
     }
   }
-  if (command->vector.read_steps) {
+  if (command->look.steps) {
     const uint32_t count = reg_read(REG(foc.snap_count));
     const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
     v->steps = BITS(FL_FOC_REGS__SNAP_COUNT__STEPS, count);
@@ -233,7 +233,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
     v->limited[1] = (limited & 2u) != 0u;
   }
   const bool encoder = parameters->encoder_quarters > 1;
-  if (encoder || command->vector.read_slow) {
+  if (encoder || command->look.slow) {
     v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
   }
   if (encoder) {
@@ -245,10 +245,10 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *c
   if (parameters->injection != 0 && (HELD & HELD_INJECTION) != 0) {
     chip_read_injection(&snapshot->injection);
   }
-  if (command->vector.read_slow) {
+  if (command->look.slow) {
     read_slow(snapshot);
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
-    if (command->vector.read_currents) {
+    if (command->look.currents) {
       read_currents(snapshot);
     }
   }
@@ -308,21 +308,21 @@ COLD void chip_read_phases(chip_snapshot_t *snapshot) {
   }
 }
 
-COLD static void write_offsets(const chip_command_t *command) {
+COLD static void write_edges(const edge_command_t *command) {
   for (uint32_t sector = 0; sector < 6u; sector++) {
-    reg_write(REG(comm.hall_offset[0]) + 4u * sector, (uint32_t)command->hall_offset_q16[sector] & 0xFFFFu);
+    reg_write(REG(comm.hall_offset[0]) + 4u * sector, (uint32_t)command->q16[sector] & 0xFFFFu);
   }
 }
 
-COLD static void write_thresholds(const chip_command_t *command) {
+COLD static void write_thresholds(const threshold_command_t *command) {
   for (uint32_t sector = 0; sector < 6u; sector++) {
-    reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)command->threshold_q17[sector]);
+    reg_write(REG(zcd.threshold[0]) + 4u * sector, (uint32_t)command->q17[sector]);
   }
 }
 
 // What stays as it is while the drive runs. Averaging and computing back use the mean interval: the last one alternates
 // with every asymmetry and closes a loop through crossings that are computed back.
-COLD static void write_modes(const chip_command_t *command, const parameters_t *p) {
+COLD static void write_sequence(const sequence_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
   // One sample a pulse has none before it.
   const uint32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0u : SAMPLES_BEFORE;
@@ -356,7 +356,7 @@ COLD static void write_modes(const chip_command_t *command, const parameters_t *
 }
 
 // What the control loop moves. The wait of an averaged crossing ends half-way to the commutation.
-HOT static void write_loop(const chip_command_t *command) {
+HOT static void write_loop(const loop_command_t *command, uint8_t source) {
   const int32_t delay_q16 = COMMUTATION_DELAY_Q16 - command->advance_q16;
   const uint32_t peak_q17 = command->peak_q17;
   reg_write(REG(pwm.period), command->period_cycles);
@@ -364,7 +364,7 @@ HOT static void write_loop(const chip_command_t *command) {
   reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, COMMUTATION_DELAY_Q16) |
                                  FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
   reg_write(REG(zcd.wait_limit), (delay_q16 > 0) ? (uint32_t)delay_q16 >> 9 : 0u);
-  reg_write(REG(zcd.amplitude), (command->crossing.zcd_source == ZCD_SOURCE_TERMINAL) ? peak_q17 : peak_q17 / 3u);
+  reg_write(REG(zcd.amplitude), (source == ZCD_SOURCE_TERMINAL) ? peak_q17 : peak_q17 / 3u);
 }
 
 SMALL_CODE_BEGIN
@@ -379,97 +379,106 @@ COLD static void start_auto_zero(void) {
 }
 SMALL_CODE_END
 
-HOT void chip_write(const chip_command_t *command, const parameters_t *parameters) {
-  if (command->write_modes) {
-    write_modes(command, parameters);
+HOT void chip_write(six_step_command_t *command, const parameters_t *parameters) {
+  if (command->sequence.fresh) {
+    write_sequence(&command->sequence, parameters);
+    command->sequence.fresh = false;
   }
-  write_loop(command);
-  if (command->write_thresholds) {
-    write_thresholds(command);
+  write_loop(&command->loop, command->sequence.crossing.zcd_source);
+  if (command->threshold.fresh) {
+    write_thresholds(&command->threshold);
+    command->threshold.fresh = false;
   }
-  if (command->write_offsets) {
-    write_offsets(command);
+  if (command->edge.fresh) {
+    write_edges(&command->edge);
+    command->edge.fresh = false;
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
-  if (command->start_auto_zero) {
-    start_auto_zero();
+}
+
+COLD static void write_vector_gains(const vector_command_t *vector) {
+  reg_write(REG(foc.band), vector->gains.band_i_q17);
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    write_vector(REG(foc.gain[0]), s, vector->gains.gain[s]);
+    write_vector(REG(foc.hold[0]), s, vector->gains.hold[s]);
+    write_vector(REG(foc.ratio[0]), s, vector->gains.ratio_q17[s]);
+    write_vector(REG(foc.forward[0]), s, vector->forward.v_q17[s]);
+    reg_write(REG(foc.shift[0]) + 4u * s, vector->gains.shift[s]);
   }
 }
 
-COLD static void write_vector_gains(const chip_vector_command_t *vector) {
-  reg_write(REG(foc.band), vector->band_i_q17);
+HOT static void write_limits(const limits_command_t *limits) {
+  reg_write(REG(foc.lead), (uint32_t)limits->lead_q32);
+  reg_write(REG(foc.scale), FIELD(FL_FOC_REGS__SCALE__MANTISSA, limits->scale) |
+                                FIELD(FL_FOC_REGS__SCALE__SHIFT, limits->scale_shift));
   for (uint32_t s = 0; s < SUBSPACES; s++) {
-    write_vector(REG(foc.gain[0]), s, vector->gain[s]);
-    write_vector(REG(foc.hold[0]), s, vector->hold[s]);
-    write_vector(REG(foc.ratio[0]), s, vector->ratio_q17[s]);
-    write_vector(REG(foc.forward[0]), s, vector->forward_v_q17[s]);
-    reg_write(REG(foc.shift[0]) + 4u * s, vector->shift[s]);
-  }
-}
-
-HOT static void write_limits(const chip_vector_command_t *vector) {
-  reg_write(REG(foc.lead), (uint32_t)vector->lead_q32);
-  reg_write(REG(foc.scale), FIELD(FL_FOC_REGS__SCALE__MANTISSA, vector->scale) |
-                                FIELD(FL_FOC_REGS__SCALE__SHIFT, vector->scale_shift));
-  for (uint32_t s = 0; s < SUBSPACES; s++) {
-    reg_write(REG(foc.limit[0]) + 4u * s, vector->limit_v_q17[s]);
+    reg_write(REG(foc.limit[0]) + 4u * s, limits->v_q17[s]);
   }
 }
 
 // What changes with design and injection.
-COLD static void write_slow(const chip_command_t *command, const parameters_t *parameters) {
-  const chip_vector_command_t *v = &command->vector;
-  if (v->write_gains) {
+COLD static void write_slow(vector_command_t *v, const parameters_t *parameters) {
+  if (v->gains.fresh) {
     write_vector_gains(v);
   }
-  if (v->write_forward) {
+  if (v->forward.fresh) {
     for (uint32_t s = 0; s < SUBSPACES; s++) {
-      write_vector(REG(foc.forward[0]), s, v->forward_v_q17[s]);
+      write_vector(REG(foc.forward[0]), s, v->forward.v_q17[s]);
     }
   }
-  if (v->write_injection) {
-    chip_write_injection(command, parameters);
+  if (v->injection.fresh) {
+    chip_write_injection(&v->injection, parameters);
   }
+  v->gains.fresh = false;
+  v->forward.fresh = false;
+  v->injection.fresh = false;
+  v->injection.clear = false;
 }
 
-INLINED void chip_write_vector(const chip_command_t *command, const parameters_t *parameters) {
-  const chip_vector_command_t *v = &command->vector;
-  if (v->write_control) {
-    reg_write(REG(foc.control), vector_control(v, parameters));
+INLINED void chip_write_vector(vector_command_t *v, const parameters_t *parameters) {
+  if (v->control.fresh) {
+    reg_write(REG(foc.control), vector_control(&v->control, parameters));
+    v->control.fresh = false;
   }
   reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
-  if (v->write_correct) {
+  if (v->correct_q32 != 0) {
     reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
   }
   for (uint32_t s = 0; s < SUBSPACES; s++) {
-    if (v->write_reference) {
-      write_vector(REG(foc.reference[0]), s, v->reference_i_q17[s]);
+    if (v->reference.fresh) {
+      write_vector(REG(foc.reference[0]), s, v->reference.i_q17[s]);
     }
-    if (!v->regulate[s]) {
+    if (!v->control.regulate[s]) {
       write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
     }
   }
-  if (v->write_limits) {
-    write_limits(v);
+  v->reference.fresh = false;
+  if (v->limits.fresh) {
+    write_limits(&v->limits);
+    v->limits.fresh = false;
   }
-  if (v->write_gains || v->write_forward || v->write_injection) {
-    write_slow(command, parameters);
+  if (v->gains.fresh || v->forward.fresh || v->injection.fresh) {
+    write_slow(v, parameters);
   }
-  if (command->write_modes) {
-    const int32_t samples = v->tick_by_samples ? parameters->vector_tick_samples : 0;
+  if (v->tick.fresh) {
+    const int32_t samples = v->tick.by_samples ? parameters->vector_tick_samples : 0;
     reg_write(REG(timer.tick_samples), (uint32_t)samples);
+    v->tick.fresh = false;
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
-  if (command->start_auto_zero) {
-    start_auto_zero();
-  }
 }
 
-COLD void chip_write_guard(const chip_command_t *command) {
+COLD void chip_write_guard(guard_command_t *command) {
   if (command->clear_trips) {
     reg_write(REG(safety.command), FIELD(FL_SAFETY_REGS__COMMAND__CLEAR_KEY, CLEAR_KEY));
   }
-  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__ENABLE, command->gate_enable ? 1 : 0));
+  reg_write(REG(safety.guard), FIELD(FL_SAFETY_REGS__GUARD__ENABLE, command->enable ? 1 : 0));
+  if (command->start_auto_zero) {
+    start_auto_zero();
+  }
+  command->clear_trips = false;
+  command->start_auto_zero = false;
+  command->fresh = false;
 }
 
 COLD void chip_irq_configure(uint32_t control, uint32_t deferred) {

@@ -50,7 +50,7 @@ void chip_set_load(uint32_t cycles);
 // Read the snapshot of the last tick.
 void chip_read(chip_snapshot_t *snapshot);
 // The same for METHOD_VECTOR, as the command of before asked for it.
-void chip_read_vector(chip_snapshot_t *snapshot, const chip_command_t *command, const parameters_t *parameters);
+void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t *command, const parameters_t *parameters);
 void chip_read_injection(chip_injection_snapshot_t *snapshot);
 // The parts of it that are seldom needed: current offsets, intervals of the sectors, phases of the
 // Hall edges.
@@ -61,15 +61,16 @@ void chip_read_phases(chip_snapshot_t *snapshot);
 void chip_read_hall(chip_snapshot_t *snapshot);
 // Freewheel measurements since the tick before; left alone if there are none.
 void chip_read_freewheel(chip_freewheel_t *freewheel);
-// Write every shadowed setting and commit the set for the next tick.
-void chip_write(const chip_command_t *command, const parameters_t *parameters);
-void chip_write_vector(const chip_command_t *command, const parameters_t *parameters);
-void chip_write_injection(const chip_command_t *command, const parameters_t *parameters);
+// Write the sections that are fresh and commit the set for the next tick.
+void chip_write(six_step_command_t *command, const parameters_t *parameters);
+void chip_write_vector(vector_command_t *command, const parameters_t *parameters);
+void chip_write_injection(const injection_command_t *command, const parameters_t *parameters);
 // The regulator step that waits, false if none does, and its voltage before the limit, which acts at once.
 bool chip_read_direct(chip_direct_t *direct);
 void chip_write_direct(const chip_direct_t *direct, complex_t wanted_v_q25);
-// Gate enable and the clearing of trips, at once. Only on a change: a trip clears the enable by itself.
-void chip_write_guard(const chip_command_t *command);
+// Gate enable, the clearing of trips and the measuring of the offsets, at once. Only where fresh: a trip clears the enable
+// by itself.
+void chip_write_guard(guard_command_t *command);
 // The watchdog hears that the control steps go on: `step` is one more than at the last report.
 void chip_report_step(uint32_t step);
 // Open all gates at once, without a tick.

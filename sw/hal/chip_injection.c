@@ -51,8 +51,7 @@ HOT void chip_read_injection(chip_injection_snapshot_t *snapshot) {
   snapshot->q.im = (int32_t)reg_read(REG(injection.snap_im[1]));
 }
 
-COLD void chip_write_injection(const chip_command_t *command, const parameters_t *parameters) {
-  const chip_vector_command_t *vector = &command->vector;
-  reg_write(REG(injection.control), control(parameters, vector->inject) |
-                                        FIELD(FL_INJECTION_REGS__CONTROL__CLEAR, vector->clear_injection ? 1 : 0));
+COLD void chip_write_injection(const injection_command_t *command, const parameters_t *parameters) {
+  reg_write(REG(injection.control), control(parameters, command->inject) |
+                                        FIELD(FL_INJECTION_REGS__CONTROL__CLEAR, command->clear ? 1 : 0));
 }

@@ -114,46 +114,19 @@ typedef struct {
   uint32_t count;       // ended ones in bits 15..0; from bit 16 open ones: the next commutation came first
 } chip_freewheel_t;
 
-// What the vector path does, by subspace. Gains as of complex_regulator.h, scale as of the modulator.
-typedef struct {
-  bool enable;  // requests of the legs
-  bool tick_by_samples;  // else the tick is periodic
-  bool regulate[2];  // false: the regulator's state is the preset one
-  bool bypass;
-  complex_t reference_i_q17[2];
-  complex_t gain[2];
-  complex_t hold[2];
-  complex_t ratio_q17[2];  // hold / gain
-  complex_t preset_v_q17[2];
-  complex_t forward_v_q17[2];
-  uint32_t shift[2];
-  uint32_t limit_v_q17[2];
-  uint32_t band_i_q17;  // without dead-time compensation
-  int32_t lead_q32;
-  int32_t omega_turn_q36;
-  int32_t correct_q32;
-  bool write_control;    // one-shot: enable, regulate or bypass have changed
-  bool write_reference;  // one-shot: the reference has
-  bool write_correct;    // one-shot: add correct_q32 to the angle
-  bool write_gains;      // one-shot: gain, hold, ratio, shift, forward or band have changed
-  bool write_limits;     // one-shot: limit, lead or scale have
-  bool inject;           // the wave runs
-  bool write_injection;  // one-shot: that has changed
-  bool clear_injection;  // with it: filters and sums begin anew, for what is left in them belongs to another frame
-  bool write_forward;    // one-shot: forward has
-  bool read_steps;  // the next snapshot shall have steps and limited
-  bool read_slow;   // the next snapshot shall have sums, terminal voltages and the angle...
-  bool read_currents;  // ...and the phase currents; with read_slow only
-  uint32_t scale;
-  uint32_t scale_shift;
-} chip_vector_command_t;
+// Sections of what the chip is asked for, one a peripheral. Whoever owns a section sets `fresh`; the hardware layer
+// writes what is fresh and clears it. What has no `fresh` is written at every tick.
 
-// Everything the chip does until the next tick. Takes effect together at that tick, except for the gate enable and
-// the one-shot requests, which act at once.
+// Gates, at once.
 typedef struct {
-  bool gate_enable;
-  bool clear_trips;      // one-shot
-  bool start_auto_zero;  // one-shot
+  bool enable;
+  bool clear_trips;
+  bool start_auto_zero;  // measure the currents' offsets
+  bool fresh;
+} guard_command_t;
+
+// Six-step: sequencer, detector and commutation timer, as they mostly stay while the drive runs.
+typedef struct {
   sequencer_mode_t sequencer;
   commutation_mode_t timer;
   leg_command_t leg[PHASES];
@@ -165,22 +138,111 @@ typedef struct {
   bool zcd_enable;
   crossing_settings_t crossing;
   uint32_t sampling;  // SAMPLING_*, at once
-  uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
-  uint32_t period_cycles;
-  uint32_t pulse_cycles_q8;
   uint32_t forced_interval_cycles;
   uint32_t miss_limit;  // 0: a lost lock is not reported
   bool force_on_miss;   // commutate after a timeout
   uint32_t timeout_q12;
+  bool fresh;
+} sequence_command_t;
+
+// What the control loop moves.
+typedef struct {
+  uint32_t period_cycles;
+  uint32_t pulse_cycles_q8;
   int32_t advance_q16;
-  int32_t threshold_q17[6];
-  int32_t hall_offset_q16[6];  // from the edge into a sector to the commutation
-  bool write_modes;       // one-shot: anything but period, pulse, advance and amplitude may have changed
-  bool write_thresholds;  // one-shot: they have changed
-  bool write_offsets;     // one-shot: they have changed
-  bool read_sectors;      // one-shot: the next snapshot shall have the sectors' intervals...
-  bool read_phases;       // ...and phases
-  chip_vector_command_t vector;  // counts with METHOD_VECTOR, the sequencer and what belongs to it with METHOD_SIX_STEP
-} chip_command_t;
+  uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
+} loop_command_t;
+
+// Thresholds of the crossings by sector. read: the next snapshot shall have the sectors' intervals.
+typedef struct {
+  int32_t q17[6];
+  bool fresh;
+  bool read;
+} threshold_command_t;
+
+// From the edge into a sector to the commutation. read: the next snapshot shall have intervals and phases.
+typedef struct {
+  int32_t q16[6];
+  bool fresh;
+  bool read;
+} edge_command_t;
+
+// Everything the six-step drive wants until the next tick. Takes effect together at that tick.
+typedef struct {
+  sequence_command_t sequence;
+  loop_command_t loop;
+  threshold_command_t threshold;
+  edge_command_t edge;
+} six_step_command_t;
+
+// The vector path, by subspace.
+typedef struct {
+  bool enable;       // requests of the legs
+  bool bypass;
+  bool regulate[2];  // false: the regulator's state is the preset one
+  bool fresh;
+} control_command_t;
+
+typedef struct {
+  bool by_samples;  // else the tick is periodic
+  bool fresh;
+} tick_command_t;
+
+typedef struct {
+  complex_t i_q17[2];
+  bool fresh;
+} reference_command_t;
+
+// As of complex_regulator.h.
+typedef struct {
+  complex_t gain[2];
+  complex_t hold[2];
+  complex_t ratio_q17[2];  // hold / gain
+  uint32_t shift[2];
+  uint32_t band_i_q17;  // without dead-time compensation
+  bool fresh;           // forward is written with them
+} gains_command_t;
+
+typedef struct {
+  complex_t v_q17[2];
+  bool fresh;
+} forward_command_t;
+
+// Scale as of the modulator.
+typedef struct {
+  uint32_t v_q17[2];
+  int32_t lead_q32;
+  uint32_t scale;
+  uint32_t scale_shift;
+  bool fresh;
+} limits_command_t;
+
+typedef struct {
+  bool inject;  // the wave runs
+  bool clear;   // filters and sums begin anew, for what is left in them belongs to another frame
+  bool fresh;
+} injection_command_t;
+
+// What the next snapshot shall have besides currents and voltages of the regulator.
+typedef struct {
+  bool steps;     // with limited
+  bool slow;      // sums, terminal voltages and the angle...
+  bool currents;  // ...and the phase currents; with slow only
+} look_command_t;
+
+// Everything the vector drive wants until the next tick. Takes effect together at that tick.
+typedef struct {
+  control_command_t control;
+  tick_command_t tick;
+  reference_command_t reference;
+  gains_command_t gains;
+  forward_command_t forward;
+  limits_command_t limits;
+  injection_command_t injection;
+  look_command_t look;
+  complex_t preset_v_q17[2];
+  int32_t omega_turn_q36;
+  int32_t correct_q32;  // added to the angle, once
+} vector_command_t;
 
 #endif

@@ -157,7 +157,7 @@ def test_stops_in_a_debugger(tmp_path: Path) -> None:
     """
     script = tmp_path / "script"
     script.write_text(
-        "set breakpoint pending on\nbreak drive_step\nrun\nbacktrace\nprint drive->state\ndelete\ncontinue\n"
+        "set breakpoint pending on\nbreak drive_step\nrun\nbacktrace\nprint drive->order.state\ndelete\ncontinue\n"
     )
     out = BUILD / "closed_loop" / "bus-gdb"
     command = [sys.executable, "-m", "fluxlock", "run", str(SPIN), "--out", str(out), "--native"]

@@ -111,6 +111,11 @@ def generate_headers() -> tuple[Path, ...]:
     return tuple(_generate(name, text) for name, text in texts.items())
 
 
+def generate_canopen() -> Path:
+    """Write the node's table of objects beside them."""
+    return _generate("canopen_objects.h", c_tables.c_header(load_dictionary()))
+
+
 def _run(command: list[str]) -> str:
     try:
         done = subprocess.run(command, cwd=SW, capture_output=True, text=True, check=False)
@@ -259,7 +264,7 @@ def build_link_library(registers: Path) -> Path:
 def _canopen(without: str) -> tuple[list[str], str]:
     """Sources of the node but one, and the hash of what enters them; writes their table of objects."""
     files = sorted(p for p in (SW / CANOPEN).iterdir() if p.suffix in {".c", ".h"})
-    table = _generate("canopen_objects.h", c_tables.c_header(load_dictionary()))
+    table = generate_canopen()
     names = [f"{CANOPEN}{p.name}" for p in files if p.suffix == ".c" and p.name != without]
     return names, content_hash([*files, table])
 

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "drive/hall.h"
+#include "drive/six_step/hall.h"
 
 #include "control/fixed.h"
 #include "control/hall_offset.h"
 #include "control/placement.h"
-#include "drive/thresholds.h"
 
 // A code that stays invalid that long is no glitch.
 #define INVALID_TICKS 3u
@@ -33,32 +32,31 @@
 
 typedef enum { STAGE_WAIT, STAGE_TAKE, STAGE_SECTOR, STAGE_DONE = STAGE_SECTOR + SECTORS } stage_t;
 
-static int32_t late_q16(const drive_t *drive, uint32_t sector) {
-  return drive->hall.late_q20[drive->reverse ? 1 : 0][sector] / 16;
+static int32_t late_q16(const hall_t *h, bool reverse, uint32_t sector) {
+  return h->late_q20[reverse ? 1 : 0][sector] / 16;
 }
 
-COLD static void write_offsets(drive_t *drive) {
+COLD static void write_offsets(const hall_t *h, edge_command_t *command, bool reverse) {
   for (uint32_t s = 0; s < SECTORS; s++) {
-    drive->command.hall_offset_q16[s] = -late_q16(drive, s);
+    command->q16[s] = -late_q16(h, reverse, s);
   }
-  drive->command.write_offsets = true;
+  command->fresh = true;
 }
 
-static void wait_for_turn(drive_t *drive) {
-  drive->hall.stage = STAGE_WAIT;
-  drive->hall.turn_from = drive->hall.edge_count;
+static void wait_for_turn(hall_t *h) {
+  h->stage = STAGE_WAIT;
+  h->turn_from = h->edge_count;
 }
 
-COLD void hall_init(drive_t *drive) {
-  drive->hall = (hall_t){0};
+COLD void hall_init(hall_t *h, const parameters_t *p) {
+  *h = (hall_t){0};
   for (uint32_t s = 0; s < SECTORS; s++) {
-    drive->hall.late_q20[0][s] = drive->p->hall_late_q16[s] * 16;
+    h->late_q20[0][s] = p->hall_late_q16[s] * 16;
   }
-  hall_mirror(drive->hall.late_q20[0], true, drive->hall.late_q20[1]);
+  hall_mirror(h->late_q20[0], true, h->late_q20[1]);
 }
 
-HOT void hall_judge(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
+HOT void hall_judge(hall_t *h, const chip_snapshot_t *in) {
   const uint32_t edges = (uint16_t)(in->hall.edges - h->edges);
   const uint32_t bad = (uint32_t)(uint8_t)(in->hall.invalid - h->invalid) + (uint8_t)(in->hall.skipped - h->skipped);
   h->edges = in->hall.edges;
@@ -84,81 +82,66 @@ HOT void hall_judge(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
-COLD void hall_begin(drive_t *drive) {
-  hall_t *h = &drive->hall;
-  if (drive->p->hall_mode == HALL_OFF) {
+COLD void hall_begin(hall_t *h, edge_command_t *command, const parameters_t *p, bool reverse) {
+  if (p->hall_mode == HALL_OFF) {
     return;
   }
-  h->driving = drive->p->hall_mode == HALL_SENSORED || (h->driving && !h->faulty);
+  h->driving = p->hall_mode == HALL_SENSORED || (h->driving && !h->faulty);
   h->apart = false;
   h->agreeing = 0;
   h->driving_ticks = 0;
-  wait_for_turn(drive);
-  const uint32_t way = drive->reverse ? 1u : 0u;
+  wait_for_turn(h);
+  const uint32_t way = reverse ? 1u : 0u;
   if (!h->learnt[way] && h->learnt[1u - way]) {
-    hall_mirror(h->late_q20[1u - way], drive->reverse, h->late_q20[way]);
+    hall_mirror(h->late_q20[1u - way], reverse, h->late_q20[way]);
   }
-  write_offsets(drive);
+  write_offsets(h, command, reverse);
 }
 
-COLD void hall_resort(drive_t *drive) {
-  drive->hall.driving = drive->p->hall_mode != HALL_OFF;
+COLD void hall_resort(hall_t *h, const parameters_t *p) { h->driving = p->hall_mode != HALL_OFF; }
+
+COLD void hall_forget(hall_t *h) { h->driving = false; }
+
+bool hall_backs_up(const hall_t *h, const parameters_t *p) {
+  return h->driving || (p->hall_mode == HALL_FALLBACK && !h->faulty);
 }
 
-bool hall_backs_up(const drive_t *drive) {
-  return drive->hall.driving || (drive->p->hall_mode == HALL_FALLBACK && !drive->hall.faulty);
+bool hall_blames_crossings(const hall_t *h, const parameters_t *p) {
+  return p->hall_mode == HALL_FALLBACK && !h->faulty && (h->driving ? h->driving_ticks < AFTERMATH_TICKS : h->apart);
 }
 
-bool hall_blames_crossings(const drive_t *drive) {
-  const hall_t *h = &drive->hall;
-  return drive->p->hall_mode == HALL_FALLBACK && !h->faulty &&
-         (h->driving ? h->driving_ticks < AFTERMATH_TICKS : h->apart);
+bool hall_rotor_slow(const hall_t *h, const parameters_t *p) { return h->still_ticks > (uint32_t)p->hall_calm_ticks; }
+
+bool hall_rotor_stalled(const hall_t *h, const parameters_t *p) {
+  return h->driving && h->still_ticks > (uint32_t)p->hall_stall_ticks;
 }
 
-bool hall_rotor_slow(const drive_t *drive) { return drive->hall.still_ticks > (uint32_t)drive->p->hall_calm_ticks; }
-
-bool hall_rotor_stalled(const drive_t *drive) {
-  return drive->hall.driving && drive->hall.still_ticks > (uint32_t)drive->p->hall_stall_ticks;
-}
-
-uint32_t hall_interval_cycles(const drive_t *drive, const chip_snapshot_t *in, uint32_t from_edges) {
-  const hall_t *h = &drive->hall;
-  if (h->edge_count - from_edges < 3u || h->backward != drive->reverse) {
+uint32_t hall_interval_cycles(const hall_t *h, const six_step_view_t *view, bool reverse, uint32_t from_edges) {
+  if (h->edge_count - from_edges < 3u || h->backward != reverse) {
     return 0;
   }
-  const uint32_t still_cycles = clamp_u32(h->still_ticks, 0, 0xFFFu) * (uint32_t)drive->p->tick_cycles;
-  return clamp_u32(in->zc_interval_cycles, still_cycles, 0xFFFFFFu);
+  const uint32_t still_cycles = clamp_u32(h->still_ticks, 0, 0xFFFu) * (uint32_t)view->p->tick_cycles;
+  return clamp_u32(view->in->zc_interval_cycles, still_cycles, 0xFFFFFFu);
 }
 
-const char *hall_state_name(const drive_t *drive) {
-  if (drive->p->hall_mode == HALL_OFF) {
-    return "off";
-  }
-  return drive->hall.faulty ? "faulty" : "ok";
+COLD static hall_advice_t take_over(hall_t *h) {
+  h->driving = true;
+  h->driving_ticks = 0;
+  h->agreeing = 0;
+  h->handovers++;
+  return HALL_TAKE_OVER;
 }
 
-COLD static void take_over(drive_t *drive) {
-  drive->hall.driving = true;
-  drive->hall.driving_ticks = 0;
-  drive->hall.agreeing = 0;
-  drive->hall.handovers++;
-  drive->lost_locks++;
-  thresholds_reset(drive);
-  drive->command.timer = COMMUTATION_HALL;
-  drive->command.write_modes = true;
-}
-
-COLD static void give_back(drive_t *drive) {
-  drive->hall.driving = false;
-  drive->hall.apart = false;
-  drive->command.timer = COMMUTATION_ZCD;
-  drive->command.write_modes = true;
+COLD static hall_advice_t give_back(hall_t *h) {
+  h->driving = false;
+  h->apart = false;
+  return HALL_GIVE_BACK;
 }
 
 // The last edge against the crossing before it. Where the codes raise suspicion it is the edge that is wrong.
-HOT static void compare(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
-  if (h->edge_count == h->judged_edges || drive->m.sector_cycles == 0u) {
+HOT static void compare(hall_t *h, const six_step_view_t *view, bool reverse) {
+  const chip_snapshot_t *in = view->in;
+  if (h->edge_count == h->judged_edges || view->m->sector_cycles == 0u) {
     return;
   }
   h->judged_edges = h->edge_count;
@@ -167,41 +150,29 @@ HOT static void compare(drive_t *drive, const chip_snapshot_t *in) {
     h->apart = false;
     return;
   }
-  const int32_t late = hall_late_from_phase_q16(in->hall.phase_cycles, 6u * drive->m.sector_cycles);
-  const int32_t distance = abs_sat(late - late_q16(drive, in->hall.sector));
+  const int32_t late = hall_late_from_phase_q16(in->hall.phase_cycles, 6u * view->m->sector_cycles);
+  const int32_t distance = abs_sat(late - late_q16(h, reverse, in->hall.sector));
   h->agreeing = (distance < AGREEING_Q16) ? h->agreeing + 1u : 0u;
   h->apart = distance >= APART_Q16;
 }
 
 // Fallback: who commutates.
-HOT static void hand_over(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
-  compare(drive, in);
+HOT static hall_advice_t hand_over(hall_t *h, const six_step_view_t *view, bool reverse) {
+  compare(h, view, reverse);
   if (h->driving) {
     h->driving_ticks++;
-    if (h->agreeing >= AGREEING_EDGES && h->driving_ticks > DRIVING_TICKS) {
-      give_back(drive);
-    }
-  } else if (!h->faulty) {
-    if (in->misses >= MISSES_LOST || (h->apart && h->learnt[drive->reverse ? 1 : 0])) {
-      take_over(drive);
-    }
+    return (h->agreeing >= AGREEING_EDGES && h->driving_ticks > DRIVING_TICKS) ? give_back(h) : HALL_KEEP;
   }
-  // Without sensors to take over, the hardware stops a drive that has lost its lock.
-  const uint32_t miss_limit = hall_backs_up(drive) ? 0u : (uint32_t)drive->p->miss_limit;
-  if (miss_limit != drive->command.miss_limit) {
-    drive->command.miss_limit = miss_limit;
-    drive->command.write_modes = true;
-  }
+  const bool lost = view->in->misses >= MISSES_LOST || (h->apart && h->learnt[reverse ? 1 : 0]);
+  return (!h->faulty && lost) ? take_over(h) : HALL_KEEP;
 }
 
 // Lateness by the intervals of the edges, where they are what is measured.
-COLD static bool take(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
+COLD static bool take(hall_t *h, const chip_snapshot_t *in, bool reverse) {
   const uint32_t period = in->zc_period_cycles;
   const uint32_t change = (period > h->period_cycles) ? period - h->period_cycles : h->period_cycles - period;
   h->period_cycles = period;
-  interval_lateness(in->sector_interval_cycles, drive->reverse, h->late_x6);
+  interval_lateness(in->sector_interval_cycles, reverse, h->late_x6);
   for (uint32_t s = 0; s < SECTORS; s++) {
     h->target_q16[s] = (int32_t)clamp_u32(in->hall_phase_cycles[s], 0, 0xFFFFFFu);
   }
@@ -216,9 +187,8 @@ COLD static void compare_sector(hall_t *h, uint32_t s) {
 
 // Both stories put together: the edges' own intervals, and the lag common to all from the crossings if these agree; the
 // crossings alone while they commutate. False: nothing to learn from.
-COLD static bool conclude(drive_t *drive) {
-  hall_t *h = &drive->hall;
-  const int32_t *known = h->late_q20[drive->reverse ? 1 : 0];
+COLD static bool conclude(hall_t *h, bool reverse) {
+  const int32_t *known = h->late_q20[reverse ? 1 : 0];
   int32_t crossing_sum = 0;
   int32_t known_sum = 0;
   bool believed = true;
@@ -240,32 +210,30 @@ COLD static bool conclude(drive_t *drive) {
   return true;
 }
 
-COLD static void learn(drive_t *drive) {
-  hall_t *h = &drive->hall;
-  const uint32_t way = drive->reverse ? 1u : 0u;
+COLD static void learn(hall_t *h, edge_command_t *command, bool reverse) {
+  const uint32_t way = reverse ? 1u : 0u;
   for (uint32_t s = 0; s < SECTORS; s++) {
     int32_t *late = &h->late_q20[way][s];
     const int32_t error = h->target_q16[s] * 16 - *late;
     *late = clamp_i32(*late + (h->learnt[way] ? error / (1 << LEARN_SHIFT) : error), -LATE_MAX_Q20, LATE_MAX_Q20);
   }
   h->learnt[way] = true;
-  write_offsets(drive);
+  write_offsets(h, command, reverse);
 }
 
-COLD static void learn_stage(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
+COLD static void learn_stage(hall_t *h, edge_command_t *command, const chip_snapshot_t *in, bool reverse) {
   switch (h->stage) {
     case STAGE_TAKE:
       h->stage = STAGE_SECTOR;
-      if (!take(drive, in)) {
-        wait_for_turn(drive);
+      if (!take(h, in, reverse)) {
+        wait_for_turn(h);
       }
       break;
     case STAGE_DONE:
-      if (conclude(drive)) {
-        learn(drive);
+      if (conclude(h, reverse)) {
+        learn(h, command, reverse);
       }
-      wait_for_turn(drive);
+      wait_for_turn(h);
       break;
     default:
       compare_sector(h, h->stage - STAGE_SECTOR);
@@ -274,18 +242,18 @@ COLD static void learn_stage(drive_t *drive, const chip_snapshot_t *in) {
   }
 }
 
-HOT void hall_step(drive_t *drive, const chip_snapshot_t *in) {
-  hall_t *h = &drive->hall;
-  if (drive->p->hall_mode == HALL_FALLBACK) {
-    hand_over(drive, in);
-  }
-  if (!drive->settings.hall_learn || drive->settings.freeze) {
-    return;
+HOT hall_advice_t hall_step(hall_t *h, edge_command_t *command, const six_step_view_t *view, bool reverse) {
+  const hall_advice_t advice =
+      (view->p->hall_mode == HALL_FALLBACK) ? hand_over(h, view, reverse) : HALL_KEEP;
+  command->read = false;
+  if (!view->settings->hall_learn || view->settings->freeze) {
+    return advice;
   }
   if (h->stage != STAGE_WAIT) {
-    learn_stage(drive, in);
+    learn_stage(h, command, view->in, reverse);
   } else if (h->edge_count - h->turn_from > EDGES_A_TURN) {
-    drive->command.read_phases = true;
+    command->read = true;
     h->stage = STAGE_TAKE;
   }
+  return advice;
 }

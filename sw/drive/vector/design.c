@@ -4,8 +4,8 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/trig.h"
-#include "drive/vector_injection.h"
-#include "drive/vector_parts.h"
+#include "drive/vector/injected.h"
+#include "drive/vector/parts.h"
 
 #define FOUR_OVER_PI_Q8 326u
 // The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
@@ -41,9 +41,8 @@ COLD static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
   return (x_q14 * FOUR_OVER_PI_Q8 - cube_q14 * (FOUR_OVER_PI_Q8 - 256u)) >> 6;
 }
 
-COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
-  const parameters_t *p = drive->p;
-  const vector_t *v = &drive->vector;
+COLD static complex_t late_compensation_v_q25(const vector_t *v) {
+  const parameters_t *p = v->p;
   const uint32_t size = complex_abs(v->reference_i_q25);
   const uint32_t size_i_q17 = size >> 8;
   if (size_i_q17 <= v->band_i_q17) {
@@ -54,19 +53,18 @@ COLD static complex_t late_compensation_v_q25(const drive_t *drive) {
   const uint64_t linear_q8 = ((uint64_t)size * (uint32_t)p->vector_slope) >> p->vector_slope_shift;
   const uint32_t cycles_q8 = (uint32_t)((linear_q8 * grown_q16) >> 16);
   const uint32_t carrier_q8 = (uint32_t)p->vector_sample_cycles << ((p->vector_double != 0) ? 9 : 8);
-  const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)drive->m.vdc_v_q25 * cycles_q8, carrier_q8);
+  const uint32_t added_v_q25 = div_sat_u32((uint64_t)(uint32_t)v->report.vdc_v_q25 * cycles_q8, carrier_q8);
   const uint32_t share_q30 = div_sat_u32((uint64_t)added_v_q25 << 30, size);
   const complex_t added = complex_scale_q30(v->reference_i_q25, sat_i32((int64_t)share_q30));
   const bool held = v->plant.machine.park == PARK_HELD;
-  const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->speed_turn_q36);
+  const uint32_t turn = (uint32_t)vector_action_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
   const complex_t turned = complex_mul_q30(added, cis_q30(held ? turn : 0u - turn));
   return held ? complex_sub(added, turned) : complex_sub(turned, added);
 }
 
 SMALL_CODE_BEGIN
-COLD void vector_init(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  vector_t *v = &drive->vector;
+COLD void vector_constants(vector_t *v) {
+  const parameters_t *p = v->p;
   const uint32_t samples = (uint32_t)p->vector_tick_samples;
   vector_machine_t machine = {
       .resistance_q30 = (uint32_t)p->vector_resistance_q30,
@@ -84,7 +82,7 @@ COLD void vector_init(drive_t *drive) {
   v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
                                p->vector_speed_max_turn_q36};
   if (p->injection != 0 && (HELD & HELD_INJECTION) != 0) {
-    vector_injection_init(drive, &machine);
+    vector_injection_init(v, &machine);
   }
   vector_plant(&v->plant, &machine);
   vector_plant(&v->observed, &observed);
@@ -97,7 +95,7 @@ COLD void vector_init(drive_t *drive) {
                                       (uint32_t)p->vector_slope);
     v->zone_i_q17 = (zone < SAMPLE_MAX_Q17) ? zone : SAMPLE_MAX_Q17;
   }
-  v->order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
+  v->regulator_order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
   v->start_settings = (if_settings_t){
       .current_i_q25 = p->vector_start_i_q25,
       .rise_i_q25 = p->vector_start_rise_i_q25,
@@ -110,80 +108,78 @@ COLD void vector_init(drive_t *drive) {
   v->speed_gains = (pi_gains_t){p->vector_speed_kp, per_round(p->vector_speed_ki)};
   v->weakening_ki = per_round(p->vector_weakening_ki);
   // numerator * 2^-36, the numerator to 30 bits.
-  uint64_t numerator = drive->speed_numerator_q8;
+  uint64_t numerator = v->speed_numerator_q8;
   v->to_rpm.shift = 36;
   while (numerator > (uint64_t)INT32_MAX) {
     numerator >>= 1;
     v->to_rpm.shift--;
   }
   v->to_rpm.mant = (int32_t)numerator;
-  v->back_rpm_q8 = rpm_q8(drive, p->vector_back_turn_q36);
-  v->handover_rpm_q8 = rpm_q8(drive, p->vector_handover_turn_q36);
+  v->back_rpm_q8 = rpm_q8(v, p->vector_back_turn_q36);
+  v->handover_rpm_q8 = rpm_q8(v, p->vector_handover_turn_q36);
   const int32_t stop_rpm_q8 = p->stop_rpm * 256;
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
   v->sensored = p->vector_angle != 0;
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
-  drive->command.vector.read_slow = true;
-  drive->command.vector.read_steps = true;
-  vector_off(drive);
+  v->command.look.slow = true;
+  v->command.look.steps = true;
+  vector_frame_off(v);
   for (uint32_t k = 0; k < v->stages; k++) {
-    vector_design(drive);
+    vector_design(v);
   }
   v->design[0] = v->design[1];
 }
 SMALL_CODE_END
 
-void vector_design(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  vector_t *v = &drive->vector;
-  if (p == 0 || !method_is_vector(p->method) || v->finished) {
+void vector_design(vector_t *v) {
+  const parameters_t *p = v->p;
+  if (v->finished) {
     return;
   }
   vector_design_t *spare = &v->design[1u - v->used];
   const uint32_t stage = v->stage % v->stages;
   if (v->stage == v->stages * VECTOR_DESIGNS) {
-    v->late_v_q25 = late_compensation_v_q25(drive);
+    v->late_v_q25 = late_compensation_v_q25(v);
   } else if (stage == 0u) {
     // A step in between may have changed one part of a vector.
     const int32_t voltage_v_q25 = (int32_t)complex_abs(v->state_v_q25);
     v->band_i_q17 = (uint32_t)clamp_i32(gain_apply(voltage_v_q25, p->vector_band), 0, SAMPLE_MAX_Q17);
     if (v->frame != FRAME_OFF) {
-      drive->u_v_q25 = voltage_v_q25;
-      drive->m.motor_q17 = (int32_t)complex_abs(v->current_i_q17);
+      v->report.voltage_v_q25 = voltage_v_q25;
+      v->report.motor_q17 = (int32_t)complex_abs(v->report.vector.current_i_q17);
     }
-    v->regulated = vector_injects(drive) ? vector_injection_plant(drive) : &v->plant;
-    vector_model(&v->model, v->regulated, v->speed_turn_q36);
+    v->regulated = vector_injects(v) ? vector_injection_plant(v) : &v->plant;
+    vector_model(&v->model, v->regulated, v->report.vector.speed_turn_q36);
   } else if (stage == 1u) {
-    v->fits = regulator_design(&spare->regulator, &v->order, &v->regulated->machine, &v->model);
+    v->fits = regulator_design(&spare->regulator, &v->regulator_order, &v->regulated->machine, &v->model);
     if (v->salient) {
-      vector_model(&v->model, &v->observed, v->speed_turn_q36);
+      vector_model(&v->model, &v->observed, v->report.vector.speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
   } else if (stage == 2u) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
-  } else if (vector_injects(drive)) {
-    v->fits = vector_injection_design(drive) && v->fits;
+  } else if (vector_injects(v)) {
+    v->fits = vector_injection_design(v) && v->fits;
   }
   __atomic_signal_fence(__ATOMIC_RELEASE);
   v->finished = v->fits && stage == v->stages - 1u;
   v->stage = (v->stage + 1u) % (v->stages * VECTOR_DESIGNS + 1u);
 }
 
-COLD void vector_take_design(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  chip_vector_command_t *command = &drive->command.vector;
+COLD void vector_take_design(vector_t *v) {
+  vector_command_t *command = &v->command;
   v->used = 1u - v->used;
   const regulator_gains_t *gains = &v->design[v->used].regulator;
-  command->gain[0] = gains->g;
-  command->hold[0] = gains->h;
-  command->ratio_q17[0] = gains->ratio_q17;
-  command->shift[0] = (uint32_t)gains->shift;
-  command->band_i_q17 = v->band_i_q17;
-  if (vector_injects(drive)) {
-    vector_injection_take_design(drive);
+  command->gains.gain[0] = gains->g;
+  command->gains.hold[0] = gains->h;
+  command->gains.ratio_q17[0] = gains->ratio_q17;
+  command->gains.shift[0] = (uint32_t)gains->shift;
+  command->gains.band_i_q17 = v->band_i_q17;
+  if (vector_injects(v)) {
+    vector_injection_take_design(v);
   }
-  command->write_gains = true;
+  command->gains.fresh = true;
   v->finished = false;
 }

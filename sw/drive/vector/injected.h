@@ -13,23 +13,26 @@
 //
 // An open phase (open_phase.h) at speed, without a wave: of five the others go on, with the fundamental's current as it was
 // up to 0.68 of the limit; the regulators of subspace 3 leave it to what the open phase forces. Elsewhere, and with a second
-// one, the drive stops: vector_open_phase.c.
+// one, the drive stops: open_phase.c.
 //
 // What the chip measured at sample k belongs to the frame before the tick. The set committed in step k acts at tick k + 1.
 // With the separator the regulators of subspace 1 run at every second sample while there is a wave: their model is that of
 // two periods then. Its result, complete with a zero crossing of the HF current, is used a step later: what follows from it then acts at the next zero
 // crossing. A speed that changes at a peak in between lets the fundamental into the HF current of that peak, at rated
 // current five times what an error of the angle gives.
-#ifndef FL_VECTOR_INJECTION_H
-#define FL_VECTOR_INJECTION_H
+#ifndef FL_VECTOR_INJECTED_H
+#define FL_VECTOR_INJECTED_H
 
 #include "control/injection_frame.h"
+#include "control/complex_regulator.h"
 #include "control/open_phase.h"
-#include "drive/drive.h"
+#include "drive/method.h"
 
 #define WAVE_SAMPLES 4u  // a period of the separator's wave
 
-struct vector_injection {
+typedef struct vector vector_t;
+
+typedef struct {
   injection_frame_settings_t settings;
   injection_frame_t frame;
   injection_frame_command_t command;
@@ -47,42 +50,45 @@ struct vector_injection {
   vector_plant_t third;      // subspace 3, of one sample
   regulator_gains_t third_gains;
   open_phase_t open;
-};
+} vector_injection_t;
 
 // With an injection in the parameters: its settings, and `machine` as the regulators of subspace 1 are to know it.
-void vector_injection_init(drive_t *drive, vector_machine_t *machine);
+void vector_injection_init(vector_t *v, vector_machine_t *machine);
 
 // Subspace 1 as its regulators are to know it now.
-const vector_plant_t *vector_injection_plant(const drive_t *drive);
+const vector_plant_t *vector_injection_plant(const vector_t *v);
 
 // Gains of subspace 3 for the present speed, in the deferred interrupt. False: they do not fit. About 2500 clocks.
-bool vector_injection_design(drive_t *drive);
+bool vector_injection_design(vector_t *v);
 
 // Those, to the chip.
-void vector_injection_take_design(drive_t *drive);
+void vector_injection_take_design(vector_t *v);
 
 // The rotor is at rest: switch on and search.
-void vector_injection_begin(drive_t *drive);
+outcome_t vector_injection_begin(vector_t *v);
 
 // Wave and second subspace off.
-void vector_injection_off(drive_t *drive);
+void vector_injection_off(vector_t *v);
 
 // One control step; about 3000 clocks with I/Q sums, 3500 with the EMF observer.
-void vector_injection_step(drive_t *drive, const chip_snapshot_t *in);
+outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in);
 
-// Looks for open phases and does about them what there is to do. True: the state has been left.
-bool vector_open_phase_step(drive_t *drive, const chip_snapshot_t *in);
+// Looks for open phases.
+outcome_t vector_open_phase_step(vector_t *v, const chip_snapshot_t *in);
 
-// A start with a phase known as open is refused, once. True: refused.
-bool vector_open_phase_refuses(drive_t *drive);
+// A start with a phase known as open is refused, once.
+outcome_t vector_open_phase_refuses(vector_t *v);
 
 // Current limit with the phases there are.
-int32_t vector_open_phase_limit_i_q25(const drive_t *drive);
+int32_t vector_open_phase_limit_i_q25(const vector_t *v);
 
 // What the wave leaves of the voltage circle, circle of subspace 3, lead.
-void vector_injection_limits(drive_t *drive);
+void vector_injection_limits(vector_t *v);
+
+// What others may know of it.
+void vector_injection_report(vector_t *v);
 
 // Sets of both subspaces, forward voltage and wave into the command.
-void vector_injection_command(drive_t *drive);
+void vector_injection_command(vector_t *v);
 
 #endif

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "drive/vector_injection.h"
+#include "drive/vector/injected.h"
 
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/regulator_design.h"
 #include "control/trig.h"
 #include "control/vector_speed.h"
-#include "drive/vector_parts.h"
+#include "drive/vector/parts.h"
 
 // Results until sums hold nothing from before the wave.
 #define FIRST_RESULTS 3u
@@ -21,8 +21,6 @@
 
 SMALL_CODE_BEGIN
 
-enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
-
 static injection_method_t method_of(const parameters_t *p) {
   static const injection_method_t methods[] = {INJECTION_LOCK_IN, INJECTION_CONVENTIONAL, INJECTION_IQ,
                                                INJECTION_SEPARATOR};
@@ -31,9 +29,8 @@ static injection_method_t method_of(const parameters_t *p) {
 
 static bool hands_over(const parameters_t *p) { return p->injection_fade_q16 > 0; }
 
-COLD static void load_settings(injection_frame_settings_t *s, const drive_t *drive) {
-  const parameters_t *p = drive->p;
-  const vector_t *v = &drive->vector;
+COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v) {
+  const parameters_t *p = v->p;
   s->error = (injection_error_settings_t){
       .method = method_of(p),
       .ratio = p->injection_ratio,
@@ -84,13 +81,13 @@ COLD static void load_settings(injection_frame_settings_t *s, const drive_t *dri
   s->third_q16 = p->injection_third_q16;
 }
 
-COLD void vector_injection_init(drive_t *drive, vector_machine_t *machine) {
+COLD void vector_injection_init(vector_t *v, vector_machine_t *machine) {
   static vector_injection_t only;
-  const parameters_t *p = drive->p;
+  const parameters_t *p = v->p;
   vector_injection_t *j = &only;
-  *j = (vector_injection_t){.results = 0};
-  drive->vector.injection = j;
-  load_settings(&j->settings, drive);
+  __builtin_memset(j, 0, sizeof *j);
+  v->injection = j;
+  load_settings(&j->settings, v);
   j->settings.machine = *machine;
   vector_machine_t third = *machine;
   third.resistance_q30 = (uint32_t)p->injection_third_resistance_q30;
@@ -105,35 +102,34 @@ COLD void vector_injection_init(drive_t *drive, vector_machine_t *machine) {
   }
 }
 
-const vector_plant_t *vector_injection_plant(const drive_t *drive) {
-  const vector_injection_t *j = drive->vector.injection;
+const vector_plant_t *vector_injection_plant(const vector_t *v) {
+  const vector_injection_t *j = v->injection;
   const bool every = j->settings.error.method == INJECTION_SEPARATOR && !j->wanted;
-  return every ? &j->single : &drive->vector.plant;
+  return every ? &j->single : &v->plant;
 }
 
-bool vector_injection_design(drive_t *drive) {
-  vector_t *v = &drive->vector;
+bool vector_injection_design(vector_t *v) {
   vector_injection_t *j = v->injection;
-  vector_model(&v->model, &j->third, v->speed_turn_q36);
-  return regulator_design(&j->third_gains, &v->order, &j->third.machine, &v->model);
+  vector_model(&v->model, &j->third, v->report.vector.speed_turn_q36);
+  return regulator_design(&j->third_gains, &v->regulator_order, &j->third.machine, &v->model);
 }
 
-COLD void vector_injection_take_design(drive_t *drive) {
-  const regulator_gains_t *gains = &drive->vector.injection->third_gains;
-  chip_vector_command_t *command = &drive->command.vector;
-  command->gain[1] = gains->g;
-  command->hold[1] = gains->h;
-  command->ratio_q17[1] = gains->ratio_q17;
-  command->shift[1] = (uint32_t)gains->shift;
+COLD void vector_injection_take_design(vector_t *v) {
+  const regulator_gains_t *gains = &v->injection->third_gains;
+  vector_command_t *command = &v->command;
+  command->gains.gain[1] = gains->g;
+  command->gains.hold[1] = gains->h;
+  command->gains.ratio_q17[1] = gains->ratio_q17;
+  command->gains.shift[1] = (uint32_t)gains->shift;
 }
 
-COLD void vector_injection_begin(drive_t *drive) {
-  vector_t *v = &drive->vector;
+COLD outcome_t vector_injection_begin(vector_t *v) {
   vector_injection_t *j = v->injection;
-  if (vector_open_phase_refuses(drive)) {
-    return;
+  const outcome_t refused = vector_open_phase_refuses(v);
+  if (outcome_event(refused) != EVENT_STAY) {
+    return refused;
   }
-  injection_frame_begin(&j->frame, &j->settings, drive->p->injection_search != 0, 0);
+  injection_frame_begin(&j->frame, &j->settings, v->p->injection_search != 0, 0);
   const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
   // A low-pass that rises would be taken for a weak signal.
   j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
@@ -143,30 +139,30 @@ COLD void vector_injection_begin(drive_t *drive) {
   j->observing = false;
   v->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
-  drive->command.vector.clear_injection = true;
+  v->command.injection.clear = true;
   v->frame = FRAME_INJECTED;
-  ramp_preset(&drive->ramp, 0);
-  drive->command.gate_enable = true;
-  drive->command.vector.enable = true;
-  drive->phase = START_SEARCH;
-  drive->state_ticks = 0;
+  ramp_preset(&v->ramp, 0);
+  v->report.gates = true;
+  v->command.control.enable = true;
+  v->report.phase = START_SEARCH;
+  return refused;
 }
 
-COLD void vector_injection_off(drive_t *drive) {
-  chip_vector_command_t *command = &drive->command.vector;
+COLD void vector_injection_off(vector_t *v) {
+  vector_command_t *command = &v->command;
   const complex_t zero = {0, 0};
-  command->inject = false;
-  command->write_injection = true;
-  command->write_forward = true;
+  command->injection.inject = false;
+  command->injection.fresh = true;
+  command->forward.fresh = true;
   for (uint32_t s = 0; s < SUBSPACES; s++) {
-    command->regulate[s] = false;
+    command->control.regulate[s] = false;
     command->preset_v_q17[s] = zero;
-    command->forward_v_q17[s] = zero;
-    command->reference_i_q17[s] = zero;
+    command->forward.v_q17[s] = zero;
+    command->reference.i_q17[s] = zero;
   }
-  drive->vector.injection->injecting = false;
-  drive->vector.injection->wanted = false;
-  drive->vector.design_waits = false;
+  v->injection->injecting = false;
+  v->injection->wanted = false;
+  v->design_waits = false;
 }
 
 static fault_t fault_of(injection_verdict_t verdict) {
@@ -185,15 +181,14 @@ static fault_t fault_of(injection_verdict_t verdict) {
 }
 
 // From half the speed on at which the wave is there again.
-HOT static void observe_emf(drive_t *drive, const chip_vector_snapshot_t *in) {
-  vector_t *v = &drive->vector;
+HOT static void observe_emf(vector_t *v, const chip_vector_snapshot_t *in) {
   vector_injection_t *j = v->injection;
-  const bool fast = hands_over(drive->p) && abs_sat(v->speed_turn_q36) > drive->p->vector_back_turn_q36 / 2;
+  const bool fast = hands_over(v->p) && abs_sat(v->report.vector.speed_turn_q36) > v->p->vector_back_turn_q36 / 2;
   if (fast && j->observing) {
-    vector_observe(drive, in);
+    vector_observe(v, in);
   } else if (fast) {
-    v->forward_v_q17 = drive->command.vector.forward_v_q17[0];
-    const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+    v->forward_v_q17 = v->command.forward.v_q17[0];
+    const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
     emf_observer_preset(&v->observer, in->i_q17[0], emf_v_q25, emf_v_q25);
     j->observing = true;
   } else {
@@ -202,24 +197,22 @@ HOT static void observe_emf(drive_t *drive, const chip_vector_snapshot_t *in) {
 }
 
 // The EMF belongs to the speed, from half to twice.
-HOT static bool emf_there(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  v->emf_v_q25 = rough_length(v->observer.emf_v_q25);
-  const uint32_t expected = (uint32_t)abs_sat(gain_apply(v->speed_turn_q36, drive->p->vector_flux));
-  return v->emf_v_q25 >= expected / 2u && v->emf_v_q25 / 2u <= expected;
+HOT static bool emf_there(vector_t *v) {
+  v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  const uint32_t expected = (uint32_t)abs_sat(gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux));
+  return v->report.vector.emf_v_q25 >= expected / 2u && v->report.vector.emf_v_q25 / 2u <= expected;
 }
 
 // Held by the EMF alone, and that does not hold.
-HOT static bool emf_lost(drive_t *drive) {
-  vector_t *v = &drive->vector;
-  const bool bad = !emf_there(drive) || abs_sat(v->error_q30) > LOST_ERROR_Q30;
+HOT static bool emf_lost(vector_t *v) {
+  const bool bad = !emf_there(v) || abs_sat(v->error_q30) > LOST_ERROR_Q30;
   v->suspicion = (bad && !v->injection->frame.handover.inject) ? v->suspicion + 1u : 0u;
   return v->suspicion >= v->lost_checks;
 }
 
 // The search has ended, or the angle is not to be trusted any more.
-HOT static void supervise(drive_t *drive) {
-  const injection_frame_t *frame = &drive->vector.injection->frame;
+HOT static outcome_t supervise(vector_t *v) {
+  const injection_frame_t *frame = &v->injection->frame;
   fault_t fault = fault_of(frame->validity.verdict);
   if (frame->resting && frame->rest.phase == REST_NOT_SURE) {
     fault = FAULT_POLARITY_UNSURE;
@@ -227,32 +220,32 @@ HOT static void supervise(drive_t *drive) {
     fault = FAULT_INJECTION_SIGNAL;
   }
   if (fault != FAULT_NONE) {
-    drive_enter_fault(drive, fault);
-  } else if (emf_lost(drive)) {
-    drive_lost_lock(drive);
-  } else if (!frame->resting && drive->state == STATE_STARTING) {
-    drive_enter(drive, STATE_RUNNING);
+    return outcome_fault(fault);
   }
+  if (emf_lost(v)) {
+    return outcome_of(EVENT_LOCK_LOST);
+  }
+  const bool started = !frame->resting && v->order->state == STATE_STARTING;
+  return outcome_of(started ? EVENT_STARTED : EVENT_STAY);
 }
 
 // The target's sign is taken through zero, zero is a target.
-HOT static void follow_target(drive_t *drive) {
-  const parameters_t *p = drive->p;
-  const bool stopping = drive->state == STATE_STOPPING;
-  const int32_t step_rpm_q20 = clamp_i32(drive->settings.accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
-  const int32_t target_rpm_q8 = (drive->state == STATE_RUNNING) ? drive->settings.target_rpm * 256 : 0;
-  drive->m.speed_rpm_q8 = rpm_q8(drive, drive->vector.speed_turn_q36);
+HOT static outcome_t follow_target(vector_t *v) {
+  const parameters_t *p = v->p;
+  const bool stopping = v->order->state == STATE_STOPPING;
+  const int32_t step_rpm_q20 = clamp_i32(v->settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  const int32_t target_rpm_q8 = (v->order->state == STATE_RUNNING) ? v->settings->target_rpm * 256 : 0;
+  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
   // The ramp need not wait for the speed: the regulator does not wind up.
-  (void)ramp_step(&drive->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, drive->m.speed_rpm_q8,
+  (void)ramp_step(&v->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8,
                   p->speed_max_rpm * 256);
-  const int32_t speed_rpm_q8 = abs_sat(drive->m.speed_rpm_q8);
+  const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
-    drive_enter_fault(drive, FAULT_OVERSPEED);
-  } else if (stopping && drive->ramp.value_rpm_q8 == 0 &&
-             speed_rpm_q8 < drive->vector.back_rpm_q8 >> STOPPED_SHARE_SHIFT) {
-    drive_gates_off(drive);
-    drive_enter(drive, STATE_READY);
+    return outcome_fault(FAULT_OVERSPEED);
   }
+  const bool stopped =
+      stopping && v->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 >> STOPPED_SHARE_SHIFT;
+  return outcome_of(stopped ? EVENT_STOPPED : EVENT_STAY);
 }
 
 // Mean of the last states: with the separator the state swings with the wave.
@@ -268,58 +261,59 @@ HOT static complex_t mean_state_v_q25(vector_injection_t *j, uint32_t tick, comp
 
 // With the separator the regulators' gains change with the wave: a design for what the frame wants now waits for the wave's
 // change, and the change for it. True: they can change together, or the gains stay.
-HOT static bool gains_ready(drive_t *drive) {
-  vector_t *v = &drive->vector;
+HOT static bool gains_ready(vector_t *v) {
   vector_injection_t *j = v->injection;
   v->design_waits = j->wanted != j->forward && j->settings.error.method == INJECTION_SEPARATOR;
   if (!v->design_waits) {
     return true;
   }
-  const bool meant = v->regulated == vector_injection_plant(drive);
+  const bool meant = v->regulated == vector_injection_plant(v);
   v->finished = v->finished && meant;
   return v->finished;
 }
 
 // The EMF as forward voltage while there is a wave. Before the wave comes and where it goes the regulator takes what
 // changes into its state, held for a tick. The set acts two steps from here.
-HOT static void send_forward(drive_t *drive, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
-  vector_t *v = &drive->vector;
+HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
   vector_injection_t *j = v->injection;
-  chip_vector_command_t *c = &drive->command.vector;
-  const complex_t mean_v_q25 = mean_state_v_q25(j, drive->tick, state_v_q25);
+  vector_command_t *c = &v->command;
+  const complex_t mean_v_q25 = mean_state_v_q25(j, v->order->tick, state_v_q25);
   const complex_t before_v_q25 = j->forward_v_q25;
   const complex_t none = {0, 0};
-  const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->vector_flux)};
+  const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
   // With the separator and a wave only the steps with an odd phase take a preset state.
   const bool takes =
       j->settings.error.method != INJECTION_SEPARATOR || !seen->active || seen->phase % 2u != 0u;
   j->wanted = j->command.inject;
-  v->holding = gains_ready(drive) && j->wanted != j->forward && takes;
+  v->holding = gains_ready(v) && j->wanted != j->forward && takes;
   j->forward = v->holding ? j->wanted : j->forward;
   j->forward_v_q25 = j->forward ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
   if (v->holding) {
     c->preset_v_q17[0] = to_q17(complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
     j->taken_in = WAVE_AFTER;
     if (v->design_waits) {
-      vector_take_design(drive);
+      vector_take_design(v);
       v->design_waits = false;
     }
   } else if (j->taken_in > 0u) {
     j->taken_in--;
   }
   j->command.inject = j->forward && (j->injecting || j->taken_in == 0u);
-  // The band-pass knows the current that flows: begun anew it would take its step for HF current.
-  c->clear_injection = false;
 }
 
-SHARED void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
-  vector_t *v = &drive->vector;
+HOT static outcome_t look(vector_t *v, const chip_snapshot_t *in) {
+  v->state_v_q25 = complex_add(in->vector.u_v_q25[0], v->injection->forward_v_q25);
+  const outcome_t outcome = vector_open_phase_step(v, in);
+  return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v) : outcome;
+}
+
+SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   vector_injection_t *j = v->injection;
   const chip_injection_snapshot_t *seen = &in->injection;
-  observe_emf(drive, &in->vector);
+  observe_emf(v, &in->vector);
   // A set that has not been taken keeps its turn.
   if (!in->vector.taken) {
-    return;
+    return outcome_of(EVENT_STAY);
   }
   bool fresh = seen->active && seen->results != j->results;
   j->results = seen->results;
@@ -334,7 +328,7 @@ SHARED void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
   }
   v->error_q30 = 0;
   if (j->observing) {
-    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->speed_turn_q36, v->start_settings.minimum_v_q25,
+    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36, v->start_settings.minimum_v_q25,
                                       &v->emf_reciprocal);
   }
   const complex_t i_q17 = in->vector.i_q17[0];
@@ -343,74 +337,77 @@ SHARED void vector_injection_step(drive_t *drive, const chip_snapshot_t *in) {
       .amplitude = {seen->d, seen->q, seen->count},
       .current_i_q25 = {i_q17.re * 256, i_q17.im * 256},
       .emf_error_q30 = v->error_q30,
-      .emf_there = j->observing && emf_there(drive),
+      .emf_there = j->observing && emf_there(v),
       .by_speed = true,
-      .speed_turn_q36 = gain_apply(drive->ramp.value_rpm_q8, drive->p->vector_rpm_to_turn),
+      .speed_turn_q36 = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn),
   };
-  j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(drive);
+  j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
-  v->speed_turn_q36 = j->command.speed_turn_q36;
+  v->report.vector.speed_turn_q36 = j->command.speed_turn_q36;
   v->correct_q32 = j->command.turn_q32;
   v->reference_i_q25 = j->command.reference_i_q25[0];
-  drive->limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
-  send_forward(drive, seen, in->vector.u_v_q25[0]);
-  switch (drive->tick % VECTOR_GROUPS) {
+  v->report.limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
+  send_forward(v, seen, in->vector.u_v_q25[0]);
+  switch (v->order->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
-      follow_target(drive);
-      break;
+      return follow_target(v);
     case GROUP_SUPERVISION:
-      v->state_v_q25 = complex_add(in->vector.u_v_q25[0], j->forward_v_q25);
-      if (!vector_open_phase_step(drive, in)) {
-        supervise(drive);
-      }
-      break;
+      return look(v, in);
     case GROUP_FIELD:
     case GROUP_LIMITS:
     default:
-      break;
+      return outcome_of(EVENT_STAY);
   }
 }
 
-HOT uint32_t vector_published_q32(const drive_t *drive) {
-  const vector_injection_t *j = drive->vector.injection;
-  return (j == 0) ? 0u : (uint32_t)j->command.report_q32 + (uint32_t)j->command.curve_q32;
+HOT void vector_injection_report(vector_t *v) {
+  const vector_injection_t *j = v->injection;
+  const injection_validity_t *validity = &j->frame.validity;
+  vector_report_t *r = &v->report.vector;
+  r->published_q32 = (uint32_t)j->command.report_q32 + (uint32_t)j->command.curve_q32;
+  r->open_phases = j->open.open;
+  r->injection_q16[0] = validity->share_q16;
+  r->injection_q16[1] = validity->noise_q16;
+  r->injection_q16[2] = validity->ratio_q16;
+  r->injection_q16[3] = (uint32_t)j->frame.handover.share_q16;
 }
 
-HOT void vector_injection_limits(drive_t *drive) {
-  chip_vector_command_t *command = &drive->command.vector;
-  const vector_injection_t *j = drive->vector.injection;
-  const uint32_t circle_v_q17 = command->limit_v_q17[0];
-  command->lead_q32 = j->command.lead_q32;
+HOT void vector_injection_limits(vector_t *v) {
+  vector_command_t *command = &v->command;
+  const vector_injection_t *j = v->injection;
+  const uint32_t circle_v_q17 = command->limits.v_q17[0];
+  command->limits.lead_q32 = j->command.lead_q32;
   if (j->injecting) {
-    command->limit_v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, drive->p->injection_v_q17);
+    command->limits.v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, v->p->injection_v_q17);
   }
   if (SUBSPACES > 1) {
-    command->limit_v_q17[1] = circle_v_q17 >> THIRD_SHARE_SHIFT;
+    command->limits.v_q17[1] = circle_v_q17 >> THIRD_SHARE_SHIFT;
   }
 }
 
-HOT void vector_injection_command(drive_t *drive) {
-  const vector_t *v = &drive->vector;
+HOT void vector_injection_command(vector_t *v) {
   vector_injection_t *j = v->injection;
-  chip_vector_command_t *c = &drive->command.vector;
-  c->forward_v_q17[0] = to_q17(j->forward_v_q25);
-  c->write_forward = true;
+  vector_command_t *c = &v->command;
+  c->forward.v_q17[0] = to_q17(j->forward_v_q25);
+  c->forward.fresh = true;
   if (SUBSPACES > 1) {
-    const complex_t emf_v_q25 = {0, gain_apply(v->speed_turn_q36, drive->p->injection_third_flux)};
-    c->forward_v_q17[1] = to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30));
-    c->reference_i_q17[1] = to_q17(j->command.reference_i_q25[1]);
-    c->write_reference = true;
+    const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->injection_third_flux)};
+    c->forward.v_q17[1] = to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30));
+    c->reference.i_q17[1] = to_q17(j->command.reference_i_q25[1]);
+    c->reference.fresh = true;
     const bool whole = j->open.open == 0u;
-    c->write_control = c->write_control || c->regulate[1] != whole;
-    c->regulate[1] = whole;
+    if (c->control.regulate[1] != whole) {
+      c->control.regulate[1] = whole;
+      c->control.fresh = true;
+    }
   }
-  c->inject = j->command.inject;
-  c->write_injection = c->inject != j->injecting;
+  c->injection.inject = j->command.inject;
+  c->injection.fresh = c->injection.fresh || c->injection.inject != j->injecting;
   // At the start the filters' time to settle is more.
-  if (c->inject && !j->injecting && j->left_out < FIRST_RESULTS) {
+  if (c->injection.inject && !j->injecting && j->left_out < FIRST_RESULTS) {
     j->left_out = FIRST_RESULTS;
   }
-  j->injecting = c->inject;
+  j->injecting = c->injection.inject;
 }
 
 SMALL_CODE_END

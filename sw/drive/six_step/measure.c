@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "drive/measure.h"
+#include "drive/six_step/measure.h"
 
 #include "control/fixed.h"
 #include "control/line_current.h"
@@ -20,9 +20,13 @@ HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) 
   return *state_q25 >> 8;
 }
 
-HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
-  measured_t *m = &drive->m;
-  const int32_t shift = drive->p->current_filter_shift;
+void measure_init(measured_t *m, const parameters_t *p) {
+  m->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
+}
+
+HOT static void measure_electric(measured_t *m, const parameters_t *p, const chip_snapshot_t *in,
+                                 int32_t line_ratio_q16) {
+  const int32_t shift = p->current_filter_shift;
   if (in->sum_count > 0u) {
     const int32_t count = (int32_t)in->sum_count;
     const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, SAMPLE_MAX_Q17);
@@ -30,8 +34,8 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
     const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -FULL_Q17, SAMPLE_MAX_Q17);
     m->idc_mean_q17 = idc_q17;
     m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, shift);
-    (void)filter(&m->loop_filter_q25, idc_q17, drive->p->loop_filter_shift);
-    m->line_i_q25 = line_current(m->loop_filter_q25, drive->scheduled.line_ratio_q16);
+    (void)filter(&m->loop_filter_q25, idc_q17, p->loop_filter_shift);
+    m->line_i_q25 = line_current(m->loop_filter_q25, line_ratio_q16);
   }
   int32_t magnitude = 0;
   int32_t highest = in->v_q17[0];
@@ -47,16 +51,16 @@ HOT static void measure_electric(drive_t *drive, const chip_snapshot_t *in) {
 
 // A sector needs pulses before and after its crossing: at least CARRIERS_A_SECTOR carriers, or as many as the
 // carrier wanted by the user gives.
-HOT static uint32_t longest_carrier(const drive_t *drive, uint32_t zc_period_cycles) {
-  const uint32_t wanted = drive->settings.carrier_period_cycles;
-  const uint32_t longest = (uint32_t)drive->p->carrier_longest_cycles;
+HOT static uint32_t longest_carrier(const parameters_t *p, const settings_t *settings, uint32_t zc_period_cycles) {
+  const uint32_t wanted = settings->carrier_period_cycles;
+  const uint32_t longest = (uint32_t)p->carrier_longest_cycles;
   const uint32_t allowed = zc_period_cycles / (6u * CARRIERS_A_SECTOR);
   return clamp_u32(allowed, wanted, (longest > wanted) ? longest : wanted);
 }
 
-HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
-  measured_t *m = &drive->m;
-  if (drive->command.timer == COMMUTATION_OFF) {
+HOT static void measure_speed(measured_t *m, const parameters_t *p, const settings_t *settings,
+                              const chip_snapshot_t *in, uint32_t tick, bool timer_on) {
+  if (!timer_on) {
     m->timer_on_ticks = 0;
     m->crossings = 0;
     m->commutations = 0;
@@ -66,15 +70,15 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
     m->speed_fresh = false;
     m->speed_due = false;
     m->speed_rpm_q8 = 0;
-    drive->command.peak_q17 = 0;
-    m->longest_cycles = (uint32_t)drive->p->carrier_longest_cycles;
+    m->peak_q17 = 0;
+    m->longest_cycles = (uint32_t)p->carrier_longest_cycles;
     return;
   }
   m->timer_on_ticks++;
   if (m->timer_on_ticks < TIMER_SETTLED_TICKS) {
     return;
   }
-  if (drive->tick % MISS_WINDOW_TICKS == 0u) {
+  if (tick % MISS_WINDOW_TICKS == 0u) {
     m->timeouts_before = m->timeouts;
     m->timeouts = in->timeouts;
   }
@@ -87,17 +91,17 @@ HOT static void measure_speed(drive_t *drive, const chip_snapshot_t *in) {
   m->speed_fresh = m->speed_due && m->speed_valid && !m->speed_fresh;
   if (m->speed_fresh) {
     m->speed_due = false;
-    m->longest_cycles = longest_carrier(drive, in->zc_period_cycles);
+    m->longest_cycles = longest_carrier(p, settings, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
-    m->speed_rpm_q8 = speed_from_period_rpm_q8(drive->speed_numerator_q8, in->zc_period_cycles);
-    drive->command.peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, drive->p->zcd_peak), 0, SAMPLE_MAX_Q17);
+    m->speed_rpm_q8 = speed_from_period_rpm_q8(m->speed_numerator_q8, in->zc_period_cycles);
+    m->peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, p->zcd_peak), 0, SAMPLE_MAX_Q17);
   }
 }
 
-HOT void measure_update(drive_t *drive, const chip_snapshot_t *in) {
-  measured_t *m = &drive->m;
+HOT void measure_step(measured_t *m, const parameters_t *p, const settings_t *settings, const chip_snapshot_t *in,
+                      uint32_t tick, bool timer_on, int32_t line_ratio_q16) {
   m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
   m->last_sample = in->sample_number;
-  measure_electric(drive, in);
-  measure_speed(drive, in);
+  measure_electric(m, p, in, line_ratio_q16);
+  measure_speed(m, p, settings, in, tick, timer_on);
 }

@@ -12,8 +12,8 @@
 // The saliency of four phases turns with the rotor: the injection finds no angle.
 #include "control/fixed.h"
 #include "control/placement.h"
-#include "drive/vector_injection.h"
-#include "drive/vector_parts.h"
+#include "drive/vector/injected.h"
+#include "drive/vector/parts.h"
 
 #define SHARE_Q16 9830u               // 0.15 of the amplitude
 #define TURN_Q32 1431655765u          // 120 degrees; a sound phase is quiet for 17, with dead time and no wave for 60 and more
@@ -24,63 +24,54 @@ SMALL_CODE_BEGIN
 
 COLD static bool several(uint32_t phases) { return (phases & (phases - 1u)) != 0u; }
 
-COLD static void stop(drive_t *drive) {
-  drive_enter_fault(drive, several(drive->vector.injection->open.open) ? FAULT_OPEN_PHASES : FAULT_OPEN_PHASE);
+COLD static outcome_t stop(const vector_t *v) {
+  return outcome_fault(several(v->injection->open.open) ? FAULT_OPEN_PHASES : FAULT_OPEN_PHASE);
 }
 
 // The state of subspace 3 is its preset one from now on: none.
-COLD static void found(drive_t *drive) {
-  const injection_handover_t *handover = &drive->vector.injection->frame.handover;
+COLD static outcome_t found(vector_t *v) {
+  const injection_handover_t *handover = &v->injection->frame.handover;
   const bool by_emf = handover->emf && !handover->inject;
-  if (PHASES != 5 || !by_emf || several(drive->vector.injection->open.open)) {
-    stop(drive);
-    return;
+  if (PHASES != 5 || !by_emf || several(v->injection->open.open)) {
+    return stop(v);
   }
-  drive->command.vector.preset_v_q17[1] = (complex_t){0, 0};
-  fault_log_add(&drive->log, FAULT_OPEN_PHASE, drive->tick);
+  v->command.preset_v_q17[1] = (complex_t){0, 0};
+  return outcome_passing(outcome_of(EVENT_STAY), FAULT_OPEN_PHASE);
 }
 
-HOT bool vector_open_phase_step(drive_t *drive, const chip_snapshot_t *in) {
-  vector_injection_t *j = drive->vector.injection;
+HOT outcome_t vector_open_phase_step(vector_t *v, const chip_snapshot_t *in) {
+  vector_injection_t *j = v->injection;
   if (j->frame.resting) {
-    return false;  // the frame turns, not the rotor
+    return outcome_of(EVENT_STAY);  // the frame turns, not the rotor
   }
   const open_phase_settings_t settings = {
       .share_q16 = SHARE_Q16,
-      .minimum_i_q17 = (uint32_t)drive->settings.current_limit_q17 >> LEAST_SHIFT,
+      .minimum_i_q17 = (uint32_t)v->settings->current_limit_q17 >> LEAST_SHIFT,
       .turn_q32 = TURN_Q32,
   };
   const uint32_t before = j->open.open;
-  const uint32_t amplitude_i_q17 = rough_length(drive->vector.current_i_q17);
-  const uint32_t now =
-      open_phase_step(&j->open, &settings, in->i_q17, PHASES, amplitude_i_q17, drive->vector.angle_turn_q32);
+  const uint32_t amplitude_i_q17 = rough_length(v->report.vector.current_i_q17);
+  const uint32_t now = open_phase_step(&j->open, &settings, in->i_q17, PHASES, amplitude_i_q17, v->report.vector.angle_turn_q32);
   if (now != before) {
-    found(drive);
-  } else if (now != 0u && j->command.inject) {
+    return found(v);
+  }
+  if (now != 0u && j->command.inject) {
     // The speed has come down to where there is no angle any more.
-    if (drive->state == STATE_STOPPING) {
-      drive_gates_off(drive);
-      drive_enter(drive, STATE_READY);
-    } else {
-      stop(drive);
-    }
+    return (v->order->state == STATE_STOPPING) ? outcome_of(EVENT_STOPPED) : stop(v);
   }
-  return drive->vector.frame == FRAME_OFF;
+  return outcome_of(EVENT_STAY);
 }
 
-COLD bool vector_open_phase_refuses(drive_t *drive) {
-  vector_injection_t *j = drive->vector.injection;
-  const bool refused = j->open.open != 0u;
-  if (refused) {
-    stop(drive);
-  }
+COLD outcome_t vector_open_phase_refuses(vector_t *v) {
+  vector_injection_t *j = v->injection;
+  const outcome_t outcome = (j->open.open != 0u) ? stop(v) : outcome_of(EVENT_STAY);
   open_phase_begin(&j->open);
-  return refused;
+  return outcome;
 }
 
-HOT int32_t vector_open_phase_limit_i_q25(const drive_t *drive) {
-  const int32_t limit_i_q25 = drive->settings.current_limit_q17 * 256;
-  return (drive->vector.injection->open.open == 0u) ? limit_i_q25 : mul_q16(limit_i_q25, FOUR_PHASES_Q16);
+HOT int32_t vector_open_phase_limit_i_q25(const vector_t *v) {
+  const int32_t limit_i_q25 = v->settings->current_limit_q17 * 256;
+  return (v->injection->open.open == 0u) ? limit_i_q25 : mul_q16(limit_i_q25, FOUR_PHASES_Q16);
 }
 
 SMALL_CODE_END

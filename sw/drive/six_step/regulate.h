@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+// Regulation while crossings or edges commutate.
+//
+// Straight to the voltage:
+//   u = k_e n_ref + Kp a_ref/w_b + PI(n_ref - n),   Kp = J R(n) w_b / k_t,  Ki = max(k_e w_b, Kp w_b / 5)
+// With current loop:
+//   i_ref = J a_ref / k_t + PI(n_ref - n),          Kp = J w_b / k_t,       Ki = Kp w_b / 5;  torque mode: i_ref given
+//   u = k_e n + R(n) i_ref + PI(i_ref - i),         Kp = L w_c,             Ki = R(n) w_c
+//
+// R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L. The gains of the speed regulators shrink at
+// speeds whose electrical turn is long against 1/w_b: the speed is a mean over that turn.
+#ifndef FL_REGULATE_H
+#define FL_REGULATE_H
+
+#include "control/csc_linearity.h"
+#include "control/limiter.h"
+#include "control/pi.h"
+#include "control/ramp.h"
+#include "drive/six_step/pwm.h"
+#include "drive/six_step/view.h"
+
+#define REGULATE_PREPARE_TICKS 8u
+
+// Gains and limits of the speed control that vary with speed and DC-link voltage.
+typedef struct {
+  pi_gains_t pi;
+  gain_t kp_full;  // without the reduction at low speed
+  int32_t resistive_v_q25;  // R * current limit
+  int32_t acceleration_v_q25;  // voltage that accelerates with the ramp
+  int32_t low_v_q25;  // of the least and of the largest duty
+  int32_t high_v_q25;
+  int32_t line_ratio_q16;  // current of the conducting pair over DC-link current
+  int32_t limit_i_q25;     // the lower one of current limit and DC limit
+  int32_t acceleration_i_q25;
+  gain_t resistance;     // R(n), i_q25 -> v_q25
+  pi_gains_t speed_i;    // speed regulator of the current loop
+  pi_gains_t current;    // current regulator
+  csc_linearity_t linearity;
+  int32_t advance_q16;  // what speed and current add
+} scheduled_t;
+
+// What gives the voltage while running.
+typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
+
+typedef struct {
+  scheduled_t scheduled;
+  ramp_t ramp;
+  uint32_t schedule_group;  // due next
+  bool schedule_skipped;
+  regulator_t regulator;
+  bool linear;  // settings->linearity that the gains were set for
+  bool was_frozen;
+  limit_t limit;
+  pi_state_t speed_pi;
+  pi_state_t current_pi;
+  int32_t reference_i_q25;
+  int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
+  limiter_t limiter;
+  int32_t brake_i_q25;  // largest braking current now
+  int32_t advance_q16;
+} regulate_t;
+
+// What the regulators are told, besides the view.
+typedef struct {
+  bool reverse;
+  bool thresholds_move;     // a tick that moves thresholds leaves the schedule to another one
+  uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
+  uint32_t period_cycles;   // of the carrier
+} regulate_input_t;
+
+void regulate_init(regulate_t *r, const settings_t *settings);
+
+// Schedule gains, one group a tick: for at least REGULATE_PREPARE_TICKS before regulate_begin.
+void regulate_prepare(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
+                      uint32_t ticks);
+
+// Go on from the voltage of now.
+void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in);
+
+// One step toward a target (magnitude). About 1300 clocks with what it calls.
+void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
+                   int32_t target_rpm_q8);
+
+// While frozen: nothing moves.
+void regulate_freeze(regulate_t *r);
+
+// The target has the other sign.
+bool regulate_turns_wrong(const settings_t *settings, bool reverse);
+
+// Slow enough to open the gates of a drive that is to stop: about the stop speed, or where the least duty holds a
+// braked rotor above it.
+bool regulate_nearly_stopped(const regulate_t *r, const six_step_view_t *view);
+
+#endif

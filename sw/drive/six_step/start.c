@@ -1,0 +1,360 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "drive/six_step/start.h"
+
+#include "control/fixed.h"
+#include "control/placement.h"
+#include "control/speed.h"
+#include "control/startup.h"
+
+#define ALIGN_LEG_FIRST 0u
+#define ALIGN_LEG_SECOND 1u
+// 1 ms at 10 kHz; the current is filtered.
+#define ALIGN_PULLED_TICKS 10u
+#define HALVINGS_MAX 4u
+#define SQRT2_Q16 92682u
+#define INTERVAL_MAX 0xFFFFFFu
+#define LOCK_TIMEOUT_Q12 0xFFFFu
+#define CAUGHT_TICKS 2u
+
+// What a step works with.
+typedef struct {
+  start_t *s;
+  hall_t *h;
+  pwm_t *pwm;
+  six_step_command_t *command;
+  const six_step_view_t *view;
+} work_t;
+
+static const outcome_t stay = EVENT_STAY;
+
+static void enter_phase(start_t *s, phase_t phase) {
+  s->phase = phase;
+  s->ticks = 0;
+}
+
+static void apply_voltage(const work_t *w, int32_t u_v_q25, bool sync_rect) {
+  pwm_from_voltage(w->pwm, w->view, u_v_q25, sync_rect, start_longest_cycles(w->s, w->view->m), 0);
+}
+
+static void direct(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, bool reverse) {
+  s->reverse = reverse;
+  sequence_direct(&command->sequence, reverse);
+  hall_begin(h, &command->edge, p, reverse);
+}
+
+void start_begin(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, const settings_t *settings) {
+  direct(s, h, command, p, settings->target_rpm < 0);
+  coast_begin(&s->coast);
+  s->edge_ticks = 0;
+  s->longest_cycles = 0;
+  s->pulled_ticks = 0;
+  enter_phase(s, START_COAST);
+  // The edges are measured while the rotor coasts.
+  sequence_time(&command->sequence, h->driving ? COMMUTATION_HALL : COMMUTATION_OFF);
+}
+
+void start_off(start_t *s) { s->gates = false; }
+
+bool start_prepares(const start_t *s) { return s->phase == START_LOCK || s->phase == START_HALL; }
+
+uint32_t start_longest_cycles(const start_t *s, const measured_t *m) {
+  return (s->longest_cycles != 0u && !m->speed_valid) ? s->longest_cycles : m->longest_cycles;
+}
+
+// The forced field lags a lightly loaded rotor by up to 90 degrees, its crossings are late ones then and the next
+// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them.
+static void begin_lock(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  sequence_command_t *sequence = &w->command->sequence;
+  sequence_time(sequence, COMMUTATION_ZCD);
+  sequence_miss(sequence, (uint32_t)p->miss_limit);
+  sequence_force_on_miss(sequence, false, LOCK_TIMEOUT_Q12);
+  apply_voltage(w, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
+  w->s->locked_from = w->view->m->crossings;
+  enter_phase(w->s, START_LOCK);
+}
+
+// A rotor that turns fast enough for its crossings is taken over at its speed. What is written now takes effect at the
+// next tick.
+static void take_over(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  start_t *s = w->s;
+  const int32_t step_q32 = s->coast.mean_step_q32;
+  sequence_command_t *sequence = &w->command->sequence;
+  const uint32_t interval_cycles = catch_sector_cycles(step_q32, (uint32_t)p->tick_cycles);
+  s->reverse = step_q32 < 0;
+  s->gates = true;
+  sequence_run(sequence, catch_sector(s->coast.rotor.angle + (uint32_t)step_q32, s->reverse));
+  sequence_direct(sequence, s->reverse);
+  sequence_force(sequence, interval_cycles);
+  s->catches++;
+  begin_lock(w);
+  // The interval is known: a missed crossing is one.
+  sequence_force_on_miss(sequence, true, (uint32_t)p->timeout_q12);
+  // No current: the voltage is the EMF. The carrier follows from the sector's length, which is not measured yet.
+  s->longest_cycles =
+      clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
+  apply_voltage(w, gain_apply(s->coast.speed_rpm_q8, p->emf), w->view->settings->sync_rect);
+}
+
+// The same by the edges, which are being measured. True: done.
+static bool caught_by_edges(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  const measured_t *m = w->view->m;
+  const settings_t *settings = w->view->settings;
+  start_t *s = w->s;
+  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
+  // The edges need no EMF to be seen. A rotor that turns the wrong way was let go at the stop speed to slow down.
+  const bool wrong = w->h->backward != (settings->target_rpm < 0);
+  const bool fast = wrong ? emf_v_q25 / 256 >= p->catch_v_q17 : m->speed_rpm_q8 >= p->handover_rpm * 256;
+  const bool turning = m->speed_valid && !hall_rotor_slow(w->h, p) && fast;
+  if (!coast_may_catch(w->view->order, settings) || !turning || m->speed_rpm_q8 / 256 > p->overspeed_rpm ||
+      m->vdc_v_q25 == 0) {
+    s->edge_ticks = 0;
+    return false;
+  }
+  if (w->h->backward != s->reverse) {
+    direct(s, w->h, w->command, p, w->h->backward);
+    s->edge_ticks = 0;
+    return false;
+  }
+  // A direction that was set takes effect at the next tick.
+  s->edge_ticks++;
+  if (s->edge_ticks <= CAUGHT_TICKS) {
+    return false;
+  }
+  s->gates = true;
+  sequence_run(&w->command->sequence, w->command->sequence.start_sector);
+  s->catches++;
+  s->locked_from = m->crossings;
+  apply_voltage(w, emf_v_q25, settings->sync_rect);
+  enter_phase(s, START_LOCK);
+  return true;
+}
+
+static void begin_precharge(const work_t *w) {
+  w->s->gates = true;
+  sequence_legs(&w->command->sequence, LEG_LOW, 0, LEG_LOW);
+  apply_voltage(w, 0, true);
+  enter_phase(w->s, START_PRECHARGE);
+}
+
+static outcome_t judge(const work_t *w, bool calm) {
+  start_t *s = w->s;
+  const coast_result_t result = coast_judge(&s->coast, w->view->p, w->view->order, calm, w->view->m->vdc_v_q25);
+  if (result == COAST_AT_REST) {
+    begin_precharge(w);
+  }
+  return (result == COAST_FAULT) ? outcome_fault(s->coast.fault) : stay;
+}
+
+static outcome_t coast_by_edges(const work_t *w) {
+  const six_step_view_t *view = w->view;
+  if (w->s->ticks > COAST_SETTLE_TICKS && caught_by_edges(w)) {
+    return stay;
+  }
+  return judge(w, w->s->ticks > coast_calm_ticks(view->order) && hall_rotor_slow(w->h, view->p));
+}
+
+static outcome_t coast(const work_t *w) {
+  const six_step_view_t *view = w->view;
+  coast_t *c = &w->s->coast;
+  if (w->h->driving) {
+    return coast_by_edges(w);
+  }
+  coast_see(c, view->p, view->in);
+  if (w->s->ticks > COAST_SETTLE_TICKS && coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25)) {
+    take_over(w);
+    return stay;
+  }
+  if (coast_stuck(c, view->p, view->in)) {
+    return outcome_fault(FAULT_VOLTAGE_CHANNEL);
+  }
+  return judge(w, coast_calm(c, view->p, view->order));
+}
+
+static void align(const work_t *w, uint32_t leg, uint32_t rise_ticks) {
+  int32_t u = w->view->p->align_v_q25;
+  if (w->s->ticks < rise_ticks) {
+    u = mul_q16(u, (int32_t)div_sat_u32((uint64_t)w->s->ticks << 16, rise_ticks));
+  }
+  sequence_legs(&w->command->sequence, LEG_LOW, leg, LEG_PWM_HIGH);
+  apply_voltage(w, u, true);
+}
+
+// A load that is stronger than the alignment turns the rotor; the standing voltage would brake it, with a current that grows
+// with its speed. With the gates off it coasts, and is caught. True: let go.
+static bool pulled_out(const work_t *w) {
+  const bool over = w->view->m->motor_q17 > w->view->p->align_limit_q17;
+  w->s->pulled_ticks = over ? w->s->pulled_ticks + 1u : 0u;
+  return w->s->pulled_ticks >= ALIGN_PULLED_TICKS;
+}
+
+// Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
+static void choose_acceleration(start_t *s, const parameters_t *p, const order_t *order) {
+  const uint32_t halvings = (order->failed_starts < HALVINGS_MAX) ? order->failed_starts : HALVINGS_MAX;
+  uint64_t first = (uint64_t)(uint32_t)p->start_first_cycles << (halvings / 2u);
+  if (halvings % 2u != 0u) {
+    first = (first * SQRT2_Q16) >> 16;
+  }
+  s->first_cycles = (first > INTERVAL_MAX) ? INTERVAL_MAX : (uint32_t)first;
+  s->accel_rpm_q20 = (p->start_accel_rpm_q20 >> halvings) | 1;
+}
+
+// First forced sector: the update that switches the sequencer also starts the forced timer.
+static void begin_ramp(const work_t *w) {
+  start_t *s = w->s;
+  sequence_command_t *sequence = &w->command->sequence;
+  sequence_run(sequence, start_sector(ALIGN_LEG_SECOND, s->reverse));
+  sequence_direct(sequence, s->reverse);
+  sequence_time(sequence, COMMUTATION_FORCED);
+  choose_acceleration(s, w->view->p, w->view->order);
+  sequence_force(sequence, s->first_cycles);
+  sequence_miss(sequence, 0);
+  sequence_never_back(sequence);
+  s->held_from = UINT32_MAX;
+  s->interval_for = UINT32_MAX;
+  handover_reset(&s->handover, 0, 0);
+  ramp_preset(&s->ramp, 0);
+  apply_voltage(w, w->view->p->start_v_q25, true);
+  enter_phase(s, START_RAMP);
+}
+
+static outcome_t ramp(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  const measured_t *m = w->view->m;
+  const chip_snapshot_t *in = w->view->in;
+  start_t *s = w->s;
+  const int32_t end_rpm_q8 = p->handover_rpm * 256;
+  const uint32_t forced_before = w->command->sequence.forced_interval_cycles;
+
+  // The interval written now is used by the commutation after the pending one.
+  uint32_t interval = (uint32_t)p->handover_interval_cycles;
+  if (s->held_from == UINT32_MAX && m->commutations == s->interval_for) {
+    interval = forced_before;
+  } else if (s->held_from == UINT32_MAX) {
+    s->interval_for = m->commutations;
+    const uint32_t accelerating = forced_interval_cycles(s->first_cycles, m->commutations);
+    if (accelerating > interval) {
+      interval = accelerating;
+    } else {
+      s->held_from = m->commutations;
+    }
+  }
+  sequence_force(&w->command->sequence, interval);
+
+  (void)ramp_step(&s->ramp, end_rpm_q8, s->accel_rpm_q20, end_rpm_q8, end_rpm_q8);
+  const int32_t u = p->start_v_q25 + gain_apply(s->ramp.value_rpm_q8, p->start_emf);
+  apply_voltage(w, u, true);
+
+  if (s->held_from == UINT32_MAX) {
+    handover_reset(&s->handover, in->crossings, in->late);
+    return stay;
+  }
+  handover_step(&s->handover, in->crossings, in->late, in->zc_interval_cycles, forced_before,
+                (uint32_t)p->handover_tolerance_q16);
+  const uint32_t held = m->commutations - s->held_from;
+  const uint32_t wanted = (uint32_t)p->handover_crossings;
+  if (s->handover.clean >= wanted || (held >= (uint32_t)p->handover_fallback && s->handover.plausible >= wanted)) {
+    begin_lock(w);
+  } else if (held >= (uint32_t)p->handover_timeout) {
+    return outcome_of(EVENT_START_FAILED);
+  }
+  return stay;
+}
+
+// Crossings commutate at held voltage until the period consists of them alone.
+static outcome_t lock(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  const measured_t *m = w->view->m;
+  start_t *s = w->s;
+  const bool crossings = w->command->sequence.timer == COMMUTATION_ZCD;
+  if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, p, m->speed_rpm_q8, 0)) {
+    return outcome_of(EVENT_START_FAILED);
+  }
+  const bool enough =
+      m->crossings - s->locked_from >= (uint32_t)p->lock_crossings && s->ticks > START_PREPARE_TICKS;
+  if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
+    return outcome_of(EVENT_STARTED);
+  }
+  return outcome_of((s->ticks > (uint32_t)p->lock_timeout_ticks) ? EVENT_START_FAILED : EVENT_STAY);
+}
+
+// From standstill by the edges: the sensors' sector pulls at once, its edges commutate.
+static void begin_hall(const work_t *w) {
+  start_t *s = w->s;
+  direct(s, w->h, w->command, w->view->p, w->view->settings->target_rpm < 0);
+  sequence_run(&w->command->sequence, w->command->sequence.start_sector);
+  s->locked_from = w->h->edge_count;
+  apply_voltage(w, w->view->p->start_v_q25, true);
+  enter_phase(s, START_HALL);
+}
+
+static outcome_t hall(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  const measured_t *m = w->view->m;
+  const start_t *s = w->s;
+  const uint32_t interval = hall_interval_cycles(w->h, w->view, s->reverse, s->locked_from);
+  const int32_t speed_rpm_q8 =
+      (interval > 0u) ? speed_from_period_rpm_q8(m->speed_numerator_q8, 6u * interval) : 0;
+  apply_voltage(w, p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf), true);
+  const bool enough = w->h->edge_count - s->locked_from > (uint32_t)p->lock_crossings &&
+                      s->ticks > START_PREPARE_TICKS && interval > 0u && m->speed_valid;
+  if (enough && m->speed_rpm_q8 > p->handover_rpm * 256) {
+    return outcome_of(EVENT_STARTED);
+  }
+  return outcome_of((s->ticks > (uint32_t)p->hall_start_ticks) ? EVENT_START_FAILED : EVENT_STAY);
+}
+
+COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t *command, const six_step_view_t *view) {
+  const work_t work = {s, h, pwm, command, view};
+  const work_t *w = &work;
+  const parameters_t *p = view->p;
+  if (view->order->state_ticks > 0u) {
+    s->ticks++;
+  }
+  switch (s->phase) {
+    case START_COAST:
+      return coast(w);
+    case START_PRECHARGE:
+      if (s->ticks < (uint32_t)p->precharge_ticks) {
+        break;
+      }
+      if (h->driving) {
+        begin_hall(w);
+      } else {
+        enter_phase(s, START_ALIGN_FIRST);
+        align(w, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+      }
+      break;
+    case START_ALIGN_FIRST:
+      if (pulled_out(w)) {
+        return outcome_of(EVENT_PULLED_OUT);
+      }
+      align(w, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+      if (s->ticks >= (uint32_t)p->align_ticks) {
+        enter_phase(s, START_ALIGN_SECOND);
+      }
+      break;
+    case START_ALIGN_SECOND:
+      if (pulled_out(w)) {
+        return outcome_of(EVENT_PULLED_OUT);
+      }
+      align(w, ALIGN_LEG_SECOND, 0);
+      if (s->ticks >= (uint32_t)p->align_ticks) {
+        begin_ramp(w);
+      }
+      break;
+    case START_RAMP:
+      return ramp(w);
+    case START_LOCK:
+      return lock(w);
+    case START_HALL:
+      return hall(w);
+    default:
+      return outcome_fault(FAULT_START_FAILED);
+  }
+  return stay;
+}

@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+// Shared by the parts of the vector drive: vector.c (control step), frame.c (frames and the ways between them),
+// design.c (constants and gains).
+#ifndef FL_VECTOR_PARTS_H
+#define FL_VECTOR_PARTS_H
+
+#include "control/complex_fixed.h"
+#include "control/fixed.h"
+#include "control/trig.h"
+#include "drive/vector/vector.h"
+
+enum { GROUP_SPEED, GROUP_FIELD, GROUP_LIMITS, GROUP_SUPERVISION };
+
+// The estimate is lost where the error stays beyond 30 degrees.
+#define LOST_ERROR_Q30 (ONE_Q30 / 2)
+
+static inline int32_t rpm_q8(const vector_t *v, int32_t speed_turn_q36) {
+  return gain_apply(speed_turn_q36, v->to_rpm);
+}
+
+static inline complex_t to_q17(complex_t z_q25) {
+  return (complex_t){(z_q25.re + 128) >> 8, (z_q25.im + 128) >> 8};
+}
+
+// exp(-j turn): takes vectors into a frame that is ahead by `turn`.
+static inline complex_t rotation_q30(int32_t turn_q32) { return cis_q30(0u - (uint32_t)turn_q32); }
+
+// Length within 7 per cent.
+static inline uint32_t rough_length(complex_t z) {
+  const uint32_t a = (uint32_t)abs_sat(z.re);
+  const uint32_t b = (uint32_t)abs_sat(z.im);
+  return (a > b) ? a + (b >> 1) - (b >> 3) : b + (a >> 1) - (a >> 3);
+}
+
+static inline bool vector_injects(const vector_t *v) { return (HELD & HELD_INJECTION) != 0 && v->injection != 0; }
+static inline bool vector_frame_is_injected(const vector_t *v) {
+  return (HELD & HELD_INJECTION) != 0 && v->frame == FRAME_INJECTED;
+}
+
+static inline bool has_encoder(const vector_t *v) { return v->p->encoder_quarters > 1; }
+
+// Electrical angle of the rotor by the encoder.
+static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
+
+// Constants from the parameters, gains for standstill.
+void vector_constants(vector_t *v);
+
+// A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
+// when the regulator's voltage is the EMF. False: slower than the hand-over, or
+// the encoder starts it.
+bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32);
+
+// The rotor is slow enough after the coast: switch on and align.
+outcome_t vector_begin(vector_t *v);
+
+// Regulator and frame off.
+void vector_frame_off(vector_t *v);
+
+// One sample of the EMF observer, then the turn of the set that the chip has taken.
+void vector_observe(vector_t *v, const chip_vector_snapshot_t *in);
+
+// The design that waits, to the chip.
+void vector_take_design(vector_t *v);
+
+// A caught rotor: from the frame that goes along to the gates.
+void vector_caught_step(vector_t *v, const chip_snapshot_t *in);
+
+// One step with the forced frame, to the hand-over.
+outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in);
+
+// From the observed frame to the forced one.
+outcome_t vector_hand_back(vector_t *v, const chip_snapshot_t *in);
+
+#endif

@@ -1,0 +1,474 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "drive/vector/vector.h"
+
+#include "control/balance.h"
+#include "control/brake.h"
+#include "control/fixed.h"
+#include "control/mtpa.h"
+#include "control/placement.h"
+#include "control/speed.h"
+#include "control/trig.h"
+#include "control/vector_speed.h"
+#include "drive/vector/parts.h"
+
+#define ONE_OVER_SQRT3_Q16 37837
+#define HALF_PI_Q30 1686629713
+// Turns below it, 1.4 degrees: two terms of the series are enough.
+#define SMALL_TURN_Q32 (1 << 24)
+#define SCALE_BITS 17u
+#define SCALE_SHIFT_MAX 31
+#define REST_PARTS 64
+
+static int32_t current_limit_i_q25(const vector_t *v) { return v->settings->current_limit_q17 * 256; }
+
+// The target asks for the other direction, or for none.
+HOT static bool descending(const vector_t *v, const order_t *order, const settings_t *settings) {
+  return order->state == STATE_STOPPING || (settings->target_rpm < 0 && v->direction > 0) ||
+         (settings->target_rpm > 0 && v->direction < 0);
+}
+
+// 1 / count, which seldom changes.
+HOT static int32_t share_of(share_t *share, uint32_t count) {
+  if (count != share->count) {
+    share->count = count;
+    share->share_q30 = (int32_t)((uint32_t)ONE_Q30 / count);
+  }
+  return share->share_q30;
+}
+
+HOT static int32_t share(int32_t sum, int32_t share_q30) {
+  return (int32_t)(((int64_t)sum * share_q30 + ONE_Q30 / 2) >> 30);
+}
+
+// Only what the step before asked for. Ticks that follow the samples cannot miss them.
+HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
+  vector_measured_t *m = &v->m;
+  report_t *report = &v->report;
+  v->report.vector.angle_turn_q32 = in->vector.theta_sample_q32;
+  report->silent_ticks = (in->sample_number == m->last_sample) ? report->silent_ticks + 1u : 0u;
+  m->last_sample = in->sample_number;
+  if (in->sum_count > 0u) {
+    const int32_t share_q30 = share_of(&v->sums, in->sum_count);
+    report->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
+    const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -FULL_Q17, SAMPLE_MAX_Q17);
+    report->idc_mean_q17 = idc_q17;
+    m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> v->p->current_filter_shift;
+    report->idc_q17 = m->idc_filter_q25 >> 8;
+  }
+}
+
+HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
+  return (int32_t)(((int64_t)sum_v_q17 * share_q30 + (1 << 21)) >> 22);
+}
+
+// Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
+// them. The observer kept that first one.
+HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
+  const int32_t share_q30 = share_of(&v->steps, (in->steps > 0u) ? in->steps : 1u);
+  const complex_t first_v_q17 = to_q17(v->observer.voltage_v_q25);
+  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], first_v_q17), in->v_q17[0]);
+  return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
+}
+
+// The regulator's state is the voltage without what goes forward.
+HOT static complex_t acting_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
+  const complex_t forward_v_q17 = v->forward_v_q17;
+  const complex_t forward_v_q25 = {forward_v_q17.re * 256, forward_v_q17.im * 256};
+  return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), v->late_v_q25);
+}
+
+INLINED static void observe(vector_t *v, const chip_vector_snapshot_t *in) {
+  const emf_observer_gains_t *gains = &v->design[v->used].observer;
+  if (v->p->vector_tick_samples > 1) {
+    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
+    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
+  } else {
+    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    emf_observer_voltage(&v->observer, gains, acting_v_q25(v, in));
+  }
+  if (!in->taken) {
+    return;
+  }
+  const int32_t turn_q32 = v->correct_q32;
+  if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
+    const int32_t turn_rad_q30 = mul_high_i32(turn_q32 * 4, HALF_PI_Q30);
+    emf_observer_turn_small(&v->observer, turn_rad_q30);
+  } else {
+    const complex_t rotation = rotation_q30(turn_q32);
+    emf_observer_turn(&v->observer, rotation);
+  }
+  v->forward_v_q17 = v->command.forward.v_q17[0];
+  v->frame_turn_q32 += (uint32_t)turn_q32;
+  v->correct_q32 = 0;
+  v->holding = false;
+}
+
+// Of a drive with injection; the control step without one has its own copy.
+SHARED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) { observe(v, in); }
+
+HOT static void read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
+  v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->report.vector.speed_turn_q36);
+  if (in->encoder_indexed) {
+    v->encoder_offset_q32 = (uint32_t)v->p->encoder_offset_q32;
+  }
+}
+
+// What i_d leaves of the limit, made anew when i_d has moved by a part of it.
+HOT static int32_t current_rest(vector_t *v, int32_t limit_i_q25) {
+  const int32_t d_i_q25 = v->reference_i_q25.re;
+  if (d_i_q25 == 0) {
+    return limit_i_q25;
+  }
+  if (limit_i_q25 != v->rest.limit_i_q25 || abs_sat(d_i_q25 - v->rest.d_i_q25) > limit_i_q25 / REST_PARTS) {
+    v->rest = (current_rest_t){limit_i_q25, d_i_q25, current_rest_i_q25(limit_i_q25, d_i_q25)};
+  }
+  return v->rest.rest_i_q25;
+}
+
+HOT static void speed_regulator(vector_t *v, bool limited) {
+  const int32_t limit = current_limit_i_q25(v);
+  const int32_t rest = current_rest(v, limit);
+  int32_t driving = rest;
+  if (limited) {
+    // A voltage at its limit cannot drive more current than flows.
+    const int32_t reached = abs_sat(v->report.vector.current_i_q17.im) * 256 + limit / 8;
+    driving = (reached < rest) ? reached : rest;
+  }
+  // Near standstill braking feeds nothing back.
+  const bool crawling = v->sensored && v->report.vector.speed_turn_q36 * v->direction < v->p->vector_back_turn_q36;
+  const int32_t braking = (v->brake_i_q25 < rest && !crawling) ? v->brake_i_q25 : rest;
+  const int32_t high = (v->direction > 0) ? driving : braking;
+  const int32_t low = (v->direction > 0) ? -braking : -driving;
+  const int32_t wanted = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn);
+  const pi_result_t i = pi_step(&v->speed, &v->speed_gains, wanted - v->report.vector.speed_turn_q36, 0, low, high);
+  v->report.limit = limited ? LIMIT_DUTY_MAX : ((i.output != i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE);
+  v->reference_i_q25.im = i.output;
+  if (v->p->vector_mtpa_ratio_i_q25 != 0) {
+    const complex_t split = mtpa_current_i_q25(i.output, v->p->vector_mtpa_ratio_i_q25);
+    v->mtpa_i_q25 = split.re;
+    v->reference_i_q25.im = split.im;
+  }
+}
+
+HOT static void weaken_field(vector_t *v, complex_t voltage_v_q25) {
+  const parameters_t *p = v->p;
+  const int32_t limit_v_q25 = (int32_t)v->command.limits.v_q17[0] * 256;
+  const field_weakening_settings_t settings = {
+      .ki = v->weakening_ki,
+      .wanted_v_q25 = mul_q16(limit_v_q25, p->vector_weakening_share_q16),
+      .lowest_i_q25 = p->vector_weakening_lowest_i_q25,
+  };
+  const int32_t highest = v->mtpa_i_q25;
+  (void)field_weakening_step(&v->weakening, &settings, voltage_v_q25,
+                             (highest > settings.lowest_i_q25) ? highest : settings.lowest_i_q25);
+}
+
+// Voltage circle and the modulator's scale for the DC link of now, braking current.
+HOT static void apply_limits(vector_t *v) {
+  const parameters_t *p = v->p;
+  vector_command_t *command = &v->command;
+  const int32_t vdc = v->report.vdc_v_q25;
+  const int32_t circle_v_q25 = mul_q16(mul_q16(vdc, ONE_OVER_SQRT3_Q16), p->vector_circle_q16);
+  command->limits.v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, SAMPLE_MAX_Q17);
+  v->brake_i_q25 = brake_current(v->brake_i_q25, v->settings->brake_limit_i_q25, vdc, p->brake_vdc_v_q25,
+                                     p->brake_range);
+  command->limits.fresh = true;
+  command->limits.lead_q32 = vector_lead_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
+  if (vector_injects(v)) {
+    vector_injection_limits(v);
+  }
+  // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
+  // large by it.
+  const uint32_t vdc_q17 = (vdc > 256) ? (uint32_t)vdc >> 8 : 1u;
+  uint32_t scale = ((uint32_t)p->vector_scale_v.mant << 1) / vdc_q17;
+  int32_t shift = p->vector_scale_v.shift + 9;
+  while (scale >> SCALE_BITS != 0u || shift > SCALE_SHIFT_MAX) {
+    scale >>= 1;
+    shift--;
+  }
+  command->limits.scale = scale;
+  command->limits.scale_shift = (uint32_t)((shift > 1) ? shift : 1);
+}
+
+// Observed and encoder angle side by side, steps that the encoder lost.
+HOT static void compare_angles(vector_t *v, const chip_vector_snapshot_t *in) {
+  v->report.vector.observed_ahead_q30 = v->sensored ? pll_error_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36,
+                                                      v->start_settings.minimum_v_q25)
+                                      : v->error_q30;
+  v->report.vector.encoder_ahead_q30 = has_encoder(v) ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
+  v->report.vector.encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
+  v->encoder_invalid = in->encoder_invalid;
+}
+
+// Does the EMF belong to the speed, and does its angle hold still?
+HOT static void check_lock(vector_t *v, complex_t voltage_v_q25) {
+  const int32_t speed = v->report.vector.speed_turn_q36 * v->direction;
+  v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  v->state_v_q25 = voltage_v_q25;
+  const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, v->p->vector_flux));
+  const bool weak = v->report.vector.emf_v_q25 < expected / 2u || speed < v->p->vector_back_turn_q36 / 2;
+  // A rotor that turns while its encoder stands still.
+  const uint32_t most = expected + (v->sensored ? v->start_settings.minimum_v_q25 : 0u);
+  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 || v->report.vector.emf_v_q25 / 2u > most || (weak && !v->sensored);
+  v->suspicion = bad ? v->suspicion + 1u : 0u;
+}
+
+HOT static void track(vector_t *v, bool taken) {
+  // A correction that has not been taken yet is still in the error.
+  v->error_q30 = 0;
+  if (taken && v->sensored) {
+    v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
+  } else if (taken) {
+    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36, v->start_settings.minimum_v_q25,
+                                      &v->emf_reciprocal);
+  }
+  const int32_t correct_q32 = pll_correct(&v->pll, &v->pll_gains, v->error_q30);
+  v->correct_q32 = taken ? correct_q32 : v->correct_q32;
+  v->report.vector.speed_turn_q36 = pll_speed_turn_q36(&v->pll);
+}
+
+// Speed, its reference, the reference of i_q and the goal of i_d.
+HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, const order_t *order,
+                                  const settings_t *settings) {
+  const parameters_t *p = v->p;
+  const bool down = descending(v, order, settings);
+  const int32_t target_rpm_q8 =
+      clamp_i32(abs_sat(settings->target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
+  const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  (void)ramp_step(&v->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
+                  step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(v, in->vector.limited[0]);
+  const int32_t speed_rpm_q8 = v->direction * v->report.speed_rpm_q8;
+  const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
+  v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    return outcome_fault(FAULT_OVERSPEED);
+  }
+  if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
+    return vector_hand_back(v, in);
+  }
+  return outcome_of(EVENT_STAY);
+}
+
+// With an encoder: the target's sign is taken through zero, zero is a target.
+HOT static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in, const order_t *order,
+                                  const settings_t *settings) {
+  const parameters_t *p = v->p;
+  const bool stopping = order->state == STATE_STOPPING;
+  const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
+  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  (void)ramp_step(&v->ramp, stopping ? 0 : settings->target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
+                  v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(v, in->vector.limited[0]);
+  v->goal_i_q25 = v->weakening.current_i_q30 >> 5;
+  const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+    return outcome_fault(FAULT_OVERSPEED);
+  }
+  const bool stopped = stopping && v->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 / 16;
+  return outcome_of(stopped ? EVENT_STOPPED : EVENT_STAY);
+}
+
+HOT static outcome_t observed_step(vector_t *v, const chip_snapshot_t *in, const order_t *order,
+                                  const settings_t *settings) {
+  const parameters_t *p = v->p;
+  outcome_t outcome = outcome_of(EVENT_STAY);
+  track(v, in->vector.taken);
+  v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
+  switch (order->tick % VECTOR_GROUPS) {
+    case GROUP_SPEED:
+      outcome = v->sensored ? regulate_sensored(v, in, order, settings) : regulate_speed(v, in, order, settings);
+      break;
+    case GROUP_FIELD:
+      if (p->vector_weakening_lowest_i_q25 < 0) {
+        weaken_field(v, in->vector.u_v_q25[0]);
+      } else {
+        v->weakening.current_i_q30 = v->mtpa_i_q25 * 32;
+      }
+      break;
+    case GROUP_SUPERVISION:
+      check_lock(v, in->vector.u_v_q25[0]);
+      compare_angles(v, &in->vector);
+      if (v->suspicion >= v->lost_checks) {
+        outcome = outcome_of(EVENT_LOCK_LOST);
+      }
+      break;
+    default:
+      break;
+  }
+  const bool started = outcome_event(outcome) == EVENT_STAY && order->state == STATE_STARTING;
+  return started ? outcome_of(EVENT_STARTED) : outcome;
+}
+
+HOT complex_t vector_want(vector_t *v, complex_t current_i_q17) {
+  const direct_set_t *set = &v->direct[v->direct_used];
+  const complex_t wanted = complex_regulator_want(&v->regulator, &set->gains, set->reference_i_q17, current_i_q17);
+  return set->regulate ? wanted : set->preset_v_q25;
+}
+
+HOT void vector_bound(vector_t *v, complex_t wanted_v_q25) {
+  const direct_set_t *set = &v->direct[v->direct_used];
+  (void)complex_regulator_bound(&v->regulator, &set->gains, wanted_v_q25, set->limit_v_q17);
+  if (!set->regulate) {
+    v->regulator.carry_v_q25 = (complex_t){0, 0};
+  }
+}
+
+// What is committed in this step, for the regulator in C.
+HOT static void stage_direct(vector_t *v, const vector_command_t *c) {
+  const complex_t preset_v_q25 = {c->preset_v_q17[0].re * 256, c->preset_v_q17[0].im * 256};
+  v->direct[1u - v->direct_used] = (direct_set_t){v->design[v->used].regulator, c->reference.i_q17[0], preset_v_q25,
+                                                  (int32_t)c->limits.v_q17[0], c->control.regulate[0]};
+}
+
+HOT static void command_frame(vector_t *v, const order_t *order) {
+  vector_command_t *c = &v->command;
+  c->omega_turn_q36 = v->report.vector.speed_turn_q36;
+  c->correct_q32 = v->correct_q32;
+  const complex_t reference_i_q17 = to_q17(v->reference_i_q25);
+  if (reference_i_q17.re != c->reference.i_q17[0].re || reference_i_q17.im != c->reference.i_q17[0].im) {
+    c->reference.i_q17[0] = reference_i_q17;
+    c->reference.fresh = true;
+  }
+  const bool regulate = v->frame != FRAME_OFF && !v->holding;
+  if (regulate != c->control.regulate[0] || v->frame == FRAME_OFF || order->state == STATE_STARTING) {
+    c->control.regulate[0] = regulate;
+    c->control.fresh = true;
+  }
+  if (vector_frame_is_injected(v)) {
+    vector_injection_command(v);
+  }
+}
+
+// Gates off until the rotor is slow enough, or is caught.
+COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
+  const parameters_t *p = v->p;
+  const order_t *order = v->order;
+  coast_t *c = &v->coast;
+  coast_see(c, p, in);
+  if (order->state_ticks > COAST_SETTLE_TICKS && coast_caught(c, p, order, v->settings, v->report.vdc_v_q25) &&
+      vector_catch(v, c->rotor.angle, c->mean_step_q32)) {
+    return outcome_of(EVENT_STAY);
+  }
+  if (coast_stuck(c, p, in)) {
+    return outcome_fault(FAULT_VOLTAGE_CHANNEL);
+  }
+  switch (coast_judge(c, p, order, coast_calm(c, p, order), v->report.vdc_v_q25)) {
+    case COAST_AT_REST:
+      return vector_begin(v);
+    case COAST_FAULT:
+      return outcome_fault(c->fault);
+    case COAST_WAIT:
+    default:
+      return outcome_of(EVENT_STAY);
+  }
+}
+
+COLD void vector_off(vector_t *v) {
+  vector_frame_off(v);
+  v->report.gates = false;
+  v->report.limit = LIMIT_NONE;
+  v->report.voltage_v_q25 = 0;
+  v->report.speed_rpm_q8 = 0;
+  v->report.motor_q17 = 0;
+}
+
+COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, const settings_t *settings) {
+  __builtin_memset(v, 0, sizeof *v);
+  v->p = p;
+  v->order = order;
+  v->settings = settings;
+  v->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
+  vector_constants(v);
+  v->report.period_cycles = (uint32_t)p->carrier_longest_cycles;
+  static const int32_t no_sectors[SECTORS];
+  v->report.six_step.threshold_q17 = no_sectors;
+  v->report.six_step.hall_late_q20 = no_sectors;
+  v->report.vector.injects = vector_injects(v);
+}
+
+COLD void vector_start(vector_t *v, const order_t *order, const settings_t *settings) {
+  (void)order;
+  (void)settings;
+  coast_begin(&v->coast);
+  v->report.phase = START_COAST;
+}
+
+bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t *order) {
+  (void)v;
+  (void)in;
+  (void)order;
+  return false;
+}
+
+INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
+  (void)settings;
+  if (v->p->vector_direct != 0 && in->vector.taken) {
+    v->direct_used = 1u - v->direct_used;
+  }
+  if (v->finished && !v->design_waits) {
+    vector_take_design(v);
+  }
+  v->whole = v->command.look.slow || order->state != STATE_RUNNING || vector_injects(v);
+  if (v->command.look.slow) {
+    measure_link(v, in);
+    if (order->tick % VECTOR_LOOK_TICKS == GROUP_SUPERVISION) {
+      v->report.machine_i_q17 = (int32_t)rough_length(in->vector.i_q17[0]);
+    }
+  }
+  v->report.vector.current_i_q17 = in->vector.i_q17[0];
+  if (has_encoder(v)) {
+    v->frame_turn_q32 = in->vector.theta_sample_q32;
+    read_encoder(v, &in->vector);
+  }
+  if (v->frame == FRAME_OFF || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
+    apply_limits(v);
+  }
+  // Nothing else of what supervision looks at moves here.
+  return __builtin_expect(in->trip_latched != 0u || v->report.silent_ticks > 0u, 0);
+}
+
+INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
+  if (v->frame == FRAME_OFF) {
+    return (order->state == STATE_STARTING) ? coast_step(v, in) : outcome_of(EVENT_STAY);
+  }
+  if (v->frame == FRAME_CAUGHT) {
+    vector_caught_step(v, in);
+    return outcome_of(EVENT_STAY);
+  }
+  if (vector_frame_is_injected(v)) {
+    return vector_injection_step(v, in);
+  }
+  observe(v, &in->vector);
+  return (v->frame == FRAME_FORCED) ? vector_forced_step(v, in) : observed_step(v, in, order, settings);
+}
+
+INLINED void vector_finish(vector_t *v, const order_t *order) {
+  vector_command_t *c = &v->command;
+  const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
+  c->look.slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
+  if (c->look.slow) {
+    c->look.currents = vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
+  }
+  c->look.steps = v->p->vector_tick_samples > 1 || c->look.slow || next == GROUP_SPEED;
+  if (order->state != STATE_RUNNING || order->state_ticks == 0u) {
+    c->tick.fresh = true;
+    c->tick.by_samples = order->state != STATE_INIT && order->state != STATE_FAULT;
+  }
+  command_frame(v, order);
+  if (v->p->vector_direct != 0) {
+    stage_direct(v, c);
+  }
+  if (v->whole || order->state != STATE_RUNNING) {
+    v->report.demand_rpm_q8 = v->ramp.value_rpm_q8;
+    v->report.current_i_q25 = v->report.vector.current_i_q17.im * 256;
+    if (vector_injects(v)) {
+      vector_injection_report(v);
+    }
+  }
+}

@@ -1,0 +1,193 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+// Vector drive: I/f start, EMF observer and phase-locked loop, speed regulator, field weakening, reversal, stop.
+//
+// Two frames: in the forced one the current stands on d and turns as the start wants it; in the observed one d is the
+// rotor's. Between them frame, observer and regulator are turned by the same angle, and nothing jumps in the phases:
+//
+//   starting: coast, a rotor that turns fast enough is caught -> running: observed
+//   starting: align, ramp, hand-over -> running: observed -> slower than the way back with the target's sign turned:
+//   starting: ramp through zero, hand-over -> running;   stopping: observed, forced down to zero, gates off
+//
+// Sensored, the frame follows the encoder instead of the EMF: from the alignment, at which the mounting is learnt where no
+// index has told it, the observed frame is there at every speed, and nothing is handed back.
+//
+// Order at tick k: what the chip measured at sample k belongs to the frame before the tick, in which the set committed in
+// step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
+// seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.
+//
+// Regulator gains and observer gains follow the speed by vector_design, 300 times a second outside of the control step.
+// What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision.
+#ifndef FL_VECTOR_H
+#define FL_VECTOR_H
+
+#include "control/complex_fixed.h"
+#include "control/complex_regulator.h"
+#include "control/emf_observer.h"
+#include "control/encoder.h"
+#include "control/field_weakening.h"
+#include "control/if_start.h"
+#include "control/pi.h"
+#include "control/pll.h"
+#include "control/ramp.h"
+#include "control/regulator_design.h"
+#include "control/vector_model.h"
+#include "drive/coast.h"
+#include "drive/method.h"
+#include "drive/vector/injected.h"
+
+#define VECTOR_GROUPS 4u
+#define VECTOR_STAGES 3u  // of a design, one more with two subspaces
+#define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
+
+// Frame of the vector drive.
+typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED, FRAME_INJECTED } frame_t;
+
+// What depends on the speed.
+typedef struct {
+  regulator_gains_t regulator;
+  emf_observer_gains_t observer;
+} vector_design_t;
+
+// What the current regulator in C works with.
+typedef struct {
+  regulator_gains_t gains;
+  complex_t reference_i_q17;
+  complex_t preset_v_q25;
+  int32_t limit_v_q17;
+  bool regulate;
+} direct_set_t;
+
+// 1 / count, kept.
+typedef struct {
+  uint32_t count;
+  int32_t share_q30;
+} share_t;
+
+// Limit of i_q beside an i_d, kept.
+typedef struct {
+  int32_t limit_i_q25;
+  int32_t d_i_q25;
+  int32_t rest_i_q25;
+} current_rest_t;
+
+// Memory of the measuring.
+typedef struct {
+  int32_t idc_filter_q25;
+  uint32_t last_sample;
+} vector_measured_t;
+
+typedef struct vector {
+  const parameters_t *p;
+  const settings_t *settings;
+  const order_t *order;
+  uint64_t speed_numerator_q8;
+  vector_measured_t m;
+  coast_t coast;
+  ramp_t ramp;
+  int32_t brake_i_q25;  // largest braking current now
+  bool whole;  // this tick has read everything
+  report_t report;
+  vector_command_t command;
+
+  // From the parameters.
+  vector_plant_t plant;       // of one sample
+  vector_plant_t observed;    // the same with L_q, which the observer of a salient machine knows
+  const vector_plant_t *regulated;  // that the design under way is for
+  bool salient;  // the observer has a model of its own
+  uint32_t stages;  // of a design
+  vector_machine_t per_tick;  // of the samples of a tick
+  regulator_design_t regulator_order;
+  pll_gains_t pll_gains;
+  if_settings_t start_settings;
+  pi_gains_t speed_gains;
+  gain_t weakening_ki;
+  gain_t to_rpm;  // 2^-36 turn a clock -> rpm_q8
+  int32_t back_rpm_q8;
+  int32_t handover_rpm_q8;
+  int32_t least_rpm_q8;
+  uint32_t lost_checks;
+  bool sensored;  // the frame follows the encoder
+  encoder_settings_t encoder_settings;
+
+  // Background design: `used` changes in the control step only, where a finished one waits.
+  vector_design_t design[2];
+  vector_model_t model;
+  uint32_t stage;
+  bool fits;
+  uint32_t used;
+  volatile bool finished;
+  bool design_waits;        // a finished one is taken by the injection, with the wave
+
+  // Current regulator in C: `used` changes where the chip has taken the set of the step before, the other one is written.
+  direct_set_t direct[2];
+  volatile uint32_t direct_used;
+  complex_regulator_t regulator;
+
+  frame_t frame;
+  int32_t direction;  // of the observed frame: +1, -1
+  int32_t goal_i_q25;  // that i_d goes to
+  int32_t correct_q32;      // turn of the frame that has been written and not taken yet
+  bool holding;             // the regulator's state is held at its preset for a tick
+  emf_observer_t observer;
+  current_rest_t rest;
+  uint32_t band_i_q17;         // currents up to it get no dead-time compensation
+  uint32_t zone_i_q17;         // beyond it, in which the compensation grows to the whole
+  complex_t late_v_q25;     // of the dead time's compensation, as it acts, less what the dead time takes
+  share_t steps;            // regulator steps a tick
+  share_t sums;             // samples in the sums of the DC link
+  complex_t forward_v_q17;  // of the last regulator step: the set before the one that the chip has taken
+  complex_t state_v_q25;    // of the regulator, at the last check
+  pll_t pll;
+  uint32_t emf_reciprocal;  // pll_error_from_q30's
+  int32_t error_q30;           // that the loop was given
+  uint32_t frame_turn_q32;     // angle_turn_q32 and the turn taken since
+  uint32_t encoder_turn_q32;   // without offset
+  uint32_t encoder_offset_q32;
+  encoder_swing_t swing;
+  uint16_t encoder_invalid;    // of the last check
+  if_start_t start;
+  uint32_t waiting_ticks;  // for the hand-over, at its speed
+  int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
+  int32_t turn_middle_q32; // half the time later
+  pi_state_t speed;
+  field_weakening_t weakening;
+  int32_t mtpa_i_q25;       // i_d of the most torque
+  complex_t reference_i_q25;
+  uint32_t suspicion;  // checks in a row that failed
+  vector_injection_t *injection;  // 0: none
+} vector_t;
+
+
+// The slow protection is for the core's load slower than the groups.
+#define VECTOR_LOOK_TICKS (16u * VECTOR_GROUPS)
+#define VECTOR_LOOK_AT 3u  // the group of the supervision
+
+// The record from the parameters; order and settings: where they will be.
+void vector_init(vector_t *v, const parameters_t *p, const order_t *order, const settings_t *settings);
+
+// The snapshot's quantities into the report. True: there is something that supervision must look at.
+bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings);
+// Control.
+outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings);
+// After the outcome was followed: what the chip is to do, what others may know.
+void vector_finish(vector_t *v, const order_t *order);
+
+// Whether an over-current now is the consequence of a lost lock.
+bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t *order);
+// Begin to coast.
+void vector_start(vector_t *v, const order_t *order, const settings_t *settings);
+// Legs, regulators, injection off.
+void vector_off(vector_t *v);
+
+// One stage of a design for the present speed into the spare set, unless one still waits to be taken: deferred
+// interrupt. About 2000 clocks, 2800 with a salient machine: with the control steps in between short enough for the UART to wait.
+void vector_design(vector_t *v);
+
+// The current regulator in C, with the set that the chip has in use: the voltage before the limit for the current of a
+// sample, then the state for the next one.
+complex_t vector_want(vector_t *v, complex_t current_i_q17);
+void vector_bound(vector_t *v, complex_t wanted_v_q25);
+
+#endif
