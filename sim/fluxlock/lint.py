@@ -23,7 +23,7 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
-from fluxlock import words
+from fluxlock import c_shape, words
 from fluxlock.build import generate_registers
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.chip import CPU_HOST, CPU_HOST_ACCESS, rtl_sources
@@ -201,6 +201,11 @@ def _c_code() -> str:
     return ""
 
 
+def shape() -> list[Part]:
+    """The firmware's drive: one writing file per field, no call upward, no circle."""
+    return [c_shape.check]
+
+
 def ruff() -> list[Part]:
     """Rules and form of the Python code."""
     python = [name for name in ("conftest.py", "sim", "tests", "cocotb_tests") if Path(ROOT / name).exists()]
@@ -234,6 +239,7 @@ CHECKS: dict[str, Callable[[], list[Part]]] = {
     "licences": licences,
     "matrix": matrix,
     "ruff": ruff,
+    "shape": shape,
     "verible": verible,
     "verilator": verilator,
     "words": readable,
