@@ -317,7 +317,13 @@ def identify(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command(rich_help_panel=LIVE, epilog=example("fluxlock native scenarios/demo.toml"))
+@app.command(
+    rich_help_panel=LIVE,
+    epilog=example(
+        "fluxlock native scenarios/demo.toml",
+        "fluxlock native scenarios/vector/start.toml --play",
+    ),
+)
 def native(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML); its motor, inverter, drive and load.")],
     set_: SetOption = None,
@@ -332,19 +338,52 @@ def native(
     memory: Annotated[
         Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
     ] = None,
+    play: Annotated[
+        bool, typer.Option("--play", help="Carry out a vector scenario and judge it as `run` does: no bus, no console.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="With --play: folder for results, default build/<name of the file>-native.")
+    ] = None,
+    seed: SeedOption = None,
 ) -> None:
     """Run the firmware as a Linux program: faster than real time, CANopen on a bus.
 
     The console is on stdin, the motor is an averaged model.
     No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
-    windows of the scenario do not count.
+    windows of the scenario count with --play alone, which is for vector control.
     """
     from fluxlock.cosim.parameters import check_parameters
-    from fluxlock.native.program import run_native
 
     loaded = load_scenario(scenario, set_ or ())
     check_parameters(loaded)
+    if play:
+        if seconds is not None or memory is not None:
+            text = "ends with the scenario and keeps no memory; leave out --seconds and --memory"
+            raise ConfigError([Problem("--play", "", text)])
+        folder = out if out is not None else Path("build") / f"{scenario.stem}-native"
+        _play(loaded, folder, loaded.seed if seed is None else seed)
+        return
+    if out is not None:
+        raise ConfigError([Problem("--out", str(out), "needs --play")])
+    from fluxlock.native.program import run_native
+
     if not run_native(loaded, can, node, speed or None, seconds, memory):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
+    """Run a vector scenario on the native twin, write, print."""
+    from fluxlock.cosim.outcome import write_outcome
+    from fluxlock.native.vector_run import Play
+
+    print("compiling what has changed", file=sys.stderr, flush=True)
+    twin = Play(scenario, seed)
+    with _output(out_dir):
+        outcome = write_outcome(twin.run(), scenario, out_dir)
+    say(outcome.verdict)
+    _report(Console(), outcome.result, out_dir)
+    if not outcome.verdict.passed:
+        print(f"what to do: {FAILS}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
 
 

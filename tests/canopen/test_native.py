@@ -123,7 +123,7 @@ def test_no_such_drive() -> None:
 
     Verifies: CO-18
     """
-    with pytest.raises(ConfigError, match=r"drive\.method: the averaged motor"):
+    with pytest.raises(ConfigError, match=r"drive\.method: without --play the motor"):
         drive_of_scenario(load_scenario(ROOT / "scenarios" / "vector" / "encoder.toml"), NODE)
 
 

@@ -304,7 +304,7 @@ def test_missing_samples_are_a_fault() -> None:
     Verifies: VC-16
     """
     bench = VectorBench(values=FAST)
-    bench.sampling = False
+    bench.silent = True
     assert bench.until_state("fault", 0.1)
     assert bench.console("fault") == "no_samples"
 

@@ -34,6 +34,13 @@ from fluxlock.native.registers import (
 )
 
 
+def without_noise(scenario: Scenario) -> Scenario:
+    """A scenario whose firmware does not take a voltage that stays for that of a stuck channel."""
+    inverter = scenario.inverter
+    quiet = inverter.model_copy(update={"sensing": inverter.sensing.model_copy(update={"noise_lsb": 0.0})})
+    return scenario.model_copy(update={"inverter": quiet})
+
+
 @dataclass
 class AveragedChip:
     """One drive on one machine; the firmware has booted."""
@@ -78,9 +85,7 @@ class AveragedChip:
 
     def told(self) -> Scenario:
         """What the firmware is told: the samples have no noise, a value that stays is none of a stuck channel."""
-        inverter = self.scenario.inverter
-        quiet = inverter.model_copy(update={"sensing": inverter.sensing.model_copy(update={"noise_lsb": 0.0})})
-        return self.scenario.model_copy(update={"inverter": quiet})
+        return without_noise(self.scenario)
 
     # Registers as integers.
     def get(self, name: str, element: int = 0) -> int:

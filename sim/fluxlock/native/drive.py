@@ -37,7 +37,9 @@ def drive_of_scenario(scenario: Scenario, node_id: int) -> NativeDrive:
     """Motor, inverter, drive, load and initial state of a scenario; ConfigError for what the averaged motor is not."""
     problems = []
     if scenario.drive.method != "six-step":
-        problems.append(scenario.sources.problem("drive.method", "the averaged motor is driven in six steps only"))
+        problems.append(
+            scenario.sources.problem("drive.method", "without --play the motor is driven in six steps only")
+        )
     if scenario.drive.hall.mode != "off":
         problems.append(scenario.sources.problem("drive.hall.mode", "the native program has no Hall sensors"))
     if problems:

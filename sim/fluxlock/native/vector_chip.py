@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The chip's vector path as the firmware on the host sees it, with its machine: registers at every current sample."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.config import Inverter, Load, Motor
+from fluxlock.config.machine import Machine
+from fluxlock.firmware import ParameterBlock
+from fluxlock.firmware.binding import types as c_types
+from fluxlock.firmware.binding import view
+from fluxlock.firmware.host import HostFirmware
+from fluxlock.native import vector_kernel as kernel
+
+SEED = 31
+POWER_UP_QUARTER = 1234  # the encoder's position is not that of the rotor before the index
+# Rows that a call of the kernel may log of a sample: its angle, an update, a trip.
+LOGGED_A_SAMPLE = 3
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """T_s in clocks, samples per control tick, T_d over T_s."""
+
+    cycles: int
+    tick_samples: int
+    delay: float
+
+    @property
+    def period_s(self) -> float:
+        """T_s."""
+        return self.cycles / CLOCK_HZ
+
+
+class VectorChip:
+    """One vector drive on one machine; the firmware has booted. State and machine are records: see `vector_kernel`."""
+
+    def __init__(
+        self,
+        block: ParameterBlock,
+        motor: Motor,
+        inverter: Inverter,
+        timing: Sampling,
+        library: Path | None = None,
+        seed: int = SEED,
+    ) -> None:
+        self.block, self.motor, self.inverter, self.timing = block, motor, inverter, timing
+        self.told = Machine.of(motor, inverter)
+        self.fw = HostFirmware(library)
+        self.fw.load(block)
+        self.fw.boot()
+        self.state = np.zeros(1, kernel.STATE).view(np.recarray)
+        self.plant = np.zeros(1, kernel.MACHINE).view(np.recarray)
+        self._set_machine()
+        self._regulator, self._gains = np.zeros(6, np.int32), np.zeros(7, np.int32)
+        self._calls = kernel.calls(self.fw.lib)
+        self._rng = np.random.default_rng(seed)
+        self._places = self._find_places()
+        words = c_types().sizeof("telemetry_t") // 4
+        self._telemetry = view(self.fw.lib.fl_host_telemetry(), words, np.uint32)
+        self._rows, self._log = np.zeros(0, kernel.ROW), np.zeros((0, 4), np.int64)
+        kernel.take(self.fw.registers, self._places, self.state.view(np.ndarray), self._gains)
+
+    def _set_machine(self) -> None:
+        told, sensing, p = self.told, self.inverter.sensing, self.plant
+        p.period_s, p.period_cycles = self.timing.period_s, self.timing.cycles
+        p.tick_samples, p.delay = self.timing.tick_samples, self.timing.delay
+        p.resistance_ohm, p.psi_vs = told.resistance_ohm, told.psi_vs
+        p.l_d_h = told.inductance_h - told.saliency_h / 2
+        p.l_q_h = told.inductance_h + told.saliency_h / 2
+        p.pole_pairs, p.inertia_kgm2, p.stiction_ratio = self.motor.pole_pairs, self.motor.inertia_kgm2, 1.0
+        p.supply_v = self.inverter.supply_v
+        p.supply_ohm, p.diode_v = self.inverter.supply_resistance_ohm, self.inverter.diode_drop_v
+        p.trip_a = self.inverter.protection.phase_current_a
+        p.unit_a = kernel.Q17 / sensing.current_full_scale_a
+        p.unit_v = kernel.Q17 / sensing.voltage_full_scale_v
+        p.power_up_quarter = POWER_UP_QUARTER
+        self.state.vdc = p.supply_v
+
+    def _find_places(self) -> NDArray[Any]:
+        found = np.zeros(1, kernel.PLACES)
+        for name in kernel.REGISTERS:
+            found[name.replace(".", "_")] = self.fw.index(name)
+        for name in kernel.WORDS:
+            found[name] = c_types().offsetof("telemetry_t", name) // 4
+        found["machine_timer"], found["phase_trip"] = self.fw.lib.IRQ_MACHINE_TIMER, self.fw.lib.TRIP_PHASE_CURRENT
+        return found
+
+    def set_load(self, load: Load, factor: float = 1.0) -> None:
+        """Change the load."""
+        p = self.plant
+        p.fan_nm_s2_per_rad2 = factor * load.fan_nm_s2_per_rad2
+        p.viscous_nm_s_per_rad = factor * load.viscous_nm_s_per_rad
+        p.constant_nm, p.coulomb_nm = factor * load.constant_nm, factor * load.coulomb_nm
+        p.stiction_ratio = load.stiction_ratio
+
+    def set_noise(self, lsb: float) -> None:
+        """Noise of the converter's codes, rms."""
+        sensing = self.inverter.sensing
+        code_a = sensing.current_full_scale_a / 2 ** (sensing.bits - 1)
+        self.plant.noise_a = lsb * code_a * math.sqrt(2 / 3)
+
+    def set_encoder(self, lines: int, index: bool, offset_turn: float) -> None:
+        """Put an encoder on the shaft. offset_turn: electrical, of the index."""
+        p = self.plant
+        p.quarters, p.index, p.offset_turn = 4 * lines, index, offset_turn
+
+    def keep_rows(self, samples: int) -> None:
+        """From now on record up to so many samples; begins anew."""
+        self._rows = np.zeros(samples, kernel.ROW)
+        self._log = np.zeros((LOGGED_A_SAMPLE * samples, 4), np.int64)
+        self.state.rows = self.state.logged = 0
+
+    def rows(self) -> NDArray[Any]:
+        """What was recorded, `vector_kernel.ROW`."""
+        return self._rows[: int(self.state.rows[0])]
+
+    def log(self) -> NDArray[np.int64]:
+        """Rows of the chip's log, `LogKind`."""
+        return self._log[: int(self.state.logged[0])]
+
+    def advance(self, samples: int) -> None:
+        """So many sample periods."""
+        kernel.advance(
+            samples,
+            self.fw.registers,
+            self._places,
+            self._telemetry,
+            self.state.view(np.ndarray),
+            self.plant.view(np.ndarray),
+            self._regulator,
+            self._gains,
+            self._calls,
+            self._rng,
+            self._rows,
+            self._log,
+        )
+
+    def get(self, name: str, element: int = 0) -> int:
+        """Value of a register."""
+        return int(self.fw.registers[self.fw.index(name, element)])
+
+    def put(self, name: str, value: int, element: int = 0) -> None:
+        """Set a register, signed values in two's complement."""
+        self.fw.registers[self.fw.index(name, element)] = value & 0xFFFFFFFF
+
+    def trip(self, causes: int) -> None:
+        """Latch trip causes and open the gates."""
+        kernel.trip(self.fw.registers, self._places, self.state.view(np.ndarray), causes)
+
+    @property
+    def now(self) -> float:
+        """Simulated time, s."""
+        return float(self.state.samples[0]) * self.timing.period_s
+
+    @property
+    def rpm(self) -> float:
+        """True mechanical speed."""
+        return float(self.state.omega[0]) / self.motor.pole_pairs * 30 / math.pi
+
+    @property
+    def current_a(self) -> complex:
+        """Current vector in the stationary frame."""
+        return complex(self.state.i[0] * np.exp(1j * self.state.theta[0]))

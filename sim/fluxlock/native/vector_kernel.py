@@ -1,0 +1,558 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The chip's vector path and its machine, from current sample to current sample, compiled.
+
+Hardware: angle accumulator, shadowed settings, snapshots and control tick as the registers describe them. The
+regulator is the firmware's `complex_regulator.c`, which the RTL equals bit for bit. The kernel calls it by its address,
+and the control tick too. Machine: without ripple of the carrier, exact between two samples, Runge-Kutta if it is
+salient; mechanics by Euler's rule.
+
+`s` is the state, `m` the machine and what surrounds it, `r` the register file, `x` the places of registers in it. All
+in SI units; `omega` is electrical, `i` the current in the rotor's frame, d + jq.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba.core import types
+from numba.core.typing.templates import Signature
+from numpy.typing import NDArray
+
+from fluxlock.clock import CLOCK_HZ
+from fluxlock.firmware.binding import types as c_types
+from fluxlock.headers import CData
+
+Registers = NDArray[np.uint32]
+Array = Any  # of one record, or of rows, whose fields mypy does not know
+Whole = Any  # int, or a number of a register
+
+Q17, Q32, Q36 = 2**17, 2**32, 2**36
+PENDING = 2
+SEEN_CYCLES = 20 + 3  # filter and synchronisers of the encoder's inputs
+LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.analysis.rundata.LogKind
+
+STATE = np.dtype(
+    [
+        ("theta", "f8"),
+        ("omega", "f8"),
+        ("i", "c16"),
+        ("u_before", "c16"),  # stationary
+        ("kept", "c16"),  # voltage of the compares in use, stationary
+        ("torque_nm", "f8"),
+        ("error_deg", "f8"),  # of the frame at the last sample
+        ("vdc", "f8"),
+        ("idc", "f8"),
+        ("nco_q36", "i8"),
+        ("omega_q36", "i8"),
+        ("enable", "i8"),
+        ("regulate", "i8"),
+        ("preset_re", "i8"),
+        ("preset_im", "i8"),
+        ("reference_re", "i8"),
+        ("reference_im", "i8"),
+        ("limit", "i8"),
+        ("lead", "i8"),
+        ("scale", "f8"),
+        ("samples", "i8"),
+        ("steps", "i8"),
+        ("sum_re", "i8"),
+        ("sum_im", "i8"),
+        ("since_timer", "i8"),  # clocks
+        ("trips", "i8"),
+        ("missed", "i8"),  # updates without new compares
+        ("encoder", "i8"),
+        ("place", "i8"),
+        ("indexed", "i8"),
+        ("lost_quarters", "i8"),
+        ("direct_steps", "i8"),
+        ("direct_limited", "i8"),
+        ("direct_differences", "i8"),
+        ("late_answers", "i8"),  # direct steps whose answer is to come after their update
+        ("masked_steps", "i8"),  # direct steps whose update is to pass before the core has looked at them
+        ("late_commits", "i8"),  # ticks that the next set is to miss
+        ("silent", "i8"),  # the converter gives no samples
+        ("rows", "i8"),
+        ("logged", "i8"),
+    ],
+    align=True,
+)
+
+MACHINE = np.dtype(
+    [
+        ("period_s", "f8"),
+        ("period_cycles", "i8"),
+        ("tick_samples", "i8"),
+        ("delay", "f8"),
+        ("resistance_ohm", "f8"),
+        ("l_d_h", "f8"),
+        ("l_q_h", "f8"),
+        ("psi_vs", "f8"),
+        ("pole_pairs", "i8"),
+        ("inertia_kgm2", "f8"),
+        ("fan_nm_s2_per_rad2", "f8"),
+        ("viscous_nm_s_per_rad", "f8"),
+        ("constant_nm", "f8"),
+        ("coulomb_nm", "f8"),
+        ("stiction_ratio", "f8"),
+        ("guided", "i8"),  # the speed is imposed, and grows by:
+        ("guided_rad_s2", "f8"),
+        ("supply_v", "f8"),
+        ("supply_ohm", "f8"),
+        ("diode_v", "f8"),
+        ("trip_a", "f8"),
+        ("noise_a", "f8"),  # rms, an axis
+        ("unit_a", "f8"),  # codes an ampere
+        ("unit_v", "f8"),
+        ("dead_time", "i8"),  # the legs lose what the modulator would add for the current at the time of action
+        ("quarters", "i8"),  # of the encoder's lines, 0: there is none
+        ("index", "i8"),
+        ("offset_turn", "f8"),  # electrical, of the index
+        ("power_up_quarter", "i8"),
+    ],
+    align=True,
+)
+
+# A row a sample.
+ROW = np.dtype(
+    [
+        ("t_cycle", "i8"),
+        ("theta", "f8"),
+        ("omega", "f8"),
+        ("i", "c16"),  # stationary
+        ("v", "c16"),
+        ("vdc", "f8"),
+        ("idc", "f8"),
+        ("torque_nm", "f8"),
+        ("error_deg", "f8"),  # of the frame
+        ("state", "i8"),  # drive_state_t
+    ],
+    align=True,
+)
+
+REGISTERS = (
+    *("foc.control", "foc.lead", "foc.omega", "foc.correct", "foc.scale", "foc.slope", "foc.dead_time", "foc.band"),
+    *("foc.reference", "foc.gain", "foc.hold", "foc.preset", "foc.shift", "foc.limit", "foc.ratio"),
+    *("foc.direct_v", "foc.direct_go", "foc.direct_i", "foc.direct_run"),
+    *("foc.snap_i", "foc.snap_u", "foc.snap_v", "foc.snap_v_sum", "foc.snap_count", "foc.snap_theta_sample"),
+    *("foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
+    *("sense.snap_number", "sense.snap_vdc_sum", "sense.snap_idc_sum", "sense.snap_count", "sense.snap_channel"),
+    *("timer.machine_period", "timer.update"),
+)
+# Of the telemetry.
+WORDS = ("published_q32", "state", "limit", "lost_locks", "speed_rpm_q8", "target_rpm", "reference_rpm_q8")
+PLACES = np.dtype([(name.replace(".", "_"), "i8") for name in (*REGISTERS, *WORDS, "machine_timer", "phase_trip")])
+
+
+class _Foreign(types.WrapperAddressProtocol):
+    """A C function for the kernel."""
+
+    def __init__(self, function: CData, result: Callable[..., Signature], *arguments: object) -> None:
+        self._address, self._signature = int(c_types().cast("uintptr_t", function)), result(*arguments)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self) -> Signature:
+        """As numba has it."""
+        return self._signature
+
+
+class Calls(NamedTuple):
+    """Functions of a library of the firmware, `_Foreign`. A complex_t by value is the 64-bit integer of `pair`."""
+
+    tick: Any
+    poll: Any
+    cause: Any
+    current: Any
+    step: Any
+    preset: Any
+    bound: Any
+
+
+def calls(lib: CData) -> Calls:
+    """Of an open library."""
+    address, vector, word = types.uint64, types.int64, types.int32
+    return Calls(
+        _Foreign(lib.fl_host_tick, types.void),
+        _Foreign(lib.fl_host_poll, types.void),
+        _Foreign(lib.fl_host_raise, types.void, word),
+        _Foreign(lib.fl_host_current, types.void),
+        _Foreign(lib.complex_regulator_step, types.uint8, address, address, vector, vector, word),
+        _Foreign(lib.complex_regulator_preset, types.void, address, vector, vector),
+        _Foreign(lib.circle_limit_v_q25, vector, vector, word, address),
+    )
+
+
+@numba.njit(cache=True)
+def pair(re: Whole, im: Whole) -> Whole:
+    """A complex_t as C passes it: its two halves in one register."""
+    return (np.int64(re) & 0xFFFFFFFF) | np.int64(im) << 32
+
+
+@numba.njit(cache=True)
+def signed(r: Registers, at: Whole, bits: Whole) -> Whole:
+    """Signed value of a register."""
+    low = np.int64(r[at]) & ((1 << bits) - 1)
+    return low - (1 << bits) if low >> (bits - 1) else low
+
+
+@numba.njit(cache=True)
+def put(r: Registers, at: Whole, value: Whole) -> None:
+    """Set a register, signed values in two's complement."""
+    r[at] = np.uint32(np.int64(value) & 0xFFFFFFFF)
+
+
+@numba.njit(cache=True)
+def mantissa(word: Whole, shift_at: Whole) -> float:
+    """A mantissa of 17 bits times 2^-shift."""
+    return float((word & (Q17 - 1)) * 2.0 ** -(word >> shift_at & 31))
+
+
+@numba.njit(cache=True)
+def turned(angle_q32: Whole) -> complex:
+    """Unit vector at an angle."""
+    return cmath.exp(2j * math.pi * angle_q32 / Q32)
+
+
+@numba.njit(cache=True)
+def take(r: Registers, x: Array, s: Array, gains: NDArray[np.int32]) -> None:
+    """The update event: the settings written become those in use."""
+    s, x = s[0], x[0]
+    control = np.int64(r[x.foc_control])
+    s.enable, s.regulate = control >> 1 & 1, control >> 4 & 1
+    for k in range(2):
+        gains[k] = signed(r, x.foc_gain + k, 18)
+        gains[2 + k] = signed(r, x.foc_hold + k, 18)
+        gains[4 + k] = signed(r, x.foc_ratio + k, 18)
+    gains[6] = np.int64(r[x.foc_shift])
+    s.reference_re, s.reference_im = signed(r, x.foc_reference, 18), signed(r, x.foc_reference + 1, 18)
+    s.preset_re, s.preset_im = signed(r, x.foc_preset, 18), signed(r, x.foc_preset + 1, 18)
+    s.limit = np.int64(r[x.foc_limit]) & (Q17 - 1)
+    s.lead = np.int64(r[x.foc_lead])
+    s.scale = mantissa(np.int64(r[x.foc_scale]), 24)
+    s.omega_q36 = signed(r, x.foc_omega, 32)
+    # A correction counts once; the firmware writes it before the commit that it belongs to.
+    s.nco_q36 = (s.nco_q36 + (np.int64(r[x.foc_correct]) << 4)) % Q36
+    put(r, x.foc_correct, 0)
+
+
+@numba.njit(cache=True)
+def log(s: Array, rows: NDArray[np.int64], kind: Whole, a: Whole, b: Whole, cycle: Whole) -> None:
+    """A row of the log, if one is kept."""
+    if s[0].logged < len(rows):
+        row = rows[s[0].logged]
+        row[0], row[1], row[2], row[3] = cycle, kind, a, b
+        s[0].logged += 1
+
+
+@numba.njit(cache=True)
+def trip(r: Registers, x: Array, s: Array, causes: Whole) -> None:
+    """Latch trip causes and open the gates."""
+    old = np.int64(r[x[0].safety_trip])
+    first = old >> 16 & 0xFF
+    put(r, x[0].safety_trip, old & 0xFF | causes | (first if first else causes) << 16)
+    put(r, x[0].safety_guard, np.int64(r[x[0].safety_guard]) & ~1)
+    s[0].trips += 1
+
+
+@numba.njit(cache=True)
+def encode(s: Array, m: Array) -> None:
+    """Position of the encoder now, as filter and synchronisers show it."""
+    s, m = s[0], m[0]
+    if m.quarters == 0:
+        return
+    seen = s.theta - s.omega * SEEN_CYCLES / CLOCK_HZ
+    place = np.int64(math.floor((seen / (2 * math.pi) - m.offset_turn) / m.pole_pairs * m.quarters))
+    if m.index and (place // m.quarters != s.place // m.quarters or place % m.quarters == 0):
+        s.lost_quarters, s.indexed = 0, 1
+    s.place = place
+    position = (place + (0 if s.indexed else m.power_up_quarter) + s.lost_quarters) % m.quarters
+    s.encoder = position | s.indexed << 31
+
+
+@numba.njit(cache=True)
+def direct(
+    r: Registers,
+    x: Array,
+    s: Array,
+    regulator: NDArray[np.int32],
+    i_re: Whole,
+    i_im: Whole,
+    masked: bool,
+    late: bool,
+    c: Calls,
+) -> Whole:
+    """The firmware's regulator; counts where the state is not the one that the hardware's would have.
+
+    An answer that comes late is ignored: the step is abandoned, as one is that the core was not let look at. The
+    hardware's regulator keeps the state of a step whose compares miss their update, and makes none for a current
+    that it has to ignore.
+    """
+    s, x = s[0], x[0]
+    number = s.samples & 0xFFFF
+    put(r, x.foc_direct_run, number | (0 if masked else 1 << 31))
+    put(r, x.foc_direct_i, i_re)
+    put(r, x.foc_direct_i + 1, i_im)
+    put(r, x.foc_direct_go, ~number & 0xFFFF)
+    c.current()
+    if masked:
+        assert np.int64(r[x.foc_direct_go]) == ~number & 0xFFFF, "an answer to no step"
+        return 0
+    assert np.int64(r[x.foc_direct_go]) == number, "no answer"
+    if late:
+        return 0
+    limited = np.zeros(1, np.uint8)
+    wanted = pair(signed(r, x.foc_direct_v, 28), signed(r, x.foc_direct_v + 1, 28))
+    voltage = c.bound(wanted, np.int32(s.limit), limited.ctypes.data)
+    s.direct_steps += 1
+    s.direct_limited += limited[0]
+    s.direct_differences += voltage != pair(regulator[0], regulator[1])
+    regulator[0], regulator[1] = np.int32(voltage & 0xFFFFFFFF), np.int32(voltage >> 32)
+    return int(limited[0])
+
+
+@numba.njit(cache=True)
+def dead_time_v(r: Registers, x: Array, m: Array, vdc: float, current_a: complex) -> complex:
+    """Vector of the modulator's compensation for a stationary current."""
+    m, x = m[0], x[0]
+    most = np.int64(r[x.foc_dead_time])
+    per_ampere = mantissa(np.int64(r[x.foc_slope]), 24) * m.unit_a
+    band = np.int64(r[x.foc_band]) / m.unit_a
+    v = 0j
+    for k in range(3):
+        turn = cmath.exp(2j * math.pi * k / 3)
+        current = (current_a * turn.conjugate()).real
+        beyond = math.copysign(max(abs(current) - band, 0.0), current)
+        v += 2 / 3 * min(max(beyond * per_ampere, -most), most) * turn
+    double = np.int64(r[x.foc_control]) >> 2 & 1
+    return complex(v * vdc / (m.period_cycles * (1 + double)))
+
+
+@numba.njit(cache=True)
+def current_of(flux: complex, theta: float, m: Array) -> complex:
+    """Current for a flux of a salient machine, both stationary."""
+    turn = cmath.exp(1j * theta)
+    rotor = flux * turn.conjugate()
+    return complex((rotor.real - m[0].psi_vs) / m[0].l_d_h, rotor.imag / m[0].l_q_h) * turn
+
+
+@numba.njit(cache=True)
+def electric(s: Array, m: Array, u: complex, theta: float, time_s: float) -> None:
+    """A time with a stationary voltage, from a rotor angle on; the state's current is in that rotor's frame."""
+    s, k = s[0], m[0]
+    if time_s <= 0.0:
+        return
+    turn, ahead = cmath.exp(1j * theta), cmath.exp(1j * s.omega * time_s)
+    if k.l_d_h == k.l_q_h:
+        decay = math.exp(-k.resistance_ohm / k.l_d_h * time_s)
+        emf = 1j * s.omega * k.psi_vs / (k.resistance_ohm + 1j * s.omega * k.l_d_h)
+        i = s.i * decay + u * turn.conjugate() * (1.0 - decay) / k.resistance_ohm - emf * (ahead - decay)
+        s.i = i * ahead.conjugate()
+        return
+    flux = complex(k.l_d_h * s.i.real + k.psi_vs, k.l_q_h * s.i.imag) * turn
+    h = time_s / 6.0
+    for _ in range(6):
+        middle, end = theta + s.omega * h / 2, theta + s.omega * h
+        k1 = u - k.resistance_ohm * current_of(flux, theta, m)
+        k2 = u - k.resistance_ohm * current_of(flux + h / 2 * k1, middle, m)
+        k3 = u - k.resistance_ohm * current_of(flux + h / 2 * k2, middle, m)
+        k4 = u - k.resistance_ohm * current_of(flux + h * k3, end, m)
+        flux += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        theta = end
+    s.i = current_of(flux, theta, m) * cmath.exp(-1j * theta)
+
+
+@numba.njit(cache=True)
+def mechanic(s: Array, m: Array) -> None:
+    """Angle and speed a sample later; a rotor that stands is held by friction."""
+    s, m = s[0], m[0]
+    s.theta += s.omega * m.period_s
+    if m.guided:
+        s.omega += m.guided_rad_s2 * m.period_s
+        return
+    speed = s.omega / m.pole_pairs
+    torque = s.torque_nm - m.fan_nm_s2_per_rad2 * speed * abs(speed) - m.viscous_nm_s_per_rad * speed - m.constant_nm
+    if s.omega == 0.0 and abs(torque) <= m.coulomb_nm * m.stiction_ratio:
+        return
+    torque -= math.copysign(m.coulomb_nm, s.omega if s.omega != 0.0 else torque)
+    later = s.omega + m.pole_pairs * torque / m.inertia_kgm2 * m.period_s
+    s.omega = 0.0 if m.coulomb_nm > 0.0 and later * s.omega < 0.0 else later
+
+
+@numba.njit(cache=True)
+def machine(r: Registers, x: Array, s: Array, m: Array, u: complex, gates: bool) -> None:
+    """One sample period of the machine with a stationary voltage from the delay on."""
+    k = m[0]
+    if gates:
+        i = s[0].i
+        s[0].torque_nm = 1.5 * k.pole_pairs * (k.psi_vs + (k.l_d_h - k.l_q_h) * i.real) * i.imag
+        early = k.delay * k.period_s
+        electric(s, m, s[0].u_before, s[0].theta, early)
+        electric(s, m, u, s[0].theta + s[0].omega * early, k.period_s - early)
+        s[0].u_before = u
+        s[0].idc = (
+            1.5 * (u * cmath.exp(-1j * (s[0].theta + s[0].omega * k.period_s)) * s[0].i.conjugate()).real / s[0].vdc
+        )
+        if abs(s[0].i) > k.trip_a:
+            trip(r, x, s, x[0].phase_trip)
+    else:
+        s[0].i, s[0].torque_nm, s[0].idc = 0j, 0.0, 0.0
+        s[0].u_before = 1j * k.psi_vs * s[0].omega * cmath.exp(1j * s[0].theta)
+    s[0].vdc = k.supply_v - k.supply_ohm * s[0].idc
+    mechanic(s, m)
+
+
+@numba.njit(cache=True)
+def show(
+    r: Registers,
+    x: Array,
+    s: Array,
+    m: Array,
+    regulator: NDArray[np.int32],
+    i: tuple[Whole, Whole],
+    angle: Whole,
+    limited: Whole,
+) -> None:
+    """Snapshots of the tick."""
+    s, x, m = s[0], x[0], m[0]
+    if not s.silent:
+        put(r, x.sense_snap_number, s.samples)
+    put(r, x.sense_snap_vdc_sum, round(s.vdc * m.unit_v) * s.steps)
+    put(r, x.sense_snap_idc_sum, round(s.idc * m.unit_a) * s.steps)
+    put(r, x.sense_snap_count, s.steps)
+    # Terminals with open gates: they sum to zero until a diode holds the lowest one; nothing negative is seen.
+    emf = 1j * m.psi_vs * s.omega * cmath.exp(1j * s.theta)
+    phases = np.array([(emf * cmath.exp(-2j * math.pi * k / 3)).real for k in range(3)])
+    lift = max(-phases.min() - m.diode_v, 0.0)
+    for k in range(3):
+        put(r, x.sense_snap_channel + k, max(0, round((phases[k] + lift) * m.unit_v)))
+    put(r, x.foc_snap_i, i[0])
+    put(r, x.foc_snap_i + 1, i[1])
+    for axis in range(2):
+        put(r, x.foc_snap_u + axis, regulator[axis])
+        put(r, x.foc_snap_v + axis, (np.int64(regulator[axis]) + 128) >> 8)
+    put(r, x.foc_snap_v_sum, s.sum_re)
+    put(r, x.foc_snap_v_sum + 1, s.sum_im)
+    put(r, x.foc_snap_count, s.steps | 1 << 16 | limited << 24)
+    put(r, x.foc_snap_theta_sample, angle)
+    put(r, x.foc_snap_encoder, s.encoder)
+    put(r, x.foc_snap_omega, s.omega_q36)
+
+
+@numba.njit(cache=True)
+def sample(
+    r: Registers,
+    x: Array,
+    t: NDArray[np.uint32],
+    s: Array,
+    m: Array,
+    regulator: NDArray[np.int32],
+    gains: NDArray[np.int32],
+    c: Calls,
+    rng: np.random.Generator,
+    rows: Array,
+    logs: NDArray[np.int64],
+) -> None:
+    """One sample period: currents, regulator, voltage, and the tick if it is due."""
+    z, k, at = s[0], m[0], x[0]
+    cycle = z.samples * k.period_cycles
+    angle = z.nco_q36 >> 4
+    frame, rotor = turned(angle), cmath.exp(1j * z.theta)
+    stationary = z.i * rotor
+    if k.noise_a > 0.0:
+        stationary += complex(rng.standard_normal(), rng.standard_normal()) * k.noise_a
+    measured = stationary * frame.conjugate()
+    z.error_deg = math.degrees(cmath.phase(frame * rotor.conjugate()))
+    encode(s, m)
+    i_re, i_im = round(measured.real * k.unit_a), round(measured.imag * k.unit_a)
+    log(s, logs, LOG_ANGLE, angle, np.int64(t[at.published_q32]), cycle)
+    by_core = np.int64(r[at.foc_control]) & 64 != 0
+    masked = by_core and z.masked_steps > 0
+    late = by_core and not masked and z.late_answers > 0
+    limited = 0
+    if not masked:
+        if z.regulate:
+            reference = pair(z.reference_re, z.reference_im)
+            found = c.step(regulator.ctypes.data, gains.ctypes.data, reference, pair(i_re, i_im), np.int32(z.limit))
+            limited = int(found)
+        else:
+            error = pair(z.reference_re - i_re, z.reference_im - i_im)
+            c.preset(regulator.ctypes.data, pair(z.preset_re * 256, z.preset_im * 256), error)
+    if by_core:
+        limited = direct(r, x, s, regulator, i_re, i_im, masked, late, c)
+    v_re, v_im = (np.int64(regulator[0]) + 128) >> 8, (np.int64(regulator[1]) + 128) >> 8
+    if masked or late:
+        z.masked_steps -= 1 if masked else 0
+        z.late_answers -= 1 if late else 0
+        z.missed += 1
+    else:
+        z.steps += 1
+        z.sum_re += v_re
+        z.sum_im += v_im
+        # Clocks of the modulator over its period.
+        double = np.int64(r[at.foc_control]) >> 2 & 1
+        duty = complex(v_re, v_im) * z.scale / (k.period_cycles * (1 + double))
+        z.kept = duty * z.vdc * frame * turned(z.lead)
+    gates = np.int64(r[at.safety_guard]) & 1 != 0 and np.int64(r[at.safety_trip]) & 0xFF == 0 and z.enable != 0
+    applied = z.kept
+    if k.dead_time:
+        later = cmath.exp(1j * z.omega * (k.delay + 0.5) * k.period_s)
+        applied += dead_time_v(r, x, m, z.vdc, stationary) - dead_time_v(r, x, m, z.vdc, stationary * later)
+    if z.rows < len(rows):
+        row = rows[z.rows]
+        row.t_cycle, row.theta, row.omega = cycle, z.theta, z.omega
+        row.i, row.v = z.i * rotor, z.u_before
+        row.vdc, row.idc, row.torque_nm = z.vdc, z.idc, z.torque_nm
+        row.error_deg, row.state = z.error_deg, np.int64(t[at.state])
+        z.rows += 1
+    trips = z.trips
+    machine(r, x, s, m, applied, gates)
+    z.nco_q36 = (z.nco_q36 + z.omega_q36 * k.period_cycles) % Q36
+    z.samples += 1
+    if z.trips != trips:
+        log(s, logs, LOG_TRIP, at.phase_trip, 0, z.samples * k.period_cycles)
+    if z.steps >= k.tick_samples and not (masked or late):
+        show(r, x, s, m, regulator, (i_re, i_im), angle, limited)
+        z.steps = z.sum_re = z.sum_im = 0
+        if z.late_commits > 0:
+            z.late_commits -= 1
+        elif np.int64(r[at.timer_update]) & PENDING:
+            put(r, at.timer_update, 0)
+            take(r, x, s, gains)
+            told = np.int64(t[at.state]) & 0xFF | (np.int64(t[at.limit]) & 0xF) << 16
+            told |= (np.int64(t[at.lost_locks]) & 0xFFF) << 20 | signed(t, at.speed_rpm_q8, 32) << 32
+            target = signed(t, at.target_rpm, 32) << 32 | np.int64(t[at.reference_rpm_q8])
+            log(s, logs, LOG_UPDATE, told, target, z.samples * k.period_cycles)
+        c.tick()
+    z.since_timer += k.period_cycles
+    if z.since_timer >= np.int64(r[at.timer_machine_period]):
+        z.since_timer -= np.int64(r[at.timer_machine_period])
+        c.cause(np.int32(at.machine_timer))
+        c.poll()
+
+
+@numba.njit(cache=True)
+def advance(
+    count: Whole,
+    r: Registers,
+    x: Array,
+    t: NDArray[np.uint32],
+    s: Array,
+    m: Array,
+    regulator: NDArray[np.int32],
+    gains: NDArray[np.int32],
+    c: Calls,
+    rng: np.random.Generator,
+    rows: Array,
+    logs: NDArray[np.int64],
+) -> None:
+    """So many sample periods."""
+    for _ in range(count):
+        sample(r, x, t, s, m, regulator, gains, c, rng, rows, logs)
