@@ -16,8 +16,6 @@
 #include "drive/settings.h"
 #include "hal/chip_io.h"
 
-#define STATE_COUNT 6  // of drive_state_t
-
 // What has happened. The drive's table says what follows from it in which state.
 typedef enum {
   EVENT_STAY,

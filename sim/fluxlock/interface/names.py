@@ -133,6 +133,7 @@ def c_header() -> str:
         "",
         *(_enumeration(names) for names in load_names().values()),
         "",
+        *(f"#define {name.upper()}_COUNT {len(names.words)}" for name, names in load_names().items()),
         *(f"#define {name.upper()}_WORDS {c_strings(names.words)}" for name, names in load_names().items()),
         "",
         "typedef enum {",
