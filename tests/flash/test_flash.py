@@ -207,7 +207,7 @@ def test_command_refuses(port: str, text: str) -> None:
     [
         ("demo", 64, "multiple of 8 from 72 to 128"),
         ("demo", 76, "multiple of 8 from 72 to 128"),
-        ("vector/encoder", 88, "fluxlock-vector-88k"),
+        ("vector/encoder", 72, "fluxlock-vector-72k"),
         ("five-phase/tian", 88, "five phases"),
         ("can", 72, "CAN bus need"),
     ],
