@@ -207,18 +207,30 @@ def test_command_refuses(port: str, text: str) -> None:
     [
         ("demo", 64, "multiple of 8 from 72 to 128"),
         ("demo", 76, "multiple of 8 from 72 to 128"),
-        ("vector/encoder", 72, "fluxlock-vector-72k"),
+        ("vector/ipm-injection", 88, "injection"),
         ("five-phase/tian", 88, "five phases"),
         ("can", 72, "CAN bus need"),
     ],
 )
 def test_refused_ram(scenario: str, ram_kib: int, text: str) -> None:
-    """A size that no chip has, and one that the firmware does not fit into.
+    """A size that no chip has, and firmware that only the whole RAM holds.
 
     Verifies: BOOT-10
     """
     with pytest.raises(ConfigError, match=text) as caught:
         flash(ROOT / "scenarios" / f"{scenario}.toml", Path("/dev/null"), set_=[CONVERSION], ram_kib=ram_kib)
+    assert [problem.file for problem in caught.value.problems] == ["--ram-kib"]
+
+
+def test_firmware_too_large(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A firmware that reaches beyond the RAM that the chip has is refused by its name.
+
+    Verifies: BOOT-10
+    """
+    monkeypatch.setattr("fluxlock.firmware.toolchain.image_end", lambda _: 0x8000)
+    monkeypatch.setattr("fluxlock.cosim.run.BUILD", tmp_path)  # nothing is built yet
+    with pytest.raises(ConfigError, match="fluxlock-vector-88k") as caught:
+        flash(ROOT / "scenarios" / "vector" / "encoder.toml", Path("/dev/null"), set_=[CONVERSION], ram_kib=88)
     assert [problem.file for problem in caught.value.problems] == ["--ram-kib"]
 
 

@@ -78,8 +78,9 @@ def _image(scenario: Scenario, ram_kib: int) -> bytes:
     if not RAM_BYTES // 2 < 1024 * ram_kib <= RAM_BYTES or ram_kib % 8:
         raise ConfigError([Problem(option, str(ram_kib), "must be a multiple of 8 from 72 to 128")])
     small = 1024 * ram_kib < RAM_BYTES
-    if small and (scenario.motor.phases != 3 or scenario.can is not None):
-        text = "five phases and the node of a CAN bus need 128"
+    injects = scenario.drive.vector.injection is not None
+    if small and (scenario.motor.phases != 3 or injects or scenario.can is not None):
+        text = "five phases, injection and the node of a CAN bus need 128"
         raise ConfigError([Problem(option, str(ram_kib), text)])
     try:
         return image_of(scenario, 256 * ram_kib).read_bytes()
