@@ -116,7 +116,7 @@ def _write(headers: Sequence[Path], root: Path, module: Path) -> None:
         ffi = cffi.FFI()
         try:
             ffi.cdef(declared)
-        except (cffi.CDefError, cffi.FFIError, NotImplementedError) as error:
+        except (cffi.CDefError, cffi.FFIError, NotImplementedError) as error:  # the last: C that cffi does not know
             raise HeaderError(str(error)) from error
         source.write_text(text + _claims(ffi))
         _compile("-c", *includes, str(source), "-o", str(source.with_suffix(".o")))

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-import fluxlock.regression.sets  # noqa: F401 - all cases, before one of its own is added
+import fluxlock.regression.sets  # noqa: F401  # registers all cases before the test adds its own
 from fluxlock.figures import FIGURES, Drawing, Entry
 from fluxlock.figures import command as figures
 from fluxlock.figures.figure import FigureEntry

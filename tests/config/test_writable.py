@@ -28,7 +28,7 @@ COMMANDS = {
 def without_rights() -> None:
     """Root may write everywhere, unless the process that is begun lacks that right."""
     if os.geteuid() == 0:
-        ctypes.CDLL(None).prctl(DROP_BOUNDING, MAY_WRITE_ALL, 0, 0, 0)  # noqa: TID251 (of the C library)
+        ctypes.CDLL(None).prctl(DROP_BOUNDING, MAY_WRITE_ALL, 0, 0, 0)  # noqa: TID251  # of the system, not the firmware
 
 
 def call(build: Path, program: str) -> tuple[int, str]:

@@ -140,7 +140,7 @@ def test_balance_learns_from_computed_back_crossings(source: str) -> None:
 
     Verifies: FW-32, FW-28
     """
-    bench = Bench(drive=machines.drive(zcd={"source": source, "compute_back": True, "balance": "both"}))  # type: ignore[arg-type]
+    bench = Bench(drive=machines.drive(zcd={"source": source, "compute_back": True, "balance": "both"}))
     bench.start(40_000)
     bench.run(0.5)
     bench.model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = (1.03, 1.0, 0.98)

@@ -70,7 +70,7 @@ def test_current_loop_bounds_the_current(change: dict[str, float]) -> None:
     Verifies: FW-25, FW-17
     """
     drive = machines.drive(current_loop=True, accel_rpm_per_s=2e6, current_limit_a=15.0)
-    bench = Bench(drive=drive, model_motor=machines.motor(**change))  # type: ignore[arg-type]
+    bench = Bench(drive=drive, model_motor=machines.motor(**change))
     bench.start(60_000)
     peak_rpm, currents = 0.0, []
     for _ in range(6000):

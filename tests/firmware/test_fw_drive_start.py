@@ -97,7 +97,7 @@ def test_start_tolerates_wrong_parameters(change: dict[str, float]) -> None:
 
     Verifies: FW-15
     """
-    bench = Bench(model_motor=machines.motor(**change))  # type: ignore[arg-type]
+    bench = Bench(model_motor=machines.motor(**change))
     bench.start(40_000, 0.35)
     bench.run(1.0)
     assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
@@ -186,7 +186,7 @@ def test_alignment_keeps_a_rotor_that_swings(change: dict[str, float]) -> None:
     Verifies: FW-52
     """
     for theta_rad in (*np.arange(0.0, 6.3, 0.5), 3.1, 3.14, 1.06, 5.2, 5.24):
-        bench = Bench(theta_rad=float(theta_rad), model_motor=machines.motor(**change))  # type: ignore[arg-type]
+        bench = Bench(theta_rad=float(theta_rad), model_motor=machines.motor(**change))
         assert bench.until_state("ready", 0.1)
         bench.fw.command("set speed_rpm 20000")
         bench.fw.command("start")

@@ -37,7 +37,7 @@ PATIENCE = 3
 def end_with_parent() -> None:
     """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # noqa: TID251 (of the C library)
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # noqa: TID251  # of the system, not the firmware
 
 
 async def run_branches(session: Session) -> None:

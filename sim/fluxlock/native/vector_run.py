@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -154,9 +155,9 @@ class Play:
 
     def _agenda(self) -> Iterator[tuple[float, Callable[[], None]]]:
         for event in self.scenario.event:
-            yield event.at_s, lambda event=event: self.act(event)  # type: ignore[misc]
+            yield event.at_s, partial(self.act, event)
         for at_s, _ in self.scenario.mechanics.profile:
-            yield at_s, lambda at_s=at_s: self.guide(at_s)  # type: ignore[misc]
+            yield at_s, partial(self.guide, at_s)
 
     def _advance(self, sample: int) -> None:
         period_s = self.chip.timing.period_s
