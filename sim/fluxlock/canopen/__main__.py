@@ -12,6 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from fluxlock import generated
 from fluxlock.canopen.accessors import accessors
 from fluxlock.canopen.dbc import dbc
 from fluxlock.canopen.dictionary import load_dictionary
@@ -49,16 +50,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Write the files; with `--check` only compare the page: exit code 1 if it is out of date."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--node", type=node_id, default=NODE, metavar="1..127", help="node-ID")
-    parser.add_argument("--check", action="store_true", help="fail if the page is out of date, write nothing")
+    generated.add_check(parser)
     options = parser.parse_args(arguments)
-    text = page_text(load_dictionary())
-    fresh = PAGE.read_text(encoding="utf-8") == text
+    code = generated.renew({PAGE: page_text(load_dictionary())}, "fluxlock.canopen", options.check)
     if options.check:
-        if not fresh:
-            print(f"{PAGE}: out of date, run python -m fluxlock.canopen", file=sys.stderr)
-        return int(not fresh)
-    if not fresh:
-        PAGE.write_text(text, encoding="utf-8")
+        return code
     for path in write_files(OUT, options.node):
         print(path)
     return 0

@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from fluxlock import generated
 from fluxlock.config.fields import Model, plain, range_text
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.loader import model_in
@@ -138,25 +138,9 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, or with `--check` only compare it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="fail if the page is out of date, write nothing")
-    options = parser.parse_args()
-    text = page()
-    if options.check:
-        current = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
-        if current != text:
-            print(f"{_relative(PAGE)}: out of date, run python -m fluxlock.config.schema", file=sys.stderr)
-            return 1
-        return 0
-    PAGE.parent.mkdir(parents=True, exist_ok=True)
-    PAGE.write_text(text, encoding="utf-8")
-    return 0
-
-
-def _relative(path: Path) -> Path:
-    return path.relative_to(ROOT)
+    return generated.command(arguments, "fluxlock.config.schema", __doc__, lambda: {PAGE: page()})
 
 
 if __name__ == "__main__":

@@ -15,12 +15,12 @@ from fluxlock.interface import __main__ as console
 
 def main() -> int:
     """Input files, parameters, console, object dictionary, README, requirement matrix; exit code 1 if one fails."""
-    schema.PAGE.write_text(schema.page(), encoding="utf-8")
     diagram.main()
-    hierarchy.main([])
-    return max(
-        parameters.main([]), console.main([]), objects.main([]), readme.main([]), gallery.main([]), matrix.main([])
-    )
+    codes = [
+        *(schema.main([]), hierarchy.main([]), parameters.main([]), console.main([]), objects.main([])),
+        *(readme.main([]), gallery.main([]), matrix.main([])),
+    ]
+    return max(codes)
 
 
 if __name__ == "__main__":

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 
+from fluxlock import generated
 from fluxlock.docs.navigation import normal
 from fluxlock.paths import ROOT
 
@@ -115,19 +115,8 @@ def page(root: Path = ROOT) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the page, or with `--check` compare it; exit code 1 if it is not up to date."""
-    parser = argparse.ArgumentParser(description="Page of the images and their commands.")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the page is not up to date")
-    check = parser.parse_args(arguments).check
-    text, path = page(), ROOT / PAGE
-    if check:
-        if path.exists() and path.read_text(encoding="utf-8") == text:
-            return 0
-        print(f"error: {PAGE} is not up to date; python -m fluxlock.docs.gallery writes it", file=sys.stderr)
-        return 1
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return 0
+    """Write the page, or with `--check` only compare it."""
+    return generated.command(arguments, "fluxlock.docs.gallery", __doc__, lambda: {ROOT / PAGE: page()})
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ for a dark page to `docs/images/blocks`.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections import Counter
@@ -18,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from fluxlock import generated
 from fluxlock.paths import ROOT, RTL
 
 FOLDER = ROOT / "docs" / "images" / "blocks"
@@ -131,21 +131,13 @@ def diagrams(rtl: Path = RTL) -> dict[str, str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the diagrams, or with `--check` name those that are not of the RTL; exit code 1 then."""
-    parser = argparse.ArgumentParser(description="Block diagrams from the hierarchy of the RTL.")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if one is not up to date")
-    check = parser.parse_args(arguments).check
-    wrong = []
-    for name, text in diagrams().items():
-        path = FOLDER / name
-        if check:
-            wrong += [] if path.exists() and path.read_text(encoding="utf-8") == text else [name]
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-    for name in wrong:
-        print(f"error: {name} is not of this RTL; python -m fluxlock.docs.hierarchy draws it", file=sys.stderr)
-    return int(bool(wrong))
+    """Write the diagrams, or with `--check` only compare them."""
+    return generated.command(
+        arguments,
+        "fluxlock.docs.hierarchy",
+        __doc__,
+        lambda: {FOLDER / name: text for name, text in diagrams().items()},
+    )
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from fluxlock import generated
 from fluxlock.check import tasks
 from fluxlock.paths import ROOT
 
@@ -295,7 +296,7 @@ def matrix_page(requirements: list[Requirement], places: Places) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Write matrix and places, or with `--check` only compare them; exit code 1 if something is wrong or gone."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="fail if a file is out of date, write nothing")
+    generated.add_check(parser)
     parser.add_argument("--accept", action="store_true", help="give up the places that have gone")
     parser.add_argument("--strict", action="store_true", help="fail if a requirement is not verified")
     parser.add_argument("--root", type=Path, default=ROOT, help="checkout to read")
@@ -313,14 +314,8 @@ def main(arguments: list[str] | None = None) -> int:
     if given_up and not options.accept:
         print(*given_up, "on purpose? then: python -m fluxlock.docs.matrix --accept", sep="\n", file=sys.stderr)
         return 1
-    stale = [p for p, text in written.items() if not p.exists() or p.read_text(encoding="utf-8") != text]
-    if options.check and stale:
-        for path in stale:
-            name = path.relative_to(options.root)
-            print(f"{name}: out of date, run python -m fluxlock.docs.matrix", file=sys.stderr)
+    if generated.renew(written, "fluxlock.docs.matrix", options.check, options.root):
         return 1
-    for path in stale:
-        path.write_text(written[path], encoding="utf-8")
     named = {i for ids in places.values() for i in ids}
     missing = [r.id for r in requirements if r.id not in named]
     listed = f": {', '.join(missing)}" if missing else ""

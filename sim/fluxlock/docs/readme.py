@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fluxlock import generated
 from fluxlock.digits import thousands
 from fluxlock.paths import ROOT
 from fluxlock.synth.report import PAGE, markdown
@@ -114,17 +115,14 @@ def badges() -> dict[Path, str]:
     return {IMAGES / f"badge-{label}.svg": badge(label, value) for label, value in words.items()}
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Write, or with `--check` compare: exit code 1 if a file is not what it should be."""
-    check = "--check" in (sys.argv[1:] if argv is None else argv)
-    wanted = {README: with_table(README.read_text(encoding="utf-8")), **badges()}
-    stale = [path for path, text in wanted.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
-    for path in stale:
-        if check:
-            print(f"{path.relative_to(ROOT)}: is stale; run python -m fluxlock.docs.readme", file=sys.stderr)
-        else:
-            path.write_text(wanted[path], encoding="utf-8")
-    return 1 if check and stale else 0
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write table and badges, or with `--check` only compare them."""
+    return generated.command(
+        arguments,
+        "fluxlock.docs.readme",
+        __doc__,
+        lambda: {README: with_table(README.read_text(encoding="utf-8")), **badges()},
+    )
 
 
 if __name__ == "__main__":
