@@ -259,9 +259,8 @@ COLD static bool followed_protection(drive_t *drive, const chip_snapshot_t *in) 
   if (drive->order.state == STATE_RUNNING && drive->order.state_ticks >= (uint32_t)drive->p->restart_clear_ticks) {
     renew_attempts(drive);
   }
-  const fault_t fault = protect_step(&drive->protect, drive->p, in, &drive->order, &drive->settings, drive->report,
-                                     by_vectors(drive) ? VECTOR_LOOK_TICKS : SIX_STEP_LOOK_TICKS, silent_ticks);
-  return fault != FAULT_NONE && followed(drive, outcome_fault(fault));
+  return followed(drive, protect_step(&drive->protect, drive->p, in, &drive->order, &drive->settings, drive->report,
+                                      by_vectors(drive) ? VECTOR_LOOK_TICKS : SIX_STEP_LOOK_TICKS, silent_ticks));
 }
 
 COLD static bool explains(const drive_t *drive, const chip_snapshot_t *in) {

@@ -7,22 +7,26 @@
 //   current_sum      phase currents that do not add up to zero, as with one that is stuck
 //   stuck_channel    the mean of DC current or vdc over a tick keeps its value
 //   command_timeout  a console that has been silent for longer than it promised
+//   stop_failed      a stop that does not slow the rotor
 #ifndef FL_PROTECT_H
 #define FL_PROTECT_H
 
 #include "control/overload.h"
 #include "control/plausible.h"
+#include "control/slowing.h"
 #include "drive/method.h"
 
 typedef struct {
   overload_t overload;
   sum_t sum;
   still_t still;
+  slowing_t slowing;
+  uint32_t crossings;  // at the last look
 } protect_t;
 
 // One look at a snapshot with sums and phase currents. ticks: since the look before; silent_ticks: since the console's last
-// line. FAULT_NONE: all is well, or the drive is in init or fault. About 150 clocks.
-fault_t protect_step(protect_t *protect, const parameters_t *p, const chip_snapshot_t *in, const order_t *order,
-                     const settings_t *settings, const report_t *report, uint32_t ticks, uint32_t silent_ticks);
+// line. Nothing happens while all is well, and in init and fault. About 170 clocks.
+outcome_t protect_step(protect_t *protect, const parameters_t *p, const chip_snapshot_t *in, const order_t *order,
+                       const settings_t *settings, const report_t *report, uint32_t ticks, uint32_t silent_ticks);
 
 #endif

@@ -61,6 +61,8 @@ CATCH_DIODES = 3.6
 HALL_SENSOR = (2, 1, 0, 2, 1, 0)
 # Hall edges that stay away for so many intervals at the hand-over speed: the rotor is blocked.
 HALL_STALL_INTERVALS = 6.0
+# In which a stop must slow the rotor: with the slow protection's two looks around it 50 ms.
+STOP_PATIENCE_S = 35e-3
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
 
@@ -368,4 +370,5 @@ def _stop(d: Design) -> dict[str, Value]:
     return {
         "stop_rpm": max(1, round(1.1 * d.w_handover * RPM_PER_RAD_S)),
         "stop_timeout_ticks": d.ticks(20.0),
+        "stop_patience_ticks": d.ticks(STOP_PATIENCE_S),
     }
