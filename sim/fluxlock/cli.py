@@ -44,6 +44,7 @@ from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
 from fluxlock.paths import BUILD, ROOT
+from fluxlock.population.cli import app as population_app
 from fluxlock.progress import ProgressBar
 from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
 
@@ -83,6 +84,7 @@ app.add_typer(motor_app, name="motor", rich_help_panel=MOTOR)
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)
+app.add_typer(population_app, name="population", rich_help_panel=VERIFY)
 app.command(rich_help_panel=BOARD, epilog=example("fluxlock flash scenarios/demo.toml --port /dev/ttyUSB0"))(flash)
 
 ScenarioArgument = Annotated[

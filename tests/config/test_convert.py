@@ -26,7 +26,7 @@ def test_wrong_motor_values_reach_the_firmware_only() -> None:
     Verifies: FRONT-30
     """
     right = load_scenario(DEMO)
-    factors = {"resistance": 1.2, "inductance": 0.8, "flux": 1.1}
+    factors = {"resistance": 1.2, "inductance": 0.8, "flux": 1.1, "inertia": 0.7}
     wrong = load_scenario(DEMO, [f"drive.motor_error.{name}={factor}" for name, factor in factors.items()])
     before, after = told_machine(right), told_machine(wrong)
     assert after.winding_ohm == pytest.approx(1.2 * before.winding_ohm)
@@ -34,7 +34,9 @@ def test_wrong_motor_values_reach_the_firmware_only() -> None:
     assert after.psi_vs == pytest.approx(1.1 * before.psi_vs)
     assert plant_params(wrong, 1, ()) == plant_params(right, 1, ())
     blocks = [parameter_block(s).values for s in (right, wrong)]
-    assert {name for name in blocks[0] if blocks[0][name] != blocks[1][name]} >= {"emf", "zcd_peak", "resistance_high"}
+    assert {name for name in blocks[0] if blocks[0][name] != blocks[1][name]} >= {
+        *("emf", "zcd_peak", "resistance_high", "start_accel_rpm_q20")
+    }
 
 
 def test_sampling_once_a_carrier() -> None:

@@ -102,6 +102,7 @@ class MotorError(Model):
     resistance: float = quantity("Factor of the resistance.", "", 0.5, 2.0, default=1.0)
     inductance: float = quantity("Factor of the inductance.", "", 0.5, 2.0, default=1.0)
     flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
+    inertia: float = quantity("Factor of the inertia.", "", 0.5, 2.0, default=1.0)
 
 
 class Drive(Model, settings=""):

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import RPM_PER_RAD_S, Motor
+
+LEAST_SPEEDS = (("six_step", "six-step", least_six_step_rpm), ("vector", "vector", least_vector_rpm))
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,11 @@ def derived_values(motor: Motor) -> list[Derived]:
             "load of the file at max_speed_rpm",
             motor.load.torque_nm(motor.max_speed_rpm),
             "N*m",
+        ),
+        *(
+            Derived(f"least_{key}_rpm", f"least speed, {method}", least_rpm(motor), "r/min")
+            for key, method, least_rpm in LEAST_SPEEDS
+            if not five
         ),
     ]
 

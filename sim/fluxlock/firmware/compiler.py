@@ -69,7 +69,7 @@ BRAKE_MARGIN = (0.3, 0.75)
 
 def compile_parameters(s: Scenario) -> ParameterBlock:
     """All parameters of the firmware."""
-    d = Design(s)
+    d = Design(_with_told_inertia(s))
     groups = (
         *(_settings, _sampling, _power_stage, _protection, _brake_switch, _plausibility),
         *(_speed, _machine, _carrier, _crossings, _balance, _hall, _commutation),
@@ -81,6 +81,12 @@ def compile_parameters(s: Scenario) -> ParameterBlock:
     if s.drive.method == "vector":
         values |= vector_parameters(d)
     return ParameterBlock(values)
+
+
+def _with_told_inertia(s: Scenario) -> Scenario:
+    """The scenario with the inertia that `drive.motor_error` asks for; `Machine` has its other wrong values."""
+    inertia = s.motor.inertia_kgm2 * s.drive.motor_error.inertia
+    return s.model_copy(update={"motor": s.motor.model_copy(update={"inertia_kgm2": inertia})})
 
 
 def _settings(d: Design) -> dict[str, Value]:

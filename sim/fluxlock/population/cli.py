@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The commands `fluxlock population ...`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fluxlock.help import example
+from fluxlock.population.draw import Draw, Method
+
+app = typer.Typer(
+    help="Random machines that nobody tuned for: draw them, run their lives on the host, judge them.",
+    epilog=example("fluxlock population draw 7 --out build/machine-7"),
+    no_args_is_help=True,
+)
+
+SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the population.")]
+MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step or vector.")]
+
+
+def method_of(text: str) -> Method:
+    """Value of `--method`."""
+    from fluxlock.config import ConfigError, Problem
+    from fluxlock.population.draw import METHODS
+
+    if text not in METHODS:
+        raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(METHODS)}')])
+    return "vector" if text == "vector" else "six-step"
+
+
+@app.command(epilog=example("fluxlock population draw 7 --method vector --out build/machine-7"))
+def draw(
+    index: Annotated[int, typer.Argument(min=0, help="Number of the machine.")],
+    out: Annotated[Path, typer.Option(help="Folder for scenario.toml, motor.toml and inverter.toml.")],
+    method: MethodOption = "vector",
+    seed: SeedOption = 1,
+) -> None:
+    """Write the files of one machine: `fluxlock run` takes them."""
+    from fluxlock.population.files import write_life
+    from fluxlock.population.life import life_of, refusals
+
+    life = life_of(Draw.of(seed, index), method_of(method))
+    path = write_life(life, out)
+    for reason in refusals(life):
+        print(f"refused: {reason}")
+    print(f"written: {path}")

@@ -1,0 +1,234 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What happens to a machine of the population: an ordinary scenario that begins with the rotor turning.
+
+The drive catches the rotor, holds the lowest speed light, loaded and light again, then 60 % and 100 % of the base speed
+loaded, comes down to 60 % on a ramp, goes up to 100 % light, and brakes from there to the lowest speed without a ramp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from fluxlock.config.checks import check_scenario
+from fluxlock.config.drive import Drive, MotorError
+from fluxlock.config.errors import ConfigError
+from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
+from fluxlock.config.motor import RPM_PER_RAD_S, Motor
+from fluxlock.config.scenario import Event, Expect, Initial, Scenario, Window
+from fluxlock.cosim.parameters import check_parameters
+from fluxlock.population.draw import Draw, Method, Parts, parts
+
+LOWEST_SHARE, LEAST_MARGIN, REFUSED_SHARE = 0.2, 1.5, 0.5
+MIDDLE_SHARE = 0.6
+RAMP_SHARE = 0.3  # of the acceleration at rated torque
+HARD = 20.0  # times that ramp
+BRAKE_SHARE = 0.5  # torque of the hard deceleration at least, over the rated one
+CATCH_S, CATCH_TURNS = 0.1, 12.0
+LOAD_RAMP_S = 0.1
+SETTLE_S, SETTLE_TURNS = 0.25, 6.0
+HOLD_S, HOLD_TURNS = 0.05, 6.0
+SPEED_TOLERANCE = 0.005
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A time in which a speed is held. before_rpm, since_s: the target before and the time at which it changed."""
+
+    name: str
+    rpm: float
+    before_rpm: float
+    since_s: float
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True)
+class Life:
+    """A drawn machine with what happens to it."""
+
+    draw: Draw
+    method: Method
+    scenario: Scenario
+    holds: tuple[Hold, ...]
+    lowest_rpm: float
+
+
+def told_motor(motor: Motor, error: MotorError) -> Motor:
+    """The machine as its file describes it: equal phases, wrong values."""
+
+    def equal(values: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+        return (sum(values) / 3 * factor,) * 3
+
+    return motor.model_copy(
+        update={
+            "resistance_ohm": equal(motor.resistance_ohm, error.resistance),
+            "inductance_h": equal(motor.inductance_h, error.inductance),
+            "inductance_q_h": motor.inductance_q_h and motor.inductance_q_h * error.inductance,
+            "psi_vs": equal(motor.psi_vs, error.flux),
+            "inertia_kgm2": motor.inertia_kgm2 * error.inertia,
+        }
+    )
+
+
+def told_scenario(s: Scenario) -> Scenario:
+    """The scenario as a user has it, who knows the motor file alone."""
+    motor, drive = told_motor(s.motor, s.drive.motor_error), s.drive.model_copy(update={"motor_error": MotorError()})
+    return s.model_copy(update={"motor": motor, "drive": drive})
+
+
+def lowest_rpm(p: Parts, error: MotorError, method: Method) -> float:
+    """Lowest speed that a life holds."""
+    motor = told_motor(p.motor, error)
+    least = least_vector_rpm(motor, p.inverter) if method == "vector" else least_six_step_rpm(motor)
+    return max(LOWEST_SHARE * p.base_rpm, LEAST_MARGIN * least)
+
+
+@dataclass
+class _Clock:
+    """Events and holds as time goes on."""
+
+    parts: Parts
+    accel: float
+    turn_s: float  # electrical, at the lowest speed
+    now_s: float = CATCH_S
+    rpm: float = 0.0
+    before_rpm: float = 0.0
+    since_s: float = 0.0
+    events: list[Event] = field(default_factory=list)
+    holds: list[Hold] = field(default_factory=list)
+
+    def load(self, factor: float) -> None:
+        """Change the load on a ramp."""
+        self.events.append(Event(at_s=_ms(self.now_s), load_factor=factor, ramp_s=LOAD_RAMP_S))
+        self.now_s += LOAD_RAMP_S
+        self.before_rpm, self.since_s = self.rpm, self.now_s
+
+    def speed(self, rpm: float, length_s: float) -> None:
+        """Change the target; after this time the rotor must be there."""
+        self.events.append(Event(at_s=_ms(self.now_s), speed_rpm=rpm))
+        self.before_rpm, self.rpm, self.since_s = self.rpm, rpm, self.now_s
+        self.now_s += length_s
+
+    def ramp(self, rpm: float) -> None:
+        """Change the target on the drive's ramp."""
+        self.speed(rpm, abs(rpm - self.rpm) / self.accel)
+
+    def hold(self, name: str) -> None:
+        """Let it settle, then watch."""
+        begin = _ms(self.now_s + max(SETTLE_S, SETTLE_TURNS * self.turn_s))
+        end = _ms(begin + max(HOLD_S, HOLD_TURNS * self.turn_s))
+        self.holds.append(Hold(name, self.rpm, self.before_rpm, self.since_s, begin, end))
+        self.now_s = end
+
+
+def _ms(time_s: float) -> float:
+    """To a whole millisecond."""
+    return round(time_s, 3)
+
+
+def _mrpm(rpm: float) -> float:
+    """To a thousandth."""
+    return round(rpm, 3)
+
+
+def _timeline(p: Parts, lowest: float) -> _Clock:
+    motor = p.motor
+    per_s = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
+    accel = float(f"{RAMP_SHARE * per_s:.4g}")
+    turn_s = 60.0 / (lowest * motor.pole_pairs)
+    clock = _Clock(p, accel, turn_s)
+    low, middle, high = (float(round(rpm)) for rpm in (lowest, MIDDLE_SHARE * p.base_rpm, p.base_rpm - 0.5))
+    clock.events += [
+        Event(at_s=0.0, load_factor=0.0),
+        Event(at_s=0.002, speed_rpm=low),
+        Event(at_s=0.003, command="start"),
+    ]
+    clock.rpm = clock.before_rpm = low
+    clock.now_s = _ms(CATCH_S + CATCH_TURNS * turn_s)
+    clock.load(1.0)
+    clock.hold("low-light")
+    clock.load(p.full_factor)
+    clock.hold("low-loaded")
+    clock.load(1.0)
+    clock.hold("low-unloaded")
+    if middle > low:
+        clock.ramp(middle)
+        clock.load(p.full_factor)
+        clock.hold("middle")
+    else:
+        clock.load(p.full_factor)
+    clock.ramp(high)
+    clock.hold("high")
+    clock.ramp(max(middle, low))
+    clock.hold("down")
+    clock.load(1.0)
+    clock.ramp(high)
+    clock.hold("high-light")
+    clock.events.append(Event(at_s=_ms(clock.now_s), accel_rpm_per_s=min(1e8, HARD * accel)))
+    clock.now_s += 0.001
+    clock.speed(low, (high - low) / (BRAKE_SHARE * per_s))
+    clock.hold("braked")
+    return clock
+
+
+def _drive(d: Draw, p: Parts, method: Method, accel: float) -> Drive:
+    keys: dict[str, Any] = {
+        "method": method,
+        "carrier_hz": p.carrier_hz,
+        "current_limit_a": p.current_limit_a,
+        "accel_rpm_per_s": accel,
+        "motor_error": d.error,
+    }
+    if method == "six-step":
+        keys["sync_rect"] = True
+    return Drive(**keys)
+
+
+def life_of(draw: Draw, method: Method) -> Life:
+    """The life of a machine with a method."""
+    p = parts(draw, method)
+    lowest = min(lowest_rpm(p, draw.error, method), p.base_rpm)
+    clock = _timeline(p, lowest)
+    windows = [Window(name=hold.name, from_s=hold.from_s, to_s=hold.to_s) for hold in clock.holds]
+    expect = [
+        Expect(
+            window=hold.name,
+            metric="speed_rpm.mean",
+            min=_mrpm((1 - SPEED_TOLERANCE) * hold.rpm),
+            max=_mrpm((1 + SPEED_TOLERANCE) * hold.rpm),
+        )
+        for hold in clock.holds
+    ]
+    scenario = Scenario(
+        name=f"population-{method}-{draw.name}",
+        description=f"Machine {draw.index} of the population with seed {draw.seed}",
+        motor=p.motor,
+        inverter=p.inverter,
+        duration_s=_ms(clock.now_s + 0.005),
+        seed=draw.index,
+        drive=_drive(draw, p, method, clock.accel),
+        load=p.load,
+        initial=Initial(theta_deg=draw.theta_deg, speed_rpm=clock.holds[0].rpm),
+        event=clock.events,
+        window=windows,
+        expect=expect,
+    )
+    return Life(draw, method, scenario, tuple(clock.holds), lowest)
+
+
+def refusals(life: Life) -> list[str]:
+    """Why the life is refused before the start, as the file checks name it; empty if it is not."""
+    s, base = told_scenario(life.scenario), life.scenario.motor.max_speed_rpm
+    if life.lowest_rpm > REFUSED_SHARE * base:
+        least = life.lowest_rpm / LEAST_MARGIN
+        return [f"least speed: {least:.0f} r/min by rule, {100 * least / base:.0f} % of max_speed_rpm"]
+    problems = check_scenario(s)
+    if not problems:
+        try:
+            check_parameters(s)
+        except ConfigError as error:
+            problems = error.problems
+    return [f"{p.key}: {p.message}" for p in problems]
