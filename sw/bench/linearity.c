@@ -28,11 +28,11 @@ void trap_current(void) {}
 void trap_control(void) {}
 void trap_deferred(void) {}
 
-static uint32_t pulse_of(const row_t *row, const parameters_t *p) {
+static uint32_t pulse_of(const row_t *row) {
   int32_t duty_q30 = row->mean_q30;
   if (row->compensate != 0u) {
     const csc_linearity_t linearity =
-        csc_linearity(row->interval_cycles, row->period_cycles, (uint32_t)p->csc_tolerance_q16);
+        csc_linearity(row->interval_cycles, row->period_cycles, CSC_TOLERANCE_Q16);
     duty_q30 = csc_linear_duty_q30(&linearity, duty_q30);
   }
   return pulse_cycles_q8(duty_q30, row->period_cycles, 0);
@@ -57,7 +57,7 @@ int main(void) {
               .commutation = (uint32_t)p->commutation,
               .pattern = (uint32_t)p->pattern,
               .sampling = SAMPLING_CONTINUOUS,
-              .timeout_q12 = (uint32_t)p->timeout_q12,
+              .timeout_q12 = COMMUTATION_TIMEOUT_Q12,
           },
   };
   chip_write_guard(&guard);
@@ -67,7 +67,7 @@ int main(void) {
     command.sequence.forced_interval_cycles = row->interval_cycles;
     command.sequence.fresh = true;
     command.loop.period_cycles = row->period_cycles;
-    command.loop.pulse_cycles_q8 = pulse_of(row, p);
+    command.loop.pulse_cycles_q8 = pulse_of(row);
     chip_write(&command, p);
     while (chip_now() - start < row->hold_cycles) {
     }

@@ -18,6 +18,9 @@
 
 #include <stdint.h>
 
+// For a measured interval: 0.01 carriers.
+#define CSC_TOLERANCE_Q16 655u
+
 // The two factors for a number of carriers a sector.
 typedef struct {
   uint32_t first_q16;   // N / (N_Z + 1)

@@ -16,6 +16,9 @@
 #include "drive/settings.h"
 #include "hal/chip_io.h"
 
+// Time constant of the currents that are shown and limited: 2^3 ticks.
+#define CURRENT_FILTER_SHIFT 3
+
 // What has happened. The drive's table says what follows from it in which state.
 typedef enum {
   EVENT_STAY,

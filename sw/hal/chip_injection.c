@@ -30,7 +30,7 @@ COLD void chip_configure_injection(const parameters_t *p) {
                                      FIELD(FL_INJECTION_REGS__WAVE__FIRST, p->injection_period / 4));
   reg_write(REG(injection.delay), SAMPLE_DELAY);
   reg_write(REG(injection.rate), (uint32_t)p->injection_rate_turn_q36);
-  reg_write(REG(injection.filter), FIELD(FL_INJECTION_REGS__FILTER__SHIFT, p->injection_shift) |
+  reg_write(REG(injection.filter), FIELD(FL_INJECTION_REGS__FILTER__SHIFT, INJECTION_SHIFT) |
                                        FIELD(FL_INJECTION_REGS__FILTER__BAND_FINE, p->injection_fine & BAND_FINE) |
                                        FIELD(FL_INJECTION_REGS__FILTER__LOW_FINE, p->injection_fine / LOW_FINE));
   reg_write(REG(injection.amplitude[0]), (uint32_t)p->injection_v_q17);

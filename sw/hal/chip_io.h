@@ -125,6 +125,9 @@ typedef struct {
   bool fresh;
 } guard_command_t;
 
+// A crossing that stays away for one and a half intervals after a commutation is missed.
+#define COMMUTATION_TIMEOUT_Q12 0x1800u
+
 // Six-step: sequencer, detector and commutation timer, as they mostly stay while the drive runs.
 typedef struct {
   sequencer_mode_t sequencer;
@@ -216,6 +219,9 @@ typedef struct {
   uint32_t scale_shift;
   bool fresh;
 } limits_command_t;
+
+// Lock-in and conventional method: the error is 2^4 times the true one.
+#define INJECTION_SHIFT 4
 
 typedef struct {
   bool inject;  // the wave runs

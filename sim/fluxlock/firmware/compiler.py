@@ -43,12 +43,11 @@ KI_DIVISOR = 5.0
 LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
-HANDOVER_FALLBACK = 8
-LOCK_CROSSINGS = 12
+# Six times the crossings that the lock needs (sw/drive/six_step/start.c), in intervals at the hand-over speed.
+LOCK_INTERVALS = 72.0
 DIVIDER_TOLERANCE = 0.1
 # Above noise and offset; where a decaying current is slow each step of it counts.
 FREEWHEEL_LSB = 4.0
-CSC_TOLERANCE = 0.01
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn.
 BALANCE_BANDWIDTH_RATIO = 1.5
 BALANCE_SHARE_A_TURN = 0.4
@@ -106,7 +105,6 @@ def _sampling(d: Design) -> dict[str, Value]:
         "sample_period_cycles": cycles(sensing.sample_period_s),
         "sample_offset_cycles": cycles(d.offset_s),
         "sense_delay_cycles": cycles(sensing.divider_pole_s),
-        "offset_limit_lsb": d.half_codes // 10,
         "voltage_full_scale_mv": round(1e3 * sensing.voltage_full_scale_v),
         "current_full_scale_ma": round(1e3 * sensing.current_full_scale_a),
     }
@@ -185,7 +183,6 @@ def _carrier(d: Design) -> dict[str, Value]:
     drive, sensing = d.s.drive, d.s.inverter.sensing
     return {
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
-        "csc_tolerance_q16": round(CSC_TOLERANCE * Q16),
         "carrier_longest_cycles": cycles(d.longest_s),
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
         "least_on_cycles": cycles(sensing.least_pulse_s),
@@ -211,7 +208,6 @@ def _crossings(d: Design) -> dict[str, Value]:
         "zcd_threshold_q17": tuple(round(share * Q17) for share in zcd.threshold),
         "freewheel_limit_q17": round(FREEWHEEL_LSB * Q17 / d.half_codes),
         "miss_limit": zcd.miss_limit,
-        "timeout_q12": 0x1800,
     }
 
 
@@ -298,12 +294,7 @@ def _handover(d: Design) -> dict[str, Value]:
     return {
         "handover_rpm": max(1, round(d.w_handover * RPM_PER_RAD_S)),
         "handover_interval_cycles": cycles(d.handover_interval_s),
-        "handover_crossings": 6,
-        "handover_fallback": HANDOVER_FALLBACK,
-        "handover_timeout": 3 * HANDOVER_FALLBACK,
-        "handover_tolerance_q16": round(0.25 * Q16),
-        "lock_crossings": LOCK_CROSSINGS,
-        "lock_timeout_ticks": d.ticks(6.0 * LOCK_CROSSINGS * d.handover_interval_s + 5e-3),
+        "lock_timeout_ticks": d.ticks(LOCK_INTERVALS * d.handover_interval_s + 5e-3),
         "start_retries": start.retries,
         "restart_retries": start.restart_retries,
         "restart_clear_ticks": d.ticks(1.0),
@@ -351,7 +342,6 @@ def _limits(d: Design) -> dict[str, Value]:
         "brake_range": gain(Q16 / ((to_v - from_v) * d.volt), "brake_range"),
         "limiter_kp": gain(kp_ohm * d.volt / amp_q17, "limiter_kp"),
         "limiter_ki": gain(200.0 * d.tick_s * m.line_ohm * d.volt / amp_q17, "limiter_ki"),
-        "current_filter_shift": 3,
     }
 
 

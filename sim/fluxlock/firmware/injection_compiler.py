@@ -23,7 +23,6 @@ from fluxlock.firmware.design import Q16, Q17, Q21, Q22, Q25, Q29, Q30, Q32, Q36
 
 BAND_K = 0.45  # of the band-pass: its bandwidth over its frequency
 LOW_K = math.sqrt(2.0)
-LOCK_IN_SHIFT = 4
 # Mean of a rectified sine, fundamental of a triangle of height 1.
 RECTIFIED, FUNDAMENTAL = 2 / math.pi, 8 / math.pi**2
 NOISE_SCATTER = 4 / math.sqrt(math.pi)
@@ -31,9 +30,8 @@ CURVE_REACH = 1.25  # of the current up to which the motor file states the curve
 CURVE_HZ = 200.0
 ACTION = 1.5  # samples to the middle of its voltage's effect
 LEAST_SHARE = 0.2  # of the expected amplitude: less is no signal
-# Seen ratio of the inductances over what L_q / L_d has above 1; noise of the angle (rad).
+# Seen ratio of the inductances over what L_q / L_d has above 1.
 DERATE_RATIO, FAULT_RATIO = 0.4, 0.1
-DERATE_NOISE_RAD, FAULT_NOISE_RAD = 0.3, 0.6
 FAULT_S = 0.01
 SEARCH_S = 2e-3
 SEARCH_LEAST = 0.05  # amplitude of the saliency over the expected one
@@ -110,7 +108,6 @@ def _filters(injection: Injection, sample_s: float) -> dict[str, Value]:
     band, band_fine = _filter(math.tan(math.pi / injection.period), BAND_K)
     low, low_fine = _filter(math.tan(math.pi * injection.low_hz * sample_s), LOW_K)
     return {
-        "injection_shift": LOCK_IN_SHIFT,
         "injection_fine": int(band_fine) + 2 * int(low_fine),
         "injection_band": (*band, _q17(BAND_K, Q16)),
         "injection_low": low,
@@ -147,8 +144,6 @@ def _validity(d: Design, wave: _Wave) -> dict[str, Value]:
         "injection_derate_ratio_q16": round((1 + DERATE_RATIO * over) * Q16),
         "injection_fault_ratio_q16": round((1 + FAULT_RATIO * over) * Q16),
         "injection_noise_factor_q16": round(wave.ratio / NOISE_SCATTER * Q16),
-        "injection_derate_noise_q16": round(DERATE_NOISE_RAD * Q16),
-        "injection_fault_noise_q16": round(FAULT_NOISE_RAD * Q16),
         "injection_filter_shift": averaged_over(FAULT_S, 1 / wave.results_hz),
         "injection_fault_results": max(10, round(FAULT_S * wave.results_hz)),
     }

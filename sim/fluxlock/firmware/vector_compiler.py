@@ -51,7 +51,6 @@ SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
 KI_DIVISOR = 4.0
 WEAKENING_HZ = 20.0
-WEAKENING_SHARE = 0.95
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
 # Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
 DEAD_TIME_ZONE_SHARE = 0.25
@@ -123,7 +122,6 @@ def _weakening(d: Design) -> dict[str, Value]:
     ratio = m.fundamental_vs / m.saliency_h * d.ampere if m.saliency_h else 0.0
     return {
         **_gains(vector_weakening_ki=ki * PI_INTEGRAL * d.ampere / d.volt if on else 0.0),
-        "vector_weakening_share_q16": round(WEAKENING_SHARE * Q16),
         "vector_weakening_lowest_i_q25": -round(lowest * d.ampere) if on else 0,
         "vector_mtpa_ratio_i_q25": round(ratio) if abs(ratio) <= RATIO_FULL_SCALES * Q25 else 0,
     }

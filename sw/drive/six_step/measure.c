@@ -26,14 +26,13 @@ void measure_init(measured_t *m, const parameters_t *p) {
 
 HOT static void measure_electric(measured_t *m, const parameters_t *p, const chip_snapshot_t *in,
                                  int32_t line_ratio_q16) {
-  const int32_t shift = p->current_filter_shift;
   if (in->sum_count > 0u) {
     const int32_t count = (int32_t)in->sum_count;
     const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, SAMPLE_MAX_Q17);
     m->vdc_v_q25 = vdc_q17 * 256;
     const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -FULL_Q17, SAMPLE_MAX_Q17);
     m->idc_mean_q17 = idc_q17;
-    m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, shift);
+    m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, CURRENT_FILTER_SHIFT);
     (void)filter(&m->loop_filter_q25, idc_q17, p->loop_filter_shift);
     m->line_i_q25 = line_current(m->loop_filter_q25, line_ratio_q16);
   }
@@ -45,7 +44,7 @@ HOT static void measure_electric(measured_t *m, const parameters_t *p, const chi
     highest = (in->v_q17[x] > highest) ? in->v_q17[x] : highest;
     lowest = (in->v_q17[x] < lowest) ? in->v_q17[x] : lowest;
   }
-  m->motor_q17 = filter(&m->motor_filter_q25, magnitude / 2, shift);
+  m->motor_q17 = filter(&m->motor_filter_q25, magnitude / 2, CURRENT_FILTER_SHIFT);
   m->line_emf_q17 = highest - lowest;
 }
 

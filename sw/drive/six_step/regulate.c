@@ -115,7 +115,7 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
       break;
     case GROUP_LINEARITY:
       if (settings->linearity) {
-        g->linearity = csc_linearity(view->m->sector_cycles, in->period_cycles, (uint32_t)p->csc_tolerance_q16);
+        g->linearity = csc_linearity(view->m->sector_cycles, in->period_cycles, CSC_TOLERANCE_Q16);
       }
       break;
     case GROUP_ADVANCE:

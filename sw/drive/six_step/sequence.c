@@ -9,13 +9,13 @@
 
 SMALL_CODE_BEGIN
 
-COLD void sequence_init(sequence_command_t *c, const parameters_t *p, const settings_t *settings) {
+COLD void sequence_init(sequence_command_t *c, const settings_t *settings) {
   c->sampling = SAMPLING_CONTINUOUS;
   c->forced_interval_cycles = INTERVAL_MAX;
   c->crossing = settings->crossing;
   c->commutation = settings->commutation;
   c->pattern = settings->pattern;
-  c->timeout_q12 = (uint32_t)p->timeout_q12;
+  c->timeout_q12 = COMMUTATION_TIMEOUT_Q12;
 }
 
 COLD void sequence_off(sequence_command_t *c) {

@@ -8,7 +8,7 @@
 #include "drive/settings.h"
 #include "hal/chip_io.h"
 
-void sequence_init(sequence_command_t *c, const parameters_t *p, const settings_t *settings);
+void sequence_init(sequence_command_t *c, const settings_t *settings);
 
 // Gates, detector and timer off.
 void sequence_off(sequence_command_t *c);

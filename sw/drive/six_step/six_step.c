@@ -34,7 +34,7 @@ COLD void six_step_init(six_step_t *six, const parameters_t *p, const settings_t
   measure_init(&six->m, p);
   pwm_init(&six->pwm, p);
   regulate_init(&six->regulate, settings);
-  sequence_init(&six->command.sequence, p, settings);
+  sequence_init(&six->command.sequence, settings);
   hall_init(&six->hall, p);
   six_step_lost(six);
   six->report.six_step.threshold_q17 = six->command.threshold.q17;
@@ -118,7 +118,7 @@ COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view
   const outcome_t outcome = start_step(&six->start, &six->hall, &six->pwm, &six->command, view);
   const regulate_input_t input = regulate_input(six);
   if (outcome_event(outcome) == EVENT_STARTED) {
-    sequence_force_on_miss(&six->command.sequence, true, (uint32_t)six->p->timeout_q12);
+    sequence_force_on_miss(&six->command.sequence, true, COMMUTATION_TIMEOUT_Q12);
     sequence_sample(&six->command.sequence, (uint32_t)six->p->sample_mode);
     regulate_begin(&six->regulate, &six->pwm, view, &input);
     apply_settings(six, view->settings);

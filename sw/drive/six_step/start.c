@@ -17,6 +17,14 @@
 #define INTERVAL_MAX 0xFFFFFFu
 #define LOCK_TIMEOUT_Q12 0xFFFFu
 #define CAUGHT_TICKS 2u
+// Hand-over: clean crossings in a row that suffice at once, commutations at its speed after which plausible ones that are
+// late do and after which the attempt has failed, deviation of a plausible interval from the forced one.
+#define HANDOVER_CROSSINGS 6u
+#define HANDOVER_FALLBACK 8u
+#define HANDOVER_TIMEOUT 24u
+#define HANDOVER_TOLERANCE_Q16 16384u
+// Crossings at held voltage between hand-over and speed control.
+#define LOCK_CROSSINGS 12u
 
 // What a step works with.
 typedef struct {
@@ -92,7 +100,7 @@ static void take_over(const work_t *w) {
   s->catches++;
   begin_lock(w);
   // The interval is known: a missed crossing is one.
-  sequence_force_on_miss(sequence, true, (uint32_t)p->timeout_q12);
+  sequence_force_on_miss(sequence, true, COMMUTATION_TIMEOUT_Q12);
   // No current: the voltage is the EMF. The carrier follows from the sector's length, which is not measured yet.
   s->longest_cycles =
       clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
@@ -253,13 +261,12 @@ static outcome_t ramp(const work_t *w) {
     handover_reset(&s->handover, in->crossings, in->late);
     return stay;
   }
-  handover_step(&s->handover, in->crossings, in->late, in->zc_interval_cycles, forced_before,
-                (uint32_t)p->handover_tolerance_q16);
+  handover_step(&s->handover, in->crossings, in->late, in->zc_interval_cycles, forced_before, HANDOVER_TOLERANCE_Q16);
   const uint32_t held = m->commutations - s->held_from;
-  const uint32_t wanted = (uint32_t)p->handover_crossings;
-  if (s->handover.clean >= wanted || (held >= (uint32_t)p->handover_fallback && s->handover.plausible >= wanted)) {
+  const bool late = held >= HANDOVER_FALLBACK && s->handover.plausible >= HANDOVER_CROSSINGS;
+  if (s->handover.clean >= HANDOVER_CROSSINGS || late) {
     begin_lock(w);
-  } else if (held >= (uint32_t)p->handover_timeout) {
+  } else if (held >= HANDOVER_TIMEOUT) {
     return outcome_of(EVENT_START_FAILED);
   }
   return stay;
@@ -274,8 +281,7 @@ static outcome_t lock(const work_t *w) {
   if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, p, m->speed_rpm_q8, 0)) {
     return outcome_of(EVENT_START_FAILED);
   }
-  const bool enough =
-      m->crossings - s->locked_from >= (uint32_t)p->lock_crossings && s->ticks > START_PREPARE_TICKS;
+  const bool enough = m->crossings - s->locked_from >= LOCK_CROSSINGS && s->ticks > START_PREPARE_TICKS;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
     return outcome_of(EVENT_STARTED);
   }
@@ -300,7 +306,7 @@ static outcome_t hall(const work_t *w) {
   const int32_t speed_rpm_q8 =
       (interval > 0u) ? speed_from_period_rpm_q8(m->speed_numerator_q8, 6u * interval) : 0;
   apply_voltage(w, p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf), true);
-  const bool enough = w->h->edge_count - s->locked_from > (uint32_t)p->lock_crossings &&
+  const bool enough = w->h->edge_count - s->locked_from > LOCK_CROSSINGS &&
                       s->ticks > START_PREPARE_TICKS && interval > 0u && m->speed_valid;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 256) {
     return outcome_of(EVENT_STARTED);

@@ -18,6 +18,9 @@
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
 // Results of a wave that is there again until they count, over those that are left out where a frame was turned.
 #define HANDOVER_RESULTS 3
+// Noise of the angle, 0.3 and 0.6 rad.
+#define DERATE_NOISE_Q16 19661u
+#define FAULT_NOISE_Q16 39322u
 
 SMALL_CODE_BEGIN
 
@@ -35,7 +38,7 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
       .method = method_of(p),
       .ratio = p->injection_ratio,
       .loss = p->injection_loss,
-      .shift = p->injection_shift,
+      .shift = INJECTION_SHIFT,
       .minimum_i_q17 = (uint32_t)p->injection_least_i_q21 >> 4,
   };
   s->rest = (rest_position_settings_t){
@@ -63,8 +66,8 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
       .derate_ratio_q16 = (uint32_t)p->injection_derate_ratio_q16,
       .fault_ratio_q16 = (uint32_t)p->injection_fault_ratio_q16,
       .noise_factor_q16 = (uint32_t)p->injection_noise_factor_q16,
-      .derate_noise_q16 = (uint32_t)p->injection_derate_noise_q16,
-      .fault_noise_q16 = (uint32_t)p->injection_fault_noise_q16,
+      .derate_noise_q16 = DERATE_NOISE_Q16,
+      .fault_noise_q16 = FAULT_NOISE_Q16,
       .filter_shift = p->injection_filter_shift,
       .fault_results = (uint32_t)p->injection_fault_results,
   };

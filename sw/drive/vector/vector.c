@@ -20,6 +20,8 @@
 #define SCALE_BITS 17u
 #define SCALE_SHIFT_MAX 31
 #define REST_PARTS 64
+// The field weakening leaves 0.95 of the largest voltage.
+#define WEAKENING_SHARE_Q16 62259
 
 static int32_t current_limit_i_q25(const vector_t *v) { return v->settings->current_limit_q17 * 256; }
 
@@ -54,7 +56,7 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
     report->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
     const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -FULL_Q17, SAMPLE_MAX_Q17);
     report->idc_mean_q17 = idc_q17;
-    m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> v->p->current_filter_shift;
+    m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> CURRENT_FILTER_SHIFT;
     report->idc_q17 = m->idc_filter_q25 >> 8;
   }
 }
@@ -158,7 +160,7 @@ HOT static void weaken_field(vector_t *v, complex_t voltage_v_q25) {
   const int32_t limit_v_q25 = (int32_t)v->command.limits.v_q17[0] * 256;
   const field_weakening_settings_t settings = {
       .ki = v->weakening_ki,
-      .wanted_v_q25 = mul_q16(limit_v_q25, p->vector_weakening_share_q16),
+      .wanted_v_q25 = mul_q16(limit_v_q25, WEAKENING_SHARE_Q16),
       .lowest_i_q25 = p->vector_weakening_lowest_i_q25,
   };
   const int32_t highest = v->mtpa_i_q25;
