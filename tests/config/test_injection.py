@@ -44,6 +44,18 @@ KEY = "drive.vector.injection"
             [f"{KEY}.search_current_a=7"],
             "legs of one side carry 11.3 A together at some angles; permitted below 5.87",
         ),
+        # The same where the current follows from the motor file, at the key that it follows from.
+        (
+            IPM,
+            ["drive.current_limit_a=9", "motor.saturation.current_a=10"],
+            "saturation.current_a: 10 A for the search of the rotor is above drive.current_limit_a (9 A); "
+            "set drive.vector.injection.search_current_a",
+        ),
+        (
+            IPM,
+            ["inverter.protection.dc_current_a=9.5"],
+            "current_a: 10 A for the search of the rotor and protection.dc_current_a of the inverter (9.5 A)",
+        ),
         (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
     ],
 )
@@ -56,6 +68,17 @@ def test_refused(path: Path, overrides: list[str], expected: str) -> None:
         load_scenario(path, overrides)
     lines = [f"{p.key}: {p.message}" for p in caught.value.problems]
     assert any(expected in line for line in lines), lines
+
+
+def test_search_rise_beyond_the_block() -> None:
+    """A slope that no parameter holds is charged to its key.
+
+    Verifies: INJC-09
+    """
+    scenario = load_scenario(IPM, [f"{KEY}.search_rise_a_per_s=1e7"])
+    with pytest.raises(ConfigError) as caught:
+        parameter_block(scenario)
+    assert [p.key for p in caught.value.problems] == [f"{KEY}.search_rise_a_per_s"]
 
 
 def test_no_search() -> None:

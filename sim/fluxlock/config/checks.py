@@ -20,6 +20,7 @@ from fluxlock.config.vector_checks import (
     other_methods_keys,
     vector_speed,
 )
+from fluxlock.config.vector_design import search_current
 
 
 def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
@@ -224,23 +225,27 @@ def _power_stage(s: Scenario) -> list[Problem]:
 def _search_current(s: Scenario) -> list[Problem]:
     """Search of the rotor: its current is below the drive's limit, and the trip of the link does not come before it."""
     injection = s.drive.vector.injection
-    current_a = injection.search_current_a if injection and injection.search else None
-    if current_a is None:
+    if injection is None or not injection.search:
         return []
-    problems, key = [], "drive.vector.injection.search_current_a"
+    current_a, key = search_current(s)
+    # Stated nowhere it follows from the motor file: then it can be stated.
+    shown, cure = with_unit(current_a, "A"), ""
+    if key.startswith("motor."):
+        shown, cure = f"{shown} for the search of the rotor", "; set drive.vector.injection.search_current_a"
+    problems = []
     if current_a > s.current_limit_a:
-        text = f"{with_unit(current_a, 'A')} is above drive.current_limit_a ({with_unit(s.current_limit_a, 'A')})"
-        problems.append(Problem(s.sources.scenario, key, text))
+        text = f"{shown} is above drive.current_limit_a ({with_unit(s.current_limit_a, 'A')}){cure}"
+        problems.append(s.sources.problem(key, text))
     # Phases of one sign that the link carries together, at the worst angle: sum of |cos|, halved.
     share = 0.5 / math.sin(math.pi / (2 * s.motor.phases))
     trip_a = s.inverter.protection.dc_current_a
     if share * current_a >= trip_a:
         text = (
-            f"{with_unit(current_a, 'A')} and protection.dc_current_a of the inverter ({with_unit(trip_a, 'A')}): the "
+            f"{shown} and protection.dc_current_a of the inverter ({with_unit(trip_a, 'A')}): the "
             f"legs of one side carry {share * current_a:.1f} A together at some angles; permitted below "
-            f"{trip_a / share:.2f} A, less what the injected wave needs"
+            f"{trip_a / share:.2f} A, less what the injected wave needs{cure}"
         )
-        problems.append(Problem(s.sources.scenario, key, text))
+        problems.append(s.sources.problem(key, text))
     return problems
 
 

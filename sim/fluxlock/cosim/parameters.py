@@ -51,6 +51,7 @@ FOLLOWS_FROM: dict[str, tuple[str, ...]] = {
     "vector_start_accel": ("drive.vector.start_accel_rpm_per_s", *_VECTOR_START),
     "vector_start": _VECTOR_START,
     "vector_resistance_q30": ("motor.resistance_ohm", "motor.inductance_h", "drive.carrier_hz"),
+    "injection_search_rise_i_q25": ("drive.vector.injection.search_rise_a_per_s",),
     "vector_bandwidth_q30": ("drive.vector.bandwidth_hz",),
 }
 

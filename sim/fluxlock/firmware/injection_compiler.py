@@ -17,6 +17,7 @@ from typing import get_args
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.injection import SEQUENCES, Injection, InjectionMethod
 from fluxlock.config.vector import Vector
+from fluxlock.config.vector_design import search_current
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.design import Q16, Q17, Q21, Q22, Q25, Q29, Q30, Q32, Q36, Design
@@ -115,9 +116,7 @@ def _filters(injection: Injection, sample_s: float) -> dict[str, Value]:
 
 
 def _search(d: Design, injection: Injection, wave: _Wave, sample_s: float) -> dict[str, Value]:
-    saturation = d.s.motor.saturation
-    polarity_a = saturation.current_a if saturation else d.s.motor.rated_current_a
-    current = injection.search_current_a or polarity_a
+    current, _ = search_current(d.s)
     rise = injection.search_rise_a_per_s or current / SEARCH_S
     counts = SEARCH_RESULTS.get(injection.method, SEARCH_RESULTS_OTHERS)
     if injection.method in ("lock-in", "conventional"):
