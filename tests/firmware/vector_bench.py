@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 from fluxlock.config import Inverter, Motor
 from fluxlock.config.drive import Drive
+from fluxlock.config.machine import Machine
 from fluxlock.config.vector import Regulator
 from fluxlock.firmware import compile_parameters, gain
 from fluxlock.firmware.binding import names
@@ -177,11 +178,11 @@ class VectorBench(VectorChip):
         block.update(vector_values(motor, inverter, s))
         block.update(values or {})
         super().__init__(block, motor, inverter, Sampling(s.sample_cycles, s.tick_samples, s.delay), library)
-        sensing = inverter.sensing
+        told, sensing = Machine.of(motor, inverter), inverter.sensing
         self.machine = Subspace(
-            self.told.resistance_ohm,
-            self.told.inductance_h,
-            self.told.psi_vs,
+            told.resistance_ohm,
+            told.inductance_h,
+            told.psi_vs,
             sensing.current_full_scale_a,
             sensing.voltage_full_scale_v,
             s.sample_cycles,

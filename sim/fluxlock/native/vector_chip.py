@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Load, Motor
-from fluxlock.config.machine import Machine
 from fluxlock.firmware import ParameterBlock
 from fluxlock.firmware.binding import types as c_types
 from fluxlock.firmware.binding import view
@@ -42,6 +41,35 @@ class Sampling:
         return self.cycles / CLOCK_HZ
 
 
+def _matrix(motor: Motor) -> NDArray[np.float64]:
+    """Inductances of the phases, of a salient machine none: its phases are equal."""
+    if motor.inductance_q_h is not None:
+        return np.zeros((3, 3))
+    matrix = np.diag(motor.self_inductance_h)
+    for k, henry in enumerate(motor.mutual_h):
+        matrix[k, (k + 1) % 3] = matrix[(k + 1) % 3, k] = henry
+    return matrix
+
+
+def _unequal(matrix: NDArray[np.float64]) -> complex:
+    """What a matrix of the phases does to the conjugate of a vector; 0 if they are equal."""
+    axes = np.exp(2j * np.pi * np.arange(3) / 3)
+    found = complex(axes @ matrix @ axes) / 3
+    return found if abs(found) > 1e-9 * abs(matrix).max(initial=0.0) else 0j
+
+
+def set_machine(machine: kernel.Array, motor: Motor, switch_ohm: float) -> None:
+    """Fill a record of `vector_kernel.MACHINE` with a motor on switches."""
+    saliency_h = motor.inductance_q_h - motor.inductance_h[0] if motor.inductance_q_h else 0.0
+    machine.resistance_ohm = sum(motor.resistance_ohm) / 3 + switch_ohm
+    machine.l_d_h, machine.l_q_h = (motor.mean_inductance_h + sign * saliency_h / 2 for sign in (-1, 1))
+    machine.psi_vs = sum(motor.psi_vs) / 3
+    machine.unequal_ohm, machine.unequal_h = _unequal(np.diag(motor.resistance_ohm)), _unequal(_matrix(motor))
+    machine.flux_share = np.array(motor.psi_vs) / machine.psi_vs
+    machine.ramp_rad = math.radians(180.0 - motor.flat_top_deg) / 2 if motor.emf == "trapezoidal" else 0.0
+    machine.pole_pairs, machine.inertia_kgm2 = motor.pole_pairs, motor.inertia_kgm2
+
+
 class VectorChip:
     """One vector drive on one machine; the firmware has booted. State and machine are records: see `vector_kernel`."""
 
@@ -55,7 +83,6 @@ class VectorChip:
         seed: int = SEED,
     ) -> None:
         self.block, self.motor, self.inverter, self.timing = block, motor, inverter, timing
-        self.told = Machine.of(motor, inverter)
         self.fw = HostFirmware(library)
         self.fw.load(block)
         self.fw.boot()
@@ -72,13 +99,11 @@ class VectorChip:
         kernel.take(self.fw.registers, self._places, self.state.view(np.ndarray), self._gains)
 
     def _set_machine(self) -> None:
-        told, sensing, p = self.told, self.inverter.sensing, self.plant
+        sensing, p = self.inverter.sensing, self.plant
+        set_machine(p, self.motor, self.inverter.on_resistance_ohm)
         p.period_s, p.period_cycles = self.timing.period_s, self.timing.cycles
         p.tick_samples, p.delay = self.timing.tick_samples, self.timing.delay
-        p.resistance_ohm, p.psi_vs = told.resistance_ohm, told.psi_vs
-        p.l_d_h = told.inductance_h - told.saliency_h / 2
-        p.l_q_h = told.inductance_h + told.saliency_h / 2
-        p.pole_pairs, p.inertia_kgm2, p.stiction_ratio = self.motor.pole_pairs, self.motor.inertia_kgm2, 1.0
+        p.stiction_ratio = 1.0
         p.supply_v = self.inverter.supply_v
         p.supply_ohm, p.diode_v = self.inverter.supply_resistance_ohm, self.inverter.diode_drop_v
         p.trip_a = self.inverter.protection.phase_current_a

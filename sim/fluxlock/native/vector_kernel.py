@@ -5,8 +5,11 @@
 
 Hardware: angle accumulator, shadowed settings, snapshots and control tick as the registers describe them. The
 regulator is the firmware's `complex_regulator.c`, which the RTL equals bit for bit. The kernel calls it by its address,
-and the control tick too. Machine: without ripple of the carrier, exact between two samples, Runge-Kutta if it is
-salient; mechanics by Euler's rule.
+and the control tick too. Machine: without ripple of the carrier. It is exact between two samples if phases and axes
+are equal and the EMF is a sine, else integrated by Runge and Kutta's rule; mechanics by Euler's.
+
+What is unequal between the phases acts on the conjugate: with n_k the axis of phase k, sum_k x_k n_k (n_k . i) * 2/3 =
+mean(x) i + y conj(i), y = sum_k x_k n_k^2 / 3, and likewise for saliency with the rotor's axis.
 
 `s` is the state, `m` the machine and what surrounds it, `r` the register file, `x` the places of registers in it. All
 in SI units; `omega` is electrical, `i` the current in the rotor's frame, d + jq.
@@ -35,6 +38,7 @@ Whole = Any  # int, or a number of a register
 
 Q17, Q32, Q36 = 2**17, 2**32, 2**36
 PENDING = 2
+STEPS = 4  # of Runge and Kutta's rule, a voltage
 SEEN_CYCLES = 20 + 3  # filter and synchronisers of the encoder's inputs
 LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.analysis.rundata.LogKind
 
@@ -94,6 +98,10 @@ MACHINE = np.dtype(
         ("l_d_h", "f8"),
         ("l_q_h", "f8"),
         ("psi_vs", "f8"),
+        ("unequal_ohm", "c16"),  # what acts on the conjugate of the current
+        ("unequal_h", "c16"),
+        ("flux_share", "f8", (3,)),  # flux of a phase over psi_vs, which is their mean
+        ("ramp_rad", "f8"),  # of a trapezoidal EMF, from a crossing to the flat top; 0: a sine
         ("pole_pairs", "i8"),
         ("inertia_kgm2", "f8"),
         ("fan_nm_s2_per_rad2", "f8"),
@@ -336,37 +344,112 @@ def dead_time_v(r: Registers, x: Array, m: Array, vdc: float, current_a: complex
 
 
 @numba.njit(cache=True)
+def plain(m: Array) -> Whole:
+    """Whether axes and phases are equal and the EMF is a sine."""
+    k = m[0]
+    share = k.flux_share
+    equal = k.unequal_ohm == 0j and k.unequal_h == 0j and share[0] == share[1] and share[1] == share[2]
+    return equal and k.l_d_h == k.l_q_h and k.ramp_rad == 0.0
+
+
+@numba.njit(cache=True)
+def magnet_shape(angle: float, ramp: float) -> tuple[float, float]:
+    """Flux of a phase over its peak EMF per speed, and its slope over the angle: minus sine or trapezoid."""
+    if ramp == 0.0:
+        return math.cos(angle), -math.sin(angle)
+    x = abs((angle + math.pi) % (2 * math.pi) - math.pi)
+    sign = 1.0 if (angle + math.pi) % (2 * math.pi) >= math.pi else -1.0
+    # The flux is even; it falls by the trapezoid's area from its peak at 0, where half a turn is worth pi - ramp.
+    half = (math.pi - ramp) / 2
+    if x < ramp:
+        return half - x * x / (2 * ramp), -sign * x / ramp
+    if x <= math.pi - ramp:
+        return half - ramp / 2 - (x - ramp), -sign
+    rest = math.pi - x
+    return rest * rest / (2 * ramp) - half, -sign * rest / ramp
+
+
+@numba.njit(cache=True)
+def magnets(theta: float, m: Array) -> tuple[complex, complex]:
+    """Stationary vector of the magnets' flux, and its slope over the angle."""
+    k = m[0]
+    flux, slope = 0j, 0j
+    for x in range(3):
+        axis = cmath.exp(2j * math.pi * x / 3)
+        value, change = magnet_shape(theta - 2 * math.pi * x / 3, k.ramp_rad)
+        flux += 2 / 3 * k.psi_vs * k.flux_share[x] * value * axis
+        slope += 2 / 3 * k.psi_vs * k.flux_share[x] * change * axis
+    return flux, slope
+
+
+@numba.njit(cache=True)
+def emf(s: Array, m: Array) -> complex:
+    """Stationary EMF."""
+    if plain(m):
+        return complex(1j * m[0].psi_vs * s[0].omega * cmath.exp(1j * s[0].theta))
+    return complex(s[0].omega * magnets(s[0].theta, m)[1])
+
+
+@numba.njit(cache=True)
+def inductances(theta: float, m: Array) -> tuple[float, complex]:
+    """What acts on the current and what on its conjugate."""
+    k = m[0]
+    return (k.l_d_h + k.l_q_h) / 2, k.unequal_h + (k.l_d_h - k.l_q_h) / 2 * cmath.exp(2j * theta)
+
+
+@numba.njit(cache=True)
 def current_of(flux: complex, theta: float, m: Array) -> complex:
-    """Current for a flux of a salient machine, both stationary."""
-    turn = cmath.exp(1j * theta)
-    rotor = flux * turn.conjugate()
-    return complex((rotor.real - m[0].psi_vs) / m[0].l_d_h, rotor.imag / m[0].l_q_h) * turn
+    """Current for a flux, both stationary."""
+    own = flux - magnets(theta, m)[0]
+    mean, other = inductances(theta, m)
+    return complex((mean * own - other * own.conjugate()) / (mean * mean - abs(other) ** 2))
+
+
+@numba.njit(cache=True)
+def torque_of(s: Array, m: Array) -> float:
+    """Of the currents as they are: p times the slope of the co-energy over the angle."""
+    z, k = s[0], m[0]
+    if plain(m):
+        return float(1.5 * k.pole_pairs * k.psi_vs * z.i.imag)
+    i = z.i * cmath.exp(1j * z.theta)
+    slope = magnets(z.theta, m)[1]
+    reluctance = (k.l_d_h - k.l_q_h) * z.i.real * z.i.imag
+    return float(1.5 * k.pole_pairs * ((i.conjugate() * slope).real + reluctance))
+
+
+@numba.njit(cache=True)
+def voltage_left(u: complex, flux: complex, theta: float, m: Array) -> complex:
+    """Slope of the flux: voltage less the drop of the resistances."""
+    i = current_of(flux, theta, m)
+    return complex(u - m[0].resistance_ohm * i - m[0].unequal_ohm * i.conjugate())
 
 
 @numba.njit(cache=True)
 def electric(s: Array, m: Array, u: complex, theta: float, time_s: float) -> None:
     """A time with a stationary voltage, from a rotor angle on; the state's current is in that rotor's frame."""
-    s, k = s[0], m[0]
+    z, k = s[0], m[0]
     if time_s <= 0.0:
         return
-    turn, ahead = cmath.exp(1j * theta), cmath.exp(1j * s.omega * time_s)
-    if k.l_d_h == k.l_q_h:
+    turn, ahead = cmath.exp(1j * theta), cmath.exp(1j * z.omega * time_s)
+    if plain(m):
         decay = math.exp(-k.resistance_ohm / k.l_d_h * time_s)
-        emf = 1j * s.omega * k.psi_vs / (k.resistance_ohm + 1j * s.omega * k.l_d_h)
-        i = s.i * decay + u * turn.conjugate() * (1.0 - decay) / k.resistance_ohm - emf * (ahead - decay)
-        s.i = i * ahead.conjugate()
+        back = 1j * z.omega * k.psi_vs / (k.resistance_ohm + 1j * z.omega * k.l_d_h)
+        i = z.i * decay + u * turn.conjugate() * (1.0 - decay) / k.resistance_ohm - back * (ahead - decay)
+        z.i = i * ahead.conjugate()
         return
-    flux = complex(k.l_d_h * s.i.real + k.psi_vs, k.l_q_h * s.i.imag) * turn
-    h = time_s / 6.0
-    for _ in range(6):
-        middle, end = theta + s.omega * h / 2, theta + s.omega * h
-        k1 = u - k.resistance_ohm * current_of(flux, theta, m)
-        k2 = u - k.resistance_ohm * current_of(flux + h / 2 * k1, middle, m)
-        k3 = u - k.resistance_ohm * current_of(flux + h / 2 * k2, middle, m)
-        k4 = u - k.resistance_ohm * current_of(flux + h * k3, end, m)
+    i = z.i * turn
+    mean, other = inductances(theta, m)
+    flux = mean * i + other * i.conjugate() + magnets(theta, m)[0]
+    h = time_s / STEPS
+    for _ in range(STEPS):
+        middle, end = theta + z.omega * h / 2, theta + z.omega * h
+        k1 = voltage_left(u, flux, theta, m)
+        k2 = voltage_left(u, flux + h / 2 * k1, middle, m)
+        k3 = voltage_left(u, flux + h / 2 * k2, middle, m)
+        k4 = voltage_left(u, flux + h * k3, end, m)
         flux += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         theta = end
-    s.i = current_of(flux, theta, m) * cmath.exp(-1j * theta)
+    z.i = current_of(flux, theta, m) * cmath.exp(-1j * theta)
 
 
 @numba.njit(cache=True)
@@ -391,8 +474,7 @@ def machine(r: Registers, x: Array, s: Array, m: Array, u: complex, gates: bool)
     """One sample period of the machine with a stationary voltage from the delay on."""
     k = m[0]
     if gates:
-        i = s[0].i
-        s[0].torque_nm = 1.5 * k.pole_pairs * (k.psi_vs + (k.l_d_h - k.l_q_h) * i.real) * i.imag
+        s[0].torque_nm = torque_of(s, m)
         early = k.delay * k.period_s
         electric(s, m, s[0].u_before, s[0].theta, early)
         electric(s, m, u, s[0].theta + s[0].omega * early, k.period_s - early)
@@ -404,7 +486,7 @@ def machine(r: Registers, x: Array, s: Array, m: Array, u: complex, gates: bool)
             trip(r, x, s, x[0].phase_trip)
     else:
         s[0].i, s[0].torque_nm, s[0].idc = 0j, 0.0, 0.0
-        s[0].u_before = 1j * k.psi_vs * s[0].omega * cmath.exp(1j * s[0].theta)
+        s[0].u_before = emf(s, m)
     s[0].vdc = k.supply_v - k.supply_ohm * s[0].idc
     mechanic(s, m)
 
@@ -421,6 +503,7 @@ def show(
     limited: Whole,
 ) -> None:
     """Snapshots of the tick."""
+    open_v = emf(s, m)
     s, x, m = s[0], x[0], m[0]
     if not s.silent:
         put(r, x.sense_snap_number, s.samples)
@@ -428,8 +511,7 @@ def show(
     put(r, x.sense_snap_idc_sum, round(s.idc * m.unit_a) * s.steps)
     put(r, x.sense_snap_count, s.steps)
     # Terminals with open gates: they sum to zero until a diode holds the lowest one; nothing negative is seen.
-    emf = 1j * m.psi_vs * s.omega * cmath.exp(1j * s.theta)
-    phases = np.array([(emf * cmath.exp(-2j * math.pi * k / 3)).real for k in range(3)])
+    phases = np.array([(open_v * cmath.exp(-2j * math.pi * k / 3)).real for k in range(3)])
     lift = max(-phases.min() - m.diode_v, 0.0)
     for k in range(3):
         put(r, x.sense_snap_channel + k, max(0, round((phases[k] + lift) * m.unit_v)))

@@ -36,12 +36,10 @@ QUANTUM_LSB = 1 / math.sqrt(12)  # rms of a converter's rounding
 def refusals(scenario: Scenario) -> list[Problem]:
     """What of a vector scenario the twin is not, by name."""
     motor, inverter, vector = scenario.motor, scenario.inverter, scenario.drive.vector
-    unequal = [k for k in ("resistance_ohm", "inductance_h", "mutual_h", "psi_vs") if len(set(getattr(motor, k))) > 1]
     if scenario.drive.method != "vector":
         return [scenario.sources.problem("drive.method", "only a vector scenario can be played")]
     found = {
         "motor.phases": motor.phases != 3 and "the native program has three phases",
-        "motor.emf": motor.emf != "sinusoidal" and "the native program's vector machine has a sinusoidal EMF",
         "motor.saturation": motor.saturation is not None and "the native program's machine does not saturate",
         "drive.vector.injection": vector.injection is not None and "the native program has no injection",
         "drive.vector.dead_time_compensation": not vector.dead_time_compensation
@@ -53,7 +51,6 @@ def refusals(scenario: Scenario) -> list[Problem]:
         "inverter.sensing.divider_gain": len(set(inverter.sensing.divider_gain)) > 1
         and "the native program's dividers are equal",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
-        **{f"motor.{key}": "the native program's phases are equal" for key in unequal},
         **{
             f"event[{k}].fault": "the native program has no faults of the plant"
             for k, event in enumerate(scenario.event)
