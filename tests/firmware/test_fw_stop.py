@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A stop that does not slow the rotor opens the gates within 50 ms, by name, whatever the method; a slow one goes on."""
+"""A stop that does not slow the rotor opens the gates within 50 ms, by name, with any method; a slow one goes on."""
 
 from __future__ import annotations
 

@@ -53,6 +53,7 @@ class VectorSettings:
     encoder_lines: int = 0
     encoder_index: bool = True
     encoder_offset_turn: float = 0.0  # electrical, of the index
+    encoder_inverted: bool = False
     direct: bool = False  # the regulator in C is the drive's
 
 
@@ -192,7 +193,7 @@ class VectorBench(VectorChip):
         self.plant.dead_time = dead_time
         self.set_noise(noise_lsb)
         if s.encoder_lines:
-            self.set_encoder(s.encoder_lines, s.encoder_index, s.encoder_offset_turn)
+            self.set_encoder(s.encoder_lines, s.encoder_index, s.encoder_offset_turn, s.encoder_inverted)
         if unprotected:
             self.plant.trip_a = math.inf
         self.record: list[Sample] = []

@@ -52,7 +52,8 @@ def edges(plant: Plant, last: int, gates: int = 0, every: int | None = None) -> 
 def levels_at(encoder: EncoderParams, quarter: int) -> int:
     """A, B, Z in bits 0, 1, 2 in a quarter counted from the mounting angle."""
     a, b = QUARTERS[quarter % 4]
-    return a + 2 * b + (4 if encoder.index and quarter % (4 * encoder.lines) == 0 else 0)
+    first, second = (2, 1) if encoder.inverted else (1, 2)
+    return first * a + second * b + (4 if encoder.index and quarter % (4 * encoder.lines) == 0 else 0)
 
 
 def check(found: list[Edge], wanted: list[Passage]) -> None:
@@ -70,6 +71,7 @@ def check(found: list[Edge], wanted: list[Passage]) -> None:
         (EncoderParams(1024, offset_deg=37.0), 4, -420.0),
         (EncoderParams(1000, index=False, offset_deg=-12.5), 3, 900.0),
         (EncoderParams(16), 1, -8000.0),
+        (EncoderParams(1024, offset_deg=37.0, inverted=True), 4, 420.0),
         (EncoderParams(1, offset_deg=180.0), 7, 5000.0),
         (EncoderParams(2500, offset_deg=1.0), 4, 0.5),
     ],

@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fluxlock.plant import (
+    HallParams,
     InverterParams,
     MachineParams,
     MechanicsParams,
@@ -404,7 +405,7 @@ def test_shorted_winding() -> None:
         ({"third": ThirdParams(1e-3, 2e-3, mutual_h=2.6e-3)}, "l_h, l_q_h, third = .*: must be positive definite"),
         ({"l_h": (1e-3, 1e-3, 1e-3, 1e-3, 2e-3), "l_q_h": None}, "l_h = .*: must be equal for all phases"),
         ({"emf": "trapezoidal"}, "emf = 'trapezoidal': must be sinusoidal with 5 phases"),
-        ({"hall_offset_deg": (0.0, 0.0, 0.0)}, "hall_offset_deg = .*: must be None with 5"),
+        ({"hall": HallParams()}, "hall = .*: must be None with 5"),
     ],
 )
 def test_refused(changes: dict[str, object], message: str) -> None:

@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from fluxlock.plant import Plant
+from fluxlock.plant import HallParams, Plant
 from fluxlock.plant import layout as L
 from tests.plant.drives import drive, motor_1, six_step_gates
 
@@ -24,7 +24,7 @@ def test_hall_edges(mode: str, offset_deg: tuple[float, float, float]) -> None:
 
     Verifies: PLANT-16
     """
-    plant = Plant(motor_1(machine__hall_offset_deg=offset_deg), seed=1, mode=mode)
+    plant = Plant(motor_1(machine__hall=HallParams(offset_deg)), seed=1, mode=mode)
     last = None
     seen = []
     for k in range(1, 3000):
@@ -53,7 +53,7 @@ def test_no_hall_sensors() -> None:
     plant = Plant(motor_1(), seed=1, mode="jit")
     drive(plant, 300)
     assert int(plant.io[L.IO_PINS]) == 0
-    plant = Plant(motor_1(machine__hall_offset_deg=(0.0, 0.0, 0.0)), seed=1, mode="jit")
+    plant = Plant(motor_1(machine__hall=HallParams()), seed=1, mode="jit")
     drive(plant, 300)
     hall = int(plant.io[L.IO_PINS])
     assert hall in {2 * c for c in CODES}
@@ -61,3 +61,24 @@ def test_no_hall_sensors() -> None:
     assert int(plant.io[L.IO_PINS]) == hall + 1
     plant.inject_fault("clear")
     assert int(plant.io[L.IO_PINS]) == hall
+
+
+@pytest.mark.parametrize("order", ["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"])
+@pytest.mark.parametrize("inverted", ["", "A", "BC", "ABC"])
+def test_wires(order: str, inverted: str) -> None:
+    """Each input shows the sensor that its wire leads to, or its opposite.
+
+    Verifies: PLANT-16
+    """
+    offset_deg = (8.0, -5.0, 2.0)
+    right = Plant(motor_1(machine__hall=HallParams(offset_deg)), seed=1, mode="jit")
+    wired = Plant(motor_1(machine__hall=HallParams(offset_deg, order, inverted)), seed=1, mode="jit")
+    seen = set()
+    for k in range(1, 1500):
+        for plant in (right, wired):
+            plant.step(100 * k, six_step_gates(plant, 100 * k, 0.6), 1)
+        sensors = int(right.io[L.IO_PINS]) >> 1
+        wanted = sum((sensors >> "ABC".index(s) & 1 ^ ("ABC"[x] in inverted)) << x for x, s in enumerate(order))
+        assert int(wired.io[L.IO_PINS]) >> 1 == wanted
+        seen.add(sensors)
+    assert seen == set(CODES)

@@ -361,6 +361,16 @@ def _hall(s: Scenario) -> list[Problem]:
     return problems
 
 
+def _told_index(s: Scenario) -> list[Problem]:
+    """A wrong index needs one that the frame follows."""
+    encoder, vector = s.motor.encoder, s.drive.vector
+    indexed = s.drive.method == "vector" and vector.angle == "encoder" and vector.mounting == "given"
+    if not s.drive.motor_error.encoder_offset_deg or (indexed and encoder is not None and encoder.index):
+        return []
+    text = "has no effect without an index that gives the frame its angle"
+    return [Problem(s.sources.scenario, "drive.motor_error.encoder_offset_deg", text)]
+
+
 def _phases(s: Scenario) -> list[Problem]:
     """Machine and inverter have the chip's number of phases."""
     if s.motor.phases != s.inverter.legs:
@@ -392,7 +402,7 @@ def check_scenario(scenario: Scenario) -> list[Problem]:
         return problems
     checks = (
         *(other_methods_keys, check_vector, _times, _power_stage, _console, _switches),
-        *(_short_circuit, _hall, _initial, _reach, _can),
+        *(_short_circuit, _hall, _told_index, _initial, _reach, _can),
     )
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

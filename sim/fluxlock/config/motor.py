@@ -11,7 +11,14 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, Powers, conflict, quantity
-from fluxlock.plant.params import EncoderParams, MachineParams, SaturationParams, ThirdParams, positive_definite
+from fluxlock.plant.params import (
+    EncoderParams,
+    HallParams,
+    MachineParams,
+    SaturationParams,
+    ThirdParams,
+    positive_definite,
+)
 
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
@@ -90,6 +97,27 @@ class Hall(Model):
         60,
         default=(0.0, 0.0, 0.0),
     )
+    order: Literal["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"] = Field(
+        default="ABC",
+        description='Sensors at the inputs A, B, C of the chip. The drive takes them for `"ABC"`: another order is a '
+        "wrong wiring, which it finds.",
+    )
+    inverted: list[Literal["A", "B", "C"]] = Field(
+        default_factory=list,
+        description="Inputs that show the opposite of their sensor, a wrong wiring too.",
+    )
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        for letter in self.inverted:
+            if self.inverted.count(letter) > 1:
+                raise conflict("inverted", f"names {letter} twice")
+        return self
+
+    @property
+    def params(self) -> HallParams:
+        """The sensors as the plant knows them."""
+        return HallParams(self.offset_deg, self.order, "".join(self.inverted))
 
 
 class Encoder(Model):
@@ -97,6 +125,10 @@ class Encoder(Model):
 
     lines: int = quantity(
         "Lines: periods of A and B a mechanical turn. A counter sees four edges a line.", "", 1, 65536
+    )
+    inverted: bool = Field(
+        default=False,
+        description="The tracks are exchanged: B leads A at positive speed. The drive is not told, and finds it.",
     )
     index: bool = Field(
         default=True, description="Index Z, high for a quarter of a line once a turn; begins with A at positive speed."
@@ -383,8 +415,10 @@ def machine_params(m: Motor) -> MachineParams:
         psi_vs=of_phases(m.psi_vs),
         emf=m.emf,
         flat_top_deg=m.flat_top_deg,
-        hall_offset_deg=m.hall.offset_deg if m.hall else None,
-        encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg) if m.encoder else None,
+        hall=m.hall.params if m.hall else None,
+        encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg, m.encoder.inverted)
+        if m.encoder
+        else None,
         phases=n,
         third=ThirdParams(third.inductance_d_h, third.inductance_q_h, third.mutual_h, third.psi_vs) if third else None,
         saturation=SaturationParams(

@@ -141,7 +141,7 @@ def _encoder(d: Design) -> dict[str, Value]:
         }
     quarters = 4 * encoder.lines
     shortest = CLOCK_HZ / (quarters * OVERSPEED_RATIO * motor.max_speed_rpm / 60.0)
-    offset = motor.pole_pairs * encoder.offset_deg / 360.0
+    offset = motor.pole_pairs * (encoder.offset_deg + d.s.drive.motor_error.encoder_offset_deg) / 360.0
     return {
         "vector_angle": int(vector.angle == "encoder"),
         "encoder_quarters": quarters,

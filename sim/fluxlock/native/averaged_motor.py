@@ -46,7 +46,7 @@ SETTINGS = 27
 (M_BLIND, M_DC_TRIP) = 13, 14
 M_DIVIDER = 15  # three gains of the voltage dividers
 M_UNEQUAL = 18  # three phase inductances over their mean
-M_HALL = 21  # 1: there are Hall sensors; three offsets in rad; three stuck outputs, -1: free
+M_HALL = 21  # 1: there are Hall sensors; angles at which the inputs rise, rad; three stuck outputs, -1: free
 M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
 M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
 (M_VISCOUS, M_CONSTANT) = 30, 31
@@ -60,6 +60,7 @@ TRIP_PHASE, TRIP_DC, TRIP_LOST = 1, 2, 8
 HIGH = np.array([0, 0, 1, 1, 2, 2])
 LOW = np.array([1, 2, 2, 0, 0, 1])
 OPEN = np.array([2, 1, 0, 2, 1, 0])
+
 # Sector of each Hall code (C, B, A), 7: invalid.
 HALL_MAP = np.array([7, 0, 2, 1, 4, 5, 3, 7])
 
@@ -105,8 +106,7 @@ def hall_code(theta: float, m: NDArray[np.float64]) -> int:
     """Outputs of the sensors C, B, A."""
     code = 0
     for x in range(3):
-        # e_A - e_B of e = -sin(theta) is a sine that leads by 210 degrees.
-        high = math.sin(theta + 3.6651914291880923 - 2.0943951023931953 * x - m[M_HALL + 1 + x]) > 0.0
+        high = math.sin(theta - m[M_HALL + 1 + x]) > 0.0
         stuck = m[M_HALL + 4 + x]
         code |= (1 if (high if stuck < 0.0 else stuck > 0.5) else 0) << x
     return code
@@ -395,7 +395,7 @@ class AveragedMotor:
         self.s[H_PHASE : H_PHASE + 6] = 1.0
         if motor.hall is not None:
             self.m[M_HALL] = 1.0
-            self.m[M_HALL + 1 : M_HALL + 4] = np.radians(motor.hall.offset_deg)
+            self.m[M_HALL + 1 : M_HALL + 4] = motor.hall.params.rise_rad
         self.m[M_DC_TRIP] = inverter.protection.dc_current_a
         self.set_load(self.load)
 

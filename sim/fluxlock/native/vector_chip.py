@@ -135,10 +135,10 @@ class VectorChip:
         code_a = sensing.current_full_scale_a / 2 ** (sensing.bits - 1)
         self.plant.noise_a = lsb * code_a * math.sqrt(2 / 3)
 
-    def set_encoder(self, lines: int, index: bool, offset_turn: float) -> None:
+    def set_encoder(self, lines: int, index: bool, offset_turn: float, inverted: bool = False) -> None:
         """Put an encoder on the shaft. offset_turn: electrical, of the index."""
         p = self.plant
-        p.quarters, p.index, p.offset_turn = 4 * lines, index, offset_turn
+        p.quarters, p.index, p.offset_turn, p.inverted = 4 * lines, index, offset_turn, inverted
 
     def keep_rows(self, samples: int) -> None:
         """From now on record up to so many samples; begins anew."""

@@ -122,6 +122,7 @@ MACHINE = np.dtype(
         ("quarters", "i8"),  # of the encoder's lines, 0: there is none
         ("index", "i8"),
         ("offset_turn", "f8"),  # electrical, of the index
+        ("inverted", "?"),  # the position counts backward
         ("power_up_quarter", "i8"),
     ],
     align=True,
@@ -277,7 +278,8 @@ def encode(s: Array, m: Array) -> None:
     if m.quarters == 0:
         return
     seen = s.theta - s.omega * SEEN_CYCLES / CLOCK_HZ
-    place = np.int64(math.floor((seen / (2 * math.pi) - m.offset_turn) / m.pole_pairs * m.quarters))
+    quarters = (seen / (2 * math.pi) - m.offset_turn) / m.pole_pairs * m.quarters
+    place = np.int64(math.floor(-quarters if m.inverted else quarters))
     if m.index and (place // m.quarters != s.place // m.quarters or place % m.quarters == 0):
         s.lost_quarters, s.indexed = 0, 1
     s.place = place

@@ -9,6 +9,7 @@ Written once; runs compiled (numba, called natively by the simulator) or as plai
 from .params import (
     CHANNEL_NAMES,
     EncoderParams,
+    HallParams,
     InverterParams,
     MachineParams,
     MechanicsParams,
@@ -28,6 +29,7 @@ __all__ = [
     "WAVE_DTYPE",
     "Drained",
     "EncoderParams",
+    "HallParams",
     "InverterParams",
     "MachineParams",
     "MechanicsParams",

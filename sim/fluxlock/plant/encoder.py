@@ -4,7 +4,8 @@
 """Incremental encoder: levels A, B, Z and when they change next. Kernel code: see `build.py` for its rules.
 
 A mechanical turn has 4 * lines quarters, counted from the mounting angle. Through quarters 0, 1, 2, 3 of a line A is
-1 1 0 0 and B is 0 1 1 0: A leads B at positive speed. Z is 1 in quarter 0 of the turn.
+1 1 0 0 and B is 0 1 1 0: A leads B at positive speed. Z is 1 in quarter 0 of the turn. An inverted one has A and B
+exchanged.
 
 Nothing but a kernel call moves the levels, so the caller is told when it must call at the latest: at the clock before
 the next edge or, as nobody else may call before the rotor's acceleration has changed, HORIZON_S later. The calls close
@@ -43,10 +44,11 @@ def encode(s: Vector, io: IntVector) -> None:
     quarter = math.floor(place)
     phase = quarter % 4
     levels = 0
+    first, second = (2, 1) if s[L.ENCODER_INVERTED] != 0.0 else (1, 2)
     if phase < 2:
-        levels += 1
+        levels += first
     if phase == 1 or phase == 2:
-        levels += 2
+        levels += second
     if s[L.ENCODER_INDEX] != 0.0 and (quarter == 0 or quarter >= quarters):
         levels += 4
     io[L.IO_ENCODER] = levels

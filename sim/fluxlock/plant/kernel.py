@@ -127,12 +127,11 @@ def advance(s: Vector, gates: int, duration: float) -> int:
 
 
 def hall_pins(s: Vector) -> int:
-    """Outputs of the Hall sensors A, B, C in bits 1, 2, 3: e_A > e_B and so on, each turned by its offset."""
+    """Outputs of the Hall sensors at the inputs A, B, C in bits 1, 2, 3: high for the half turn after its rise."""
     pins = 0
     if s[L.HALL] > 0.0:
         for x in range(PHASES):
-            angle = s[L.THETA] + math.pi * (7.0 / 6.0 - 2.0 / 3.0 * x)
-            if math.sin(angle - s[L.HALL_OFFSET + x]) > 0.0:
+            if math.sin(s[L.THETA] - s[L.HALL_RISE + x]) > 0.0:
                 pins += 2 << x
     return pins
 

@@ -107,9 +107,10 @@ NOISE_KEY = _take(1 + CHANNELS)  # 32-bit keys from the seed: one for the sample
 STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
 FAULT_PIN = _take()
 HALL = _take()  # 1: there are Hall sensors
-HALL_OFFSET = _take(3)  # how late each one's edges come, electrical rad
+HALL_RISE = _take(3)  # electrical angle at which each input rises, rad
 ENCODER_LINES = _take()  # a mechanical turn; 0 = none
 ENCODER_INDEX = _take()  # 1: there is an index
+ENCODER_INVERTED = _take()  # 1: B leads A at positive speed
 ENCODER_OFFSET = _take()  # mounting angle, mechanical turns
 
 # --- recording

@@ -48,16 +48,45 @@ def positive_definite(l_h: Phases, m_h: Triple) -> bool:
 
 
 @dataclass(frozen=True)
-class EncoderParams:
-    """Incremental encoder. lines: periods of A and B a mechanical turn; A leads B at positive speed.
+class HallParams:
+    """Three Hall sensors, A shows e_A > e_B, B e_B > e_C, C e_C > e_A.
 
-    offset_deg: mechanical angle of the rotor (0: electrical angle 0) at which A rises at positive speed and the index,
-    if there is one, begins; it lasts a quarter of a line.
+    offset_deg: how late the edges of sensors A, B, C come, electrical. order: sensors at the inputs A, B, C. inverted:
+    inputs that show the opposite.
+    """
+
+    offset_deg: Triple = (0.0, 0.0, 0.0)
+    order: str = "ABC"
+    inverted: str = ""
+
+    def __post_init__(self) -> None:
+        require(all(abs(d) <= 60.0 for d in self.offset_deg), "hall.offset_deg", self.offset_deg, "-60 to 60")
+        require(sorted(self.order) == list("ABC"), "hall.order", self.order, "an order of ABC")
+        require(set(self.inverted) <= set("ABC"), "hall.inverted", self.inverted, "letters of ABC")
+
+    @property
+    def rise_rad(self) -> Triple:
+        """Electrical angle at which each input rises at positive speed; it falls half a turn later."""
+        places = ["ABC".index(sensor) for sensor in self.order]
+        a, b, c = (
+            math.radians(120.0 * k - 210.0 + self.offset_deg[k] + 180.0 * (letter in self.inverted))
+            for k, letter in zip(places, "ABC", strict=True)
+        )
+        return (a, b, c)
+
+
+@dataclass(frozen=True)
+class EncoderParams:
+    """Incremental encoder; A leads B at positive speed, B leads A if inverted.
+
+    lines: periods of A and B a mechanical turn. offset_deg: mechanical angle of the rotor (0: electrical angle 0) at
+    which the first track rises at positive speed and the index, if there is one, begins; it lasts a quarter of a line.
     """
 
     lines: int
     index: bool = True
     offset_deg: float = 0.0
+    inverted: bool = False
 
     def __post_init__(self) -> None:
         require(1 <= self.lines <= 1 << 20, "lines", self.lines, f"1 to {1 << 20}")
@@ -129,8 +158,8 @@ class MachineParams:
     l_h: self inductances; m_h: mutual inductances of the pairs AB, BC, CA. l_q_h: a salient machine's inductance on the
     q axis; l_h is then that on the d axis, equal for all phases, m_h zero. None: not salient. psi_vs: peak phase EMF
     divided by electrical speed (for a trapezoid: height of the flat top). flat_top_deg: trapezoid only.
-    hall_offset_deg: how late the edges of Hall sensors A, B, C come, electrical; None: there are none. encoder: None:
-    there is none. third: of a five-phase machine, and only of it; its l_h and psi_vs are those of the first plane.
+    hall, encoder: None: there is none. third: of a five-phase machine, and only of it; its l_h and psi_vs are those of
+    the first plane.
     saturation: None: there is none. Both need a sinusoidal EMF and equal phases but for the resistance.
     """
 
@@ -141,7 +170,7 @@ class MachineParams:
     m_h: Triple = (0.0, 0.0, 0.0)
     emf: Literal["sinusoidal", "trapezoidal"] = "sinusoidal"
     flat_top_deg: float = 120.0
-    hall_offset_deg: Triple | None = None
+    hall: HallParams | None = None
     l_q_h: float | None = None
     encoder: EncoderParams | None = None
     phases: int = 3
@@ -157,8 +186,6 @@ class MachineParams:
         require(finite_at_least(0.0, *self.psi_vs), "psi_vs", self.psi_vs, "at least 0")
         require(self.emf in ("sinusoidal", "trapezoidal"), "emf", self.emf, "sinusoidal or trapezoidal")
         require(0.0 <= self.flat_top_deg <= 175.0, "flat_top_deg", self.flat_top_deg, "0 to 175")
-        offsets = self.hall_offset_deg or (0.0, 0.0, 0.0)
-        require(all(abs(d) <= 60.0 for d in offsets), "hall_offset_deg", self.hall_offset_deg, "-60 to 60")
         if self.l_q_h is not None:
             require(self.l_q_h > 0.0 and math.isfinite(self.l_q_h), "l_q_h", self.l_q_h, "above 0")
             require(len(set(self.l_h)) == 1, "l_h", self.l_h, "equal three times beside l_q_h")
@@ -183,9 +210,7 @@ class MachineParams:
         require(self.l_h[0] > 0.0, "l_h", self.l_h, "above 0")
         require(self.m_h == (0.0, 0.0, 0.0), "m_h", self.m_h, "zero with 5 phases or saturation")
         require(self.emf == "sinusoidal", "emf", self.emf, "sinusoidal with 5 phases or saturation")
-        require(
-            self.phases == 3 or self.hall_offset_deg is None, "hall_offset_deg", self.hall_offset_deg, "None with 5"
-        )
+        require(self.phases == 3 or self.hall is None, "hall", self.hall, "None with 5")
         least = FluxMap(self).least_inductance_h()
         keys = "saturation" if self.third is None else "l_h, l_q_h, third" + (", saturation" if self.saturation else "")
         require(least > 0.0, keys, f"least incremental inductance {least:.3g} H", "positive definite at any current")

@@ -55,12 +55,13 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Phases = ()) -> 
     turns = turns or (1.0,) * machine.phases
     s[L.POLE_PAIRS] = machine.pole_pairs
     s[L.TRAPEZOID] = machine.emf == "trapezoidal"
-    s[L.HALL] = machine.hall_offset_deg is not None
-    for x, offset_deg in enumerate(machine.hall_offset_deg or ()):
-        s[L.HALL_OFFSET + x] = math.radians(offset_deg)
+    s[L.HALL] = machine.hall is not None
+    if machine.hall is not None:
+        s[L.HALL_RISE : L.HALL_RISE + 3] = machine.hall.rise_rad
     if machine.encoder is not None:
         s[L.ENCODER_LINES] = machine.encoder.lines
         s[L.ENCODER_INDEX] = machine.encoder.index
+        s[L.ENCODER_INVERTED] = machine.encoder.inverted
         s[L.ENCODER_OFFSET] = machine.encoder.offset_deg / 360.0
     if machine.by_flux:
         write_flux_map(s, machine, turns)
