@@ -90,7 +90,6 @@ static void arithmetic(digest_t *d) {
   const complex_t a = draw_complex(d, 31);
   put_complex(d, complex_mul_q30(a, draw_complex(d, 30)));
   put_complex(d, complex_scale_q30(a, draw_signed(d, 31)));
-  put_complex(d, complex_turn_small(draw_complex(d, 26), draw_signed(d, 25)));
   const complex_gain_t inverse = complex_inverse(a);
   put_complex(d, (complex_t){inverse.re, inverse.im});
   put_signed(d, inverse.shift);
@@ -153,11 +152,11 @@ static void vector(digest_t *d) {
   const pll_gains_t loop = {draw_gain(d, 32), draw_gain(d, 24), draw_gain(d, 28), 1 << 26};
   for (uint32_t k = 0; k < 8u; k++) {
     const complex_t current = draw_complex(d, 17);
-    emf_observer_step(&observer, &observing, current);
+    emf_observer_step(&observer, &observing, current, draw_signed(d, 28));
     put(d, complex_regulator_step(&regulator, &gains, draw_complex(d, 17), current, draw_within(d, 1u << 17)));
     put_complex(d, regulator.voltage_v_q25);
     emf_observer_voltage(&observer, &observing, draw_complex(d, 25));
-    emf_observer_turn_small(&observer, draw_signed(d, 25));
+    emf_observer_turn_small(&observer, draw_signed(d, 27));
     put_complex(d, observer.current_i_q25);
     put_complex(d, observer.emf_v_q25);
     const int32_t error = pll_error_q30(observer.emf_v_q25, speed_turn_q36, 1u << 10);

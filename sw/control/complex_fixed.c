@@ -41,11 +41,3 @@ HOT complex_gain_t complex_inverse(complex_t z) {
   im = to_q30((int64_t)im * inverse);
   return (complex_gain_t){re, -im, 59 - up};
 }
-
-HOT complex_t complex_turn_small(complex_t a, int32_t x_q30) {
-  const int32_t x_q32 = x_q30 * 4;
-  const int32_t drop_q32 = (int32_t)(((int64_t)x_q32 * x_q32) >> 33);
-  const int32_t re = (int32_t)(((int64_t)a.im * x_q32) >> 32) - (int32_t)(((int64_t)a.re * drop_q32) >> 32);
-  const int32_t im = (int32_t)(((int64_t)a.re * x_q32) >> 32) + (int32_t)(((int64_t)a.im * drop_q32) >> 32);
-  return (complex_t){a.re + re, a.im - im};
-}

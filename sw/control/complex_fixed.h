@@ -38,9 +38,6 @@ complex_t complex_mul_q30(complex_t a, complex_t b_q30);
 // a * factor, -2 <= factor < 2. About 70 clocks.
 complex_t complex_scale_q30(complex_t a, int32_t factor_q30);
 
-// a * exp(-j x) by two terms of its series, |x| < 2^-5 rad: within 5e-6 of |a| and two units. About 50 clocks.
-complex_t complex_turn_small(complex_t a, int32_t x_q30);
-
 // z * g, rounded half up and saturated; |z| |g mantissa| < 2^62, 0 <= shift <= 62. About 130 clocks.
 complex_t complex_gain_apply(complex_t z, complex_gain_t g);
 

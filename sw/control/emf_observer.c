@@ -30,6 +30,11 @@ static inline int32_t shifted(int32_t x, int32_t down, int32_t most) {
   return within_i32(x, bound) * (1 << -down);
 }
 
+// a exp(-j x) to the first order.
+static inline complex_t turned(complex_t a, int32_t x_q32) {
+  return (complex_t){a.re + mul_high_i32(a.im, x_q32), a.im - mul_high_i32(a.re, x_q32)};
+}
+
 COLD static complex_t drop_bits(complex_t z, int32_t bits) {
   return (complex_t){(int32_t)round_shift(z.re, bits), (int32_t)round_shift(z.im, bits)};
 }
@@ -73,16 +78,17 @@ COLD void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30) {
   observer->voltage_v_q25 = complex_mul_q30(observer->voltage_v_q25, rotation_q30);
 }
 
-INLINED void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30) {
-  observer->current_i_q25 = complex_turn_small(observer->current_i_q25, turn_rad_q30);
-  observer->emf_v_q25 = complex_turn_small(observer->emf_v_q25, turn_rad_q30);
-  observer->voltage_v_q25 = complex_turn_small(observer->voltage_v_q25, turn_rad_q30);
+INLINED void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q32) {
+  observer->current_i_q25 = turned(observer->current_i_q25, turn_rad_q32);
+  observer->emf_v_q25 = turned(observer->emf_v_q25, turn_rad_q32);
+  observer->voltage_v_q25 = turned(observer->voltage_v_q25, turn_rad_q32);
 }
 
 // Products are rounded down; those that are not subtracted from each other would add up to a bias.
-INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17) {
+INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                               int32_t drift_rad_q32) {
   const complex_t current = {current_i_q17.re * 256, current_i_q17.im * 256};
-  const complex_t measured = fine(current, MEASURED_BITS);
+  const complex_t measured = turned(fine(current, MEASURED_BITS), drift_rad_q32);
   const complex_t error = fine(complex_sub(current, observer->current_i_q25), ERROR_BITS);
   const complex_t before = fine(observer->voltage_v_q25, VOLTAGE_BITS);
   const int32_t emf_weight = 1 << (VOLTAGE_BITS - gains->emf_bits);

@@ -9,7 +9,11 @@
 //
 // Computed as i^[k+1] = Phi i[k] + (1 - p1 - p2) (i[k] - i^[k]) + ...: the same, with a real factor. Products count
 // by their upper 32 bits, of operands with two to five bits below q25. The angle of e^ against +j sgn(omega) is the error of the estimated
-// angle (pll.h). A speed error of the model shows in i^ only.
+// angle (pll.h).
+//
+// Coefficients of another speed omega_d than the frame's omega: exp(-j (omega - omega_d) T) is missing in Phi i[k], and
+// L (omega - omega_d) i counts as an EMF across the one there is. The step turns i[k] by that drift. In the voltages it
+// hardly counts: u[k-1] and e^ turn by nearly the same angle and nearly cancel.
 #ifndef FL_EMF_OBSERVER_H
 #define FL_EMF_OBSERVER_H
 
@@ -50,12 +54,15 @@ void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, comp
 // Go over to a frame turned by -arg(rotation): the vectors stay where they are in the machine. About 270 clocks.
 void emf_observer_turn(emf_observer_t *observer, complex_t rotation_q30);
 
-// The same by a small angle, -2^-5..2^-5 rad. About 120 clocks.
-void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q30);
+// The same by a small angle to the first order: all three vectors grow by half its square, 3e-4 at 1.4 degrees. About 60
+// clocks.
+void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_q32);
 
 // One sample: current i[k] in the estimated frame of this instant. The current saturates at four full scales, the EMF at
-// eight, at two from an admittance of 1 on. About 110 clocks.
-void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17);
+// eight, at two from an admittance of 1 on. drift: turn of the frame until the next sample beyond the coefficients' own,
+// within 2^-4 rad. About 120 clocks.
+void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                       int32_t drift_rad_q32);
 
 // The voltage u[k], |u| at most 1.4 full scales, set in answer to the sample of the last step; before the next step, in
 // the frame of the last one. It may come when its period is over. About 30 clocks.

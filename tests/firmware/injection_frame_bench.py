@@ -137,7 +137,7 @@ class EmfObserver:
             self.gains = observer_gains(self.lib, self.machine, speed, self.pole, self.pole)
         if turn_q32:
             self.lib.emf_observer_turn(observer, self.lib.cis_q30(-turn_q32 & 0xFFFFFFFF))
-        self.lib.emf_observer_step(observer, self.gains, from_complex(chip.current_a, self.unit_a))
+        self.lib.emf_observer_step(observer, self.gains, from_complex(chip.current_a, self.unit_a), 0)
         self.lib.emf_observer_voltage(observer, self.gains, from_complex(chip.held, self.unit_v))
         emf = self.observer.emf_v_q25
         return self.lib.pll_error_q30(emf, speed, self.least), math.hypot(emf.re, emf.im) > 2 * self.least

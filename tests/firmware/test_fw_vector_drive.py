@@ -154,7 +154,7 @@ class Drive:
         lib.complex_regulator_step(self.regulator, regulator_gains, reference, measured, round(14.0 / 30 * 2**17))
         u = self.regulator.voltage_v_q25
         gains = observer_gains(lib, self.machine, speed, 0.7, 0.7)
-        lib.emf_observer_step(self.observer, gains, measured)
+        lib.emf_observer_step(self.observer, gains, measured, 0)
         lib.emf_observer_voltage(self.observer, gains, u)
         emf = self.observer.emf_v_q25
         if self.forced:

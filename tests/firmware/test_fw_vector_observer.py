@@ -46,7 +46,7 @@ def angle_error_deg(estimate_q32: int, exact_turn: float) -> float:
 
 
 def test_observer_follows_its_float_model(lib: CData) -> None:
-    """Random inputs, speeds, delays and poles: both states within 2e-6 of full scale over 200 samples.
+    """Random inputs, speeds, drifts, delays and poles: both states within 2e-6 of full scale over 200 samples.
 
     Verifies: VC-07
     """
@@ -73,10 +73,12 @@ def test_observer_follows_its_float_model(lib: CData) -> None:
             i17 = Complex(rng.randint(-60_000, 60_000), rng.randint(-60_000, 60_000))
             u25 = Complex(rng.randint(-most_v, most_v), rng.randint(-most_v, most_v))
             i, u = to_complex(i17, unit_a / 256), to_complex(u25, unit_v)
-            lib.emf_observer_step(observer, gains, i17)
+            drift = rng.uniform(-1 / 16, 1 / 16)
+            lib.emf_observer_step(observer, gains, i17, round(drift * Q32))
             lib.emf_observer_voltage(observer, gains, u25)
             error = i - i_hat
             i_hat, e_hat = exact.step(i_hat, u, u_before, e_hat) + g1 * error, e_hat + g2 * error
+            i_hat -= 1j * drift * exact.phi * i
             u_before = u
             worst = max(
                 worst,
@@ -103,7 +105,7 @@ def test_observer_poles_are_the_chosen_ones(lib: CData) -> None:
                 left = abs(to_complex(observer.emf_v_q25, 2**25 / m.full_scale_v) - emf) / abs(emf)
                 assert left == pytest.approx(pole**n * (1 + n * (1 - pole) / pole), abs=2e-4), (turns, pole, n)
                 i17 = from_complex(i, 2**17 / m.full_scale_a)
-                lib.emf_observer_step(observer, gains, i17)
+                lib.emf_observer_step(observer, gains, i17, 0)
                 i = plant.step(i, 0j, 0j, emf)
 
 
@@ -264,7 +266,7 @@ def run_sensorless(
         measured = from_complex(i / turn, unit_a)
         lib.complex_regulator_step(regulator, regulator_gains, reference, measured, 2**17 - 1)
         gains = observer_gains(lib, machine_observed, lib.pll_speed_turn_q36(pll))
-        lib.emf_observer_step(observer, gains, measured)
+        lib.emf_observer_step(observer, gains, measured, 0)
         lib.emf_observer_voltage(observer, gains, regulator.voltage_v_q25)
         error = lib.pll_error_q30(observer.emf_v_q25, lib.pll_speed_turn_q36(pll), 10_000)
         lib.pll_step(pll, loop, m.period_cycles, error)

@@ -50,6 +50,8 @@ PLL_BANDWIDTH = {2: 2.4824, 3: 3.8989}
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
 KI_DIVISOR = 4.0
+# Of the current loop's bandwidth gamma / T_s, the least decay of what regulator C does not know: docs/theory/vector.md.
+DAMPING_SHARE = 0.125
 WEAKENING_HZ = 20.0
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
 # Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
@@ -193,6 +195,17 @@ def _timing(vector: Vector, timing: VectorTiming) -> dict[str, Value]:
     }
 
 
+def damping(machine: Machine, vector: Vector, sample_s: float) -> float:
+    """Zero of regulator C over the machine's pole: as if R were R' = max(R, 0.125 gamma L / T_s).
+
+    Where something else tells the angle (encoder, injection) and where the axes differ it stays on the pole.
+    """
+    if vector.regulator != "C" or vector.angle == "encoder" or vector.injection or machine.saliency_h:
+        return 1.0
+    decay = machine.resistance_ohm / machine.inductance_h * sample_s
+    return math.exp(min(0.0, decay - DAMPING_SHARE * vector.gamma))
+
+
 def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
     """Current regulator, EMF observer and inverse Park transform: the machine from sample to sample."""
     m, vector, sample_s = d.machine, d.s.drive.vector, timing.sample_cycles / CLOCK_HZ
@@ -210,6 +223,7 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
         "vector_order": get_args(Regulator).index(vector.regulator),
         "vector_bandwidth_q30": round(2.0 * math.pi * vector.bandwidth_hz * sample_s * Q30),
         "vector_gamma_q30": round(vector.gamma * Q30),
+        "vector_damping_q30": round(damping(m, vector, sample_s) * Q30),
         "vector_pole1_q30": round(vector.observer_pole * Q30),
         "vector_pole2_q30": round(vector.observer_pole * Q30),
         **_gains(

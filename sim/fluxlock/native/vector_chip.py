@@ -135,6 +135,10 @@ class VectorChip:
         code_a = sensing.current_full_scale_a / 2 ** (sensing.bits - 1)
         self.plant.noise_a = lsb * code_a * math.sqrt(2 / 3)
 
+    def set_left_voltage(self, volt: float) -> None:
+        """Voltage that a leg loses beyond its dead time's compensation."""
+        self.plant.left_v = volt
+
     def set_encoder(self, lines: int, index: bool, offset_turn: float, inverted: bool = False) -> None:
         """Put an encoder on the shaft. offset_turn: electrical, of the index."""
         p = self.plant

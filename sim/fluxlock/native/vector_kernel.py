@@ -119,6 +119,7 @@ MACHINE = np.dtype(
         ("unit_a", "f8"),  # codes an ampere
         ("unit_v", "f8"),
         ("dead_time", "i8"),  # the legs lose what the modulator would add for the current at the time of action
+        ("left_v", "f8"),  # what a leg loses beyond its compensation, with the sign of its current
         ("quarters", "i8"),  # of the encoder's lines, 0: there is none
         ("index", "i8"),
         ("offset_turn", "f8"),  # electrical, of the index
@@ -343,6 +344,16 @@ def dead_time_v(r: Registers, x: Array, m: Array, vdc: float, current_a: complex
         v += 2 / 3 * min(max(beyond * per_ampere, -most), most) * turn
     double = np.int64(r[x.foc_control]) >> 2 & 1
     return complex(v * vdc / (m.period_cycles * (1 + double)))
+
+
+@numba.njit(cache=True)
+def left_v(v: float, current_a: complex) -> complex:
+    """Vector of a voltage that each leg loses with the sign of its current (stationary)."""
+    lost = 0j
+    for k in range(3):
+        turn = cmath.exp(2j * math.pi * k / 3)
+        lost += 2 / 3 * math.copysign(v, (current_a * turn.conjugate()).real) * turn
+    return lost
 
 
 @numba.njit(cache=True)
@@ -586,8 +597,10 @@ def sample(
         z.kept = duty * z.vdc * frame * turned(z.lead)
     gates = np.int64(r[at.safety_guard]) & 1 != 0 and np.int64(r[at.safety_trip]) & 0xFF == 0 and z.enable != 0
     applied = z.kept
+    later = cmath.exp(1j * z.omega * (k.delay + 0.5) * k.period_s)
+    if k.left_v > 0.0:
+        applied -= left_v(k.left_v, z.i * rotor * later)
     if k.dead_time:
-        later = cmath.exp(1j * z.omega * (k.delay + 0.5) * k.period_s)
         applied += dead_time_v(r, x, m, z.vdc, stationary) - dead_time_v(r, x, m, z.vdc, stationary * later)
     if z.rows < len(rows):
         row = rows[z.rows]

@@ -7,6 +7,9 @@
 #include "drive/vector/injected.h"
 #include "drive/vector/parts.h"
 
+// A speed of 2^-36 turn a clock in 2^-32 rad: 2 pi / 16.
+#define TURN_RAD_Q9 201
+#define DRIFT_MOST_RAD_Q32 (1 << 28)
 #define FOUR_OVER_PI_Q8 326u
 // The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
 #define LOST_PER_SECOND 200u
@@ -90,6 +93,8 @@ COLD void vector_constants(vector_t *v) {
   v->stages = (p->injection != 0 && SUBSPACES > 1) ? VECTOR_STAGES + 1u : VECTOR_STAGES;
   v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
+  v->drift_rad_q32 = (p->tick_cycles * TURN_RAD_Q9 + 256) >> 9;
+  v->drift_most_turn_q36 = DRIFT_MOST_RAD_Q32 / v->drift_rad_q32;
   if (p->vector_slope > 0) {
     const uint32_t zone = div_sat_u32((uint64_t)(uint32_t)p->vector_dead_comp_cycles << p->vector_slope_shift,
                                       (uint32_t)p->vector_slope);
@@ -133,6 +138,18 @@ COLD void vector_constants(vector_t *v) {
 }
 SMALL_CODE_END
 
+// The regulator's zero cancels the machine's pole, whose disturbances then decay with R/L alone. In the frame that follows
+// the EMF it stands where a larger resistance would put that pole: what a voltage not known leaves in the current is gone
+// before the frame has turned with it. The forced frame needs the soft current: it damps the rotor's swing.
+COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
+  const complex_t phi_q30 = v->model.phi_q30;
+  if (v->frame == FRAME_OBSERVED) {
+    v->model.phi_q30 = complex_scale_q30(phi_q30, v->p->vector_damping_q30);
+  }
+  v->fits = regulator_design(gains, &v->regulator_order, &v->regulated->machine, &v->model);
+  v->model.phi_q30 = phi_q30;
+}
+
 void vector_design(vector_t *v) {
   const parameters_t *p = v->p;
   if (v->finished) {
@@ -151,11 +168,12 @@ void vector_design(vector_t *v) {
       v->report.motor_q17 = (int32_t)complex_abs(v->report.vector.current_i_q17);
     }
     v->regulated = vector_injects(v) ? vector_injection_plant(v) : &v->plant;
-    vector_model(&v->model, v->regulated, v->report.vector.speed_turn_q36);
+    spare->speed_turn_q36 = v->report.vector.speed_turn_q36;
+    vector_model(&v->model, v->regulated, spare->speed_turn_q36);
   } else if (stage == 1u) {
-    v->fits = regulator_design(&spare->regulator, &v->regulator_order, &v->regulated->machine, &v->model);
+    design_regulator(v, &spare->regulator);
     if (v->salient) {
-      vector_model(&v->model, &v->observed, v->report.vector.speed_turn_q36);
+      vector_model(&v->model, &v->observed, spare->speed_turn_q36);
     }
     vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
   } else if (stage == 2u) {

@@ -15,7 +15,7 @@
 
 #define ONE_OVER_SQRT3_Q16 37837
 #define HALF_PI_Q30 1686629713
-// Turns below it, 1.4 degrees: two terms of the series are enough.
+// Turns below it, 1.4 degrees: the first term of the series is enough.
 #define SMALL_TURN_Q32 (1 << 24)
 #define SCALE_BITS 17u
 #define SCALE_SHIFT_MAX 31
@@ -62,7 +62,7 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
 }
 
 HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
-  return (int32_t)(((int64_t)sum_v_q17 * share_q30 + (1 << 21)) >> 22);
+  return (int32_t)(((int64_t)sum_v_q17 * share_q30) >> 22);
 }
 
 // Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
@@ -81,14 +81,22 @@ HOT static complex_t acting_v_q25(const vector_t *v, const chip_vector_snapshot_
   return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), v->late_v_q25);
 }
 
+// Turn of the frame in a tick beyond the one that the observer's coefficients were made for, which are up to 6 ms old.
+HOT static int32_t drift_rad_q32(const vector_t *v, const vector_design_t *design) {
+  const int32_t drift_turn_q36 = v->report.vector.speed_turn_q36 - design->speed_turn_q36;
+  return within_i32(drift_turn_q36, v->drift_most_turn_q36) * v->drift_rad_q32;
+}
+
 INLINED static void observe(vector_t *v, const chip_vector_snapshot_t *in) {
-  const emf_observer_gains_t *gains = &v->design[v->used].observer;
+  const vector_design_t *design = &v->design[v->used];
+  const emf_observer_gains_t *gains = &design->observer;
+  const int32_t drift_q32 = drift_rad_q32(v, design);
   if (v->p->vector_tick_samples > 1) {
     emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
-    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
     v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
   } else {
-    emf_observer_step(&v->observer, gains, in->i_q17[0]);
+    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
     emf_observer_voltage(&v->observer, gains, acting_v_q25(v, in));
   }
   if (!in->taken) {
@@ -96,8 +104,7 @@ INLINED static void observe(vector_t *v, const chip_vector_snapshot_t *in) {
   }
   const int32_t turn_q32 = v->correct_q32;
   if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
-    const int32_t turn_rad_q30 = mul_high_i32(turn_q32 * 4, HALF_PI_Q30);
-    emf_observer_turn_small(&v->observer, turn_rad_q30);
+    emf_observer_turn_small(&v->observer, mul_high_i32(turn_q32 * 16, HALF_PI_Q30));
   } else {
     const complex_t rotation = rotation_q30(turn_q32);
     emf_observer_turn(&v->observer, rotation);

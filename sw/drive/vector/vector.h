@@ -48,6 +48,7 @@ typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED, FRAME_INJE
 typedef struct {
   regulator_gains_t regulator;
   emf_observer_gains_t observer;
+  int32_t speed_turn_q36;  // that they are for
 } vector_design_t;
 
 // What the current regulator in C works with.
@@ -99,6 +100,8 @@ typedef struct vector {
   uint32_t stages;  // of a design
   vector_machine_t per_tick;  // of the samples of a tick
   regulator_design_t regulator_order;
+  int32_t drift_rad_q32;        // turn in a tick by a speed of 2^-36 turn a clock
+  int32_t drift_most_turn_q36;  // speed by which the frame turns 2^-4 rad in a tick
   pll_gains_t pll_gains;
   if_settings_t start_settings;
   pi_gains_t speed_gains;

@@ -67,7 +67,7 @@ def host_errors_deg(
         measured = from_complex(i / turn, unit_a)
         lib.complex_regulator_step(regulator, gains, reference, measured, 2**17 - 1)
         observing = observer_gains(lib, told, lib.pll_speed_turn_q36(pll), POLE, POLE)
-        lib.emf_observer_step(observer, observing, measured)
+        lib.emf_observer_step(observer, observing, measured, 0)
         lib.emf_observer_voltage(observer, observing, regulator.voltage_v_q25)
         error = lib.pll_error_q30(observer.emf_v_q25, lib.pll_speed_turn_q36(pll), MINIMUM_V_Q25)
         lib.pll_step(pll, loop, period_cycles, error)
