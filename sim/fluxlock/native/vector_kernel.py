@@ -38,7 +38,9 @@ Whole = Any  # int, or a number of a register
 
 Q17, Q32, Q36 = 2**17, 2**32, 2**36
 PENDING = 2
-STEPS = 4  # of Runge and Kutta's rule, a voltage
+STEPS = 2  # of Runge and Kutta's rule, a voltage
+THIRD_TURN = 2 * math.pi / 3
+AXIS_B, AXIS_C = cmath.exp(1j * THIRD_TURN), cmath.exp(-1j * THIRD_TURN)
 SEEN_CYCLES = 20 + 3  # filter and synchronisers of the encoder's inputs
 LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.analysis.rundata.LogKind
 
@@ -367,11 +369,9 @@ def plain(m: Array) -> Whole:
 
 @numba.njit(cache=True)
 def magnet_shape(angle: float, ramp: float) -> tuple[float, float]:
-    """Flux of a phase over its peak EMF per speed, and its slope over the angle: minus sine or trapezoid."""
-    if ramp == 0.0:
-        return math.cos(angle), -math.sin(angle)
-    x = abs((angle + math.pi) % (2 * math.pi) - math.pi)
-    sign = 1.0 if (angle + math.pi) % (2 * math.pi) >= math.pi else -1.0
+    """Flux of a phase with a trapezoidal EMF over its peak EMF per speed, and its slope over the angle."""
+    turned = (angle + math.pi) % (2 * math.pi) - math.pi
+    x, sign = abs(turned), math.copysign(1.0, turned)
     # The flux is even; it falls by the trapezoid's area from its peak at 0, where half a turn is worth pi - ramp.
     half = (math.pi - ramp) / 2
     if x < ramp:
@@ -386,13 +386,20 @@ def magnet_shape(angle: float, ramp: float) -> tuple[float, float]:
 def magnets(theta: float, m: Array) -> tuple[complex, complex]:
     """Stationary vector of the magnets' flux, and its slope over the angle."""
     k = m[0]
-    flux, slope = 0j, 0j
-    for x in range(3):
-        axis = cmath.exp(2j * math.pi * x / 3)
-        value, change = magnet_shape(theta - 2 * math.pi * x / 3, k.ramp_rad)
-        flux += 2 / 3 * k.psi_vs * k.flux_share[x] * value * axis
-        slope += 2 / 3 * k.psi_vs * k.flux_share[x] * change * axis
-    return flux, slope
+    share = k.flux_share
+    if k.ramp_rad == 0.0:
+        turn = cmath.exp(1j * theta)
+        # The mean share is 1; what is unequal turns backwards.
+        other = (share[0] + share[1] * AXIS_B * AXIS_B + share[2] * AXIS_C * AXIS_C) / 3 * turn.conjugate()
+        return k.psi_vs * (turn + other), 1j * k.psi_vs * (turn - other)
+    a, b, c = (
+        magnet_shape(theta, k.ramp_rad),
+        magnet_shape(theta - THIRD_TURN, k.ramp_rad),
+        magnet_shape(theta + THIRD_TURN, k.ramp_rad),
+    )
+    flux = share[0] * a[0] + share[1] * b[0] * AXIS_B + share[2] * c[0] * AXIS_C
+    slope = share[0] * a[1] + share[1] * b[1] * AXIS_B + share[2] * c[1] * AXIS_C
+    return 2 / 3 * k.psi_vs * flux, 2 / 3 * k.psi_vs * slope
 
 
 @numba.njit(cache=True)
@@ -407,6 +414,8 @@ def emf(s: Array, m: Array) -> complex:
 def inductances(theta: float, m: Array) -> tuple[float, complex]:
     """What acts on the current and what on its conjugate."""
     k = m[0]
+    if k.l_d_h == k.l_q_h:
+        return k.l_d_h, k.unequal_h
     return (k.l_d_h + k.l_q_h) / 2, k.unequal_h + (k.l_d_h - k.l_q_h) / 2 * cmath.exp(2j * theta)
 
 

@@ -5,17 +5,21 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
-from fluxlock.population.draw import Draw, Method
+from fluxlock.population.draw import METHODS, Draw, Method
 
 app = typer.Typer(
     help="Random machines that nobody tuned for: draw them, run their lives on the host, judge them.",
-    epilog=example("fluxlock population draw 7 --out build/machine-7"),
+    epilog=example(
+        "fluxlock population run --method vector --lives 100", "fluxlock population draw 7 --out build/machine-7"
+    ),
     no_args_is_help=True,
 )
 
@@ -23,14 +27,34 @@ SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the
 MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step or vector.")]
 
 
+EXIT_FAILED = 1
+
+
 def method_of(text: str) -> Method:
     """Value of `--method`."""
-    from fluxlock.config import ConfigError, Problem
-    from fluxlock.population.draw import METHODS
-
     if text not in METHODS:
         raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(METHODS)}')])
     return "vector" if text == "vector" else "six-step"
+
+
+@app.command(epilog=example("fluxlock population run --method vector --lives 100"))
+def run(
+    method: Annotated[str | None, typer.Option(metavar="METHOD", help="six-step or vector; both without.")] = None,
+    lives: Annotated[int, typer.Option(min=1, help="Machines.")] = 1000,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first one.")] = 0,
+    seed: SeedOption = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Lives side by side.")] = os.cpu_count() or 1,
+) -> None:
+    """Run the lives of machines on the host: right, refused by name, or wrong.
+
+    The results go to build/population. Lives that ran before with equal inputs are not repeated. Exit code 1 if a life
+    is wrong.
+    """
+    from fluxlock.population.command import run_population
+
+    methods = METHODS if method is None else (method_of(method),)
+    if not run_population(methods, seed, range(first, first + lives), jobs):
+        raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(epilog=example("fluxlock population draw 7 --method vector --out build/machine-7"))

@@ -9,6 +9,7 @@ loaded, comes down to 60 % on a ramp, goes up to 100 % light, and brakes from th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,24 +36,34 @@ SPEED_TOLERANCE = 0.005
 
 @dataclass(frozen=True)
 class Hold:
-    """A time in which a speed is held. before_rpm, since_s: the target before and the time at which it changed."""
+    """A time in which a speed is held."""
 
     name: str
     rpm: float
-    before_rpm: float
-    since_s: float
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the target, and the time until which nothing else happens."""
+
+    from_rpm: float
+    to_rpm: float
     from_s: float
     to_s: float
 
 
 @dataclass(frozen=True)
 class Life:
-    """A drawn machine with what happens to it."""
+    """A drawn machine with what happens to it. caught_s: from then on the drive must run."""
 
     draw: Draw
     method: Method
     scenario: Scenario
     holds: tuple[Hold, ...]
+    changes: tuple[Change, ...]
+    caught_s: float
     lowest_rpm: float
 
 
@@ -88,40 +99,44 @@ def lowest_rpm(p: Parts, error: MotorError, method: Method) -> float:
 
 @dataclass
 class _Clock:
-    """Events and holds as time goes on."""
+    """Events, holds and changes as time goes on. turn_s: electrical, at the lowest speed."""
 
-    parts: Parts
     accel: float
-    turn_s: float  # electrical, at the lowest speed
-    now_s: float = CATCH_S
-    rpm: float = 0.0
-    before_rpm: float = 0.0
-    since_s: float = 0.0
+    turn_s: float
+    rpm: float
+    now_s: float
     events: list[Event] = field(default_factory=list)
     holds: list[Hold] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
+
+    def settle(self) -> None:
+        """Give the loops their time."""
+        self.now_s = _ms(self.now_s + max(SETTLE_S, SETTLE_TURNS * self.turn_s))
 
     def load(self, factor: float) -> None:
-        """Change the load on a ramp."""
+        """Change the load on a ramp and let it settle."""
         self.events.append(Event(at_s=_ms(self.now_s), load_factor=factor, ramp_s=LOAD_RAMP_S))
         self.now_s += LOAD_RAMP_S
-        self.before_rpm, self.since_s = self.rpm, self.now_s
+        self.settle()
 
     def speed(self, rpm: float, length_s: float) -> None:
-        """Change the target; after this time the rotor must be there."""
-        self.events.append(Event(at_s=_ms(self.now_s), speed_rpm=rpm))
-        self.before_rpm, self.rpm, self.since_s = self.rpm, rpm, self.now_s
-        self.now_s += length_s
+        """Change the target; after this time the rotor must be there, and settles."""
+        begin_s, before_rpm = _ms(self.now_s), self.rpm
+        self.events.append(Event(at_s=begin_s, speed_rpm=rpm))
+        self.rpm, self.now_s = rpm, self.now_s + length_s
+        self.settle()
+        if rpm != before_rpm:
+            self.changes.append(Change(before_rpm, rpm, begin_s, self.now_s))
 
     def ramp(self, rpm: float) -> None:
         """Change the target on the drive's ramp."""
         self.speed(rpm, abs(rpm - self.rpm) / self.accel)
 
     def hold(self, name: str) -> None:
-        """Let it settle, then watch."""
-        begin = _ms(self.now_s + max(SETTLE_S, SETTLE_TURNS * self.turn_s))
-        end = _ms(begin + max(HOLD_S, HOLD_TURNS * self.turn_s))
-        self.holds.append(Hold(name, self.rpm, self.before_rpm, self.since_s, begin, end))
-        self.now_s = end
+        """Watch."""
+        end_s = _ms(self.now_s + max(HOLD_S, HOLD_TURNS * self.turn_s))
+        self.holds.append(Hold(name, self.rpm, self.now_s, end_s))
+        self.now_s = end_s
 
 
 def _ms(time_s: float) -> float:
@@ -134,40 +149,30 @@ def _mrpm(rpm: float) -> float:
     return round(rpm, 3)
 
 
-def _timeline(p: Parts, lowest: float) -> _Clock:
+def _timeline(p: Parts, lowest: float, caught_s: float) -> _Clock:
     motor = p.motor
     per_s = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
-    accel = float(f"{RAMP_SHARE * per_s:.4g}")
-    turn_s = 60.0 / (lowest * motor.pole_pairs)
-    clock = _Clock(p, accel, turn_s)
-    low, middle, high = (float(round(rpm)) for rpm in (lowest, MIDDLE_SHARE * p.base_rpm, p.base_rpm - 0.5))
+    low, middle, high = (math.floor(rpm) for rpm in (lowest, max(lowest, MIDDLE_SHARE * p.base_rpm), p.base_rpm))
+    clock = _Clock(float(f"{RAMP_SHARE * per_s:.4g}"), 60.0 / (low * motor.pole_pairs), low, caught_s)
     clock.events += [
         Event(at_s=0.0, load_factor=0.0),
         Event(at_s=0.002, speed_rpm=low),
         Event(at_s=0.003, command="start"),
     ]
-    clock.rpm = clock.before_rpm = low
-    clock.now_s = _ms(CATCH_S + CATCH_TURNS * turn_s)
-    clock.load(1.0)
-    clock.hold("low-light")
+    for name, factor in (("low-light", 1.0), ("low-loaded", p.full_factor), ("low-unloaded", 1.0)):
+        clock.load(factor)
+        clock.hold(name)
+    clock.ramp(middle)
     clock.load(p.full_factor)
-    clock.hold("low-loaded")
-    clock.load(1.0)
-    clock.hold("low-unloaded")
-    if middle > low:
-        clock.ramp(middle)
-        clock.load(p.full_factor)
-        clock.hold("middle")
-    else:
-        clock.load(p.full_factor)
+    clock.hold("middle")
     clock.ramp(high)
     clock.hold("high")
-    clock.ramp(max(middle, low))
+    clock.ramp(middle)
     clock.hold("down")
     clock.load(1.0)
     clock.ramp(high)
     clock.hold("high-light")
-    clock.events.append(Event(at_s=_ms(clock.now_s), accel_rpm_per_s=min(1e8, HARD * accel)))
+    clock.events.append(Event(at_s=_ms(clock.now_s), accel_rpm_per_s=min(1e8, HARD * clock.accel)))
     clock.now_s += 0.001
     clock.speed(low, (high - low) / (BRAKE_SHARE * per_s))
     clock.hold("braked")
@@ -191,7 +196,8 @@ def life_of(draw: Draw, method: Method) -> Life:
     """The life of a machine with a method."""
     p = parts(draw, method)
     lowest = min(lowest_rpm(p, draw.error, method), p.base_rpm)
-    clock = _timeline(p, lowest)
+    caught_s = _ms(CATCH_S + CATCH_TURNS * 60.0 / (lowest * p.motor.pole_pairs))
+    clock = _timeline(p, lowest, caught_s)
     windows = [Window(name=hold.name, from_s=hold.from_s, to_s=hold.to_s) for hold in clock.holds]
     expect = [
         Expect(
@@ -216,15 +222,30 @@ def life_of(draw: Draw, method: Method) -> Life:
         window=windows,
         expect=expect,
     )
-    return Life(draw, method, scenario, tuple(clock.holds), lowest)
+    return Life(draw, method, scenario, tuple(clock.holds), tuple(clock.changes), caught_s, lowest)
+
+
+def _too_fast(life: Life) -> str:
+    """What the rule of the least speed says of a machine that would have to turn faster than half its base speed."""
+    motor = told_scenario(life.scenario).motor
+    most_rpm = REFUSED_SHARE * motor.max_speed_rpm / LEAST_MARGIN
+    least_rpm = life.lowest_rpm / LEAST_MARGIN
+    factor = least_rpm / most_rpm
+    cure = (
+        f"an encoder, resistance_ohm up to {sum(motor.resistance_ohm) / 3 / factor:.3g} Ohm or rated_current_a up to "
+        f"{motor.rated_current_a / factor:.3g} A"
+        if life.method == "vector"
+        else f'drive.hall.mode = "sensored" or inertia_kgm2 from {motor.inertia_kgm2 * factor:.3g} kg*m^2'
+    )
+    share = 100 * least_rpm / motor.max_speed_rpm
+    return f"least speed: {least_rpm:.0f} r/min, {share:.0f} % of max_speed_rpm; it runs with {cure}"
 
 
 def refusals(life: Life) -> list[str]:
     """Why the life is refused before the start, as the file checks name it; empty if it is not."""
-    s, base = told_scenario(life.scenario), life.scenario.motor.max_speed_rpm
-    if life.lowest_rpm > REFUSED_SHARE * base:
-        least = life.lowest_rpm / LEAST_MARGIN
-        return [f"least speed: {least:.0f} r/min by rule, {100 * least / base:.0f} % of max_speed_rpm"]
+    if life.lowest_rpm > REFUSED_SHARE * life.scenario.motor.max_speed_rpm:
+        return [_too_fast(life)]
+    s = told_scenario(life.scenario)
     problems = check_scenario(s)
     if not problems:
         try:

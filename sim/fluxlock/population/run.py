@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lives one after the other or side by side: refused, or run and judged, and kept by the content of all that made them.
+
+A life that has run is not run again, so a population that was interrupted goes on where it was.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fluxlock import analysis, native
+from fluxlock.analysis.rundata import RunData
+from fluxlock.cosim.parameters import parameter_block
+from fluxlock.firmware import build_host_library
+from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
+from fluxlock.paths import BUILD, content_hash
+from fluxlock.population.draw import Draw, Method
+from fluxlock.population.judge import judge
+from fluxlock.population.life import Life, life_of, refusals
+from fluxlock.writable import check_folder
+
+FOLDER = BUILD / "population"
+RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
+# Modules that measure, beside the native drive that runs.
+MEASURING = ("judge", "ideal"), ("metrics", "angles")
+
+Row = dict[str, Any]
+Done = Callable[[], None]
+
+
+def play(life: Life) -> RunData:
+    """Run a life on the host."""
+    from fluxlock.native.vector_run import play as play_vector
+
+    return play_vector(life.scenario, life.scenario.seed)
+
+
+def _key(life: Life) -> str:
+    """Of firmware, its parameters, the model that runs it, machine and life, and of what measures."""
+    own, shared = MEASURING
+    sources = [*Path(native.__file__).parent.glob("*.py"), build_host_library()]
+    sources += [Path(__file__).with_name(f"{name}.py") for name in own]
+    sources += [Path(analysis.__file__).with_name(f"{name}.py") for name in shared]
+    settings = json.dumps(life.scenario.model_dump(mode="json", exclude={"expect"}), sort_keys=True)
+    return content_hash(sources, parameter_block(life.scenario).pack(), settings, life.holds, life.changes)
+
+
+def _head(life: Life) -> Row:
+    d = life.draw
+    machine = {name: getattr(d, name) for name in ("resistance_pu", "inductance_pu", "base_hz", "run_up_s", "emf")}
+    machine |= {"saliency": d.saliency, "supply_v": d.supply_v, "power_w": d.power_w, "pole_pairs": d.pole_pairs}
+    return {"index": d.index, "method": life.method, "machine": machine}
+
+
+def run_life(method: Method, seed: int, index: int) -> Row:
+    """A row of the population's document."""
+    life = life_of(Draw.of(seed, index), method)
+    head = _head(life)
+    reasons = refusals(life)
+    if reasons:
+        texts = [{"kind": text.partition(":")[0], "text": text} for text in reasons]
+        return {**head, "outcome": REFUSED, "reasons": texts}
+    path = FOLDER / method / f"{_key(life)}.json"
+    if path.exists():
+        row: Row = json.loads(path.read_text(encoding="utf-8"))
+        return row
+    begin = time.process_time()
+    found = judge(play(life), life).as_json()
+    spent = {"simulated_s": life.scenario.duration_s, "cpu_s": time.process_time() - begin}
+    row = {**head, "outcome": WRONG if found["reasons"] else RIGHT, **found, **spent}
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(row), encoding="utf-8")
+    part.replace(path)
+    return row
+
+
+def run_lives(method: Method, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
+    """Rows of the lives by index; done: called for each as it comes."""
+    check_folder(FOLDER / method)
+    build_host_library()  # once, before the workers ask for it
+    work, rows = partial(run_life, method, seed), []
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (__name__,)) as pool:
+        hold_interrupts()
+        try:
+            pending = [pool.submit(work, index) for index in indices]  # begins the workers
+        finally:
+            release_interrupts()
+        try:
+            for future in as_completed(pending):
+                rows.append(future.result())
+                done()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return sorted(rows, key=lambda row: int(row["index"]))
