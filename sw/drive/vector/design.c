@@ -4,6 +4,7 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "control/trig.h"
+#include "drive/vector/current.h"
 #include "drive/vector/injected.h"
 #include "drive/vector/parts.h"
 
@@ -66,10 +67,8 @@ COLD static complex_t late_compensation_v_q25(const vector_t *v) {
 }
 
 SMALL_CODE_BEGIN
-COLD void vector_constants(vector_t *v) {
-  const parameters_t *p = v->p;
-  const uint32_t samples = (uint32_t)p->vector_tick_samples;
-  vector_machine_t machine = {
+COLD vector_machine_t vector_machine(const parameters_t *p) {
+  return (vector_machine_t){
       .resistance_q30 = (uint32_t)p->vector_resistance_q30,
       .delay_q30 = (uint32_t)p->vector_delay_q30,
       .admittance = p->vector_admittance,
@@ -78,14 +77,35 @@ COLD void vector_constants(vector_t *v) {
       .harmonic = 1,
       .park = (p->vector_park != 0) ? PARK_EXACT : PARK_HELD,
   };
+}
+
+// Subspace 3, and subspace 1 as its regulators are to know it: with the separator they run at every second sample while
+// there is a wave.
+COLD static vector_machine_t injected_machine(vector_injection_t *j, const parameters_t *p, vector_machine_t machine) {
+  vector_machine_t third = machine;
+  third.resistance_q30 = (uint32_t)p->injection_third_resistance_q30;
+  third.admittance = p->injection_third_admittance;
+  third.impedance = p->injection_third_impedance;
+  third.harmonic = 3;
+  vector_plant(&j->third, &third);
+  if (j->settings.error.method == INJECTION_SEPARATOR) {
+    vector_plant(&j->single, &machine);
+    vector_machine_join(&machine, 2);
+    machine.resistance_q30 *= 2u;
+  }
+  return machine;
+}
+
+COLD void vector_constants(vector_t *v) {
+  const parameters_t *p = v->p;
+  const uint32_t samples = (uint32_t)p->vector_tick_samples;
+  vector_machine_t machine = vector_machine(p);
   vector_machine_t observed = machine;
   observed.resistance_q30 = (uint32_t)p->vector_observer_resistance_q30;
   observed.admittance = p->vector_observer_admittance;
   observed.impedance = p->vector_observer_impedance;
-  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
-                               p->vector_speed_max_turn_q36};
-  if (p->injection != 0 && (HELD & HELD_INJECTION) != 0) {
-    vector_injection_init(v, &machine);
+  if (vector_injects(v)) {
+    machine = injected_machine(v->injection, p, machine);
   }
   vector_plant(&v->plant, &machine);
   vector_plant(&v->observed, &observed);
@@ -128,13 +148,6 @@ COLD void vector_constants(vector_t *v) {
   v->sensored = p->vector_angle != 0;
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
-  v->command.look.slow = true;
-  v->command.look.steps = true;
-  vector_frame_off(v);
-  for (uint32_t k = 0; k < v->stages; k++) {
-    vector_design(v);
-  }
-  v->design[0] = v->design[1];
 }
 SMALL_CODE_END
 
@@ -148,6 +161,12 @@ COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
   }
   v->fits = regulator_design(gains, &v->regulator_order, &v->regulated->machine, &v->model);
   v->model.phi_q30 = phi_q30;
+}
+
+const vector_plant_t *vector_present_plant(const vector_t *v) {
+  const vector_injection_t *j = v->injection;
+  const bool every = vector_injects(v) && j->settings.error.method == INJECTION_SEPARATOR && !j->wanted;
+  return every ? &j->single : &v->plant;
 }
 
 void vector_design(vector_t *v) {
@@ -167,7 +186,7 @@ void vector_design(vector_t *v) {
       v->report.voltage_v_q25 = voltage_v_q25;
       v->report.motor_q17 = (int32_t)complex_abs(v->report.vector.current_i_q17);
     }
-    v->regulated = vector_injects(v) ? vector_injection_plant(v) : &v->plant;
+    v->regulated = vector_present_plant(v);
     spare->speed_turn_q36 = v->report.vector.speed_turn_q36;
     vector_model(&v->model, v->regulated, spare->speed_turn_q36);
   } else if (stage == 1u) {
@@ -179,7 +198,9 @@ void vector_design(vector_t *v) {
   } else if (stage == 2u) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
   } else if (vector_injects(v)) {
-    v->fits = vector_injection_design(v) && v->fits;
+    vector_model(&v->model, &v->injection->third, v->report.vector.speed_turn_q36);
+    v->fits = regulator_design(&v->injection->third_gains, &v->regulator_order, &v->injection->third.machine, &v->model) &&
+              v->fits;
   }
   __atomic_signal_fence(__ATOMIC_RELEASE);
   v->finished = v->fits && stage == v->stages - 1u;
@@ -189,15 +210,17 @@ void vector_design(vector_t *v) {
 COLD void vector_take_design(vector_t *v) {
   vector_command_t *command = &v->command;
   v->used = 1u - v->used;
-  const regulator_gains_t *gains = &v->design[v->used].regulator;
-  command->gains.gain[0] = gains->g;
-  command->gains.hold[0] = gains->h;
-  command->gains.ratio_q17[0] = gains->ratio_q17;
-  command->gains.shift[0] = (uint32_t)gains->shift;
-  command->gains.band_i_q17 = v->band_i_q17;
+  current_gains(command, 0, &v->design[v->used].regulator);
   if (vector_injects(v)) {
-    vector_injection_take_design(v);
+    current_gains(command, 1, &v->injection->third_gains);
   }
-  command->gains.fresh = true;
+  current_band(command, v->band_i_q17);
   v->finished = false;
+}
+
+COLD void vector_first_design(vector_t *v) {
+  for (uint32_t k = 0; k < v->stages; k++) {
+    vector_design(v);
+  }
+  v->design[0] = v->design[1];
 }

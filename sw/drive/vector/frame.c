@@ -5,6 +5,7 @@
 #include "control/placement.h"
 #include "control/trig.h"
 #include "control/vector_speed.h"
+#include "drive/vector/current.h"
 #include "drive/vector/injected.h"
 #include "drive/vector/parts.h"
 
@@ -12,7 +13,6 @@
 #define CHANGE_MAX_Q32 (1 << 22)
 
 COLD void vector_frame_off(vector_t *v) {
-  vector_command_t *command = &v->command;
   v->frame = FRAME_OFF;
   v->report.vector.speed_turn_q36 = 0;
   v->correct_q32 = 0;
@@ -21,9 +21,7 @@ COLD void vector_frame_off(vector_t *v) {
   v->state_v_q25 = (complex_t){0, 0};
   v->late_v_q25 = (complex_t){0, 0};
   v->suspicion = 0;
-  command->control.enable = false;
-  command->control.regulate[0] = false;
-  command->preset_v_q17[0] = (complex_t){0, 0};
+  current_off(&v->command);
   if (vector_injects(v)) {
     vector_injection_off(v);
   }
@@ -42,8 +40,7 @@ COLD outcome_t vector_begin(vector_t *v) {
   v->frame = FRAME_FORCED;
   v->brake_i_q25 = 0;
   v->report.gates = true;
-  v->command.control.enable = true;
-  v->command.control.regulate[0] = true;
+  current_on(&v->command);
   v->report.phase = START_ALIGN;
   return outcome_of(EVENT_STAY);
 }
@@ -61,7 +58,7 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32) {
   v->report.vector.speed_turn_q36 = speed_turn_q36;
   v->direction = (speed_turn_q36 < 0) ? -1 : 1;
   const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
-  v->command.preset_v_q17[0] = to_q17(emf_v_q25);
+  current_preset(&v->command, 0, emf_v_q25);
   v->reference_i_q25 = (complex_t){0, 0};
   v->goal_i_q25 = 0;
   v->weakening.current_i_q30 = 0;
@@ -91,7 +88,7 @@ COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   v->brake_i_q25 = v->settings->brake_limit_i_q25;
   vector_speed_preset(&v->speed, &v->speed_gains, v->report.vector.speed_turn_q36, v->report.vector.speed_turn_q36, 0);
   v->report.gates = true;
-  v->command.control.enable = true;
+  current_on(&v->command);
   v->report.catches++;
   v->report.phase = START_HAND_OVER;
 }
@@ -105,7 +102,7 @@ COLD static void turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t turn
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
   v->goal_i_q25 = v->reference_i_q25.re;
   v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation);
-  v->command.preset_v_q17[0] = to_q17(complex_mul_q30(in->vector.u_v_q25[0], rotation));
+  current_preset(&v->command, 0, complex_mul_q30(in->vector.u_v_q25[0], rotation));
 }
 
 COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {

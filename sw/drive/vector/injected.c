@@ -8,12 +8,11 @@
 #include "control/regulator_design.h"
 #include "control/trig.h"
 #include "control/vector_speed.h"
+#include "drive/vector/current.h"
 #include "drive/vector/parts.h"
 
 // Results until sums hold nothing from before the wave.
 #define FIRST_RESULTS 3u
-// Share of the circle that subspace 3 may have.
-#define THIRD_SHARE_SHIFT 2
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
 // Results of a wave that is there again until they count, over those that are left out where a frame was turned.
@@ -84,46 +83,13 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
   s->third_q16 = p->injection_third_q16;
 }
 
-COLD void vector_injection_init(vector_t *v, vector_machine_t *machine) {
+COLD void vector_injection_init(vector_t *v, const vector_machine_t *machine) {
   static vector_injection_t only;
-  const parameters_t *p = v->p;
   vector_injection_t *j = &only;
   __builtin_memset(j, 0, sizeof *j);
   v->injection = j;
   load_settings(&j->settings, v);
   j->settings.machine = *machine;
-  vector_machine_t third = *machine;
-  third.resistance_q30 = (uint32_t)p->injection_third_resistance_q30;
-  third.admittance = p->injection_third_admittance;
-  third.impedance = p->injection_third_impedance;
-  third.harmonic = 3;
-  vector_plant(&j->third, &third);
-  if (j->settings.error.method == INJECTION_SEPARATOR) {
-    vector_plant(&j->single, machine);
-    vector_machine_join(machine, 2);
-    machine->resistance_q30 *= 2u;
-  }
-}
-
-const vector_plant_t *vector_injection_plant(const vector_t *v) {
-  const vector_injection_t *j = v->injection;
-  const bool every = j->settings.error.method == INJECTION_SEPARATOR && !j->wanted;
-  return every ? &j->single : &v->plant;
-}
-
-bool vector_injection_design(vector_t *v) {
-  vector_injection_t *j = v->injection;
-  vector_model(&v->model, &j->third, v->report.vector.speed_turn_q36);
-  return regulator_design(&j->third_gains, &v->regulator_order, &j->third.machine, &v->model);
-}
-
-COLD void vector_injection_take_design(vector_t *v) {
-  const regulator_gains_t *gains = &v->injection->third_gains;
-  vector_command_t *command = &v->command;
-  command->gains.gain[1] = gains->g;
-  command->gains.hold[1] = gains->h;
-  command->gains.ratio_q17[1] = gains->ratio_q17;
-  command->gains.shift[1] = (uint32_t)gains->shift;
 }
 
 COLD outcome_t vector_injection_begin(vector_t *v) {
@@ -142,27 +108,17 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->observing = false;
   v->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
-  v->command.injection.clear = true;
+  current_wave_anew(&v->command);
   v->frame = FRAME_INJECTED;
   ramp_preset(&v->ramp, 0);
   v->report.gates = true;
-  v->command.control.enable = true;
+  current_on(&v->command);
   v->report.phase = START_SEARCH;
   return refused;
 }
 
 COLD void vector_injection_off(vector_t *v) {
-  vector_command_t *command = &v->command;
-  const complex_t zero = {0, 0};
-  command->injection.inject = false;
-  command->injection.fresh = true;
-  command->forward.fresh = true;
-  for (uint32_t s = 0; s < SUBSPACES; s++) {
-    command->control.regulate[s] = false;
-    command->preset_v_q17[s] = zero;
-    command->forward.v_q17[s] = zero;
-    command->reference.i_q17[s] = zero;
-  }
+  current_wave_off(&v->command);
   v->injection->injecting = false;
   v->injection->wanted = false;
   v->design_waits = false;
@@ -188,7 +144,7 @@ HOT static void observe_emf(vector_t *v, const chip_vector_snapshot_t *in) {
   vector_injection_t *j = v->injection;
   const bool fast = hands_over(v->p) && abs_sat(v->report.vector.speed_turn_q36) > v->p->vector_back_turn_q36 / 2;
   if (fast && j->observing) {
-    vector_observe(v, in);
+    vector_observe_injected(v, in);
   } else if (fast) {
     v->forward_v_q17 = v->command.forward.v_q17[0];
     const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
@@ -270,7 +226,7 @@ HOT static bool gains_ready(vector_t *v) {
   if (!v->design_waits) {
     return true;
   }
-  const bool meant = v->regulated == vector_injection_plant(v);
+  const bool meant = v->regulated == vector_present_plant(v);
   v->finished = v->finished && meant;
   return v->finished;
 }
@@ -279,7 +235,6 @@ HOT static bool gains_ready(vector_t *v) {
 // changes into its state, held for a tick. The set acts two steps from here.
 HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
   vector_injection_t *j = v->injection;
-  vector_command_t *c = &v->command;
   const complex_t mean_v_q25 = mean_state_v_q25(j, v->order->tick, state_v_q25);
   const complex_t before_v_q25 = j->forward_v_q25;
   const complex_t none = {0, 0};
@@ -292,7 +247,7 @@ HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen,
   j->forward = v->holding ? j->wanted : j->forward;
   j->forward_v_q25 = j->forward ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
   if (v->holding) {
-    c->preset_v_q17[0] = to_q17(complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
+    current_preset(&v->command, 0, complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
     j->taken_in = WAVE_AFTER;
     if (v->design_waits) {
       vector_take_design(v);
@@ -375,42 +330,27 @@ HOT void vector_injection_report(vector_t *v) {
   r->injection_q16[3] = (uint32_t)j->frame.handover.share_q16;
 }
 
-HOT void vector_injection_limits(vector_t *v) {
-  vector_command_t *command = &v->command;
-  const vector_injection_t *j = v->injection;
-  const uint32_t circle_v_q17 = command->limits.v_q17[0];
-  command->limits.lead_q32 = j->command.lead_q32;
-  if (j->injecting) {
-    command->limits.v_q17[0] = (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, v->p->injection_v_q17);
-  }
-  if (SUBSPACES > 1) {
-    command->limits.v_q17[1] = circle_v_q17 >> THIRD_SHARE_SHIFT;
-  }
+HOT uint32_t vector_injection_circle(const vector_t *v, uint32_t circle_v_q17) {
+  return v->injection->injecting ? (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, v->p->injection_v_q17)
+                                 : circle_v_q17;
 }
 
 HOT void vector_injection_command(vector_t *v) {
   vector_injection_t *j = v->injection;
   vector_command_t *c = &v->command;
-  c->forward.v_q17[0] = to_q17(j->forward_v_q25);
-  c->forward.fresh = true;
+  const bool inject = j->command.inject;
+  current_forward(c, 0, to_q17(j->forward_v_q25));
   if (SUBSPACES > 1) {
     const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->injection_third_flux)};
-    c->forward.v_q17[1] = to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30));
-    c->reference.i_q17[1] = to_q17(j->command.reference_i_q25[1]);
-    c->reference.fresh = true;
-    const bool whole = j->open.open == 0u;
-    if (c->control.regulate[1] != whole) {
-      c->control.regulate[1] = whole;
-      c->control.fresh = true;
-    }
+    current_forward(c, 1, to_q17(complex_mul_q30(emf_v_q25, j->frame.third_turn_q30)));
+    current_second(c, to_q17(j->command.reference_i_q25[1]), j->open.open == 0u);
   }
-  c->injection.inject = j->command.inject;
-  c->injection.fresh = c->injection.fresh || c->injection.inject != j->injecting;
+  current_wave(c, inject, inject != j->injecting);
   // At the start the filters' time to settle is more.
-  if (c->injection.inject && !j->injecting && j->left_out < FIRST_RESULTS) {
+  if (inject && !j->injecting && j->left_out < FIRST_RESULTS) {
     j->left_out = FIRST_RESULTS;
   }
-  j->injecting = c->injection.inject;
+  j->injecting = inject;
 }
 
 SMALL_CODE_END

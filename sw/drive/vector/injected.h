@@ -52,17 +52,8 @@ typedef struct {
   open_phase_t open;
 } vector_injection_t;
 
-// With an injection in the parameters: its settings, and `machine` as the regulators of subspace 1 are to know it.
-void vector_injection_init(vector_t *v, vector_machine_t *machine);
-
-// Subspace 1 as its regulators are to know it now.
-const vector_plant_t *vector_injection_plant(const vector_t *v);
-
-// Gains of subspace 3 for the present speed, in the deferred interrupt. False: they do not fit. About 2500 clocks.
-bool vector_injection_design(vector_t *v);
-
-// Those, to the chip.
-void vector_injection_take_design(vector_t *v);
+// With an injection in the parameters: its settings, for this machine.
+void vector_injection_init(vector_t *v, const vector_machine_t *machine);
 
 // The rotor is at rest: switch on and search.
 outcome_t vector_injection_begin(vector_t *v);
@@ -82,8 +73,8 @@ outcome_t vector_open_phase_refuses(vector_t *v);
 // Current limit with the phases there are.
 int32_t vector_open_phase_limit_i_q25(const vector_t *v);
 
-// What the wave leaves of the voltage circle, circle of subspace 3, lead.
-void vector_injection_limits(vector_t *v);
+// What the wave leaves of the voltage circle.
+uint32_t vector_injection_circle(const vector_t *v, uint32_t circle_v_q17);
 
 // What others may know of it.
 void vector_injection_report(vector_t *v);

@@ -13,6 +13,7 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "drive/vector/injected.h"
+#include "drive/vector/current.h"
 #include "drive/vector/parts.h"
 
 #define SHARE_Q16 9830u               // 0.15 of the amplitude
@@ -35,7 +36,7 @@ COLD static outcome_t found(vector_t *v) {
   if (PHASES != 5 || !by_emf || several(v->injection->open.open)) {
     return stop(v);
   }
-  v->command.preset_v_q17[1] = (complex_t){0, 0};
+  current_preset(&v->command, 1, (complex_t){0, 0});
   return outcome_passing(outcome_of(EVENT_STAY), FAULT_OPEN_PHASE);
 }
 

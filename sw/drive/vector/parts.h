@@ -44,8 +44,18 @@ static inline bool has_encoder(const vector_t *v) { return v->p->encoder_quarter
 // Electrical angle of the rotor by the encoder.
 static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
 
-// Constants from the parameters, gains for standstill.
+// The machine of one sample.
+vector_machine_t vector_machine(const parameters_t *p);
+
+// Constants from the parameters; then the gains for standstill.
 void vector_constants(vector_t *v);
+void vector_first_design(vector_t *v);
+
+// Subspace 1 as its regulators are to know it now.
+const vector_plant_t *vector_present_plant(const vector_t *v);
+
+// 1 / count, kept.
+int32_t vector_share_of(share_t *share, uint32_t count);
 
 // A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
 // when the regulator's voltage is the EMF. False: slower than the hand-over, or
@@ -60,6 +70,8 @@ void vector_frame_off(vector_t *v);
 
 // One sample of the EMF observer, then the turn of the set that the chip has taken.
 void vector_observe(vector_t *v, const chip_vector_snapshot_t *in);
+// The same, of a drive with injection.
+void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in);
 
 // The design that waits, to the chip.
 void vector_take_design(vector_t *v);

@@ -11,14 +11,12 @@
 #include "control/speed.h"
 #include "control/trig.h"
 #include "control/vector_speed.h"
+#include "drive/vector/current.h"
 #include "drive/vector/parts.h"
 
 #define ONE_OVER_SQRT3_Q16 37837
-#define HALF_PI_Q30 1686629713
-// Turns below it, 1.4 degrees: the first term of the series is enough.
-#define SMALL_TURN_Q32 (1 << 24)
-#define SCALE_BITS 17u
-#define SCALE_SHIFT_MAX 31
+// Share of the circle that subspace 3 may have.
+#define THIRD_SHARE_SHIFT 2
 #define REST_PARTS 64
 // The field weakening leaves 0.95 of the largest voltage.
 #define WEAKENING_SHARE_Q16 62259
@@ -29,15 +27,6 @@ static int32_t current_limit_i_q25(const vector_t *v) { return v->settings->curr
 HOT static bool descending(const vector_t *v, const order_t *order, const settings_t *settings) {
   return order->state == STATE_STOPPING || (settings->target_rpm < 0 && v->direction > 0) ||
          (settings->target_rpm > 0 && v->direction < 0);
-}
-
-// 1 / count, which seldom changes.
-HOT static int32_t share_of(share_t *share, uint32_t count) {
-  if (count != share->count) {
-    share->count = count;
-    share->share_q30 = (int32_t)((uint32_t)ONE_Q30 / count);
-  }
-  return share->share_q30;
 }
 
 HOT static int32_t share(int32_t sum, int32_t share_q30) {
@@ -52,7 +41,7 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
   report->silent_ticks = (in->sample_number == m->last_sample) ? report->silent_ticks + 1u : 0u;
   m->last_sample = in->sample_number;
   if (in->sum_count > 0u) {
-    const int32_t share_q30 = share_of(&v->sums, in->sum_count);
+    const int32_t share_q30 = vector_share_of(&v->sums, in->sum_count);
     report->vdc_v_q25 = clamp_i32(share(in->vdc_sum_q17, share_q30), 0, SAMPLE_MAX_Q17) * 256;
     const int32_t idc_q17 = clamp_i32(share(in->idc_sum_q17, share_q30), -FULL_Q17, SAMPLE_MAX_Q17);
     report->idc_mean_q17 = idc_q17;
@@ -60,63 +49,6 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
     report->idc_q17 = m->idc_filter_q25 >> 8;
   }
 }
-
-HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
-  return (int32_t)(((int64_t)sum_v_q17 * share_q30) >> 22);
-}
-
-// Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
-// them. The observer kept that first one.
-HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
-  const int32_t share_q30 = share_of(&v->steps, (in->steps > 0u) ? in->steps : 1u);
-  const complex_t first_v_q17 = to_q17(v->observer.voltage_v_q25);
-  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], first_v_q17), in->v_q17[0]);
-  return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
-}
-
-// The regulator's state is the voltage without what goes forward.
-HOT static complex_t acting_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
-  const complex_t forward_v_q17 = v->forward_v_q17;
-  const complex_t forward_v_q25 = {forward_v_q17.re * 256, forward_v_q17.im * 256};
-  return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), v->late_v_q25);
-}
-
-// Turn of the frame in a tick beyond the one that the observer's coefficients were made for, which are up to 6 ms old.
-HOT static int32_t drift_rad_q32(const vector_t *v, const vector_design_t *design) {
-  const int32_t drift_turn_q36 = v->report.vector.speed_turn_q36 - design->speed_turn_q36;
-  return within_i32(drift_turn_q36, v->drift_most_turn_q36) * v->drift_rad_q32;
-}
-
-INLINED static void observe(vector_t *v, const chip_vector_snapshot_t *in) {
-  const vector_design_t *design = &v->design[v->used];
-  const emf_observer_gains_t *gains = &design->observer;
-  const int32_t drift_q32 = drift_rad_q32(v, design);
-  if (v->p->vector_tick_samples > 1) {
-    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
-    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
-    v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
-  } else {
-    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
-    emf_observer_voltage(&v->observer, gains, acting_v_q25(v, in));
-  }
-  if (!in->taken) {
-    return;
-  }
-  const int32_t turn_q32 = v->correct_q32;
-  if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
-    emf_observer_turn_small(&v->observer, mul_high_i32(turn_q32 * 16, HALF_PI_Q30));
-  } else {
-    const complex_t rotation = rotation_q30(turn_q32);
-    emf_observer_turn(&v->observer, rotation);
-  }
-  v->forward_v_q17 = v->command.forward.v_q17[0];
-  v->frame_turn_q32 += (uint32_t)turn_q32;
-  v->correct_q32 = 0;
-  v->holding = false;
-}
-
-// Of a drive with injection; the control step without one has its own copy.
-SHARED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) { observe(v, in); }
 
 HOT static void read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
   v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->report.vector.speed_turn_q36);
@@ -178,28 +110,16 @@ HOT static void weaken_field(vector_t *v, complex_t voltage_v_q25) {
 // Voltage circle and the modulator's scale for the DC link of now, braking current.
 HOT static void apply_limits(vector_t *v) {
   const parameters_t *p = v->p;
-  vector_command_t *command = &v->command;
   const int32_t vdc = v->report.vdc_v_q25;
   const int32_t circle_v_q25 = mul_q16(mul_q16(vdc, ONE_OVER_SQRT3_Q16), p->vector_circle_q16);
-  command->limits.v_q17[0] = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, SAMPLE_MAX_Q17);
-  v->brake_i_q25 = brake_current(v->brake_i_q25, v->settings->brake_limit_i_q25, vdc, p->brake_vdc_v_q25,
-                                     p->brake_range);
-  command->limits.fresh = true;
-  command->limits.lead_q32 = vector_lead_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
-  if (vector_injects(v)) {
-    vector_injection_limits(v);
-  }
-  // scale = mant 2^-shift / vdc, to 15 bits or more; the measured voltage has 17. Rounded down: a voltage is never too
-  // large by it.
-  const uint32_t vdc_q17 = (vdc > 256) ? (uint32_t)vdc >> 8 : 1u;
-  uint32_t scale = ((uint32_t)p->vector_scale_v.mant << 1) / vdc_q17;
-  int32_t shift = p->vector_scale_v.shift + 9;
-  while (scale >> SCALE_BITS != 0u || shift > SCALE_SHIFT_MAX) {
-    scale >>= 1;
-    shift--;
-  }
-  command->limits.scale = scale;
-  command->limits.scale_shift = (uint32_t)((shift > 1) ? shift : 1);
+  const uint32_t circle_v_q17 = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, SAMPLE_MAX_Q17);
+  v->brake_i_q25 =
+      brake_current(v->brake_i_q25, v->settings->brake_limit_i_q25, vdc, p->brake_vdc_v_q25, p->brake_range);
+  const int32_t lead_q32 = vector_injects(v)
+                               ? v->injection->command.lead_q32
+                               : vector_lead_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
+  const uint32_t first_v_q17 = vector_injects(v) ? vector_injection_circle(v, circle_v_q17) : circle_v_q17;
+  current_limits(&v->command, first_v_q17, circle_v_q17 >> THIRD_SHARE_SHIFT, lead_q32, p->vector_scale_v, vdc);
 }
 
 // Observed and encoder angle side by side, steps that the encoder lost.
@@ -336,19 +256,9 @@ HOT static void stage_direct(vector_t *v, const vector_command_t *c) {
 }
 
 HOT static void command_frame(vector_t *v, const order_t *order) {
-  vector_command_t *c = &v->command;
-  c->omega_turn_q36 = v->report.vector.speed_turn_q36;
-  c->correct_q32 = v->correct_q32;
-  const complex_t reference_i_q17 = to_q17(v->reference_i_q25);
-  if (reference_i_q17.re != c->reference.i_q17[0].re || reference_i_q17.im != c->reference.i_q17[0].im) {
-    c->reference.i_q17[0] = reference_i_q17;
-    c->reference.fresh = true;
-  }
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
-  if (regulate != c->control.regulate[0] || v->frame == FRAME_OFF || order->state == STATE_STARTING) {
-    c->control.regulate[0] = regulate;
-    c->control.fresh = true;
-  }
+  current_frame(&v->command, v->report.vector.speed_turn_q36, v->correct_q32, to_q17(v->reference_i_q25), regulate,
+                v->frame == FRAME_OFF || order->state == STATE_STARTING);
   if (vector_frame_is_injected(v)) {
     vector_injection_command(v);
   }
@@ -393,7 +303,16 @@ COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, 
   v->order = order;
   v->settings = settings;
   v->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
+  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
+                               p->vector_speed_max_turn_q36};
+  if (p->injection != 0 && (HELD & HELD_INJECTION) != 0) {
+    const vector_machine_t machine = vector_machine(p);
+    vector_injection_init(v, &machine);
+  }
   vector_constants(v);
+  current_look(&v->command, true, false, true);
+  vector_frame_off(v);
+  vector_first_design(v);
   v->report.period_cycles = (uint32_t)p->carrier_longest_cycles;
   static const int32_t no_sectors[SECTORS];
   v->report.six_step.threshold_q17 = no_sectors;
@@ -453,21 +372,18 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
   if (vector_frame_is_injected(v)) {
     return vector_injection_step(v, in);
   }
-  observe(v, &in->vector);
+  vector_observe(v, &in->vector);
   return (v->frame == FRAME_FORCED) ? vector_forced_step(v, in) : observed_step(v, in, order, settings);
 }
 
 INLINED void vector_finish(vector_t *v, const order_t *order) {
   vector_command_t *c = &v->command;
   const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
-  c->look.slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
-  if (c->look.slow) {
-    c->look.currents = vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
-  }
-  c->look.steps = v->p->vector_tick_samples > 1 || c->look.slow || next == GROUP_SPEED;
+  const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
+  const bool currents = slow && (vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
+  current_look(c, slow, currents, v->p->vector_tick_samples > 1 || slow || next == GROUP_SPEED);
   if (order->state != STATE_RUNNING || order->state_ticks == 0u) {
-    c->tick.fresh = true;
-    c->tick.by_samples = order->state != STATE_INIT && order->state != STATE_FAULT;
+    current_tick(c, order->state != STATE_INIT && order->state != STATE_FAULT);
   }
   command_frame(v, order);
   if (v->p->vector_direct != 0) {

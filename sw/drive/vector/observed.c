@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "control/fixed.h"
+#include "control/placement.h"
+#include "control/trig.h"
+#include "drive/vector/parts.h"
+
+#define HALF_PI_Q30 1686629713
+// Turns below it, 1.4 degrees: the first term of the series is enough.
+#define SMALL_TURN_Q32 (1 << 24)
+
+// 1 / count, which seldom changes.
+HOT int32_t vector_share_of(share_t *share, uint32_t count) {
+  if (count != share->count) {
+    share->count = count;
+    share->share_q30 = (int32_t)((uint32_t)ONE_Q30 / count);
+  }
+  return share->share_q30;
+}
+
+HOT static int32_t share_v_q25(int32_t sum_v_q17, int32_t share_q30) {
+  return (int32_t)(((int64_t)sum_v_q17 * share_q30) >> 22);
+}
+
+// Mean of the voltages that acted since the last tick, the first of which came before it, the newest not being among
+// them. The observer kept that first one.
+HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
+  const int32_t share_q30 = vector_share_of(&v->steps, (in->steps > 0u) ? in->steps : 1u);
+  const complex_t first_v_q17 = to_q17(v->observer.voltage_v_q25);
+  const complex_t sum = complex_sub(complex_add(in->v_sum_q17[0], first_v_q17), in->v_q17[0]);
+  return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
+}
+
+// The regulator's state is the voltage without what goes forward.
+HOT static complex_t acting_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
+  const complex_t forward_v_q17 = v->forward_v_q17;
+  const complex_t forward_v_q25 = {forward_v_q17.re * 256, forward_v_q17.im * 256};
+  return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), v->late_v_q25);
+}
+
+// Turn of the frame in a tick beyond the one that the observer's coefficients were made for, which are up to 6 ms old.
+HOT static int32_t drift_rad_q32(const vector_t *v, const vector_design_t *design) {
+  const int32_t drift_turn_q36 = v->report.vector.speed_turn_q36 - design->speed_turn_q36;
+  return within_i32(drift_turn_q36, v->drift_most_turn_q36) * v->drift_rad_q32;
+}
+
+INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
+  const vector_design_t *design = &v->design[v->used];
+  const emf_observer_gains_t *gains = &design->observer;
+  const int32_t drift_q32 = drift_rad_q32(v, design);
+  if (v->p->vector_tick_samples > 1) {
+    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
+    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
+    v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
+  } else {
+    emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
+    emf_observer_voltage(&v->observer, gains, acting_v_q25(v, in));
+  }
+  if (!in->taken) {
+    return;
+  }
+  const int32_t turn_q32 = v->correct_q32;
+  if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
+    emf_observer_turn_small(&v->observer, mul_high_i32(turn_q32 * 16, HALF_PI_Q30));
+  } else {
+    const complex_t rotation = rotation_q30(turn_q32);
+    emf_observer_turn(&v->observer, rotation);
+  }
+  v->forward_v_q17 = v->command.forward.v_q17[0];
+  v->frame_turn_q32 += (uint32_t)turn_q32;
+  v->correct_q32 = 0;
+  v->holding = false;
+}
+
+// Of a drive with injection; the control step without one has its own copy.
+SHARED void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in) { vector_observe(v, in); }
