@@ -55,8 +55,7 @@ static void await_tick(void) {
 
 // The set takes effect at the next tick.
 static void commit(vector_command_t *command) {
-  command->control.fresh = true;
-  command->reference.fresh = true;
+  command->fresh |= FRESH_CONTROL | FRESH_REFERENCE;
   chip_write_vector(command, &parameters);
   await_tick();
 }
@@ -113,13 +112,12 @@ int main(void) {
   guard_command_t guard = {.enable = true};
   vector_command_t command = {.omega_turn_q36 = table->omega_turn_q36};
   vector_command_t *v = &command;
-  v->preset_v_q17[0] = table->preset_v_q17;
+  v->control.preset_v_q17[0] = table->preset_v_q17;
   v->limits.v_q17[0] = table->limit_v_q17;
   v->gains.band_i_q17 = table->band_i_q17;
   v->limits.scale = table->scale;
   v->limits.scale_shift = table->scale_shift;
-  v->gains.fresh = true;
-  v->limits.fresh = true;
+  v->fresh = FRESH_GAINS | FRESH_LIMITS;
   v->look.slow = true;
   design(v);
   last_tick = chip_tick_time();
@@ -129,7 +127,7 @@ int main(void) {
   // Samples come: from here on a tick a sample.
   await_tick();
   await_tick();
-  command.tick.fresh = true;
+  command.fresh |= FRESH_TICK;
   v->tick.by_samples = true;
   commit(&command);
   await_tick();

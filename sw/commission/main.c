@@ -53,7 +53,7 @@ static void control_step(void) {
   chip_read_vector(&in, command, p);
   if (!by_samples && booted(&in)) {
     by_samples = true;
-    command->tick.fresh = true;
+    command->fresh |= FRESH_TICK;
     command->tick.by_samples = true;
   }
   segment_step(&segment, &in);

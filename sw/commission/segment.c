@@ -72,14 +72,14 @@ static void drive_current(segment_t *segment) {
   c->gains.gain[0] = (complex_t){set->gain.re, (int32_t)(((int64_t)omega_turn_q36 * set->cross_q30) >> 30)};
   c->gains.hold[0] = (complex_t){set->gain.im, 0};
   c->gains.shift[0] = set->shift;
-  c->gains.fresh = true;
+  c->fresh |= FRESH_GAINS;
 }
 
 static void drive_voltage(segment_t *segment) {
   const segment_settings_t *set = &segment->set;
   vector_command_t *c = &segment->command;
   c->control.regulate[0] = false;
-  c->preset_v_q17[0] = signed_sum(set->voltage_v_q17, set->alternate_v_q17, segment->tick % 4u >= 2u);
+  c->control.preset_v_q17[0] = signed_sum(set->voltage_v_q17, set->alternate_v_q17, segment->tick % 4u >= 2u);
 }
 
 void segment_step(segment_t *segment, const chip_snapshot_t *in) {
@@ -99,13 +99,11 @@ void segment_step(segment_t *segment, const chip_snapshot_t *in) {
   c->omega_turn_q36 = segment->omega_turn_q44 >> 8;
   c->limits.lead_q32 = (int32_t)(((int64_t)c->omega_turn_q36 * segment->lead_cycles) >> 4);
   c->correct_q32 = segment->turn_q32;
-  c->control.fresh = true;
-  c->reference.fresh = true;
+  c->fresh |= FRESH_CONTROL | FRESH_REFERENCE | FRESH_LIMITS;
   segment->turn_q32 = 0;
   c->limits.scale = set->scale;
   c->limits.scale_shift = set->scale_shift;
   c->limits.v_q17[0] = set->limit_v_q17;
-  c->limits.fresh = true;
   if (on && set->mode == SEGMENT_CURRENT) {
     drive_current(segment);
   } else {

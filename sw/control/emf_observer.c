@@ -21,9 +21,9 @@ static inline int32_t high_im(complex_t a, complex_t b) { return mul_high_i32(a.
 
 static inline complex_t fine(complex_t z, int32_t bits) { return (complex_t){z.re * (1 << bits), z.im * (1 << bits)}; }
 
-// x * 2^-down, rounded half up; also for negative ones, where it is limited.
-static inline int32_t shifted(int32_t x, int32_t down, int32_t most) {
-  if (down > 0) {
+// x * 2^-down, rounded half up. wide: also for negative ones, where it is limited.
+static inline int32_t shifted(int32_t x, int32_t down, int32_t most, bool wide) {
+  if (!wide || down > 0) {
     return ((x >> (down - 1)) + 1) >> 1;
   }
   const int32_t bound = most >> -down;
@@ -63,6 +63,7 @@ COLD void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_
   gains->shift = shift + VOLTAGE_BITS - 32;
   // 2 bits up to an admittance of 1/2, 4 from 1 on.
   gains->emf_bits = clamp_i32(33 - gamma_shift, 2, 4);
+  gains->wide = gains->shift <= 0 || gains->emf_shift <= 0;
 }
 
 void emf_observer_preset(emf_observer_t *observer, complex_t current_i_q17, complex_t emf_v_q25,
@@ -85,8 +86,8 @@ INLINED void emf_observer_turn_small(emf_observer_t *observer, int32_t turn_rad_
 }
 
 // Products are rounded down; those that are not subtracted from each other would add up to a bias.
-INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
-                               int32_t drift_rad_q32) {
+INLINED static void predict(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                            int32_t drift_rad_q32, bool wide) {
   const complex_t current = {current_i_q17.re * 256, current_i_q17.im * 256};
   const complex_t measured = turned(fine(current, MEASURED_BITS), drift_rad_q32);
   const complex_t error = fine(complex_sub(current, observer->current_i_q25), ERROR_BITS);
@@ -100,19 +101,46 @@ INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gain
   const int32_t own_im = high_im(measured, gains->phi_q30) + 2 * mul_high_i32(error.im, gains->innovation_q30) + 2;
   const int32_t driven_re = high_re(before, gains->gamma2) + high_re(emf, gains->gamma_e) * emf_weight;
   const int32_t driven_im = high_im(before, gains->gamma2) + 1 + (high_im(emf, gains->gamma_e) + 1) * emf_weight;
-  const int32_t re = ((own_re + 2) >> 2) + shifted(driven_re, gains->shift, CURRENT_MAX);
-  const int32_t im = ((own_im + 2) >> 2) + shifted(driven_im, gains->shift, CURRENT_MAX);
+  const int32_t re = ((own_re + 2) >> 2) + shifted(driven_re, gains->shift, CURRENT_MAX, wide);
+  const int32_t im = ((own_im + 2) >> 2) + shifted(driven_im, gains->shift, CURRENT_MAX, wide);
   observer->current_i_q25 = (complex_t){within_i32(re, CURRENT_MAX), within_i32(im, CURRENT_MAX)};
-  const int32_t change_re = shifted(high_re(error, gains->emf_gain), gains->emf_shift, emf_most);
-  const int32_t change_im = shifted(high_im(error, gains->emf_gain) + 1, gains->emf_shift, emf_most);
+  const int32_t change_re = shifted(high_re(error, gains->emf_gain), gains->emf_shift, emf_most, wide);
+  const int32_t change_im = shifted(high_im(error, gains->emf_gain) + 1, gains->emf_shift, emf_most, wide);
   observer->emf_v_q25 = (complex_t){within_i32(old.re + change_re, emf_most), within_i32(old.im + change_im, emf_most)};
 }
 
-INLINED void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
+INLINED static void drive(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25, bool wide) {
   const complex_t now = fine(voltage_v_q25, VOLTAGE_BITS);
   const complex_t current = observer->current_i_q25;
-  const int32_t re = current.re + shifted(high_re(now, gains->gamma1), gains->shift, CURRENT_MAX);
-  const int32_t im = current.im + shifted(high_im(now, gains->gamma1) + 1, gains->shift, CURRENT_MAX);
+  const int32_t re = current.re + shifted(high_re(now, gains->gamma1), gains->shift, CURRENT_MAX, wide);
+  const int32_t im = current.im + shifted(high_im(now, gains->gamma1) + 1, gains->shift, CURRENT_MAX, wide);
   observer->current_i_q25 = (complex_t){within_i32(re, CURRENT_MAX), within_i32(im, CURRENT_MAX)};
   observer->voltage_v_q25 = voltage_v_q25;
+}
+
+// Where little voltage makes much current: one branch keeps it out of the usual way.
+SHARED static void predict_wide(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                                int32_t drift_rad_q32) {
+  predict(observer, gains, current_i_q17, drift_rad_q32, true);
+}
+
+SHARED static void drive_wide(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
+  drive(observer, gains, voltage_v_q25, true);
+}
+
+INLINED void emf_observer_step(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t current_i_q17,
+                               int32_t drift_rad_q32) {
+  if (__builtin_expect(gains->wide, 0)) {
+    predict_wide(observer, gains, current_i_q17, drift_rad_q32);
+  } else {
+    predict(observer, gains, current_i_q17, drift_rad_q32, false);
+  }
+}
+
+INLINED void emf_observer_voltage(emf_observer_t *observer, const emf_observer_gains_t *gains, complex_t voltage_v_q25) {
+  if (__builtin_expect(gains->wide, 0)) {
+    drive_wide(observer, gains, voltage_v_q25);
+  } else {
+    drive(observer, gains, voltage_v_q25, false);
+  }
 }

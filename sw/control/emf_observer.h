@@ -17,6 +17,7 @@
 #ifndef FL_EMF_OBSERVER_H
 #define FL_EMF_OBSERVER_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "control/complex_fixed.h"
@@ -40,6 +41,7 @@ typedef struct {
   complex_t emf_gain;  // G2
   int32_t emf_shift;
   int32_t emf_bits;  // below q25, of the EMF
+  bool wide;  // a shift goes the other way
 } emf_observer_gains_t;
 
 // Gains at the speed of the model; poles 0..1. They keep 24 bits up to an admittance of 64. About 1150 clocks: not at

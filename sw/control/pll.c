@@ -11,17 +11,15 @@
 #define NEAR_Q32 ((uint64_t)1 << 26)
 #define TURN_MASK_Q36 (((uint64_t)1 << 36) - 1u)
 
-// Rounded half up, on 32-bit halves: a 64-bit shift by a variable costs three times as much.
+// x g from the product's upper half: what the lower one would add is less than 2^-28 of an error of 1.
 static inline int64_t scale(int32_t x, gain_t g) {
-  const int64_t product = (int64_t)x * g.mant;
-  const int32_t high = (int32_t)(product >> 32);
+  const int32_t high = mul_high_i32(x, g.mant);
   if (g.shift > 32) {
     return ((high >> (g.shift - 33)) + 1) >> 1;
   }
-  const int64_t rounded = product + (int64_t)(1u << (g.shift - 1));
-  const int32_t upper = (int32_t)(rounded >> 32);
-  const uint32_t lower = (((uint32_t)rounded >> (g.shift - 1)) >> 1) | ((uint32_t)upper << (32 - g.shift));
-  return (int64_t)(((uint64_t)(uint32_t)((upper >> (g.shift - 1)) >> 1) << 32) | lower);
+  // On halves: a 64-bit shift by a variable costs three times as much.
+  const int32_t up = 32 - g.shift;
+  return (int64_t)((uint64_t)(uint32_t)((high >> 1) >> (31 - up)) << 32 | (uint32_t)high << up);
 }
 
 // 2^32 / d: a step of Newton's from the one of the last tick where that is near, else a division.
@@ -42,7 +40,7 @@ static inline uint32_t small_sine_q30(uint32_t across, uint32_t along, uint32_t 
 }
 
 // The length, to 14 bits, only scales the error; the part across keeps all of its bits.
-HOT static int32_t large_error_q30(uint32_t across, uint32_t along, bool negative, bool beyond,
+COLD static int32_t large_error_q30(uint32_t across, uint32_t along, bool negative, bool beyond,
                                       uint32_t minimum_v_q25) {
   if ((across | along) == 0u) {
     return 0;
@@ -77,7 +75,7 @@ INLINED int32_t pll_error_from_q30(complex_t emf_v_q25, int32_t speed_turn_q36, 
   return large_error_q30(across, along, negative, beyond, minimum_v_q25);
 }
 
-int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {
+SHARED int32_t pll_error_q30(complex_t emf_v_q25, int32_t speed_turn_q36, uint32_t minimum_v_q25) {
   uint32_t reciprocal = 0;
   return pll_error_from_q30(emf_v_q25, speed_turn_q36, minimum_v_q25, &reciprocal);
 }

@@ -418,52 +418,57 @@ HOT static void write_limits(const limits_command_t *limits) {
 
 // What changes with design and injection.
 COLD static void write_slow(vector_command_t *v, const parameters_t *parameters) {
-  if (v->gains.fresh) {
+  if ((v->fresh & FRESH_GAINS) != 0u) {
     write_vector_gains(v);
   }
-  if (v->forward.fresh) {
+  if ((v->fresh & FRESH_FORWARD) != 0u) {
     for (uint32_t s = 0; s < SUBSPACES; s++) {
       write_vector(REG(foc.forward[0]), s, v->forward.v_q17[s]);
     }
   }
-  if (v->injection.fresh) {
+  if ((v->fresh & FRESH_INJECTION) != 0u) {
     chip_write_injection(&v->injection, parameters);
   }
-  v->gains.fresh = false;
-  v->forward.fresh = false;
-  v->injection.fresh = false;
   v->injection.clear = false;
 }
 
-INLINED void chip_write_vector(vector_command_t *v, const parameters_t *parameters) {
-  if (v->control.fresh) {
-    reg_write(REG(foc.control), vector_control(&v->control, parameters));
-    v->control.fresh = false;
+COLD static void write_control(const control_command_t *control, const parameters_t *parameters) {
+  reg_write(REG(foc.control), vector_control(control, parameters));
+  for (uint32_t s = 0; s < SUBSPACES; s++) {
+    write_vector(REG(foc.preset[0]), s, control->preset_v_q17[s]);
   }
+}
+
+HOT static void write_fresh(vector_command_t *v, const parameters_t *parameters) {
+  const uint32_t fresh = v->fresh;
+  if (__builtin_expect((fresh & FRESH_CONTROL) != 0u, 0)) {
+    write_control(&v->control, parameters);
+  }
+  if ((fresh & FRESH_REFERENCE) != 0u) {
+    for (uint32_t s = 0; s < SUBSPACES; s++) {
+      write_vector(REG(foc.reference[0]), s, v->reference.i_q17[s]);
+    }
+  }
+  if ((fresh & FRESH_LIMITS) != 0u) {
+    write_limits(&v->limits);
+  }
+  if (__builtin_expect((fresh & (FRESH_GAINS | FRESH_FORWARD | FRESH_INJECTION)) != 0u, 0)) {
+    write_slow(v, parameters);
+  }
+  if (__builtin_expect((fresh & FRESH_TICK) != 0u, 0)) {
+    const int32_t samples = v->tick.by_samples ? parameters->vector_tick_samples : 0;
+    reg_write(REG(timer.tick_samples), (uint32_t)samples);
+  }
+  v->fresh = 0;
+}
+
+INLINED void chip_write_vector(vector_command_t *v, const parameters_t *parameters) {
   reg_write(REG(foc.omega), (uint32_t)v->omega_turn_q36);
   if (v->correct_q32 != 0) {
     reg_write(REG(foc.correct), (uint32_t)v->correct_q32);
   }
-  for (uint32_t s = 0; s < SUBSPACES; s++) {
-    if (v->reference.fresh) {
-      write_vector(REG(foc.reference[0]), s, v->reference.i_q17[s]);
-    }
-    if (!v->control.regulate[s]) {
-      write_vector(REG(foc.preset[0]), s, v->preset_v_q17[s]);
-    }
-  }
-  v->reference.fresh = false;
-  if (v->limits.fresh) {
-    write_limits(&v->limits);
-    v->limits.fresh = false;
-  }
-  if (v->gains.fresh || v->forward.fresh || v->injection.fresh) {
-    write_slow(v, parameters);
-  }
-  if (v->tick.fresh) {
-    const int32_t samples = v->tick.by_samples ? parameters->vector_tick_samples : 0;
-    reg_write(REG(timer.tick_samples), (uint32_t)samples);
-    v->tick.fresh = false;
+  if (v->fresh != 0u) {
+    write_fresh(v, parameters);
   }
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }

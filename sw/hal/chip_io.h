@@ -183,17 +183,15 @@ typedef struct {
   bool enable;       // requests of the legs
   bool bypass;
   bool regulate[2];  // false: the regulator's state is the preset one
-  bool fresh;
+  complex_t preset_v_q17[2];
 } control_command_t;
 
 typedef struct {
   bool by_samples;  // else the tick is periodic
-  bool fresh;
 } tick_command_t;
 
 typedef struct {
   complex_t i_q17[2];
-  bool fresh;
 } reference_command_t;
 
 // As of complex_regulator.h.
@@ -203,12 +201,10 @@ typedef struct {
   complex_t ratio_q17[2];  // hold / gain
   uint32_t shift[2];
   uint32_t band_i_q17;  // without dead-time compensation
-  bool fresh;           // forward is written with them
 } gains_command_t;
 
 typedef struct {
   complex_t v_q17[2];
-  bool fresh;
 } forward_command_t;
 
 // Scale as of the modulator.
@@ -217,7 +213,6 @@ typedef struct {
   int32_t lead_q32;
   uint32_t scale;
   uint32_t scale_shift;
-  bool fresh;
 } limits_command_t;
 
 // Lock-in and conventional method: the error is 2^4 times the true one.
@@ -226,7 +221,6 @@ typedef struct {
 typedef struct {
   bool inject;  // the wave runs
   bool clear;   // filters and sums begin anew, for what is left in them belongs to another frame
-  bool fresh;
 } injection_command_t;
 
 // What the next snapshot shall have besides currents and voltages of the regulator.
@@ -236,8 +230,20 @@ typedef struct {
   bool currents;  // ...and the phase currents; with slow only
 } look_command_t;
 
+// Sections of the vector path's command that are fresh, a bit each: a step looks at one word instead of seven.
+enum {
+  FRESH_CONTROL = 1,
+  FRESH_TICK = 2,
+  FRESH_REFERENCE = 4,
+  FRESH_LIMITS = 8,
+  FRESH_GAINS = 16,  // forward is written with them
+  FRESH_FORWARD = 32,
+  FRESH_INJECTION = 64,
+};
+
 // Everything the vector drive wants until the next tick. Takes effect together at that tick.
 typedef struct {
+  uint32_t fresh;  // FRESH_*
   control_command_t control;
   tick_command_t tick;
   reference_command_t reference;
@@ -246,7 +252,6 @@ typedef struct {
   limits_command_t limits;
   injection_command_t injection;
   look_command_t look;
-  complex_t preset_v_q17[2];
   int32_t omega_turn_q36;
   int32_t correct_q32;  // added to the angle, once
 } vector_command_t;

@@ -10,16 +10,21 @@
 
 static const complex_t zero = {0, 0};
 
-void current_on(vector_command_t *c) { c->control.enable = true; }
+void current_on(vector_command_t *c) {
+  c->control.enable = true;
+  c->fresh |= FRESH_CONTROL;
+}
 
 void current_off(vector_command_t *c) {
   c->control.enable = false;
   c->control.regulate[0] = false;
-  c->preset_v_q17[0] = zero;
+  c->control.preset_v_q17[0] = zero;
+  c->fresh |= FRESH_CONTROL;
 }
 
 void current_preset(vector_command_t *c, uint32_t subspace, complex_t voltage_v_q25) {
-  c->preset_v_q17[subspace] = voltage_v_q17(voltage_v_q25);
+  c->control.preset_v_q17[subspace] = voltage_v_q17(voltage_v_q25);
+  c->fresh |= FRESH_CONTROL;
 }
 
 void current_gains(vector_command_t *c, uint32_t subspace, const regulator_gains_t *gains) {
@@ -31,7 +36,7 @@ void current_gains(vector_command_t *c, uint32_t subspace, const regulator_gains
 
 void current_band(vector_command_t *c, uint32_t band_i_q17) {
   c->gains.band_i_q17 = band_i_q17;
-  c->gains.fresh = true;
+  c->fresh |= FRESH_GAINS;
 }
 
 INLINED void current_limits(vector_command_t *c, uint32_t first_v_q17, uint32_t second_v_q17, int32_t lead_q32,
@@ -52,7 +57,7 @@ INLINED void current_limits(vector_command_t *c, uint32_t first_v_q17, uint32_t 
   limits->lead_q32 = lead_q32;
   limits->scale = scale;
   limits->scale_shift = (uint32_t)((shift > 1) ? shift : 1);
-  limits->fresh = true;
+  c->fresh |= FRESH_LIMITS;
 }
 
 INLINED void current_frame(vector_command_t *c, int32_t speed_turn_q36, int32_t turn_q32, complex_t reference_i_q17,
@@ -61,31 +66,31 @@ INLINED void current_frame(vector_command_t *c, int32_t speed_turn_q36, int32_t 
   c->correct_q32 = turn_q32;
   if (reference_i_q17.re != c->reference.i_q17[0].re || reference_i_q17.im != c->reference.i_q17[0].im) {
     c->reference.i_q17[0] = reference_i_q17;
-    c->reference.fresh = true;
+    c->fresh |= FRESH_REFERENCE;
   }
   if (repeat || regulate != c->control.regulate[0]) {
     c->control.regulate[0] = regulate;
-    c->control.fresh = true;
+    c->fresh |= FRESH_CONTROL;
   }
 }
 
 HOT void current_second(vector_command_t *c, complex_t reference_i_q17, bool regulate) {
   c->reference.i_q17[1] = reference_i_q17;
-  c->reference.fresh = true;
+  c->fresh |= FRESH_REFERENCE;
   if (c->control.regulate[1] != regulate) {
     c->control.regulate[1] = regulate;
-    c->control.fresh = true;
+    c->fresh |= FRESH_CONTROL;
   }
 }
 
 HOT void current_forward(vector_command_t *c, uint32_t subspace, complex_t voltage_v_q17) {
   c->forward.v_q17[subspace] = voltage_v_q17;
-  c->forward.fresh = true;
+  c->fresh |= FRESH_FORWARD;
 }
 
 HOT void current_wave(vector_command_t *c, bool inject, bool send) {
   c->injection.inject = inject;
-  c->injection.fresh = c->injection.fresh || send;
+  c->fresh |= send ? FRESH_INJECTION : 0u;
 }
 
 void current_wave_anew(vector_command_t *c) { c->injection.clear = true; }
@@ -94,10 +99,11 @@ COLD void current_wave_off(vector_command_t *c) {
   current_wave(c, false, true);
   for (uint32_t s = 0; s < SUBSPACES; s++) {
     c->control.regulate[s] = false;
-    c->preset_v_q17[s] = zero;
+    c->control.preset_v_q17[s] = zero;
     c->reference.i_q17[s] = zero;
     current_forward(c, s, zero);
   }
+  c->fresh |= FRESH_CONTROL | FRESH_REFERENCE;
 }
 
 INLINED void current_look(vector_command_t *c, bool slow, bool currents, bool steps) {
@@ -110,5 +116,5 @@ INLINED void current_look(vector_command_t *c, bool slow, bool currents, bool st
 
 void current_tick(vector_command_t *c, bool by_samples) {
   c->tick.by_samples = by_samples;
-  c->tick.fresh = true;
+  c->fresh |= FRESH_TICK;
 }

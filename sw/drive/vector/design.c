@@ -146,6 +146,9 @@ COLD void vector_constants(vector_t *v) {
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
   v->sensored = p->vector_angle != 0;
+  v->encoder = p->encoder_quarters > 1;
+  v->several = p->vector_tick_samples > 1;
+  v->on_core = p->vector_direct != 0;
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
 }

@@ -168,12 +168,12 @@ SHARED outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
   v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
   v->ramp.value_rpm_q8 = v->report.speed_rpm_q8;
   if (v->report.phase == START_ALIGN) {
-    if (has_encoder(v)) {
+    if (v->encoder) {
       watch_alignment(v);
     }
     if (v->start.aligned_ticks >= v->start_settings.align_ticks) {
       v->report.phase = START_RAMP;
-      if (has_encoder(v)) {
+      if (v->encoder) {
         learn_mounting(v, &in->vector);
       }
     }

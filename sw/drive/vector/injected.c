@@ -330,12 +330,12 @@ HOT void vector_injection_report(vector_t *v) {
   r->injection_q16[3] = (uint32_t)j->frame.handover.share_q16;
 }
 
-HOT uint32_t vector_injection_circle(const vector_t *v, uint32_t circle_v_q17) {
+SHARED uint32_t vector_injection_circle(const vector_t *v, uint32_t circle_v_q17) {
   return v->injection->injecting ? (uint32_t)current_rest_i_q25((int32_t)circle_v_q17, v->p->injection_v_q17)
                                  : circle_v_q17;
 }
 
-HOT void vector_injection_command(vector_t *v) {
+SHARED void vector_injection_command(vector_t *v) {
   vector_injection_t *j = v->injection;
   vector_command_t *c = &v->command;
   const bool inject = j->command.inject;

@@ -49,7 +49,7 @@ INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
   const vector_design_t *design = &v->design[v->used];
   const emf_observer_gains_t *gains = &design->observer;
   const int32_t drift_q32 = drift_rad_q32(v, design);
-  if (v->p->vector_tick_samples > 1) {
+  if (v->several) {
     emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
     emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
     v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};

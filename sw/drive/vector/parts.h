@@ -39,8 +39,6 @@ static inline bool vector_frame_is_injected(const vector_t *v) {
   return (HELD & HELD_INJECTION) != 0 && v->frame == FRAME_INJECTED;
 }
 
-static inline bool has_encoder(const vector_t *v) { return v->p->encoder_quarters > 1; }
-
 // Electrical angle of the rotor by the encoder.
 static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
 

@@ -127,7 +127,7 @@ HOT static void compare_angles(vector_t *v, const chip_vector_snapshot_t *in) {
   v->report.vector.observed_ahead_q30 = v->sensored ? pll_error_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36,
                                                       v->start_settings.minimum_v_q25)
                                       : v->error_q30;
-  v->report.vector.encoder_ahead_q30 = has_encoder(v) ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
+  v->report.vector.encoder_ahead_q30 = v->encoder ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
   v->report.vector.encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
   v->encoder_invalid = in->encoder_invalid;
 }
@@ -184,7 +184,7 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
 }
 
 // With an encoder: the target's sign is taken through zero, zero is a target.
-HOT static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in, const order_t *order,
+SHARED static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in, const order_t *order,
                                   const settings_t *settings) {
   const parameters_t *p = v->p;
   const bool stopping = order->state == STATE_STOPPING;
@@ -249,8 +249,8 @@ HOT void vector_bound(vector_t *v, complex_t wanted_v_q25) {
 }
 
 // What is committed in this step, for the regulator in C.
-HOT static void stage_direct(vector_t *v, const vector_command_t *c) {
-  const complex_t preset_v_q25 = {c->preset_v_q17[0].re * 256, c->preset_v_q17[0].im * 256};
+SHARED static void stage_direct(vector_t *v, const vector_command_t *c) {
+  const complex_t preset_v_q25 = {c->control.preset_v_q17[0].re * 256, c->control.preset_v_q17[0].im * 256};
   v->direct[1u - v->direct_used] = (direct_set_t){v->design[v->used].regulator, c->reference.i_q17[0], preset_v_q25,
                                                   (int32_t)c->limits.v_q17[0], c->control.regulate[0]};
 }
@@ -336,7 +336,7 @@ bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t
 
 INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   (void)settings;
-  if (v->p->vector_direct != 0 && in->vector.taken) {
+  if (v->on_core && in->vector.taken) {
     v->direct_used = 1u - v->direct_used;
   }
   if (v->finished && !v->design_waits) {
@@ -350,7 +350,7 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
     }
   }
   v->report.vector.current_i_q17 = in->vector.i_q17[0];
-  if (has_encoder(v)) {
+  if (v->encoder) {
     v->frame_turn_q32 = in->vector.theta_sample_q32;
     read_encoder(v, &in->vector);
   }
@@ -381,12 +381,12 @@ INLINED void vector_finish(vector_t *v, const order_t *order) {
   const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
   const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
   const bool currents = slow && (vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
-  current_look(c, slow, currents, v->p->vector_tick_samples > 1 || slow || next == GROUP_SPEED);
+  current_look(c, slow, currents, v->several || slow || next == GROUP_SPEED);
   if (order->state != STATE_RUNNING || order->state_ticks == 0u) {
     current_tick(c, order->state != STATE_INIT && order->state != STATE_FAULT);
   }
   command_frame(v, order);
-  if (v->p->vector_direct != 0) {
+  if (v->on_core) {
     stage_direct(v, c);
   }
   if (v->whole || order->state != STATE_RUNNING) {

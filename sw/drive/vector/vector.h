@@ -112,6 +112,9 @@ typedef struct vector {
   int32_t least_rpm_q8;
   uint32_t lost_checks;
   bool sensored;  // the frame follows the encoder
+  bool encoder;   // there is one
+  bool several;   // samples a tick
+  bool on_core;   // the current regulator is the one in C
   encoder_settings_t encoder_settings;
 
   // Background design: `used` changes in the control step only, where a finished one waits.
