@@ -191,7 +191,7 @@ def test_other_machines(name: str, stage: str) -> None:
     speed = 0.5 * motor.max_speed_rpm
     omega = float(machine.omega_e(speed))
     errors = []
-    for k, current in enumerate(np.linspace(3.0, 5.0, 81) * motor.rated_current_a):
+    for k, current in enumerate(np.linspace(3.0, 5.0, 81) * motor.rated_dc_current_a):
         duty = float(machine.steady_duty(inverter.supply_v, omega, current))
         if duty <= 1.0:
             found = recover_crossing(

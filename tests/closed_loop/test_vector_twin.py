@@ -25,7 +25,7 @@ EVERY_VARIABLE = "FLUXLOCK_VECTOR_TWIN"
 START, ENCODER, OBSERVER = "vector/start.toml", "vector/encoder.toml", "vector/observer.toml"
 RUNNING = 3  # drive_state_t
 # How far the twin may be off the chip. Currents: share of the rated one.
-SPEED_SHARE, ANGLE_DEG, CURRENT_SHARE, RUNNING_S = 0.01, 0.5, 0.05, 0.005
+SPEED_SHARE, ANGLE_DEG, CURRENT_SHARE, RUNNING_S = 0.01, 0.5, 0.045, 0.005
 
 Events = list[dict[str, object]]
 

@@ -589,9 +589,10 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     code, out, _ = invoke("motor", "info", str(motor), "--json")
     derived = json.loads(out)["derived"]
     assert re.search(r"L_q +400 +µH", invoke("motor", "info", str(ROOT / "motors" / "ipm-4pp.toml"))[1])
-    assert derived["rated_torque_nm"] == pytest.approx(30 * derived["torque_constant_nm_per_a"])
+    assert derived["rated_torque_nm"] == pytest.approx(1.5e-3 * 33.08)
+    assert derived["rated_dc_current_a"] == pytest.approx(30, rel=1e-4)
     odd = tmp_path / "odd.toml"
-    odd.write_text(motor.read_text().replace("rated_current_a = 30.0", "rated_current_a = 2.5"))
+    odd.write_text(motor.read_text().replace("rated_current_a = 33.08", "rated_current_a = 2.5"))
     code, _, err = invoke("motor", "check", str(odd))
     assert code == 0 and "warning" in err and "rated_current_a" in err
     odd.write_text(motor.read_text().replace("inertia_kgm2 = 5e-7", "inertia_kgm2 = 1"))

@@ -836,7 +836,7 @@ def test_defaults_that_follow_from_other_files() -> None:
     """
     s = load_scenario(ROOT / "scenarios" / "own-pump.toml")
     assert s.shaft_load == s.motor.load
-    assert s.current_limit_a == s.motor.rated_current_a
+    assert s.current_limit_a == s.motor.rated_dc_current_a == pytest.approx(12, rel=1e-3)
     expected = 0.25 * s.motor.rated_torque_nm / s.motor.inertia_kgm2 * 30 / math.pi
     assert s.accel_rpm_per_s == pytest.approx(expected)
 

@@ -21,9 +21,9 @@ SLOW_STAGE = {"on_resistance_ohm": 5e-3, "dead_time_s": 300e-9, "min_pulse_s": 6
 
 
 def small_motor(p: int, r_ohm: float, l_h: float, psi_vs: float, j_kgm2: float, rated_a: float, rpm: float) -> Motor:
-    """A machine by its main values."""
+    """A machine by its main values; rated_a: DC current through two phases."""
     size = {"resistance_ohm": r_ohm, "inductance_h": l_h, "psi_vs": psi_vs, "inertia_kgm2": j_kgm2}
-    return motor(pole_pairs=p, **size, rated_current_a=rated_a, max_speed_rpm=rpm)
+    return motor(pole_pairs=p, **size, rated_current_a=1.1027 * rated_a, max_speed_rpm=rpm)
 
 
 def _stage(supply_v: float, full_v: float, full_a: float, trip_a: float, **keys: float) -> Inverter:

@@ -21,7 +21,7 @@ _MOTOR = {
     "psi_vs": 1e-3,
     "emf": "sinusoidal",
     "inertia_kgm2": 5e-7,
-    "rated_current_a": 20.0,
+    "rated_current_a": 22.05,  # 20 A DC through two phases
     "max_speed_rpm": 100_000.0,
 }
 _INVERTER = {
@@ -64,7 +64,7 @@ def scenario(
     """A run of them; limit and ramp that are left out are somewhat wider than those that the files stand for."""
     limit_a, accel_rpm_s = drive.current_limit_a, drive.accel_rpm_per_s
     if limit_a is None:
-        limit_a = 1.2 * motor.rated_current_a
+        limit_a = 1.2 * (motor.rated_current_a if drive.method == "vector" else motor.rated_dc_current_a)
     if accel_rpm_s is None:
         accel_rpm_s = 0.3 * motor.rated_torque_nm / motor.inertia_kgm2 * 30 / math.pi
     return Scenario(

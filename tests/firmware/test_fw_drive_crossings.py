@@ -14,7 +14,7 @@ from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 
 MOTOR_2 = machines.motor(
-    resistance_ohm=0.0397, inductance_h=27.8e-6, psi_vs=1.27e-3, rated_current_a=10.0, max_speed_rpm=60_000.0
+    resistance_ohm=0.0397, inductance_h=27.8e-6, psi_vs=1.27e-3, rated_current_a=11.03, max_speed_rpm=60_000.0
 )
 INVERTER_2 = machines.inverter(
     supply_v=15.0, voltage_full_scale_v=18.0, current_full_scale_a=20.0, phase_current_a=19.4, dc_current_a=19.4

@@ -255,7 +255,7 @@ def test_advance_follows_speed_and_current() -> None:
         raw = bench.get("comm.delay") >> 16
         return ((raw ^ 0x8000) - 0x8000) / 65536 * 60.0
 
-    wanted = 1.0 + 6.0 * 50_000 / MOTOR_1.max_speed_rpm + 4.0 * current / MOTOR_1.rated_current_a
+    wanted = 1.0 + 6.0 * 50_000 / MOTOR_1.max_speed_rpm + 4.0 * current / MOTOR_1.rated_dc_current_a
     assert advance_deg() == pytest.approx(wanted, abs=0.1)
     bench.fw.command("set advance_speed_q16 32767")
     bench.fw.command("set advance_q16 30000")

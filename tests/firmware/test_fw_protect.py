@@ -160,7 +160,9 @@ def test_overload_is_named() -> None:
 
     Verifies: FW-45
     """
-    bench = Bench(motor=machines.motor(overload_s=0.4, rated_current_a=6.0), drive=machines.drive(current_limit_a=20.0))
+    bench = Bench(
+        motor=machines.motor(overload_s=0.4, rated_current_a=6.616), drive=machines.drive(current_limit_a=20.0)
+    )
     bench.start(30_000)
     bench.run(0.3)
     assert bench.fw.state == "running"

@@ -122,7 +122,7 @@ class Advance:
         return Advance(
             drive.advance_deg,
             drive.advance_deg_at_max_speed / motor.omega_e(motor.max_speed_rpm),
-            drive.advance_deg_at_rated_current / motor.rated_current_a,
+            drive.advance_deg_at_rated_current / scenario.rated_current_a,
         )
 
     def at(self, omega_rad_s: FloatArray, current_a: FloatArray) -> FloatArray:

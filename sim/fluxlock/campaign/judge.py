@@ -94,11 +94,10 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, tol
     records = data.records[data.records["t_cycle"] >= since_cycle]
     t_s = records["t_cycle"] / data.clock_hz
     gated = gates_in_use(t_s, records["gates"] != 0)
-    phases = scenario.motor.phases
     over_s = over_current_s(records, data.clock_hz, scenario.inverter.protection.phase_current_a)
     count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
     mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
-    rated_nm = 0.5 * phases * scenario.motor.pole_pairs * max(scenario.motor.psi_vs) * scenario.motor.rated_current_a
+    rated_nm = scenario.motor.rated_torque_nm
     asked_rpm = _asked_rpm(scenario, t_s)
     way = np.where(asked_rpm < 0, -1, 1)
     speed_rpm = way * records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S

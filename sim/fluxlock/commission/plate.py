@@ -19,7 +19,7 @@ START_S = 0.5  # rated torque to the highest speed
 
 @dataclass(frozen=True)
 class NamePlate:
-    """Name, pole pairs, rated DC current through two phases (A), highest speed (r/min)."""
+    """Name, pole pairs, rated amplitude of the phase currents (A), highest speed (r/min)."""
 
     name: str
     pole_pairs: int

@@ -31,7 +31,7 @@ def derived_values(motor: Motor) -> list[Derived]:
     inductance_d = motor.inductance_h[0] if motor.inductance_q_h else inductance
     torque_per_amp = motor.torque_per_amp_nm
     line_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
-    drop_v = 2 * resistance * motor.rated_current_a
+    drop_v = 2 * resistance * motor.rated_dc_current_a
     mechanical_s = motor.inertia_kgm2 * 2 * resistance / torque_per_amp**2
     accel = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
     five = motor.phases == 5
@@ -53,6 +53,7 @@ def derived_values(motor: Motor) -> list[Derived]:
             )
             for n in (3, 5, 7)
         ),
+        *(() if five else (Derived("rated_dc_current_a", "DC current of that torque", motor.rated_dc_current_a, "A"),)),
         Derived("rated_torque_nm", "torque at rated current", motor.rated_torque_nm, "N*m"),
         Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
         Derived("inductance_d_h", "inductance on the d axis, L_d", inductance_d, "H"),
@@ -110,7 +111,7 @@ def warnings(motor: Motor) -> list[str]:
         if max(values) > 1.3 * min(values):
             found.append(f"{key}: phases differ by more than 30 %")
     emf_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
-    drop_v = 2 * sum(motor.resistance_ohm) / 3 * motor.rated_current_a
+    drop_v = 2 * sum(motor.resistance_ohm) / 3 * motor.rated_dc_current_a
     if drop_v > emf_v:
         found.append(
             f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"

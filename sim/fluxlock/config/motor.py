@@ -229,7 +229,12 @@ class Motor(Model):
     )
     inertia_kgm2: float = quantity("Inertia of rotor and load.", "kg*m^2", 1e-10, 10)
     rated_current_a: float = quantity(
-        "Rated DC current through two phases; of five phases amplitude of the phase currents.", "A", 0.01, 2000
+        "Rated current: amplitude (peak) of sinusoidal phase currents that give the rated torque. 1.414 times an rms "
+        "value, with a sinusoidal EMF 1.103 times a DC current through two phases; six-step operation takes the DC "
+        "current of the same torque.",
+        "A",
+        0.01,
+        2000,
     )
     overload_s: float | None = quantity(
         "Time for which twice the rated current may flow (I²t); 0 = for ever.",
@@ -387,8 +392,17 @@ class Motor(Model):
 
     @property
     def rated_torque_nm(self) -> float:
-        """Torque at rated current."""
-        return self.torque_per_amp_nm * self.rated_current_a
+        """Torque of sinusoidal phase currents with the rated amplitude, along the EMF."""
+        psi = sum(self.psi_vs) / 3 * self.emf_fundamental
+        return self.phases / 2 * self.pole_pairs * psi * self.rated_current_a
+
+    @property
+    def rated_dc_current_a(self) -> float:
+        """DC current through two phases with the rated torque, for six-step operation; of five phases the amplitude.
+
+        To four digits, as a file would state it.
+        """
+        return float(f"{self.rated_torque_nm / self.torque_per_amp_nm:.4g}")
 
     def omega_e(self, speed_rpm: float) -> float:
         """Electrical speed in rad/s."""

@@ -365,9 +365,14 @@ class Scenario(Model):
         return self.load if self.load is not None else self.motor.load
 
     @property
+    def rated_current_a(self) -> float:
+        """Rated current as the method counts currents: DC through two phases, with vector control the amplitude."""
+        return self.motor.rated_current_a if self.drive.method == "vector" else self.motor.rated_dc_current_a
+
+    @property
     def current_limit_a(self) -> float:
-        """DC-current limit that applies."""
-        return self.drive.current_limit_a if self.drive.current_limit_a is not None else self.motor.rated_current_a
+        """Limit of the current that applies, as the method counts it."""
+        return self.drive.current_limit_a if self.drive.current_limit_a is not None else self.rated_current_a
 
     @property
     def accel_rpm_per_s(self) -> float:

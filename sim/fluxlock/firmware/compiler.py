@@ -154,9 +154,9 @@ def _plausibility(d: Design) -> dict[str, Value]:
     motor, inverter = d.s.motor, d.s.inverter
     amp_q17 = d.ampere / Q8
     return {
-        "rated_i_q17": min(Q17, round(motor.rated_current_a * amp_q17)),
+        "rated_i_q17": min(Q17, round(d.s.rated_current_a * amp_q17)),
         "overload_ticks": round((OVERLOAD_S if motor.overload_s is None else motor.overload_s) / d.tick_s),
-        "sum_limit_q17": round(max(SUM_RATED_SHARE * motor.rated_current_a * amp_q17, SUM_LSB * Q17 / d.half_codes)),
+        "sum_limit_q17": round(max(SUM_RATED_SHARE * d.s.rated_current_a * amp_q17, SUM_LSB * Q17 / d.half_codes)),
         "still_ticks": d.ticks(STILL_S) if inverter.sensing.noise_lsb >= STILL_NOISE_LSB else 0,
         "vdc_min_q17": d.v_q17(inverter.under_voltage_v + 0.1 * inverter.supply_v),
         "vdc_max_q17": d.v_q17(min(inverter.over_voltage_v, 0.99 * inverter.sensing.voltage_full_scale_v)),
@@ -251,7 +251,7 @@ def _commutation(d: Design) -> dict[str, Value]:
         "advance_q16": _turn60(drive.advance_deg),
         "advance_speed_q16": _turn60(drive.advance_deg_at_max_speed),
         "advance_current_q16": _turn60(drive.advance_deg_at_rated_current),
-        "rated_current_ratio": gain(Q16 / (d.s.motor.rated_current_a * d.ampere), "rated_current_ratio"),
+        "rated_current_ratio": gain(Q16 / (d.s.rated_current_a * d.ampere), "rated_current_ratio"),
     }
 
 
@@ -330,7 +330,7 @@ def _limits(d: Design) -> dict[str, Value]:
     m, inverter, limit_a = d.machine, d.s.inverter, d.s.current_limit_a
     brake_a = d.s.drive.brake_current_limit_a
     if brake_a is None:
-        brake_a = min(0.5 * d.s.motor.rated_current_a, limit_a)
+        brake_a = min(0.5 * d.s.rated_current_a, limit_a)
     from_v, to_v = (inverter.supply_v + x * (inverter.over_voltage_v - inverter.supply_v) for x in BRAKE_MARGIN)
     kp_ohm = max(LIMITER_BANDWIDTH_RAD * m.line_h - m.line_ohm, 0.5 * m.line_ohm)
     amp_q17 = d.ampere / Q8

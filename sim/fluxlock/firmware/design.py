@@ -106,7 +106,7 @@ class Design:
         """Current of alignment and open-loop ramp."""
         if self.s.drive.start.current_a is not None:
             return self.s.drive.start.current_a
-        return min(0.35 * self.s.motor.rated_current_a, 0.6 * self.s.current_limit_a, 0.4 * self.trip_a)
+        return min(0.35 * self.s.rated_current_a, 0.6 * self.s.current_limit_a, 0.4 * self.trip_a)
 
     # Samples of the crossing detection.
     @property

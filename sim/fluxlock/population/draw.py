@@ -171,7 +171,6 @@ def parts(d: Draw, method: Method) -> Parts:
         ratio = line + shape * (2 * d.resistance_pu + 3 / math.pi * d.inductance_pu)
     emf_v = d.supply_v / (RESERVE * ratio)
     amplitude_a = d.power_w / (1.5 * emf_v)
-    rated_a = shape * amplitude_a
     ohm = d.resistance_pu * emf_v / amplitude_a
     henry = emf_v / amplitude_a / omega
     psi = emf_v / omega / fundamental
@@ -193,10 +192,10 @@ def parts(d: Draw, method: Method) -> Parts:
         psi_vs=of_phases(psi, flux_shares),
         emf=d.emf,
         inertia_kgm2=_round(d.run_up_s * torque_nm * d.pole_pairs / omega),
-        rated_current_a=_round(rated_a),
+        rated_current_a=_round(amplitude_a),
         max_speed_rpm=_round(omega / d.pole_pairs * RPM_PER_RAD_S),
     )
-    limit_a = _round(LIMIT_SHARE * rated_a)
+    limit_a = _round(LIMIT_SHARE * shape * amplitude_a)
     ripple_a = d.supply_v / (8 * min(motor.inductance_h) * carrier_hz)
     trip_a = TRIP_SHARE * limit_a + ripple_a / 2
     supply_v = _round(d.supply_v)

@@ -100,7 +100,7 @@ def soa(
 
     settings = Settings(
         speed_max_rpm=speed_max if speed_max is not None else round(SPEED_OVER_MAX * loaded.max_speed_rpm),
-        current_max_a=current_max if current_max is not None else CURRENT_OVER_RATED * loaded.rated_current_a,
+        current_max_a=current_max if current_max is not None else CURRENT_OVER_RATED * loaded.rated_dc_current_a,
         carrier_hz=carrier,
         late_deg=late,
         timing=SampleTiming(settle_s=settle, period_s=sample, latency_s=sample),

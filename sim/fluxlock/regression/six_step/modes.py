@@ -100,7 +100,9 @@ def drive_modes(runner: Runner) -> Iterator[Row]:
     motor = run.scenario.motor
     current_a = run.metrics["steady"]["torque_nm"]["mean"] / motor.torque_per_amp_nm
     wanted_deg = (
-        constant_deg + speed_deg * SPEED_RPM / motor.max_speed_rpm + current_deg * current_a / motor.rated_current_a
+        constant_deg
+        + speed_deg * SPEED_RPM / motor.max_speed_rpm
+        + current_deg * current_a / run.scenario.rated_current_a
     )
     yield Row(
         "six-step/drive-modes/advance",
