@@ -341,7 +341,7 @@ def native(
         Path | None, typer.Option(help="File of the non-volatile memory, made if it is not there.")
     ] = None,
     play: Annotated[
-        bool, typer.Option("--play", help="Carry out a vector scenario and judge it as `run` does: no bus, no console.")
+        bool, typer.Option("--play", help="Carry out the scenario and judge it as `run` does: no bus, no console.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option(help="With --play: folder for results, default build/<name of the file>-native.")
@@ -352,7 +352,7 @@ def native(
 
     The console is on stdin, the motor is an averaged model.
     No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
-    windows of the scenario count with --play alone, which is for vector control.
+    windows of the scenario count with --play alone; vector control needs it.
     """
     from fluxlock.cosim.parameters import check_parameters
 
@@ -374,14 +374,14 @@ def native(
 
 
 def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
-    """Run a vector scenario on the native twin, write, print."""
+    """Run a scenario on the native drive, write, print."""
     from fluxlock.cosim.outcome import write_outcome
-    from fluxlock.native.vector_run import Play
+    from fluxlock.native.player import player
 
     print("compiling what has changed", file=sys.stderr, flush=True)
-    twin = Play(scenario, seed)
+    drive = player(scenario, seed)
     with _output(out_dir):
-        outcome = write_outcome(twin.run(), scenario, out_dir)
+        outcome = write_outcome(drive.run(), scenario, out_dir)
     say(outcome.verdict)
     _report(Console(), outcome.result, out_dir)
     if not outcome.verdict.passed:

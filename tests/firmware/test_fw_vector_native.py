@@ -15,7 +15,7 @@ import pytest
 
 from fluxlock.analysis.metrics import run_metrics
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.native.vector_run import play
+from fluxlock.native.player import player
 from fluxlock.paths import ROOT
 
 VECTOR = ROOT / "scenarios" / "vector"
@@ -56,7 +56,7 @@ def test_load_step() -> None:
     Verifies: VC-35
     """
     scenario = load_scenario(START, CAUGHT)
-    _, metrics = run_metrics(play(scenario, 1), scenario)
+    _, metrics = run_metrics(player(scenario, 1).run(), scenario)
     per_ampere = 1.5 * scenario.motor.pole_pairs * np.mean(scenario.motor.psi_vs)
     for window, factor in (("before", 1.0), ("after", 4.0)):
         found = metrics[window]
@@ -71,7 +71,7 @@ def test_same_seed_same_run() -> None:
     Verifies: VC-35
     """
     scenario = load_scenario(START, CAUGHT)
-    first, again, other = (play(scenario, seed) for seed in (1, 1, 2))
+    first, again, other = (player(scenario, seed).run() for seed in (1, 1, 2))
     assert np.array_equal(first.records, again.records)
     assert not np.array_equal(first.records, other.records)
 
@@ -80,7 +80,9 @@ def test_same_seed_same_run() -> None:
     ("scenario", "sets", "texts"),
     [
         ("vector/ipm-injection.toml", (), ["motor.saturation", "drive.vector.injection"]),
-        ("demo.toml", (), ["drive.method: only a vector scenario can be played"]),
+        ("six-step/hall.toml", (), ["drive.hall.mode"]),
+        ("demo.toml", ("inverter.supply_diode=true",), ["inverter.supply_diode"]),
+        ("demo.toml", ('expect=[{window="steady", metric="freewheel_deg.max", max=30.0}]',), ["expect[0].metric"]),
         ("vector/start.toml", ("drive.vector.dead_time_compensation=false",), ["dead_time_compensation"]),
         (
             "vector/start.toml",
@@ -96,7 +98,7 @@ def test_refused_by_name(scenario: str, sets: tuple[str, ...], texts: list[str])
     """
     loaded = load_scenario(ROOT / "scenarios" / scenario, sets)
     with pytest.raises(ConfigError) as error:
-        play(loaded, 1)
+        player(loaded, 1)
     problems = [str(problem) for problem in error.value.problems]
     assert len(problems) == len(texts)
     # A key of a motor file is named without `motor.`.
@@ -118,3 +120,21 @@ def test_options_that_do_not_fit(words: tuple[str, ...], text: str) -> None:
     """
     done = command(*words)
     assert done.returncode == 2 and text in done.stderr, done.stderr
+
+
+def test_six_step_scenario_is_played(tmp_path: Path) -> None:
+    """Events, windows and limits of a six-step scenario count; a missed limit fails.
+
+    Verifies: POP-06
+    """
+    call = [sys.executable, "-m", "fluxlock", "native", str(ROOT / "scenarios" / "demo.toml"), "--play"]
+    done = subprocess.run([*call, "--out", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["verdict"]["passed"] and len(result["expectations"]) == 10
+    assert result["metrics"]["steady"]["commutation_error_deg"]["rms"] < 0.3
+    limit = 'expect=[{window="steady", metric="speed_rpm.mean", max=59000.0}]'
+    missed = subprocess.run(
+        [*call, "--out", str(tmp_path), "--set", limit], capture_output=True, text=True, check=False
+    )
+    assert missed.returncode == 1 and "failed: steady: speed_rpm.mean is" in missed.stderr

@@ -22,7 +22,7 @@ from fluxlock.population.draw import Draw
 from fluxlock.population.ideal import ideal_ripple_rpm, ideal_torque_nm
 from fluxlock.population.judge import judge
 from fluxlock.population.life import Life, life_of, refusals
-from fluxlock.population.run import play, run_life
+from fluxlock.population.run import makers, play, run_life
 from fluxlock.population.table import deciles, groups
 
 SEED = 1
@@ -45,7 +45,7 @@ def test_lives_that_are_right(index: int) -> None:
 
     Verifies: POP-04
     """
-    row = run_life("vector", SEED, index)
+    row = run_life("vector", SEED, makers(), index)
     assert row["outcome"] == "right", row["reasons"]
     assert len(row["holds"]) == 8 and all(abs(hold["off"]) < 0.005 for hold in row["holds"])
 
@@ -55,7 +55,7 @@ def test_refused_by_name() -> None:
 
     Verifies: POP-04
     """
-    row = run_life("vector", SEED, REFUSED_VECTOR)
+    row = run_life("vector", SEED, makers(), REFUSED_VECTOR)
     assert row["outcome"] == "refused" and row["reasons"][0]["kind"] == "drive.carrier_hz", row
 
 
@@ -181,7 +181,7 @@ def test_same_life_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         return play(life)
 
     monkeypatch.setattr(run_module, "play", counted)
-    first, again = (run_life("vector", SEED, RIGHT_VECTOR[0]) for _ in range(2))
+    first, again = (run_life("vector", SEED, makers(), RIGHT_VECTOR[0]) for _ in range(2))
     assert runs == [RIGHT_VECTOR[0]] and json.dumps(first) == json.dumps(again)
 
 

@@ -33,6 +33,11 @@ H_PHASE = 42  # six: from the last crossing to the edge into a sector
 (T_FOUND, H_FOLLOWS) = 48, 49  # last crossing, whoever commutates; an interval after a commutation follows the next
 STATES = 50
 
+# What happened since the reader last emptied it: a count, then time, kind, sector of each event.
+NOTES, NOTE_ROWS, NOTE_FIELDS = 64, 64, 3
+NOTE_COMMUTATION, NOTE_CROSSING, NOTE_LATE = 0.0, 1.0, 2.0
+STATE_FLOATS = NOTES + 1 + NOTE_ROWS * NOTE_FIELDS
+
 # Settings.
 (C_SEQ, C_REVERSE, C_DUTY, C_SYNC, C_TIMER, C_FORCED, C_DELAY, C_TIMEOUT, C_MISS_LIMIT, C_ZCD, C_GATES) = range(11)
 C_FORCE = 14
@@ -91,6 +96,16 @@ def noise(s: NDArray[np.float64]) -> float:
         s[SEED] = (s[SEED] * 16807.0) % 2147483647.0
         total += s[SEED] / 2147483647.0 - 0.5
     return total * 1.7320508075688772
+
+
+@numba.njit(cache=True)
+def note(s: NDArray[np.float64], time: float, kind: float) -> None:
+    """Keep an event of the present sector; those that find no room are lost."""
+    count = int(s[NOTES])
+    if count < NOTE_ROWS:
+        at = NOTES + 1 + count * NOTE_FIELDS
+        s[at], s[at + 1], s[at + 2] = time, kind, s[SECTOR]
+        s[NOTES] += 1.0
 
 
 @numba.njit(cache=True)
@@ -178,6 +193,7 @@ def crossing(s: NDArray[np.float64], t: float, late: bool, hall: bool) -> None:
     """A crossing at time t: intervals, counters; where Hall edges commutate, only its time."""
     s[T_FOUND] = t
     s[FOUND] = 1.0
+    note(s, t, NOTE_LATE if late else NOTE_CROSSING)
     if hall:
         return
     if s[T_ZC] > 0.0:
@@ -196,6 +212,7 @@ def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
     step = 5.0 if c[C_REVERSE] > 0.0 else 1.0
     s[SECTOR] = s[H_LOAD] if c[C_TIMER] == TIMER_HALL else (s[SECTOR] + step) % 6.0
     s[COMMUTATIONS] += 1.0
+    note(s, t, NOTE_COMMUTATION)
     s[T_COMM] = t
     s[FOUND] = 0.0
     s[ARMED] = 0.0
@@ -364,7 +381,7 @@ class AveragedMotor:
     speed_rpm: float = 0.0
 
     def __post_init__(self) -> None:
-        self.s = np.zeros(STATES)
+        self.s = np.zeros(STATE_FLOATS)
         self.c = np.zeros(SETTINGS)
         self.m = np.zeros(MACHINE)
         self.s[THETA] = self.theta_rad
@@ -403,6 +420,12 @@ class AveragedMotor:
         """Change the load."""
         self.m[M_FAN] = load.fan_nm_s2_per_rad2
         self.m[[M_COULOMB, M_VISCOUS, M_CONSTANT]] = load.coulomb_nm, load.viscous_nm_s_per_rad, load.constant_nm
+
+    def notes(self) -> NDArray[np.float64]:
+        """Events since the last call: time, kind, sector."""
+        count = int(self.s[NOTES])
+        self.s[NOTES] = 0.0
+        return self.s[NOTES + 1 : NOTES + 1 + count * NOTE_FIELDS].reshape(count, NOTE_FIELDS).copy()
 
     @property
     def rpm(self) -> float:

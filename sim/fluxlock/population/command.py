@@ -44,7 +44,7 @@ def run_population(methods: Sequence[Method], seed: int, indices: Sequence[int],
         sources = source_hashes()  # before the runs: the checkout may change while they last
         with counting_bars() as progress:
             task = progress.add_task(method, total=len(indices))
-            rows = run_lives(method, seed, indices, jobs, partial(progress.advance, task))
+            rows = run_lives(method, seed, indices, jobs, partial(progress.update, task, advance=1))
         document = {"method": method, "seed": seed, "sources": sources, "rows": rows}
         path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         for table in _tables(rows, f"{method}, seed {seed}"):

@@ -8,6 +8,7 @@ A life that has run is not run again, so a population that was interrupted goes 
 
 from __future__ import annotations
 
+import functools
 import json
 import multiprocessing
 import time
@@ -39,19 +40,25 @@ Done = Callable[[], None]
 
 def play(life: Life) -> RunData:
     """Run a life on the host."""
-    from fluxlock.native.vector_run import play as play_vector
+    from fluxlock.native.player import player
 
-    return play_vector(life.scenario, life.scenario.seed)
+    return player(life.scenario, life.scenario.seed).run()
 
 
-def _key(life: Life) -> str:
-    """Of firmware, its parameters, the model that runs it, machine and life, and of what measures."""
+@functools.cache
+def makers() -> str:
+    """Hash of firmware, of the models that run it, and of what measures; taken before the first life."""
     own, shared = MEASURING
     sources = [*Path(native.__file__).parent.glob("*.py"), build_host_library()]
     sources += [Path(__file__).with_name(f"{name}.py") for name in own]
     sources += [Path(analysis.__file__).with_name(f"{name}.py") for name in shared]
+    return content_hash(sources)
+
+
+def _key(life: Life, made_by: str) -> str:
+    """Of what runs and measures, the firmware's parameters, machine and life."""
     settings = json.dumps(life.scenario.model_dump(mode="json", exclude={"expect"}), sort_keys=True)
-    return content_hash(sources, parameter_block(life.scenario).pack(), settings, life.holds, life.changes)
+    return content_hash([], made_by, parameter_block(life.scenario).pack(), settings, life.holds, life.changes)
 
 
 def _head(life: Life) -> Row:
@@ -61,15 +68,15 @@ def _head(life: Life) -> Row:
     return {"index": d.index, "method": life.method, "machine": machine}
 
 
-def run_life(method: Method, seed: int, index: int) -> Row:
-    """A row of the population's document."""
+def run_life(method: Method, seed: int, made_by: str, index: int) -> Row:
+    """A row of the population's document. made_by: see `makers`."""
     life = life_of(Draw.of(seed, index), method)
     head = _head(life)
     reasons = refusals(life)
     if reasons:
         texts = [{"kind": text.partition(":")[0], "text": text} for text in reasons]
         return {**head, "outcome": REFUSED, "reasons": texts}
-    path = FOLDER / method / f"{_key(life)}.json"
+    path = FOLDER / method / f"{_key(life, made_by)}.json"
     if path.exists():
         row: Row = json.loads(path.read_text(encoding="utf-8"))
         return row
@@ -86,8 +93,7 @@ def run_life(method: Method, seed: int, index: int) -> Row:
 def run_lives(method: Method, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
     """Rows of the lives by index; done: called for each as it comes."""
     check_folder(FOLDER / method)
-    build_host_library()  # once, before the workers ask for it
-    work, rows = partial(run_life, method, seed), []
+    work, rows = partial(run_life, method, seed, makers()), []
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (__name__,)) as pool:
         hold_interrupts()
         try:

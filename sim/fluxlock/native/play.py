@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A scenario carried out on a native drive: its events in order, its ramps, what the console answers."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from fluxlock.analysis.rundata import Rejection, RunData
+from fluxlock.config import Problem, Scenario
+from fluxlock.config.scenario import Event
+from fluxlock.cosim.console import NO_REPLY
+from fluxlock.firmware.host import HostFirmware
+
+FINAL_COMMANDS = ("status", "faults", "stats")
+
+
+def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
+    """What no native drive is, a text by key; False: the scenario does not ask for it."""
+    motor, inverter = scenario.motor, scenario.inverter
+    return {
+        "motor.phases": motor.phases != 3 and "the native program has three phases",
+        "motor.saturation": motor.saturation is not None and "the native program's machine does not saturate",
+        "inverter.supply_diode": inverter.supply_diode and "the native program's supply takes energy back",
+        "inverter.brake_chopper": inverter.brake_chopper is not None and "the native program has no brake chopper",
+        "inverter.protection.safe_state": inverter.protection.safe_state != "off"
+        and "the native program's trip opens all gates",
+        "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
+        **{
+            f"event[{k}].fault": "the native program has no faults of the plant"
+            for k, event in enumerate(scenario.event)
+            if event.fault is not None
+        },
+    }
+
+
+def problems_of(scenario: Scenario, found: dict[str, str | bool]) -> list[Problem]:
+    """The texts as problems of the scenario's files."""
+    return [scenario.sources.problem(key, text) for key, text in found.items() if isinstance(text, str)]
+
+
+@dataclass
+class Ramp:
+    """A value on its way, linear in time."""
+
+    begin_s: float
+    length_s: float
+    begin: float
+    end: float
+    put: Callable[[float], None]
+
+    def follow(self, now_s: float) -> bool:
+        """Set the value of now; whether the ramp goes on."""
+        share = min(1.0, (now_s - self.begin_s) / self.length_s) if self.length_s > 0.0 else 1.0
+        self.put(self.begin + share * (self.end - self.begin))
+        return share < 1.0
+
+
+class ScenarioPlay(ABC):
+    """One run of a scenario on a native drive."""
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self.scenario, self.seed = scenario, seed
+        self.uart: list[str] = []
+        self.rejected: list[Rejection] = []
+        self.ramps: list[Ramp] = []
+        self._load_factor = 1.0
+        self.supply_v = scenario.inverter.supply_v
+
+    @property
+    @abstractmethod
+    def firmware(self) -> HostFirmware:
+        """The drive's program."""
+
+    @property
+    @abstractmethod
+    def now(self) -> float:
+        """Simulated time, s."""
+
+    @abstractmethod
+    def set_load(self, factor: float) -> None:
+        """Scale the scenario's load."""
+
+    @abstractmethod
+    def set_supply(self, volt: float) -> None:
+        """Change the supply."""
+
+    @abstractmethod
+    def advance(self, until_s: float) -> None:
+        """Run, and let ramps follow."""
+
+    @abstractmethod
+    def data(self, wall_s: float) -> RunData:
+        """What was recorded."""
+
+    def agenda(self) -> Iterator[tuple[float, Callable[[], None]]]:
+        """Actions and their times, in any order."""
+        for event in self.scenario.event:
+            yield event.at_s, partial(self.act, event)
+
+    def command(self, line: str) -> None:
+        """A line for the console."""
+        replies = self.firmware.command(line)
+        self.uart += replies
+        answer = replies[-1] if replies else NO_REPLY
+        if answer != "ok":
+            self.rejected.append(Rejection(self.now, line, answer.removeprefix("error: ")))
+
+    def _keep_load(self, factor: float) -> None:
+        self._load_factor = factor
+        self.set_load(factor)
+
+    def _keep_supply(self, volt: float) -> None:
+        self.supply_v = volt
+        self.set_supply(volt)
+
+    def act(self, event: Event) -> None:
+        """Carry out an event."""
+        if event.load_factor is not None:
+            self.ramps.append(Ramp(self.now, event.ramp_s, self._load_factor, event.load_factor, self._keep_load))
+        elif event.supply_v is not None:
+            self.ramps.append(Ramp(self.now, event.ramp_s, self.supply_v, event.supply_v, self._keep_supply))
+        elif event.speed_rpm is not None:
+            self.command(f"set speed_rpm {round(event.speed_rpm)}")
+        elif event.accel_rpm_per_s is not None:
+            self.command(f"set accel_rpm_s {round(event.accel_rpm_per_s)}")
+        else:
+            assert event.command is not None
+            self.command(event.command)
+
+    def follow_ramps(self) -> None:
+        """Set the values of now of everything on its way."""
+        self.ramps = [ramp for ramp in self.ramps if ramp.follow(self.now)]
+
+    def run(self) -> RunData:
+        """The scenario from its begin to its end."""
+        begin = time.perf_counter()
+        for at_s, act in sorted(self.agenda(), key=lambda entry: entry[0]):
+            self.advance(min(self.scenario.duration_s, at_s))
+            act()
+        self.advance(self.scenario.duration_s)
+        for line in FINAL_COMMANDS:
+            self.uart += self.firmware.command(line)
+        return self.data(time.perf_counter() - begin)
