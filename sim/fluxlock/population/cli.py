@@ -73,3 +73,28 @@ def draw(
     for reason in refusals(life):
         print(f"refused: {reason}")
     print(f"written: {path}")
+
+
+@app.command(epilog=example("fluxlock population plot 7 12 --method vector"))
+def plot(
+    indices: Annotated[list[int], typer.Argument(min=0, help="Numbers of the machines.")],
+    method: MethodOption = "vector",
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("build/population/plots"),
+    seed: SeedOption = 1,
+) -> None:
+    """Run lives anew and draw speed, current and angle error of each: PNG."""
+    from fluxlock.population.judge import judge
+    from fluxlock.population.life import life_of
+    from fluxlock.population.plots import draw_life
+    from fluxlock.population.run import play
+    from fluxlock.writable import check_file
+
+    for index in indices:
+        life = life_of(Draw.of(seed, index), method_of(method))
+        path = out / f"{life.method}-{life.draw.name}.png"
+        check_file(path)
+        data = play(life)
+        found = judge(data, life)
+        draw_life(data, life, found, path)
+        kinds = ", ".join(dict.fromkeys(reason.kind for reason in found.reasons)) or "right"
+        print(f"{index}: {kinds}; written: {path}")

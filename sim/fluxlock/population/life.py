@@ -3,8 +3,9 @@
 
 """What happens to a machine of the population: an ordinary scenario that begins with the rotor turning.
 
-The drive catches the rotor, holds the lowest speed light, loaded and light again, then 60 % and 100 % of the base speed
-loaded, comes down to 60 % on a ramp, goes up to 100 % light, and brakes from there to the lowest speed without a ramp.
+The drive catches the rotor at 60 % of the base speed, where its EMF is plain, and so knows the angle. It comes down,
+holds the lowest speed light, loaded and light again, then 60 % and 100 % loaded. It comes down to 60 % on a ramp, goes
+up to 100 % light, and brakes from there to the lowest speed without a ramp.
 """
 
 from __future__ import annotations
@@ -153,12 +154,13 @@ def _timeline(p: Parts, lowest: float, caught_s: float) -> _Clock:
     motor = p.motor
     per_s = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
     low, middle, high = (math.floor(rpm) for rpm in (lowest, max(lowest, MIDDLE_SHARE * p.base_rpm), p.base_rpm))
-    clock = _Clock(float(f"{RAMP_SHARE * per_s:.4g}"), 60.0 / (low * motor.pole_pairs), low, caught_s)
+    clock = _Clock(float(f"{RAMP_SHARE * per_s:.4g}"), 60.0 / (low * motor.pole_pairs), middle, caught_s)
     clock.events += [
         Event(at_s=0.0, load_factor=0.0),
-        Event(at_s=0.002, speed_rpm=low),
+        Event(at_s=0.002, speed_rpm=middle),
         Event(at_s=0.003, command="start"),
     ]
+    clock.ramp(low)
     for name, factor in (("low-light", 1.0), ("low-loaded", p.full_factor), ("low-unloaded", 1.0)):
         clock.load(factor)
         clock.hold(name)
@@ -196,7 +198,7 @@ def life_of(draw: Draw, method: Method) -> Life:
     """The life of a machine with a method."""
     p = parts(draw, method)
     lowest = min(lowest_rpm(p, draw.error, method), p.base_rpm)
-    caught_s = _ms(CATCH_S + CATCH_TURNS * 60.0 / (lowest * p.motor.pole_pairs))
+    caught_s = _ms(CATCH_S + CATCH_TURNS * 60.0 / (max(lowest, MIDDLE_SHARE * p.base_rpm) * p.motor.pole_pairs))
     clock = _timeline(p, lowest, caught_s)
     windows = [Window(name=hold.name, from_s=hold.from_s, to_s=hold.to_s) for hold in clock.holds]
     expect = [
@@ -217,7 +219,7 @@ def life_of(draw: Draw, method: Method) -> Life:
         seed=draw.index,
         drive=_drive(draw, p, method, clock.accel),
         load=p.load,
-        initial=Initial(theta_deg=draw.theta_deg, speed_rpm=clock.holds[0].rpm),
+        initial=Initial(theta_deg=draw.theta_deg, speed_rpm=clock.events[1].speed_rpm or 0.0),
         event=clock.events,
         window=windows,
         expect=expect,
