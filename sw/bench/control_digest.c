@@ -9,6 +9,7 @@
 #include "bench/control_digest.h"
 
 #include "control/advance.h"
+#include "control/boundary.h"
 #include "control/carrier.h"
 #include "control/complex_regulator.h"
 #include "control/cross_coupling.h"
@@ -199,11 +200,17 @@ static void six_step(digest_t *d) {
   put_signed(d, duty);
   put_signed(d, voltage_from_duty_v_q25(duty, link, 1 << 18));
   put(d, carrier_period_cycles(duty, period, period + 3000u, draw(d) % 400u));
-  put(d, pulse_cycles_q8(duty, period, draw(d) % 50u));
+  put(d, pulse_cycles_q8(duty, period, draw_signed(d, 13)));
   const int32_t ratio = line_current_ratio_q16(link, draw_signed(d, 25), draw_signed(d, 22), 1 << 18, duty);
   put_signed(d, ratio);
   put_signed(d, line_current(draw_signed(d, 18), ratio));
   put_signed(d, advance_added_q16(draw_signed(d, 15), draw_within(d, 1u << 17), draw_signed(d, 15), 1 << 15));
+  const boundary_t edge =
+      boundary(draw_within(d, 1u << 24), link, draw_within(d, 1u << 20), 500u + draw(d) % 50000u, draw_gain(d, 30));
+  put_signed(d, edge.duty_q30);
+  put_signed(d, edge.current_i_q25);
+  put_signed(d, boundary_share_q16(&edge, draw_signed(d, 25)));
+  put_signed(d, discontinuous_duty_q30(&edge, draw_within(d, 65536u)));
   limiter_t limiter = {draw_signed(d, 20)};
   const limiter_gains_t gains = {draw_gain(d, 24), draw_gain(d, 28)};
   const int32_t resistive = draw_within(d, 1u << 22), margin = draw_signed(d, 17);

@@ -48,10 +48,13 @@ HOT uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uin
   return clamp_u32((on_time_floor_cycles << bits) / (duty >> (30u - bits)), period_cycles, longest_cycles);
 }
 
-HOT uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles) {
+HOT uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, int32_t added_cycles_q8) {
   if (duty_q30 <= 0) {
     return 0;
   }
-  const uint64_t width = (((uint64_t)(uint32_t)duty_q30 * period_cycles) >> 22) + ((uint64_t)dead_time_cycles << 8);
-  return (width > PULSE_MAX_Q8) ? PULSE_MAX_Q8 : (uint32_t)width;
+  const int64_t width = (int64_t)(((uint64_t)(uint32_t)duty_q30 * period_cycles) >> 22) + added_cycles_q8;
+  if (width <= 0) {
+    return 0;
+  }
+  return (width > (int64_t)PULSE_MAX_Q8) ? PULSE_MAX_Q8 : (uint32_t)width;
 }

@@ -7,8 +7,8 @@
 // rectification): u = d*Vdc - (1 - d)*V_D, so d = (u + V_D) / (Vdc + V_D).
 // Carrier. A crossing needs samples that have settled inside a pulse: where the wanted carrier makes pulses
 // shorter than on_time_floor the carrier is made longer, up to the period used at start.
-// Width. With synchronous rectification the complementary switch delays every turn-on by the dead time,
-// which is added to the pulse.
+// Width. With synchronous rectification both switches turn on later by the dead time, and a diode conducts meanwhile: the
+// lower one for a current that drives, so that the pulse is added a dead time, the upper one for a current that brakes.
 #ifndef FL_CARRIER_H
 #define FL_CARRIER_H
 
@@ -24,7 +24,7 @@ int32_t voltage_from_duty_v_q25(int32_t duty_q30, int32_t vdc_v_q25, int32_t dio
 uint32_t carrier_period_cycles(int32_t duty_q30, uint32_t period_cycles, uint32_t longest_cycles,
                                uint32_t on_time_floor_cycles);
 
-// Pulse width in Q16.8 clocks, saturates at 24 bits.
-uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, uint32_t dead_time_cycles);
+// Pulse width in Q16.8 clocks with what is added to it, within 24 bits; a duty of 0 has no pulse.
+uint32_t pulse_cycles_q8(int32_t duty_q30, uint32_t period_cycles, int32_t added_cycles_q8);
 
 #endif

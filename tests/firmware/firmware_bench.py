@@ -26,7 +26,7 @@ def small_motor(p: int, r_ohm: float, l_h: float, psi_vs: float, j_kgm2: float, 
     return motor(pole_pairs=p, **size, rated_current_a=1.1027 * rated_a, max_speed_rpm=rpm)
 
 
-def _stage(supply_v: float, full_v: float, full_a: float, trip_a: float, **keys: float) -> Inverter:
+def stage(supply_v: float, full_v: float, full_a: float, trip_a: float, **keys: float) -> Inverter:
     scales = {"voltage_full_scale_v": full_v, "current_full_scale_a": full_a}
     return inverter(supply_v=supply_v, **scales, phase_current_a=trip_a, dc_current_a=trip_a, **(SLOW_STAGE | keys))
 
@@ -35,25 +35,25 @@ def _stage(supply_v: float, full_v: float, full_a: float, trip_a: float, **keys:
 OTHERS = [
     (
         small_motor(2, 0.15, 120e-6, 5e-3, 8e-6, 10.0, 22_000.0),
-        _stage(48.0, 60.0, 25.0, 24.0),
+        stage(48.0, 60.0, 25.0, 24.0),
         Load(fan_torque_nm=0.02, fan_speed_rpm=15_000, coulomb_nm=2e-3),
         15_000,
     ),
     (
         small_motor(4, 0.08, 80e-6, 2.4e-3, 2e-5, 12.0, 9_000.0).model_copy(update={"emf": "trapezoidal"}),
-        _stage(24.0, 30.0, 30.0, 28.8),
+        stage(24.0, 30.0, 30.0, 28.8),
         Load(fan_torque_nm=0.12, fan_speed_rpm=8_000, coulomb_nm=3e-3),
         6_000,
     ),
     (
         small_motor(7, 0.06, 30e-6, 7.8e-4, 1.5e-5, 20.0, 12_000.0),
-        _stage(14.8, 20.0, 60.0, 48.0, on_resistance_ohm=3e-3, dead_time_s=200e-9, min_pulse_s=400e-9),
+        stage(14.8, 20.0, 60.0, 48.0, on_resistance_ohm=3e-3, dead_time_s=200e-9, min_pulse_s=400e-9),
         Load(fan_torque_nm=0.10, fan_speed_rpm=9_000),
         8_000,
     ),
     (
         small_motor(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000.0),
-        _stage(48.0, 60.0, 15.0, 14.4),
+        stage(48.0, 60.0, 15.0, 14.4),
         Load(fan_torque_nm=0.2, fan_speed_rpm=3_000, coulomb_nm=0.02),
         3_000,
     ),

@@ -115,7 +115,7 @@ def test_duty_and_voltage_are_inverse(lib: CData) -> None:
 
 
 def test_carrier_period_and_pulse(lib: CData) -> None:
-    """The carrier is stretched just so far that the pulse keeps its floor, within its limits; the dead time is added.
+    """The carrier is stretched just so far that the pulse keeps its floor; a dead time is added or taken off.
 
     Verifies: FW-08
     """
@@ -123,8 +123,44 @@ def test_carrier_period_and_pulse(lib: CData) -> None:
         period = lib.carrier_period_cycles(round(duty * 2**30), 1250, 6250, 280)
         wanted = 6250 if duty == 0 else min(6250, max(1250, 280 / duty))
         assert period == pytest.approx(wanted, abs=1.01), duty
-        pulse = lib.pulse_cycles_q8(round(duty * 2**30), period, 10) / 256
-        assert pulse == pytest.approx(0 if duty == 0 else duty * period + 10, abs=0.005)
+        for added in (10, -10):
+            pulse = lib.pulse_cycles_q8(round(duty * 2**30), period, added * 256) / 256
+            assert pulse == pytest.approx(0 if duty == 0 else max(0, duty * period + added), abs=0.005)
+
+
+def test_pulse_for_a_current_below_the_boundary(lib: CData) -> None:
+    """The pulse of the law gives its current: pulse and gap of a carrier are integrated exactly, the diode ends it.
+
+    Verifies: FW-70
+    """
+    rng = Random(7)
+    clock_hz, full_v, full_a = 50e6, 60.0, 40.0
+    for _ in range(500):
+        vdc, drop = rng.uniform(10, 50), rng.uniform(0.0, 1.2)
+        emf = vdc * rng.uniform(0.05, 0.9)
+        line_h, period = 10 ** rng.uniform(-5, -3), rng.randint(600, 6000)
+        period_s = period / clock_hz
+        per_volt = gain(4096 / (2 * line_h * clock_hz) * full_v / full_a)
+        v = [round(x / full_v * 2**25) for x in (emf, vdc, drop)]
+        made = lib.boundary(*v, period, per_volt)
+        edge = new("boundary_t", made.duty_q30, made.current_i_q25)
+        # At the boundary the current is back at zero as the carrier ends.
+        rise_s = edge.duty_q30 / 2**30 * period_s
+        assert (vdc - emf) * rise_s == pytest.approx((emf + drop) * (period_s - rise_s), rel=2e-3)
+        wanted_a = edge.current_i_q25 / 2**25 * full_a
+        if not 0.02 < wanted_a < 30.0:
+            continue
+        for share in (0.01, 0.1, 0.5, 0.9, 1.0):
+            share_q16 = lib.boundary_share_q16(edge, round(share * edge.current_i_q25))
+            pulse_s = lib.discontinuous_duty_q30(edge, share_q16) / 2**30 * period_s
+            peak_a = (vdc - emf) / line_h * pulse_s
+            fall_s = peak_a * line_h / (emf + drop)
+            assert pulse_s + fall_s < 1.003 * period_s
+            mean_a = peak_a * (pulse_s + fall_s) / 2 / period_s
+            assert mean_a == pytest.approx(share * wanted_a, rel=0.01), (share, emf, vdc)
+        for share in (-3.0, -0.5, 0.0, 0.5, 3.0):
+            got = lib.boundary_share_q16(edge, round(share * edge.current_i_q25)) / 65536
+            assert got == pytest.approx(min(1.0, max(-1.0, share)), abs=1e-3)
 
 
 def test_limiter_bounds_by_model_and_trim(lib: CData) -> None:

@@ -24,7 +24,7 @@ def mean_torque_nm(bench: Bench, steps: int = 300) -> float:
     total = 0.0
     for _ in range(steps):
         bench.step()
-        total += float(am.torque_of(bench.model.s, bench.model.c, bench.model.m))
+        total += float(bench.model.s[am.TORQUE])
     return total / steps
 
 

@@ -120,6 +120,8 @@ def test_restarts_are_limited() -> None:
     assert fault_of(bench) == "start_failed"
     bench = Bench(drive=machines.drive(start={"restart_retries": 0}))
     bench.start(20_000)
+    # Sooner it would be a lock that never was: a start that failed.
+    bench.run(1.1)
     bench.model.m[am.M_BLIND] = 1.0
     assert bench.until_state("fault", 1.0)
     assert fault_of(bench) == "lost_lock"

@@ -302,11 +302,11 @@ def _switches(s: Scenario) -> list[Problem]:
     """Console lines that need a setting, and a key that needs a line: the settings as the lines before left them."""
     problems = []
     settings = {
-        "sync_rect": s.drive.sync_rect,
+        "sync_rect": bool(s.drive.sync_rect),
         "current_loop": s.drive.current_loop,
         "mode": s.drive.mode == "torque",
     }
-    ever_rectifies = s.drive.sync_rect
+    ever_rectifies = bool(s.drive.sync_rect)
     for i in sorted(range(len(s.event)), key=lambda i: s.event[i].at_s):
         line, text = s.event[i].command or "", ""
         for name, unit in (("torque_mnm", "mN*m"), ("current_ma", "mA")):

@@ -120,8 +120,11 @@ class Drive(Model, settings=""):
     commutation: Commutation = Field(default="CSC", description="When a commutation reaches the gates.")
     pattern: Pattern = Field(default="ON-PWM", description="Which switch chops.")
     carrier_hz: float = quantity("Carrier frequency.", "Hz", 1e3, 200e3)
-    sync_rect: bool = Field(
-        default=False, description="The other switch of the chopping leg conducts while the pulse is off."
+    sync_rect: bool | None = Field(
+        default=None,
+        description="The other switch of the chopping leg conducts while the pulse is off, and the drive may brake. "
+        "Left out: the diodes conduct, except for currents below that of the shortest pulse that shows a crossing. "
+        "`false`: always the diodes; a load below that current is driven too fast, and `limit` is `duty_min`.",
     )
     duty_max: float = quantity("Largest duty.", "", 0.05, 1.0, default=1.0)
     current_limit_a: float | None = quantity(

@@ -19,7 +19,21 @@ from fluxlock.config.motor import OVERLOAD_S, OVERSPEED_RATIO, RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import dead_time_cycles, min_pulse_cycles
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
-from fluxlock.firmware.design import INTERVAL_MAX_CYCLES, Q5, Q8, Q16, Q17, Q20, Q25, Q30, RPM_Q8, Design, cycles
+from fluxlock.firmware.design import (
+    INTERVAL_MAX_CYCLES,
+    Q5,
+    Q8,
+    Q16,
+    Q17,
+    Q20,
+    Q25,
+    Q30,
+    RPM_Q8,
+    SPEED_DELAY_RAD,
+    SPEED_DELAY_TURNS,
+    Design,
+    cycles,
+)
 from fluxlock.firmware.vector_compiler import vector_parameters
 from fluxlock.interface.names import words
 from fluxlock.interface.settings import load_settings
@@ -40,6 +54,8 @@ STILL_S = 25e-3
 ALIGN_LIMIT = 2.0
 SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 KI_DIVISOR = 5.0
+# Fastest trim of the EMF line by the measured current.
+TRIM_S = 5e-3
 LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
@@ -94,7 +110,7 @@ def _settings(d: Design) -> dict[str, Value]:
     for setting in load_settings():
         if setting.file:
             stated: Any = reduce(getattr, setting.file.split("."), d.s.drive)
-            values[setting.parameter] = setting.number_of(stated)
+            values[setting.parameter] = setting.number_of(False if stated is None else stated)
     return values
 
 
@@ -302,24 +318,26 @@ def _handover(d: Design) -> dict[str, Value]:
 
 
 def _speed(d: Design) -> dict[str, Value]:
-    """PI that cancels the machine's pole tau_m = J R / (k_e k_t)."""
-    m, motor, bandwidth = d.machine, d.s.motor, d.bandwidth
-    lines = (m.line_ohm, m.line_ohm_at_max_speed)
-    kp = [motor.inertia_kgm2 * r * bandwidth / m.k_e * d.volt / RPM_Q8 for r in lines]
-    (kp_low, kp_high), kp_shift = shared_gains("speed_kp", *kp)
-    ki = [max(m.k_e * bandwidth * d.volt / RPM_Q8, k * bandwidth / KI_DIVISOR) * d.tick_s * Q5 for k in kp]
-    (ki_low, ki_high), ki_shift = shared_gains("speed_ki", *ki)
-    # The speed is a mean over one electrical turn: w_b may be at most 0.9 f_e for 60 degrees of phase margin.
-    scale = 0.9 * motor.pole_pairs / (60.0 * Q8) / bandwidth * Q16
+    """Speed regulator: its current accelerates the inertia, and the EMF line holds against it within the delay."""
+    m, motor = d.machine, d.s.motor
+    bandwidth = min(d.bandwidth, d.current_bandwidth / 3.0)
+    per_rpm = d.ampere / RPM_Q8
+    inertia = motor.inertia_kgm2 * bandwidth / m.k_e * per_rpm
+    stiffness = SPEED_DELAY_RAD * m.k_e / d.damping_ohm * per_rpm
+    (kp_inertia, kp_stiffness), kp_shift = shared_gains("speed_kp", inertia, stiffness)
+    # The speed is a mean over one electrical turn, and late by SPEED_DELAY_TURNS of it.
+    scale = SPEED_DELAY_RAD / SPEED_DELAY_TURNS * motor.pole_pairs / (60.0 * Q8) / bandwidth * Q16
+    carrier_s = 1.0 / d.s.drive.carrier_hz
     return {
         "target_rpm": 0,
         "accel_rpm_s": max(1, round(d.s.accel_rpm_per_s)),
-        "speed_kp_low": kp_low,
-        "speed_kp_high": kp_high,
+        "speed_kp_inertia": kp_inertia,
+        "speed_kp_stiffness": kp_stiffness,
         "speed_kp_shift": kp_shift,
-        "speed_ki_low": ki_low,
-        "speed_ki_high": ki_high,
-        "speed_ki_shift": ki_shift,
+        "speed_wt_q16": max(1, round(bandwidth / KI_DIVISOR * d.tick_s * Q5 * Q16)),
+        "discontinuous_q16": round(min(1.0, d.damping_ohm * carrier_s / (2.0 * m.line_h)) * Q16),
+        "boundary_current": gain(4096.0 / (2.0 * m.line_h * CLOCK_HZ) * d.ampere / d.volt, "boundary_current"),
+        "rectify_light": int(d.s.drive.sync_rect is None),
         "speed_bandwidth_scale": gain(scale, "speed_bandwidth_scale"),
         "accel_feed_forward_s": gain(Q8 / bandwidth, "accel_feed_forward_s"),
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
@@ -346,18 +364,17 @@ def _limits(d: Design) -> dict[str, Value]:
 
 
 def _current(d: Design) -> dict[str, Value]:
-    """Current loop: PI that cancels the pole R(n)/L; the speed regulator gives its reference."""
+    """Current regulator: with current loop a PI that cancels the pole R(n)/L, without a slow trim of the EMF line."""
     m, drive, bandwidth = d.machine, d.s.drive, d.current_bandwidth
-    outer = min(d.bandwidth, bandwidth / 3.0)
-    outer_kp = d.s.motor.inertia_kgm2 * outer / m.k_e * d.ampere / RPM_Q8
+    trim_s = max(TRIM_S, 4.0 * d.lag_s)
     torque_nm = 1e-3 * (drive.torque_mnm or 0.0)
     return {
         "target_i_q25": max(-Q25, min(Q25, round(torque_nm / m.k_e * d.ampere))),
         "torque_to_current": gain(1e-6 / m.k_e * d.ampere, "torque_to_current"),
-        "speed_to_current_kp": gain(outer_kp, "speed_to_current_kp"),
-        "speed_to_current_ki": gain(outer_kp * outer / KI_DIVISOR * d.tick_s * Q5, "speed_to_current_ki"),
         "current_kp": gain(m.line_h * bandwidth * d.volt / d.ampere, "current_kp"),
         "current_wt_q16": max(1, round(bandwidth * d.tick_s * Q16)),
+        "trim_kp": gain(max(d.damping_ohm - m.line_ohm, 1e-3 * m.line_ohm) * d.volt / d.ampere, "trim_kp"),
+        "trim_wt_q16": max(1, round(d.damping_ohm / m.line_ohm * d.tick_s / trim_s * Q16)),
         "loop_filter_shift": LOOP_FILTER_SHIFT,
     }
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.config.drive import CURRENT_BANDWIDTH_MAX_HZ, TICK_HZ
+from fluxlock.config.drive import CURRENT_BANDWIDTH_MAX_HZ, CURRENT_LOOP_LAG_RAD, CURRENT_LOOP_LAG_TICKS, TICK_HZ
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
@@ -35,6 +35,9 @@ HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
 BANDWIDTH_HZ = 30.0
+# Phase that the delay of the speed may cost at the bandwidth, and that delay in electrical turns.
+SPEED_DELAY_RAD = 0.35
+SPEED_DELAY_TURNS = 3.5 / 6.0
 CURRENT_BANDWIDTH_HZ = 100.0
 
 
@@ -197,7 +200,23 @@ class Design:
         """Of the speed loop, rad/s."""
         if self.s.drive.speed_bandwidth_hz is not None:
             return 2.0 * math.pi * self.s.drive.speed_bandwidth_hz
-        return min(2.0 * math.pi * BANDWIDTH_HZ, 0.3 * self.machine.line_ohm / self.machine.line_h)
+        return min(2.0 * math.pi * BANDWIDTH_HZ, SPEED_DELAY_RAD / self.lag_s)
+
+    @property
+    def damping_ohm(self) -> float:
+        """Resistance R_t that damps the rotor on the spring of its EMF; at least the line's own.
+
+        EMF and inductance make the rotor swing at k_e/sqrt(J L_l). R_t = k_e sqrt(2 L_l/J) damps that by 0.7; the delay
+        of the measured current bounds it.
+        """
+        m = self.machine
+        wanted = m.k_e * math.sqrt(2.0 * m.line_h / self.s.motor.inertia_kgm2)
+        return max(m.line_ohm, min(wanted, CURRENT_LOOP_LAG_RAD / CURRENT_LOOP_LAG_TICKS * m.line_h / self.tick_s))
+
+    @property
+    def lag_s(self) -> float:
+        """From the current reference to the torque: the control's delay and the rise of the current."""
+        return 1.5 * self.tick_s + self.machine.line_h / self.damping_ohm
 
     @cached_property
     def current_bandwidth(self) -> float:

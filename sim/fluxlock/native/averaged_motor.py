@@ -3,10 +3,11 @@
 
 """Small averaged model of chip, inverter and six-step machine, in floating point.
 
-Independent of the firmware's arithmetic: SI units, switching averaged out, an outgoing phase's current drops at once
-(its volt-seconds act as 3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field
-at 330 + 60 k degrees; a floating phase's crossing is the sign change of its EMF. Hall sensor A shows e_A > e_B and so
-on, each turned by its offset; its edges commutate at offset and advance after them, as long as intervals are known.
+Independent of the firmware's arithmetic: SI units; the conducting pair's current follows pulse, dead time and gap of
+each carrier exactly, diodes end it at zero; an outgoing phase's current drops at once (its volt-seconds act as
+3/pi*omega_e*L), crossings and forced commutations at exact times. Sector k drives a field at 330 + 60 k degrees; a
+floating phase's crossing is the sign change of its EMF. Hall sensor A shows e_A > e_B and so on, each turned by its
+offset; its edges commutate at offset and advance after them, as long as intervals are known.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ RING_FIRST = 13  # six intervals
 (H_CODE, H_POSITION, H_TIME, H_EDGES, H_INVALID, H_SKIPPED, H_BACKWARD, H_KNOWN, H_LOAD) = range(33, 42)
 H_PHASE = 42  # six: from the last crossing to the edge into a sector
 (T_FOUND, H_FOLLOWS) = 48, 49  # last crossing, whoever commutates; an interval after a commutation follows the next
-STATES = 50
+# Current of this instant (I_LINE: mean of the last call), time since the carrier began, charge through the pair, mean
+# torque of the last call.
+(I_NOW, CARRIER_AT, CHARGE, TORQUE) = range(50, 54)
+STATES = 54
 
 # What happened since the reader last emptied it: a count, then time, kind, sector of each event.
 NOTES, NOTE_ROWS, NOTE_FIELDS = 64, 64, 3
@@ -44,7 +48,8 @@ C_FORCE = 14
 C_LEG = 11
 C_THRESHOLD = 15  # six, fractions of vdc
 C_HALL_OFFSET = 21  # six, fractions of an interval
-SETTINGS = 27
+(C_PULSE, C_PERIOD, C_DEAD, C_RESTART) = range(27, 31)  # s, s, s; CSC: a commutation restarts the carrier
+SETTINGS = 31
 
 # Machine and surroundings.
 (M_R, M_L, M_PSI, M_TRAPEZOID, M_P, M_J, M_FAN, M_COULOMB, M_VDC, M_DIODE, M_TRIP, M_NOISE, M_LOCKED) = range(13)
@@ -216,6 +221,8 @@ def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
     s[T_COMM] = t
     s[FOUND] = 0.0
     s[ARMED] = 0.0
+    if c[C_RESTART] > 0.0:
+        s[CARRIER_AT] = 0.0
     s[T_SCHED] = t + c[C_FORCED] if c[C_TIMER] == TIMER_FORCED else 1e30
     if c[C_TIMER] == TIMER_HALL and s[H_FOLLOWS] > 0.0:
         s[H_FOLLOWS] = 0.0
@@ -281,7 +288,7 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
     if c[C_SEQ] == SEQ_SIX:
         sector = int(s[SECTOR])
         pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
-        return float(k * pair * s[I_LINE])
+        return float(k * pair * s[I_NOW])
     total = 0.0
     for x in range(3):
         a = 2.0943951023931953 * x
@@ -291,11 +298,68 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
 
 
 @numba.njit(cache=True)
+def conduct(s: NDArray[np.float64], volts: float, ohms: float, henries: float, h: float, diodes: bool) -> float:
+    """Advance the pair's current by h under a voltage; diodes end it at zero. Returns the charge."""
+    before, final, tau = s[I_NOW], volts / ohms, henries / ohms
+    after = final + (before - final) * math.exp(-h / tau)
+    if diodes and before * after <= 0.0:
+        # None flows from the beginning, or it ends within the time.
+        flows_s = tau * math.log((before - final) / -final) if before != 0.0 else 0.0
+        s[I_NOW] = 0.0
+        return float(final * flows_s + before * tau)
+    s[I_NOW] = after
+    return float(final * h + (before - after) * tau)
+
+
+@numba.njit(cache=True)
+def chop(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
+    """Advance the pair's current by h through pulses, dead times and gaps; the link's current with it."""
+    if h <= 0.0:
+        return
+    sector, omega_e = int(s[SECTOR]), s[OMEGA] * m[M_P]
+    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    emf = pair * m[M_PSI] * omega_e
+    commutation_ohm = 3.0 / math.pi * abs(omega_e) * m[M_L]
+    ohms, henries = 2.0 * m[M_R] + commutation_ohm, 2.0 * m[M_L]
+    sync, pulse, dead = c[C_SYNC] > 0.0, c[C_PULSE], c[C_DEAD]
+    left, charge, linked = h, 0.0, 0.0
+    while left > 1e-12:
+        if s[CARRIER_AT] >= c[C_PERIOD] - 1e-12:
+            s[CARRIER_AT] = 0.0
+        at = s[CARRIER_AT]
+        # Neither switch is on in a dead time, nor in a gap without synchronous rectification.
+        on, off = at < pulse, at >= pulse
+        until = pulse if on else c[C_PERIOD]
+        if sync and pulse > 0.0 and at < dead:
+            on, until = False, min(dead, pulse)
+        elif sync and pulse > 0.0 and off and at < pulse + dead:
+            off, until = False, pulse + dead
+        part = max(min(until - at, left), 1e-12)
+        switched = (on and at < pulse) or (off and sync)
+        high = on if switched else s[I_NOW] < 0.0
+        drop = 0.0 if switched else math.copysign(m[M_DIODE], s[I_NOW])
+        through = conduct(s, (m[M_VDC] if high else 0.0) - drop - emf, ohms, henries, part, not switched)
+        charge += through
+        linked += through if high else 0.0
+        s[I_PEAK] = max(s[I_PEAK], s[I_NOW])
+        if abs(s[I_NOW]) > m[M_TRIP]:
+            s[TRIPS] = TRIP_PHASE
+            c[C_GATES] = 0.0
+        s[CARRIER_AT] += part
+        left -= part
+    s[CHARGE] += charge
+    # The volt-seconds of a commutation are no loss: the outgoing phase's energy returns to the link.
+    mean = charge / h
+    s[IDC_MEAN] = linked / h - commutation_ohm * mean * mean / m[M_VDC]
+    s[IDC_SUM] += s[IDC_MEAN] * h
+
+
+@numba.njit(cache=True)
 def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
     """Advance the currents by h with the EMF held, exactly for the first-order circuits."""
     omega_e = s[OMEGA] * m[M_P]
     if c[C_GATES] == 0.0 or c[C_SEQ] == SEQ_OFF:
-        s[I_LINE] = 0.0
+        s[I_NOW] = 0.0
         s[I_ALPHA] = 0.0
         s[I_BETA] = 0.0
         return
@@ -314,33 +378,15 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         keep = math.exp(-m[M_R] * h / m[M_L])
         s[I_ALPHA] = v_alpha / m[M_R] + (s[I_ALPHA] - v_alpha / m[M_R]) * keep
         s[I_BETA] = v_beta / m[M_R] + (s[I_BETA] - v_beta / m[M_R]) * keep
-        s[I_LINE] = 0.0
+        s[I_NOW] = 0.0
         return
-    sector = int(s[SECTOR])
-    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
-    diode = 0.0 if c[C_SYNC] > 0.0 else m[M_DIODE]
-    voltage = c[C_DUTY] * m[M_VDC] - (1.0 - c[C_DUTY]) * diode - pair * m[M_PSI] * omega_e
-    resistance = 2.0 * m[M_R] + 3.0 / math.pi * abs(omega_e) * m[M_L]
-    keep = math.exp(-resistance * h / (2.0 * m[M_L]))
-    s[I_LINE] = voltage / resistance + (s[I_LINE] - voltage / resistance) * keep
-    if s[I_LINE] < 0.0 and c[C_SYNC] == 0.0:
-        s[I_LINE] = 0.0
-    if abs(s[I_LINE]) > m[M_TRIP]:
-        s[TRIPS] = TRIP_PHASE
-        c[C_GATES] = 0.0
-    s[I_PEAK] = max(s[I_PEAK], s[I_LINE])
-    # The volt-seconds of a commutation are no loss: the outgoing phase's energy returns to the link.
-    returned = 3.0 / math.pi * abs(omega_e) * m[M_L] * s[I_LINE] / m[M_VDC]
-    s[IDC_MEAN] = (c[C_DUTY] - returned) * s[I_LINE]
-    s[IDC_SUM] += s[IDC_MEAN] * h
-    if c[C_DUTY] * s[I_LINE] > m[M_DC_TRIP]:
-        s[TRIPS] = TRIP_DC
-        c[C_GATES] = 0.0
+    chop(s, c, m, h)
 
 
 @numba.njit(cache=True)
 def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], t_end: float) -> None:
     """Advance chip and machine to t_end."""
+    begin, linked, s[CHARGE], impulse = s[T], s[IDC_SUM], 0.0, 0.0
     while s[T] < t_end - 1e-12:
         h = min(STEP_S, t_end - s[T])
         due = c[C_TIMER] != TIMER_OFF and c[C_GATES] > 0.0 and c[C_SEQ] == SEQ_SIX and s[T_SCHED] < s[T] + h
@@ -355,6 +401,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
         load = m[M_FAN] * s[OMEGA] * abs(s[OMEGA]) + m[M_COULOMB] * math.tanh(s[OMEGA] / 2.0)
         load += m[M_VISCOUS] * s[OMEGA] + m[M_CONSTANT]
         torque = torque_of(s, c, m)
+        impulse += torque * h
         if m[M_LOCKED] == 0.0:
             s[OMEGA] += h * (torque - load) / m[M_J]
         else:
@@ -368,6 +415,13 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
             look(s, c, m, before, h)
             if due:
                 commutate(s, c, s[T])
+    if s[T] > begin:
+        s[I_LINE] = s[CHARGE] / (s[T] - begin)
+        s[TORQUE] = impulse / (s[T] - begin)
+        s[IDC_MEAN] = (s[IDC_SUM] - linked) / (s[T] - begin)
+        if s[IDC_MEAN] > m[M_DC_TRIP]:
+            s[TRIPS] = TRIP_DC
+            c[C_GATES] = 0.0
 
 
 @dataclass

@@ -114,7 +114,10 @@ def take_settings(r: Registers, x: Places, k: Floats, s: Floats, c: Floats) -> N
     sync = control & 0x1000 != 0
     period = int(r[x[PWM_PERIOD]])
     dead = int(r[x[SAFETY_DEAD_TIME]]) if sync and seq != am.SEQ_OFF else 0
-    duty = min(1.0, max(0.0, int(r[x[PWM_DUTY]]) / 256.0 - dead) / period)
+    pulse = min(int(r[x[PWM_DUTY]]) / 256.0, period)
+    duty = max(0.0, pulse - dead) / period
+    c[am.C_PULSE], c[am.C_PERIOD], c[am.C_DEAD] = pulse / k[K_CLOCK_HZ], period / k[K_CLOCK_HZ], dead / k[K_CLOCK_HZ]
+    c[am.C_RESTART] = k[K_CUT_PULSES]
     c[am.C_DUTY] = mean_duty(duty, s[am.INTERVAL] * k[K_CLOCK_HZ] / period, k[K_CUT_PULSES])
     c[am.C_SYNC] = 1.0 if sync else 0.0
     c[am.C_REVERSE] = 1.0 if control & 0x2000 else 0.0
@@ -135,7 +138,7 @@ def take_settings(r: Registers, x: Places, k: Floats, s: Floats, c: Floats) -> N
         if control & 1 << 19 and s[am.H_POSITION] >= 0.0:
             s[am.SECTOR] = (s[am.H_POSITION] + 3 * c[am.C_REVERSE]) % 6
         s[am.T_COMM] = s[am.T]
-        s[am.I_LINE] = math.hypot(s[am.I_ALPHA], s[am.I_BETA]) * 0.75
+        s[am.I_NOW] = math.hypot(s[am.I_ALPHA], s[am.I_BETA]) * 0.75
     if timer != am.TIMER_OFF and was_timer == am.TIMER_OFF:
         for i in (am.CROSSINGS, am.LATE, am.COMMUTATIONS, am.MISSES, am.TIMEOUTS, am.FOUND, am.ARMED):
             s[i] = 0.0

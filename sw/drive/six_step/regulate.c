@@ -15,14 +15,19 @@
 #define LEAST_DUTY_MAX_Q16 26214
 // Least share of the gains at low speed.
 #define BANDWIDTH_SCALE_MIN_Q16 4096
+// Share of the speed that noise may swing below the reference, of the current that the gain makes of it.
+#define SPEED_NOISE 512
+// Share of the current limit by which a bound may be wrong.
+#define ROOM 8
+#define BRAKE_ROOM 16
 
 // Quantities that follow speed and DC-link voltage slowly are renewed one group a tick.
 #define SCHEDULE_GROUPS 8u
 #define GROUP_DUTY 0u
 #define GROUP_RESISTANCE 1u
 #define GROUP_CURRENT 2u
-#define GROUP_SPEED_KP 3u
-#define GROUP_SPEED_KI 4u
+#define GROUP_SPEED 3u
+#define GROUP_BOUNDARY 4u
 #define GROUP_LINEARITY 5u
 #define GROUP_ADVANCE 6u
 
@@ -30,19 +35,17 @@ static int32_t interpolate(int32_t low, int32_t high, int32_t ratio_q16) {
   return low + mul_q16(high - low, ratio_q16);
 }
 
-static int32_t diode_v_q25(const six_step_view_t *view) { return view->settings->sync_rect ? 0 : view->p->diode_v_q25; }
+static int32_t diode_v_q25(const six_step_view_t *view, const pwm_t *pwm) {
+  return pwm->sync_rect ? 0 : view->p->diode_v_q25;
+}
 
 static int32_t lesser(int32_t a, int32_t b) { return (a < b) ? a : b; }
 static int32_t greater(int32_t a, int32_t b) { return (a > b) ? a : b; }
 
-static gain_t scaled(gain_t gain, int32_t scale_q16) {
-  return (gain_t){mul_q16(gain.mant, scale_q16), gain.shift};
-}
-
 // Limits of the voltage by duty.
-static void schedule_duty_limits(scheduled_t *g, const six_step_view_t *view, uint32_t longest_cycles) {
+static void schedule_duty_limits(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, uint32_t longest_cycles) {
   const parameters_t *p = view->p;
-  const int32_t diode = diode_v_q25(view);
+  const int32_t diode = diode_v_q25(view, pwm);
   const uint32_t least_q16 = ((uint32_t)p->least_on_cycles << 16) / longest_cycles;
   const int32_t least_q30 = (least_q16 < LEAST_DUTY_MAX_Q16) ? (int32_t)(least_q16 << 14) : LEAST_DUTY_MAX_Q16 << 14;
   g->low_v_q25 = voltage_from_duty_v_q25(least_q30, view->m->vdc_v_q25, diode);
@@ -50,45 +53,65 @@ static void schedule_duty_limits(scheduled_t *g, const six_step_view_t *view, ui
 }
 
 // Current of the conducting pair per DC-link current, and the limit that follows from both limits.
-static void schedule_current(scheduled_t *g, const six_step_view_t *view, int32_t speed_rpm_q8, int32_t duty_q30) {
+static void schedule_current(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, int32_t speed_rpm_q8) {
   const parameters_t *p = view->p;
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
+  // A sample in the pulse shows the pair's current itself.
+  const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
   g->line_ratio_q16 =
-      line_current_ratio_q16(view->m->vdc_v_q25, gain_apply(speed_rpm_q8, p->emf),
-                             gain_apply(view->m->line_i_q25, copper), diode_v_q25(view), duty_q30);
+      !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, gain_apply(speed_rpm_q8, p->emf),
+                             gain_apply(view->m->line_i_q25, copper), diode_v_q25(view, pwm), pwm->duty_q30);
   const int32_t dc_as_line_q25 = line_current_limit_q25(view->settings->dc_limit_q17, g->line_ratio_q16);
   g->limit_i_q25 = lesser(view->settings->current_limit_q17 * 256, dc_as_line_q25);
   g->resistive_v_q25 = gain_apply(g->limit_i_q25, g->resistance);
 }
 
-static void schedule_resistance(scheduled_t *g, const parameters_t *p, int32_t ratio_q16) {
-  const int32_t mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
-  g->resistance = (gain_t){mant, p->resistance_shift + 8};
-  // Fewer bits of shift for the format of the integral.
-  g->current.ki = (gain_t){mul_q16(mant, p->current_wt_q16), p->resistance_shift + 8 - PI_INTEGRAL_BITS};
+// Boundary of continuous conduction, and the current of the shortest pulse in the longest carrier, where diodes end it.
+static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, int32_t speed_rpm_q8,
+                              uint32_t longest_cycles) {
+  const parameters_t *p = view->p;
+  const uint32_t wanted_cycles = view->settings->carrier_period_cycles;
+  g->boundary = boundary(gain_apply(speed_rpm_q8, p->emf), view->m->vdc_v_q25, diode_v_q25(view, pwm), wanted_cycles,
+                         p->boundary_current);
+  const uint32_t edge_cycles = (uint32_t)mul_q16(g->boundary.duty_q30 >> 14, (int32_t)wanted_cycles);
+  const uint32_t least_cycles = (uint32_t)p->least_on_cycles;
+  // I = I_b (least / D_b T)^2 T / T_longest
+  const uint32_t ratio_q12 = clamp_u32((least_cycles << 12) / clamp_u32(edge_cycles, 1u, UINT32_MAX), 0, 16u << 12);
+  const uint32_t square_q16 = (ratio_q12 * (ratio_q12 >> 4)) >> 4;
+  const uint32_t share_q16 = div_sat_u32((uint64_t)square_q16 * wanted_cycles, longest_cycles);
+  g->least_i_q25 = sat_i32(((int64_t)g->boundary.current_i_q25 * (int32_t)clamp_u32(share_q16, 0, INT32_MAX)) >> 16);
 }
 
-// Gains of the speed regulator, first proportional, then integral.
-static void schedule_speed(scheduled_t *g, const six_step_view_t *view, int32_t ratio_q16, bool integral) {
+static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int32_t ratio_q16) {
   const parameters_t *p = view->p;
-  const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
-  const bool current_loop = view->settings->current_loop;
-  const int32_t scale_q16 =
-      clamp_i32(gain_apply(speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, ONE_Q16);
-  if (current_loop && integral) {
-    g->speed_i.ki = scaled(p->speed_to_current_ki, scale_q16);
-  } else if (current_loop) {
-    g->speed_i.kp = scaled(p->speed_to_current_kp, scale_q16);
-    // What accelerates with the ramp; more than the limit allows would only be unwound again by the integral.
-    g->acceleration_i_q25 = lesser(gain_apply(view->settings->accel_rpm_q8, p->speed_to_current_kp), g->limit_i_q25);
-  } else if (integral) {
-    const gain_t ki = {interpolate(p->speed_ki_low, p->speed_ki_high, ratio_q16), p->speed_ki_shift};
-    g->pi.ki = scaled(ki, scale_q16);
-  } else {
-    g->kp_full = (gain_t){interpolate(p->speed_kp_low, p->speed_kp_high, ratio_q16), p->speed_kp_shift};
-    g->pi.kp = scaled(g->kp_full, scale_q16);
-    g->acceleration_v_q25 = lesser(gain_apply(view->settings->accel_rpm_q8, g->kp_full), g->resistive_v_q25);
+  const int32_t mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
+  const bool stiff = view->settings->current_loop;
+  g->resistance = (gain_t){mant, p->resistance_shift + 8};
+  g->current.kp = stiff ? p->current_kp : p->trim_kp;
+  // Fewer bits of shift for the format of the integral.
+  const int32_t ki = stiff ? mul_q16(mant, p->current_wt_q16) : mul_q16(mul_q16(mant, p->trim_wt_q16), g->scale_q16);
+  g->current.ki = (gain_t){ki, p->resistance_shift + 8 - PI_INTEGRAL_BITS};
+}
+
+// Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
+// gains shrink. What the EMF line adds to the inertia grows with that delay, and less so the less current flows.
+static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
+  const parameters_t *p = view->p;
+  const uint32_t turns_q16 =
+      (uint32_t)clamp_i32(gain_apply(view->m->speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, PRODUCT_MAX);
+  g->scale_q16 = (turns_q16 < ONE_Q16) ? (int32_t)turns_q16 : ONE_Q16;
+  int32_t stiffness_q16 = (turns_q16 > ONE_Q16) ? (int32_t)(UINT32_MAX / turns_q16) : ONE_Q16;
+  if (pwm->discontinuous) {
+    stiffness_q16 = mul_q16(stiffness_q16, mul_q16(pwm->share_q16, p->discontinuous_q16));
   }
+  const int32_t kp = mul_q16(p->speed_kp_inertia, g->scale_q16) / 2 + mul_q16(p->speed_kp_stiffness, stiffness_q16) / 2;
+  g->speed.kp = (gain_t){kp, p->speed_kp_shift - 1};
+  g->speed.ki = (gain_t){mul_q16(mul_q16(kp, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - 1};
+  // Noise of the speed at the lower bound must not become a torque.
+  g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
+  // More than the limit allows would only be unwound again by the integral.
+  const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
+  g->acceleration_i_q25 = lesser(gain_apply(view->settings->accel_rpm_q8, inertia), g->limit_i_q25);
 }
 
 HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
@@ -97,21 +120,23 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
   const settings_t *settings = view->settings;
   scheduled_t *g = &r->scheduled;
   const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
-  const bool by_speed = group != GROUP_DUTY && group != GROUP_CURRENT && group != GROUP_LINEARITY;
+  const bool by_speed = group == GROUP_RESISTANCE || group == GROUP_ADVANCE;
   const int32_t ratio_q16 = by_speed ? clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16) : 0;
   switch (group) {
     case GROUP_DUTY:
-      schedule_duty_limits(g, view, in->longest_cycles);
+      schedule_duty_limits(g, view, pwm, in->longest_cycles);
       break;
     case GROUP_RESISTANCE:
-      schedule_resistance(g, p, ratio_q16);
+      schedule_resistance(g, view, ratio_q16);
       break;
     case GROUP_CURRENT:
-      schedule_current(g, view, speed_rpm_q8, pwm->duty_q30);
+      schedule_current(g, view, pwm, speed_rpm_q8);
       break;
-    case GROUP_SPEED_KP:
-    case GROUP_SPEED_KI:
-      schedule_speed(g, view, ratio_q16, group == GROUP_SPEED_KI);
+    case GROUP_SPEED:
+      schedule_speed(g, view, pwm);
+      break;
+    case GROUP_BOUNDARY:
+      schedule_boundary(g, view, pwm, speed_rpm_q8, in->longest_cycles);
       break;
     case GROUP_LINEARITY:
       if (settings->linearity) {
@@ -127,21 +152,6 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
   }
 }
 
-// Without synchronous rectification nothing brakes: below half of the EMF the pulses carry next to no current, less
-// voltage slows the rotor no faster. All of the voltage below the EMF has to be regained when the target is reached,
-// and the rotor falls on meanwhile: so the nearer the target, the nearer to the EMF. A fifth is left for a flux that is
-// 20 % wrong: the bound must not hold the speed above the target.
-//
-// With it the braking current bounds the voltage.
-HOT static int32_t lower_limit_v_q25(const regulate_t *r, bool sync_rect, int32_t emf_v_q25, int32_t reference_v_q25) {
-  if (sync_rect) {
-    const int32_t brake_v_q25 = gain_apply(r->brake_i_q25, r->scheduled.resistance);
-    return greater(r->scheduled.low_v_q25, emf_v_q25 - brake_v_q25);
-  }
-  const int32_t depth_v_q25 = clamp_i32(4 * (emf_v_q25 - reference_v_q25), emf_v_q25 / 5, emf_v_q25 / 2);
-  return greater(r->scheduled.low_v_q25, emf_v_q25 - depth_v_q25);
-}
-
 HOT static void apply_advance(regulate_t *r, const settings_t *settings) {
   r->advance_q16 = advance_total_q16(settings->advance_q16, r->scheduled.advance_q16);
 }
@@ -152,39 +162,24 @@ bool regulate_turns_wrong(const settings_t *settings, bool reverse) {
 }
 
 HOT static regulator_t wanted_regulator(const six_step_view_t *view, bool reverse) {
-  if (!view->settings->current_loop) {
-    return REGULATOR_VOLTAGE;
-  }
   const bool torque = view->settings->mode == MODE_TORQUE && view->order->state == STATE_RUNNING &&
                       !regulate_turns_wrong(view->settings, reverse);
-  return torque ? REGULATOR_TORQUE : REGULATOR_CURRENT;
-}
-
-HOT static void apply_voltage(const regulate_t *r, pwm_t *pwm, const six_step_view_t *view,
-                              const regulate_input_t *in, int32_t u_v_q25) {
-  const settings_t *settings = view->settings;
-  const bool linear = settings->linearity && settings->commutation == COMMUTATION_CSC;
-  pwm_from_voltage(pwm, view, u_v_q25, settings->sync_rect, in->longest_cycles, linear ? &r->scheduled.linearity : 0);
+  return torque ? REGULATOR_TORQUE : REGULATOR_SPEED;
 }
 
 // Set ramp and integrals so that the present voltage continues.
 COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
-  const parameters_t *p = view->p;
   const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
-  const int32_t emf_v_q25 = gain_apply(speed_rpm_q8, p->emf);
-  scheduled_t *g = &r->scheduled;
-  g->current.kp = p->current_kp;
+  const int32_t emf_v_q25 = gain_apply(speed_rpm_q8, view->p->emf);
+  const scheduled_t *g = &r->scheduled;
   r->saturated = 0;
   ramp_preset(&r->ramp, speed_rpm_q8);
   r->limiter.trim_v_q25 = 0;
-  if (r->regulator == REGULATOR_VOLTAGE) {
-    pi_preset(&r->speed_pi, g->pi.kp, 0, emf_v_q25, pwm->u_v_q25);
-    return;
-  }
+  r->brake_limiter.trim_v_q25 = 0;
   const int32_t i_q25 = clamp_i32(view->m->line_i_q25, -r->brake_i_q25, g->limit_i_q25);
   r->reference_i_q25 = i_q25;
-  pi_preset(&r->speed_pi, g->speed_i.kp, 0, 0, i_q25);
-  pi_preset(&r->current_pi, p->current_kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
+  pi_preset(&r->speed_pi, g->speed.kp, 0, 0, i_q25);
+  pi_preset(&r->current_pi, g->current.kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
 }
 
 void regulate_init(regulate_t *r, const settings_t *settings) { r->advance_q16 = settings->advance_q16; }
@@ -201,63 +196,43 @@ COLD void regulate_prepare(regulate_t *r, const pwm_t *pwm, const six_step_view_
   schedule(r, pwm, view, in, ticks % SCHEDULE_GROUPS);
 }
 
-// Another regulator: its gains are not scheduled yet.
+// Another regulator, or a correction whose factors are not scheduled yet.
 COLD static void change_regulator(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view,
                                   const regulate_input_t *in) {
   choose_regulator(r, view, in->reverse);
-  schedule(r, pwm, view, in, GROUP_SPEED_KP);
-  schedule(r, pwm, view, in, GROUP_SPEED_KI);
   schedule(r, pwm, view, in, GROUP_LINEARITY);
-  preset(r, pwm, view);
+  pi_preset(&r->speed_pi, r->scheduled.speed.kp, r->ramp.value_rpm_q8 - view->m->speed_rpm_q8, 0, r->reference_i_q25);
+}
+
+// Diodes cannot give less current than the shortest pulse in which a crossing can be seen: below it the other switch of
+// the chopping leg conducts in the gap, and the mean current may be any.
+HOT static bool rectifies(const regulate_t *r, const six_step_view_t *view) {
+  if (view->settings->sync_rect || view->p->rectify_light == 0) {
+    return view->settings->sync_rect;
+  }
+  const int32_t least_i_q25 = r->scheduled.least_i_q25;
+  return r->reference_i_q25 < (r->rectifies ? 2 * least_i_q25 : least_i_q25);
+}
+
+HOT static void apply(const regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
+                      int32_t u_v_q25) {
+  const settings_t *settings = view->settings;
+  const bool linear = settings->linearity && settings->commutation == COMMUTATION_CSC;
+  const pwm_demand_t demand = {u_v_q25, r->reference_i_q25, in->longest_cycles, r->scheduled.boundary,
+                               linear ? &r->scheduled.linearity : 0};
+  pwm_from_demand(pwm, view, &demand, r->rectifies);
 }
 
 COLD void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in) {
   r->was_frozen = false;
   r->limit = LIMIT_NONE;
+  r->rectifies = view->settings->sync_rect;
   preset(r, pwm, view);
   apply_advance(r, view->settings);
-  apply_voltage(r, pwm, view, in, pwm->u_v_q25);
+  apply(r, pwm, view, in, pwm->u_v_q25);
 }
 
 COLD void regulate_freeze(regulate_t *r) { r->was_frozen = true; }
-
-// Speed regulator straight to the voltage, between the limits of current and duty.
-HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, int32_t direction) {
-  const parameters_t *p = view->p;
-  const measured_t *m = view->m;
-  const settings_t *s = view->settings;
-  const scheduled_t *g = &r->scheduled;
-  const int32_t reference = r->ramp.value_rpm_q8;
-  const int32_t reference_v_q25 = gain_apply(reference, p->emf);
-  const int32_t feed_forward = reference_v_q25 + direction * g->acceleration_v_q25;
-
-  const limiter_gains_t limiter_gains = {p->limiter_kp, p->limiter_ki};
-  // The magnitude of a braking current has its own limit.
-  const int32_t motor_q17 = (m->idc_q17 >= 0) ? m->motor_q17 : 0;
-  const int32_t margin_q17 = lesser(s->current_limit_q17 - motor_q17, s->dc_limit_q17 - m->idc_q17);
-  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
-  const int32_t high_current =
-      limiter_bound(&r->limiter, &limiter_gains, emf_v_q25, g->resistive_v_q25, margin_q17);
-  // The least duty keeps the crossings visible and stands above the current limit.
-  const int32_t high = greater(lesser(g->high_v_q25, high_current), g->low_v_q25);
-  const int32_t low = lesser(lower_limit_v_q25(r, view->settings->sync_rect, emf_v_q25, reference_v_q25), high);
-  const pi_result_t u = pi_step(&r->speed_pi, &g->pi, reference - m->speed_rpm_q8, feed_forward, low, high);
-  // The slew is behind the regulator: it only smooths the voltage (full range in a few ms). Fed back into the integral
-  // it would turn skewed jitter of the measured speed (RSC with late crossings) into a lasting speed error. It must not
-  // hold the voltage above the limits.
-  const int32_t slewed = clamp_i32(u.output, pwm->u_v_q25 - p->slew_v_q25, pwm->u_v_q25 + p->slew_v_q25);
-  const int32_t output = lesser(slewed, high);
-  r->limit = LIMIT_NONE;
-  if (u.output < u.unlimited) {
-    r->limit = (high_current < g->high_v_q25) ? LIMIT_CURRENT : LIMIT_DUTY_MAX;
-  } else if (u.output > u.unlimited) {
-    r->limit = LIMIT_DUTY_MIN;
-  } else if (output != u.output) {
-    r->limit = LIMIT_SLEW;
-  }
-  limiter_update(&r->limiter, &limiter_gains, g->resistive_v_q25, margin_q17, r->limit == LIMIT_CURRENT);
-  return output;
-}
 
 // Current reference from the speed regulator or the torque target. While the voltage is at a limit, a reference beyond
 // what flows could not be followed: it stays near the measured current, and the speed regulator's integral with it.
@@ -267,50 +242,77 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   const scheduled_t *g = &r->scheduled;
   int32_t high = g->limit_i_q25;
   int32_t low = view->settings->sync_rect ? -r->brake_i_q25 : 0;
-  const int32_t room = g->limit_i_q25 / 8;
+  const int32_t room = g->limit_i_q25 / ROOM;
   if (r->saturated > 0) {
     high = clamp_i32(m->line_i_q25 + room, low, high);
   } else if (r->saturated < 0) {
     low = clamp_i32(m->line_i_q25 - room, low, high);
   }
   if (r->regulator == REGULATOR_TORQUE) {
+    const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
     r->ramp.value_rpm_q8 = m->speed_rpm_q8;
-    r->reference_i_q25 = torque_reference(view->settings->target_i_q25, p->speed_to_current_kp, m->speed_rpm_q8,
-                                              p->stop_rpm * 256, target_rpm_q8, low, high);
+    r->reference_i_q25 = torque_reference(view->settings->target_i_q25, inertia, m->speed_rpm_q8, p->stop_rpm * 256,
+                                          target_rpm_q8, low, high);
     r->limit = (view->settings->target_i_q25 > high) ? LIMIT_CURRENT : LIMIT_NONE;
     return;
   }
-  const pi_result_t i = pi_step(&r->speed_pi, &g->speed_i, r->ramp.value_rpm_q8 - m->speed_rpm_q8,
-                                direction * g->acceleration_i_q25, low, high);
-  r->reference_i_q25 = i.output;
+  // While a large error holds the reference at its bound, the integral holds against it; a gain that shrinks with the
+  // speed must not let it through.
+  const int32_t error = r->ramp.value_rpm_q8 - m->speed_rpm_q8;
+  const int32_t beyond_i_q25 = g->noise_i_q25 + ((error < 0) ? gain_apply(-error, g->speed.kp) / 16 : 0);
+  // A ramp that waits for the rotor asks for no acceleration, and must not stop asking at its end.
+  const bool waits = abs_sat(error) > p->ramp_window_rpm * (256 - 32);
+  const pi_result_t i = pi_step(&r->speed_pi, &g->speed, error, waits ? 0 : direction * g->acceleration_i_q25,
+                                low - beyond_i_q25, high);
+  r->reference_i_q25 = greater(i.output, low);
   r->limit = (i.output < i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE;
+  if (i.output > i.unlimited) {
+    r->limit = LIMIT_DUTY_MIN;
+  }
 }
 
-// Current regulator. The slew is one of its limits: the integral follows what is applied.
-HOT static int32_t current_step(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
+// Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
+// current of each carrier the reference alone gives the pulse, and the measured current says nothing of the EMF.
+HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
   const parameters_t *p = view->p;
   const measured_t *m = view->m;
+  const settings_t *s = view->settings;
   const scheduled_t *g = &r->scheduled;
-  const int32_t reference = r->reference_i_q25;
+  const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
-  const int32_t feed_forward = emf_v_q25 + gain_apply(reference, g->resistance);
-  const int32_t reference_v_q25 =
-      (r->regulator == REGULATOR_TORQUE) ? 0 : gain_apply(r->ramp.value_rpm_q8, p->emf);
-  const int32_t least = lesser(lower_limit_v_q25(r, view->settings->sync_rect, emf_v_q25, reference_v_q25), g->high_v_q25);
-  const int32_t high = clamp_i32(pwm->u_v_q25 + p->slew_v_q25, least, g->high_v_q25);
+  // The magnitude of a braking current has its own limit.
+  const int32_t motor_q17 = (m->idc_q17 >= 0) ? m->motor_q17 : 0;
+  const int32_t margin_q17 = lesser(g->limit_i_q25 / 256 - motor_q17, s->dc_limit_q17 - m->idc_q17);
+  // The reference keeps to the braking current, the bound of the voltage only near it.
+  const int32_t brake_i_q25 = s->sync_rect ? r->brake_i_q25 + r->brake_i_q25 / BRAKE_ROOM : g->limit_i_q25 / ROOM;
+  const int32_t brake_margin_q17 = (brake_i_q25 + m->line_i_q25) / 256;
+  const int32_t brake_v_q25 = gain_apply(brake_i_q25, g->resistance);
+  const int32_t high_current = limiter_bound(&r->limiter, &gains, emf_v_q25, g->resistive_v_q25, margin_q17);
+  const int32_t low_current =
+      2 * emf_v_q25 - limiter_bound(&r->brake_limiter, &gains, emf_v_q25, brake_v_q25, brake_margin_q17);
+  const int32_t least = lesser(r->rectifies ? greater(g->low_v_q25, low_current) : emf_v_q25 / 2, g->high_v_q25);
+  const int32_t most = clamp_i32(high_current, least, g->high_v_q25);
+  const int32_t high = clamp_i32(pwm->u_v_q25 + p->slew_v_q25, least, most);
   const int32_t low = clamp_i32(pwm->u_v_q25 - p->slew_v_q25, least, high);
+  const int32_t error = pwm->discontinuous ? 0 : r->reference_i_q25 - m->line_i_q25;
   const pi_result_t u =
-      pi_step(&r->current_pi, &g->current, reference - m->line_i_q25, feed_forward, low, high);
+      pi_step(&r->current_pi, &g->current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance), low, high);
+  const bool above = u.output < u.unlimited && high == most;
+  const bool below = u.output > u.unlimited && low == least;
   r->saturated = 0;
-  if (u.output < u.unlimited && high == g->high_v_q25) {
+  if (above && most == g->high_v_q25) {
     r->saturated = 1;
     r->limit = LIMIT_DUTY_MAX;
-  } else if (u.output > u.unlimited && low == least) {
+  } else if (above) {
+    r->limit = LIMIT_CURRENT;
+  } else if (below && r->rectifies) {
     r->saturated = -1;
     r->limit = LIMIT_DUTY_MIN;
-  } else if (u.output != u.unlimited) {
+  } else if (u.output != u.unlimited && !pwm->discontinuous) {
     r->limit = LIMIT_SLEW;
   }
+  limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
+  limiter_update(&r->brake_limiter, &gains, brake_v_q25, brake_margin_q17, below && r->rectifies);
   return u.output;
 }
 
@@ -337,16 +339,14 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
     r->brake_i_q25 =
         brake_current(r->brake_i_q25, settings->brake_limit_i_q25, m->vdc_v_q25, p->brake_vdc_v_q25, p->brake_range);
   }
-  int32_t output;
   const int32_t direction =
       ramp_step(&r->ramp, target_rpm_q8, settings->accel_rpm_q20, m->speed_rpm_q8, p->ramp_window_rpm * 256);
-  if (r->regulator == REGULATOR_VOLTAGE) {
-    output = voltage_step(r, pwm, view, direction);
-  } else {
-    reference_step(r, view, direction, target_rpm_q8);
-    output = current_step(r, pwm, view);
+  reference_step(r, view, direction, target_rpm_q8);
+  r->rectifies = rectifies(r, view);
+  apply(r, pwm, view, in, voltage_step(r, pwm, view));
+  if (pwm->at_least) {
+    r->limit = LIMIT_DUTY_MIN;
   }
-  apply_voltage(r, pwm, view, in, output);
 }
 
 bool regulate_nearly_stopped(const regulate_t *r, const six_step_view_t *view) {

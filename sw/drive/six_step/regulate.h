@@ -1,19 +1,23 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Regulation while crossings or edges commutate.
+// Regulation while crossings or edges commutate: from the speed to a current, from the current to the pulse.
 //
-// Straight to the voltage:
-//   u = k_e n_ref + Kp a_ref/w_b + PI(n_ref - n),   Kp = J R(n) w_b / k_t,  Ki = max(k_e w_b, Kp w_b / 5)
-// With current loop:
-//   i_ref = J a_ref / k_t + PI(n_ref - n),          Kp = J w_b / k_t,       Ki = Kp w_b / 5;  torque mode: i_ref given
-//   u = k_e n + R(n) i_ref + PI(i_ref - i),         Kp = L w_c,             Ki = R(n) w_c
+//   i_ref = J a_ref / k_t + PI(n_ref - n), within [-i_brake, i_limit], without sync_rect within [0, i_limit];
+//           torque mode: i_ref given
+//   u     = k_e n + R(n) i_ref + PI(i_ref - i)
 //
-// R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L. The gains of the speed regulators shrink at
-// speeds whose electrical turn is long against 1/w_b: the speed is a mean over that turn.
+//   speed      Kp = w_b (J / k_t + t_d k_e / R_t),     Ki = Kp w_b / 5
+//   current    Kp = R_t - R,                           Ki = R(n) / t_trim;      R_t: damps the rotor on the EMF's spring
+//              with current_loop Kp = L w_c,           Ki = R(n) w_c
+//
+// R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
+// electrical turn: w_b shrinks where that is long. Below the boundary of continuous conduction the pulse follows from i_ref
+// alone (control/boundary.h).
 #ifndef FL_REGULATE_H
 #define FL_REGULATE_H
 
+#include "control/boundary.h"
 #include "control/csc_linearity.h"
 #include "control/limiter.h"
 #include "control/pi.h"
@@ -25,24 +29,25 @@
 
 // Gains and limits of the speed control that vary with speed and DC-link voltage.
 typedef struct {
-  pi_gains_t pi;
-  gain_t kp_full;  // without the reduction at low speed
-  int32_t resistive_v_q25;  // R * current limit
-  int32_t acceleration_v_q25;  // voltage that accelerates with the ramp
-  int32_t low_v_q25;  // of the least and of the largest duty
-  int32_t high_v_q25;
-  int32_t line_ratio_q16;  // current of the conducting pair over DC-link current
-  int32_t limit_i_q25;     // the lower one of current limit and DC limit
-  int32_t acceleration_i_q25;
+  pi_gains_t speed;      // rpm_q8 -> i_q25
+  pi_gains_t current;    // i_q25 -> v_q25
   gain_t resistance;     // R(n), i_q25 -> v_q25
-  pi_gains_t speed_i;    // speed regulator of the current loop
-  pi_gains_t current;    // current regulator
+  int32_t scale_q16;     // reduction of the bandwidths at low speed
+  int32_t low_v_q25;     // of the least and of the largest duty
+  int32_t high_v_q25;
+  int32_t line_ratio_q16;   // current of the conducting pair over DC-link current
+  int32_t limit_i_q25;      // the lower one of current limit and DC limit
+  int32_t resistive_v_q25;  // R * current limit
+  int32_t acceleration_i_q25;
+  int32_t noise_i_q25;  // how far below its bound the reference may swing unseen
+  boundary_t boundary;  // of the carrier that the settings ask for
+  int32_t least_i_q25;  // of the shortest pulse in the longest carrier, where diodes end it
   csc_linearity_t linearity;
   int32_t advance_q16;  // what speed and current add
 } scheduled_t;
 
-// What gives the voltage while running.
-typedef enum { REGULATOR_VOLTAGE, REGULATOR_CURRENT, REGULATOR_TORQUE } regulator_t;
+// What gives the current while running.
+typedef enum { REGULATOR_SPEED, REGULATOR_TORQUE } regulator_t;
 
 typedef struct {
   scheduled_t scheduled;
@@ -52,12 +57,14 @@ typedef struct {
   regulator_t regulator;
   bool linear;  // settings->linearity that the gains were set for
   bool was_frozen;
+  bool rectifies;  // synchronously
   limit_t limit;
   pi_state_t speed_pi;
   pi_state_t current_pi;
   int32_t reference_i_q25;
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
+  limiter_t brake_limiter;
   int32_t brake_i_q25;  // largest braking current now
   int32_t advance_q16;
 } regulate_t;

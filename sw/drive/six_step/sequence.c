@@ -83,7 +83,10 @@ COLD void sequence_pattern(sequence_command_t *c, const settings_t *settings) {
   c->fresh = true;
 }
 
-void sequence_rectify(sequence_command_t *c, bool sync_rect) { c->sync_rect = sync_rect; }
+void sequence_rectify(sequence_command_t *c, bool sync_rect) {
+  c->fresh = c->fresh || c->sync_rect != sync_rect;
+  c->sync_rect = sync_rect;
+}
 
 COLD bool sequence_cross(sequence_command_t *c, const settings_t *settings) {
   const bool other_signal = c->crossing.zcd_source != settings->crossing.zcd_source;

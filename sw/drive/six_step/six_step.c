@@ -41,14 +41,23 @@ COLD void six_step_init(six_step_t *six, const parameters_t *p, const settings_t
   six->report.six_step.hall_late_q20 = six->hall.late_q20[0];
 }
 
+// The law of discontinuous conduction knows the current for the speed's EMF: without EMF the pulse drives a multiple. A
+// sample in the pulse is no mean.
+HOT static bool outruns_pulse(const six_step_t *six) {
+  const regulate_t *r = &six->regulate;
+  const int32_t most_i_q25 = clamp_i32(r->reference_i_q25, r->scheduled.least_i_q25, PRODUCT_MAX / 4) * 4;
+  return six->p->sample_mode == SAMPLING_CONTINUOUS && six->m.line_i_q25 > most_i_q25;
+}
+
 // No rotor turns at the measured speed.
 HOT static bool speed_impossible(six_step_t *six, bool over) {
   // The phases' current is right however seldom it is sampled; braking it drops nothing.
   const measured_t *m = &six->m;
   const int32_t driving_i_q25 = (m->idc_q17 > 0) ? m->motor_q17 * 256 : 0;
   const int32_t drop_v_q25 = gain_apply(driving_i_q25, six->regulate.scheduled.resistance);
-  const bool outruns = six->command.sequence.timer == COMMUTATION_ZCD &&
-                       pwm_is_outrun(&six->pwm, six->p, m->speed_rpm_q8, drop_v_q25);
+  const bool outruns =
+      six->command.sequence.timer == COMMUTATION_ZCD &&
+      (six->pwm.discontinuous ? outruns_pulse(six) : pwm_is_outrun(&six->pwm, six->p, m->speed_rpm_q8, drop_v_q25));
   six->outrun_ticks = outruns ? six->outrun_ticks + 1u : 0u;
   if (six->outrun_ticks < OUTRUN_TICKS && !(over && outruns)) {
     return false;

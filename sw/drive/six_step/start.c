@@ -43,7 +43,7 @@ static void enter_phase(start_t *s, phase_t phase) {
 }
 
 static void apply_voltage(const work_t *w, int32_t u_v_q25, bool sync_rect) {
-  pwm_from_voltage(w->pwm, w->view, u_v_q25, sync_rect, start_longest_cycles(w->s, w->view->m), 0);
+  pwm_from_voltage(w->pwm, w->view, u_v_q25, sync_rect, start_longest_cycles(w->s, w->view->m));
 }
 
 static void direct(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, bool reverse) {
