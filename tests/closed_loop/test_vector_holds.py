@@ -50,7 +50,7 @@ def test_residual_dead_time_leaves_no_swing(monkeypatch: pytest.MonkeyPatch, dam
     Verifies: VC-42
     """
     if not damped:
-        monkeypatch.setattr(vector_compiler, "damping", lambda *_: 1.0)
+        monkeypatch.setattr(vector_compiler, "regulator_damping", lambda *_: 1.0)
     play = _played(SWING_V, *FAST_LOOP)
     _, metrics = run_metrics(play.run(), play.scenario)
     rms_deg, speed = metrics["light"]["angle_error_deg"]["rms"], metrics["light"]["speed_rpm"]

@@ -149,8 +149,9 @@ def test_keys_of_vector_with_six_step() -> None:
             "= 0.7, permitted up to 1800 Hz",
         ),
         (
-            ["drive.vector.speed_hz=60"],
-            "drive.vector.speed_hz: 60 Hz is above a quarter of drive.vector.pll_hz = 200 Hz",
+            ["drive.vector.speed_hz=60", "drive.vector.pll_hz=200"],
+            "drive.vector.speed_hz: 60 Hz with drive.vector.pll_hz = 200 Hz leaves a phase margin of 0 degrees, "
+            "permitted from 30 on; left out, both come by rule: 20.4 Hz and 245 Hz with 59 degrees",
         ),
         (
             ["drive.vector.start_current_a=40"],

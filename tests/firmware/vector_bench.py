@@ -15,10 +15,10 @@ from fluxlock.config import Inverter, Motor
 from fluxlock.config.drive import Drive
 from fluxlock.config.machine import Machine
 from fluxlock.config.vector import Regulator
+from fluxlock.config.vector_loops import PLL_BANDWIDTH
 from fluxlock.firmware import compile_parameters, gain
 from fluxlock.firmware.binding import names
 from fluxlock.firmware.block import Value
-from fluxlock.firmware.vector_compiler import PLL_BANDWIDTH
 from fluxlock.native.vector_chip import Sampling, VectorChip
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1
 from tests.firmware.machines import drive, scenario

@@ -32,6 +32,7 @@ from fluxlock.analysis.metrics import Analysis, judge, trips
 from fluxlock.analysis.rundata import FloatArray, Rejection, RunData
 from fluxlock.config.console import number_of_line, switch_of_line
 from fluxlock.config.scenario import Accept, Scenario
+from fluxlock.config.vector_loops import loops_of
 from fluxlock.interface.names import trip_fault, words
 
 SPEED_TOLERANCE = 0.01
@@ -199,7 +200,7 @@ class Judge:
         self.commands, self.told = commands_of(scenario)
         loop_hz = scenario.drive.speed_bandwidth_hz or SIX_STEP_SPEED_HZ
         if scenario.drive.method == "vector":
-            loop_hz = scenario.drive.vector.speed_hz
+            loop_hz = loops_of(scenario).speed_hz
         self.settling_s = SETTLING / (2.0 * math.pi * loop_hz)
         self.segments = self._running()
         self.unjudged: list[str] = []

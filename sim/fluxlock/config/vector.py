@@ -68,7 +68,14 @@ class Vector(Model):
     observer_every: int | None = quantity(
         "Samples a control tick (observer, angle, speed).", "", 1, 255, default=None, absent="tick at most 20 kHz"
     )
-    pll_hz: float = quantity("Bandwidth of the phase-locked loop.", "Hz", 1, 5e3, default=200.0)
+    pll_hz: float | None = quantity(
+        "Bandwidth of the phase-locked loop.",
+        "Hz",
+        1,
+        5e3,
+        default=None,
+        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection 200",
+    )
     pll_order: int = quantity("Its order: 3 follows an acceleration without lag.", "", 2, 3, default=3)
     start_current_a: float | None = quantity(
         "Amplitude of the current that aligns the rotor and pulls it along until the hand-over.",
@@ -94,7 +101,14 @@ class Vector(Model):
         default=None,
         absent="a tenth of `max_speed_rpm`, more if the EMF is small; with injection: never",
     )
-    speed_hz: float = quantity("Bandwidth of the speed loop.", "Hz", 0.1, 2000, default=20.0)
+    speed_hz: float | None = quantity(
+        "Bandwidth of the speed loop.",
+        "Hz",
+        0.1,
+        2000,
+        default=None,
+        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection 20",
+    )
     weakening: bool = Field(default=False, description="Field weakening: negative i_d where the voltage is short.")
     dead_time_compensation: bool = Field(
         default=True, description="Voltage that the dead time takes is added by the sign of the measured current."

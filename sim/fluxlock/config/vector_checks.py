@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.config import vector_design, vector_timing
+from fluxlock.config import vector_design, vector_loops, vector_timing
 from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.drive import Drive, Start
 from fluxlock.config.errors import Problem
@@ -35,8 +35,7 @@ SHARED_START_KEYS = {"catch", "retries", "restart_retries"}
 TURN_A_TICK = 0.25  # electrical
 TIME_CONSTANTS_A_TICK = 1.9  # the format of R T / L ends at 2
 BANDWIDTH_A_MAX = 0.15  # of regulator A over 1 / T_s
-PLL_MAX = 0.3  # bandwidth over tick frequency, a distance of the observer's poles from 1
-PLL_OVER_SPEED = 4.0
+MARGIN_MIN_DEG = 30.0  # of two bandwidths that are both given; the rule keeps more
 START_TORQUE_SHARE_MAX = 0.9  # of the torque at 90 degrees: beyond it the rotor falls out of step
 EMF_LSB_MIN = 10.0
 
@@ -153,20 +152,31 @@ def _loops(s: Scenario) -> Iterator[Problem]:
             f"{with_unit(v.bandwidth_hz, 'Hz')} is too fast for {update_hz:.0f} samples a second, permitted up to "
             f"{BANDWIDTH_A_MAX * update_hz:.0f} Hz",
         )
-    most_hz = PLL_MAX * (1.0 - v.observer_pole) * tick_hz
-    if v.pll_hz > most_hz:
+    most_hz = vector_loops.PLL_MAX * (1.0 - v.observer_pole) * tick_hz
+    if v.pll_hz is not None and v.pll_hz > most_hz:
         yield Problem(
             file,
             "drive.vector.pll_hz",
             f"{with_unit(v.pll_hz, 'Hz')} is too fast for a control tick of {tick_hz:.0f} Hz with "
             f"drive.vector.observer_pole = {v.observer_pole:g}, permitted up to {most_hz:.0f} Hz",
         )
-    if PLL_OVER_SPEED * v.speed_hz > v.pll_hz:
-        yield Problem(
-            file,
-            "drive.vector.speed_hz",
-            f"{with_unit(v.speed_hz, 'Hz')} is above a quarter of drive.vector.pll_hz = {with_unit(v.pll_hz, 'Hz')}",
-        )
+    if s.mechanics.mode == "free" and v.injection is None and v.speed_hz is not None:
+        yield from _margin(s, v.speed_hz)
+
+
+def _margin(s: Scenario, speed_hz: float) -> Iterator[Problem]:
+    """A bandwidth of the speed loop that no phase-locked loop, or not the given one, goes with."""
+    found = vector_loops.loops_of(s)
+    if found.nominal_deg >= MARGIN_MIN_DEG:
+        return
+    rule = vector_loops.loops(vector_loops.plant_of(s))
+    yield Problem(
+        s.sources.scenario,
+        "drive.vector.speed_hz",
+        f"{with_unit(speed_hz, 'Hz')} with drive.vector.pll_hz = {found.pll_hz:.4g} Hz leaves a phase margin of "
+        f"{found.nominal_deg:.0f} degrees, permitted from {MARGIN_MIN_DEG:.0f} on; left out, both come by rule: "
+        f"{rule.speed_hz:.3g} Hz and {rule.pll_hz:.3g} Hz with {rule.nominal_deg:.0f} degrees",
+    )
 
 
 def _handover(s: Scenario) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ from fluxlock.config.inverter import Inverter
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
+from fluxlock.config.vector import Vector
 from fluxlock.config.vector_timing import VectorTiming
 
 # Share of the start current's torque with which the forced frame accelerates: the rest is the margin against load.
@@ -23,6 +24,8 @@ HANDOVER_DROPS = 3.0
 HANDOVER_SPEED_SHARE = 0.1
 HANDOVER_SPEED_LIMIT = 0.3
 WEAKENING_CURRENT_SHARE = 0.8
+# Of the current loop's bandwidth gamma / T_s, the least decay of what regulator C does not know: docs/theory/vector.md.
+DAMPING_SHARE = 0.125
 ENCODER_QUARTERS_MIN = 36  # an electrical turn: a coarser encoder is left aside
 
 
@@ -65,6 +68,17 @@ def handover_rpm(s: Scenario) -> float:
     least_v = max(HANDOVER_LSB * s.inverter.sensing.step_v, HANDOVER_DROPS * drop_v)
     omega = max(least_v / m.fundamental_vs, HANDOVER_SPEED_SHARE * m.omega_max)
     return min(omega, HANDOVER_SPEED_LIMIT * m.omega_max) / s.motor.pole_pairs * RPM_PER_RAD_S
+
+
+def regulator_damping(machine: Machine, vector: Vector, sample_s: float) -> float:
+    """Zero of regulator C over the machine's pole: as if R were R' = max(R, 0.125 gamma L / T_s).
+
+    Where something else tells the angle (encoder, injection) and where the axes differ it stays on the pole.
+    """
+    if vector.regulator != "C" or vector.angle == "encoder" or vector.injection or machine.saliency_h:
+        return 1.0
+    decay = machine.resistance_ohm / machine.inductance_h * sample_s
+    return math.exp(min(0.0, decay - DAMPING_SHARE * vector.gamma))
 
 
 def dead_time_cycles(inverter: Inverter) -> int:

@@ -24,9 +24,12 @@ from fluxlock.config.vector_design import (
     handover_rpm,
     linear_voltage,
     margin_cycles,
+    regulator_damping,
     start_accel_rpm_per_s,
     start_current_a,
 )
+from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
+from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.design import Q8, Q16, Q17, Q25, Q30, Q32, Q36, Q44, Q60, Design
@@ -45,13 +48,8 @@ STEADY_PERIODS = 0.1
 STEADY_TICKS_MIN = 20
 TOLERANCE_MIN_TURN = 0.5 / 360.0
 CURRENT_RISE_S = 0.02
-# -3 dB bandwidth over omega_n of a phase-locked loop whose poles are all at omega_n, by order.
-PLL_BANDWIDTH = {2: 2.4824, 3: 3.8989}
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
-KI_DIVISOR = 4.0
-# Of the current loop's bandwidth gamma / T_s, the least decay of what regulator C does not know: docs/theory/vector.md.
-DAMPING_SHARE = 0.125
 WEAKENING_HZ = 20.0
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
 # Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
@@ -78,15 +76,16 @@ def _gains(**factors: float) -> dict[str, Value]:
     return {name: gain(factor, name) for name, factor in factors.items()}
 
 
-def _pll(vector: Vector, timing: VectorTiming) -> dict[str, Value]:
-    """Loop with all poles at p = exp(-omega_n T), q = 1 - p (sw/control/pll.h); its input is the sine, q30 = 1."""
-    q = -math.expm1(-2 * math.pi * vector.pll_hz / PLL_BANDWIDTH[vector.pll_order] * timing.tick_cycles / CLOCK_HZ)
-    k_p, k_i, k_a = (2 * q, q**2, 0.0) if vector.pll_order == 2 else (3 * q, 3 * q**2, q**3)
+def _pll(vector: Vector, timing: VectorTiming, pll_hz: float) -> dict[str, Value]:
+    """Loop with all poles at p = exp(-omega_n T) (sw/control/pll.h); its input is the sine, q30 = 1."""
+    tick_s = timing.tick_cycles / CLOCK_HZ
+    omega_n = 2 * math.pi * pll_hz / PLL_BANDWIDTH[vector.pll_order]
+    angle, speed, slope = loop_gains(vector.pll_order, omega_n, tick_s)
     turn_q30 = 2.0 * math.pi * Q30
     return _gains(
-        vector_pll_angle=k_p * Q32 / turn_q30,
-        vector_pll_speed=k_i * Q60 / turn_q30 / timing.tick_cycles,
-        vector_pll_acceleration=k_a * Q60 / turn_q30 / timing.tick_cycles,
+        vector_pll_angle=angle * Q32 / turn_q30,
+        vector_pll_speed=speed * tick_s * Q60 / turn_q30 / timing.tick_cycles,
+        vector_pll_acceleration=slope * tick_s**2 * Q60 / turn_q30 / timing.tick_cycles,
     )
 
 
@@ -195,17 +194,6 @@ def _timing(vector: Vector, timing: VectorTiming) -> dict[str, Value]:
     }
 
 
-def damping(machine: Machine, vector: Vector, sample_s: float) -> float:
-    """Zero of regulator C over the machine's pole: as if R were R' = max(R, 0.125 gamma L / T_s).
-
-    Where something else tells the angle (encoder, injection) and where the axes differ it stays on the pole.
-    """
-    if vector.regulator != "C" or vector.angle == "encoder" or vector.injection or machine.saliency_h:
-        return 1.0
-    decay = machine.resistance_ohm / machine.inductance_h * sample_s
-    return math.exp(min(0.0, decay - DAMPING_SHARE * vector.gamma))
-
-
 def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
     """Current regulator, EMF observer and inverse Park transform: the machine from sample to sample."""
     m, vector, sample_s = d.machine, d.s.drive.vector, timing.sample_cycles / CLOCK_HZ
@@ -223,7 +211,7 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
         "vector_order": get_args(Regulator).index(vector.regulator),
         "vector_bandwidth_q30": round(2.0 * math.pi * vector.bandwidth_hz * sample_s * Q30),
         "vector_gamma_q30": round(vector.gamma * Q30),
-        "vector_damping_q30": round(damping(m, vector, sample_s) * Q30),
+        "vector_damping_q30": round(regulator_damping(m, vector, sample_s) * Q30),
         "vector_pole1_q30": round(vector.observer_pole * Q30),
         "vector_pole2_q30": round(vector.observer_pole * Q30),
         **_gains(
@@ -235,11 +223,11 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
     }
 
 
-def _speed(d: Design) -> dict[str, Value]:
+def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
     unit_rad_s = 2.0 * math.pi * CLOCK_HZ / Q36  # of a speed of 2^-36 turn a clock
-    speed_rad = 2.0 * math.pi * d.s.drive.vector.speed_hz
+    speed_rad = 2.0 * math.pi * speed_hz
     speed_kp = speed_rad * motor.inertia_kgm2 / (p * m.torque_nm_per_a) * unit_rad_s * d.ampere
     most_turns = min(SPEED_LIMIT_RATIO * OVERSPEED_RATIO * m.omega_max / (2 * math.pi), TURN_A_TICK_MAX / tick_s)
     return {
@@ -260,11 +248,12 @@ def vector_parameters(d: Design) -> dict[str, Value]:
     """
     vector, timing = d.s.drive.vector, d.timing
     assert timing is not None
+    bandwidths = loops_of(d.s)
     return {
         **_timing(vector, timing),
         **_regulator(d, timing),
-        **_speed(d),
-        **_pll(vector, timing),
+        **_speed(d, bandwidths.speed_hz),
+        **_pll(vector, timing, bandwidths.pll_hz),
         **_start(d),
         **_weakening(d),
         **_encoder(d),

@@ -14,8 +14,8 @@ from fluxlock.config import Scenario
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import Motor
 from fluxlock.config.vector_design import told_machine
+from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
 from fluxlock.cosim.outcome import Outcome
-from fluxlock.firmware.vector_compiler import PLL_BANDWIDTH
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, event, timeline
@@ -42,7 +42,7 @@ def resolution_deg(motor: Motor) -> float:
 
 def loop_lag_deg(scenario: Scenario) -> float:
     """Largest lag of the third-order loop after a step a of the acceleration, 2/e^2 a / omega_n^2: the ramp's slope."""
-    omega_n = 2.0 * math.pi * scenario.drive.vector.pll_hz / PLL_BANDWIDTH[3]
+    omega_n = 2.0 * math.pi * loops_of(scenario).pll_hz / PLL_BANDWIDTH[3]
     slope = scenario.accel_rpm_per_s * math.pi / 30.0 * scenario.motor.pole_pairs
     return math.degrees(2.0 * math.exp(-2.0) * slope / omega_n**2)
 
