@@ -182,6 +182,10 @@ static void speed(digest_t *d) {
         vector_speed_step(&state, &gains, draw_signed(d, 22), draw_signed(d, 22), draw_signed(d, 20), rest);
     put_signed(d, result.output);
     put_signed(d, result.unlimited);
+    const pi_result_t between =
+        vector_speed_between(&state, &gains, draw_signed(d, 22), draw_signed(d, 20), -rest / 2, rest);
+    put_signed(d, between.output);
+    put_signed(d, between.unlimited);
     put_signed(d, field_weakening_step(&weakening, &field, draw_complex(d, 26), 0));
     put_complex(d, mtpa_current_i_q25(draw_signed(d, 25), 1 + draw_within(d, 1u << 25)));
     put_signed(d, ramp_step(&ramp, draw_signed(d, 26), 1 + draw_within(d, 1u << 24), draw_signed(d, 26), 1 << 18));

@@ -23,6 +23,17 @@ void vector_speed_preset(pi_state_t *state, const pi_gains_t *gains, int32_t ref
   pi_preset(state, gains->kp, speed_error(reference_turn_q36, speed_turn_q36), 0, current_i_q25);
 }
 
+HOT pi_result_t vector_speed_between(pi_state_t *state, const pi_gains_t *gains, int32_t error_turn_q36,
+                                     int32_t ahead_i_q25, int32_t low, int32_t high) {
+  const int32_t unlimited = ahead_i_q25 + gain_apply(error_turn_q36, gains->kp) + (state->integral_q5 >> PI_INTEGRAL_BITS);
+  const int32_t output = clamp_i32(unlimited, low, high);
+  if (output == unlimited || (output > unlimited) == (error_turn_q36 > 0)) {
+    const int32_t integral_q5 = state->integral_q5 + gain_apply(error_turn_q36, gains->ki);
+    state->integral_q5 = clamp_i32(integral_q5, low * (1 << PI_INTEGRAL_BITS), high * (1 << PI_INTEGRAL_BITS));
+  }
+  return (pi_result_t){output, unlimited};
+}
+
 HOT pi_result_t vector_speed_step(pi_state_t *state, const pi_gains_t *gains, int32_t reference_turn_q36,
                                   int32_t speed_turn_q36, int32_t feed_forward_i_q25, int32_t limit_i_q25) {
   const int32_t error = speed_error(reference_turn_q36, speed_turn_q36);

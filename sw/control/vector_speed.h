@@ -19,7 +19,12 @@ int32_t current_rest_i_q25(int32_t amplitude_i_q25, int32_t other_i_q25);
 void vector_speed_preset(pi_state_t *state, const pi_gains_t *gains, int32_t reference_turn_q36,
                          int32_t speed_turn_q36, int32_t current_i_q25);
 
-// One step; gains from a speed difference of 2^-36 turn a clock to a current i_q25; limit_i_q25 >= 0. The side
+// One step between two limits, low <= 0 <= high within 2^25. Beyond a limit the integral moves only to lead back, so that a speed
+// far from its reference leaves no integral to undo; it never holds more than the limits. About 100 clocks.
+pi_result_t vector_speed_between(pi_state_t *state, const pi_gains_t *gains, int32_t error_turn_q36,
+                                 int32_t ahead_i_q25, int32_t low, int32_t high);
+
+// The same with one limit and back-calculation; gains from a speed difference of 2^-36 turn a clock to a current i_q25; limit_i_q25 >= 0. The side
 // on which output and unlimited differ is the limit that binds. About 170 clocks.
 pi_result_t vector_speed_step(pi_state_t *state, const pi_gains_t *gains, int32_t reference_turn_q36,
                               int32_t speed_turn_q36, int32_t feed_forward_i_q25, int32_t limit_i_q25);

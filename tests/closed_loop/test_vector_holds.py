@@ -17,6 +17,7 @@ from fluxlock.native.vector_run import Play
 from fluxlock.paths import ROOT
 
 LOAD_STEP = ROOT / "scenarios/vector/load-step.toml"
+DECELERATION = ROOT / "scenarios/vector/deceleration.toml"
 # What a leg loses beyond its compensation. A dead time of 75 clocks of 5000 takes 4.65 V of 310 V.
 LEFT_V = (0.0, 0.8, 2.0)
 # A loop whose omega_n is the rotor's frequency at 3000 r/min.
@@ -40,6 +41,16 @@ def test_light_servo_holds_a_rated_load_step(left_v: float, tmp_path: Path) -> N
     """
     play = _played(left_v)
     outcome = write_outcome(play.run(), play.scenario, tmp_path)
+    assert outcome.verdict.failures == []
+
+
+def test_hard_deceleration_brakes_at_once(tmp_path: Path) -> None:
+    """2 ms after the target fell the torque is that of the braking current's limit; the speed arrives without a dip.
+
+    Verifies: VC-43
+    """
+    scenario = load_scenario(DECELERATION)
+    outcome = write_outcome(Play(scenario, SEED).run(), scenario, tmp_path)
     assert outcome.verdict.failures == []
 
 

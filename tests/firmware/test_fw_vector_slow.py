@@ -121,6 +121,37 @@ def test_speed_loop_settles_and_leaves_its_limit(lib: CData) -> None:
         assert first.output == pytest.approx(77_777, abs=1)
 
 
+def test_speed_loop_leaves_its_limit_without_an_integral_to_undo(lib: CData) -> None:
+    """A reference far away, either way, with unequal limits and a load: at the limit, then there as from a small step.
+
+    Verifies: VC-12
+    """
+    clock, period, bandwidth, per_amp = 50e6, 10_000, 2 * math.pi * 20.0, 4000.0  # rad/s^2 an ampere
+    unit_speed, unit_a = 2**36 / clock / (2 * math.pi), FULL / 50.0
+    ts = period / clock
+    kp = bandwidth / per_amp * unit_a / unit_speed
+    gains = new("pi_gains_t", gain(kp), gain(kp * bandwidth / 4 * ts * 32))
+    low, high = round(-10.0 * unit_a), round(20.0 * unit_a)
+    for begin, end, load, ahead in ((1500.0, 50.0, 3.0, -10.0), (50.0, 1500.0, 3.0, 20.0), (1500.0, 50.0, 0.0, 0.0)):
+        state, omega, target = new("pi_state_t"), begin, begin
+        speeds, currents = [], []
+        for step in range(4000):
+            if step == 1000:
+                target = end
+            far = step >= 1000 and abs(omega - end) > 600.0
+            result = lib.vector_speed_between(
+                state, gains, round((target - omega) * unit_speed), round((ahead if far else 0.0) * unit_a), low, high
+            )
+            assert low <= result.output <= high
+            currents.append(result.output / unit_a)
+            omega += (result.output / unit_a - load) * per_amp * ts
+            speeds.append(omega)
+        assert currents[1005] == pytest.approx(20.0 if end > begin else -10.0, abs=0.01)
+        assert speeds[-1] == pytest.approx(end, abs=0.5)
+        beyond = max((s - end) * (1 if end > begin else -1) for s in speeds[1000:])
+        assert beyond < 0.1 * abs(end - begin), beyond
+
+
 def test_fade(lib: CData) -> None:
     """One step at a time, exactly to the end, also across the whole range.
 

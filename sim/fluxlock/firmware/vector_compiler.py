@@ -14,7 +14,7 @@ from typing import get_args
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.machine import Machine
-from fluxlock.config.motor import OVERSPEED_RATIO
+from fluxlock.config.motor import OVERSPEED_RATIO, RPM_PER_RAD_S
 from fluxlock.config.vector import InversePark, Regulator, Vector
 from fluxlock.config.vector_design import (
     ENCODER_QUARTERS_MIN,
@@ -32,7 +32,7 @@ from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
 from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
-from fluxlock.firmware.design import Q8, Q16, Q17, Q25, Q30, Q32, Q36, Q44, Q60, Design
+from fluxlock.firmware.design import Q8, Q16, Q17, Q20, Q25, Q30, Q32, Q36, Q44, Q60, Design
 from fluxlock.firmware.injection_compiler import injection_parameters
 
 PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/control/pi.h)
@@ -229,12 +229,16 @@ def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
     unit_rad_s = 2.0 * math.pi * CLOCK_HZ / Q36  # of a speed of 2^-36 turn a clock
     speed_rad = 2.0 * math.pi * speed_hz
     speed_kp = speed_rad * motor.inertia_kgm2 / (p * m.torque_nm_per_a) * unit_rad_s * d.ampere
+    # The whole change of the current, from one limit to the other.
+    window_rad_s = 2.0 * d.s.current_limit_a * m.torque_nm_per_a * p / motor.inertia_kgm2 / speed_rad
     most_turns = min(SPEED_LIMIT_RATIO * OVERSPEED_RATIO * m.omega_max / (2 * math.pi), TURN_A_TICK_MAX / tick_s)
     return {
+        "ramp_window_rpm": max(1, round(window_rad_s / p * RPM_PER_RAD_S)),
         "vector_speed_max_turn_q36": round(most_turns / CLOCK_HZ * Q36),
         **_gains(
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,
+            vector_accel=motor.inertia_kgm2 / m.torque_nm_per_a / RPM_PER_RAD_S / Q20 / tick_s * d.ampere,
             vector_rpm_to_turn=p / 60.0 / Q8 / CLOCK_HZ * Q36,
             vector_flux=m.fundamental_vs * unit_rad_s * d.volt,
         ),

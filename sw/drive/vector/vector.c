@@ -69,7 +69,8 @@ HOT static int32_t current_rest(vector_t *v, int32_t limit_i_q25) {
   return v->rest.rest_i_q25;
 }
 
-HOT static void speed_regulator(vector_t *v, bool limited) {
+// The current that accelerates the rotor alone goes ahead of the regulator while the ramp goes up or down.
+HOT static void speed_regulator(vector_t *v, bool limited, int32_t direction, int32_t step_rpm_q20) {
   const int32_t limit = current_limit_i_q25(v);
   const int32_t rest = current_rest(v, limit);
   int32_t driving = rest;
@@ -84,7 +85,8 @@ HOT static void speed_regulator(vector_t *v, bool limited) {
   const int32_t high = (v->direction > 0) ? driving : braking;
   const int32_t low = (v->direction > 0) ? -braking : -driving;
   const int32_t wanted = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn);
-  const pi_result_t i = pi_step(&v->speed, &v->speed_gains, wanted - v->report.vector.speed_turn_q36, 0, low, high);
+  const int32_t ahead = (direction == 0) ? 0 : direction * clamp_i32(gain_apply(step_rpm_q20, v->p->vector_accel), 0, rest);
+  const pi_result_t i = vector_speed_between(&v->speed, &v->speed_gains, wanted - v->report.vector.speed_turn_q36, ahead, low, high);
   v->report.limit = limited ? LIMIT_DUTY_MAX : ((i.output != i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE);
   v->reference_i_q25.im = i.output;
   if (v->p->vector_mtpa_ratio_i_q25 != 0) {
@@ -168,9 +170,9 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
       clamp_i32(abs_sat(settings->target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
-  (void)ramp_step(&v->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
+  const int32_t moving = ramp_step(&v->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
                   step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
-  speed_regulator(v, in->vector.limited[0]);
+  speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
   const int32_t speed_rpm_q8 = v->direction * v->report.speed_rpm_q8;
   const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
   v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
@@ -191,9 +193,9 @@ SHARED static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
   v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
-  (void)ramp_step(&v->ramp, stopping ? 0 : settings->target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
+  const int32_t moving = ramp_step(&v->ramp, stopping ? 0 : settings->target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
                   v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
-  speed_regulator(v, in->vector.limited[0]);
+  speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
   v->goal_i_q25 = v->weakening.current_i_q30 >> 5;
   const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
