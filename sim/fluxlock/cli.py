@@ -39,7 +39,7 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.can_bus import usual_channel
-from fluxlock.config import ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
@@ -98,6 +98,22 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
 ]
+OverloadOption = Annotated[
+    bool,
+    typer.Option(ALLOW_OVERLOAD, help="Targets may need more than the current limit: the drive runs at its limit."),
+]
+
+
+def _checked(path: Path, set_: list[str] | None, allow_overload: bool = False) -> Scenario:
+    """A scenario that the firmware takes; what will probably not work is said."""
+    from fluxlock.cosim.cautions import cautions
+    from fluxlock.cosim.parameters import check_parameters
+
+    loaded = load_scenario(path, set_ or (), allow_overload=allow_overload)
+    check_parameters(loaded)
+    for problem in cautions(loaded):
+        print(f"warning: {problem}", file=sys.stderr, flush=True)
+    return loaded
 
 
 def _seed(text: str) -> int:
@@ -190,6 +206,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for results, default build/<name of the file>.")] = None,
     set_: SetOption = None,
     seed: SeedOption = None,
+    allow_overload: OverloadOption = False,
     waves: Annotated[bool, typer.Option("--waves", help="Write an FST of the chip's signals (zoomed span).")] = False,
     native: Annotated[
         bool,
@@ -204,11 +221,9 @@ def run(
 ) -> None:
     """Run a scenario in closed loop: verdict, result.json, trace.npz, plots."""
     from fluxlock.cosim.native_firmware import native_firmware
-    from fluxlock.cosim.parameters import check_parameters
 
     firmware = native_firmware(native, sanitize, debugger)
-    loaded = load_scenario(scenario, set_ or ())
-    check_parameters(loaded)
+    loaded = _checked(scenario, set_, allow_overload)
     out_dir = out if out is not None else Path("build") / scenario.stem
     with _output(out_dir):
         _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware)
@@ -347,6 +362,7 @@ def native(
         Path | None, typer.Option(help="With --play: folder for results, default build/<name of the file>-native.")
     ] = None,
     seed: SeedOption = None,
+    allow_overload: OverloadOption = False,
 ) -> None:
     """Run the firmware as a Linux program: faster than real time, CANopen on a bus.
 
@@ -354,10 +370,7 @@ def native(
     No chip: inverter and crossing detection are averaged models, so that it is faster than real time. Events and
     windows of the scenario count with --play alone; vector control needs it.
     """
-    from fluxlock.cosim.parameters import check_parameters
-
-    loaded = load_scenario(scenario, set_ or ())
-    check_parameters(loaded)
+    loaded = _checked(scenario, set_, allow_overload)
     if play:
         if seconds is not None or memory is not None:
             text = "ends with the scenario and keeps no memory; leave out --seconds and --memory"
@@ -409,10 +422,8 @@ def can_command(
     Events of the scenario happen, windows and limits do not count. Ctrl-C ends the run and writes its results.
     """
     from fluxlock.cosim.can_command import join, run_can
-    from fluxlock.cosim.parameters import check_parameters
 
-    loaded = load_scenario(scenario, set_ or ())
-    check_parameters(loaded)
+    loaded = _checked(scenario, set_)
     out_dir = out if out is not None else Path("build") / scenario.stem
     try:
         with join(loaded, interface, channel) as bus, _output(out_dir):

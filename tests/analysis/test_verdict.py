@@ -438,3 +438,26 @@ def test_say(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == ("ok: a\n  b\n", "")
     say(Verdict(False, ["a", "b"]))
     assert capsys.readouterr() == ("", "failed: a\nfailed: b\n")
+    say(Verdict(True, ["a"], ("n",)))
+    assert capsys.readouterr() == ("ok: a\n  n\n", "")
+    say(Verdict(False, ["a"], ("n",)))
+    assert capsys.readouterr() == ("", "note: n\nfailed: a\n")
+
+
+def test_overload_on_purpose_is_named() -> None:
+    """A load beyond the limit of the current stands in the verdict, passed or not, and only where there is one.
+
+    Verifies: FRONT-67
+    """
+    demo = ROOT / "scenarios" / "demo.toml"
+    heavy = load_scenario(demo, [*BASE, "drive.current_limit_a=0.1"], allow_overload=True)
+    at_limit = run(speed_rpm=5_500.0, account=((0.0, RUNNING, CURRENT),))
+    for data, passed in ((at_limit, True), (run(lost_locks=1), False)):
+        found = verdict(data, heavy)
+        assert found.passed is passed, found.lines
+        (note,) = found.notes
+        assert note.startswith("overload on purpose: event[0].speed_rpm: 6000 r/min with ")
+        assert found.as_json()["notes"] == [note]
+    assert "accepted current: --allow-overload" in verdict(at_limit, heavy).lines
+    light = load_scenario(demo, BASE, allow_overload=True)
+    assert verdict(run(), light).notes == () and "notes" not in verdict(run(), light).as_json()

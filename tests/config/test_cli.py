@@ -419,7 +419,7 @@ def test_simulation_fault_keeps_what_there_is(invoke: Invoke, simulator: dict[st
             ["run", DEMO, "--set", "drive.duty_max=1.5"],
             "error: --set: drive.duty_max: 1.5 is out of range, permitted 0.05",
         ),
-        (["run", DEMO, "--set", "inverter.supply_v=10"], "needs at least 11.0 V"),
+        (["run", DEMO, "--set", "inverter.supply_v=10"], "needs at least 12.6 V"),
         (["run", DEMO, "--set", "nonsense"], "error: --set: nonsense: must have the form key=value"),
         (["run", DEMO, "--out", "/dev/null/x"], "error: --out: /dev/null/x: cannot be written: Not a directory"),
         (["run", DEMO, "--out", DEMO], "demo.toml: cannot be written: a file is in the way; name another folder"),
@@ -599,3 +599,16 @@ def test_motor_commands(invoke: Invoke, tmp_path: Path) -> None:
     code, out, err = invoke("motor", "info", str(odd))
     assert code == 0 and err.startswith(f"warning: {odd}: inertia_kgm2: ")
     assert [line.split()[0] for line in out.splitlines() if " ! " in line] == ["inertia_kgm2"]
+
+
+def test_said_before_anything_is_built(tmp_path: Path, invoke: Invoke) -> None:
+    """One line on the error output, before the command prepares its folder.
+
+    Verifies: FRONT-68
+    """
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    code, _, err = invoke("run", DEMO, "--set", "inverter.supply_v=13.5", "--out", str(taken))
+    assert code == 2
+    assert err.splitlines()[0].startswith(f"warning: {DEMO}: event[2].load_factor: ")
+    assert sum(line.startswith("warning") for line in err.splitlines()) == 1

@@ -169,12 +169,12 @@ def test_keys_of_vector_with_six_step() -> None:
         (
             ["drive.vector.start_accel_rpm_per_s=600000"],
             "drive.vector.start_accel_rpm_per_s: the start needs 0.491 mN*m for the load at 9400 r/min and 31.4 mN*m "
-            "to accelerate by 600000 r/min/s, 10.5 A pull with at most 14.2 mN*m",
+            "to accelerate by 600000 r/min/s, 11.578 A pull with at most 15.6 mN*m",
         ),
         (
             ["load.coulomb_nm=0.02", "event=[]"],
-            "drive.vector.start_current_a: the start needs 20.5 mN*m for the load at 9400 r/min and 4.72 mN*m to "
-            "accelerate by 90241 r/min/s, 10.5 A pull with at most 14.2 mN*m",
+            "drive.vector.start_current_a: the start needs 20.5 mN*m for the load at 9400 r/min and 5.21 mN*m to "
+            "accelerate by 99506 r/min/s, 11.578 A pull with at most 15.6 mN*m",
         ),
         (
             ["drive.vector.observer_every=9", "event.2.command=stop"],
@@ -183,7 +183,8 @@ def test_keys_of_vector_with_six_step() -> None:
         ),
         (
             ["drive.current_limit_a=29", "event.2.command=stop"],
-            "event[0].speed_rpm: 90000 r/min with 0.045 N*m needs 30.0 A, permitted by drive.current_limit_a 29.0 A",
+            "event[0].speed_rpm: 90000 r/min with 0.045 N*m needs 30.0 A, permitted by drive.current_limit_a 29.0 A; "
+            'on purpose: [[accept]] what = "current", or --allow-overload',
         ),
     ],
 )

@@ -31,6 +31,7 @@ import numpy as np
 from fluxlock.analysis.metrics import Analysis, judge, trips
 from fluxlock.analysis.rundata import FloatArray, Rejection, RunData
 from fluxlock.config.console import number_of_line, switch_of_line
+from fluxlock.config.reach import overloads
 from fluxlock.config.scenario import Accept, Scenario
 from fluxlock.config.vector_loops import loops_of
 from fluxlock.interface.names import trip_fault, words
@@ -86,10 +87,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """passed; lines: why the run failed, else what was found, the first one alone says enough."""
+    """passed; lines: why the run failed, else what was found, the first one alone says enough.
+
+    notes: what the scenario asks of the drive on purpose.
+    """
 
     passed: bool
     lines: list[str]
+    notes: tuple[str, ...] = ()
 
     @property
     def failures(self) -> list[str]:
@@ -98,7 +103,8 @@ class Verdict:
 
     def as_json(self) -> dict[str, Any]:
         """As `result.json` has it."""
-        return {"passed": self.passed, "lines": self.lines}
+        notes = {"notes": list(self.notes)} if self.notes else {}
+        return {"passed": self.passed, "lines": self.lines, **notes}
 
 
 def say(verdict: Verdict, quiet: bool = False) -> None:
@@ -106,8 +112,10 @@ def say(verdict: Verdict, quiet: bool = False) -> None:
     if verdict.passed and quiet:
         return
     if verdict.passed:
-        print("\n  ".join([f"ok: {verdict.lines[0]}", *verdict.lines[1:]]), flush=True)
+        print("\n  ".join([f"ok: {verdict.lines[0]}", *verdict.lines[1:], *verdict.notes]), flush=True)
     else:
+        for line in verdict.notes:
+            print(f"note: {line}", file=sys.stderr, flush=True)
         for line in verdict.lines:
             print(f"failed: {line}", file=sys.stderr, flush=True)
 
@@ -521,11 +529,13 @@ def judge_run(
         spans = judge_of.spans()
         causes += [f.line for f in _speed_findings([m for m in judge_of.misses(spans) if open_(m.kind, m.span.window)])]
         causes += left(judge_of.swing_findings(spans))
+    notes = tuple(f"overload on purpose: {line}" for line in overloads(scenario))
     expectations = [judge(e, metrics) for e in scenario.expect]
     causes += expectation_failures(expectations)
     if causes:
-        return Verdict(False, causes)
+        return Verdict(False, causes, notes)
     text = ", ".join(span.text for span in spans) or "no speed to judge"
     if expectations:
         text += f"; {len(expectations)} limits kept"
-    return Verdict(True, [text, *(f"accepted {kind}: {why}" for kind, why in accepted.items()), *judge_of.unjudged])
+    lines = [text, *(f"accepted {kind}: {why}" for kind, why in accepted.items()), *judge_of.unjudged]
+    return Verdict(True, lines, notes)

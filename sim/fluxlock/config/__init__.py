@@ -5,11 +5,12 @@
 
 from fluxlock.config.errors import ConfigError, Problem
 from fluxlock.config.inverter import Inverter
-from fluxlock.config.loader import load_inverter, load_motor, load_scenario
+from fluxlock.config.loader import ALLOW_OVERLOAD, load_inverter, load_motor, load_scenario
 from fluxlock.config.motor import Load, Motor
 from fluxlock.config.scenario import Scenario
 
 __all__ = [
+    "ALLOW_OVERLOAD",
     "ConfigError",
     "Inverter",
     "Load",

@@ -10,29 +10,15 @@ import math
 from fluxlock.config.console import CURRENT_LIMITS, number_of_line, switch_of_line
 from fluxlock.config.errors import Problem, did_you_mean
 from fluxlock.config.fields import with_unit
-from fluxlock.config.inverter import Inverter
-from fluxlock.config.motor import OVERSPEED_RATIO, Motor
+from fluxlock.config.motor import OVERSPEED_RATIO
+from fluxlock.config.reach import check_reach
 from fluxlock.config.scenario import METHOD_METRICS, METRICS, Scenario
 from fluxlock.config.vector_checks import (
     check_vector,
-    lacking_vector,
     other_method,
     other_methods_keys,
-    vector_speed,
 )
 from fluxlock.config.vector_design import search_current
-
-
-def required_voltage(motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float) -> float:
-    """Least DC voltage that holds a speed under a load torque in six-step operation.
-
-    Mean line EMF over a sector plus the ohmic drops of two phases, two switches and the supply. Commutation
-    costs some more, so a scenario above this bound cannot work; one just below it may still not.
-    """
-    current_a = abs(torque_nm) / motor.torque_per_amp_nm
-    two_phases = 2 * sum(motor.resistance_ohm) / 3
-    resistance = two_phases + 2 * inverter.on_resistance_ohm + inverter.supply_resistance_ohm
-    return motor.line_flux_vs * abs(motor.omega_e(speed_rpm)) + current_a * resistance
 
 
 def _beyond_the_end(s: Scenario) -> list[Problem]:
@@ -81,92 +67,6 @@ def _times(s: Scenario) -> list[Problem]:
             known = f"permitted: {', '.join(names)}" if names else "the scenario has no [[window]]"
             text = f'no window is named "{accept.window}", {known}{did_you_mean(accept.window, names)}'
             problems.append(Problem(file, f"accept[{i}].window", text))
-    return problems
-
-
-def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:
-    """A speed target alone: the machine's limit and the carriers in a sector, with vector control the ticks a turn."""
-    file, problems = s.sources.scenario, []
-    if abs(speed_rpm) > s.motor.max_speed_rpm:
-        limit = with_unit(s.motor.max_speed_rpm, "r/min")
-        text = f"{with_unit(speed_rpm, 'r/min')} is above max_speed_rpm of the motor ({limit})"
-        return [Problem(file, key, text)]
-    if s.drive.method == "vector":
-        too_fast = vector_speed(s, speed_rpm)
-        return [Problem(file, key, too_fast)] if too_fast else []
-    carriers = s.drive.carrier_hz / (6 * s.motor.electrical_hz(speed_rpm)) if speed_rpm else 1.0
-    if carriers < 1.0:
-        needed = with_unit(6 * s.motor.electrical_hz(speed_rpm), "Hz")
-        text = (
-            f"{with_unit(s.drive.carrier_hz, 'Hz')} is less than one carrier a sector at "
-            f"{with_unit(speed_rpm, 'r/min')}, permitted from {needed}"
-        )
-        problems.append(Problem(file, "drive.carrier_hz", text))
-    return problems
-
-
-def _lacking(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
-    """What a speed under a load needs and does not have: voltage, current."""
-    if s.drive.method == "vector":
-        return lacking_vector(s, speed_rpm, torque_nm, supply_v)
-    found = []
-    need_v = required_voltage(s.motor, s.inverter, speed_rpm, torque_nm)
-    have_v = supply_v * s.drive.duty_max
-    if need_v > have_v:
-        found.append(
-            f"needs at least {need_v:.1f} V (back EMF and resistance), available {have_v:.1f} V "
-            "(supply_v x drive.duty_max)"
-        )
-    need_a = torque_nm / s.motor.torque_per_amp_nm
-    if need_a > s.current_limit_a:
-        found.append(f"needs {need_a:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A")
-    return found
-
-
-def _reach(s: Scenario) -> list[Problem]:
-    """Follow the events: is every speed target within reach of the voltage and the current at that time?
-
-    One line a speed target: what else is wrong with it, also under a later load, follows from the same cause.
-    """
-    file, problems = s.sources.scenario, []
-    speed_rpm, factor, supply_v, refused = 0.0, 1.0, s.inverter.supply_v, False
-    order = sorted(range(len(s.event)), key=lambda i: s.event[i].at_s)
-    for i in order:
-        event = s.event[i]
-        key = f"event[{i}].{event.action}"
-        target_rpm = event.speed_target_rpm
-        if target_rpm is not None:
-            speed_rpm = target_rpm
-            found = _speed(s, key, speed_rpm)
-            problems += found
-            refused = bool(found)
-        elif event.load_factor is not None:
-            factor = event.load_factor
-        elif event.supply_v is not None:
-            supply_v = event.supply_v
-            if supply_v > s.inverter.sensing.voltage_full_scale_v:
-                full = with_unit(s.inverter.sensing.voltage_full_scale_v, "V")
-                problems.append(
-                    Problem(
-                        file,
-                        key,
-                        f"{with_unit(supply_v, 'V')} is above sensing.voltage_full_scale_v ({full})",
-                    )
-                )
-        else:
-            continue
-        # A supply that is meant to collapse and a machine driven from outside are not promises to hold a
-        # speed.
-        if refused or event.supply_v is not None or s.mechanics.mode != "free" or speed_rpm == 0:
-            continue
-        torque_nm = s.shaft_load.torque_nm(speed_rpm) * factor
-        lacking = _lacking(s, speed_rpm, torque_nm, supply_v)
-        if lacking:
-            text = f"{with_unit(speed_rpm, 'r/min')} with {torque_nm:.3g} N*m {' and '.join(lacking)}"
-            problems.append(Problem(file, key, text))
-            refused = True
-    if s.initial.speed_rpm:
-        problems += _speed(s, "initial.speed_rpm", s.initial.speed_rpm)
     return problems
 
 
@@ -402,7 +302,7 @@ def check_scenario(scenario: Scenario) -> list[Problem]:
         return problems
     checks = (
         *(other_methods_keys, check_vector, _times, _power_stage, _console, _switches),
-        *(_short_circuit, _hall, _told_index, _initial, _reach, _can),
+        *(_short_circuit, _hall, _told_index, _initial, check_reach, _can),
     )
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
-from fluxlock.config.motor import RPM_PER_RAD_S, Motor
+from fluxlock.config.motor import COMMUTATION_LEAST, RPM_PER_RAD_S, Motor
 
 LEAST_SPEEDS = (("six_step", "six-step", least_six_step_rpm), ("vector", "vector", least_vector_rpm))
 
@@ -29,12 +29,12 @@ def derived_values(motor: Motor) -> list[Derived]:
     inductance = motor.mean_inductance_h
     inductance_q = motor.inductance_q_h or inductance
     inductance_d = motor.inductance_h[0] if motor.inductance_q_h else inductance
-    torque_per_amp = motor.torque_per_amp_nm
+    torque_per_amp, five = motor.torque_per_amp_nm, motor.phases == 5
     line_v = motor.line_flux_vs * motor.omega_e(motor.max_speed_rpm)
-    drop_v = 2 * resistance * motor.rated_dc_current_a
+    commutation = 0.0 if five else COMMUTATION_LEAST * motor.omega_e(motor.max_speed_rpm) * inductance
+    drop_v = (2 * resistance + commutation) * motor.rated_dc_current_a
     mechanical_s = motor.inertia_kgm2 * 2 * resistance / torque_per_amp**2
     accel = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
-    five = motor.phases == 5
     current, emf = ("i_q", "largest line EMF") if five else ("DC current", "mean line EMF")
     return [
         Derived("torque_constant_nm_per_a", f"torque constant ({current})", torque_per_amp, "N*m/A"),

@@ -22,7 +22,7 @@ from fluxlock.config.errors import SET_OPTION, ConfigError, Problem, closest, di
 from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
-from fluxlock.config.scenario import Scenario, Sources
+from fluxlock.config.scenario import Accept, Scenario, Sources
 
 _TYPE_WORDS = {
     "float_type": "a number",
@@ -330,8 +330,13 @@ def _load_part(
         return None, str(path)
 
 
-def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
+ALLOW_OVERLOAD = "--allow-overload"
+
+
+def load_scenario(path: Path | str, overrides: Iterable[str] = (), *, allow_overload: bool = False) -> Scenario:
     """Read a scenario with its motor and inverter, apply `key=value` overrides, check everything.
+
+    allow_overload: the limit of the current may keep the drive from its speeds, as `[[accept]]` would say.
 
     Override keys are those of the scenario file; `motor.x` and `inverter.x` reach into those files,
     `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
@@ -361,6 +366,8 @@ def load_scenario(path: Path | str, overrides: Iterable[str] = ()) -> Scenario:
     except ValidationError as error:
         problems += [p for p in source.problems(error) if p.key not in ("motor", "inverter")]
         raise ConfigError(problems) from None
+    if allow_overload:
+        scenario.accept.append(Accept(what="current", why=ALLOW_OVERLOAD))
     scenario._sources = Sources(str(path), motor_file, inverter_file, tuple(o.key for o in parsed))
     for p in check_scenario(scenario):
         problems.append(source.problem(p.key, p.message) if p.file == str(path) else scenario.sources.charged(p))

@@ -23,6 +23,9 @@ from fluxlock.plant.params import (
 RPM_PER_RAD_S = 60.0 / (2.0 * math.pi)
 ENCODER_EDGES_PER_S = 8e6  # six clocks of 50 MHz an edge, five at the over-speed limit
 OVERSPEED_RATIO = 1.25  # over-speed limit over the motor's highest speed
+# Six commutations a turn, each of which takes L I, act as a resistance of this times omega L: the least, and what the
+# switched model has at full duty and little current (tests/config/test_cautions.py).
+COMMUTATION_LEAST, COMMUTATION_USUAL = 3.0 / math.pi, 1.26
 OVERLOAD_S = 2.0  # in which a machine bears twice its rated current where its file does not say
 
 

@@ -251,7 +251,8 @@ class Accept(Model):
         "duty_min", "voltage", "current", "speed", "lost_angle", "lost_lock", "end_state", "rejected", "trip", "fault"
     ] = Field(
         description="`duty_min`, `voltage`, `current`: the speed is off its target while this limit of the drive is "
-        "active; `speed`: with any limit or none; `lost_angle`: the drive runs and its angle is not the rotor's; "
+        "active; with the last two the check before a run lets targets pass that need more; `speed`: with any "
+        "limit or none; `lost_angle`: the drive runs and its angle is not the rotor's; "
         "`lost_lock`: it noticed and started again; `end_state`: it ends otherwise than start and stop have told it; "
         "`rejected`: it refused a console line; `trip`, `fault`: a trip, a final fault that may come or not, where "
         "`expect_trip` and `expect_fault` say that it must."
@@ -393,6 +394,19 @@ class Scenario(Model):
         """Speed target set by the last event until `t_s` (without its slope)."""
         targets = [target for at_s, target in self.speed_targets() if at_s <= t_s]
         return targets[-1] if targets else self.initial.speed_rpm
+
+    def start_s(self) -> float:
+        """Time of the first start command; 0 without one."""
+        return next((e.at_s for e in self.events_in_order() if (e.command or "").split()[:1] == ["start"]), 0.0)
+
+    def largest_load_factor(self, from_s: float, to_s: float) -> float:
+        """Of the load, in a span of time."""
+        factors = [1.0]
+        for e in self.events_in_order():
+            if e.load_factor is None or e.at_s > to_s:
+                continue
+            factors = [e.load_factor] if e.at_s + e.ramp_s <= from_s else [*factors, e.load_factor]
+        return max(factors)
 
     def zoom_window_s(self) -> tuple[float, float]:
         """Span in which every event is recorded: as stated, else the end of the first window or run."""

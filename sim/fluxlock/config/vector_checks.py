@@ -218,7 +218,8 @@ def _start(s: Scenario) -> Iterator[Problem]:
         return
     accel = vector_design.start_accel_rpm_per_s(s)
     most_nm = START_TORQUE_SHARE_MAX * told_machine(s).torque_nm_per_a * current_a
-    load_nm = s.shaft_load.torque_nm(rpm)
+    start_s = s.start_s()
+    load_nm = s.shaft_load.torque_nm(rpm) * s.largest_load_factor(start_s, start_s + rpm / accel)
     inertia_nm = s.motor.inertia_kgm2 * accel / RPM_PER_RAD_S
     if load_nm + inertia_nm > most_nm:
         chosen = s.drive.vector.start_accel_rpm_per_s is not None and load_nm < most_nm
@@ -300,8 +301,8 @@ def _injected_v(s: Scenario, speed_rpm: float) -> float:
     return v.injection.amplitude_v
 
 
-def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> list[str]:
-    """What a speed under a load needs and does not have: phase voltage, current.
+def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: float) -> tuple[str, str]:
+    """What a speed under a load needs and does not have: phase voltage, current; empty where it has it.
 
     |u| = |(R + j w L) i + j w psi| at i = i_d + j i_q; i_d is 0, or with field weakening what the current leaves.
     """
@@ -310,7 +311,7 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
     psi, inductance = sum(m.psi_vs) / 3 * m.emf_fundamental, m.mean_inductance_h
     omega = abs(m.omega_e(speed_rpm))
     i_q = abs(torque_nm) / (m.phases / 2 * m.pole_pairs * psi)
-    found, i_d = [], 0.0
+    voltage, current, i_d = "", "", 0.0
     if v.weakening and i_q < s.current_limit_a:
         room_a = vector_design.WEAKENING_CURRENT_SHARE * s.current_limit_a
         i_d = -min(room_a, math.sqrt(s.current_limit_a**2 - i_q**2), psi / inductance)
@@ -327,10 +328,10 @@ def lacking_vector(s: Scenario, speed_rpm: float, torque_nm: float, supply_v: fl
         hint = "" if v.weakening or v.injection is not None else "; drive.vector.weakening = true needs less"
         if _injected_v(s, speed_rpm):
             hint = ", beside drive.vector.injection.amplitude_v"
-        found.append(
+        voltage = (
             f"needs a phase voltage of {need_v:.1f} V (EMF, inductance, resistance), available {have_v:.1f} V "
             f"({'vdc / sqrt(3)' if m.phases == 3 else '0.5257 vdc'} less the shortest pulses{hint})"
         )
     if i_q > s.current_limit_a:
-        found.append(f"needs {i_q:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A")
-    return found
+        current = f"needs {i_q:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
+    return voltage, current

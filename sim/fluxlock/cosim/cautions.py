@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is permitted in a scenario and will probably not work: said before the run, which may prove the opposite."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fluxlock.config import Problem, Scenario
+from fluxlock.config.fields import with_unit
+from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
+from fluxlock.config.motor import COMMUTATION_USUAL
+from fluxlock.config.reach import lack, points, six_step_voltage
+from fluxlock.config.vector_design import handover_rpm
+from fluxlock.cosim.parameters import parameter_block
+
+
+def _speeds(s: Scenario) -> Iterator[tuple[str, float]]:
+    """Keys and values of the speeds that a scenario states."""
+    if s.initial.speed_rpm:
+        yield "initial.speed_rpm", s.initial.speed_rpm
+    for point in points(s):
+        if point.target and point.speed_rpm:
+            yield point.key, point.speed_rpm
+
+
+def _little_voltage(s: Scenario) -> Iterator[Problem]:
+    """Six-step operation takes somewhat more voltage than the least, below which the check refuses."""
+    if s.drive.method != "six-step" or s.mechanics.mode != "free":
+        return
+    for point in points(s):
+        text = six_step_voltage(s, point, COMMUTATION_USUAL)
+        if text and point.speed_rpm and not lack(s, point).text:
+            cure = "lower the target or the load, or raise the supply"
+            yield s.sources.problem(point.key, f"{point.text} {text}; {cure}")
+
+
+def _emf_beyond_the_link(s: Scenario) -> Iterator[Problem]:
+    """What the diodes do with the EMF of a speed once the gates are off."""
+    inverter, motor = s.inverter, s.motor
+    full_v, over_v = inverter.sensing.voltage_full_scale_v, inverter.over_voltage_v
+    # Largest voltage between two terminals over a turn.
+    shape = 2.0 if motor.emf == "trapezoidal" else math.sqrt(3.0) if motor.phases == 3 else 2 * math.cos(math.pi / 10)
+    for key, speed_rpm in _speeds(s):
+        peak_v = shape * sum(motor.psi_vs) / 3 * abs(motor.omega_e(speed_rpm))
+        if peak_v <= over_v:
+            continue
+        beyond = f"over_voltage_v of the inverter ({with_unit(over_v, 'V')})"
+        beyond += f" and its converter's range ({with_unit(full_v, 'V')})" if peak_v > full_v else ""
+        there = "charge the DC link to it" if inverter.dc_link_f else "brake the rotor into the supply"
+        text = (
+            f"{with_unit(speed_rpm, 'r/min')} has a line EMF of {peak_v:.3g} V at its peak, above {beyond}: when the "
+            f"gates turn off, the diodes {there}; lower the speed, or take an inverter for that voltage"
+        )
+        yield s.sources.problem(key, text)
+        return
+
+
+def _poles_alike(s: Scenario) -> Iterator[Problem]:
+    """The search of the rotor tells the magnet's poles apart by saturation."""
+    injection, saturation = s.drive.vector.injection, s.motor.saturation
+    if injection is None or not injection.search or (saturation and saturation.plus != saturation.minus):
+        return
+    text = (
+        "the machine of the motor file does not saturate, so the search cannot tell the magnet's poles apart and ends "
+        "in polarity_unsure; add [saturation] to the motor file, or set this to false for a rotor that stands at 0"
+    )
+    yield s.sources.problem("drive.vector.injection.search", text)
+
+
+def _slow(s: Scenario) -> Iterator[Problem]:
+    """Speeds below what a drive without a sensor holds."""
+    if s.drive.vector.injection is not None or s.mechanics.mode != "free":
+        return
+    if s.drive.method == "vector":
+        if s.drive.vector.angle == "encoder":
+            return
+        least_rpm, why = least_vector_rpm(s.motor, s.inverter), "the voltage of rated current hides the EMF"
+        cure = "use an encoder or injection"
+    else:
+        if s.drive.hall.mode == "sensored":
+            return
+        least_rpm, why = least_six_step_rpm(s.motor), "the speed changes between two crossings"
+        cure = "add inertia, or use Hall sensors"
+    for key, speed_rpm in _speeds(s):
+        if abs(speed_rpm) < least_rpm:
+            text = f"{with_unit(speed_rpm, 'r/min')} is below {least_rpm:.0f} r/min, under which {why}; {cure}"
+            yield s.sources.problem(key, text)
+            return
+
+
+def _raised(s: Scenario) -> Iterator[Problem]:
+    """Targets that the drive raises to its least speed."""
+    vector = s.drive.vector
+    if s.mechanics.mode != "free" or (s.drive.method == "vector" and (vector.injection or vector.angle == "encoder")):
+        return
+    least_rpm = parameter_block(s).number("stop_rpm")
+    if s.drive.method == "vector":
+        least_rpm = max(least_rpm, math.ceil(handover_rpm(s)))
+    for point in points(s):
+        if point.target and 0 < abs(point.speed_rpm) < least_rpm:
+            shown = with_unit(point.speed_rpm, "r/min")
+            text = f"{shown} is below the least speed of the drive, {least_rpm} r/min, at which it will run; raise it"
+            yield s.sources.problem(point.key, text)
+            return
+
+
+def cautions(s: Scenario) -> list[Problem]:
+    """Each by file and key, with what to do."""
+    checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised)
+    return [problem for check in checks for problem in check(s)]
