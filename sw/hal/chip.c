@@ -273,6 +273,7 @@ HOT void chip_read_hall(chip_snapshot_t *snapshot) {
   snapshot->hall.valid = BITS(FL_HALL_REGS__STATE__VALID, state) != 0u;
   snapshot->hall.backward = BITS(FL_HALL_REGS__STATE__BACKWARD, state) != 0u;
   snapshot->hall.sector = (uint8_t)((sector < 6u) ? sector : 0u);
+  snapshot->hall.driven = (uint8_t)BITS(FL_PWM_REGS__STATE__SECTOR, reg_read(REG(pwm.state)));
   snapshot->hall.edges = (uint16_t)BITS(FL_HALL_REGS__COUNTERS__EDGES, counters);
   snapshot->hall.invalid = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__INVALID, counters);
   snapshot->hall.skipped = (uint8_t)BITS(FL_HALL_REGS__COUNTERS__SKIPPED, counters);

@@ -96,6 +96,7 @@ typedef struct {
     bool valid;     // the present code
     bool backward;  // the last edge was one of negative speed
     uint8_t sector;
+    uint8_t driven;  // sector that the gates drive
     uint16_t edges;  // since reset, they wrap
     uint8_t invalid;
     uint8_t skipped;

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from random import Random
 
 import numpy as np
@@ -121,6 +122,8 @@ def test_mirrored_places(lib: CData) -> None:
 def test_sensored_start_needs_no_alignment(theta_rad: float) -> None:
     """From standstill the sensors' sector pulls at once; neither alignment nor forced commutation.
 
+    Once fast enough the rotor coasts for some milliseconds, which proves the sensors.
+
     Verifies: FW-41
     """
     bench = sensored(theta_rad=theta_rad)
@@ -134,7 +137,8 @@ def test_sensored_start_needs_no_alignment(theta_rad: float) -> None:
         phases.add(value(bench, "phase"))
         assert bench.model.rpm > -200.0
     assert bench.fw.state == "running" and bench.trips == 0
-    assert timers <= {0, 3} and phases == {"none", "coast", "precharge", "hall"}
+    assert timers <= {0, 3} and phases == {"none", "coast", "precharge", "hall", "lock"}
+    assert (value(bench, "catches"), value(bench, "lost_locks")) == ("1", "0")
     assert bench.model.rpm == pytest.approx(60_000, rel=0.01)
 
 
@@ -345,3 +349,147 @@ def test_drive_without_sensors_reads_none() -> None:
     bench = Bench(SENSED)
     bench.start(20_000, 1.0)
     assert value(bench, "hall_state") == "off" and value(bench, "hall_handovers") == "0"
+
+
+# ---- wires and places
+
+ORDERS = ("ABC", "BCA", "CAB", "ACB", "BAC", "CBA")
+INVERTED = ("", "A", "B", "C", "AB", "BC", "AC", "ABC")
+OFFSETS_DEG = (-60.0, -30.0, 0.0, 30.0, 60.0)
+FAST_RPM, SLOW_RPM = 30_000, 24_000
+NAMED_S = 0.2
+BRAKED_S = 0.010
+
+
+@dataclass(frozen=True)
+class Life:
+    """What came of a start, a speed, a slower one and a stop: a fault and when, or mean speeds and currents."""
+
+    fault: str = "none"
+    at_s: float = 0.0
+    speeds_rpm: tuple[float, ...] = ()
+    currents_a: tuple[float, ...] = ()
+    stop_torque_nm: float = 0.0  # from 10 ms after the stop on, positive where it drives the rotor
+    distrusted: bool = False  # the fallback is none
+    logged: bool = False  # and the log says so
+
+
+def life(order: str, inverted: str, offset_deg: float, mode: str, direction: int, *, sync_rect: bool = False) -> Life:
+    """Start to 30 000 r/min, 24 000 r/min, stop. Angle at the start: another one for each wiring."""
+    wires = {"order": order, "inverted": list(inverted), "offset_deg": [offset_deg] * 3}
+    drive = machines.drive(accel_rpm_per_s=400_000.0, sync_rect=sync_rect, hall={"mode": mode})
+    theta_rad = 0.4 + ORDERS.index(order) + 7.0 * INVERTED.index(inverted) + offset_deg
+    bench = Bench(machines.motor(hall=wires), drive=drive, theta_rad=theta_rad)
+    assert bench.until_state("ready", 0.1)
+    begin_s = bench.now
+    speeds, currents, torques = [], [], []
+    spans = [(f"set speed_rpm {direction * FAST_RPM}", 0.2 if mode == "sensored" else 0.4)]
+    spans += [(f"set speed_rpm {direction * SLOW_RPM}", 0.12), ("stop", 0.1)]
+    for command, span_s in spans:
+        assert bench.fw.command(command) == ["ok"]
+        if not speeds:
+            assert bench.fw.command("start") == ["ok"]
+        rpm, current, torque = [], [], []
+        for _ in range(round(span_s / bench.tick_s)):
+            bench.step()
+            rpm.append(bench.model.rpm)
+            current.append(abs(bench.model.s[am.I_LINE]))
+            torque.append(am.torque_of(bench.model.s, bench.model.c, bench.model.m))
+            if bench.fw.state == "fault":
+                return Life(value(bench, "fault"), bench.now - begin_s)
+        settled = len(rpm) * 3 // 4
+        speeds.append(float(np.mean(rpm[settled:])))
+        currents.append(float(np.mean(current[settled:])))
+        torques = torque
+    stop_torque_nm = direction * float(np.mean(torques[round(BRAKED_S / bench.tick_s) :]))
+    logged = any("hall_sensor" in line for line in bench.fw.command("faults"))
+    distrusted = value(bench, "hall_state") == "faulty"
+    return Life("none", 0.0, tuple(speeds), tuple(currents), stop_torque_nm, distrusted, logged)
+
+
+def is_right(life: Life, best: Life, direction: int) -> bool:
+    """Both speeds within 2 % at no more than 1.5 times the current of right sensors; the stop drives nothing."""
+    held = zip(life.speeds_rpm, life.currents_a, best.currents_a, (FAST_RPM, SLOW_RPM), strict=False)
+    return (
+        all(abs(direction * rpm - wanted) <= 0.02 * wanted and a <= 1.5 * best_a for rpm, a, best_a, wanted in held)
+        and life.stop_torque_nm <= 0.0
+    )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("mode", "sync_rect"), [("sensored", False), ("sensored", True), ("fallback", False)])
+def test_each_wiring_is_right_or_named(mode: str, sync_rect: bool, direction: int) -> None:
+    """All orders of three wires, each inverted or not, sensors up to 60 degrees off.
+
+    Sensored: right, or the fault `hall_sensor` within 0.2 s of the start. Fallback: the crossings commutate, wrong
+    sensors are none, and the log says so.
+
+    Verifies: FW-62
+    """
+    best = life("ABC", "", 0.0, mode, direction, sync_rect=sync_rect)
+    assert best.fault == "none" and not best.distrusted
+    right = []
+    for order in ORDERS:
+        for inverted in INVERTED:
+            # Two wires that are exchanged give invalid codes with one or two inverted ones, whatever the places.
+            for offset_deg in OFFSETS_DEG if inverted in ("", "ABC") else (0.0, -45.0):
+                found = life(order, inverted, offset_deg, mode, direction, sync_rect=sync_rect)
+                what = f"{order} inverted {inverted or 'none'} {offset_deg:+.0f} deg: {found}"
+                if found.fault != "none":
+                    assert mode == "sensored" and found.fault == "hall_sensor" and found.at_s <= NAMED_S, what
+                    continue
+                assert is_right(found, best, direction), what
+                assert found.distrusted == found.logged, what
+                if not found.distrusted:
+                    right.append((order, inverted, offset_deg))
+    # What is the right wiring, or the same as a sensor that is 30 degrees off.
+    assert {("ABC", "", -30.0), ("ABC", "", 0.0), ("ABC", "", 30.0)} <= set(right)
+    # An inverted cyclic exchange turns by 60 degrees, which an offset takes back.
+    assert all(inverted in ("", "ABC") and order in ("ABC", "BCA", "CAB") for order, inverted, _ in right), right
+    assert len(right) < 10, right
+
+
+def test_wrong_sensors_can_be_mended_and_started() -> None:
+    """After the fault, with the wires as they belong, `clear` and `start` run.
+
+    Verifies: FW-62
+    """
+    bench = Bench(machines.motor(hall={"offset_deg": 60.0}), drive=machines.drive(hall={"mode": "sensored"}))
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 30000")
+    bench.fw.command("start")
+    assert bench.until_state("fault", 0.3)
+    assert value(bench, "fault") == "hall_sensor"
+    bench.model.m[am.M_HALL + 1 : am.M_HALL + 4] -= math.radians(60.0)
+    bench.fw.command("clear")
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("start")
+    bench.run(0.4)
+    assert (bench.fw.state, value(bench, "hall_state"), value(bench, "fault")) == ("running", "ok", "none")
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.01)
+
+
+def test_proof_by_looks(lib: CData) -> None:
+    """Looks at a rotor: their mean tells 29 from 60 degrees; one that turns without edges is found too.
+
+    Verifies: FW-62
+    """
+    rng = Random(62)
+    print("seed 62")
+    for _ in range(300):
+        late_deg, backward = rng.choice([*range(-29, 30, 2), -60, 60, 120, 180]), rng.random() < 0.5
+        proof, verdict = new("hall_proof_t"), 0
+        rotor_deg, step_deg, edges, before = rng.uniform(0, 360), rng.uniform(2.0, 45.0), 0, None
+        while verdict == 0:
+            rotor_deg = (rotor_deg + (-step_deg if backward else step_deg)) % 360.0
+            # Sector of position 0 from 210 degrees on; the sensors see a rotor that is late.
+            position = int((rotor_deg - 210.0 - late_deg) % 360.0 // 60.0)
+            edges = 0 if before is None or before == position else 1
+            before = position
+            emf = round((rotor_deg + (-90.0 if backward else 90.0)) % 360.0 / 360.0 * 2**32) % 2**32
+            ahead = lib.hall_ahead_q16(emf, backward, position)
+            verdict = lib.hall_proof_step(proof, ahead, edges, round(step_deg / 360.0 * 65536), 3)
+        assert (verdict == 1) == (abs(late_deg) < 30), (late_deg, step_deg, backward)
+    proof = new("hall_proof_t")
+    verdicts = [lib.hall_proof_step(proof, 0, 0, 16384, 3) for _ in range(17)]
+    assert verdicts == [0] * 16 + [2], "a rotor that turns without an edge"

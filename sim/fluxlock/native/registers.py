@@ -50,6 +50,7 @@ NAMES = (
     "hall.state",
     "hall.counters",
     "hall.phase",
+    "pwm.state",
 )
 (
     PWM_CONTROL,
@@ -76,7 +77,8 @@ NAMES = (
     HALL_STATE,
     HALL_COUNTERS,
     HALL_PHASE,
-) = range(24)
+    PWM_STATE,
+) = range(25)
 
 # Constants of a chip in `k`: clocks a second, codes (2^17 a full scale) a volt and an ampere, samples a tick, whether
 # the mean of a sector is that of its cut pulse train, whether there are Hall sensors.
@@ -215,6 +217,7 @@ def show_crossings(r: Registers, x: Places, k: Floats, s: Floats, c: Floats) -> 
     misses, late = min(255, int(s[am.MISSES])), int(s[am.LATE]) & 0xFF
     put(r, x[COMM_SNAP_COUNTERS], (int(s[am.CROSSINGS]) & 0xFFFF) | misses << 16 | late << 24)
     put(r, x[COMM_SNAP_EVENTS], (int(s[am.COMMUTATIONS]) & 0xFFFF) | (int(s[am.TIMEOUTS]) & 0xFF) << 24)
+    put(r, x[PWM_STATE], int(s[am.SECTOR]))
     if k[K_HALL] == 0.0:
         return
     valid = 1 if am.HALL_MAP[int(s[am.H_CODE])] < 6 else 0

@@ -8,11 +8,25 @@
 //              the crossings agree with them again
 //
 // Sensors whose codes are invalid or skip sectors are faulty: they take nothing over, and driving they are a fault.
+//
+// Codes that look right may come from exchanged or inverted wires, or from sensors far off. So the sensors are proven once
+// against the machine: while the gates are open against the angle of its EMF, and while the crossings commutate against the
+// sector that these drive. Edges that commutate before are proven as soon as the rotor is fast enough: the drive lets it
+// coast for two sectors. At a start from rest three things tell wrong ones: a rotor that swings about one edge, one
+// that turns backward although it takes power, and one that stays without an edge but follows an alignment.
 #ifndef FL_DRIVE_HALL_H
 #define FL_DRIVE_HALL_H
 
 #include "control/balance.h"
+#include "control/hall_proof.h"
 #include "drive/six_step/view.h"
+
+// Looks at a rotor that an alignment holds: how many of them show another sector, and how many one that is no neighbour.
+typedef struct {
+  uint32_t looks;
+  uint32_t off;
+  uint32_t far;
+} aligned_t;
 
 // Hall sensors. late: how late the edge into each sector comes, for positive [0] and negative [1] speed.
 typedef struct {
@@ -36,19 +50,32 @@ typedef struct {
   uint32_t stage;
   uint32_t turn_from;      // edge_count when the wait for a turn began
   uint32_t period_cycles;  // of the turn before
+  hall_proof_t proof;
+  bool proven;     // by the machine: right
+  bool wrong;      // by the machine: wires or places are wrong
+  bool refused;    // and the log says so
+  bool probing;    // the start aligns the rotor to see where the sensors show it
+  uint32_t trials; // times that the drive has let the rotor coast for a proof
+  uint32_t new_edges;  // of the last tick
+  uint8_t sector;      // of the last tick, to drive for the direction
+  int32_t net;         // sectors that the edges led in the drive's direction since it began to pull, a turn at most
+  uint32_t contrary;   // edges against the drive's direction since then
+  uint32_t crossings;  // of the last look at the sector that they drive
+  uint32_t probe_from; // edge_count when the probing began
+  aligned_t aligned[2];
   int32_t late_x6[SECTORS];
   int32_t target_q16[SECTORS];
   int32_t late_q20[2][SECTORS];
 } hall_t;
 
-// Who is to commutate from now on.
-typedef enum { HALL_KEEP, HALL_TAKE_OVER, HALL_GIVE_BACK } hall_advice_t;
+// Who is to commutate from now on. HALL_REFUSE: the crossings; the sensors are faulty, once.
+typedef enum { HALL_KEEP, HALL_TAKE_OVER, HALL_GIVE_BACK, HALL_REFUSE } hall_advice_t;
 
 // Offsets of the parameters, nothing learnt.
 void hall_init(hall_t *h, const parameters_t *p);
 
-// Judge codes and edges of the last tick. Every tick, before supervision; about 100 clocks.
-void hall_judge(hall_t *h, const chip_snapshot_t *in);
+// Judge codes and edges of the last tick. Every tick, before supervision; about 130 clocks.
+void hall_judge(hall_t *h, const chip_snapshot_t *in, bool reverse);
 
 // What commutates in the start that begins, and its offsets for the direction. Before it: after hall_resort, for a start
 // that follows a lost lock or a failed one, the edges where they can; after hall_forget, for one that was asked for, the
@@ -58,7 +85,36 @@ void hall_resort(hall_t *h, const parameters_t *p);
 void hall_forget(hall_t *h);
 
 // While running: hand over between crossings and edges, then one stage of the learning. At most 300 clocks.
-hall_advice_t hall_step(hall_t *h, edge_command_t *command, const six_step_view_t *view, bool reverse);
+hall_advice_t hall_step(hall_t *h, edge_command_t *command, const six_step_view_t *view, bool reverse,
+                        int32_t advance_q16);
+
+// Proof while the gates are open. emf_turn_q32, step_q32: argument of the EMF now, and how it turns in a tick.
+hall_verdict_t hall_prove_coasting(hall_t *h, const chip_snapshot_t *in, bool reverse, uint32_t emf_turn_q32,
+                                   int32_t step_q32);
+
+// The edges commutate, nothing has proven them yet, and the rotor is fast enough for its EMF to do so: let it coast.
+bool hall_wants_proof(const hall_t *h, const six_step_view_t *view);
+
+// The rotor begins to coast, at a start or for such a proof.
+void hall_coast(hall_t *h);
+void hall_await_proof(hall_t *h);
+
+// The drive begins to pull.
+void hall_pull(hall_t *h);
+// What the pull of a rotor at rest shows: sensors that are wrong. driven_v_q25: voltage of the conducting pair, of which
+// drop_v_q25 falls at its resistance.
+bool hall_pulls_wrong(hall_t *h, int32_t driven_v_q25, int32_t drop_v_q25, int32_t emf_v_q25);
+// Edges stay away from a pull that began `ticks` ago: the start shall align the rotor, once.
+bool hall_probe(hall_t *h, const parameters_t *p, uint32_t ticks);
+// A look at the second half of either alignment, and after both: the rotor has followed, and the sensors show another place.
+void hall_look_aligned(hall_t *h, const six_step_view_t *view, bool reverse, bool second);
+bool hall_aligns_wrong(hall_t *h);
+
+// Edges that commutate have given wrong codes, or led back before anything has proven them.
+bool hall_is_doubtful(const hall_t *h);
+
+// Edges that commutate are faulty, have led a turn against the drive's direction, or stay away.
+bool hall_disappoints(const hall_t *h, const parameters_t *p);
 
 // The sensors drive or may take over: lost crossings end nothing.
 bool hall_backs_up(const hall_t *h, const parameters_t *p);

@@ -73,12 +73,12 @@ HOT bool six_step_measure(six_step_t *six, const chip_snapshot_t *in, const orde
   measure_step(&six->m, six->p, settings, in, order->tick, six->command.sequence.timer != COMMUTATION_OFF,
                six->regulate.scheduled.line_ratio_q16);
   if (six->p->hall_mode != HALL_OFF) {
-    hall_judge(&six->hall, in);
+    hall_judge(&six->hall, in, six->start.reverse);
   }
   const bool turning = m->speed_valid && (order->state == STATE_RUNNING || order->state == STATE_STOPPING);
   report->over = turning && m->speed_rpm_q8 / 256 > six->p->overspeed_rpm;
   report->impossible = turning && speed_impossible(six, report->over);
-  report->doubtful = six->hall.driving && six->hall.suspicion > 0u;
+  report->doubtful = hall_is_doubtful(&six->hall);
   report->silent_ticks = m->silent_ticks;
   report->vdc_v_q25 = m->vdc_v_q25;
   report->idc_q17 = m->idc_q17;
@@ -140,7 +140,11 @@ COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view
 // Who commutates. Without sensors to take over, the hardware stops a drive that has lost its lock.
 HOT static outcome_t sensors_step(six_step_t *six, const six_step_view_t *view) {
   sequence_command_t *sequence = &six->command.sequence;
-  const hall_advice_t advice = hall_step(&six->hall, &six->command.edge, view, six->start.reverse);
+  const hall_advice_t advice =
+      hall_step(&six->hall, &six->command.edge, view, six->start.reverse, six->regulate.advance_q16);
+  if (advice == HALL_REFUSE) {
+    return outcome_passing(outcome_of(EVENT_STAY), FAULT_HALL_SENSOR);
+  }
   if (advice != HALL_KEEP) {
     sequence_time(sequence, (advice == HALL_TAKE_OVER) ? COMMUTATION_HALL : COMMUTATION_ZCD);
   }
@@ -188,12 +192,17 @@ HOT static outcome_t running_step(six_step_t *six, const six_step_view_t *view) 
     outcome = sensors_step(six, view);
   }
   regulate(six, view, clamp_i32(reverse ? -target_rpm : target_rpm, p->stop_rpm, p->speed_max_rpm) * 256);
+  if (hall_wants_proof(&six->hall, view) && coast_may_catch(view->order, view->settings)) {
+    start_prove(&six->start, &six->hall);
+    return outcome_of(EVENT_HANDED_BACK);
+  }
   // Reversal: through standstill by a new start.
   const bool turn = regulate_turns_wrong(view->settings, reverse) && regulate_nearly_stopped(&six->regulate, view);
   return turn ? outcome_of(EVENT_REVERSE) : outcome;
 }
 
-// The edges that commutate have become useless, or stay away: a rotor that is blocked. The start has its own patience.
+// The edges that commutate have become useless, stay away, as with a blocked rotor, or lead back. The start has its own
+// patience.
 COLD static outcome_t sensors_lost(const six_step_t *six, const order_t *order) {
   if (six->hall.faulty) {
     return outcome_fault(FAULT_HALL_SENSOR);
@@ -203,7 +212,7 @@ COLD static outcome_t sensors_lost(const six_step_t *six, const order_t *order) 
 
 HOT outcome_t six_step_step(six_step_t *six, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   const six_step_view_t view = view_of(six, in, order, settings);
-  if (six->hall.driving && order_active(order) && (six->hall.faulty || hall_rotor_stalled(&six->hall, six->p))) {
+  if (order_active(order) && hall_disappoints(&six->hall, six->p)) {
     const outcome_t outcome = sensors_lost(six, order);
     if (outcome_event(outcome) != EVENT_STAY) {
       return outcome;

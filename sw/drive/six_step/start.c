@@ -17,6 +17,8 @@
 #define INTERVAL_MAX 0xFFFFFFu
 #define LOCK_TIMEOUT_Q12 0xFFFFu
 #define CAUGHT_TICKS 2u
+// Beside two sectors at the hand-over speed.
+#define PROOF_TICKS 32u
 // Hand-over: clean crossings in a row that suffice at once, commutations at its speed after which plausible ones that are
 // late do and after which the attempt has failed, deviation of a plausible interval from the forced one.
 #define HANDOVER_CROSSINGS 6u
@@ -52,15 +54,26 @@ static void direct(start_t *s, hall_t *h, six_step_command_t *command, const par
   hall_begin(h, &command->edge, p, reverse);
 }
 
-void start_begin(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, const settings_t *settings) {
-  direct(s, h, command, p, settings->target_rpm < 0);
+static void begin_coast(start_t *s) {
   coast_begin(&s->coast);
   s->edge_ticks = 0;
+  s->gates = false;
+  enter_phase(s, START_COAST);
+}
+
+void start_begin(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, const settings_t *settings) {
+  direct(s, h, command, p, settings->target_rpm < 0);
+  hall_coast(h);
+  begin_coast(s);
   s->longest_cycles = 0;
   s->pulled_ticks = 0;
-  enter_phase(s, START_COAST);
   // The edges are measured while the rotor coasts.
   sequence_time(&command->sequence, h->driving ? COMMUTATION_HALL : COMMUTATION_OFF);
+}
+
+void start_prove(start_t *s, hall_t *h) {
+  hall_await_proof(h);
+  begin_coast(s);
 }
 
 void start_off(start_t *s) { s->gates = false; }
@@ -134,6 +147,7 @@ static bool caught_by_edges(const work_t *w) {
     return false;
   }
   s->gates = true;
+  hall_pull(w->h);
   sequence_run(&w->command->sequence, w->command->sequence.start_sector);
   s->catches++;
   s->locked_from = m->crossings;
@@ -158,10 +172,34 @@ static outcome_t judge(const work_t *w, bool calm) {
   return (result == COAST_FAULT) ? outcome_fault(s->coast.fault) : stay;
 }
 
+// The EMF of a rotor that spins proves the edges before they commutate. HALL_UNPROVEN: wait for it. A rotor without an EMF, or
+// one that is not understood for long, proves nothing.
+static hall_verdict_t prove(const work_t *w) {
+  const six_step_view_t *view = w->view;
+  const parameters_t *p = view->p;
+  start_t *s = w->s;
+  coast_t *c = &s->coast;
+  if (w->h->proven || s->ticks > PROOF_TICKS + (uint32_t)p->hall_stall_ticks) {
+    return HALL_RIGHT;
+  }
+  coast_see(c, p, view->in);
+  if (coast_caught(c, p, view->order, view->settings, view->m->vdc_v_q25)) {
+    return hall_prove_coasting(w->h, view->in, s->reverse, c->rotor.angle, c->mean_step_q32);
+  }
+  const bool seen = coast_may_catch(view->order, view->settings) && c->line_emf_q17 >= p->catch_v_q17;
+  return seen ? HALL_UNPROVEN : HALL_RIGHT;
+}
+
 static outcome_t coast_by_edges(const work_t *w) {
   const six_step_view_t *view = w->view;
-  if (w->s->ticks > COAST_SETTLE_TICKS && caught_by_edges(w)) {
-    return stay;
+  if (w->s->ticks > COAST_SETTLE_TICKS) {
+    const hall_verdict_t verdict = prove(w);
+    if (verdict == HALL_WRONG) {
+      return outcome_fault(FAULT_HALL_SENSOR);
+    }
+    if (verdict == HALL_UNPROVEN || caught_by_edges(w)) {
+      return stay;
+    }
   }
   return judge(w, w->s->ticks > coast_calm_ticks(view->order) && hall_rotor_slow(w->h, view->p));
 }
@@ -184,6 +222,9 @@ static outcome_t coast(const work_t *w) {
 }
 
 static void align(const work_t *w, uint32_t leg, uint32_t rise_ticks) {
+  if (w->h->driving && 2u * w->s->ticks > (uint32_t)w->view->p->align_ticks) {
+    hall_look_aligned(w->h, w->view, w->s->reverse, leg == ALIGN_LEG_SECOND);
+  }
   int32_t u = w->view->p->align_v_q25;
   if (w->s->ticks < rise_ticks) {
     u = mul_q16(u, (int32_t)div_sat_u32((uint64_t)w->s->ticks << 16, rise_ticks));
@@ -293,15 +334,33 @@ static void begin_hall(const work_t *w) {
   start_t *s = w->s;
   direct(s, w->h, w->command, w->view->p, w->view->settings->target_rpm < 0);
   sequence_run(&w->command->sequence, w->command->sequence.start_sector);
+  hall_pull(w->h);
   s->locked_from = w->h->edge_count;
   apply_voltage(w, w->view->p->start_v_q25, true);
   enter_phase(s, START_HALL);
 }
 
+// What the pull of a rotor at rest tells about the sensors.
+static bool pulls_wrong(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  const measured_t *m = w->view->m;
+  const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
+  const int32_t emf_v_q25 = m->speed_valid ? gain_apply(m->speed_rpm_q8, p->emf) : 0;
+  return hall_pulls_wrong(w->h, w->pwm->u_v_q25, gain_apply(m->motor_q17 * 256, copper), emf_v_q25);
+}
+
 static outcome_t hall(const work_t *w) {
   const parameters_t *p = w->view->p;
   const measured_t *m = w->view->m;
-  const start_t *s = w->s;
+  start_t *s = w->s;
+  if (pulls_wrong(w)) {
+    return outcome_fault(FAULT_HALL_SENSOR);
+  }
+  if (hall_probe(w->h, p, s->ticks)) {
+    enter_phase(s, START_ALIGN_FIRST);
+    align(w, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+    return stay;
+  }
   const uint32_t interval = hall_interval_cycles(w->h, w->view, s->reverse, s->locked_from);
   const int32_t speed_rpm_q8 =
       (interval > 0u) ? speed_from_period_rpm_q8(m->speed_numerator_q8, 6u * interval) : 0;
@@ -349,8 +408,15 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
         return outcome_of(EVENT_PULLED_OUT);
       }
       align(w, ALIGN_LEG_SECOND, 0);
-      if (s->ticks >= (uint32_t)p->align_ticks) {
+      if (s->ticks < (uint32_t)p->align_ticks) {
+        break;
+      }
+      if (!h->driving) {
         begin_ramp(w);
+      } else if (hall_aligns_wrong(h)) {
+        return outcome_fault(FAULT_HALL_SENSOR);
+      } else {
+        begin_hall(w);
       }
       break;
     case START_RAMP:

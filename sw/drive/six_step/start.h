@@ -39,6 +39,9 @@ typedef struct {
 void start_begin(start_t *s, hall_t *h, six_step_command_t *command, const parameters_t *p, const settings_t *settings);
 void start_off(start_t *s);
 
+// Let a rotor that runs by its edges coast, to prove them; then it is caught.
+void start_prove(start_t *s, hall_t *h);
+
 // One step while starting. EVENT_STARTED when the crossings, or the edges, hold the rotor.
 outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t *command, const six_step_view_t *view);
 
