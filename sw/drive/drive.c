@@ -158,13 +158,13 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
     case ATTEMPT:
       order->pulled_out = event == EVENT_PULLED_OUT;
       if (!again(drive, &order->failed_starts, p->start_retries)) {
-        fault = FAULT_START_FAILED;
+        fault = (fault != FAULT_NONE) ? fault : FAULT_START_FAILED;
         action = FAIL;
       }
       break;
     case RESTART:
       if (!again(drive, &order->restarts, p->restart_retries)) {
-        fault = FAULT_LOST_LOCK;
+        fault = (fault != FAULT_NONE) ? fault : FAULT_LOST_LOCK;
         action = FAIL;
       }
       break;
@@ -190,6 +190,8 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
     gates_off(drive);
     enter(drive, STATE_FAULT);
     drive->fault = fault;
+  }
+  if (fault != FAULT_NONE) {
     fault_log_add(&drive->log, fault, order->tick);
   }
 }

@@ -40,12 +40,14 @@ typedef enum {
   EVENT_COUNT,
 } event_t;
 
-// Returned, never called upward: an event, with EVENT_FAULTED the fault, and a fault that is ridden through, for the log.
+// Returned, never called upward: an event, with EVENT_FAULTED the fault, with what starts again the cause, and a fault that
+// is ridden through. Cause and what is ridden through stand in the log; the cause is the fault where no attempt is left.
 // 0: nothing has happened.
 typedef uint32_t outcome_t;
 
 static inline outcome_t outcome_of(event_t event) { return (outcome_t)event; }
 static inline outcome_t outcome_fault(fault_t fault) { return (outcome_t)EVENT_FAULTED | (outcome_t)fault << 8; }
+static inline outcome_t outcome_because(event_t event, fault_t cause) { return (outcome_t)event | (outcome_t)cause << 8; }
 static inline outcome_t outcome_passing(outcome_t outcome, fault_t fault) { return outcome | (outcome_t)fault << 16; }
 static inline event_t outcome_event(outcome_t outcome) { return (event_t)(outcome & 0xFFu); }
 static inline fault_t outcome_fault_of(outcome_t outcome) { return (fault_t)(outcome >> 8 & 0xFFu); }

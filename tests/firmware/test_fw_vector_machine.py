@@ -145,11 +145,11 @@ def test_blocked_rotor_fails_the_start() -> None:
 
 
 def test_rotor_that_stops_is_a_lost_lock() -> None:
-    """Jammed at speed: the EMF contradicts the speed, lost_lock within 20 ms; with retries the drive starts again.
+    """Jammed at speed: no EMF is left, stalled within 20 ms; with retries it starts again, the log keeps the name.
 
     Verifies: VC-16
     """
-    for retries, fault in ((0, "lost_lock"), (1, "none")):
+    for retries, fault in ((0, "stalled"), (1, "none")):
         bench = VectorBench(values={**FAST, "restart_retries": retries}, unprotected=True)
         bench.start(30_000)
         bench.run(0.1)
@@ -157,8 +157,11 @@ def test_rotor_that_stops_is_a_lost_lock() -> None:
         assert bench.run(0.02, bench.left_running)
         assert bench.console("fault") == fault
         assert bench.console("lost_locks") == "1"
+        assert bench.fw.command("faults")[1].startswith("fault stalled ")
         bench.locked = False
         if retries:
+            # As near to the frame as at the first start.
+            bench.theta += math.radians(bench.error_deg) + 0.6
             assert bench.until_state("running", 0.5)
 
 

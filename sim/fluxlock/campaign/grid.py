@@ -34,7 +34,7 @@ def _faults(*names: str) -> frozenset[str]:
 
 
 CURRENT = _faults("phase_over_current", "dc_over_current")
-LOCK = _faults("lost_lock", "start_failed")
+LOCK = _faults("lost_lock", "angle_lost", "stalled", "overhauled", "start_failed")
 LINK = _faults("under_voltage", "over_voltage")
 CHANNEL = _faults("voltage_channel", "stuck_channel", "current_sum")
 PIN = _faults("fault_pin")

@@ -51,6 +51,9 @@ CURRENT_RISE_S = 0.02
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
 WEAKENING_HZ = 20.0
+# What the check of the angle takes for wrong: share of the resistance, and of a dead time that is compensated.
+RESISTANCE_LEFT = 0.5
+DEAD_TIME_LEFT = 0.25
 RATIO_FULL_SCALES = 32.0  # largest psi / (L_q - L_d); beyond it the machine counts as not salient
 # Current over which the dead-time compensation grows to the whole beyond its band: of the largest band V_dc T / (12 L).
 DEAD_TIME_ZONE_SHARE = 0.25
@@ -223,6 +226,29 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
     }
 
 
+def lost_floor_v(d: Design, timing: VectorTiming) -> float:
+    """Voltage that the observer may be wrong by without a current (V): dead time, six times the noise of its EMF.
+
+    The noise passes (z - 1) / (z - p)^2, whose response has the square sum 2 / ((1 + p)^3 (1 - p)).
+    """
+    inverter, vector = d.s.inverter, d.s.drive.vector
+    sensing, pole = inverter.sensing, vector.observer_pole
+    share = DEAD_TIME_LEFT if vector.dead_time_compensation else 1.0
+    dead_v = 4.0 / math.pi * inverter.supply_v * inverter.dead_time_s * CLOCK_HZ / timing.carrier_cycles
+    step_a = 2.0 * sensing.current_full_scale_a / 2.0**sensing.bits
+    noise_a = step_a * math.sqrt(2.0 / 3.0 * (sensing.noise_lsb**2 + 1.0 / 12.0))
+    response = (1.0 - pole) ** 2 * math.sqrt(2.0 / ((1.0 + pole) ** 3 * (1.0 - pole)))
+    return share * dead_v + 6.0 * response * d.machine.inductance_h / d.tick_s * noise_a
+
+
+def _lost(d: Design, timing: VectorTiming) -> dict[str, Value]:
+    """What may be wrong about the observed EMF (sw/control/lost_angle.h)."""
+    return {
+        "vector_lost_floor_v_q25": max(1, round(lost_floor_v(d, timing) * d.volt)),
+        **_gains(vector_lost_resistance=RESISTANCE_LEFT * d.machine.resistance_ohm * d.volt / d.ampere),
+    }
+
+
 def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
@@ -258,6 +284,7 @@ def vector_parameters(d: Design) -> dict[str, Value]:
         **_regulator(d, timing),
         **_speed(d, bandwidths.speed_hz),
         **_pll(vector, timing, bandwidths.pll_hz),
+        **_lost(d, timing),
         **_start(d),
         **_weakening(d),
         **_encoder(d),

@@ -12,7 +12,7 @@
 #define TURN_RAD_Q9 201
 #define DRIFT_MOST_RAD_Q32 (1 << 28)
 #define FOUR_OVER_PI_Q8 326u
-// The estimate is lost if for 5 ms the EMF is not half to twice that of the speed, or the error beyond 30 degrees.
+// The time in which the estimate is lost, 5 ms.
 #define LOST_PER_SECOND 200u
 // Clocks from a pin of the encoder to its position, besides the filter.
 #define ENCODER_LATENCY 3u
@@ -145,6 +145,13 @@ COLD void vector_constants(vector_t *v) {
   const int32_t stop_rpm_q8 = p->stop_rpm * 256;
   v->least_rpm_q8 = (stop_rpm_q8 > v->handover_rpm_q8) ? stop_rpm_q8 : v->handover_rpm_q8;
   v->lost_checks = (uint32_t)p->clock_hz / (LOST_PER_SECOND * VECTOR_GROUPS * (uint32_t)p->tick_cycles) + 1u;
+  v->lost = (lost_angle_settings_t){
+      .resistance = p->vector_lost_resistance,
+      .floor_v_q25 = (uint32_t)p->vector_lost_floor_v_q25,
+      .current_i_q25 = (uint32_t)p->rated_i_q17 * 256u / 10u,
+      .least_turn_q36 = p->vector_back_turn_q36 / 2,
+      .most = 4u * (v->lost_checks - 1u),
+  };
   v->sensored = p->vector_angle != 0;
   v->encoder = p->encoder_quarters > 1;
   v->several = p->vector_tick_samples > 1;

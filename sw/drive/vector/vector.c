@@ -134,17 +134,38 @@ HOT static void compare_angles(vector_t *v, const chip_vector_snapshot_t *in) {
   v->encoder_invalid = in->encoder_invalid;
 }
 
-// Does the EMF belong to the speed, and does its angle hold still?
-HOT static void check_lock(vector_t *v, complex_t voltage_v_q25) {
-  const int32_t speed = v->report.vector.speed_turn_q36 * v->direction;
+// A rotor that turns while its encoder stands still.
+HOT static bool encoder_contradicted(vector_t *v, uint32_t expected_v_q25) {
+  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 ||
+                   v->report.vector.emf_v_q25 / 2u > expected_v_q25 + v->start_settings.minimum_v_q25;
+  v->suspicion = bad ? v->suspicion + 1u : 0u;
+  return v->suspicion >= v->lost_checks;
+}
+
+// Does the EMF still belong to the angle and the speed? The cause stands in the log, whatever the restart comes to.
+HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
+  static const uint8_t causes[] = {[ANGLE_CONTRADICTED] = FAULT_ANGLE_LOST,
+                                   [ANGLE_STALLED] = FAULT_STALLED,
+                                   [ANGLE_OVERHAULED] = FAULT_OVERHAULED};
+  const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36 * v->direction;
+  const uint32_t expected_v_q25 = (uint32_t)abs_sat(gain_apply(speed_turn_q36, v->p->vector_flux));
   v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
   v->state_v_q25 = voltage_v_q25;
-  const uint32_t expected = (uint32_t)abs_sat(gain_apply(speed, v->p->vector_flux));
-  const bool weak = v->report.vector.emf_v_q25 < expected / 2u || speed < v->p->vector_back_turn_q36 / 2;
-  // A rotor that turns while its encoder stands still.
-  const uint32_t most = expected + (v->sensored ? v->start_settings.minimum_v_q25 : 0u);
-  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 || v->report.vector.emf_v_q25 / 2u > most || (weak && !v->sensored);
-  v->suspicion = bad ? v->suspicion + 1u : 0u;
+  if (v->sensored) {
+    return outcome_of(encoder_contradicted(v, expected_v_q25) ? EVENT_LOCK_LOST : EVENT_STAY);
+  }
+  const lost_angle_input_t seen = {.emf_v_q25 = v->observer.emf_v_q25,
+                                   .amplitude_v_q25 = v->report.vector.emf_v_q25,
+                                   .expected_v_q25 = expected_v_q25,
+                                   .current_i_q17 = v->report.vector.current_i_q17,
+                                   .error_q30 = v->error_q30,
+                                   .speed_turn_q36 = speed_turn_q36,
+                                   .backward = v->report.vector.speed_turn_q36 < 0};
+  const angle_verdict_t verdict = lost_angle_step(&v->suspicion, &v->lost, &seen);
+  if (__builtin_expect(verdict == ANGLE_HELD, 1)) {
+    return outcome_of(EVENT_STAY);
+  }
+  return outcome_because(EVENT_LOCK_LOST, (fault_t)causes[verdict]);
 }
 
 HOT static void track(vector_t *v, bool taken) {
@@ -176,7 +197,9 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
   const int32_t speed_rpm_q8 = v->direction * v->report.speed_rpm_q8;
   const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
   v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
-  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+  // An estimate in doubt gets the name of what is wrong with it, 5 ms later at most.
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm && v->suspicion == 0u &&
+      abs_sat(v->error_q30) < LOST_ERROR_Q30) {
     return outcome_fault(FAULT_OVERSPEED);
   }
   if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
@@ -223,11 +246,8 @@ HOT static outcome_t observed_step(vector_t *v, const chip_snapshot_t *in, const
       }
       break;
     case GROUP_SUPERVISION:
-      check_lock(v, in->vector.u_v_q25[0]);
+      outcome = check_lock(v, in->vector.u_v_q25[0]);
       compare_angles(v, &in->vector);
-      if (v->suspicion >= v->lost_checks) {
-        outcome = outcome_of(EVENT_LOCK_LOST);
-      }
       break;
     default:
       break;

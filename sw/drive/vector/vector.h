@@ -28,6 +28,7 @@
 #include "control/encoder.h"
 #include "control/field_weakening.h"
 #include "control/if_start.h"
+#include "control/lost_angle.h"
 #include "control/pi.h"
 #include "control/pll.h"
 #include "control/ramp.h"
@@ -110,6 +111,7 @@ typedef struct vector {
   int32_t back_rpm_q8;
   int32_t handover_rpm_q8;
   int32_t least_rpm_q8;
+  lost_angle_settings_t lost;
   uint32_t lost_checks;
   bool sensored;  // the frame follows the encoder
   bool encoder;   // there is one
@@ -161,7 +163,7 @@ typedef struct vector {
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque
   complex_t reference_i_q25;
-  uint32_t suspicion;  // checks in a row that failed
+  uint32_t suspicion;  // lost_angle_step's count; by encoder checks in a row that failed
   vector_injection_t *injection;  // 0: none
 } vector_t;
 
