@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test can canopen native test-socketcan lint regression campaign mutation coverage bench synth formal docs site diagrams release-check setup
+.PHONY: help demo check test can canopen native test-socketcan lint regression campaign population mutation coverage bench synth formal docs site diagrams release-check setup
 .PHONY: place clean distclean
 
 # A target's text stands behind ## with what it gives; its group stands in a line of its own behind ##@.
@@ -85,6 +85,9 @@ regression: $(TEST) ## long sets with their limits: build/regression.json; 2 h (
 campaign: $(TEST) ## faults at many moments, each ending judged: build/campaign.json; hours (QUICK=1, DRIVES=vector)
 	@.venv/bin/fluxlock campaign $(DRIVES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 	@$(if $(QUICK)$(DRIVES),echo "docs/verification/campaign.md stays as it is: it shows the whole grid only",$(PY) -m fluxlock.campaign.page)
+
+population: $(TEST) ## random machines that nobody tuned for, each life judged: build/population; 1 h (METHOD=vector LIVES=n SEED=n)
+	@.venv/bin/fluxlock population run $(if $(METHOD),--method $(METHOD)) $(if $(LIVES),--lives $(LIVES)) --jobs $(JOBS) --seed $(SEED)
 
 bench: $(TEST) ## speed of the closed loop against a bare simulation: build/bench.json; minutes
 	@$(PY) -m fluxlock.bench

@@ -17,6 +17,7 @@ import pytest
 
 from fluxlock.analysis.rundata import LogKind, RunData
 from fluxlock.paths import ROOT
+from fluxlock.population import page as page_module
 from fluxlock.population import run as run_module
 from fluxlock.population.draw import Draw
 from fluxlock.population.ideal import ideal_ripple_rpm, ideal_torque_nm
@@ -225,3 +226,30 @@ def test_command_line(tmp_path: Path) -> None:
     assert wrong.returncode == 2 and wrong.stderr.count("\n") == 1 and '"sixstep" is no method' in wrong.stderr
     drawn = command("draw", str(RIGHT_VECTOR[0]), "--out", str(tmp_path))
     assert drawn.returncode == 0 and (tmp_path / "scenario.toml").exists()
+
+
+def test_page_shows_every_life(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Counts of both methods, the ranges and the limits; a missing document is one line and exit code 2.
+
+    Verifies: POP-08
+    """
+    monkeypatch.setattr(page_module, "FOLDER", tmp_path)
+    monkeypatch.setattr(page_module, "PAGE", tmp_path / "population.md")
+    assert page_module.main([]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2 and all("fluxlock population run --method" in line for line in lines)
+    machine = {"inductance_pu": 0.1}
+    rows = [
+        {"index": 0, "outcome": "right", "reasons": [], "machine": machine},
+        {"index": 1, "outcome": "wrong", "reasons": [{"kind": "speed", "text": "high: 3 r/min"}], "machine": machine},
+    ]
+    for method in ("vector", "six-step"):
+        document = {"method": method, "seed": 1, "sources": {}, "rows": rows}
+        (tmp_path / f"{method}.json").write_text(json.dumps(document))
+    assert page_module.main([]) == 0
+    text = (tmp_path / "population.md").read_text()
+    assert text.count("**2 lives: 1 right, 0 refused by name, 1 wrong.**") == 2
+    assert text.count("| wrong | speed | 1 | 0 | 1 | high: 3 r/min |") == 2
+    assert "| pole pairs | 1 | 24 |" in text and "| mean speed | ± 0.5 % |" in text

@@ -60,7 +60,8 @@ M_HALL = 21  # 1: there are Hall sensors; angles at which the inputs rise, rad; 
 M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
 M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
 (M_VISCOUS, M_CONSTANT) = 30, 31
-MACHINE = 32
+M_FLUX = 32  # three phases' fluxes over their mean
+MACHINE = 35
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
@@ -91,6 +92,12 @@ def emf_shape(theta: float, phase: int, trapezoid: float) -> float:
     if sixths < 5.5:
         return 1.0
     return -2.0 * (sixths - 6.0)
+
+
+@numba.njit(cache=True)
+def phase_shape(theta: float, phase: int, m: NDArray[np.float64]) -> float:
+    """EMF of a phase over the mean psi times omega_e."""
+    return float(m[M_FLUX + phase] * emf_shape(theta, phase, m[M_TRAPEZOID]))
 
 
 @numba.njit(cache=True)
@@ -235,12 +242,15 @@ def crossing_level(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np
     """EMF of the floating phase at which its measured voltage meets the sector's threshold."""
     sector = int(s[SECTOR])
     high, low = m[M_UNEQUAL + HIGH[sector]], m[M_UNEQUAL + LOW[sector]]
-    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
-    drive = m[M_VDC] - pair * m[M_PSI] * s[OMEGA] * m[M_P]
+    to_emf = m[M_PSI] * s[OMEGA] * m[M_P]
+    upper, lower = phase_shape(s[THETA], HIGH[sector], m), phase_shape(s[THETA], LOW[sector], m)
+    drive = m[M_VDC] - (upper - lower) * to_emf
     shift = -0.5 * drive * (high - low) / (high + low)
     slope = 1.0 if m[M_TRAPEZOID] > 0.0 else 1.5
     wanted = c[C_THRESHOLD + sector] * m[M_VDC] / m[M_DIVIDER + OPEN[sector]]
-    return float((wanted - 0.5 * m[M_VDC] - shift) / slope)
+    # What the pair's EMFs do not have in common with minus the floating one: 0 between phases of equal flux.
+    rest = -0.5 * (upper + lower) - (slope - 1.0) * phase_shape(s[THETA], OPEN[sector], m)
+    return float((wanted - 0.5 * m[M_VDC] - shift - rest * to_emf) / slope)
 
 
 @numba.njit(cache=True)
@@ -250,7 +260,7 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
     rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
     sign = 1.0 if rising else -1.0
     omega_e = s[OMEGA] * m[M_P]
-    emf = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+    emf = phase_shape(s[THETA], OPEN[sector], m) * m[M_PSI] * omega_e
     now = sign * (emf - crossing_level(s, c, m))
     freewheel = 3e-6 + m[M_L] * abs(s[I_LINE]) / (0.5 * m[M_VDC])
     visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
@@ -287,13 +297,13 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
     k = m[M_PSI] * m[M_P]
     if c[C_SEQ] == SEQ_SIX:
         sector = int(s[SECTOR])
-        pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+        pair = phase_shape(s[THETA], HIGH[sector], m) - phase_shape(s[THETA], LOW[sector], m)
         return float(k * pair * s[I_NOW])
     total = 0.0
     for x in range(3):
         a = 2.0943951023931953 * x
         current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
-        total += current * emf_shape(s[THETA], x, m[M_TRAPEZOID])
+        total += current * phase_shape(s[THETA], x, m)
     return float(k * total)
 
 
@@ -317,7 +327,7 @@ def chop(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
     if h <= 0.0:
         return
     sector, omega_e = int(s[SECTOR]), s[OMEGA] * m[M_P]
-    pair = emf_shape(s[THETA], HIGH[sector], m[M_TRAPEZOID]) - emf_shape(s[THETA], LOW[sector], m[M_TRAPEZOID])
+    pair = phase_shape(s[THETA], HIGH[sector], m) - phase_shape(s[THETA], LOW[sector], m)
     emf = pair * m[M_PSI] * omega_e
     commutation_ohm = 3.0 / math.pi * abs(omega_e) * m[M_L]
     ohms, henries = 2.0 * m[M_R] + commutation_ohm, 2.0 * m[M_L]
@@ -372,7 +382,7 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
                 v_beta += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.sin(a)
         for x in range(3):
             a = 2.0943951023931953 * x
-            e = emf_shape(s[THETA], x, m[M_TRAPEZOID]) * m[M_PSI] * omega_e
+            e = phase_shape(s[THETA], x, m) * m[M_PSI] * omega_e
             v_alpha -= 2.0 / 3.0 * e * math.cos(a)
             v_beta -= 2.0 / 3.0 * e * math.sin(a)
         keep = math.exp(-m[M_R] * h / m[M_L])
@@ -394,7 +404,7 @@ def advance(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float6
             h = max(s[T_SCHED] - s[T], 0.0)
         sector = int(s[SECTOR])
         rising = (sector % 2 == 1) != (c[C_REVERSE] > 0.0)
-        before = emf_shape(s[THETA], OPEN[sector], m[M_TRAPEZOID]) * m[M_PSI] * s[OMEGA] * m[M_P]
+        before = phase_shape(s[THETA], OPEN[sector], m) * m[M_PSI] * s[OMEGA] * m[M_P]
         before -= crossing_level(s, c, m)
         before = before if rising else -before
         currents(s, c, m, h)
@@ -459,7 +469,9 @@ class AveragedMotor:
             0.0,
         )
         self.c[C_THRESHOLD : C_THRESHOLD + 6] = 0.5
-        self.m[M_DIVIDER : M_DIVIDER + 6] = 1.0
+        self.m[M_DIVIDER : M_DIVIDER + 3] = 1.0
+        self.m[M_UNEQUAL : M_UNEQUAL + 3] = np.array(motor.inductance_h) / np.mean(motor.inductance_h)
+        self.m[M_FLUX : M_FLUX + 3] = np.array(motor.psi_vs) / np.mean(motor.psi_vs)
         self.m[M_HALL + 4 : M_HALL + 7] = -1.0
         self.m[M_ONE_BLIND] = -1.0
         self.s[[H_CODE, H_POSITION]] = -1.0

@@ -183,7 +183,7 @@ def show_samples(
     put(r, x[SENSE_SNAP_IDC_SUM], round(idc * k[K_I_UNIT]) * int(k[K_SAMPLES]))
     emf, current = np.zeros(3), np.zeros(3)
     for i in range(3):
-        emf[i] = am.emf_shape(s[am.THETA], i, m[am.M_TRAPEZOID]) * m[am.M_PSI] * (s[am.OMEGA] * m[am.M_P])
+        emf[i] = am.phase_shape(s[am.THETA], i, m) * m[am.M_PSI] * (s[am.OMEGA] * m[am.M_P])
     lowest, mean = emf.min(), emf.sum() / 3
     if c[am.C_SEQ] == am.SEQ_SIX:
         sector = int(s[am.SECTOR])

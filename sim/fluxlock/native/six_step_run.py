@@ -65,8 +65,6 @@ class Play(ScenarioPlay):
         model.s[am.SEED] = 1.0 + seed  # of a generator that stays at 0
         model.m[am.M_LOCKED] = float(scenario.mechanics.mode == "locked")
         model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = scenario.inverter.sensing.divider_gain
-        unequal = np.array(scenario.motor.inductance_h)
-        model.m[am.M_UNEQUAL : am.M_UNEQUAL + 3] = unequal / unequal.mean()
         count = math.ceil(scenario.duration_s / self.chip.tick_s) + 2
         self._records = np.zeros(count, RECORD_DTYPE)
         self._states = np.zeros((count, 4), np.int64)

@@ -51,9 +51,14 @@ def run(
     is wrong.
     """
     from fluxlock.population.command import run_population
+    from fluxlock.population.run import SourcesChanged
 
     methods = METHODS if method is None else (method_of(method),)
-    if not run_population(methods, seed, range(first, first + lives), jobs):
+    try:
+        good = run_population(methods, seed, range(first, first + lives), jobs)
+    except SourcesChanged as error:
+        raise ConfigError([Problem("population", "", str(error))]) from None
+    if not good:
         raise typer.Exit(EXIT_FAILED)
 
 

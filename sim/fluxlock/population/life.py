@@ -15,12 +15,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fluxlock.config.checks import check_scenario
-from fluxlock.config.drive import Drive, MotorError
+from fluxlock.config.drive import Drive, MotorError, Zcd
 from fluxlock.config.errors import ConfigError
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import RPM_PER_RAD_S, Motor
 from fluxlock.config.scenario import Event, Expect, Initial, Scenario, Window
+from fluxlock.config.vector_loops import loops_of
 from fluxlock.cosim.parameters import check_parameters
+from fluxlock.firmware.design import Design
 from fluxlock.population.draw import Draw, Method, Parts, parts
 
 LOWEST_SHARE, LEAST_MARGIN, REFUSED_SHARE = 0.2, 1.5, 0.5
@@ -30,7 +32,7 @@ HARD = 20.0  # times that ramp
 BRAKE_SHARE = 0.5  # torque of the hard deceleration at least, over the rated one
 CATCH_S, CATCH_TURNS = 0.1, 12.0
 LOAD_RAMP_S = 0.1
-SETTLE_S, SETTLE_TURNS = 0.25, 6.0
+SETTLE_S, SETTLE_TURNS, SETTLE_CONSTANTS = 0.25, 10.0, 25.0  # at least each; time constants: of the speed loop
 HOLD_S, HOLD_TURNS = 0.05, 6.0
 SPEED_TOLERANCE = 0.005
 
@@ -103,6 +105,7 @@ class _Clock:
     """Events, holds and changes as time goes on. turn_s: electrical, at the lowest speed."""
 
     accel: float
+    settle_s: float
     turn_s: float
     rpm: float
     now_s: float
@@ -112,7 +115,7 @@ class _Clock:
 
     def settle(self) -> None:
         """Give the loops their time."""
-        self.now_s = _ms(self.now_s + max(SETTLE_S, SETTLE_TURNS * self.turn_s))
+        self.now_s = _ms(self.now_s + self.settle_s)
 
     def load(self, factor: float) -> None:
         """Change the load on a ramp and let it settle."""
@@ -150,11 +153,23 @@ def _mrpm(rpm: float) -> float:
     return round(rpm, 3)
 
 
-def _timeline(p: Parts, lowest: float, caught_s: float) -> _Clock:
+def _ramp(motor: Motor) -> float:
+    """Slope of the target, r/min/s."""
+    return float(f"{RAMP_SHARE * motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S:.4g}")
+
+
+def _loop_rad_s(s: Scenario) -> float:
+    """Bandwidth of the speed loop that the drive is to have."""
+    return 2 * math.pi * loops_of(s).speed_hz if s.drive.method == "vector" else Design(s).bandwidth
+
+
+def _timeline(p: Parts, lowest: float, caught_s: float, loop_rad_s: float) -> _Clock:
     motor = p.motor
     per_s = motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S
     low, middle, high = (math.floor(rpm) for rpm in (lowest, max(lowest, MIDDLE_SHARE * p.base_rpm), p.base_rpm))
-    clock = _Clock(float(f"{RAMP_SHARE * per_s:.4g}"), 60.0 / (low * motor.pole_pairs), middle, caught_s)
+    turn_s = 60.0 / (low * motor.pole_pairs)
+    settle_s = max(SETTLE_S, SETTLE_TURNS * turn_s, SETTLE_CONSTANTS / loop_rad_s)
+    clock = _Clock(_ramp(motor), settle_s, turn_s, middle, caught_s)
     clock.events += [
         Event(at_s=0.0, load_factor=0.0),
         Event(at_s=0.002, speed_rpm=middle),
@@ -181,16 +196,16 @@ def _timeline(p: Parts, lowest: float, caught_s: float) -> _Clock:
     return clock
 
 
-def _drive(d: Draw, p: Parts, method: Method, accel: float) -> Drive:
+def _drive(d: Draw, p: Parts, method: Method) -> Drive:
     keys: dict[str, Any] = {
         "method": method,
         "carrier_hz": p.carrier_hz,
         "current_limit_a": p.current_limit_a,
-        "accel_rpm_per_s": accel,
+        "accel_rpm_per_s": _ramp(p.motor),
         "motor_error": d.error,
     }
     if method == "six-step":
-        keys["sync_rect"] = True
+        keys |= {"sync_rect": True, "zcd": Zcd.model_validate({"balance": "both"})}  # phases are unequal
     return Drive(**keys)
 
 
@@ -199,7 +214,17 @@ def life_of(draw: Draw, method: Method) -> Life:
     p = parts(draw, method)
     lowest = min(lowest_rpm(p, draw.error, method), p.base_rpm)
     caught_s = _ms(CATCH_S + CATCH_TURNS * 60.0 / (max(lowest, MIDDLE_SHARE * p.base_rpm) * p.motor.pole_pairs))
-    clock = _timeline(p, lowest, caught_s)
+    bare = Scenario(
+        name=f"population-{method}-{draw.name}",
+        description=f"Machine {draw.index} of the population with seed {draw.seed}",
+        motor=p.motor,
+        inverter=p.inverter,
+        duration_s=1.0,
+        seed=draw.index,
+        drive=_drive(draw, p, method),
+        load=p.load,
+    )
+    clock = _timeline(p, lowest, caught_s, _loop_rad_s(bare))
     windows = [Window(name=hold.name, from_s=hold.from_s, to_s=hold.to_s) for hold in clock.holds]
     expect = [
         Expect(
@@ -211,14 +236,14 @@ def life_of(draw: Draw, method: Method) -> Life:
         for hold in clock.holds
     ]
     scenario = Scenario(
-        name=f"population-{method}-{draw.name}",
-        description=f"Machine {draw.index} of the population with seed {draw.seed}",
-        motor=p.motor,
-        inverter=p.inverter,
+        name=bare.name,
+        description=bare.description,
+        motor=bare.motor,
+        inverter=bare.inverter,
         duration_s=_ms(clock.now_s + 0.005),
-        seed=draw.index,
-        drive=_drive(draw, p, method, clock.accel),
-        load=p.load,
+        seed=bare.seed,
+        drive=bare.drive,
+        load=bare.load,
         initial=Initial(theta_deg=draw.theta_deg, speed_rpm=clock.events[1].speed_rpm or 0.0),
         event=clock.events,
         window=windows,

@@ -8,7 +8,6 @@ A life that has run is not run again, so a population that was interrupted goes 
 
 from __future__ import annotations
 
-import functools
 import json
 import multiprocessing
 import time
@@ -45,7 +44,10 @@ def play(life: Life) -> RunData:
     return player(life.scenario, life.scenario.seed).run()
 
 
-@functools.cache
+class SourcesChanged(Exception):
+    """Firmware, models or measures are others than at the first life: a row would be of a mixture."""
+
+
 def makers() -> str:
     """Hash of firmware, of the models that run it, and of what measures; taken before the first life."""
     own, shared = MEASURING
@@ -80,10 +82,13 @@ def run_life(method: Method, seed: int, made_by: str, index: int) -> Row:
     if path.exists():
         row: Row = json.loads(path.read_text(encoding="utf-8"))
         return row
+    if makers() != made_by:
+        raise SourcesChanged("the sources have changed since the first life; run the population again")
     begin = time.process_time()
     found = judge(play(life), life).as_json()
     spent = {"simulated_s": life.scenario.duration_s, "cpu_s": time.process_time() - begin}
     row = {**head, "outcome": WRONG if found["reasons"] else RIGHT, **found, **spent}
+    check_folder(path.parent)
     part = path.with_suffix(".part")
     part.write_text(json.dumps(row), encoding="utf-8")
     part.replace(path)
@@ -106,5 +111,8 @@ def run_lives(method: Method, seed: int, indices: Iterable[int], jobs: int, done
                 done()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            # SIGTERM and an error have reached this process alone.
+            for worker in multiprocessing.active_children():
+                worker.terminate()
             raise
     return sorted(rows, key=lambda row: int(row["index"]))

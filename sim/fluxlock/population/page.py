@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""docs/verification/population.md from the documents of the last populations: `python -m fluxlock.population.page`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from fluxlock.config import ConfigError, Problem
+from fluxlock.paths import ROOT
+from fluxlock.population import judge, life
+from fluxlock.population.draw import METHODS
+from fluxlock.population.ranges import ranges
+from fluxlock.population.run import FOLDER, REFUSED, RIGHT, WRONG
+from fluxlock.population.table import EXAMPLES, count, deciles, groups
+from fluxlock.sources import sources_text
+from fluxlock.writable import EXIT_BAD_INPUT, guarded
+
+PAGE = ROOT / "docs" / "verification" / "population.md"
+UNITS = {
+    "power_w": ("power at base speed", "W"),
+    "supply_v": ("supply", "V"),
+    "pole_pairs": ("pole pairs", ""),
+    "base_hz": ("base frequency, electrical", "Hz"),
+    "resistance_pu": ("resistance", "per unit"),
+    "inductance_pu": ("inductance", "per unit"),
+    "saliency": ("L_q / L_d", ""),
+    "run_up_s": ("run-up at rated torque without load", "s"),
+}
+Document = dict[str, Any]
+
+
+def _machines() -> list[str]:
+    r, error = ranges(), ranges().file_error
+    lines = ["| quantity | from | to | unit |", "|---|---|---|---|"]
+    for key, (name, unit) in UNITS.items():
+        low, high = getattr(r, key)
+        lines.append(f"| {name} | {low:g} | {high:g} | {unit} |")
+    shares = ", ".join(f"{name} {100 * share:g} %" for name, share in error.model_dump().items())
+    return [
+        *lines,
+        "",
+        f"The EMF is {' or '.join(r.emf)}. The phases differ by up to {100 * r.phases_unequal:g} % each. The carrier "
+        f"fits at least {r.carriers_per_sector_min:g} times into a sector at base speed. The motor file is wrong by up "
+        f"to these shares: {shares}.",
+        "",
+        "`sim/fluxlock/population/ranges.toml` holds the ranges. A test keeps its hash, so that a drive is mended and "
+        "not its machines.",
+    ]
+
+
+def _lives() -> list[str]:
+    return [
+        "The rotor turns and the drive catches it. The drive then holds eight operating points:",
+        "",
+        "1. the lowest speed with light load, with full load and with light load again",
+        f"2. {100 * life.MIDDLE_SHARE:g} % and 100 % of the base speed with full load, then "
+        f"{100 * life.MIDDLE_SHARE:g} % again",
+        "3. 100 % with light load",
+        "4. the lowest speed, after a target that falls at once",
+        "",
+        f"The lowest speed is {100 * life.LOWEST_SHARE:g} % of the base speed, or {life.LEAST_MARGIN:g} times the "
+        "least speed that `fluxlock motor info` states. A machine that would need more than "
+        f"{100 * life.REFUSED_SHARE:g} % is refused. Fan, viscous and Coulomb friction add up to at most the rated "
+        "torque.",
+        "",
+        "A life is *refused* if the check of its files names a reason. It is *right* if it keeps all of these limits:",
+        "",
+        "| quantity | limit |",
+        "|---|---|",
+        f"| mean speed | ± {100 * life.SPEED_TOLERANCE:g} % |",
+        f"| speed, peak to peak | {100 * judge.RIPPLE_SHARE:g} %, or {judge.RIPPLE_OF_IDEAL:g} times that of an ideal "
+        "drive on the same machine |",
+        f"| speed beyond a new target | {100 * judge.OVERSHOOT_SHARE:g} % of the change |",
+        f"| current, mean over 1 ms | {judge.CURRENT_SHARE:g} times its limit |",
+        f"| angle error of vector control | {judge.ANGLE_RMS_DEG:g}° rms, less what the file's errors make |",
+        f"| commutation error of six-step control | {judge.COMMUTATION_RMS_DEG:g}° rms |",
+        "| trips, faults, restarts | none |",
+    ]
+
+
+def _result(document: Document) -> list[str]:
+    rows, method = document["rows"], document["method"]
+    right, refused, wrong = (count(rows, outcome) for outcome in (RIGHT, REFUSED, WRONG))
+    lines = [
+        f"## {'Vector' if method == 'vector' else 'Six-step'}",
+        "",
+        f"`fluxlock population run --method {method} --lives {len(rows)} --seed {document['seed']}`. "
+        f"Made from {sources_text(document['sources'])}.",
+        "",
+        f"**{len(rows)} lives: {right} right, {refused} refused by name, {wrong} wrong.**",
+        "",
+        "| inductance, per unit | right | refused | wrong |",
+        "|---|---|---|---|",
+        *(f"| {low:.3f} … {high:.3f} | {a} | {b} | {c} |" for low, high, a, b, c in deciles(rows)),
+        "",
+    ]
+    found = groups(rows)
+    if found:
+        lines += [
+            "| outcome | first reason | lives | beside another | machines | example |",
+            "|---|---|---|---|---|---|",
+        ]
+    for g in found:
+        some = ", ".join(map(str, g.indices[:EXAMPLES]))
+        lines.append(f"| {g.outcome} | {g.kind} | {len(g.indices)} | {g.also} | {some} | {g.example} |")
+    return [*lines, ""]
+
+
+def page(documents: Sequence[Document]) -> str:
+    """The page."""
+    lines = [
+        "# Population",
+        "",
+        "Random machines that nobody tuned the drive for, and how the drive does on each.",
+        "`python -m fluxlock.population.page` writes this page from `build/population`.",
+        "",
+        "```",
+        "fluxlock population draw 7 --method vector --out build/machine-7   # the files of machine 7",
+        "fluxlock native build/machine-7/scenario.toml --play               # run it on the host",
+        "fluxlock population plot 7 --method vector                         # its life as a picture",
+        "```",
+        "",
+        "## Machines",
+        "",
+        *_machines(),
+        "",
+        "## Lives",
+        "",
+        *_lives(),
+        "",
+        "The firmware's C code runs on models of chip and machine. The vector model has no ripple of the carrier. The "
+        "six-step model switches the conducting pair, and the outgoing phase's current ends at once.",
+        "",
+    ]
+    for document in documents:
+        lines += _result(document)
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def read_documents() -> list[Document]:
+    """Of both methods; ConfigError names those that are missing."""
+    found: list[Document] = []
+    problems = []
+    for method in METHODS:
+        path = FOLDER / f"{method}.json"
+        try:
+            found.append(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError):
+            text = f"is no population; `fluxlock population run --method {method}` writes it"
+            problems.append(Problem(str(path), "", text))
+    if problems:
+        raise ConfigError(problems)
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the page; exit code 2 if a document is missing."""
+    argparse.ArgumentParser(prog="python -m fluxlock.population.page", description=__doc__).parse_args(arguments)
+    try:
+        documents = read_documents()
+    except ConfigError as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    PAGE.write_text(page(documents), encoding="utf-8")
+    print(f"written: {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
