@@ -143,6 +143,8 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_MEASURED_RPM:
       format_fixed(text, d->report->backward ? -(int64_t)d->report->speed_rpm_q8 : d->report->speed_rpm_q8, 8, 1);
       break;
+    case ITEM_SPEED_KNOWN:
+      return d->report->speed_unknown ? "no" : "yes";
     case ITEM_REFERENCE_RPM:
       format_fixed(text, d->report->backward ? -(int64_t)d->report->demand_rpm_q8 : d->report->demand_rpm_q8, 8, 1);
       break;

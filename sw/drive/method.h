@@ -117,6 +117,7 @@ typedef struct {
   limit_t limit;
   bool gates;       // the legs may switch
   bool backward;
+  bool speed_unknown;  // speed_rpm_q8 is 0 then
   bool impossible;  // no rotor turns at the measured speed
   bool over;        // beyond the permitted speed
   bool doubtful;    // the sensors that commutate have given wrong codes

@@ -133,3 +133,19 @@ def test_both_angles_are_compared(sensored: bool) -> None:
         )
         assert abs(abs(shown[factor]) - expected) < 1.0
     assert abs(shown[1.3]) > 2.0
+
+
+def test_turning_rotor_is_taken_over_by_an_encoder_that_has_seen_its_index() -> None:
+    """A rotor that turns at the start: the drive takes it at its speed and holds it.
+
+    Verifies: VC-48
+    """
+    bench = VectorBench(VectorSettings(sensored=True, encoder_lines=1024), values={"current_limit_ma": 30_000})
+    bench.omega = 2 * math.pi * 600.0
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 30000")
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.1)
+    assert bench.console("catches") == "1"
+    bench.run(0.3)
+    assert float(bench.console("measured_rpm")) == pytest.approx(30_000, rel=0.01)

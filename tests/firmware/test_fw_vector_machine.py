@@ -130,7 +130,7 @@ def test_rotor_is_not_caught() -> None:
 
 
 def test_blocked_rotor_fails_the_start() -> None:
-    """A rotor that does not turn gives no EMF: start_failed after the retries, gates off.
+    """A rotor that does not turn gives no EMF: stalled after the retries, gates off.
 
     Verifies: VC-16
     """
@@ -139,7 +139,7 @@ def test_blocked_rotor_fails_the_start() -> None:
     bench.fw.command("set speed_rpm 60000")
     bench.fw.command("start")
     assert bench.until_state("fault", 2.0)
-    assert bench.console("fault") == "start_failed"
+    assert bench.console("fault") == "stalled"
     assert not bench.enable
     assert bench.get("safety.guard") & 1 == 0
 
@@ -484,3 +484,46 @@ def test_joined_model_is_that_many_steps_of_one(periods: int) -> None:
         ):
             got = to_complex(getattr(model, name), 2**30)
             assert abs(got - want) < 1e-8 * (4 + periods), (name, hz)
+
+
+def test_forced_frame_never_tells_its_own_speed() -> None:
+    """A rotor that stands in the turning frame: the speed is unknown, stalled then with 1.4 times the current.
+
+    Verifies: VC-47
+    """
+    bench = VectorBench(values={**FAST, "start_retries": 1}, locked=True)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 60000")
+    bench.fw.command("start")
+    most: dict[int, float] = {}
+    attempt = 0
+    while bench.fw.state != "fault":
+        assert bench.now < 1.0
+        bench.run(0.001)
+        attempt += bench.console("phase") == "coast" and attempt in most
+        most[attempt] = max(most.get(attempt, 0.0), abs(bench.i))
+        assert abs(float(bench.console("measured_rpm"))) == 0.0
+        assert bench.fw.state == "fault" or bench.console("phase") == "coast" or bench.console("speed_known") == "no"
+    assert bench.fw.command("faults")[:3] and bench.console("fault") == "stalled"
+    assert [line.split()[1] for line in bench.fw.command("faults")[1:3]] == ["stalled", "stalled"]
+    assert max(most.values()) == pytest.approx(1.4 * bench.settings.start_a, rel=0.1)
+
+
+def test_led_rotor_tells_its_true_speed() -> None:
+    """While the forced frame leads the rotor the measured speed is the rotor's within 15 %, or unknown and 0.
+
+    Verifies: VC-47
+    """
+    bench = VectorBench(values=FAST)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 60000")
+    bench.fw.command("start")
+    known = 0
+    while bench.fw.state != "running":
+        assert bench.now < 1.0
+        bench.run(0.001)
+        told, true = float(bench.console("measured_rpm")), float(bench.omega) * 30 / math.pi / bench.motor.pole_pairs
+        if bench.console("speed_known") == "yes" and bench.console("phase") == "ramp":
+            known += 1
+            assert abs(told - true) < 0.15 * max(abs(true), 3000.0), (bench.now, told, true)
+    assert known > 10

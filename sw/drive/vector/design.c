@@ -173,6 +173,16 @@ COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
   v->model.phi_q30 = phi_q30;
 }
 
+COLD void vector_start_current(vector_t *v) {
+  const int32_t most_i_q25 = v->settings->current_limit_q17 * 192;
+  int32_t current_i_q25 = v->p->vector_start_i_q25;
+  for (uint32_t k = 0; k < v->order->failed_starts && current_i_q25 < most_i_q25; k++) {
+    current_i_q25 += current_i_q25 / 5 * 2;
+    current_i_q25 = (current_i_q25 < most_i_q25) ? current_i_q25 : most_i_q25;
+  }
+  v->start_settings.current_i_q25 = current_i_q25;
+}
+
 const vector_plant_t *vector_present_plant(const vector_t *v) {
   const vector_injection_t *j = v->injection;
   const bool every = vector_injects(v) && j->settings.error.method == INJECTION_SEPARATOR && !j->wanted;

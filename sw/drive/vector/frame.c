@@ -11,9 +11,11 @@
 
 #define QUARTER_TURN ((uint32_t)1 << 30)
 #define CHANGE_MAX_Q32 (1 << 22)
+#define SLIP_FIVE_MS 6u  // 30 ms
 
 COLD void vector_frame_off(vector_t *v) {
   v->frame = FRAME_OFF;
+  tell_speed(v, 0, false);
   v->report.vector.speed_turn_q36 = 0;
   v->correct_q32 = 0;
   v->holding = false;
@@ -33,6 +35,8 @@ COLD outcome_t vector_begin(vector_t *v) {
   }
   const complex_t zero = {0, 0};
   if_begin(&v->start);
+  vector_start_current(v);
+  v->slip_checks = 0;
   emf_observer_preset(&v->observer, zero, zero, zero);
   v->weakening.current_i_q30 = 0;
   v->mtpa_i_q25 = 0;
@@ -45,15 +49,16 @@ COLD outcome_t vector_begin(vector_t *v) {
   return outcome_of(EVENT_STAY);
 }
 
-COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32) {
+COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed) {
   const parameters_t *p = v->p;
   const int32_t speed_turn_q36 = (mean_step_q32 / (int32_t)v->per_tick.period_cycles) * 16;
-  if (v->sensored || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
+  if ((v->sensored && !indexed) || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
     return false;
   }
   // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
   const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
-  v->correct_q32 = (int32_t)(angle_q32 + (uint32_t)mean_step_q32 - quarter - v->report.vector.angle_turn_q32);
+  const uint32_t rotor_q32 = v->sensored ? encoder_angle_q32(v) : angle_q32 - quarter;
+  v->correct_q32 = (int32_t)(rotor_q32 + (uint32_t)mean_step_q32 - v->report.vector.angle_turn_q32);
   v->holding = true;
   v->report.vector.speed_turn_q36 = speed_turn_q36;
   v->direction = (speed_turn_q36 < 0) ? -1 : 1;
@@ -139,6 +144,7 @@ COLD outcome_t vector_hand_back(vector_t *v, const chip_snapshot_t *in) {
   turn_frame(v, in, if_turn_back_q32(current), current);
   if_resume(&v->start, &v->start_settings, v->report.vector.speed_turn_q36, complex_abs(current));
   v->waiting_ticks = 0;
+  v->slip_checks = 0;
   v->frame = FRAME_FORCED;
   v->report.phase = START_RAMP;
   return outcome_of(EVENT_HANDED_BACK);
@@ -158,6 +164,35 @@ COLD static void learn_mounting(vector_t *v, const chip_vector_snapshot_t *in) {
   }
 }
 
+// The rotor that the forced frame leads, by its EMF e^ and that of the frame's speed, E: it follows while e^_q > 0.3 E, and
+// |e^| is its speed then. An EMF that the observer's error may be tells nothing. True: it has not followed for 30 ms and a
+// quarter turn of the frame.
+COLD static bool slips(vector_t *v) {
+  const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
+  const complex_t emf_v_q25 = v->observer.emf_v_q25;
+  const uint32_t due_v_q25 = (uint32_t)abs_sat(gain_apply(speed_turn_q36, v->p->vector_flux));
+  const uint32_t wrong_v_q25 =
+      (uint32_t)gain_apply(v->start.current_i_q25, v->lost.resistance) + v->lost.floor_v_q25;
+  const uint32_t amplitude_v_q25 = complex_abs(emf_v_q25);
+  const bool follows = ((speed_turn_q36 < 0) ? -emf_v_q25.im : emf_v_q25.im) > (int32_t)(due_v_q25 / 10u * 3u);
+  const int32_t frame_rpm_q8 = rpm_q8(v, speed_turn_q36);
+  const bool known = follows && amplitude_v_q25 >= wrong_v_q25;
+  const uint64_t product = (uint64_t)(uint32_t)abs_sat(frame_rpm_q8) * amplitude_v_q25;
+  const int32_t speed_rpm_q8 = known ? (int32_t)div_sat_u32(product, due_v_q25) : 0;
+  tell_speed(v, (frame_rpm_q8 < 0) ? -speed_rpm_q8 : speed_rpm_q8, known);
+  if (follows || due_v_q25 < wrong_v_q25) {
+    v->slip_checks = 0;
+    v->slip_turn_q32 = 0;
+    return false;
+  }
+  v->slip_checks++;
+  if (v->slip_turn_q32 < QUARTER_TURN) {
+    const uint64_t turn_q36 = (uint64_t)(uint32_t)abs_sat(speed_turn_q36) * v->per_tick.period_cycles * VECTOR_GROUPS;
+    v->slip_turn_q32 += (uint32_t)(turn_q36 >> 4);
+  }
+  return v->slip_checks > v->lost.most / 4u * SLIP_FIVE_MS && v->slip_turn_q32 >= QUARTER_TURN;
+}
+
 SHARED outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
   const parameters_t *p = v->p;
   const bool stopping = v->order->state == STATE_STOPPING;
@@ -165,8 +200,10 @@ SHARED outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
   const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
   v->report.vector.speed_turn_q36 = if_speed_turn_q36(&v->start);
   v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
-  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
-  v->ramp.value_rpm_q8 = v->report.speed_rpm_q8;
+  v->ramp.value_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  if (v->order->tick % VECTOR_GROUPS == GROUP_SUPERVISION && slips(v)) {
+    return stopping ? outcome_of(EVENT_STOPPED) : outcome_because(EVENT_START_FAILED, FAULT_STALLED);
+  }
   if (v->report.phase == START_ALIGN) {
     if (v->encoder) {
       watch_alignment(v);

@@ -194,7 +194,7 @@ HOT static outcome_t follow_target(vector_t *v) {
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t step_rpm_q20 = clamp_i32(v->settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   const int32_t target_rpm_q8 = (v->order->state == STATE_RUNNING) ? v->settings->target_rpm * 256 : 0;
-  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
   // The ramp need not wait for the speed: the regulator does not wind up.
   (void)ramp_step(&v->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8,
                   p->speed_max_rpm * 256);

@@ -20,6 +20,12 @@ static inline int32_t rpm_q8(const vector_t *v, int32_t speed_turn_q36) {
   return gain_apply(speed_turn_q36, v->to_rpm);
 }
 
+// What others are told of the speed.
+static inline void tell_speed(vector_t *v, int32_t speed_rpm_q8, bool known) {
+  v->report.speed_rpm_q8 = known ? speed_rpm_q8 : 0;
+  v->report.speed_unknown = !known;
+}
+
 static inline complex_t to_q17(complex_t z_q25) {
   return (complex_t){(z_q25.re + 128) >> 8, (z_q25.im + 128) >> 8};
 }
@@ -49,6 +55,9 @@ vector_machine_t vector_machine(const parameters_t *p);
 void vector_constants(vector_t *v);
 void vector_first_design(vector_t *v);
 
+// Current of the forced frame: 1.4 times as much after each attempt that has failed, up to three quarters of the limit.
+void vector_start_current(vector_t *v);
+
 // Subspace 1 as its regulators are to know it now.
 const vector_plant_t *vector_present_plant(const vector_t *v);
 
@@ -56,9 +65,9 @@ const vector_plant_t *vector_present_plant(const vector_t *v);
 int32_t vector_share_of(share_t *share, uint32_t count);
 
 // A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
-// when the regulator's voltage is the EMF. False: slower than the hand-over, or
-// the encoder starts it.
-bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32);
+// when the regulator's voltage is the EMF. With the encoder its angle counts. False: slower than the hand-over, or the encoder
+// has not seen its index.
+bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed);
 
 // The rotor is slow enough after the coast: switch on and align.
 outcome_t vector_begin(vector_t *v);

@@ -190,7 +190,7 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
   const int32_t target_rpm_q8 =
       clamp_i32(abs_sat(settings->target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
-  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
   const int32_t moving = ramp_step(&v->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
                   step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
   speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
@@ -215,7 +215,7 @@ SHARED static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in
   const bool stopping = order->state == STATE_STOPPING;
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
-  v->report.speed_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
   const int32_t moving = ramp_step(&v->ramp, stopping ? 0 : settings->target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
                   v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
   speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
@@ -292,8 +292,10 @@ COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
   const order_t *order = v->order;
   coast_t *c = &v->coast;
   coast_see(c, p, in);
-  if (order->state_ticks > COAST_SETTLE_TICKS && coast_caught(c, p, order, v->settings, v->report.vdc_v_q25) &&
-      vector_catch(v, c->rotor.angle, c->mean_step_q32)) {
+  const bool caught = order->state_ticks > COAST_SETTLE_TICKS &&
+                      coast_caught(c, p, order, v->settings, v->report.vdc_v_q25);
+  tell_speed(v, (c->mean_step_q32 < 0) ? -c->speed_rpm_q8 : c->speed_rpm_q8, caught);
+  if (caught && vector_catch(v, c->rotor.angle, c->mean_step_q32, in->vector.encoder_indexed)) {
     return outcome_of(EVENT_STAY);
   }
   if (coast_stuck(c, p, in)) {
@@ -315,7 +317,6 @@ COLD void vector_off(vector_t *v) {
   v->report.gates = false;
   v->report.limit = LIMIT_NONE;
   v->report.voltage_v_q25 = 0;
-  v->report.speed_rpm_q8 = 0;
   v->report.motor_q17 = 0;
 }
 
