@@ -22,6 +22,10 @@ void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward
   state->integral_q5 = shift_sat(rest, PI_INTEGRAL_BITS);
 }
 
+void pi_shift(pi_state_t *state, int32_t added) {
+  state->integral_q5 = clamp_i32(state->integral_q5 + shift_sat(added, PI_INTEGRAL_BITS), -INTEGRAL_MAX, INTEGRAL_MAX);
+}
+
 HOT pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t error, int32_t feed_forward, int32_t low,
                         int32_t high) {
   pi_result_t result;

@@ -36,6 +36,9 @@ typedef struct {
 // Set the integral so that the next step with this error and feed-forward gives `output`: bumpless entry.
 void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output);
 
+// Add to the integral, in the output's format: what a feed-forward gives up.
+void pi_shift(pi_state_t *state, int32_t added);
+
 // One step, low <= high. About 130 clocks.
 pi_result_t pi_step(pi_state_t *state, const pi_gains_t *gains, int32_t error, int32_t feed_forward, int32_t low,
                     int32_t high);

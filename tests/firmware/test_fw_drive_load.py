@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fluxlock.config import Inverter, Load, Motor
+from fluxlock.native import averaged_motor as am
 from tests.firmware import machines
 from tests.firmware.firmware_bench import OTHERS, Bench, small_motor, stage
 
@@ -51,3 +52,50 @@ def test_speed_is_held_from_no_load_to_the_limit(
     bench.run(0.5)
     assert held(bench) == pytest.approx(rpm, rel=0.002)
     assert bench.trips == 0
+
+
+@pytest.mark.parametrize("current_loop", [False, True])
+@pytest.mark.parametrize(
+    "wrong", [{}, {"psi_vs": 1.07}, {"psi_vs": 0.93}, {"resistance_ohm": 1.25}, {"inductance_h": 0.8}]
+)
+def test_braking_makes_what_its_limit_permits(current_loop: bool, wrong: dict[str, float]) -> None:
+    """9000 to 3000 r/min, steep, machine values off: from 10 ms on at least 80 % of the limit's torque, at most 120 %.
+
+    Verifies: FW-71
+    """
+    motor, inverter, rpm, _, carrier_hz = STRANGERS[5]
+    machine = motor.model_copy(update={k: x * np.asarray(getattr(motor, k)) for k, x in wrong.items()})
+    machine = machine.model_copy(update={k: tuple(getattr(machine, k)) for k in wrong})
+    drive = machines.drive(carrier_hz=carrier_hz, current_loop=current_loop, sync_rect=True, accel_rpm_per_s=1e6)
+    bench = Bench(motor, inverter, drive, Load(coulomb_nm=0.02), model_motor=machine)
+    bench.start(rpm, 2.0)
+    bench.run(1.0)
+    assert bench.fw.command("set speed_rpm 3000") == ["ok"]
+    bench.run(0.01)
+    torque_nm = []
+    while bench.model.rpm > 4000:
+        bench.step()
+        torque_nm.append(-float(bench.model.s[am.TORQUE]))
+        assert bench.now < 5.0
+    permitted_nm = bench.block.number("brake_limit_ma") * 1e-3 * motor.torque_per_amp_nm
+    assert 0.8 * permitted_nm < np.mean(torque_nm) < 1.2 * permitted_nm
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(3000, rel=0.002)
+    assert bench.trips == 0
+
+
+def test_throttle_step_keeps_the_crossings_visible() -> None:
+    """Racing motor, 5000 to 26 000 r/min with a slope far too steep: above 20 000, no crossing late, no trip.
+
+    Verifies: FW-72
+    """
+    motor, inverter, *_ = STRANGERS[4]
+    drive = machines.drive(carrier_hz=48e3, current_limit_a=30.0, accel_rpm_per_s=1e7)
+    bench = Bench(motor, inverter, drive, Load(fan_torque_nm=0.10, fan_speed_rpm=25_000))
+    bench.start(5_000, 2.0)
+    bench.run(0.3)
+    before = bench.model.s[am.LATE]
+    assert bench.fw.command("set speed_rpm 26000") == ["ok"]
+    assert bench.run(0.3, lambda: bench.model.rpm > 20_000)
+    assert bench.model.s[am.LATE] == before
+    assert bench.trips == 0 and bench.fw.state == "running"

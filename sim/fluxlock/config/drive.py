@@ -135,6 +135,11 @@ class Drive(Model, settings=""):
         default=None,
         absent="rated current",
     )
+    freewheel_limit: bool = Field(
+        default=True,
+        description="The current stays below what hides the zero crossing: freewheeling must end before it, with "
+        "`zcd.compute_back` before the next commutation.",
+    )
     brake_current_limit_a: float | None = quantity(
         "Limit of the current that brakes, with `sync_rect` or `vector`; it falls to 0 as the DC link nears its "
         "over-voltage trip.",

@@ -337,6 +337,7 @@ def _speed(d: Design) -> dict[str, Value]:
         "speed_wt_q16": max(1, round(bandwidth / KI_DIVISOR * d.tick_s * Q5 * Q16)),
         "discontinuous_q16": round(min(1.0, d.damping_ohm * carrier_s / (2.0 * m.line_h)) * Q16),
         "boundary_current": gain(4096.0 / (2.0 * m.line_h * CLOCK_HZ) * d.ampere / d.volt, "boundary_current"),
+        "freewheel_limit": int(d.s.drive.freewheel_limit and d.s.drive.hall.mode != "sensored"),
         "rectify_light": int(d.s.drive.sync_rect is None),
         "speed_bandwidth_scale": gain(scale, "speed_bandwidth_scale"),
         "accel_feed_forward_s": gain(Q8 / bandwidth, "accel_feed_forward_s"),

@@ -20,6 +20,10 @@
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
 #define BRAKE_ROOM 16
+// Parts of a sector that freewheeling may take: nine tenths of the way to the crossing, or to the next commutation.
+#define FREEWHEEL_SEEN_X16 7u
+#define FREEWHEEL_BACK_X16 14u
+#define FREEWHEEL_EMF_Q16 9830
 
 // Quantities that follow speed and DC-link voltage slowly are renewed one group a tick.
 #define SCHEDULE_GROUPS 8u
@@ -52,6 +56,22 @@ static void schedule_duty_limits(scheduled_t *g, const six_step_view_t *view, co
   g->high_v_q25 = voltage_from_duty_v_q25(p->duty_max_q30, view->m->vdc_v_q25, diode);
 }
 
+// Largest current that freewheeling takes down before the crossing comes, 30 degrees after a commutation, or before the
+// next commutation where late crossings are computed back. Against it stand a third of the link and the outgoing phase's
+// EMF, 0.15 of the pair's in the mean; while the pulse is off, where the switch beside the diode chops, two thirds of the
+// link, else none.
+static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *pwm, int32_t emf_v_q25) {
+  const int32_t vdc_v_q25 = view->m->vdc_v_q25;
+  const int32_t on_v_q25 = clamp_i32(pwm->u_v_q25, 0, vdc_v_q25);
+  const int32_t chopped_v_q25 = (view->settings->pattern == PATTERN_ON_PWM) ? 2 * vdc_v_q25 - on_v_q25 : on_v_q25;
+  const int32_t driving_v_q25 = chopped_v_q25 / 3 + mul_q16(emf_v_q25, FREEWHEEL_EMF_Q16);
+  const bool back = view->settings->crossing.compute_back;
+  const uint32_t time_cycles = view->m->sector_cycles / 16u * (back ? FREEWHEEL_BACK_X16 : FREEWHEEL_SEEN_X16);
+  // per_volt is that of two phases and half of a carrier: L of one phase is a quarter.
+  const int32_t per_carrier_i_q25 = gain_apply(driving_v_q25, view->p->boundary_current);
+  return sat_i32(((int64_t)per_carrier_i_q25 * (int32_t)time_cycles) >> (BOUNDARY_CYCLES_SHIFT - 2));
+}
+
 // Current of the conducting pair per DC-link current, and the limit that follows from both limits.
 static void schedule_current(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, int32_t speed_rpm_q8) {
   const parameters_t *p = view->p;
@@ -63,6 +83,9 @@ static void schedule_current(scheduled_t *g, const six_step_view_t *view, const 
                              gain_apply(view->m->line_i_q25, copper), diode_v_q25(view, pwm), pwm->duty_q30);
   const int32_t dc_as_line_q25 = line_current_limit_q25(view->settings->dc_limit_q17, g->line_ratio_q16);
   g->limit_i_q25 = lesser(view->settings->current_limit_q17 * 256, dc_as_line_q25);
+  if (p->freewheel_limit != 0) {
+    g->limit_i_q25 = lesser(g->limit_i_q25, freewheel_limit_i_q25(view, pwm, gain_apply(speed_rpm_q8, p->emf)));
+  }
   g->resistive_v_q25 = gain_apply(g->limit_i_q25, g->resistance);
 }
 
@@ -85,12 +108,16 @@ static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const
 static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int32_t ratio_q16) {
   const parameters_t *p = view->p;
   const int32_t mant = interpolate(p->resistance_low, p->resistance_high, ratio_q16);
-  const bool stiff = view->settings->current_loop;
   g->resistance = (gain_t){mant, p->resistance_shift + 8};
-  g->current.kp = stiff ? p->current_kp : p->trim_kp;
   // Fewer bits of shift for the format of the integral.
-  const int32_t ki = stiff ? mul_q16(mant, p->current_wt_q16) : mul_q16(mul_q16(mant, p->trim_wt_q16), g->scale_q16);
-  g->current.ki = (gain_t){ki, p->resistance_shift + 8 - PI_INTEGRAL_BITS};
+  const int32_t shift = p->resistance_shift + 8 - PI_INTEGRAL_BITS;
+  g->trim = (pi_gains_t){p->trim_kp, {mul_q16(mant, p->trim_wt_q16), shift}};
+  if (view->settings->current_loop) {
+    g->current = (pi_gains_t){p->current_kp, {mul_q16(mant, p->current_wt_q16), shift}};
+  } else {
+    // The speed is a mean over a turn: a trim must not be quicker than it.
+    g->current = (pi_gains_t){p->trim_kp, {mul_q16(g->trim.ki.mant, g->scale_q16), shift}};
+  }
 }
 
 // Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
@@ -175,9 +202,10 @@ COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *
   r->saturated = 0;
   ramp_preset(&r->ramp, speed_rpm_q8);
   r->limiter.trim_v_q25 = 0;
-  r->brake_limiter.trim_v_q25 = 0;
+  r->waits = false;
   const int32_t i_q25 = clamp_i32(view->m->line_i_q25, -r->brake_i_q25, g->limit_i_q25);
   r->reference_i_q25 = i_q25;
+  r->expected_i_q25 = i_q25;
   pi_preset(&r->speed_pi, g->speed.kp, 0, 0, i_q25);
   pi_preset(&r->current_pi, g->current.kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
 }
@@ -251,6 +279,7 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   if (r->regulator == REGULATOR_TORQUE) {
     const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
     r->ramp.value_rpm_q8 = m->speed_rpm_q8;
+    r->at_least = false;
     r->reference_i_q25 = torque_reference(view->settings->target_i_q25, inertia, m->speed_rpm_q8, p->stop_rpm * 256,
                                           target_rpm_q8, low, high);
     r->limit = (view->settings->target_i_q25 > high) ? LIMIT_CURRENT : LIMIT_NONE;
@@ -260,11 +289,17 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   // speed must not let it through.
   const int32_t error = r->ramp.value_rpm_q8 - m->speed_rpm_q8;
   const int32_t beyond_i_q25 = g->noise_i_q25 + ((error < 0) ? gain_apply(-error, g->speed.kp) / 16 : 0);
-  // A ramp that waits for the rotor asks for no acceleration, and must not stop asking at its end.
+  // While the ramp waits for the rotor the integral holds what the acceleration asked for, also at the ramp's end.
+  const int32_t acceleration_i_q25 = direction * g->acceleration_i_q25;
   const bool waits = abs_sat(error) > p->ramp_window_rpm * (256 - 32);
-  const pi_result_t i = pi_step(&r->speed_pi, &g->speed, error, waits ? 0 : direction * g->acceleration_i_q25,
-                                low - beyond_i_q25, high);
+  if (waits != r->waits) {
+    r->waits = waits;
+    pi_shift(&r->speed_pi, waits ? acceleration_i_q25 : -acceleration_i_q25);
+  }
+  const pi_result_t i =
+      pi_step(&r->speed_pi, &g->speed, error, waits ? 0 : acceleration_i_q25, low - beyond_i_q25, high);
   r->reference_i_q25 = greater(i.output, low);
+  r->at_least = i.output <= low;
   r->limit = (i.output < i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE;
   if (i.output > i.unlimited) {
     r->limit = LIMIT_DUTY_MIN;
@@ -286,17 +321,22 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   // The reference keeps to the braking current, the bound of the voltage only near it.
   const int32_t brake_i_q25 = s->sync_rect ? r->brake_i_q25 + r->brake_i_q25 / BRAKE_ROOM : g->limit_i_q25 / ROOM;
   const int32_t brake_margin_q17 = (brake_i_q25 + m->line_i_q25) / 256;
-  const int32_t brake_v_q25 = gain_apply(brake_i_q25, g->resistance);
+  // The integral knows by how much the EMF is wrong: of flux, temperature and the delay of the speed.
+  const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   const int32_t high_current = limiter_bound(&r->limiter, &gains, emf_v_q25, g->resistive_v_q25, margin_q17);
   const int32_t low_current =
-      2 * emf_v_q25 - limiter_bound(&r->brake_limiter, &gains, emf_v_q25, brake_v_q25, brake_margin_q17);
+      trimmed_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(brake_margin_q17, gains.kp);
   const int32_t least = lesser(r->rectifies ? greater(g->low_v_q25, low_current) : emf_v_q25 / 2, g->high_v_q25);
   const int32_t most = clamp_i32(high_current, least, g->high_v_q25);
   const int32_t high = clamp_i32(pwm->u_v_q25 + p->slew_v_q25, least, most);
   const int32_t low = clamp_i32(pwm->u_v_q25 - p->slew_v_q25, least, high);
-  const int32_t error = pwm->discontinuous ? 0 : r->reference_i_q25 - m->line_i_q25;
+  // At its lower bound the reference does not answer to the speed.
+  const pi_gains_t *current = (r->at_least && r->rectifies) ? &g->trim : &g->current;
+  // The reference as the filter of the measured current would show it: else the integral takes its lag for an error.
+  r->expected_i_q25 += (r->reference_i_q25 - r->expected_i_q25) >> p->loop_filter_shift;
+  const int32_t error = pwm->discontinuous ? 0 : r->expected_i_q25 - m->line_i_q25;
   const pi_result_t u =
-      pi_step(&r->current_pi, &g->current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance), low, high);
+      pi_step(&r->current_pi, current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance), low, high);
   const bool above = u.output < u.unlimited && high == most;
   const bool below = u.output > u.unlimited && low == least;
   r->saturated = 0;
@@ -306,13 +346,12 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   } else if (above) {
     r->limit = LIMIT_CURRENT;
   } else if (below && r->rectifies) {
-    r->saturated = -1;
-    r->limit = LIMIT_DUTY_MIN;
+    r->saturated = (least == g->low_v_q25) ? -1 : 0;
+    r->limit = r->saturated != 0 ? LIMIT_DUTY_MIN : LIMIT_CURRENT;
   } else if (u.output != u.unlimited && !pwm->discontinuous) {
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
-  limiter_update(&r->brake_limiter, &gains, brake_v_q25, brake_margin_q17, below && r->rectifies);
   return u.output;
 }
 

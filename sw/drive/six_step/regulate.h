@@ -9,7 +9,7 @@
 //
 //   speed      Kp = w_b (J / k_t + t_d k_e / R_t),     Ki = Kp w_b / 5
 //   current    Kp = R_t - R,                           Ki = R(n) / t_trim;      R_t: damps the rotor on the EMF's spring
-//              with current_loop Kp = L w_c,           Ki = R(n) w_c
+//              with current_loop Kp = L w_c,           Ki = R(n) w_c, but not where the reference is at its lower bound
 //
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
 // electrical turn: w_b shrinks where that is long. Below the boundary of continuous conduction the pulse follows from i_ref
@@ -31,6 +31,7 @@
 typedef struct {
   pi_gains_t speed;      // rpm_q8 -> i_q25
   pi_gains_t current;    // i_q25 -> v_q25
+  pi_gains_t trim;       // the same while the reference is at its lower bound
   gain_t resistance;     // R(n), i_q25 -> v_q25
   int32_t scale_q16;     // reduction of the bandwidths at low speed
   int32_t low_v_q25;     // of the least and of the largest duty
@@ -62,9 +63,11 @@ typedef struct {
   pi_state_t speed_pi;
   pi_state_t current_pi;
   int32_t reference_i_q25;
+  int32_t expected_i_q25;  // the reference behind the filter of the measured current
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
-  limiter_t brake_limiter;
+  bool waits;     // the ramp, for the rotor
+  bool at_least;  // the reference is at its lower bound
   int32_t brake_i_q25;  // largest braking current now
   int32_t advance_q16;
 } regulate_t;

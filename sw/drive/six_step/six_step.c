@@ -175,7 +175,7 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
 
 static outcome_t stopping_step(six_step_t *six, const six_step_view_t *view) {
   const outcome_t outcome = (six->p->hall_mode != HALL_OFF) ? sensors_step(six, view) : outcome_of(EVENT_STAY);
-  regulate(six, view, six->p->stop_rpm * 256);
+  regulate(six, view, 0);
   const bool late = view->order->state_ticks > (uint32_t)six->p->stop_timeout_ticks;
   return (late || regulate_nearly_stopped(&six->regulate, view)) ? outcome_of(EVENT_STOPPED) : outcome;
 }
@@ -191,13 +191,15 @@ HOT static outcome_t running_step(six_step_t *six, const six_step_view_t *view) 
   if (p->hall_mode != HALL_OFF) {
     outcome = sensors_step(six, view);
   }
-  regulate(six, view, clamp_i32(reverse ? -target_rpm : target_rpm, p->stop_rpm, p->speed_max_rpm) * 256);
+  const bool wrong = regulate_turns_wrong(view->settings, reverse);
+  const int32_t least_rpm = wrong ? 0 : p->stop_rpm;
+  regulate(six, view, clamp_i32(reverse ? -target_rpm : target_rpm, least_rpm, p->speed_max_rpm) * 256);
   if (hall_wants_proof(&six->hall, view) && coast_may_catch(view->order, view->settings)) {
     start_prove(&six->start, &six->hall);
     return outcome_of(EVENT_HANDED_BACK);
   }
-  // Reversal: through standstill by a new start.
-  const bool turn = regulate_turns_wrong(view->settings, reverse) && regulate_nearly_stopped(&six->regulate, view);
+  // Reversal: toward standstill, and through it by a new start.
+  const bool turn = wrong && regulate_nearly_stopped(&six->regulate, view);
   return turn ? outcome_of(EVENT_REVERSE) : outcome;
 }
 
