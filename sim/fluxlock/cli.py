@@ -25,6 +25,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -605,11 +606,14 @@ def motor_info(
     """Show a motor and what follows from its file, beside the machines in motors/."""
     motor = load_motor(file)
     values = derived_values(motor)
+    from fluxlock.config.vector_loops import loops, reference_plant
+
+    by_rule = loops(reference_plant(motor))
     if as_json:
+        derived = {v.key: v.value for v in values}
         print(
             json.dumps(
-                {"motor": motor.model_dump(mode="json"), "derived": {v.key: v.value for v in values}},
-                indent=2,
+                {"motor": motor.model_dump(mode="json"), "derived": derived, "vector": asdict(by_rule)}, indent=2
             )
         )
         return
@@ -617,6 +621,13 @@ def motor_info(
 
     console = Console()
     console.print(table(motor, examples(), console.width), highlight=False)
+    console.print(
+        f"\nvector control at 20 kHz by rule: speed loop {by_rule.speed_hz:.3g} Hz, phase-locked loop "
+        f"{by_rule.pll_hz:.3g} Hz, phase margin {by_rule.nominal_deg:.0f} degrees, with L off by 30 % "
+        f"{by_rule.worst_deg:.0f}; bound by: {by_rule.reason}",
+        highlight=False,
+        soft_wrap=True,
+    )
     _warn(file, motor)
 
 

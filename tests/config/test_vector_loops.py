@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 
-from fluxlock.config import load_scenario
+from fluxlock.config import load_motor, load_scenario
 from fluxlock.config.vector_loops import (
     ACCELERATION_RATIO,
     NOMINAL_DEG,
@@ -21,8 +21,10 @@ from fluxlock.config.vector_loops import (
     loops_of,
     permitted_ohm,
     plant_of,
+    reference_plant,
 )
 from fluxlock.config.vector_modes import Plant, Point, growth
+from fluxlock.cosim.parameters import parameter_block
 from fluxlock.paths import ROOT
 
 SCENARIOS = ROOT / "scenarios/vector"
@@ -118,3 +120,33 @@ def test_modes_know_the_swing() -> None:
     assert 250.0 < hertz < 290.0
     assert growth(plant, across, fast, speed)[0] < grown / 2
     assert growth(plant, across, 0.6 * fast, speed)[0] < 0.0
+
+
+def test_braking_power_that_a_small_link_takes() -> None:
+    """None where the supply or a chopper takes the energy; else it grows with the link's capacitor.
+
+    Verifies: VCONF-21
+    """
+    path = SCENARIOS / "deceleration.toml"
+
+    def power(*overrides: str) -> int:
+        return parameter_block(load_scenario(path, overrides)).number("vector_brake_power")
+
+    diode = "inverter.supply_diode=true"
+    assert power() == 0
+    small, large = power(diode, "inverter.dc_link_f=220e-6"), power(diode, "inverter.dc_link_f=440e-6")
+    assert large == pytest.approx(2 * small, rel=1e-3)
+    # 26 W at 48 V with a taper of 5 V: 0.83 A at 3500 r/min.
+    speed = 4 * 3500 / 60 / 50e6 * 2**36
+    assert small * 256 / speed / 2**17 * 25.0 == pytest.approx(0.83, rel=0.05)
+
+
+def test_reference_drive_of_a_motor() -> None:
+    """What `fluxlock motor info` prints keeps the rule for every motor file with three phases.
+
+    Verifies: VCONF-20
+    """
+    for path in sorted((ROOT / "motors").glob("*.toml")):
+        found = loops(reference_plant(load_motor(path)))
+        assert found.nominal_deg >= NOMINAL_DEG, path
+        assert found.worst_deg >= WORST_DEG, path

@@ -14,10 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Scenario
-from fluxlock.config.vector_design import dead_time_cycles, handover_rpm, regulator_damping, told_machine
+from fluxlock.config.vector import Vector
+from fluxlock.config.vector_design import (
+    DAMPING_SHARE,
+    HANDOVER_SPEED_SHARE,
+    dead_time_cycles,
+    handover_rpm,
+    regulator_damping,
+    told_machine,
+)
 from fluxlock.config.vector_modes import KI_DIVISOR, SPEED_TICKS, Plant, Point, growth
-from fluxlock.config.vector_timing import vector_timing
+from fluxlock.config.vector_timing import TICK_HZ, vector_timing
 
 # -3 dB bandwidth over omega_n of a phase-locked loop whose poles are all at omega_n, by order.
 PLL_BANDWIDTH = {2: 2.4824, 3: 3.8989}
@@ -41,6 +50,7 @@ KEPT = 0.9  # share of the largest w_s for which omega_n stays smaller
 
 # Of the voltage that the dead time takes, what its compensation may leave; the switched inverter leaves half of that.
 LEFT_SHARE = 1 / 3
+REFERENCE_GAMMA, REFERENCE_POLE = (float(Vector.model_fields[k].default) for k in ("gamma", "observer_pole"))
 QUANTUM_LSB = 1 / math.sqrt(12)
 # With injection the loop's input is another one: what it has where the file leaves it out.
 INJECTION_PLL_HZ, INJECTION_SPEED_HZ = 200.0, 20.0
@@ -273,6 +283,38 @@ def plant_of(s: Scenario) -> Plant:
         noise_a=math.hypot(sensing.noise_lsb, QUANTUM_LSB) * code_a * math.sqrt(2 / 3),
         left_v=taken_v * (LEFT_SHARE if v.dead_time_compensation else 1.0),
         sensor_rad=sensor_rad,
+    )
+
+
+def reference_plant(motor: Motor) -> Plant:
+    """A motor at the rule's usual drive: 20 kHz, T_d = T_s, limit and full scale of the rated current and twice it.
+
+    Its converter has 12 bits and 1 LSB of noise, and its dead time costs nothing.
+    """
+    resistance, ts = sum(motor.resistance_ohm) / 3, 1.0 / TICK_HZ
+    saliency = motor.inductance_q_h - motor.inductance_h[0] if motor.inductance_q_h else 0.0
+    inductance = motor.mean_inductance_h + saliency / 2
+    flux = sum(motor.psi_vs) / 3 * motor.emf_fundamental
+    omega_max = motor.omega_e(motor.max_speed_rpm)
+    gamma = REFERENCE_GAMMA
+    return Plant(
+        resistance_ohm=resistance,
+        inductance_h=inductance,
+        psi_vs=flux,
+        acceleration=motor.phases / 2 * motor.pole_pairs**2 * flux / motor.inertia_kgm2,
+        omega_max=omega_max,
+        least_omega=HANDOVER_SPEED_SHARE * omega_max,
+        rated_a=motor.rated_current_a,
+        limit_a=motor.rated_current_a,
+        sample_s=ts,
+        tick_samples=1,
+        delay=1.0,
+        gamma=gamma,
+        damping=1.0 if saliency else math.exp(min(0.0, resistance / inductance * ts - DAMPING_SHARE * gamma)),
+        observer_pole=REFERENCE_POLE,
+        pll_order=3,
+        noise_a=math.hypot(1.0, QUANTUM_LSB) * 2 * motor.rated_current_a / 2**11 * math.sqrt(2 / 3),
+        left_v=0.0,
     )
 
 

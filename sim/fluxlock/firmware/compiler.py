@@ -20,6 +20,7 @@ from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import dead_time_cycles, min_pulse_cycles
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.design import (
+    BRAKE_MARGIN,
     INTERVAL_MAX_CYCLES,
     Q5,
     Q8,
@@ -78,8 +79,6 @@ HALL_SENSOR = (2, 1, 0, 2, 1, 0)
 HALL_STALL_INTERVALS = 6.0
 # In which a stop must slow the rotor: with the slow protection's two looks around it 50 ms.
 STOP_PATIENCE_S = 35e-3
-# Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
-BRAKE_MARGIN = (0.3, 0.75)
 
 
 def compile_parameters(s: Scenario) -> ParameterBlock:

@@ -34,6 +34,8 @@ INTERVAL_MAX_CYCLES = 0xFFFFFF
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
+# Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
+BRAKE_MARGIN = (0.3, 0.75)
 BANDWIDTH_HZ = 30.0
 # Phase that the delay of the speed may cost at the bandwidth, and that delay in electrical turns.
 SPEED_DELAY_RAD = 0.35

@@ -32,7 +32,7 @@ from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
 from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
-from fluxlock.firmware.design import Q8, Q16, Q17, Q20, Q25, Q30, Q32, Q36, Q44, Q60, Design
+from fluxlock.firmware.design import BRAKE_MARGIN, Q8, Q16, Q17, Q20, Q25, Q30, Q32, Q36, Q44, Q60, Design
 from fluxlock.firmware.injection_compiler import injection_parameters
 
 PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/control/pi.h)
@@ -50,6 +50,7 @@ TOLERANCE_MIN_TURN = 0.5 / 360.0
 CURRENT_RISE_S = 0.02
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
+BRAKE_APPROACH_S = 2e-3  # in which the link nears the voltage at which nothing is fed back
 WEAKENING_HZ = 20.0
 # What the check of the angle takes for wrong: share of the resistance, and of a dead time that is compensated.
 RESISTANCE_LEFT = 0.5
@@ -249,6 +250,20 @@ def _lost(d: Design, timing: VectorTiming) -> dict[str, Value]:
     }
 
 
+def _brake_power(d: Design) -> int:
+    """Braking current times speed at which a link that nobody discharges nears its bound in BRAKE_APPROACH_S.
+
+    The bound's taper is a gain from the link's voltage to the current: C v dv/dt = m/2 psi w i.
+    """
+    inverter, m = d.s.inverter, d.machine
+    if not inverter.supply_diode or inverter.brake_chopper is not None:
+        return 0
+    taper_v = (BRAKE_MARGIN[1] - BRAKE_MARGIN[0]) * (inverter.over_voltage_v - inverter.supply_v)
+    watts = inverter.dc_link_f * inverter.supply_v * taper_v / BRAKE_APPROACH_S
+    ampere_rad_s = watts / (d.s.motor.phases / 2 * m.fundamental_vs)
+    return min(max(1, round(ampere_rad_s * d.ampere / Q8 * Q36 / CLOCK_HZ / (2 * math.pi) / Q8)), 2**31 - 1)
+
+
 def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
@@ -259,6 +274,7 @@ def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
     window_rad_s = 2.0 * d.s.current_limit_a * m.torque_nm_per_a * p / motor.inertia_kgm2 / speed_rad
     most_turns = min(SPEED_LIMIT_RATIO * OVERSPEED_RATIO * m.omega_max / (2 * math.pi), TURN_A_TICK_MAX / tick_s)
     return {
+        "vector_brake_power": _brake_power(d),
         "ramp_window_rpm": max(1, round(window_rad_s / p * RPM_PER_RAD_S)),
         "vector_speed_max_turn_q36": round(most_turns / CLOCK_HZ * Q36),
         **_gains(

@@ -109,14 +109,25 @@ HOT static void weaken_field(vector_t *v, complex_t voltage_v_q25) {
                              (highest > settings.lowest_i_q25) ? highest : settings.lowest_i_q25);
 }
 
+// Where the supply takes nothing back a small link reaches its trip before its voltage can limit the current: there the
+// braking power has a limit of its own.
+HOT static int32_t brake_limit_i_q25(const vector_t *v) {
+  const int32_t limit_i_q25 = v->settings->brake_limit_i_q25;
+  const uint32_t power = (uint32_t)v->p->vector_brake_power;
+  if (power == 0u) {
+    return limit_i_q25;
+  }
+  const uint32_t most_i_q17 = power / ((uint32_t)abs_sat(v->report.vector.speed_turn_q36) / 256u + 1u);
+  return (most_i_q17 < (uint32_t)limit_i_q25 / 256u) ? (int32_t)most_i_q17 * 256 : limit_i_q25;
+}
+
 // Voltage circle and the modulator's scale for the DC link of now, braking current.
 HOT static void apply_limits(vector_t *v) {
   const parameters_t *p = v->p;
   const int32_t vdc = v->report.vdc_v_q25;
   const int32_t circle_v_q25 = mul_q16(mul_q16(vdc, ONE_OVER_SQRT3_Q16), p->vector_circle_q16);
   const uint32_t circle_v_q17 = (uint32_t)clamp_i32(circle_v_q25 >> 8, 0, SAMPLE_MAX_Q17);
-  v->brake_i_q25 =
-      brake_current(v->brake_i_q25, v->settings->brake_limit_i_q25, vdc, p->brake_vdc_v_q25, p->brake_range);
+  v->brake_i_q25 = brake_current(v->brake_i_q25, brake_limit_i_q25(v), vdc, p->brake_vdc_v_q25, p->brake_range);
   const int32_t lead_q32 = vector_injects(v)
                                ? v->injection->command.lead_q32
                                : vector_lead_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
