@@ -149,3 +149,20 @@ def test_turning_rotor_is_taken_over_by_an_encoder_that_has_seen_its_index() -> 
     assert bench.console("catches") == "1"
     bench.run(0.3)
     assert float(bench.console("measured_rpm")) == pytest.approx(30_000, rel=0.01)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("off_deg", [60.0, 90.0, -90.0, 150.0, 180.0])
+def test_wrong_index_is_a_named_fault(off_deg: float, direction: int) -> None:
+    """An index that the file puts elsewhere: the EMF tells it, within 0.2 s of the start; 20 degrees pass.
+
+    Verifies: ENC-07
+    """
+    for error_deg, fault in ((off_deg, "encoder"), (math.copysign(20.0, off_deg), "none")):
+        told: dict[str, Value] = {"encoder_offset_q32": round((0.3 + error_deg / 360.0 + 0.5) % 1.0 * 2**32 - 2**31)}
+        bench = VectorBench(SENSORED, values=VALUES | told)
+        assert bench.until_state("ready", 0.1)
+        assert bench.fw.command(f"set speed_rpm {direction * 30_000}") == ["ok"]
+        assert bench.fw.command("start") == ["ok"]
+        bench.run(0.2)
+        assert bench.console("fault") == fault, (error_deg, bench.fw.command("status"), bench.rpm)

@@ -18,6 +18,8 @@
 // Share of the circle that subspace 3 may have.
 #define THIRD_SHARE_SHIFT 2
 #define REST_PARTS 64
+// Time at the largest current without an EMF, of a rotor whose index is in doubt, over that of an angle that is astray.
+#define STILL_SHARE 10u
 // The field weakening leaves 0.95 of the largest voltage.
 #define WEAKENING_SHARE_Q16 62259
 
@@ -50,9 +52,24 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
   }
 }
 
+// Further than 45 degrees.
+static bool is_far(int32_t turn_q32) { return turn_q32 > 1 << 29 || turn_q32 < -(1 << 29); }
+
+// The first index. One that turns the angle by more than 45 degrees away from that of the alignment is wrong, or a load has
+// held the rotor off: the EMF will tell, or a rotor that does not move at the largest current.
+COLD static void doubt_index(vector_t *v) {
+  const uint32_t angle_q32 = v->encoder_turn_q32 + (uint32_t)v->p->encoder_offset_q32;
+  const int32_t jump_q32 = (int32_t)(angle_q32 - v->frame_turn_q32);
+  v->indexed = true;
+  v->index_jumped = v->frame == FRAME_OBSERVED && is_far(jump_q32);
+}
+
 HOT static void read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
   v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->report.vector.speed_turn_q36);
   if (in->encoder_indexed) {
+    if (__builtin_expect(!v->indexed, 0)) {
+      doubt_index(v);
+    }
     v->encoder_offset_q32 = (uint32_t)v->p->encoder_offset_q32;
   }
 }
@@ -153,6 +170,28 @@ HOT static bool encoder_contradicted(vector_t *v, uint32_t expected_v_q25) {
   return v->suspicion >= v->lost_checks;
 }
 
+// An encoder whose angle is not that of the EMF, by more than 45 degrees, where there is one to see.
+HOT static bool encoder_wrong(vector_t *v, uint32_t expected_v_q25) {
+  const complex_t emf_v_q25 = v->observer.emf_v_q25;
+  const uint32_t size_v_q25 = v->report.vector.emf_v_q25;
+  const int32_t ahead_v_q25 = (v->direction > 0) ? emf_v_q25.im : -emf_v_q25.im;
+  const bool seen = size_v_q25 / 2u > v->start_settings.minimum_v_q25 && size_v_q25 >= expected_v_q25 / 2u;
+  const bool off = seen && ahead_v_q25 < abs_sat(emf_v_q25.re);
+  v->index_right = v->index_right || (seen && !off);
+  const bool doubtful = v->indexed && !v->index_right && (v->index_jumped || is_far(v->start.turn_q32));
+  v->astray = off ? v->astray + 1u : 0u;
+  v->still = (doubtful && v->report.limit == LIMIT_CURRENT) ? v->still + 1u : 0u;
+  return v->astray >= v->lost_checks || v->still >= STILL_SHARE * v->lost_checks;
+}
+
+HOT static outcome_t judge_encoder(vector_t *v, uint32_t expected_v_q25) {
+  const bool contradicted = encoder_contradicted(v, expected_v_q25);
+  if (encoder_wrong(v, expected_v_q25)) {
+    return outcome_fault(FAULT_ENCODER);
+  }
+  return outcome_of(contradicted ? EVENT_LOCK_LOST : EVENT_STAY);
+}
+
 // Does the EMF still belong to the angle and the speed? The cause stands in the log, whatever the restart comes to.
 HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
   static const uint8_t causes[] = {[ANGLE_CONTRADICTED] = FAULT_ANGLE_LOST,
@@ -163,7 +202,7 @@ HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
   v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
   v->state_v_q25 = voltage_v_q25;
   if (v->sensored) {
-    return outcome_of(encoder_contradicted(v, expected_v_q25) ? EVENT_LOCK_LOST : EVENT_STAY);
+    return judge_encoder(v, expected_v_q25);
   }
   const lost_angle_input_t seen = {.emf_v_q25 = v->observer.emf_v_q25,
                                    .amplitude_v_q25 = v->report.vector.emf_v_q25,

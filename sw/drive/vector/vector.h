@@ -166,6 +166,11 @@ typedef struct vector {
   int32_t mtpa_i_q25;       // i_d of the most torque
   complex_t reference_i_q25;
   uint32_t suspicion;  // lost_angle_step's count; by encoder checks in a row that failed
+  uint32_t astray;     // checks in a row that found the EMF elsewhere than the encoder
+  uint32_t still;      // checks in a row at the largest current, with an index in doubt
+  bool indexed;        // the encoder's index has come
+  bool index_jumped;   // more than 45 degrees from the angle of the alignment
+  bool index_right;    // the EMF says so
   vector_injection_t *injection;  // 0: none
 } vector_t;
 
