@@ -151,7 +151,7 @@ def test_keys_of_vector_with_six_step() -> None:
         (
             ["drive.vector.speed_hz=60", "drive.vector.pll_hz=200"],
             "drive.vector.speed_hz: 60 Hz with drive.vector.pll_hz = 200 Hz leaves a phase margin of 0 degrees, "
-            "permitted from 30 on; left out, both come by rule: 22.5 Hz and 272 Hz with 59 degrees",
+            "permitted from 30 on; left out, both come by rule: 25.2 Hz and 335 Hz with 62 degrees",
         ),
         (
             ["drive.vector.start_current_a=40"],

@@ -77,7 +77,7 @@ def test_what_binds_is_named() -> None:
     plant = servo()
     assert loops(plant).reason == "dead time"
     assert loops(replace(plant, left_v=0.0)).reason == "phase margin"
-    heavy = loops(replace(plant, acceleration=plant.acceleration / 30))
+    heavy = loops(replace(plant, acceleration=plant.acceleration / 1000))
     assert heavy.reason == "dip at a rated load step"
     assert heavy.speed_hz < loops(plant).speed_hz
     light = loops(replace(plant, acceleration=4 * plant.acceleration))

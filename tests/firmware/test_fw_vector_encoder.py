@@ -32,12 +32,14 @@ def worst_deg(bench: VectorBench, seconds: float, until: Callable[[], bool] | No
 def loop_lag_deg(bench: VectorBench) -> float:
     """Largest lag of a third-order loop with a triple pole: 2/e^2 a / omega^2 for a step a of the acceleration.
 
-    The step is that to the slope of the target.
+    The step is that to the slope of the target, whose current goes ahead. Meanwhile the observed speed lags by less
+    than a / omega: the speed regulator adds less than its bandwidth over omega to the acceleration, and as much of that.
     """
     s = bench.settings
     omega = (1.0 - s.pll_pole) / (s.sample_cycles * s.tick_samples / CLOCK_HZ)
     slope = ACCEL_RPM_S * math.pi / 30.0 * bench.motor.pole_pairs
-    return math.degrees(2.0 * math.exp(-2.0) * slope / omega**2)
+    added = 2.0 * math.pi * s.speed_bandwidth_hz / omega
+    return math.degrees(2.0 * math.exp(-2.0) * slope / (1.0 - added) / omega**2)
 
 
 @pytest.mark.parametrize("index", [True, False])

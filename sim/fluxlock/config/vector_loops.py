@@ -34,7 +34,8 @@ PLL_MAX = 0.3  # bandwidth over tick frequency, a distance of the observer's pol
 NOMINAL_DEG, WORST_DEG = 55.0, 40.0  # phase margin with the file's machine, and with its L off by:
 L_ERROR = 0.3
 NOMINAL_MODULUS, WORST_MODULUS = 0.6, 0.4
-DIP = 0.05  # of the highest speed, at a rated load step
+DIP = 0.02  # of the highest speed, at a rated load step
+RIPPLE_RATIO = 2.5  # second harmonic of the EMF over the speed regulator's bandwidth, at least
 DIP_SHARE = 0.7  # of K_t I_r / (w_s w) that the dip comes to
 NOISE_SHARE = 0.02  # of the rated current: rms of i_q from the converter's noise, at the lowest observed speed
 ACCELERATION_RATIO = 1.2  # least omega_n over sqrt(K_t I_max): the largest acceleration bends the angle by 0.19 rad
@@ -205,7 +206,9 @@ def _bound(plant: Plant, omega_n: float) -> tuple[float, str]:
         "pll": omega_n / LEAST_RATIO,
     }
     unit = _noise_a(plant, omega_n, 1.0)
-    if unit > 0.0:
+    # Without a sensor the bandwidth stays below the second harmonic of the EMF at that speed.
+    most = math.inf if plant.sensor_rad else 2 * plant.least_omega / RIPPLE_RATIO
+    if unit * most > NOISE_SHARE * plant.rated_a:
         tops["noise"] = NOISE_SHARE * plant.rated_a / unit
     reason = min(tops, key=lambda name: tops[name])
     speeds = tops[reason] * 2.0 ** -np.linspace(0.0, OCTAVES, SPEED_STEPS)

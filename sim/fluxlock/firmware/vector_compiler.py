@@ -28,7 +28,7 @@ from fluxlock.config.vector_design import (
     start_accel_rpm_per_s,
     start_current_a,
 )
-from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
+from fluxlock.config.vector_loops import PLL_BANDWIDTH, RIPPLE_RATIO, loops_of
 from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
@@ -48,6 +48,7 @@ STEADY_PERIODS = 0.1
 STEADY_TICKS_MIN = 20
 TOLERANCE_MIN_TURN = 0.5 / 360.0
 CURRENT_RISE_S = 0.02
+APPROACH_SHARE = 0.5  # bandwidth of the ramp before its end, over the speed regulator's
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
 BRAKE_APPROACH_S = 2e-3  # in which the link nears the voltage at which nothing is fed back
@@ -280,6 +281,8 @@ def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
         **_gains(
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,
+            vector_approach=APPROACH_SHARE * speed_rad * tick_s * Q20 / Q8,
+            vector_speed_scale=2.0 * CLOCK_HZ / Q36 / (RIPPLE_RATIO * speed_hz) * Q16,
             vector_accel=motor.inertia_kgm2 / m.torque_nm_per_a / RPM_PER_RAD_S / Q20 / tick_s * d.ampere,
             vector_rpm_to_turn=p / 60.0 / Q8 / CLOCK_HZ * Q36,
             vector_flux=m.fundamental_vs * unit_rad_s * d.volt,

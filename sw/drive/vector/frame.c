@@ -127,6 +127,7 @@ COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {
   }
   v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
+  v->ahead_most_i_q25 = 0;
   pll_preset(&v->pll, 0, v->report.vector.speed_turn_q36);
   if (v->pll_gains.acceleration.mant != 0) {
     const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;

@@ -20,6 +20,9 @@
 #define REST_PARTS 64
 // Time at the largest current without an EMF, of a rotor whose index is in doubt, over that of an angle that is astray.
 #define STILL_SHARE 10u
+#define ONE_Q16 65536
+#define SOFTEST 32
+#define SPEED_SCALE_MIN_Q16 (ONE_Q16 / 16)
 // The field weakening leaves 0.95 of the largest voltage.
 #define WEAKENING_SHARE_Q16 62259
 
@@ -86,6 +89,12 @@ HOT static int32_t current_rest(vector_t *v, int32_t limit_i_q25) {
   return v->rest.rest_i_q25;
 }
 
+// Of a share of the bandwidth.
+static pi_gains_t speed_gains_of(const pi_gains_t *whole, int32_t share_q16) {
+  return (pi_gains_t){{mul_q16(whole->kp.mant, share_q16), whole->kp.shift},
+                      {mul_q16(mul_q16(whole->ki.mant, share_q16), share_q16), whole->ki.shift}};
+}
+
 // The current that accelerates the rotor alone goes ahead of the regulator while the ramp goes up or down.
 HOT static void speed_regulator(vector_t *v, bool limited, int32_t direction, int32_t step_rpm_q20) {
   const int32_t limit = current_limit_i_q25(v);
@@ -102,8 +111,21 @@ HOT static void speed_regulator(vector_t *v, bool limited, int32_t direction, in
   const int32_t high = (v->direction > 0) ? driving : braking;
   const int32_t low = (v->direction > 0) ? -braking : -driving;
   const int32_t wanted = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn);
-  const int32_t ahead = (direction == 0) ? 0 : direction * clamp_i32(gain_apply(step_rpm_q20, v->p->vector_accel), 0, rest);
-  const pi_result_t i = vector_speed_between(&v->speed, &v->speed_gains, wanted - v->report.vector.speed_turn_q36, ahead, low, high);
+  // Comes in after a hand-over as slowly as other currents go.
+  v->ahead_most_i_q25 = clamp_i32(v->ahead_most_i_q25 + (int32_t)VECTOR_GROUPS * v->p->vector_fade_i_q25, 0, limit);
+  const int32_t most = (v->ahead_most_i_q25 < rest) ? v->ahead_most_i_q25 : rest;
+  const int32_t ahead = (direction == 0) ? 0 : direction * clamp_i32(gain_apply(step_rpm_q20, v->p->vector_accel), 0, most);
+  int32_t error = wanted - v->report.vector.speed_turn_q36;
+  pi_gains_t gains = v->speed_gains;
+  if (!v->sensored) {
+    error = ripple_step(&v->ripple, error, v->report.vector.speed_turn_q36, v->p->tick_cycles * (int32_t)VECTOR_GROUPS);
+    // Slower than what the EMF's harmonics are at.
+    const int32_t scale_q16 = gain_apply(wanted * v->direction, v->p->vector_speed_scale);
+    if (scale_q16 < ONE_Q16) {
+      gains = speed_gains_of(&gains, (scale_q16 > SPEED_SCALE_MIN_Q16) ? scale_q16 : SPEED_SCALE_MIN_Q16);
+    }
+  }
+  const pi_result_t i = vector_speed_between(&v->speed, &gains, error, ahead, low, high);
   v->report.limit = limited ? LIMIT_DUTY_MAX : ((i.output != i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE);
   v->reference_i_q25.im = i.output;
   if (v->p->vector_mtpa_ratio_i_q25 != 0) {
@@ -232,6 +254,20 @@ HOT static void track(vector_t *v, bool taken) {
   v->report.vector.speed_turn_q36 = pll_speed_turn_q36(&v->pll);
 }
 
+// The ramp slows down before its end, no faster than the regulator can follow.
+HOT static void follow_ramp(vector_t *v, const chip_snapshot_t *in, const settings_t *settings, int32_t target_rpm_q8) {
+  const parameters_t *p = v->p;
+  const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
+  const int32_t left_rpm_q8 = within_i32(target_rpm_q8 - v->ramp.value_rpm_q8, PRODUCT_MAX);
+  const int32_t soft_rpm_q20 = gain_apply(abs_sat(left_rpm_q8), p->vector_approach);
+  const int32_t slow_rpm_q20 =
+      v->sensored ? step_rpm_q20 : clamp_i32(soft_rpm_q20, step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
+  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
+  const int32_t moving = ramp_step(&v->ramp, target_rpm_q8, slow_rpm_q20 * (int32_t)VECTOR_GROUPS,
+                                   v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
+  speed_regulator(v, in->vector.limited[0], moving, slow_rpm_q20);
+}
+
 // Speed, its reference, the reference of i_q and the goal of i_d.
 HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, const order_t *order,
                                   const settings_t *settings) {
@@ -239,11 +275,7 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
   const bool down = descending(v, order, settings);
   const int32_t target_rpm_q8 =
       clamp_i32(abs_sat(settings->target_rpm) * 256, v->least_rpm_q8, p->speed_max_rpm * 256);
-  const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
-  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
-  const int32_t moving = ramp_step(&v->ramp, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8),
-                  step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
-  speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
+  follow_ramp(v, in, settings, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8));
   const int32_t speed_rpm_q8 = v->direction * v->report.speed_rpm_q8;
   const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
   v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
@@ -263,12 +295,8 @@ SHARED static outcome_t regulate_sensored(vector_t *v, const chip_snapshot_t *in
                                   const settings_t *settings) {
   const parameters_t *p = v->p;
   const bool stopping = order->state == STATE_STOPPING;
-  const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
-  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
-  const int32_t moving = ramp_step(&v->ramp, stopping ? 0 : settings->target_rpm * 256, step_rpm_q20 * (int32_t)VECTOR_GROUPS,
-                  v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
-  speed_regulator(v, in->vector.limited[0], moving, step_rpm_q20);
+  follow_ramp(v, in, settings, stopping ? 0 : settings->target_rpm * 256);
   v->goal_i_q25 = v->weakening.current_i_q30 >> 5;
   const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {

@@ -33,6 +33,7 @@
 #include "control/pll.h"
 #include "control/ramp.h"
 #include "control/regulator_design.h"
+#include "control/ripple.h"
 #include "control/vector_model.h"
 #include "drive/coast.h"
 #include "drive/method.h"
@@ -162,6 +163,8 @@ typedef struct vector {
   int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
   int32_t turn_middle_q32; // half the time later
   pi_state_t speed;
+  ripple_t ripple;
+  int32_t ahead_most_i_q25;  // largest current that accelerates, since the hand-over
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque
   complex_t reference_i_q25;
