@@ -33,7 +33,8 @@ def loop_lag_deg(bench: VectorBench) -> float:
     """Largest lag of a third-order loop with a triple pole: 2/e^2 a / omega^2 for a step a of the acceleration.
 
     The step is that to the slope of the target, whose current goes ahead. Meanwhile the observed speed lags by less
-    than a / omega: the speed regulator adds less than its bandwidth over omega to the acceleration, and as much of that.
+    than a / omega: the speed regulator adds less than its bandwidth over omega to the acceleration, and as much of
+    that.
     """
     s = bench.settings
     omega = (1.0 - s.pll_pole) / (s.sample_cycles * s.tick_samples / CLOCK_HZ)
