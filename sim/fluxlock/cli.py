@@ -626,7 +626,6 @@ def motor_info(
         f"{by_rule.pll_hz:.3g} Hz, phase margin {by_rule.nominal_deg:.0f} degrees, with L off by 30 % "
         f"{by_rule.worst_deg:.0f}; bound by: {by_rule.reason}",
         highlight=False,
-        soft_wrap=True,
     )
     _warn(file, motor)
 

@@ -65,7 +65,7 @@ def test_groups() -> None:
     assert re.findall(r"^╭─ ([\w ]+) ─", out, re.M) == ["Options", *GROUPS]
     listed = re.findall(r"^│ ([a-z]+)  ", out, re.M)
     assert listed.index("demo") == 0 and sorted(listed) == sorted(panels)
-    assert {name for name, panel in panels.items() if panel == "Verify"} == set(listed[-5:])
+    assert {name for name, panel in panels.items() if panel == "Verify"} == set(listed[-6:])
 
 
 @pytest.mark.parametrize(("words", "command"), COMMANDS, ids=[" ".join(words) or "fluxlock" for words, _ in COMMANDS])

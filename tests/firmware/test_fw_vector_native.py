@@ -21,10 +21,10 @@ from fluxlock.paths import ROOT
 VECTOR = ROOT / "scenarios" / "vector"
 START = VECTOR / "start.toml"
 CAUGHT = (
-    "duration_s=0.24",
+    "duration_s=0.30",
     "initial.speed_rpm=40000",
-    'event=[{at_s=0.003, speed_rpm=40000}, {at_s=0.004, command="start"}, {at_s=0.08, load_factor=4.0}]',
-    'window=[{name="before", from_s=0.06, to_s=0.08}, {name="after", from_s=0.22, to_s=0.24}]',
+    'event=[{at_s=0.003, speed_rpm=40000}, {at_s=0.004, command="start"}, {at_s=0.14, load_factor=4.0}]',
+    'window=[{name="before", from_s=0.12, to_s=0.14}, {name="after", from_s=0.28, to_s=0.30}]',
     'expect=[{window="after", metric="angle_error_deg.rms", max=1.0}]',
 )
 

@@ -66,7 +66,7 @@ def test_harmonics_leave_the_error_and_its_mean_stays(lib: CData, hz: float) -> 
     left, expected = [], []
     for speed in speeds:
         error = wanted - speed
-        left.append(lib.ripple_step(state, round(error * unit), round(speed * unit), CYCLES) / unit)
+        left.append(lib.ripple_step(state, round(error * unit), round(speed * unit), CYCLES, 3) / unit)
         expected.append(model.step(error, speed))
     late = np.array(left[steps // 2 :])
     assert abs(late.mean() - 0.01 * hz) < 0.001 * abs(hz)
@@ -82,7 +82,7 @@ def test_what_is_slower_passes(lib: CData) -> None:
     state, hz, unit = new("ripple_t"), 50.0, Q36 / CLOCK_HZ
     t = np.arange(20_000) * CYCLES / CLOCK_HZ
     errors = np.exp(2j * math.pi * 0.4 * 2 * hz * t)
-    left = [lib.ripple_step(state, round(e.real * unit), round((hz - e.real) * unit), CYCLES) / unit for e in errors]
+    left = [lib.ripple_step(state, round(e.real * unit), round((hz - e.real) * unit), CYCLES, 3) / unit for e in errors]
     half = len(left) // 2
     gain = 2 * np.mean(np.array(left[half:]) * np.conj(errors[half:]))
     assert abs(abs(gain) - 1.0) < 0.03
@@ -98,11 +98,11 @@ def test_a_harmonic_beyond_the_steps_fades(lib: CData) -> None:
     state, unit = new("ripple_t"), Q36 / CLOCK_HZ
     hz = 0.3 / 2 * CLOCK_HZ / CYCLES
     errors = [math.cos(2 * math.pi * 0.3 * k) for k in range(200)]
-    left = [lib.ripple_step(state, round(e * unit), round((hz - e) * unit), CYCLES) / unit for e in errors]
+    left = [lib.ripple_step(state, round(e * unit), round((hz - e) * unit), CYCLES, 3) / unit for e in errors]
     assert left[100:] == pytest.approx(errors[100:], abs=1 / unit)
 
 
-@pytest.mark.parametrize("index", [1, 27, 45, 46])
+@pytest.mark.parametrize("index", [1, 27, 45, 42])
 def test_lives_are_without_ripple_and_overshoot(index: int) -> None:
     """Two machines whose phases and trapezoids swung the speed by 5 to 17 %, two light ones that overshot by 6 to 15 %.
 

@@ -265,7 +265,7 @@ def _brake_power(d: Design) -> int:
     return min(max(1, round(ampere_rad_s * d.ampere / Q8 * Q36 / CLOCK_HZ / (2 * math.pi) / Q8)), 2**31 - 1)
 
 
-def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
+def _speed(d: Design, speed_hz: float, pll_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
     unit_rad_s = 2.0 * math.pi * CLOCK_HZ / Q36  # of a speed of 2^-36 turn a clock
@@ -278,10 +278,14 @@ def _speed(d: Design, speed_hz: float) -> dict[str, Value]:
         "vector_brake_power": _brake_power(d),
         "ramp_window_rpm": max(1, round(window_rad_s / p * RPM_PER_RAD_S)),
         "vector_speed_max_turn_q36": round(most_turns / CLOCK_HZ * Q36),
+        "vector_whole_turn_q36": max(1, round(RIPPLE_RATIO * speed_hz / 2.0 / CLOCK_HZ * Q36)),
+        "vector_ripple_most_turn_q36": round(pll_hz / 2.0 / CLOCK_HZ * Q36),
+        "vector_harmonics": 3 if motor.emf == "trapezoidal" else 1,
         **_gains(
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,
             vector_approach=APPROACH_SHARE * speed_rad * tick_s * Q20 / Q8,
+            vector_soft=Q8 / (APPROACH_SHARE * speed_rad * tick_s * Q20),
             vector_speed_scale=2.0 * CLOCK_HZ / Q36 / (RIPPLE_RATIO * speed_hz) * Q16,
             vector_accel=motor.inertia_kgm2 / m.torque_nm_per_a / RPM_PER_RAD_S / Q20 / tick_s * d.ampere,
             vector_rpm_to_turn=p / 60.0 / Q8 / CLOCK_HZ * Q36,
@@ -301,7 +305,7 @@ def vector_parameters(d: Design) -> dict[str, Value]:
     return {
         **_timing(vector, timing),
         **_regulator(d, timing),
-        **_speed(d, bandwidths.speed_hz),
+        **_speed(d, bandwidths.speed_hz, bandwidths.pll_hz),
         **_pll(vector, timing, bandwidths.pll_hz),
         **_lost(d, timing),
         **_start(d),

@@ -89,14 +89,15 @@ HOT static int32_t current_rest(vector_t *v, int32_t limit_i_q25) {
   return v->rest.rest_i_q25;
 }
 
-// Of a share of the bandwidth.
-static pi_gains_t speed_gains_of(const pi_gains_t *whole, int32_t share_q16) {
+// At a share of the bandwidth.
+COLD static pi_gains_t slower_gains(const pi_gains_t *whole, int32_t wanted_share_q16) {
+  const int32_t share_q16 = clamp_i32(wanted_share_q16, SPEED_SCALE_MIN_Q16, ONE_Q16);
   return (pi_gains_t){{mul_q16(whole->kp.mant, share_q16), whole->kp.shift},
                       {mul_q16(mul_q16(whole->ki.mant, share_q16), share_q16), whole->ki.shift}};
 }
 
 // The current that accelerates the rotor alone goes ahead of the regulator while the ramp goes up or down.
-HOT static void speed_regulator(vector_t *v, bool limited, int32_t direction, int32_t step_rpm_q20) {
+INLINED static void speed_regulator(vector_t *v, bool limited, int32_t direction, int32_t ahead_i_q25) {
   const int32_t limit = current_limit_i_q25(v);
   const int32_t rest = current_rest(v, limit);
   int32_t driving = rest;
@@ -111,21 +112,28 @@ HOT static void speed_regulator(vector_t *v, bool limited, int32_t direction, in
   const int32_t high = (v->direction > 0) ? driving : braking;
   const int32_t low = (v->direction > 0) ? -braking : -driving;
   const int32_t wanted = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn);
-  // Comes in after a hand-over as slowly as other currents go.
-  v->ahead_most_i_q25 = clamp_i32(v->ahead_most_i_q25 + (int32_t)VECTOR_GROUPS * v->p->vector_fade_i_q25, 0, limit);
-  const int32_t most = (v->ahead_most_i_q25 < rest) ? v->ahead_most_i_q25 : rest;
-  const int32_t ahead = (direction == 0) ? 0 : direction * clamp_i32(gain_apply(step_rpm_q20, v->p->vector_accel), 0, most);
+  int32_t ahead = 0;
+  if (direction != 0) {
+    const int32_t most = (v->ahead_most_i_q25 < rest) ? v->ahead_most_i_q25 : rest;
+    ahead = direction * clamp_i32(ahead_i_q25, 0, most);
+  }
+  // It comes in after a hand-over as slowly as other currents go.
+  if (__builtin_expect(v->ahead_most_i_q25 < limit, 0)) {
+    v->ahead_most_i_q25 += (int32_t)VECTOR_GROUPS * v->p->vector_fade_i_q25;
+  }
   int32_t error = wanted - v->report.vector.speed_turn_q36;
-  pi_gains_t gains = v->speed_gains;
-  if (!v->sensored) {
-    error = ripple_step(&v->ripple, error, v->report.vector.speed_turn_q36, v->p->tick_cycles * (int32_t)VECTOR_GROUPS);
+  const pi_gains_t *gains = &v->speed_gains;
+  pi_gains_t slower;
+  if (!v->sensored && v->report.vector.speed_turn_q36 * v->direction < v->p->vector_ripple_most_turn_q36) {
+    error = ripple_step(&v->ripple, error, v->report.vector.speed_turn_q36, v->p->tick_cycles * (int32_t)VECTOR_GROUPS,
+                        (uint32_t)v->p->vector_harmonics);
     // Slower than what the EMF's harmonics are at.
-    const int32_t scale_q16 = gain_apply(wanted * v->direction, v->p->vector_speed_scale);
-    if (scale_q16 < ONE_Q16) {
-      gains = speed_gains_of(&gains, (scale_q16 > SPEED_SCALE_MIN_Q16) ? scale_q16 : SPEED_SCALE_MIN_Q16);
+    if (__builtin_expect(wanted * v->direction < v->p->vector_whole_turn_q36, 0)) {
+      slower = slower_gains(gains, gain_apply(wanted * v->direction, v->p->vector_speed_scale));
+      gains = &slower;
     }
   }
-  const pi_result_t i = vector_speed_between(&v->speed, &gains, error, ahead, low, high);
+  const pi_result_t i = vector_speed_between(&v->speed, gains, error, ahead, low, high);
   v->report.limit = limited ? LIMIT_DUTY_MAX : ((i.output != i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE);
   v->reference_i_q25.im = i.output;
   if (v->p->vector_mtpa_ratio_i_q25 != 0) {
@@ -254,18 +262,28 @@ HOT static void track(vector_t *v, bool taken) {
   v->report.vector.speed_turn_q36 = pll_speed_turn_q36(&v->pll);
 }
 
+COLD static void renew_slope(vector_t *v, int32_t step_rpm_q20) {
+  v->slope = (slope_t){step_rpm_q20, gain_apply(step_rpm_q20, v->p->vector_accel), gain_apply(step_rpm_q20, v->p->vector_soft)};
+}
+
 // The ramp slows down before its end, no faster than the regulator can follow.
-HOT static void follow_ramp(vector_t *v, const chip_snapshot_t *in, const settings_t *settings, int32_t target_rpm_q8) {
+INLINED static void follow_ramp(vector_t *v, const chip_snapshot_t *in, const settings_t *settings, int32_t target_rpm_q8) {
   const parameters_t *p = v->p;
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
-  const int32_t left_rpm_q8 = within_i32(target_rpm_q8 - v->ramp.value_rpm_q8, PRODUCT_MAX);
-  const int32_t soft_rpm_q20 = gain_apply(abs_sat(left_rpm_q8), p->vector_approach);
-  const int32_t slow_rpm_q20 =
-      v->sensored ? step_rpm_q20 : clamp_i32(soft_rpm_q20, step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
+  if (__builtin_expect(step_rpm_q20 != v->slope.step_rpm_q20, 0)) {
+    renew_slope(v, step_rpm_q20);
+  }
+  const int32_t left_rpm_q8 = abs_sat(target_rpm_q8 - v->ramp.value_rpm_q8);
+  int32_t now_rpm_q20 = step_rpm_q20;
+  int32_t ahead_i_q25 = v->slope.ahead_i_q25;
+  if (__builtin_expect(left_rpm_q8 < v->slope.soft_rpm_q8 && left_rpm_q8 != 0 && !v->sensored, 0)) {
+    now_rpm_q20 = clamp_i32(gain_apply(left_rpm_q8, p->vector_approach), step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
+    ahead_i_q25 = gain_apply(now_rpm_q20, p->vector_accel);
+  }
   tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
-  const int32_t moving = ramp_step(&v->ramp, target_rpm_q8, slow_rpm_q20 * (int32_t)VECTOR_GROUPS,
+  const int32_t moving = ramp_step(&v->ramp, target_rpm_q8, now_rpm_q20 * (int32_t)VECTOR_GROUPS,
                                    v->report.speed_rpm_q8, p->ramp_window_rpm * 256);
-  speed_regulator(v, in->vector.limited[0], moving, slow_rpm_q20);
+  speed_regulator(v, in->vector.limited[0], moving, ahead_i_q25);
 }
 
 // Speed, its reference, the reference of i_q and the goal of i_d.

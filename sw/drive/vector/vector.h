@@ -81,6 +81,13 @@ typedef struct {
   uint32_t last_sample;
 } vector_measured_t;
 
+// Of the ramp, renewed with its slope.
+typedef struct {
+  int32_t step_rpm_q20;  // a tick
+  int32_t ahead_i_q25;   // current that accelerates so
+  int32_t soft_rpm_q8;   // so far from its end it slows down
+} slope_t;
+
 typedef struct vector {
   const parameters_t *p;
   const settings_t *settings;
@@ -164,6 +171,7 @@ typedef struct vector {
   int32_t turn_middle_q32; // half the time later
   pi_state_t speed;
   ripple_t ripple;
+  slope_t slope;
   int32_t ahead_most_i_q25;  // largest current that accelerates, since the hand-over
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque
