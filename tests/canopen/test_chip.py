@@ -31,7 +31,6 @@ EVERY = 25  # frames between two commands of the flood
 ENTRY_MAX_CYCLES = 110 + 2 * DIVISION_CYCLES
 
 
-@pytest.mark.xfail(reason="the handler begins up to 259 clocks late beside a full bus", strict=True)
 def test_control_is_undisturbed(tmp_path: Path) -> None:
     """With the node in the main loop no control tick is missed or entered later, and the motor commutates as well.
 
