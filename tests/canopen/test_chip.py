@@ -26,6 +26,7 @@ DIVISION_CYCLES = 35
 FUZZ = int(os.environ.get("FLUXLOCK_CAN_FUZZ", "500"))  # frames
 NATIVE_FRAMES = 500
 EVERY = 25  # frames between two commands of the flood
+LATENCY_US = 1000  # from a command's frame to its answer
 # Entry of the control interrupt where the main loop divides twice in a row, which is its longest time without a look at
 # interrupts: 103 clocks of the trap, and what it misses in the cache.
 ENTRY_MAX_CYCLES = 110 + 2 * DIVISION_CYCLES
@@ -72,7 +73,6 @@ def load_of_core(lines: list[str], clocks: float) -> float:
     return 1.0 - ((idle[1] - idle[0]) & 0xFFFFFFFF) / clocks
 
 
-@pytest.mark.xfail(reason="the longer six-step step leaves the node 2.8 ms, permitted is 1 ms", strict=True)
 def test_full_bus(tmp_path: Path) -> None:
     """Frames that must be refused, back to back at 1 Mbit/s, while the motor runs at 60 000 r/min and gets commands.
 
@@ -110,7 +110,6 @@ def test_full_bus(tmp_path: Path) -> None:
     assert seen["dry"] == 0
     assert seen["refused"] > FUZZ // 4
     assert len(latency_us) == seen["commands"] == FUZZ // EVERY
-    assert latency_us.max() < 1000
     assert not [text for text in seen["emergencies"] if text.startswith("1081")], "frames lost"
     assert data.overruns == 0
     assert [line for line in lines if line.startswith("state ")][-1] == "state running"
@@ -131,6 +130,9 @@ def test_full_bus(tmp_path: Path) -> None:
     print(f"speed, r/min: {speed.min():.0f} to {speed.max():.0f}")
     assert speed.min() > 59_500
     assert speed.max() < 60_500
+    # A known shortfall, with all else judged: the six-step step of the present law leaves the node less of the core.
+    if latency_us.max() >= LATENCY_US:
+        pytest.xfail(f"a command waits for {latency_us.max():.0f} us, permitted are {LATENCY_US}")
 
 
 def test_without_the_core(tmp_path: Path) -> None:
