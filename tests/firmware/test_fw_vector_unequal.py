@@ -30,7 +30,7 @@ def motor(**changes: object) -> Motor:
         "rated_current_a": 5.0,
         "max_speed_rpm": 10_000.0,
     }
-    return Motor(**{**keys, **changes})  # type: ignore[arg-type]  # fields of many types
+    return Motor.model_validate(keys | changes)
 
 
 def shape(m: Motor, x: np.ndarray) -> np.ndarray:
