@@ -19,7 +19,7 @@ import pywellen
 
 from fluxlock.analysis.rundata import LogKind, RunData, load_trace
 from fluxlock.cosim.chip import FST
-from fluxlock.cosim.waves import GROUPS, GTKWAVE_FILE, SIX_STEP, SURFER_FILE, WAVE_FILE
+from fluxlock.cosim.waves import GTKWAVE_FILE, SIX_STEP, SURFER_FILE, WAVE_FILE, groups
 from fluxlock.headers import bind
 from fluxlock.paths import BUILD, ROOT
 
@@ -84,7 +84,7 @@ def check_names(folder: Path, fst: pywellen.Waveform) -> None:
     """What the viewers' files name is in the FST, in the width that they name; the core's inside is not."""
     width = {var.full_name: var.bitwidth for var in fst.all_vars()}
     surfer = re.findall(r"^variable_add (\S+)$", (folder / SURFER_FILE).read_text(), re.MULTILINE)
-    assert len(surfer) == sum(map(len, GROUPS.values())) and set(surfer) <= set(width)
+    assert len(surfer) == sum(map(len, groups(3, ["six-step"]).values())) and set(surfer) <= set(width)
     rows = re.findall(r"^fl_soc\.\S+$", (folder / GTKWAVE_FILE).read_text(), re.MULTILINE)
     ranges = [re.search(r"\[(\d+):0\]$", row) for row in rows]
     assert [width[name] for name in surfer] == [int(found[1]) + 1 if found else 1 for found in ranges]
@@ -112,6 +112,17 @@ def test_waves() -> None:
     check_gates(load_trace(out / "trace.npz"), fst)
     check_carrier(fst)
     check_names(out / "simulator", fst)
+
+
+def test_groups_of_the_chip() -> None:
+    """A view names nothing of a path that the chip lacks, and as many gates as the chip has.
+
+    Verifies: SYS-11
+    """
+    for phases, paths, absent in ((3, ["vector"], SIX_STEP), (5, ["vector"], SIX_STEP), (3, ["six-step"], "g_vector")):
+        rows = [row for shown in groups(phases, paths).values() for row in shown]
+        assert not [row for row in rows if absent in row]
+        assert f"b gate_o[{2 * phases - 1}:0]" in rows and f"b req_h[{phases - 1}:0]" in rows
 
 
 def _lz4_block(data: bytes) -> bytes:

@@ -46,7 +46,7 @@ def test_chip_of_a_scenario(
         "method": method,
     }
     assert run.chip_of(scenario) == expected
-    assert run.chip_of(scenario, waves=True) == {**expected, "waves": True, "method": None}
+    assert run.chip_of(scenario, waves=True) == {**expected, "waves": True, "method": None if overrides else method}
     assert run.chip_of(scenario, native=True) == {**expected, "native": True, "can": True, "method": None}
     assert run.chip_of(scenario, can=True) == {**expected, "can": True, "method": None}
 

@@ -30,6 +30,7 @@ CPU_HOST_ACCESS = NATIVE / "cpu_host.vlt"
 FOR_FIRMWARE = ("reg_*", "critical_*", "trap_enable", "cpu_*")  # what cpu_host.h defines
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
+PATHS = ("six-step", "vector")
 SLOW = "Vtop_slow"  # source of what runs once
 # The code of a clock is one row of statements longer than the instruction cache: shorter is faster, -O3 loses a tenth.
 OPT = ("OPT_FAST=-O2", "OPT_GLOBAL=-O1")
@@ -45,13 +46,14 @@ SCRIPTS = (Path(__file__), *(Path(__file__).with_name(f"{name}.py") for name in 
 
 @dataclass(frozen=True)
 class Chip:
-    """A built simulator: its executable and the hash of everything that went into it."""
+    """A built simulator: executable, hash of everything that went into it, methods whose paths it has."""
 
     executable: Path
     key: str
     waves: bool
     phases: int = PHASES
     injection: bool = False
+    paths: tuple[str, ...] = PATHS
 
 
 def rtl_sources(native: bool = False) -> list[Path]:
@@ -112,6 +114,7 @@ def build_chip(
     """
     generate_registers()
     method = method if phases == PHASES else None
+    paths = (method,) if method else PATHS if phases == PHASES else ("vector",)
     sources = rtl_sources(native)
     scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
     env = {**tool_environment(), "OBJCACHE": object_cache()}
@@ -119,7 +122,7 @@ def build_chip(
     build = (phases, injection, can, native, gate_polarity, waves, method)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
     folder = BUILD / "chip" / content_hash([], key, ROOT)
-    chip = Chip(folder / TOP, key, waves, phases, injection)
+    chip = Chip(folder / TOP, key, waves, phases, injection, paths)
     made = {"key": key, "phases": phases, "injection": injection, "native": native, "waves": waves, "method": method}
     with file_lock(folder.with_suffix(".lock")):
         if (folder / ".done").exists():

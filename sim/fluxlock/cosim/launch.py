@@ -123,7 +123,7 @@ def run_plan(
             if progress is not None:
                 watcher.join()
     if (folder / WAVE_FILE).exists():
-        write_view(folder)
+        write_view(folder, chip.phases, chip.paths)
     meta_path = folder / META_FILE
     if not meta_path.exists():
         tail = "\n".join(log_path.read_text(errors="replace").splitlines()[-25:])

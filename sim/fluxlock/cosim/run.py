@@ -98,8 +98,8 @@ def prepare(
 def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
-    It has the path of its method alone; with CAN, and where waveforms show them, both. can: with the CAN controller
-    even so. native: without its core, and one for all methods, with or without CAN.
+    It has the path of its method alone; with CAN both. can: with the CAN controller even so. native: without its core,
+    and one for all methods, with or without CAN.
     """
     has_can = can or native or scenario.can is not None
     return build_chip(
@@ -109,7 +109,7 @@ def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: 
         can=has_can,
         native=native,
         gate_polarity=scenario.inverter.gate_polarity,
-        method=None if has_can or waves else scenario.drive.method,
+        method=None if has_can else scenario.drive.method,
     )
 
 
