@@ -238,6 +238,26 @@ COLD void vector_take_design(vector_t *v) {
   v->finished = false;
 }
 
+void vector_design_off(vector_t *v) {
+  const complex_t none = {0, 0};
+  v->state_v_q25 = none;
+  v->late_v_q25 = none;
+  v->report.voltage_v_q25 = 0;
+  v->report.motor_q17 = 0;
+}
+
+void vector_design_turn(vector_t *v, complex_t rotation_q30) {
+  v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation_q30);
+}
+
+HOT void vector_design_state(vector_t *v, complex_t voltage_v_q25) { v->state_v_q25 = voltage_v_q25; }
+
+HOT bool vector_design_meant(vector_t *v) {
+  const bool meant = v->regulated == vector_present_plant(v);
+  v->finished = v->finished && meant;
+  return v->finished;
+}
+
 COLD void vector_first_design(vector_t *v) {
   for (uint32_t k = 0; k < v->stages; k++) {
     vector_design(v);

@@ -20,9 +20,8 @@ COLD void vector_frame_off(vector_t *v) {
   v->correct_q32 = 0;
   v->holding = false;
   v->reference_i_q25 = (complex_t){0, 0};
-  v->state_v_q25 = (complex_t){0, 0};
-  v->late_v_q25 = (complex_t){0, 0};
   v->suspicion = 0;
+  vector_design_off(v);
   current_off(&v->command);
   if (vector_injects(v)) {
     vector_injection_off(v);
@@ -106,7 +105,7 @@ COLD static void turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t turn
   v->holding = true;
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
   v->goal_i_q25 = v->reference_i_q25.re;
-  v->late_v_q25 = complex_mul_q30(v->late_v_q25, rotation);
+  vector_design_turn(v, rotation);
   current_preset(&v->command, 0, complex_mul_q30(in->vector.u_v_q25[0], rotation));
 }
 

@@ -226,9 +226,7 @@ HOT static bool gains_ready(vector_t *v) {
   if (!v->design_waits) {
     return true;
   }
-  const bool meant = v->regulated == vector_present_plant(v);
-  v->finished = v->finished && meant;
-  return v->finished;
+  return vector_design_meant(v);
 }
 
 // The EMF as forward voltage while there is a wave. Before the wave comes and where it goes the regulator takes what
@@ -260,7 +258,7 @@ HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen,
 }
 
 HOT static outcome_t look(vector_t *v, const chip_snapshot_t *in) {
-  v->state_v_q25 = complex_add(in->vector.u_v_q25[0], v->injection->forward_v_q25);
+  vector_design_state(v, complex_add(in->vector.u_v_q25[0], v->injection->forward_v_q25));
   const outcome_t outcome = vector_open_phase_step(v, in);
   return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v) : outcome;
 }

@@ -82,6 +82,14 @@ void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in);
 
 // The design that waits, to the chip.
 void vector_take_design(vector_t *v);
+// True: one waits. One for another plant than the present one is dropped.
+bool vector_design_meant(vector_t *v);
+// State of the regulator, at the look of the supervision: what the designs' bands, and the voltage that is shown, are for.
+void vector_design_state(vector_t *v, complex_t voltage_v_q25);
+// The frame is turned: so is the voltage that the dead time's compensation adds.
+void vector_design_turn(vector_t *v, complex_t rotation_q30);
+// Nothing flows.
+void vector_design_off(vector_t *v);
 
 // A caught rotor: from the frame that goes along to the gates.
 void vector_caught_step(vector_t *v, const chip_snapshot_t *in);

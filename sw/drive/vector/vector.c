@@ -230,7 +230,7 @@ HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
   const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36 * v->direction;
   const uint32_t expected_v_q25 = (uint32_t)abs_sat(gain_apply(speed_turn_q36, v->p->vector_flux));
   v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
-  v->state_v_q25 = voltage_v_q25;
+  vector_design_state(v, voltage_v_q25);
   if (v->sensored) {
     return judge_encoder(v, expected_v_q25);
   }
@@ -412,8 +412,6 @@ COLD void vector_off(vector_t *v) {
   vector_frame_off(v);
   v->report.gates = false;
   v->report.limit = LIMIT_NONE;
-  v->report.voltage_v_q25 = 0;
-  v->report.motor_q17 = 0;
 }
 
 COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, const settings_t *settings) {
