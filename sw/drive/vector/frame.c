@@ -10,15 +10,13 @@
 #include "drive/vector/parts.h"
 
 #define QUARTER_TURN ((uint32_t)1 << 30)
-#define CHANGE_MAX_Q32 (1 << 22)
 #define SLIP_FIVE_MS 6u  // 30 ms
 
 COLD void vector_frame_off(vector_t *v) {
   v->frame = FRAME_OFF;
   tell_speed(v, 0, false);
-  v->report.vector.speed_turn_q36 = 0;
-  v->correct_q32 = 0;
-  v->holding = false;
+  vector_lead(v, 0);
+  vector_turn(v, 0, false);
   v->reference_i_q25 = (complex_t){0, 0};
   v->suspicion = 0;
   vector_design_off(v);
@@ -36,7 +34,7 @@ COLD outcome_t vector_begin(vector_t *v) {
   if_begin(&v->start);
   vector_start_current(v);
   v->slip_checks = 0;
-  emf_observer_preset(&v->observer, zero, zero, zero);
+  vector_observe_from(v, zero, zero);
   v->weakening.current_i_q30 = 0;
   v->mtpa_i_q25 = 0;
   v->waiting_ticks = 0;
@@ -57,9 +55,8 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, b
   // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
   const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
   const uint32_t rotor_q32 = v->sensored ? encoder_angle_q32(v) : angle_q32 - quarter;
-  v->correct_q32 = (int32_t)(rotor_q32 + (uint32_t)mean_step_q32 - v->report.vector.angle_turn_q32);
-  v->holding = true;
-  v->report.vector.speed_turn_q36 = speed_turn_q36;
+  vector_turn(v, (int32_t)(rotor_q32 + (uint32_t)mean_step_q32 - v->report.vector.angle_turn_q32), true);
+  vector_lead(v, speed_turn_q36);
   v->direction = (speed_turn_q36 < 0) ? -1 : 1;
   const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
   current_preset(&v->command, 0, emf_v_q25);
@@ -76,7 +73,7 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, b
 // The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
 COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   if (in->vector.taken) {
-    v->correct_q32 = 0;
+    vector_turn(v, 0, true);
     v->waiting_ticks++;
   }
   if (v->waiting_ticks < 2u) {
@@ -84,10 +81,10 @@ COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   }
   const complex_t zero = {0, 0};
   const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
-  emf_observer_preset(&v->observer, zero, emf_v_q25, emf_v_q25);
-  v->holding = false;
+  vector_observe_from(v, zero, emf_v_q25);
+  vector_turn(v, 0, false);
   v->frame = FRAME_OBSERVED;
-  pll_preset(&v->pll, 0, v->report.vector.speed_turn_q36);
+  vector_track_from(v, 0);
   ramp_preset(&v->ramp, rpm_q8(v, v->report.vector.speed_turn_q36));
   v->brake_i_q25 = v->settings->brake_limit_i_q25;
   vector_speed_preset(&v->speed, &v->speed_gains, v->report.vector.speed_turn_q36, v->report.vector.speed_turn_q36, 0);
@@ -101,8 +98,7 @@ COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
 // remembers of the error is made anew meanwhile.
 COLD static void turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
   const complex_t rotation = rotation_q30(turn_q32);
-  v->correct_q32 = turn_q32;
-  v->holding = true;
+  vector_turn(v, turn_q32, true);
   v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
   v->goal_i_q25 = v->reference_i_q25.re;
   vector_design_turn(v, rotation);
@@ -121,17 +117,13 @@ COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {
     const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
     const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
     const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
-    v->report.vector.speed_turn_q36 += ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16;
+    vector_lead(v, v->report.vector.speed_turn_q36 + ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16);
     change_q32 = (second_q32 - first_q32) / (half * half);
   }
   v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
   v->ahead_most_i_q25 = 0;
-  pll_preset(&v->pll, 0, v->report.vector.speed_turn_q36);
-  if (v->pll_gains.acceleration.mant != 0) {
-    const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
-    v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
-  }
+  vector_track_from(v, change_q32);
   ramp_preset(&v->ramp, rpm_q8(v, v->report.vector.speed_turn_q36));
   v->brake_i_q25 = v->settings->brake_limit_i_q25;
   vector_speed_preset(&v->speed, &v->speed_gains, v->report.vector.speed_turn_q36, v->report.vector.speed_turn_q36, v->reference_i_q25.im);
@@ -198,7 +190,7 @@ SHARED outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t target = (v->settings->target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
   const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
-  v->report.vector.speed_turn_q36 = if_speed_turn_q36(&v->start);
+  vector_lead(v, if_speed_turn_q36(&v->start));
   v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
   v->ramp.value_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
   if (v->order->tick % VECTOR_GROUPS == GROUP_SUPERVISION && slips(v)) {

@@ -146,9 +146,8 @@ HOT static void observe_emf(vector_t *v, const chip_vector_snapshot_t *in) {
   if (fast && j->observing) {
     vector_observe_injected(v, in);
   } else if (fast) {
-    v->forward_v_q17 = v->command.forward.v_q17[0];
     const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
-    emf_observer_preset(&v->observer, in->i_q17[0], emf_v_q25, emf_v_q25);
+    vector_observe_from(v, in->i_q17[0], emf_v_q25);
     j->observing = true;
   } else {
     j->observing = false;
@@ -157,9 +156,9 @@ HOT static void observe_emf(vector_t *v, const chip_vector_snapshot_t *in) {
 
 // The EMF belongs to the speed, from half to twice.
 HOT static bool emf_there(vector_t *v) {
-  v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  const uint32_t amplitude_v_q25 = vector_emf_amplitude(v);
   const uint32_t expected = (uint32_t)abs_sat(gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux));
-  return v->report.vector.emf_v_q25 >= expected / 2u && v->report.vector.emf_v_q25 / 2u <= expected;
+  return amplitude_v_q25 >= expected / 2u && amplitude_v_q25 / 2u <= expected;
 }
 
 // Held by the EMF alone, and that does not hold.
@@ -229,8 +228,8 @@ HOT static bool gains_ready(vector_t *v) {
   return vector_design_meant(v);
 }
 
-// The EMF as forward voltage while there is a wave. Before the wave comes and where it goes the regulator takes what
-// changes into its state, held for a tick. The set acts two steps from here.
+// The frame's turn, and the EMF as forward voltage while there is a wave. Before the wave comes and where it goes the
+// regulator takes what changes into its state, held for a tick. The set acts two steps from here.
 HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
   vector_injection_t *j = v->injection;
   const complex_t mean_v_q25 = mean_state_v_q25(j, v->order->tick, state_v_q25);
@@ -241,10 +240,11 @@ HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen,
   const bool takes =
       j->settings.error.method != INJECTION_SEPARATOR || !seen->active || seen->phase % 2u != 0u;
   j->wanted = j->command.inject;
-  v->holding = gains_ready(v) && j->wanted != j->forward && takes;
-  j->forward = v->holding ? j->wanted : j->forward;
+  const bool hold = gains_ready(v) && j->wanted != j->forward && takes;
+  vector_turn(v, j->command.turn_q32, hold);
+  j->forward = hold ? j->wanted : j->forward;
   j->forward_v_q25 = j->forward ? complex_mul_q30(emf_v_q25, j->frame.turn_q30) : none;
-  if (v->holding) {
+  if (hold) {
     current_preset(&v->command, 0, complex_add(mean_v_q25, complex_sub(before_v_q25, j->forward_v_q25)));
     j->taken_in = WAVE_AFTER;
     if (v->design_waits) {
@@ -282,11 +282,7 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
     j->arrived = fresh;
     fresh = before;
   }
-  v->error_q30 = 0;
-  if (j->observing) {
-    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36, v->start_settings.minimum_v_q25,
-                                      &v->emf_reciprocal);
-  }
+  vector_emf_error(v, j->observing);
   const complex_t i_q17 = in->vector.i_q17[0];
   const injection_frame_input_t given = {
       .fresh = fresh,
@@ -299,8 +295,7 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   };
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
-  v->report.vector.speed_turn_q36 = j->command.speed_turn_q36;
-  v->correct_q32 = j->command.turn_q32;
+  vector_lead(v, j->command.speed_turn_q36);
   v->reference_i_q25 = j->command.reference_i_q25[0];
   v->report.limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
   send_forward(v, seen, in->vector.u_v_q25[0]);

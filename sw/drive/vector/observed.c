@@ -9,6 +9,7 @@
 #define HALF_PI_Q30 1686629713
 // Turns below it, 1.4 degrees: the first term of the series is enough.
 #define SMALL_TURN_Q32 (1 << 24)
+#define CHANGE_MAX_Q32 (1 << 22)
 
 // 1 / count, which seldom changes.
 HOT int32_t vector_share_of(share_t *share, uint32_t count) {
@@ -71,6 +72,51 @@ INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
   v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
   v->holding = false;
+}
+
+INLINED void vector_emf_error(vector_t *v, bool seen) {
+  v->error_q30 = 0;
+  if (seen) {
+    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36,
+                                      v->start_settings.minimum_v_q25, &v->emf_reciprocal);
+  }
+}
+
+INLINED void vector_track(vector_t *v, bool taken) {
+  // A correction that has not been taken yet is still in the error.
+  if (taken && v->sensored) {
+    v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
+  } else {
+    vector_emf_error(v, taken);
+  }
+  const int32_t correct_q32 = pll_correct(&v->pll, &v->pll_gains, v->error_q30);
+  v->correct_q32 = taken ? correct_q32 : v->correct_q32;
+  v->report.vector.speed_turn_q36 = pll_speed_turn_q36(&v->pll);
+}
+
+INLINED uint32_t vector_emf_amplitude(vector_t *v) {
+  v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  return v->report.vector.emf_v_q25;
+}
+
+void vector_observe_from(vector_t *v, complex_t current_i_q17, complex_t emf_v_q25) {
+  v->forward_v_q17 = v->command.forward.v_q17[0];
+  emf_observer_preset(&v->observer, current_i_q17, emf_v_q25, emf_v_q25);
+}
+
+void vector_track_from(vector_t *v, int32_t change_q32) {
+  pll_preset(&v->pll, 0, v->report.vector.speed_turn_q36);
+  if (v->pll_gains.acceleration.mant != 0) {
+    const int32_t change_q40 = clamp_i32(change_q32, -CHANGE_MAX_Q32, CHANGE_MAX_Q32) * 256;
+    v->pll.acceleration_turn_q60 = (int64_t)(change_q40 / (int32_t)v->per_tick.period_cycles) * (1 << 20);
+  }
+}
+
+void vector_lead(vector_t *v, int32_t speed_turn_q36) { v->report.vector.speed_turn_q36 = speed_turn_q36; }
+
+void vector_turn(vector_t *v, int32_t turn_q32, bool hold) {
+  v->correct_q32 = turn_q32;
+  v->holding = hold;
 }
 
 // Of a drive with injection; the control step without one has its own copy.

@@ -72,6 +72,21 @@ bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool i
 // The rotor is slow enough after the coast: switch on and align.
 outcome_t vector_begin(vector_t *v);
 
+// Speed of the frame from the next tick on; a turn of it besides, with the regulator held at its preset for a tick or not.
+void vector_lead(vector_t *v, int32_t speed_turn_q36);
+void vector_turn(vector_t *v, int32_t turn_q32, bool hold);
+
+// Observer, and the loop with the frame's speed and its change a tick, begin where the rotor is known otherwise.
+void vector_observe_from(vector_t *v, complex_t current_i_q17, complex_t emf_v_q25);
+void vector_track_from(vector_t *v, int32_t change_q32);
+
+// Error of the frame's angle by the EMF; not seen: 0. Then one step of the loop, which turns the frame.
+void vector_emf_error(vector_t *v, bool seen);
+void vector_track(vector_t *v, bool taken);
+
+// Length of the observed EMF within 7 per cent, which is shown too.
+uint32_t vector_emf_amplitude(vector_t *v);
+
 // Regulator and frame off.
 void vector_frame_off(vector_t *v);
 

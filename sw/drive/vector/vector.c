@@ -229,13 +229,13 @@ HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
                                    [ANGLE_OVERHAULED] = FAULT_OVERHAULED};
   const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36 * v->direction;
   const uint32_t expected_v_q25 = (uint32_t)abs_sat(gain_apply(speed_turn_q36, v->p->vector_flux));
-  v->report.vector.emf_v_q25 = rough_length(v->observer.emf_v_q25);
+  const uint32_t amplitude_v_q25 = vector_emf_amplitude(v);
   vector_design_state(v, voltage_v_q25);
   if (v->sensored) {
     return judge_encoder(v, expected_v_q25);
   }
   const lost_angle_input_t seen = {.emf_v_q25 = v->observer.emf_v_q25,
-                                   .amplitude_v_q25 = v->report.vector.emf_v_q25,
+                                   .amplitude_v_q25 = amplitude_v_q25,
                                    .expected_v_q25 = expected_v_q25,
                                    .current_i_q17 = v->report.vector.current_i_q17,
                                    .error_q30 = v->error_q30,
@@ -246,20 +246,6 @@ HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
     return outcome_of(EVENT_STAY);
   }
   return outcome_because(EVENT_LOCK_LOST, (fault_t)causes[verdict]);
-}
-
-HOT static void track(vector_t *v, bool taken) {
-  // A correction that has not been taken yet is still in the error.
-  v->error_q30 = 0;
-  if (taken && v->sensored) {
-    v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
-  } else if (taken) {
-    v->error_q30 = pll_error_from_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36, v->start_settings.minimum_v_q25,
-                                      &v->emf_reciprocal);
-  }
-  const int32_t correct_q32 = pll_correct(&v->pll, &v->pll_gains, v->error_q30);
-  v->correct_q32 = taken ? correct_q32 : v->correct_q32;
-  v->report.vector.speed_turn_q36 = pll_speed_turn_q36(&v->pll);
 }
 
 COLD static void renew_slope(vector_t *v, int32_t step_rpm_q20) {
@@ -328,7 +314,7 @@ HOT static outcome_t observed_step(vector_t *v, const chip_snapshot_t *in, const
                                   const settings_t *settings) {
   const parameters_t *p = v->p;
   outcome_t outcome = outcome_of(EVENT_STAY);
-  track(v, in->vector.taken);
+  vector_track(v, in->vector.taken);
   v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
   switch (order->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:
