@@ -23,6 +23,9 @@ SMALL_CODE_BEGIN
 #define STATUS_LIMITED 0x0800u
 #define STATUS_MODE 0x1000u  // profile velocity: stands still; cyclic modes: follows the target
 
+// Longest time from one target of cyclic velocity to the next of the same line.
+#define CYCLE_MAX_US 50000u
+
 enum { REACT_NOTHING = 0, REACT_FAULT = 1, REACT_DISABLE = 2, REACT_QUICK_STOP = 3 };
 // Values of the option codes; 5 and 6 of the quick stop stay in it.
 enum { OPTION_OFF = 0, OPTION_SLOW = 1, OPTION_QUICK = 2, OPTION_SLOW_STAY = 5, OPTION_QUICK_STAY = 6 };
@@ -193,8 +196,26 @@ static int32_t limit_ma(const canopen_t *node) {
   return (part < 1) ? 1 : part;
 }
 
+// A target that the master moves each cycle is a line: the ramp takes the time to it that the master took. A target that
+// comes alone, and one that is too far, have the ramp of the object.
+static void follow_line(canopen_t *node, link_order_t *order) {
+  cia402_t *c = &node->drive;
+  if (!c->order.line || order->target_rpm != c->order.target_rpm) {
+    const uint32_t took_us = node->now_us - c->point_us;
+    c->point_us = node->now_us;
+    c->line_rpm_s = UINT32_MAX;
+    if (c->order.line && took_us > 0u && took_us <= CYCLE_MAX_US) {
+      const uint32_t way_rpm = (uint32_t)abs_sat(order->target_rpm - c->status.demand_rpm);
+      c->line_rpm_s = div_sat_u32((uint64_t)way_rpm * 1000000u, took_us);
+    }
+  }
+  if (c->line_rpm_s < (uint32_t)order->accel_rpm_s) {
+    order->accel_rpm_s = (c->line_rpm_s > 0u) ? (int32_t)c->line_rpm_s : 1;
+  }
+}
+
 // Speed, current and ramp of what is wanted, 0 in both: stand still. True: a limit of the profile bound.
-static bool wanted(const canopen_t *node, link_order_t *order) {
+static bool wanted(canopen_t *node, link_order_t *order) {
   const int32_t mode = value(node, OD_MODES_OF_OPERATION_DISPLAY);
   const int32_t motor = value(node, OD_MAX_MOTOR_SPEED);
   const int32_t profile = value(node, OD_MAX_PROFILE_VELOCITY);
@@ -223,6 +244,10 @@ static bool wanted(const canopen_t *node, link_order_t *order) {
   const uint32_t number = cyclic ? (slower ? OD_MAX_DECELERATION : OD_MAX_ACCELERATION)
                                  : (slower ? OD_PROFILE_DECELERATION : OD_PROFILE_ACCELERATION);
   order->accel_rpm_s = value(node, number);
+  order->line = cyclic;
+  if (cyclic) {
+    follow_line(node, order);
+  }
   link_ratings_t ratings;
   link_ratings(node->app, &ratings);
   return order->target_rpm != target || (target != 0 && abs_sat(target) < ratings.stop_rpm);
@@ -231,7 +256,7 @@ static bool wanted(const canopen_t *node, link_order_t *order) {
 static void give(canopen_t *node, const link_order_t *order) {
   link_order_t *last = &node->drive.order;
   if (!node->drive.given || order->target_rpm != last->target_rpm || order->accel_rpm_s != last->accel_rpm_s ||
-      order->limit_ma != last->limit_ma || order->torque != last->torque || order->current_ma != last->current_ma) {
+      order->limit_ma != last->limit_ma || order->line != last->line || order->torque != last->torque || order->current_ma != last->current_ma) {
     *last = *order;
     node->drive.given = true;
     link_order(node->app, order);

@@ -43,6 +43,8 @@ typedef struct {
   link_status_t status;
   bool given;          // an order, since the operation was enabled
   link_order_t order;  // the last one
+  uint32_t point_us;   // of the last target of cyclic velocity
+  uint32_t line_rpm_s;  // slope to it
   span_t command;      // since the last command
   span_t reaching;     // target within its window
   span_t standing;

@@ -92,6 +92,7 @@ void link_order(app_t *app, const link_order_t *order) {
   settings_t *settings = &app->drive.settings;
   const uint32_t state = critical_enter();
   settings->target_rpm = next.target_rpm;
+  settings->line = order->line;
   settings->accel_rpm_s = next.accel_rpm_s;
   settings->accel_rpm_q20 = next.accel_rpm_q20;
   settings->accel_rpm_q8 = next.accel_rpm_q8;

@@ -39,6 +39,7 @@ typedef struct {
   int32_t target_rpm;  // torque mode: limit of the speed, its sign the direction
   int32_t accel_rpm_s;
   int32_t limit_ma;
+  bool line;  // the target is a point of a line that goes on
   bool torque;
   int32_t current_ma;  // torque mode; positive drives in the direction of target_rpm
 } link_order_t;

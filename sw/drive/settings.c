@@ -52,6 +52,7 @@ static bool set_speed_rpm(settings_t *s, const parameters_t *p, int32_t rpm) {
     return false;
   }
   s->target_rpm = rpm;
+  s->line = false;
   return true;
 }
 

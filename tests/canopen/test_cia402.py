@@ -118,10 +118,8 @@ def test_current_limit(turning: NodeBench) -> None:
     assert b.bench.fw.command("get current_limit_a")[0] == "current_limit_a 6.750"
 
 
-# The current that accelerates goes ahead while the ramp moves: a target in small steps has arrived most of the time.
-@pytest.mark.xfail(reason="the new speed law lags behind a target that moves each cycle", strict=True)
 def test_cyclic_velocity(turning: NodeBench) -> None:
-    """Set points by RPDO and SYNC every 2 ms are followed by the ramp of 0x60C5.
+    """Set points by RPDO and SYNC every 2 ms are followed on a line through them.
 
     Verifies: CO-10
     """

@@ -262,7 +262,7 @@ INLINED static void follow_ramp(vector_t *v, const chip_snapshot_t *in, const se
   const int32_t left_rpm_q8 = abs_sat(target_rpm_q8 - v->ramp.value_rpm_q8);
   int32_t now_rpm_q20 = step_rpm_q20;
   int32_t ahead_i_q25 = v->slope.ahead_i_q25;
-  if (__builtin_expect(left_rpm_q8 < v->slope.soft_rpm_q8 && left_rpm_q8 != 0 && !v->sensored, 0)) {
+  if (__builtin_expect(left_rpm_q8 < v->slope.soft_rpm_q8 && left_rpm_q8 != 0 && !v->sensored && !settings->line, 0)) {
     now_rpm_q20 = clamp_i32(gain_apply(left_rpm_q8, p->vector_approach), step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
     ahead_i_q25 = gain_apply(now_rpm_q20, p->vector_accel);
   }
