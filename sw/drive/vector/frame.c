@@ -18,7 +18,6 @@ COLD void vector_frame_off(vector_t *v) {
   vector_lead(v, 0);
   vector_turn(v, 0, false);
   v->reference_i_q25 = (complex_t){0, 0};
-  v->suspicion = 0;
   vector_design_off(v);
   current_off(&v->command);
   if (vector_injects(v)) {
@@ -35,11 +34,8 @@ COLD outcome_t vector_begin(vector_t *v) {
   vector_start_current(v);
   v->slip_checks = 0;
   vector_observe_from(v, zero, zero);
-  v->weakening.current_i_q30 = 0;
-  v->mtpa_i_q25 = 0;
   v->waiting_ticks = 0;
   v->frame = FRAME_FORCED;
-  v->brake_i_q25 = 0;
   v->report.gates = true;
   current_on(&v->command);
   v->report.phase = START_ALIGN;
@@ -57,21 +53,17 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, b
   const uint32_t rotor_q32 = v->sensored ? encoder_angle_q32(v) : angle_q32 - quarter;
   vector_turn(v, (int32_t)(rotor_q32 + (uint32_t)mean_step_q32 - v->report.vector.angle_turn_q32), true);
   vector_lead(v, speed_turn_q36);
-  v->direction = (speed_turn_q36 < 0) ? -1 : 1;
   const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
   current_preset(&v->command, 0, emf_v_q25);
   v->reference_i_q25 = (complex_t){0, 0};
   v->goal_i_q25 = 0;
-  v->weakening.current_i_q30 = 0;
-  v->mtpa_i_q25 = 0;
   v->waiting_ticks = 0;
-  v->suspicion = 0;
   v->frame = FRAME_CAUGHT;
   return true;
 }
 
 // The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
-COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
+void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   if (in->vector.taken) {
     vector_turn(v, 0, true);
     v->waiting_ticks++;
@@ -85,9 +77,6 @@ COLD void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   vector_turn(v, 0, false);
   v->frame = FRAME_OBSERVED;
   vector_track_from(v, 0);
-  ramp_preset(&v->ramp, rpm_q8(v, v->report.vector.speed_turn_q36));
-  v->brake_i_q25 = v->settings->brake_limit_i_q25;
-  vector_speed_preset(&v->speed, &v->speed_gains, v->report.vector.speed_turn_q36, v->report.vector.speed_turn_q36, 0);
   v->report.gates = true;
   current_on(&v->command);
   v->report.catches++;
@@ -120,13 +109,7 @@ COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {
     vector_lead(v, v->report.vector.speed_turn_q36 + ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16);
     change_q32 = (second_q32 - first_q32) / (half * half);
   }
-  v->direction = (v->report.vector.speed_turn_q36 < 0) ? -1 : 1;
-  v->suspicion = 0;
-  v->ahead_most_i_q25 = 0;
   vector_track_from(v, change_q32);
-  ramp_preset(&v->ramp, rpm_q8(v, v->report.vector.speed_turn_q36));
-  v->brake_i_q25 = v->settings->brake_limit_i_q25;
-  vector_speed_preset(&v->speed, &v->speed_gains, v->report.vector.speed_turn_q36, v->report.vector.speed_turn_q36, v->reference_i_q25.im);
   v->report.phase = START_HAND_OVER;
 }
 
@@ -185,14 +168,13 @@ COLD static bool slips(vector_t *v) {
   return v->slip_checks > v->lost.most / 4u * SLIP_FIVE_MS && v->slip_turn_q32 >= QUARTER_TURN;
 }
 
-SHARED outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
+HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
   const parameters_t *p = v->p;
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t target = (v->settings->target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
   const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
   vector_lead(v, if_speed_turn_q36(&v->start));
   v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
-  v->ramp.value_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
   if (v->order->tick % VECTOR_GROUPS == GROUP_SUPERVISION && slips(v)) {
     return stopping ? outcome_of(EVENT_STOPPED) : outcome_because(EVENT_START_FAILED, FAULT_STALLED);
   }

@@ -106,11 +106,11 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->wanted = true;
   v->design_waits = false;
   j->observing = false;
-  v->suspicion = 0;
+  j->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
   v->frame = FRAME_INJECTED;
-  ramp_preset(&v->ramp, 0);
+  ramp_preset(&j->ramp, 0);
   v->report.gates = true;
   current_on(&v->command);
   v->report.phase = START_SEARCH;
@@ -163,9 +163,10 @@ HOT static bool emf_there(vector_t *v) {
 
 // Held by the EMF alone, and that does not hold.
 HOT static bool emf_lost(vector_t *v) {
+  vector_injection_t *j = v->injection;
   const bool bad = !emf_there(v) || abs_sat(v->error_q30) > LOST_ERROR_Q30;
-  v->suspicion = (bad && !v->injection->frame.handover.inject) ? v->suspicion + 1u : 0u;
-  return v->suspicion >= v->lost_checks;
+  j->suspicion = (bad && !j->frame.handover.inject) ? j->suspicion + 1u : 0u;
+  return j->suspicion >= v->lost_checks;
 }
 
 // The search has ended, or the angle is not to be trusted any more.
@@ -189,20 +190,21 @@ HOT static outcome_t supervise(vector_t *v) {
 
 // The target's sign is taken through zero, zero is a target.
 HOT static outcome_t follow_target(vector_t *v) {
+  vector_injection_t *j = v->injection;
   const parameters_t *p = v->p;
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t step_rpm_q20 = clamp_i32(v->settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   const int32_t target_rpm_q8 = (v->order->state == STATE_RUNNING) ? v->settings->target_rpm * 256 : 0;
   tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
   // The ramp need not wait for the speed: the regulator does not wind up.
-  (void)ramp_step(&v->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8,
+  (void)ramp_step(&j->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8,
                   p->speed_max_rpm * 256);
   const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
   if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
     return outcome_fault(FAULT_OVERSPEED);
   }
   const bool stopped =
-      stopping && v->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 >> STOPPED_SHARE_SHIFT;
+      stopping && j->ramp.value_rpm_q8 == 0 && speed_rpm_q8 < v->back_rpm_q8 >> STOPPED_SHARE_SHIFT;
   return outcome_of(stopped ? EVENT_STOPPED : EVENT_STAY);
 }
 
@@ -291,13 +293,12 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
       .emf_error_q30 = v->error_q30,
       .emf_there = j->observing && emf_there(v),
       .by_speed = true,
-      .speed_turn_q36 = gain_apply(v->ramp.value_rpm_q8, v->p->vector_rpm_to_turn),
+      .speed_turn_q36 = gain_apply(j->ramp.value_rpm_q8, v->p->vector_rpm_to_turn),
   };
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
   vector_lead(v, j->command.speed_turn_q36);
   v->reference_i_q25 = j->command.reference_i_q25[0];
-  v->report.limit = j->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
   send_forward(v, seen, in->vector.u_v_q25[0]);
   switch (v->order->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:

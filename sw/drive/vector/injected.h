@@ -26,6 +26,7 @@
 #include "control/injection_frame.h"
 #include "control/complex_regulator.h"
 #include "control/open_phase.h"
+#include "control/ramp.h"
 #include "drive/method.h"
 
 #define WAVE_SAMPLES 4u  // a period of the separator's wave
@@ -41,6 +42,8 @@ typedef struct {
   bool arrived;         // separator: a result in the step before
   bool injecting;       // as the chip was told
   bool wanted;          // the frame wants a wave
+  ramp_t ramp;
+  uint32_t suspicion;   // looks in a row at which the EMF, which alone holds the frame, did not belong to it
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there

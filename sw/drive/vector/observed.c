@@ -46,7 +46,7 @@ HOT static int32_t drift_rad_q32(const vector_t *v, const vector_design_t *desig
   return within_i32(drift_turn_q36, v->drift_most_turn_q36) * v->drift_rad_q32;
 }
 
-INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
+INLINED int32_t vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
   const vector_design_t *design = &v->design[v->used];
   const emf_observer_gains_t *gains = &design->observer;
   const int32_t drift_q32 = drift_rad_q32(v, design);
@@ -59,7 +59,7 @@ INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
     emf_observer_voltage(&v->observer, gains, acting_v_q25(v, in));
   }
   if (!in->taken) {
-    return;
+    return 0;
   }
   const int32_t turn_q32 = v->correct_q32;
   if (turn_q32 >= -SMALL_TURN_Q32 && turn_q32 <= SMALL_TURN_Q32) {
@@ -69,9 +69,9 @@ INLINED void vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
     emf_observer_turn(&v->observer, rotation);
   }
   v->forward_v_q17 = v->command.forward.v_q17[0];
-  v->frame_turn_q32 += (uint32_t)turn_q32;
   v->correct_q32 = 0;
   v->holding = false;
+  return turn_q32;
 }
 
 INLINED void vector_emf_error(vector_t *v, bool seen) {
@@ -120,4 +120,4 @@ void vector_turn(vector_t *v, int32_t turn_q32, bool hold) {
 }
 
 // Of a drive with injection; the control step without one has its own copy.
-SHARED void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in) { vector_observe(v, in); }
+SHARED void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in) { (void)vector_observe(v, in); }

@@ -90,8 +90,8 @@ uint32_t vector_emf_amplitude(vector_t *v);
 // Regulator and frame off.
 void vector_frame_off(vector_t *v);
 
-// One sample of the EMF observer, then the turn of the set that the chip has taken.
-void vector_observe(vector_t *v, const chip_vector_snapshot_t *in);
+// One sample of the EMF observer, then the turn of the set that the chip has taken: returns it.
+int32_t vector_observe(vector_t *v, const chip_vector_snapshot_t *in);
 // The same, of a drive with injection.
 void vector_observe_injected(vector_t *v, const chip_vector_snapshot_t *in);
 

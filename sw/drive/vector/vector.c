@@ -352,6 +352,40 @@ HOT void vector_bound(vector_t *v, complex_t wanted_v_q25) {
   }
 }
 
+// The frame is the rotor's from now on: everything begins at its speed and at the current that flows.
+COLD static void take_over(vector_t *v) {
+  const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
+  v->direction = (speed_turn_q36 < 0) ? -1 : 1;
+  v->suspicion = 0;
+  v->brake_i_q25 = v->settings->brake_limit_i_q25;
+  ramp_preset(&v->ramp, rpm_q8(v, speed_turn_q36));
+  vector_speed_preset(&v->speed, &v->speed_gains, speed_turn_q36, speed_turn_q36, v->reference_i_q25.im);
+}
+
+COLD static void caught_step(vector_t *v, const chip_snapshot_t *in) {
+  vector_caught_step(v, in);
+  if (v->frame == FRAME_OBSERVED) {
+    take_over(v);
+  }
+}
+
+SHARED static outcome_t forced_step(vector_t *v, const chip_snapshot_t *in) {
+  const outcome_t outcome = vector_forced_step(v, in);
+  if (v->frame == FRAME_OBSERVED) {
+    v->ahead_most_i_q25 = 0;
+    take_over(v);
+  } else {
+    v->ramp.value_rpm_q8 = rpm_q8(v, v->report.vector.speed_turn_q36);
+  }
+  return outcome;
+}
+
+INLINED static outcome_t injected_step(vector_t *v, const chip_snapshot_t *in) {
+  const outcome_t outcome = vector_injection_step(v, in);
+  v->report.limit = v->injection->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
+  return outcome;
+}
+
 // What is committed in this step, for the regulator in C.
 SHARED static void stage_direct(vector_t *v, const vector_command_t *c) {
   const complex_t preset_v_q25 = {c->control.preset_v_q17[0].re * 256, c->control.preset_v_q17[0].im * 256};
@@ -427,6 +461,8 @@ COLD void vector_start(vector_t *v, const order_t *order, const settings_t *sett
   (void)order;
   (void)settings;
   coast_begin(&v->coast);
+  v->weakening.current_i_q30 = 0;
+  v->mtpa_i_q25 = 0;
   v->report.phase = START_COAST;
 }
 
@@ -469,14 +505,14 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
     return (order->state == STATE_STARTING) ? coast_step(v, in) : outcome_of(EVENT_STAY);
   }
   if (v->frame == FRAME_CAUGHT) {
-    vector_caught_step(v, in);
+    caught_step(v, in);
     return outcome_of(EVENT_STAY);
   }
   if (vector_frame_is_injected(v)) {
-    return vector_injection_step(v, in);
+    return injected_step(v, in);
   }
-  vector_observe(v, &in->vector);
-  return (v->frame == FRAME_FORCED) ? vector_forced_step(v, in) : observed_step(v, in, order, settings);
+  v->frame_turn_q32 += (uint32_t)vector_observe(v, &in->vector);
+  return (v->frame == FRAME_FORCED) ? forced_step(v, in) : observed_step(v, in, order, settings);
 }
 
 INLINED void vector_finish(vector_t *v, const order_t *order) {
@@ -497,6 +533,8 @@ INLINED void vector_finish(vector_t *v, const order_t *order) {
     v->report.current_i_q25 = v->report.vector.current_i_q17.im * 256;
     if (vector_injects(v)) {
       vector_injection_report(v);
+      const bool observed = v->frame == FRAME_CAUGHT || v->frame == FRAME_OBSERVED;
+      v->report.demand_rpm_q8 = observed ? v->ramp.value_rpm_q8 : v->injection->ramp.value_rpm_q8;
     }
   }
 }
