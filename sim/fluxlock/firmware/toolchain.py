@@ -304,12 +304,14 @@ def _build_image(
     return image
 
 
-def build_host_library(build_dir: Path | None = None, can_method: str | None = None) -> Path:
+def build_host_library(build_dir: Path | None = None, can_method: str | None = None, phases: int = 3) -> Path:
     """Shared library of the same sources for this machine, undefined behaviour traps; cached by content hash.
 
     can_method: without what the image with the CANopen node leaves out.
     """
     folder = build_dir or BUILD / "firmware"
+    if phases != 3:
+        return _host_library(f"libfluxlock-{phases}", [], folder, "", (f"-DPHASES={phases}",))
     if can_method is not None:
         return _host_library(f"libfluxlock-{can_method}", [], folder, "", (HELD[can_method],))
     return _host_library("libfluxlock", [], folder)
