@@ -339,11 +339,8 @@ CLEARED: Final = (
     "start_auto_zero",
 )  # by the hardware layer, in a section of the command
 MAILBOX: Final = ("request", "settings", "settings_fresh")  # of drive_t: left by console and bus, taken by the step
+SIX_STEP: Final = "drive/six_step/six_step.c"
 EITHER: Final = ("report_t", "six_step_report_t")  # by the method that drives
-METHODS: Final = ("drive/six_step/six_step.c", "drive/vector/")
-# The vector drive's records are not divided by file yet: so many fields at most. The number may only fall.
-UNDIVIDED: Final = "drive/vector/"
-UNDIVIDED_FIELDS: Final = 6
 
 
 def _layer(name: str) -> tuple[int, str]:
@@ -363,21 +360,16 @@ def _owners(record: str, fld: str, files: frozenset[str]) -> frozenset[str]:
     if (record == "drive_t" and fld in MAILBOX) or not owners:
         return frozenset()
     if record in EITHER:
-        files = files - {METHODS[0]}
+        files = files - {SIX_STEP}
     return files
 
 
 def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
     """What breaks the rules, by name."""
-    undivided = []
     for (record, fld), files in sorted(shape.writers.items()):
         owners = _owners(record, fld, files)
-        if len(owners) > 1 and all(file.startswith(UNDIVIDED) for file in owners):
-            undivided.append(f"{record}.{fld}")
-        elif len(owners) > 1:
+        if len(owners) > 1:
             yield f"{record}.{fld} is written by {' and '.join(sorted(owners))}"
-    if len(undivided) > UNDIVIDED_FIELDS:
-        yield f"{len(undivided)} fields of {UNDIVIDED} have several writing files, {UNDIVIDED_FIELDS} may: {undivided}"
     for verb, graph in (("includes", shape.includes), ("calls", shape.calls)):
         inside = within(graph, DRIVE)
         for circle in circles(inside):

@@ -26,6 +26,18 @@ PLANTED = {
         "void spoil_pointer(start_t *s) { int32_t *at = &s->accel_rpm_q20; *at = 0; }\n",
         "start_t.accel_rpm_q20 is written by drive/six_step/six_step.c and drive/six_step/start.c",
     ),
+    "second-writer-of-the-report": (
+        "vector/injected.c",
+        "COLD void vector_injection_off(",
+        "void spoil_report(vector_t *v) { v->report.limit = LIMIT_NONE; }\n",
+        "report_t.limit is written by drive/vector/injected.c and drive/vector/vector.c",
+    ),
+    "second-writer-of-the-vector-drive": (
+        "vector/frame.c",
+        "COLD bool vector_catch(",
+        "void spoil_vector(vector_t *v) { v->direction = 0; }\n",
+        "vector_t.direction is written by drive/vector/frame.c and drive/vector/vector.c",
+    ),
     "second-owner-of-a-section": (
         "six_step/hall.c",
         "HOT hall_advice_t hall_step(",

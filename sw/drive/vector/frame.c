@@ -17,7 +17,7 @@ COLD void vector_frame_off(vector_t *v) {
   tell_speed(v, 0, false);
   vector_lead(v, 0);
   vector_turn(v, 0, false);
-  v->reference_i_q25 = (complex_t){0, 0};
+  v->report.gates = false;
   vector_design_off(v);
   current_off(&v->command);
   if (vector_injects(v)) {
@@ -25,10 +25,9 @@ COLD void vector_frame_off(vector_t *v) {
   }
 }
 
-COLD outcome_t vector_begin(vector_t *v) {
-  if (vector_injects(v)) {
-    return vector_injection_begin(v);
-  }
+void vector_frame_coast(vector_t *v) { v->report.phase = START_COAST; }
+
+static void begin_forced(vector_t *v) {
   const complex_t zero = {0, 0};
   if_begin(&v->start);
   vector_start_current(v);
@@ -36,9 +35,22 @@ COLD outcome_t vector_begin(vector_t *v) {
   vector_observe_from(v, zero, zero);
   v->waiting_ticks = 0;
   v->frame = FRAME_FORCED;
+  v->report.phase = START_ALIGN;
+}
+
+COLD outcome_t vector_begin(vector_t *v) {
+  if (vector_injects(v)) {
+    const outcome_t refused = vector_injection_begin(v);
+    if (outcome_event(refused) != EVENT_STAY) {
+      return refused;
+    }
+    v->frame = FRAME_INJECTED;
+    v->report.phase = START_SEARCH;
+  } else {
+    begin_forced(v);
+  }
   v->report.gates = true;
   current_on(&v->command);
-  v->report.phase = START_ALIGN;
   return outcome_of(EVENT_STAY);
 }
 
@@ -55,8 +67,6 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, b
   vector_lead(v, speed_turn_q36);
   const complex_t emf_v_q25 = {0, gain_apply(speed_turn_q36, p->vector_flux)};
   current_preset(&v->command, 0, emf_v_q25);
-  v->reference_i_q25 = (complex_t){0, 0};
-  v->goal_i_q25 = 0;
   v->waiting_ticks = 0;
   v->frame = FRAME_CAUGHT;
   return true;
@@ -84,18 +94,17 @@ void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
 }
 
 // The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it
-// remembers of the error is made anew meanwhile.
-COLD static void turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
+// remembers of the error is made anew meanwhile. Returns the current of now, seen from there.
+COLD static complex_t turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t turn_q32, complex_t current_i_q25) {
   const complex_t rotation = rotation_q30(turn_q32);
   vector_turn(v, turn_q32, true);
-  v->reference_i_q25 = complex_mul_q30(current_i_q25, rotation);
-  v->goal_i_q25 = v->reference_i_q25.re;
   vector_design_turn(v, rotation);
   current_preset(&v->command, 0, complex_mul_q30(in->vector.u_v_q25[0], rotation));
+  return complex_mul_q30(current_i_q25, rotation);
 }
 
-COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {
-  turn_frame(v, in, v->start.turn_q32, v->reference_i_q25);
+COLD static complex_t hand_over(vector_t *v, const chip_snapshot_t *in) {
+  const complex_t reference_i_q25 = turn_frame(v, in, v->start.turn_q32, (complex_t){v->start.current_i_q25, 0});
   v->frame = FRAME_OBSERVED;
   // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
   // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick. By the
@@ -111,18 +120,19 @@ COLD static void hand_over(vector_t *v, const chip_snapshot_t *in) {
   }
   vector_track_from(v, change_q32);
   v->report.phase = START_HAND_OVER;
+  return reference_i_q25;
 }
 
 // The current lies on d again: of the same length, so that nothing jumps.
-COLD outcome_t vector_hand_back(vector_t *v, const chip_snapshot_t *in) {
+COLD complex_t vector_hand_back(vector_t *v, const chip_snapshot_t *in) {
   const complex_t current = v->reference_i_q25;
-  turn_frame(v, in, if_turn_back_q32(current), current);
+  const complex_t reference_i_q25 = turn_frame(v, in, if_turn_back_q32(current), current);
   if_resume(&v->start, &v->start_settings, v->report.vector.speed_turn_q36, complex_abs(current));
   v->waiting_ticks = 0;
   v->slip_checks = 0;
   v->frame = FRAME_FORCED;
   v->report.phase = START_RAMP;
-  return outcome_of(EVENT_HANDED_BACK);
+  return reference_i_q25;
 }
 
 // The rotor swings about the standing current.
@@ -132,6 +142,8 @@ COLD static void watch_alignment(vector_t *v) {
   }
   encoder_swing_step(&v->swing, v->encoder_turn_q32);
 }
+
+void vector_mounting_known(vector_t *v) { v->encoder_offset_q32 = (uint32_t)v->p->encoder_offset_q32; }
 
 COLD static void learn_mounting(vector_t *v, const chip_vector_snapshot_t *in) {
   if (!in->encoder_indexed) {
@@ -168,13 +180,13 @@ COLD static bool slips(vector_t *v) {
   return v->slip_checks > v->lost.most / 4u * SLIP_FIVE_MS && v->slip_turn_q32 >= QUARTER_TURN;
 }
 
-HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
+HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex_t *reference_i_q25) {
   const parameters_t *p = v->p;
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t target = (v->settings->target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
   const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
   vector_lead(v, if_speed_turn_q36(&v->start));
-  v->reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
+  *reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
   if (v->order->tick % VECTOR_GROUPS == GROUP_SUPERVISION && slips(v)) {
     return stopping ? outcome_of(EVENT_STOPPED) : outcome_because(EVENT_START_FAILED, FAULT_STALLED);
   }
@@ -193,7 +205,7 @@ HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
     if (v->report.phase == START_RAMP) {
       v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
       v->start.steady_ticks = 0;
-      hand_over(v, in);
+      *reference_i_q25 = hand_over(v, in);
     }
     return outcome_of(EVENT_STAY);
   }
@@ -211,7 +223,7 @@ HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in) {
     v->turn_middle_q32 = v->start.turn_q32;
   }
   if (ready) {
-    hand_over(v, in);
+    *reference_i_q25 = hand_over(v, in);
     return outcome_of(EVENT_STAY);
   }
   v->waiting_ticks++;

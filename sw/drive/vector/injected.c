@@ -109,11 +109,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->suspicion = 0;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
-  v->frame = FRAME_INJECTED;
   ramp_preset(&j->ramp, 0);
-  v->report.gates = true;
-  current_on(&v->command);
-  v->report.phase = START_SEARCH;
   return refused;
 }
 
@@ -298,7 +294,6 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
   vector_lead(v, j->command.speed_turn_q36);
-  v->reference_i_q25 = j->command.reference_i_q25[0];
   send_forward(v, seen, in->vector.u_v_q25[0]);
   switch (v->order->tick % VECTOR_GROUPS) {
     case GROUP_SPEED:

@@ -87,7 +87,13 @@ void vector_track(vector_t *v, bool taken);
 // Length of the observed EMF within 7 per cent, which is shown too.
 uint32_t vector_emf_amplitude(vector_t *v);
 
-// Regulator and frame off.
+// The encoder's index has come: its offset is the one of the parameters, not what the alignment has shown.
+void vector_mounting_known(vector_t *v);
+
+// The rotor coasts before a start.
+void vector_frame_coast(vector_t *v);
+
+// Gates, regulator and frame off.
 void vector_frame_off(vector_t *v);
 
 // One sample of the EMF observer, then the turn of the set that the chip has taken: returns it.
@@ -109,10 +115,10 @@ void vector_design_off(vector_t *v);
 // A caught rotor: from the frame that goes along to the gates.
 void vector_caught_step(vector_t *v, const chip_snapshot_t *in);
 
-// One step with the forced frame, to the hand-over.
-outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in);
+// One step with the forced frame, to the hand-over, and the reference of the current.
+outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex_t *reference_i_q25);
 
-// From the observed frame to the forced one.
-outcome_t vector_hand_back(vector_t *v, const chip_snapshot_t *in);
+// From the observed frame to the forced one: the reference of the current there.
+complex_t vector_hand_back(vector_t *v, const chip_snapshot_t *in);
 
 #endif

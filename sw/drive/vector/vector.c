@@ -64,16 +64,14 @@ COLD static void doubt_index(vector_t *v) {
   const uint32_t angle_q32 = v->encoder_turn_q32 + (uint32_t)v->p->encoder_offset_q32;
   const int32_t jump_q32 = (int32_t)(angle_q32 - v->frame_turn_q32);
   v->indexed = true;
+  vector_mounting_known(v);
   v->index_jumped = v->frame == FRAME_OBSERVED && is_far(jump_q32);
 }
 
 HOT static void read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
   v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->report.vector.speed_turn_q36);
-  if (in->encoder_indexed) {
-    if (__builtin_expect(!v->indexed, 0)) {
-      doubt_index(v);
-    }
-    v->encoder_offset_q32 = (uint32_t)v->p->encoder_offset_q32;
+  if (__builtin_expect(in->encoder_indexed && !v->indexed, 0)) {
+    doubt_index(v);
   }
 }
 
@@ -289,7 +287,8 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
     return outcome_fault(FAULT_OVERSPEED);
   }
   if (slow && v->reference_i_q25.re == v->goal_i_q25 && speed_rpm_q8 <= v->back_rpm_q8 + v->back_rpm_q8 / 16) {
-    return vector_hand_back(v, in);
+    v->reference_i_q25 = vector_hand_back(v, in);
+    return outcome_of(EVENT_HANDED_BACK);
   }
   return outcome_of(EVENT_STAY);
 }
@@ -357,6 +356,7 @@ COLD static void take_over(vector_t *v) {
   const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
   v->direction = (speed_turn_q36 < 0) ? -1 : 1;
   v->suspicion = 0;
+  v->goal_i_q25 = v->reference_i_q25.re;
   v->brake_i_q25 = v->settings->brake_limit_i_q25;
   ramp_preset(&v->ramp, rpm_q8(v, speed_turn_q36));
   vector_speed_preset(&v->speed, &v->speed_gains, speed_turn_q36, speed_turn_q36, v->reference_i_q25.im);
@@ -370,7 +370,7 @@ COLD static void caught_step(vector_t *v, const chip_snapshot_t *in) {
 }
 
 SHARED static outcome_t forced_step(vector_t *v, const chip_snapshot_t *in) {
-  const outcome_t outcome = vector_forced_step(v, in);
+  const outcome_t outcome = vector_forced_step(v, in, &v->reference_i_q25);
   if (v->frame == FRAME_OBSERVED) {
     v->ahead_most_i_q25 = 0;
     take_over(v);
@@ -382,6 +382,7 @@ SHARED static outcome_t forced_step(vector_t *v, const chip_snapshot_t *in) {
 
 INLINED static outcome_t injected_step(vector_t *v, const chip_snapshot_t *in) {
   const outcome_t outcome = vector_injection_step(v, in);
+  v->reference_i_q25 = v->injection->command.reference_i_q25[0];
   v->report.limit = v->injection->frame.limited ? LIMIT_CURRENT : LIMIT_NONE;
   return outcome;
 }
@@ -430,7 +431,7 @@ COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
 
 COLD void vector_off(vector_t *v) {
   vector_frame_off(v);
-  v->report.gates = false;
+  v->reference_i_q25 = (complex_t){0, 0};
   v->report.limit = LIMIT_NONE;
 }
 
@@ -463,7 +464,7 @@ COLD void vector_start(vector_t *v, const order_t *order, const settings_t *sett
   coast_begin(&v->coast);
   v->weakening.current_i_q30 = 0;
   v->mtpa_i_q25 = 0;
-  v->report.phase = START_COAST;
+  vector_frame_coast(v);
 }
 
 bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t *order) {
