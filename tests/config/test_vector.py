@@ -328,6 +328,7 @@ def test_window_has_the_delay_that_the_model_has() -> None:
         double, window = rng.random() < 0.5, rng.choice(["sample", "carrier"])
         place = rng.choice(["rtl", "c"])
         vector = {"update": "double" if double else "single", "window": window, "current_regulator": place}
+        vector |= {"pll_hz": 200.0, "speed_hz": 20.0}  # their rule is not asked
         drive = machines.drive(method="vector", carrier_hz=carrier_hz, vector=vector)
         shortest = shortest_delay(drive, inverter)
         count = 1.0 / update_hz(drive) / inverter.sensing.sample_period_s

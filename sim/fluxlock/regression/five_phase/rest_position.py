@@ -126,7 +126,7 @@ def row_of(name: str, saturation: Saturation, found: Sequence[Trial], note: str)
     return Row(f"five-phase/rest-position/{name}", conditions, values, limits, note)
 
 
-@case("five-phase/rest-position", tested=True)
+@case("five-phase/rest-position")
 def rest_position(runner: Runner) -> Iterator[Row]:
     """Random rest angles, polarity unknown, two saturations: result, duration, motion; host and chip."""
     settings = search_settings(parameter_block(load_scenario(ROOT / "scenarios" / SCENARIO)))

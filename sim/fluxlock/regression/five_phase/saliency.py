@@ -28,7 +28,7 @@ def expected_share(ratio: float) -> float:
 def saliency(runner: Runner) -> Iterator[Row]:
     """Three-phase IPM, inductances believed smaller than they are: current derated, then the fault no_saliency."""
     for believed in BELIEVED:
-        if runner.quick and believed == BELIEVED[0]:
+        if runner.quick and believed != BELIEVED[-1]:
             continue
         events = [
             event(0.002, "speed_rpm", 200.0),
