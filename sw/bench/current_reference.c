@@ -70,14 +70,12 @@ static void design(vector_command_t *command) {
       .harmonic = 1,
       .park = (parameters.vector_park != 0) ? PARK_EXACT : PARK_HELD,
   };
-  const regulator_design_t order = {(regulator_order_t)parameters.vector_order, parameters.vector_bandwidth_q30,
-                                    parameters.vector_gamma_q30};
   vector_plant_t plant;
   vector_model_t model;
   regulator_gains_t gains = {0};
   vector_plant(&plant, &machine);
   vector_model(&model, &plant, command->omega_turn_q36);
-  (void)regulator_design(&gains, &order, &plant.machine, &model);
+  (void)regulator_design(&gains, &parameters.vector_regulator, &plant.machine, &model);
   command->gains.gain[0] = gains.g;
   command->gains.hold[0] = gains.h;
   command->gains.ratio_q17[0] = gains.ratio_q17;

@@ -15,7 +15,6 @@
 #ifndef FL_CROSS_COUPLING_H
 #define FL_CROSS_COUPLING_H
 
-#include <stdbool.h>
 #include <stdint.h>
 
 #include "control/complex_fixed.h"
@@ -25,7 +24,7 @@ typedef struct {
   int32_t c_q32[4];    // 2^32 = one turn; the sums of their sizes below a quarter turn
   gain_t current;      // i_q25 -> x_q29: 2^29 / i_max
   int32_t filter_q16;  // share of the new current a step, 0..2^16
-  bool following;
+  int32_t following;   // 1: the frame moves with the curve
 } cross_coupling_settings_t;
 
 typedef struct {

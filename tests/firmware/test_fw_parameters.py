@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,8 @@ from fluxlock.firmware import (
     write_image,
 )
 from fluxlock.firmware.host import HostFirmware
-from fluxlock.firmware.schema import HEADER_WORDS, c_header, markdown_table
-from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES
+from fluxlock.firmware.schema import HEADER_WORDS, SCHEMA_FILE, Schema, c_header, markdown_table
+from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES, SW
 from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from fluxlock.paths import REGISTER_BLOCKS, ROOT
 from tests.firmware import machines
@@ -249,12 +250,51 @@ def test_schema_makes_header_and_table() -> None:
     schema = load_schema()
     header, table = c_header(schema), markdown_table(schema)
     for p in schema.parameters:
-        assert header.count(f" {p.name}") >= 1
+        assert header.count(f"parameters_t, {p.member})" if p.member else f" {p.name}") >= 1
         assert table.count(f"| `{p.name}`") == 1
         assert p.min <= p.max
     changed = replace(schema, parameters=(*schema.parameters[1:], schema.parameters[0]))
     assert changed.version_word != schema.version_word
     assert 4 * (schema.words + HEADER_WORDS) <= 2048
+
+
+def swapped(schema: Schema, first: str, second: str) -> Schema:
+    """Two parameters with each other's places of their groups."""
+    member = {first: schema[second].member, second: schema[first].member}
+    return replace(schema, parameters=tuple(replace(p, member=member.get(p.name, p.member)) for p in schema.parameters))
+
+
+@pytest.mark.parametrize(
+    "names", [(), ("vector_pll_angle", "vector_pll_speed"), ("vector_speed_ki", "vector_speed_kp")]
+)
+def test_groups_are_records_of_control(names: tuple[str, str] | tuple[()], tmp_path: Path) -> None:
+    """The compiler takes the groups as they are, and names a parameter that lies elsewhere than the record has it.
+
+    Verifies: FW-12
+    """
+    schema = load_schema()
+    source = tmp_path / "params.c"
+    source.write_text(c_header(swapped(schema, *names) if names else schema))
+    system = resources.files("ziglang") / "lib" / "include"
+    clang = [sys.executable, "-m", "ziglang", "clang", "-target", "riscv32-freestanding-none", "-std=c11"]
+    command = [*clang, "-fsyntax-only", f"-isystem{system}", f"-I{SW}", str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == (not names), done.stderr
+    for name in names:
+        assert "static assertion failed" in done.stderr and f": {name}" in done.stderr
+
+
+def test_group_is_one_run(tmp_path: Path) -> None:
+    """A group whose parameters are not one after the other is refused.
+
+    Verifies: FW-12
+    """
+    text = SCHEMA_FILE.read_text()
+    apart = text.replace('member = "vector_pll.speed"\n', "")
+    path = tmp_path / "params.toml"
+    path.write_text(apart)
+    with pytest.raises(ValueError, match="each group is one run of parameters"):
+        load_schema(path)
 
 
 MOTORS = [

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,12 @@ class Parameter:
     min: int
     max: int
     description: str
+    member: str = ""  # of a group, `group.member`: of its first word
+
+    @property
+    def group(self) -> str:
+        """The record of `control/` that it is a part of, if it is."""
+        return self.member.partition(".")[0]
 
     @property
     def words(self) -> int:
@@ -41,11 +48,21 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Group:
+    """Parameters, one after the other, that are a record of `control/`, which takes them as they lie in the block."""
+
+    name: str
+    record: str  # type in C
+    header: str
+
+
+@dataclass(frozen=True)
 class Schema:
     """All parameters in block order."""
 
     version: int
     parameters: tuple[Parameter, ...]
+    groups: tuple[Group, ...] = ()
 
     @cached_property
     def words(self) -> int:
@@ -107,13 +124,39 @@ def load_schema(path: Path = SCHEMA_FILE) -> Schema:
             min=int(entry.get("min", SHIFT_MIN) if entry.get("kind") == "gain" else entry["min"]),
             max=int(entry.get("max", SHIFT_MAX) if entry.get("kind") == "gain" else entry["max"]),
             description=entry["description"],
+            member=entry.get("member", ""),
         )
         for entry in _entries(data["parameter"])
     )
     names = [p.name for p in parameters]
     if len(set(names)) != len(names):
         raise ValueError(f"{path}: parameter names are not unique")
-    return Schema(int(data["version"]), parameters)
+    groups = tuple(Group(entry["name"], entry["record"], entry["header"]) for entry in data["group"])
+    runs = [group for group, _ in groupby(p.group for p in parameters) if group]
+    if sorted(runs) != sorted(group.name for group in groups):
+        raise ValueError(f"{path}: each group is one run of parameters: {runs}")
+    return Schema(int(data["version"]), parameters, groups)
+
+
+def _fields(schema: Schema) -> Iterator[str]:
+    """Members of the struct."""
+    records = {group.name: group.record for group in schema.groups}
+    for group, parameters in groupby(schema.parameters, lambda p: p.group):
+        if group:
+            yield f"  {records[group]} {group};"
+            continue
+        for p in parameters:
+            c_type = "gain_t" if p.kind == "gain" else "int32_t"
+            suffix = f"[{p.count}]" if p.count > 1 else ""
+            yield f"  {c_type} {p.name}{suffix};  // {p.unit}: {p.description}"
+
+
+def _places(schema: Schema) -> Iterator[str]:
+    """Every member of a group lies where the block has it."""
+    for p in schema.parameters:
+        if p.group:
+            place = f"offsetof(parameters_t, {p.member}) == {4 * schema.offsets[p.name]}u"
+            yield f'_Static_assert({place}, "{p.name}");'
 
 
 def c_header(schema: Schema) -> str:
@@ -123,21 +166,18 @@ def c_header(schema: Schema) -> str:
         "#ifndef FL_PARAMS_H",
         "#define FL_PARAMS_H",
         "",
+        "#include <stddef.h>",
         "#include <stdint.h>",
         "",
         '#include "control/fixed.h"',
+        *sorted({f'#include "{group.header}"' for group in schema.groups}),
         "",
         f"#define PARAMETER_MAGIC 0x{MAGIC:08X}u",
         f"#define PARAMETER_VERSION 0x{schema.version_word:08X}u",
         f"#define PARAMETER_WORDS {schema.words}u",
         "",
         "typedef struct {",
-    ]
-    for p in schema.parameters:
-        c_type = "gain_t" if p.kind == "gain" else "int32_t"
-        suffix = f"[{p.count}]" if p.count > 1 else ""
-        lines.append(f"  {c_type} {p.name}{suffix};  // {p.unit}: {p.description}")
-    lines += [
+        *_fields(schema),
         "} parameters_t;",
         "",
         "typedef struct {",
@@ -149,6 +189,7 @@ def c_header(schema: Schema) -> str:
         "} parameter_block_t;",
         "",
         '_Static_assert(sizeof(parameters_t) == 4u * PARAMETER_WORDS, "parameter layout");',
+        *_places(schema),
         "",
         "// Range of one value of the block. min above max: a gain, two words, the second within max..min.",
         "typedef struct {",

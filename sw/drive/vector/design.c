@@ -120,17 +120,8 @@ COLD void vector_constants(vector_t *v) {
                                       (uint32_t)p->vector_slope);
     v->zone_i_q17 = (zone < SAMPLE_MAX_Q17) ? zone : SAMPLE_MAX_Q17;
   }
-  v->regulator_order = (regulator_design_t){(regulator_order_t)p->vector_order, p->vector_bandwidth_q30, p->vector_gamma_q30};
-  v->start_settings = (if_settings_t){
-      .current_i_q25 = p->vector_start_i_q25,
-      .rise_i_q25 = p->vector_start_rise_i_q25,
-      .align_ticks = (uint32_t)p->vector_start_align_ticks,
-      .acceleration_turn_q44 = p->vector_start_accel_turn_q44,
-      .minimum_v_q25 = (uint32_t)p->vector_emf_minimum_v_q25,
-      .tolerance_turn_q32 = p->vector_start_tolerance_q32,
-      .steady_ticks = (uint32_t)p->vector_start_steady_ticks,
-  };
-  v->speed_gains = (pi_gains_t){p->vector_speed_kp, per_round(p->vector_speed_ki)};
+  v->start_settings = p->vector_start;
+  v->speed_gains = (pi_gains_t){p->vector_speed.kp, per_round(p->vector_speed.ki)};
   v->weakening_ki = per_round(p->vector_weakening_ki);
   // numerator * 2^-36, the numerator to 30 bits.
   uint64_t numerator = v->speed_numerator_q8;
@@ -169,13 +160,13 @@ COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
   if (v->frame == FRAME_OBSERVED) {
     v->model.phi_q30 = complex_scale_q30(phi_q30, v->p->vector_damping_q30);
   }
-  v->fits = regulator_design(gains, &v->regulator_order, &v->regulated->machine, &v->model);
+  v->fits = regulator_design(gains, &v->p->vector_regulator, &v->regulated->machine, &v->model);
   v->model.phi_q30 = phi_q30;
 }
 
 COLD void vector_start_current(vector_t *v) {
   const int32_t most_i_q25 = v->settings->current_limit_q17 * 192;
-  int32_t current_i_q25 = v->p->vector_start_i_q25;
+  int32_t current_i_q25 = v->p->vector_start.current_i_q25;
   for (uint32_t k = 0; k < v->order->failed_starts && current_i_q25 < most_i_q25; k++) {
     current_i_q25 += current_i_q25 / 5 * 2;
     current_i_q25 = (current_i_q25 < most_i_q25) ? current_i_q25 : most_i_q25;
@@ -219,7 +210,8 @@ void vector_design(vector_t *v) {
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
   } else if (vector_injects(v)) {
     vector_model(&v->model, &v->injection->third, v->report.vector.speed_turn_q36);
-    v->fits = regulator_design(&v->injection->third_gains, &v->regulator_order, &v->injection->third.machine, &v->model) &&
+    v->fits = regulator_design(&v->injection->third_gains, &p->vector_regulator, &v->injection->third.machine,
+                               &v->model) &&
               v->fits;
   }
   __atomic_signal_fence(__ATOMIC_RELEASE);

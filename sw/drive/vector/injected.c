@@ -16,7 +16,7 @@
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
 // Results of a wave that is there again until they count, over those that are left out where a frame was turned.
-#define HANDOVER_RESULTS 3
+#define HANDOVER_RESULTS 3u
 // Noise of the angle, 0.3 and 0.6 rad.
 #define DERATE_NOISE_Q16 19661u
 #define FAULT_NOISE_Q16 39322u
@@ -40,23 +40,13 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
       .shift = INJECTION_SHIFT,
       .minimum_i_q17 = (uint32_t)p->injection_least_i_q21 >> 4,
   };
-  s->rest = (rest_position_settings_t){
-      .settle = (uint32_t)p->injection_search_results[0],
-      .frame_count = (uint32_t)p->injection_search_results[1],
-      .lock = (uint32_t)p->injection_search_results[2],
-      .current_settle = (uint32_t)p->injection_search_results[3],
-      .current_count = (uint32_t)p->injection_search_results[4],
-      .current_i_q25 = p->injection_search_i_q25,
-      .rise_i_q25 = p->injection_search_rise_i_q25,
-      .sure_q16 = p->injection_search_sure_q16,
-      .minimum_i_q21 = p->injection_search_least_i_q21,
-  };
+  s->rest = p->injection_rest;
   // Without a speed of hand-over the EMF never takes over.
   s->handover = (injection_handover_settings_t){INT32_MAX, INT32_MAX - 1, 1, 1};
   if (hands_over(p)) {
     s->handover = (injection_handover_settings_t){p->vector_handover_turn_q36, p->vector_back_turn_q36,
                                                   p->injection_fade_q16,
-                                                  (uint32_t)(HANDOVER_RESULTS * p->injection_search_results[0])};
+                                                  HANDOVER_RESULTS * p->injection_rest.settle};
   }
   s->validity = (injection_validity_settings_t){
       .minimum_i_q21 = p->injection_least_i_q21,
@@ -70,15 +60,10 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
       .filter_shift = p->injection_filter_shift,
       .fault_results = (uint32_t)p->injection_fault_results,
   };
-  s->pll = v->pll_gains;
+  s->pll = p->vector_pll;
   s->sequence = (angle_sequence_t)p->injection_sequence;
-  for (uint32_t k = 0; k < 4u; k++) {
-    s->coupling.c_q32[k] = p->injection_curve_q32[k];
-  }
-  s->coupling.current = p->injection_curve_current;
-  s->coupling.filter_q16 = p->injection_curve_filter_q16;
-  s->coupling.following = p->injection_following != 0;
-  s->speed = (pi_gains_t){p->vector_speed_kp, p->vector_speed_ki};
+  s->coupling = p->injection_coupling;
+  s->speed = p->vector_speed;
   s->speed_filter_q16 = p->injection_speed_filter_q16;
   s->third_q16 = p->injection_third_q16;
 }

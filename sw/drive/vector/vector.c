@@ -280,7 +280,7 @@ HOT static outcome_t regulate_speed(vector_t *v, const chip_snapshot_t *in, cons
   follow_ramp(v, in, settings, v->direction * (down ? v->back_rpm_q8 : target_rpm_q8));
   const int32_t speed_rpm_q8 = v->direction * v->report.speed_rpm_q8;
   const bool slow = down && speed_rpm_q8 < v->handover_rpm_q8;
-  v->goal_i_q25 = slow ? p->vector_start_i_q25 : v->weakening.current_i_q30 >> 5;
+  v->goal_i_q25 = slow ? p->vector_start.current_i_q25 : v->weakening.current_i_q30 >> 5;
   // An estimate in doubt gets the name of what is wrong with it, 5 ms later at most.
   if (speed_rpm_q8 / 256 > p->overspeed_rpm && v->suspicion == 0u &&
       abs_sat(v->error_q30) < LOST_ERROR_Q30) {
@@ -441,8 +441,7 @@ COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, 
   v->order = order;
   v->settings = settings;
   v->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
-  v->pll_gains = (pll_gains_t){p->vector_pll_angle, p->vector_pll_speed, p->vector_pll_acceleration,
-                               p->vector_speed_max_turn_q36};
+  v->pll_gains = p->vector_pll;
   if (p->injection != 0 && (HELD & HELD_INJECTION) != 0) {
     const vector_machine_t machine = vector_machine(p);
     vector_injection_init(v, &machine);

@@ -108,7 +108,6 @@ typedef struct vector {
   bool salient;  // the observer has a model of its own
   uint32_t stages;  // of a design
   vector_machine_t per_tick;  // of the samples of a tick
-  regulator_design_t regulator_order;
   int32_t drift_rad_q32;        // turn in a tick by a speed of 2^-36 turn a clock
   int32_t drift_most_turn_q36;  // speed by which the frame turns 2^-4 rad in a tick
   pll_gains_t pll_gains;
