@@ -69,7 +69,9 @@ void canopen_receive(canopen_t *node, const can_frame_t *frame) {
       sdo_receive(node, frame);
     }
   } else if (frame->id > 0x700u && frame->id <= 0x77Fu) {
-    if (frame->length == 1u) {
+    if (frame->id == 0x700u + node->node_id) {
+      emcy_event(node, EMCY_COLLISION, node->node_id);
+    } else if (frame->length == 1u) {
       nmt_heartbeat(node, frame->id - 0x700u);
     }
   } else if (state == NMT_OPERATIONAL) {
@@ -100,10 +102,9 @@ can_filter_t canopen_wanted(const canopen_t *node, uint32_t k) {
     case 2:
       filter.id = 0x600u + node->node_id;
       break;
-    case 3:  // heartbeats, where one is watched
-      filter.id = 0x700u;
-      filter.mask = 0x780u;
-      filter.enable = nmt_watches(node);
+    case 3:  // heartbeats of all where one is watched, else of this node-ID: there is another one
+      filter.id = nmt_watches(node) ? 0x700u : 0x700u + node->node_id;
+      filter.mask = nmt_watches(node) ? 0x780u : 0x7FFu;
       break;
     default:
       filter.id = node->pdo.rpdo[k - 4u].map.can_id;
@@ -120,9 +121,6 @@ void canopen_bus_off(canopen_t *node) {
 
 void canopen_bus_back(canopen_t *node) { emcy_clear(node, EMCY_BUS_OFF); }
 
-void canopen_overrun(canopen_t *node) {
-  emcy_set(node, EMCY_OVERRUN, 0);
-  emcy_clear(node, EMCY_OVERRUN);
-}
+void canopen_overrun(canopen_t *node) { emcy_event(node, EMCY_OVERRUN, 0); }
 
 SMALL_CODE_END

@@ -11,6 +11,7 @@ SMALL_CODE_BEGIN
 #define LIST_LENGTH (OD_ERROR_FIELD_ERROR_8 - OD_ERROR_FIELD_ERROR_1 + 1u)
 #define ERROR_COMMUNICATION 0x11u
 #define DISABLED (1u << 31)
+#define EVENT_US 2000000u
 
 typedef struct {
   uint16_t code;
@@ -25,12 +26,19 @@ static const emcy_kind_t *kind_of_fault(uint32_t fault) {
 uint32_t emcy_code(uint32_t fault) { return kind_of_fault(fault)->code; }
 
 uint32_t emcy_cause_code(emcy_cause_t cause) {
-  static const uint16_t codes[EMCY_CAUSES] = {
-      [EMCY_HEARTBEAT] = 0x8130u, [EMCY_COMMAND_TIMEOUT] = 0x8100u, [EMCY_BUS_OFF] = 0x8140u,
+  static const uint16_t codes[EMCY_HEARTBEAT] = {
+      [EMCY_COMMAND_TIMEOUT] = 0x8100u,
+      [EMCY_BUS_OFF] = 0x8140u,
       [EMCY_OVERRUN] = 0x8110u,
-      [EMCY_PDO_SHORT] = 0x8210u, [EMCY_PDO_LONG] = 0x8220u,        [EMCY_PDO_VALUE] = 0x8200u,
+      [EMCY_COLLISION] = 0x8150u,
   };
-  return codes[cause];
+  if (cause < EMCY_HEARTBEAT) {
+    return codes[cause];
+  }
+  if (cause < EMCY_PDO_SHORT) {
+    return 0x8130u;
+  }
+  return (cause < EMCY_PDO_LONG) ? 0x8210u : (cause < EMCY_PDO_VALUE) ? 0x8220u : 0x8200u;
 }
 
 void emcy_forget(canopen_t *node) {
@@ -60,7 +68,7 @@ static void set(canopen_t *node, emcy_cause_t cause, uint32_t code, uint32_t err
   }
   e->active |= bit;
   e->untold |= bit;
-  e->untold_end = false;
+  e->ended &= ~bit;
   e->code[cause] = (uint16_t)code;
   e->error[cause] = (uint8_t)error;
   e->detail[cause] = detail;
@@ -90,38 +98,53 @@ void emcy_clear(canopen_t *node, emcy_cause_t cause) {
     return;
   }
   e->active &= ~(1u << cause);
-  e->untold_end = e->active == 0u;
+  e->ended |= 1u << cause;
   show_register(node);
 }
 
-// What came and went before it was told is told first, then that all is well.
+void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail) {
+  emcy_set(node, cause, detail);
+  span_start(&node->emcy.event[cause - EMCY_OVERRUN], node->now_us);
+}
+
+static uint32_t lowest(uint32_t causes) {
+  uint32_t cause = 0;
+  while ((causes >> cause & 1u) == 0u) {
+    cause++;
+  }
+  return cause;
+}
+
+// Beginnings first: what came and went before it was told begins, then ends.
 void emcy_step(canopen_t *node) {
   emcy_t *e = &node->emcy;
   const uint32_t cob_id = node->value[OD_EMCY_COB_ID];
   if (node->nmt.state != NMT_OPERATIONAL && node->nmt.state != NMT_PRE_OPERATIONAL) {
     return;
   }
+  for (uint32_t k = 0; k < EMCY_EVENTS; k++) {
+    if (span_over(&e->event[k], node->now_us, EVENT_US)) {
+      emcy_clear(node, (emcy_cause_t)(EMCY_OVERRUN + k));
+    }
+  }
   (void)span_over(&e->inhibit, node->now_us, node->value[OD_EMCY_INHIBIT_TIME] * 100u);
-  if (e->inhibit.running || (e->untold == 0u && !e->untold_end) || (cob_id & DISABLED) != 0u) {
+  if (e->inhibit.running || (e->untold | e->ended) == 0u || (cob_id & DISABLED) != 0u) {
     return;
   }
   uint8_t data[8] = {0};
-  uint32_t cause = 0;
-  if (e->untold != 0u) {
-    while ((e->untold >> cause & 1u) == 0u) {
-      cause++;
-    }
+  const bool begins = e->untold != 0u;
+  const uint32_t cause = lowest(begins ? e->untold : e->ended);
+  if (begins) {
     can_put(&data[0], 2, e->code[cause]);
     data[3] = (uint8_t)((cause == EMCY_DRIVE) ? e->detail[cause] : 0u);
     can_put(&data[4], 4, (cause == EMCY_DRIVE) ? 0u : e->detail[cause]);
+  } else {
+    can_put(&data[4], 2, e->code[cause]);
   }
   data[2] = (uint8_t)node->value[OD_ERROR_REGISTER];
   if (canopen_send(node, cob_id & 0x7FFu, data, 8, false)) {
-    if (e->untold != 0u) {
-      e->untold &= ~(1u << cause);
-    } else {
-      e->untold_end = false;
-    }
+    uint32_t *told = begins ? &e->untold : &e->ended;
+    *told &= ~(1u << cause);
     span_start(&e->inhibit, node->now_us);
   }
 }

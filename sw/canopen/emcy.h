@@ -1,36 +1,47 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Emergency object: what is wrong, told once each, the error register 0x1001 and the list 0x1003.
+// Emergency object: the set of active causes. Each one's beginning and end is told, and its next beginning again;
+// beginnings enter the list 0x1003, the error register 0x1001 holds the bits of what is active.
+//
+// The end of a cause has code 0, the register of what is left, and the code that has ended in bytes 4 and 5.
 #ifndef FL_EMCY_H
 #define FL_EMCY_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "canopen/nmt.h"
+#include "canopen/pdo.h"
 #include "canopen/timer.h"
 
 typedef struct canopen canopen_t;
 
 typedef enum {
   EMCY_DRIVE,            // the drive's fault, code by its number
-  EMCY_HEARTBEAT,        // 0x8130
   EMCY_COMMAND_TIMEOUT,  // 0x8100
   EMCY_BUS_OFF,          // 0x8140: recovered from it
   EMCY_OVERRUN,          // 0x8110: frames were lost before they were read
-  EMCY_PDO_SHORT,        // 0x8210: an RPDO was too short and was not taken
-  EMCY_PDO_LONG,         // 0x8220: an RPDO was longer than its mapping; the first bytes were taken
-  EMCY_PDO_VALUE,        // 0x8200: an RPDO held a value that is not allowed and was not taken
-  EMCY_CAUSES,
+  EMCY_COLLISION,        // 0x8150: another node sends heartbeats of this node-ID
+  EMCY_HEARTBEAT,        // 0x8130, one for each consumer: its node has fallen silent
+  EMCY_PDO_SHORT = EMCY_HEARTBEAT + NMT_CONSUMERS,  // 0x8210, one for each RPDO: too short, not taken
+  EMCY_PDO_LONG = EMCY_PDO_SHORT + PDO_COUNT,       // 0x8220: longer than its mapping; the first bytes were taken
+  EMCY_PDO_VALUE = EMCY_PDO_LONG + PDO_COUNT,       // 0x8200: a value that is not allowed, not taken
+  EMCY_CAUSES = EMCY_PDO_VALUE + PDO_COUNT,
 } emcy_cause_t;
+
+_Static_assert((uint32_t)EMCY_CAUSES <= 32u, "a bit for each cause");
+
+#define EMCY_EVENTS 2u  // causes that have no end of their own: EMCY_OVERRUN, EMCY_COLLISION
 
 typedef struct {
   uint32_t active;   // bit n: cause n is there
-  uint32_t untold;   // bit n: to be sent
-  bool untold_end;   // all causes have gone
+  uint32_t untold;   // bit n: its beginning is to be sent
+  uint32_t ended;    // bit n: its end is to be sent
   uint16_t code[EMCY_CAUSES];
   uint8_t error[EMCY_CAUSES];  // bits of the error register
   uint32_t detail[EMCY_CAUSES];
+  span_t event[EMCY_EVENTS];  // since the last one
   span_t inhibit;
 } emcy_t;
 
@@ -41,6 +52,8 @@ void emcy_set(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // The fault of the drive with its code; fault: its number.
 void emcy_set_drive(canopen_t *node, uint32_t fault);
 void emcy_clear(canopen_t *node, emcy_cause_t cause);
+// An event of a cause that ends when none has come for 2 s.
+void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // EMCY code of a fault number of the drive, 0: no fault.
 uint32_t emcy_code(uint32_t fault);
 // EMCY code of a cause.

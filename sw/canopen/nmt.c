@@ -65,11 +65,15 @@ void nmt_heartbeat(canopen_t *node, uint32_t id) {
   for (uint32_t k = 0; k < NMT_CONSUMERS; k++) {
     if (watched(node, k) >> 16 == id && (watched(node, k) & 0xFFFFu) != 0u) {
       span_start(&node->nmt.watch[k], node->now_us);
+      emcy_clear(node, (emcy_cause_t)(EMCY_HEARTBEAT + k));
     }
   }
 }
 
-void nmt_watch(canopen_t *node, uint32_t k) { node->nmt.watch[k].running = false; }
+void nmt_watch(canopen_t *node, uint32_t k) {
+  node->nmt.watch[k].running = false;
+  emcy_clear(node, (emcy_cause_t)(EMCY_HEARTBEAT + k));
+}
 
 void nmt_communication_error(canopen_t *node, uint32_t code) {
   const uint32_t behaviour = node->value[OD_ERROR_BEHAVIOUR_COMMUNICATION];
@@ -88,19 +92,12 @@ void nmt_step(canopen_t *node) {
     nmt->boot_told = canopen_send(node, 0x700u + node->node_id, boot_up, 1, false);
     span_start(&nmt->heartbeat, node->now_us);
   }
-  bool missing = false;
   for (uint32_t k = 0; k < NMT_CONSUMERS; k++) {
     const uint32_t time_us = (watched(node, k) & 0xFFFFu) * 1000u;
     if (span_over(&nmt->watch[k], node->now_us, time_us)) {
-      emcy_set(node, EMCY_HEARTBEAT, watched(node, k) >> 16);
+      emcy_set(node, (emcy_cause_t)(EMCY_HEARTBEAT + k), watched(node, k) >> 16);
       nmt_communication_error(node, emcy_cause_code(EMCY_HEARTBEAT));
-      missing = true;
-    } else if (time_us != 0u && !nmt->watch[k].running) {
-      missing = true;
     }
-  }
-  if (!missing) {
-    emcy_clear(node, EMCY_HEARTBEAT);
   }
   const uint32_t period_us = node->value[OD_HEARTBEAT_PRODUCER] * 1000u;
   if (period_us != 0u && span_over(&nmt->heartbeat, node->now_us, period_us)) {

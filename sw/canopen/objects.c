@@ -7,10 +7,13 @@
 #include "canopen/drive_link.h"
 #include "control/fixed.h"
 #include "control/placement.h"
+#include "hal/can.h"
 #include "hal/capture.h"
+#include "hal/chip.h"
 
 SMALL_CODE_BEGIN
 
+#define DISABLED (1u << 31)
 #define SIGNATURE_SAVE 0x65766173u  // "save"
 #define SIGNATURE_LOAD 0x64616F6Cu  // "load"
 
@@ -49,6 +52,21 @@ static uint32_t check_consumer(const canopen_t *node, uint32_t number, uint32_t 
   return SDO_OK;
 }
 
+// The ID of EMCY in use stays.
+static uint32_t check_emcy_id(const canopen_t *node, uint32_t value) {
+  const uint32_t old = node->value[OD_EMCY_COB_ID];
+  if ((value & ~(DISABLED | 0x7FFu)) != 0u) {
+    return SDO_VALUE;
+  }
+  if ((value & DISABLED) != 0u) {
+    return SDO_OK;
+  }
+  if ((old & DISABLED) == 0u && old != value) {
+    return SDO_STATE;
+  }
+  return pdo_id_is_free(node, OD_EMCY_COB_ID, value) ? SDO_OK : SDO_VALUE;
+}
+
 uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
   const od_entry_t *entry = od_entry(number);
   if ((entry->flags & OD_WRITE) == 0u) {
@@ -67,9 +85,11 @@ uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
     case OD_RESTORE_DEFAULTS_RESTORE_ALL:
       return check_store(node, value, SIGNATURE_LOAD);
     case OD_SYNC_COB_ID:
-      return pdo_id_is_free(value) ? SDO_OK : SDO_VALUE;
+      return pdo_id_is_free(node, number, value) ? SDO_OK : SDO_VALUE;
     case OD_EMCY_COB_ID:
-      return ((value & 0x7FFFF800u) == 0u && pdo_id_is_free(value & 0x7FFu)) ? SDO_OK : SDO_VALUE;
+      return check_emcy_id(node, value);
+    case OD_DEVICE_BIT_RATE:
+      return (can_bit_timing(chip_clock_hz(), value) != 0u) ? SDO_OK : SDO_VALUE;
     case OD_HEARTBEAT_CONSUMER_NODE_1:
     case OD_HEARTBEAT_CONSUMER_NODE_2:
     case OD_HEARTBEAT_CONSUMER_NODE_3:

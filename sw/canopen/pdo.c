@@ -17,6 +17,7 @@ SMALL_CODE_BEGIN
 // Numbers of the entries from one PDO to the next.
 #define RPDO_STEP (OD_RPDO2_COUNT - OD_RPDO1_COUNT)
 #define TPDO_STEP (OD_TPDO2_COUNT - OD_TPDO1_COUNT)
+#define INHIBIT_AFTER_COB_ID (OD_TPDO1_INHIBIT_TIME - OD_TPDO1_COB_ID)
 #define MAPPING_STEP (OD_RPDO2_MAPPING_COUNT - OD_RPDO1_MAPPING_COUNT)
 
 // Objects of one PDO: 0x1400 and 0x1800 and on hold the first three at the same distances.
@@ -38,11 +39,29 @@ static place_t place(bool receive, uint32_t k) {
                    OD_TPDO1_MAPPING_COUNT + k * MAPPING_STEP, OD_TPDO1_MAPPING_OBJECT_1 + k * MAPPING_STEP, OD_SENDABLE};
 }
 
-bool pdo_id_is_free(uint32_t can_id) {
+static bool has_id(const canopen_t *node, uint32_t number, uint32_t can_id) {
+  const uint32_t value = node->value[number];
+  return (value & DISABLED) == 0u && (value & 0x7FFu) == can_id;
+}
+
+// NMT and heartbeats are among the reserved ones, the own SDO too.
+static bool in_use(const canopen_t *node, uint32_t number, uint32_t can_id) {
+  bool used = number != OD_SYNC_COB_ID && node->value[OD_SYNC_COB_ID] == can_id;
+  used = used || (number != OD_EMCY_COB_ID && has_id(node, OD_EMCY_COB_ID, can_id));
+  for (uint32_t k = 0; k < PDO_COUNT; k++) {
+    const uint32_t receive = OD_RPDO1_COB_ID + k * RPDO_STEP;
+    const uint32_t send = OD_TPDO1_COB_ID + k * TPDO_STEP;
+    used = used || (number != receive && has_id(node, receive, can_id));
+    used = used || (number != send && has_id(node, send, can_id));
+  }
+  return used;
+}
+
+bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id) {
   const bool reserved = can_id < 0x080u || (can_id > 0x100u && can_id <= 0x180u) ||
                         (can_id > 0x580u && can_id < 0x600u) || (can_id > 0x600u && can_id < 0x680u) ||
                         (can_id >= 0x6E0u && can_id < 0x700u) || can_id > 0x700u;
-  return !reserved && can_id < 0x800u;
+  return !reserved && can_id < 0x800u && !in_use(node, number, can_id);
 }
 
 // A mapping word: number of the entry (OD_COUNT: a dummy of the standard's basic types) and bytes; false: impossible.
@@ -87,7 +106,7 @@ static uint32_t check_cob_id(const canopen_t *node, uint32_t number, uint32_t va
   if ((old & DISABLED) == 0u && (value & DISABLED) == 0u && ((old ^ value) & 0x7FFu) != 0u) {
     return SDO_STATE;
   }
-  return ((value & DISABLED) != 0u || pdo_id_is_free(value & 0x7FFu)) ? SDO_OK : SDO_VALUE;
+  return ((value & DISABLED) != 0u || pdo_id_is_free(node, number, value & 0x7FFu)) ? SDO_OK : SDO_VALUE;
 }
 
 static uint32_t check_mapping(const canopen_t *node, const place_t *at, uint32_t number, uint32_t value) {
@@ -119,6 +138,9 @@ uint32_t pdo_check(canopen_t *node, uint32_t number, uint32_t value) {
   if (number == at.type) {
     return (value <= TYPE_CYCLIC_MAX || value >= TYPE_EVENT_MIN) ? SDO_OK : SDO_VALUE;
   }
+  if (number == at.cob_id + INHIBIT_AFTER_COB_ID && !receive && (node->value[at.cob_id] & DISABLED) == 0u) {
+    return SDO_STATE;
+  }
   return SDO_OK;
 }
 
@@ -142,6 +164,11 @@ void pdo_configure(canopen_t *node) {
     configure(node, &receive, &node->pdo.rpdo[k].map);
     configure(node, &send, &node->pdo.tpdo[k].map);
     node->pdo.rpdo[k].waiting = false;
+    if (!node->pdo.rpdo[k].map.enabled) {
+      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_SHORT + k));
+      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_LONG + k));
+      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_VALUE + k));
+    }
   }
 }
 
@@ -156,9 +183,9 @@ void pdo_start(canopen_t *node) {
   }
 }
 
-static void refuse(canopen_t *node, emcy_cause_t cause, uint32_t detail) {
+static void refuse(canopen_t *node, uint32_t cause, uint32_t detail) {
   node->value[OD_COUNTER_PDOS_REFUSED]++;
-  emcy_set(node, cause, detail);
+  emcy_set(node, (emcy_cause_t)cause, detail);
 }
 
 // All of it or nothing: every value is checked before the first one is written.
@@ -167,10 +194,10 @@ static void take(canopen_t *node, uint32_t k, const uint8_t *data, uint32_t leng
   uint32_t value[PDO_MAPPED];
   uint32_t at = 0;
   if (length < map->length) {
-    refuse(node, EMCY_PDO_SHORT, k + 1u);
+    refuse(node, EMCY_PDO_SHORT + k, k + 1u);
     return;
   }
-  emcy_clear(node, EMCY_PDO_SHORT);
+  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_SHORT + k));
   for (uint32_t i = 0; i < map->count; i++) {
     const uint32_t number = map->number[i];
     value[i] = can_get(&data[at], map->bytes[i]);
@@ -178,16 +205,17 @@ static void take(canopen_t *node, uint32_t k, const uint8_t *data, uint32_t leng
     if (number != OD_COUNT) {
       value[i] = od_extend(number, value[i]);
       if (objects_check(node, number, value[i]) != SDO_OK) {
-        refuse(node, EMCY_PDO_VALUE, (uint32_t)od_entry(number)->index << 16 | (k + 1u));
+        refuse(node, EMCY_PDO_VALUE + k, (uint32_t)od_entry(number)->index << 16 | (k + 1u));
         return;
       }
     }
   }
-  emcy_clear(node, EMCY_PDO_VALUE);
+  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_VALUE + k));
+  const emcy_cause_t longer = (emcy_cause_t)(EMCY_PDO_LONG + k);
   if (length > map->length) {
-    emcy_set(node, EMCY_PDO_LONG, k + 1u);
+    emcy_set(node, longer, k + 1u);
   } else {
-    emcy_clear(node, EMCY_PDO_LONG);
+    emcy_clear(node, longer);
   }
   for (uint32_t i = 0; i < map->count; i++) {
     if (map->number[i] != OD_COUNT) {

@@ -48,8 +48,8 @@ typedef struct {
   tpdo_t tpdo[PDO_COUNT];
 } pdo_t;
 
-// Whether a CAN-ID may be given to a PDO, SYNC or EMCY: not one of the reserved ones.
-bool pdo_id_is_free(uint32_t can_id);
+// Whether a CAN-ID may be given to the PDO, SYNC or EMCY of an entry: not a reserved one, and of no other of them in use.
+bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id);
 // SDO_OK, or why a communication or mapping object of a PDO cannot be written now.
 uint32_t pdo_check(canopen_t *node, uint32_t number, uint32_t value);
 // Work out the mapping from the objects; one that cannot be is switched off.

@@ -256,7 +256,7 @@ def test_fault_and_reset(turning: NodeBench) -> None:
     assert b.until("disabled", 0.1)
     b.run(0.05)
     assert (b.read("error_code"), b.read("error_register")) == (0, 0)
-    assert b.taken(0x80 + NODE) == [bytes(8)]
+    assert b.taken(0x80 + NODE) == [struct.pack("<4xI", 0x2310)]
     b.enable()
 
 

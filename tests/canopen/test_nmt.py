@@ -22,7 +22,7 @@ def emcy(bench: NodeBench) -> list[tuple[int, int, int, int]]:
     return [struct.unpack("<HBBI", data) for data in bench.taken(EMCY)]
 
 
-def map_pdo(bench: NodeBench, pdo: str, names: list[str], kind: int = 255) -> None:
+def map_pdo(bench: NodeBench, pdo: str, names: list[str], kind: int = 255, inhibit: int | None = None) -> None:
     """Map objects as a master does."""
     cob_id = bench.read(f"{pdo}_cob_id")
     bench.write(f"{pdo}_cob_id", cob_id | 1 << 31)
@@ -31,6 +31,8 @@ def map_pdo(bench: NodeBench, pdo: str, names: list[str], kind: int = 255) -> No
     for k, name in enumerate(names, 1):
         bench.write(f"{pdo}_mapping_object_{k}", bench.entry(name).mapping)
     bench.write(f"{pdo}_mapping_count", len(names))
+    if inhibit is not None:
+        bench.write(f"{pdo}_inhibit_time", inhibit)
     bench.write(f"{pdo}_cob_id", cob_id)
 
 
@@ -135,10 +137,59 @@ def test_heartbeat_consumer(bench: NodeBench) -> None:
     assert bench.read("error_field_error_1") == 0x8130
     bench.send(0x700 + MASTER, bytes([5]))
     bench.idle(0.02)
-    assert emcy(bench) == [(0, 0, 0, 0)]
+    assert emcy(bench) == [(0, 0, 0, 0x8130)]
     with pytest.raises(Aborted) as refused:
         bench.write("heartbeat_consumer_node_1", MASTER << 16 | 50)
     assert refused.value.args[0] == 0x06040043
+
+
+def test_each_lost_node_and_each_loss_is_told(bench: NodeBench) -> None:
+    """Two watched nodes, and one that never comes: every loss and every return is told, in list and register too.
+
+    Verifies: CO-06
+    """
+    other, never = MASTER + 1, MASTER + 2
+    for k, node in enumerate((MASTER, other, never), 1):
+        bench.write(f"heartbeat_consumer_node_{k}", node << 16 | 100)
+
+    def alive(*nodes: int) -> None:
+        for _ in range(8):
+            for node in nodes:
+                bench.send(0x700 + node, bytes([5]))
+            bench.idle(0.05)
+
+    alive(MASTER, other)
+    assert emcy(bench) == []
+    alive(MASTER)
+    assert emcy(bench) == [(0x8130, 0x11, 0, other)]
+    alive()
+    assert emcy(bench) == [(0x8130, 0x11, 0, MASTER)]
+    alive(other)
+    assert emcy(bench) == [(0, 0x11, 0, 0x8130)]
+    alive(MASTER, other)
+    assert emcy(bench) == [(0, 0, 0, 0x8130)]
+    alive(other)
+    assert emcy(bench) == [(0x8130, 0x11, 0, MASTER)]
+    assert bench.read("error_field_count") == 3
+    bench.write("heartbeat_consumer_node_1", 0)
+    bench.idle(0.02)
+    assert emcy(bench) == [(0, 0, 0, 0x8130)]
+
+
+@pytest.mark.parametrize("watches", [False, True])
+def test_heartbeat_of_the_own_node_id(bench: NodeBench, watches: bool) -> None:
+    """A heartbeat of another node with this node-ID is told once, and its end 2 s after the last one.
+
+    Verifies: CO-06
+    """
+    bench.write("heartbeat_consumer_node_1", (MASTER << 16 | 100) if watches else 0)
+    assert any((HEARTBEAT ^ can_id) & mask == 0 for can_id, mask in bench.node.wanted())
+    for _ in range(3):
+        bench.send(HEARTBEAT, bytes([5]))
+        bench.idle(1.5)
+    assert emcy(bench) == [(0x8150, 0x11, 0, NODE)]
+    bench.idle(1.0)
+    assert emcy(bench) == [(0, 0, 0, 0x8150)]
 
 
 def test_pdo_by_event(bench: NodeBench) -> None:
@@ -146,8 +197,7 @@ def test_pdo_by_event(bench: NodeBench) -> None:
 
     Verifies: CO-07
     """
-    map_pdo(bench, "tpdo1", ["modes_of_operation_display", "statusword"])
-    bench.write("tpdo1_inhibit_time", 500)
+    map_pdo(bench, "tpdo1", ["modes_of_operation_display", "statusword"], inhibit=500)
     bench.idle(0.05)
     bench.nmt(1)
     bench.idle(0.2)
@@ -230,6 +280,35 @@ def test_mapping_rules(bench: NodeBench) -> None:
     assert bench.node.value("target_velocity") == -12_345
 
 
+def test_ids_in_use(bench: NodeBench) -> None:
+    """No CAN-ID twice among SYNC, EMCY and PDOs in use; EMCY's ID and a TPDO's inhibit time stay while they are valid.
+
+    Verifies: CO-07
+    """
+
+    def refuse(name: str, value: int, code: int) -> None:
+        with pytest.raises(Aborted) as refused:
+            bench.write(name, value)
+        assert refused.value.args[0] == code, (name, hex(value))
+
+    refuse("tpdo1_inhibit_time", 500, 0x08000022)
+    refuse("emcy_cob_id", 0x90, 0x08000022)
+    for used in (0x200 + NODE, 0x180 + NODE, EMCY, 0, 0x580 + NODE, 0x700 + NODE):
+        refuse("sync_cob_id", used, 0x06090030)
+    for name, own in (("emcy_cob_id", EMCY), ("rpdo2_cob_id", 0x300 + NODE), ("tpdo2_cob_id", 0x280 + NODE)):
+        bench.write(name, 1 << 31 | own)
+        for used in (SYNC, 0x200 + NODE, 0x180 + NODE, 0x600 + NODE):
+            refuse(name, used, 0x06090030)
+    bench.write("sync_cob_id", 0x300 + NODE)
+    refuse("rpdo2_cob_id", 0x300 + NODE, 0x06090030)
+    bench.write("sync_cob_id", SYNC)
+    bench.write("rpdo2_cob_id", 0x280 + NODE)
+    refuse("tpdo2_cob_id", 0x280 + NODE, 0x06090030)
+    bench.write("tpdo2_inhibit_time", 500)
+    bench.write("tpdo2_cob_id", 0x300 + NODE)
+    bench.write("emcy_cob_id", EMCY)
+
+
 def test_refused_pdos(bench: NodeBench) -> None:
     """Too short, too long, or with a value out of range: told once, and all or nothing is taken.
 
@@ -244,21 +323,40 @@ def test_refused_pdos(bench: NodeBench) -> None:
     assert bench.state == "disabled"
     bench.send(0x400 + NODE, struct.pack("<Hi", 6, 1_000_001))
     bench.idle(0.002)
-    assert emcy(bench) == [(0x8200, 0x11, 0, 0x60FF0003)]
+    assert emcy(bench) == [(0x8200, 0x11, 0, 0x60FF0003), (0, 0x11, 0, 0x8210)]
     assert bench.state == "disabled"
     bench.send(0x300 + NODE, struct.pack("<Hb", 6, 10))  # torque without the current loop
     bench.send(0x400 + NODE, struct.pack("<Hih", 6, 777, -1))
-    bench.idle(0.002)
+    bench.idle(0.005)
     assert bench.node.value("modes_of_operation") == 3
-    assert emcy(bench) == [(0x8220, 0x11, 0, 3)]
+    assert emcy(bench) == [(0x8220, 0x11, 0, 3), (0x8200, 0x11, 0, 0x60600002), (0, 0x11, 0, 0x8200)]
     assert (bench.state, bench.node.value("target_velocity")) == ("ready", 777)
     bench.send(0x400 + NODE, struct.pack("<Hi", 0, 0))
     bench.idle(0.002)
-    assert emcy(bench) == [(0, 0, 0, 0)]
+    assert emcy(bench) == [(0, 0x11, 0, 0x8220)], "what RPDO2 held is still wrong"
+    bench.send(0x300 + NODE, struct.pack("<Hb", 0, 3))
+    bench.idle(0.002)
+    assert emcy(bench) == [(0, 0, 0, 0x8200)]
     assert bench.read("counter_pdos_refused") == 5
-    assert [bench.read(f"error_field_error_{k}") for k in (1, 2, 3)] == [0x8220, 0x8200, 0x8210]
+    assert [bench.read(f"error_field_error_{k}") for k in (1, 2, 3, 4)] == [0x8220, 0x8200, 0x8200, 0x8210]
     bench.write("error_field_count", 0)
     assert [bench.read(f"error_field_error_{k}") for k in (1, 2, 3)] == [0, 0, 0]
+
+
+def test_a_good_pdo_does_not_end_the_error_of_another(bench: NodeBench) -> None:
+    """A short RPDO beside a good one, 50 a second each, is told once; switched off it is in order.
+
+    Verifies: CO-08
+    """
+    bench.nmt(1)
+    for _ in range(100):
+        bench.send(0x400 + NODE, struct.pack("<H", 6))
+        bench.send(0x200 + NODE, struct.pack("<H", 6))
+        bench.idle(0.02)
+    assert emcy(bench) == [(0x8210, 0x11, 0, 3)]
+    bench.write("rpdo3_cob_id", 1 << 31 | 0x400 + NODE)
+    bench.idle(0.02)
+    assert emcy(bench) == [(0, 0, 0, 0x8210)]
 
 
 def test_emcy_inhibit(bench: NodeBench) -> None:
@@ -274,8 +372,8 @@ def test_emcy_inhibit(bench: NodeBench) -> None:
     assert [code for code, *_ in emcy(bench)] == [0x8210]
     bench.idle(0.2)
     assert [code for code, *_ in emcy(bench)] == [0x8200]
-    bench.idle(0.2)
-    assert [code for code, *_ in emcy(bench)] == [0]
+    bench.idle(0.4)
+    assert [(code, ended) for code, _, _, ended in emcy(bench)] == [(0, 0x8210), (0, 0x8200)]
     bench.write("emcy_cob_id", 1 << 31 | EMCY)
     bench.send(0x400 + NODE, b"")
     bench.idle(1.0)
@@ -287,8 +385,7 @@ def test_queue_keeps_room_for_answers(bench: NodeBench) -> None:
 
     Verifies: CO-08
     """
-    map_pdo(bench, "tpdo1", ["modes_of_operation"])
-    bench.write("tpdo1_inhibit_time", 0)
+    map_pdo(bench, "tpdo1", ["modes_of_operation"], inhibit=0)
     bench.nmt(1)
     for k in range(40):
         bench.node.lib.fl_can_receive(0x300 + NODE, 0, 3, bytes([0, 0, 3 if k % 2 else 9]))

@@ -6,16 +6,25 @@
 from __future__ import annotations
 
 import random
+import re
 import struct
 
 import pytest
 
 from fluxlock.canopen.dictionary import Entry
+from fluxlock.canopen.eds import eds
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 # Objects whose writes act, or need more than their range.
 SPECIAL = ("store_parameters", "restore_defaults", "error_field", "rpdo", "tpdo", "heartbeat_consumer", "setting")
-SPECIAL_NAMES = ("sync_cob_id", "emcy_cob_id", "capture_control", "capture_lanes", "modes_of_operation")
+SPECIAL_NAMES = (
+    "sync_cob_id",
+    "emcy_cob_id",
+    "device_bit_rate",
+    "capture_control",
+    "capture_lanes",
+    "modes_of_operation",
+)
 
 
 def test_every_object_reads_its_default(bench: NodeBench) -> None:
@@ -237,3 +246,23 @@ def test_settings(bench: NodeBench) -> None:
     with pytest.raises(Aborted) as refused:
         bench.write("setting_carrier_hz", 1)
     assert refused.value.args[0] == 0x06090030
+
+
+def test_bit_rates(bench: NodeBench) -> None:
+    """A bit rate of which the clock has no whole bits is refused and the one before stays; the EDS names what is taken.
+
+    Verifies: CO-20
+    """
+    sheet = eds(bench.node.dictionary)
+    rates = {int(rate): named == "1" for rate, named in re.findall(r"^BaudRate_(\d+)=(\d)$", sheet, re.MULTILINE)}
+    assert len(rates) == 8
+    for rate, named in (rates | {333: False, 999: False}).items():
+        if named:
+            bench.write("device_bit_rate", rate)
+            assert bench.read("device_bit_rate") == rate
+            continue
+        before = bench.read("device_bit_rate")
+        with pytest.raises(Aborted) as refused:
+            bench.write("device_bit_rate", rate)
+        assert refused.value.args[0] == 0x06090030, rate
+        assert bench.read("device_bit_rate") == before

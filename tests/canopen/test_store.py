@@ -96,7 +96,7 @@ def test_every_stored_object_survives(bench: NodeBench) -> None:
             bench.write(e.name, value)
             written[e.name] = value
         except Aborted:
-            assert e.name.startswith(("sync_", "emcy_cob", "heartbeat_consumer", "modes")), e.name
+            assert e.name.startswith(("sync_", "emcy_cob", "heartbeat_consumer", "modes", "device_bit_rate")), e.name
     bench.download(0x2000, 3, b"spindle 7, left")
     bench.write("tpdo2_cob_id", 1 << 31 | 0x280 + NODE)
     bench.write("tpdo2_mapping_count", 0)
@@ -142,6 +142,7 @@ def test_node_id(bench: NodeBench) -> None:
 
     Verifies: CO-15
     """
+    bench.write("emcy_cob_id", 1 << 31)
     bench.write("emcy_cob_id", 0x90)
     bench.write("emcy_inhibit_time", 33)
     bench.write("device_node_id", 9)

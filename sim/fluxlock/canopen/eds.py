@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fluxlock.canopen.dictionary import NODE_PREFIX, Dictionary, Entry, Object
+from fluxlock.config.can import BIT_RATES
 
 OBJECT_TYPES = {"var": 0x7, "array": 0x8, "record": 0x9}
 DOMAIN_OBJECT = 0x2
 MANDATORY = (0x1000, 0x1001, 0x1018)
 MANUFACTURER = range(0x2000, 0x6000)
-BIT_RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
-SUPPORTED_KBIT = (50, 125, 250, 500, 800, 1000)
+BIT_RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)  # that a data sheet names
 
 
 def _default(entry: Entry) -> str:
@@ -74,7 +74,7 @@ def eds(dictionary: Dictionary) -> str:
         f"ProductName={dictionary.product}",
         f"ProductNumber={identity['product_code']}",
         f"RevisionNumber={identity['revision']}",
-        *(f"BaudRate_{rate}={int(rate in SUPPORTED_KBIT)}" for rate in BIT_RATES_KBIT),
+        *(f"BaudRate_{rate}={int(rate in BIT_RATES)}" for rate in BIT_RATES_KBIT),
         "SimpleBootUpMaster=0",
         "SimpleBootUpSlave=1",
         "Granularity=8",
