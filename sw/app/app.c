@@ -86,6 +86,7 @@ HOT static void vector_control_step(app_t *app) {
   chip_write_vector(command, drive->p);
   if (drive->method.vector.whole || drive->order.state != STATE_RUNNING) {
     telemetry_update(app->telemetry, drive);
+    telemetry_update_vector(app->telemetry, &drive->method.vector.report.vector);
   }
 }
 
@@ -93,7 +94,8 @@ SHARED static void six_step_control_step(app_t *app) {
   drive_t *drive = &app->drive;
   six_step_command_t *command = &drive->method.six_step.command;
   chip_snapshot_t snapshot;
-  chip_read(&snapshot);
+  // Who runs needs no terminal voltage: the hardware watches them for crossings.
+  chip_read(&snapshot, drive->order.state != STATE_RUNNING);
   if (drive->order.state == STATE_INIT) {
     chip_read_offsets(&snapshot);
   }

@@ -32,7 +32,6 @@ void telemetry_init(telemetry_t *telemetry) {
 
 SHARED void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   const report_t *report = drive->report;
-  const vector_report_t *vector = &report->vector;
   telemetry->tick = drive->order.tick;
   telemetry->state = (uint32_t)drive->order.state;
   telemetry->phase = (uint32_t)report->phase;
@@ -51,6 +50,9 @@ SHARED void telemetry_update(telemetry_t *telemetry, const drive_t *drive) {
   telemetry->commutations = report->six_step.commutations;
   telemetry->lost_locks = drive->lost_locks;
   telemetry->fault_count = drive->log.count;
+}
+
+HOT void telemetry_update_vector(telemetry_t *telemetry, const vector_report_t *vector) {
   telemetry->angle_turn_q32 = vector->angle_turn_q32;
   telemetry->speed_turn_q36 = vector->speed_turn_q36;
   telemetry->d_i_q17 = vector->current_i_q17.re;

@@ -25,9 +25,12 @@ HOT int32_t boundary_share_q16(const boundary_t *b, int32_t i_q25) {
   if (magnitude >= most) {
     return (i_q25 < 0) ? -ONE_Q16 : ONE_Q16;
   }
-  // The quotient is below 1: 16 bits of it fit one hardware division.
-  const int shift = (most >> 16 != 0u) ? 16 - __builtin_clz(most) : 0;
-  const int32_t share = (int32_t)(((magnitude >> shift) << 16) / (most >> shift));
+  // The quotient is below 1: it fits one hardware division, whose divisor keeps at least 12 bits.
+  uint32_t shift = 0;
+  while (most >> shift > 0xFFFFu) {
+    shift += 4u;
+  }
+  const int32_t share = (int32_t)((magnitude << (16u - shift)) / (((most - 1u) >> shift) + 1u));
   return (i_q25 < 0) ? -share : share;
 }
 

@@ -14,11 +14,8 @@ HOT int32_t gain_apply(int32_t x, gain_t g) {
     twice = high >> (g.shift - 33);
   } else {
     const int32_t bound = 1 << (g.shift - 3);
-    if (high >= bound) {
-      return PRODUCT_MAX;
-    }
-    if (high < -bound) {
-      return -PRODUCT_MAX;
+    if (__builtin_expect((uint32_t)high + (uint32_t)bound >= 2u * (uint32_t)bound, 0)) {
+      return (high < 0) ? -PRODUCT_MAX : PRODUCT_MAX;
     }
     twice = (int32_t)(((uint32_t)high << (33 - g.shift)) | ((uint32_t)product >> (g.shift - 1)));
   }

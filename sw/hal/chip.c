@@ -170,11 +170,23 @@ HOT static void read_trips(chip_snapshot_t *snapshot) {
   }
 }
 
-HOT void chip_read(chip_snapshot_t *snapshot) {
-  read_sums(snapshot);
+HOT static void read_voltages(chip_snapshot_t *snapshot) {
   for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
+  }
+}
+
+HOT static void read_currents(chip_snapshot_t *snapshot) {
+  for (uint32_t x = 0; x < PHASES; x++) {
     snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
+  }
+}
+
+HOT void chip_read(chip_snapshot_t *snapshot, bool voltages) {
+  read_sums(snapshot);
+  read_currents(snapshot);
+  if (voltages) {
+    read_voltages(snapshot);
   }
   snapshot->zc_interval_cycles = reg_read(REG(comm.snap_interval));
   snapshot->zc_period_cycles = reg_read(REG(comm.snap_period));
@@ -203,15 +215,7 @@ HOT static void write_vector(uint32_t address, uint32_t subspace, complex_t valu
 
 HOT static void read_slow(chip_snapshot_t *snapshot) {
   read_sums(snapshot);
-  for (uint32_t x = 0; x < PHASES; x++) {
-    snapshot->v_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * x);
-  }
-}
-
-HOT static void read_currents(chip_snapshot_t *snapshot) {
-  for (uint32_t x = 0; x < PHASES; x++) {
-    snapshot->i_q17[x] = (int32_t)reg_read(REG(sense.snap_channel[0]) + 4u * (PHASES + x));
-  }
+  read_voltages(snapshot);
 }
 
 INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t *command, const parameters_t *parameters) {

@@ -47,8 +47,8 @@ void chip_tick_by_time(void);
 // Period of the load generator's interrupt; 0 stops it.
 void chip_set_load(uint32_t cycles);
 
-// Read the snapshot of the last tick.
-void chip_read(chip_snapshot_t *snapshot);
+// Read the snapshot of the last tick; voltages: of the terminals too.
+void chip_read(chip_snapshot_t *snapshot, bool voltages);
 // The same for METHOD_VECTOR, as the command of before asked for it.
 void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t *command, const parameters_t *parameters);
 void chip_read_injection(chip_injection_snapshot_t *snapshot);

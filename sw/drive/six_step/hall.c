@@ -150,9 +150,8 @@ COLD static void prove_crossed(hall_t *h, const six_step_view_t *view, int32_t a
 }
 
 bool hall_wants_proof(const hall_t *h, const six_step_view_t *view) {
-  const int32_t emf_v_q25 = gain_apply(view->m->speed_rpm_q8, view->p->emf);
   const int32_t seen_v_q25 = (view->p->catch_v_q17 + (view->p->catch_v_q17 >> SEEN_SHIFT)) * 256;
-  return h->driving && !h->proven && h->trials < TRIALS_MAX && emf_v_q25 > seen_v_q25;
+  return h->driving && !h->proven && h->trials < TRIALS_MAX && view->m->emf_v_q25 > seen_v_q25;
 }
 
 void hall_pull(hall_t *h) {

@@ -20,6 +20,12 @@ HOT static int32_t filter(int32_t *state_q25, int32_t value_q17, int32_t shift) 
   return *state_q25 >> 8;
 }
 
+// A sum of samples over their number, to the last bit. The number seldom changes.
+HOT static int32_t mean(const measured_t *m, int32_t sum) {
+  const int32_t magnitude = (int32_t)(((uint64_t)(uint32_t)abs_sat(sum) * m->one_over_count_q32) >> 32);
+  return (sum < 0) ? -magnitude : magnitude;
+}
+
 void measure_init(measured_t *m, const parameters_t *p) {
   m->speed_numerator_q8 = speed_numerator_q8((uint32_t)p->clock_hz, (uint32_t)p->pole_pairs);
 }
@@ -27,25 +33,23 @@ void measure_init(measured_t *m, const parameters_t *p) {
 HOT static void measure_electric(measured_t *m, const parameters_t *p, const chip_snapshot_t *in,
                                  int32_t line_ratio_q16) {
   if (in->sum_count > 0u) {
-    const int32_t count = (int32_t)in->sum_count;
-    const int32_t vdc_q17 = clamp_i32(in->vdc_sum_q17 / count, 0, SAMPLE_MAX_Q17);
+    if (__builtin_expect(in->sum_count != m->sum_count, 0)) {
+      m->sum_count = in->sum_count;
+      m->one_over_count_q32 = UINT32_MAX / in->sum_count + 1u;
+    }
+    const int32_t vdc_q17 = clamp_i32(mean(m, in->vdc_sum_q17), 0, SAMPLE_MAX_Q17);
     m->vdc_v_q25 = vdc_q17 * 256;
-    const int32_t idc_q17 = clamp_i32(in->idc_sum_q17 / count, -FULL_Q17, SAMPLE_MAX_Q17);
+    const int32_t idc_q17 = clamp_i32(mean(m, in->idc_sum_q17), -FULL_Q17, SAMPLE_MAX_Q17);
     m->idc_mean_q17 = idc_q17;
     m->idc_q17 = filter(&m->idc_filter_q25, idc_q17, CURRENT_FILTER_SHIFT);
     (void)filter(&m->loop_filter_q25, idc_q17, p->loop_filter_shift);
     m->line_i_q25 = line_current(m->loop_filter_q25, line_ratio_q16);
   }
   int32_t magnitude = 0;
-  int32_t highest = in->v_q17[0];
-  int32_t lowest = in->v_q17[0];
   for (uint32_t x = 0; x < PHASES; x++) {
     magnitude += abs_sat(in->i_q17[x]);
-    highest = (in->v_q17[x] > highest) ? in->v_q17[x] : highest;
-    lowest = (in->v_q17[x] < lowest) ? in->v_q17[x] : lowest;
   }
   m->motor_q17 = filter(&m->motor_filter_q25, magnitude / 2, CURRENT_FILTER_SHIFT);
-  m->line_emf_q17 = highest - lowest;
 }
 
 // A sector needs pulses before and after its crossing: at least CARRIERS_A_SECTOR carriers, or as many as the
@@ -69,6 +73,7 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
     m->speed_fresh = false;
     m->speed_due = false;
     m->speed_rpm_q8 = 0;
+    m->emf_v_q25 = 0;
     m->peak_q17 = 0;
     m->longest_cycles = (uint32_t)p->carrier_longest_cycles;
     return;
@@ -93,6 +98,7 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
     m->longest_cycles = longest_carrier(p, settings, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
     m->speed_rpm_q8 = speed_from_period_rpm_q8(m->speed_numerator_q8, in->zc_period_cycles);
+    m->emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
     m->peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, p->zcd_peak), 0, SAMPLE_MAX_Q17);
   }
 }

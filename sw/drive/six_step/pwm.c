@@ -41,22 +41,20 @@ HOT static int32_t stretch(pwm_t *pwm, int32_t duty_q30, uint32_t longest_cycles
   const uint64_t wanted = (ratio_q12 < RATIO_MAX_Q12) ? ((uint64_t)pwm->period_cycles * ratio_q12 * ratio_q12) >> 24 : UINT32_MAX;
   if (wanted < longest_cycles) {
     pwm->period_cycles = (uint32_t)wanted;
-    return (int32_t)div_sat_u32((uint64_t)(uint32_t)duty_q30 << 12, ratio_q12);
+    return mul_q16(duty_q30, (int32_t)((pulse_cycles << 16) / floor_cycles));
   }
-  const uint32_t shorter_q32 = div_sat_u32((uint64_t)pwm->period_cycles << 32, longest_cycles);
+  const uint32_t shorter_q16 = (pwm->period_cycles << 16) / longest_cycles;
   pwm->period_cycles = longest_cycles;
-  return mul_q16(duty_q30, (int32_t)sqrt_u32(shorter_q32));
+  return mul_q16(duty_q30, (int32_t)sqrt_u32(shorter_q16 << 16));
 }
 
 // Of the boundary for the carrier that is applied: its current is proportional to the period.
 HOT static int32_t share_q16(const pwm_t *pwm, const six_step_view_t *view, const pwm_demand_t *demand) {
-  boundary_t applied = demand->boundary;
   const uint32_t wanted_cycles = view->settings->carrier_period_cycles;
-  if (pwm->period_cycles > wanted_cycles) {
-    const uint64_t current = (uint64_t)(uint32_t)applied.current_i_q25 * pwm->period_cycles;
-    applied.current_i_q25 = (int32_t)clamp_u32(div_sat_u32(current, wanted_cycles), 0, INT32_MAX);
-  }
-  return boundary_share_q16(&applied, demand->i_q25);
+  const bool longer = pwm->period_cycles > wanted_cycles;
+  const int32_t i_q25 =
+      longer ? mul_q16(demand->i_q25, (int32_t)((wanted_cycles << 16) / pwm->period_cycles)) : demand->i_q25;
+  return boundary_share_q16(&demand->boundary, i_q25);
 }
 
 // Duty by the law of discontinuous conduction, for a share below 1. Where commutations cut the last carrier, the squares
@@ -101,6 +99,6 @@ HOT void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_dema
   pwm->pulse_cycles_q8 = pwm->at_least ? least_q8 : pulse_q8;
 }
 
-HOT bool pwm_is_outrun(const pwm_t *pwm, const parameters_t *p, int32_t speed_rpm_q8, int32_t drop_v_q25) {
-  return gain_apply(speed_rpm_q8, p->emf) / 4 > pwm->u_v_q25 - drop_v_q25;
+HOT bool pwm_is_outrun(const pwm_t *pwm, int32_t emf_v_q25, int32_t drop_v_q25) {
+  return emf_v_q25 / 4 > pwm->u_v_q25 - drop_v_q25;
 }

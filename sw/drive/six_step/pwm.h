@@ -35,12 +35,12 @@ void pwm_off(pwm_t *pwm);
 // A voltage that drives the start, whatever the current.
 void pwm_from_voltage(pwm_t *pwm, const six_step_view_t *view, int32_t u_v_q25, bool sync_rect, uint32_t longest_cycles);
 
-// A current, with the voltage that gives it while it does not stop flowing. About 600 clocks.
+// A current, with the voltage that gives it while it does not stop flowing. About 230 clocks, 400 where it stops.
 void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_demand_t *demand, bool sync_rect);
 
 // Crossings claim a speed whose EMF is over four times what the applied voltage leaves after the resistive drop: no rotor
 // turns like this. On one that stands, what follows the blanking is taken for a crossing, and it and the commutation
 // that it causes chase each other.
-bool pwm_is_outrun(const pwm_t *pwm, const parameters_t *p, int32_t speed_rpm_q8, int32_t drop_v_q25);
+bool pwm_is_outrun(const pwm_t *pwm, int32_t emf_v_q25, int32_t drop_v_q25);
 
 #endif

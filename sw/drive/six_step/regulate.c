@@ -34,6 +34,7 @@
 #define GROUP_BOUNDARY 4u
 #define GROUP_LINEARITY 5u
 #define GROUP_ADVANCE 6u
+#define GROUP_LEAST 7u
 
 static int32_t interpolate(int32_t low, int32_t high, int32_t ratio_q16) {
   return low + mul_q16(high - low, ratio_q16);
@@ -60,11 +61,11 @@ static void schedule_duty_limits(scheduled_t *g, const six_step_view_t *view, co
 // next commutation where late crossings are computed back. Against it stand a third of the link and the outgoing phase's
 // EMF, 0.15 of the pair's in the mean; while the pulse is off, where the switch beside the diode chops, two thirds of the
 // link, else none.
-static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *pwm, int32_t emf_v_q25) {
+static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *pwm) {
   const int32_t vdc_v_q25 = view->m->vdc_v_q25;
   const int32_t on_v_q25 = clamp_i32(pwm->u_v_q25, 0, vdc_v_q25);
   const int32_t chopped_v_q25 = (view->settings->pattern == PATTERN_ON_PWM) ? 2 * vdc_v_q25 - on_v_q25 : on_v_q25;
-  const int32_t driving_v_q25 = chopped_v_q25 / 3 + mul_q16(emf_v_q25, FREEWHEEL_EMF_Q16);
+  const int32_t driving_v_q25 = chopped_v_q25 / 3 + mul_q16(view->m->emf_v_q25, FREEWHEEL_EMF_Q16);
   const bool back = view->settings->crossing.compute_back;
   const uint32_t time_cycles = view->m->sector_cycles / 16u * (back ? FREEWHEEL_BACK_X16 : FREEWHEEL_SEEN_X16);
   // per_volt is that of two phases and half of a carrier: L of one phase is a quarter.
@@ -73,36 +74,39 @@ static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *p
 }
 
 // Current of the conducting pair per DC-link current, and the limit that follows from both limits.
-static void schedule_current(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, int32_t speed_rpm_q8) {
+static void schedule_current(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
   const parameters_t *p = view->p;
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
   // A sample in the pulse shows the pair's current itself.
   const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
   g->line_ratio_q16 =
-      !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, gain_apply(speed_rpm_q8, p->emf),
+      !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, view->m->emf_v_q25,
                              gain_apply(view->m->line_i_q25, copper), diode_v_q25(view, pwm), pwm->duty_q30);
   const int32_t dc_as_line_q25 = line_current_limit_q25(view->settings->dc_limit_q17, g->line_ratio_q16);
   g->limit_i_q25 = lesser(view->settings->current_limit_q17 * 256, dc_as_line_q25);
   if (p->freewheel_limit != 0) {
-    g->limit_i_q25 = lesser(g->limit_i_q25, freewheel_limit_i_q25(view, pwm, gain_apply(speed_rpm_q8, p->emf)));
+    g->limit_i_q25 = lesser(g->limit_i_q25, freewheel_limit_i_q25(view, pwm));
   }
   g->resistive_v_q25 = gain_apply(g->limit_i_q25, g->resistance);
 }
 
-// Boundary of continuous conduction, and the current of the shortest pulse in the longest carrier, where diodes end it.
-static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, int32_t speed_rpm_q8,
-                              uint32_t longest_cycles) {
-  const parameters_t *p = view->p;
+// Boundary of continuous conduction.
+static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
+  g->boundary = boundary(view->m->emf_v_q25, view->m->vdc_v_q25, diode_v_q25(view, pwm),
+                         view->settings->carrier_period_cycles, view->p->boundary_current);
+}
+
+// Current of the shortest pulse in the longest carrier, where diodes end it.
+static void schedule_least(scheduled_t *g, const six_step_view_t *view, uint32_t longest_cycles) {
   const uint32_t wanted_cycles = view->settings->carrier_period_cycles;
-  g->boundary = boundary(gain_apply(speed_rpm_q8, p->emf), view->m->vdc_v_q25, diode_v_q25(view, pwm), wanted_cycles,
-                         p->boundary_current);
   const uint32_t edge_cycles = (uint32_t)mul_q16(g->boundary.duty_q30 >> 14, (int32_t)wanted_cycles);
-  const uint32_t least_cycles = (uint32_t)p->least_on_cycles;
+  const uint32_t least_cycles = (uint32_t)view->p->least_on_cycles;
   // I = I_b (least / D_b T)^2 T / T_longest
   const uint32_t ratio_q12 = clamp_u32((least_cycles << 12) / clamp_u32(edge_cycles, 1u, UINT32_MAX), 0, 16u << 12);
   const uint32_t square_q16 = (ratio_q12 * (ratio_q12 >> 4)) >> 4;
-  const uint32_t share_q16 = div_sat_u32((uint64_t)square_q16 * wanted_cycles, longest_cycles);
-  g->least_i_q25 = sat_i32(((int64_t)g->boundary.current_i_q25 * (int32_t)clamp_u32(share_q16, 0, INT32_MAX)) >> 16);
+  const uint32_t shorter_q16 = (wanted_cycles << 16) / longest_cycles;
+  const uint64_t share_q16 = ((uint64_t)square_q16 * shorter_q16) >> 16;
+  g->least_i_q25 = sat_i32(((int64_t)g->boundary.current_i_q25 * (int32_t)share_q16) >> 16);
 }
 
 static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int32_t ratio_q16) {
@@ -157,13 +161,13 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
       schedule_resistance(g, view, ratio_q16);
       break;
     case GROUP_CURRENT:
-      schedule_current(g, view, pwm, speed_rpm_q8);
+      schedule_current(g, view, pwm);
       break;
     case GROUP_SPEED:
       schedule_speed(g, view, pwm);
       break;
     case GROUP_BOUNDARY:
-      schedule_boundary(g, view, pwm, speed_rpm_q8, in->longest_cycles);
+      schedule_boundary(g, view, pwm);
       break;
     case GROUP_LINEARITY:
       if (settings->linearity) {
@@ -174,7 +178,9 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
       g->advance_q16 = advance_added_q16(settings->advance_speed_q16, ratio_q16, settings->advance_current_q16,
                                          clamp_i32(gain_apply(view->m->line_i_q25, p->rated_current_ratio), 0, 2 * ONE_Q16));
       break;
+    case GROUP_LEAST:
     default:
+      schedule_least(g, view, in->longest_cycles);
       break;
   }
 }
@@ -197,7 +203,7 @@ HOT static regulator_t wanted_regulator(const six_step_view_t *view, bool revers
 // Set ramp and integrals so that the present voltage continues.
 COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
   const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
-  const int32_t emf_v_q25 = gain_apply(speed_rpm_q8, view->p->emf);
+  const int32_t emf_v_q25 = view->m->emf_v_q25;
   const scheduled_t *g = &r->scheduled;
   r->saturated = 0;
   ramp_preset(&r->ramp, speed_rpm_q8);
@@ -306,6 +312,33 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   }
 }
 
+// Upper bound of the voltage by the currents. One that the slew does not let the voltage reach need not be known: the bound
+// is higher than without a margin while there is one.
+HOT static int32_t bound_by_current(const regulate_t *r, const limiter_gains_t *gains, int32_t emf_v_q25,
+                                    int32_t margin_q17, int32_t reach_v_q25) {
+  const int32_t resistive_v_q25 = r->scheduled.resistive_v_q25;
+  const int32_t least = emf_v_q25 + resistive_v_q25 + r->limiter.trim_v_q25;
+  return (margin_q17 >= 0 && least > reach_v_q25)
+             ? least
+             : limiter_bound(&r->limiter, gains, emf_v_q25, resistive_v_q25, margin_q17);
+}
+
+// Lower bound of the voltage. The reference keeps to the braking current, the bound only near it. The integral knows by how
+// much the EMF is wrong: of flux, temperature and the delay of the speed.
+HOT static int32_t lower_bound(const regulate_t *r, const six_step_view_t *view, const limiter_gains_t *gains) {
+  const scheduled_t *g = &r->scheduled;
+  const int32_t emf_v_q25 = view->m->emf_v_q25;
+  if (!r->rectifies) {
+    return emf_v_q25 / 2;
+  }
+  const int32_t brake_i_q25 =
+      view->settings->sync_rect ? r->brake_i_q25 + r->brake_i_q25 / BRAKE_ROOM : g->limit_i_q25 / ROOM;
+  const int32_t margin_q17 = (brake_i_q25 + view->m->line_i_q25) / 256;
+  const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
+  return greater(g->low_v_q25,
+                 trimmed_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp));
+}
+
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
 // current of each carrier the reference alone gives the pulse, and the measured current says nothing of the EMF.
 HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
@@ -314,19 +347,12 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const settings_t *s = view->settings;
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
-  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
+  const int32_t emf_v_q25 = m->emf_v_q25;
   // The magnitude of a braking current has its own limit.
   const int32_t motor_q17 = (m->idc_q17 >= 0) ? m->motor_q17 : 0;
   const int32_t margin_q17 = lesser(g->limit_i_q25 / 256 - motor_q17, s->dc_limit_q17 - m->idc_q17);
-  // The reference keeps to the braking current, the bound of the voltage only near it.
-  const int32_t brake_i_q25 = s->sync_rect ? r->brake_i_q25 + r->brake_i_q25 / BRAKE_ROOM : g->limit_i_q25 / ROOM;
-  const int32_t brake_margin_q17 = (brake_i_q25 + m->line_i_q25) / 256;
-  // The integral knows by how much the EMF is wrong: of flux, temperature and the delay of the speed.
-  const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
-  const int32_t high_current = limiter_bound(&r->limiter, &gains, emf_v_q25, g->resistive_v_q25, margin_q17);
-  const int32_t low_current =
-      trimmed_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(brake_margin_q17, gains.kp);
-  const int32_t least = lesser(r->rectifies ? greater(g->low_v_q25, low_current) : emf_v_q25 / 2, g->high_v_q25);
+  const int32_t high_current = bound_by_current(r, &gains, emf_v_q25, margin_q17, pwm->u_v_q25 + p->slew_v_q25);
+  const int32_t least = lesser(lower_bound(r, view, &gains), g->high_v_q25);
   const int32_t most = clamp_i32(high_current, least, g->high_v_q25);
   const int32_t high = clamp_i32(pwm->u_v_q25 + p->slew_v_q25, least, most);
   const int32_t low = clamp_i32(pwm->u_v_q25 - p->slew_v_q25, least, high);
@@ -368,8 +394,8 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
   }
   r->was_frozen = false;
   apply_advance(r, settings);
-  // A tick that divides for a new speed leaves the schedule to another one as well, once.
-  r->schedule_skipped = in->thresholds_move || (m->speed_fresh && !r->schedule_skipped);
+  // At most every second tick, and not in one that divides for a new speed or looks after the machine.
+  r->schedule_skipped = in->busy || m->speed_fresh || !r->schedule_skipped;
   if (!r->schedule_skipped) {
     schedule(r, pwm, view, in, r->schedule_group);
     r->schedule_group = (r->schedule_group + 1u) % SCHEDULE_GROUPS;
@@ -391,7 +417,6 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
 bool regulate_nearly_stopped(const regulate_t *r, const six_step_view_t *view) {
   const int32_t stop_rpm = view->p->stop_rpm;
   const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
-  const int32_t emf_v_q25 = gain_apply(speed_rpm_q8, view->p->emf);
-  const bool held = view->settings->sync_rect && emf_v_q25 < r->scheduled.low_v_q25 / 4 * 5;
+  const bool held = view->settings->sync_rect && view->m->emf_v_q25 < r->scheduled.low_v_q25 / 4 * 5;
   return speed_rpm_q8 < stop_rpm * 256 + stop_rpm * 16 || held;
 }

@@ -75,7 +75,7 @@ typedef struct {
 // What the regulators are told, besides the view.
 typedef struct {
   bool reverse;
-  bool thresholds_move;     // a tick that moves thresholds leaves the schedule to another one
+  bool busy;                // a tick that has other work leaves the schedule to another one
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t period_cycles;   // of the carrier
 } regulate_input_t;
@@ -89,7 +89,7 @@ void regulate_prepare(regulate_t *r, const pwm_t *pwm, const six_step_view_t *vi
 // Go on from the voltage of now.
 void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in);
 
-// One step toward a target (magnitude). About 1300 clocks with what it calls.
+// One step toward a target (magnitude). About 950 clocks with what it calls.
 void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                    int32_t target_rpm_q8);
 

@@ -7,16 +7,17 @@
 #include "control/placement.h"
 
 #define MISSES_BEFORE_TRIP 2u
-// 5 ms at 10 kHz.
+// 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
-
+#define OUTRUN_LOOK_TICKS 4u
 
 static six_step_view_t view_of(const six_step_t *six, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   return (six_step_view_t){six->p, settings, order, in, &six->m};
 }
 
-static regulate_input_t regulate_input(const six_step_t *six) {
-  return (regulate_input_t){six->start.reverse, six->thresholds.busy, start_longest_cycles(&six->start, &six->m),
+static regulate_input_t regulate_input(const six_step_t *six, uint32_t tick) {
+  const bool busy = six->thresholds.busy || tick % SIX_STEP_LOOK_TICKS == SIX_STEP_LOOK_AT;
+  return (regulate_input_t){six->start.reverse, busy, start_longest_cycles(&six->start, &six->m),
                             six->pwm.period_cycles};
 }
 
@@ -50,15 +51,18 @@ HOT static bool outruns_pulse(const six_step_t *six) {
 }
 
 // No rotor turns at the measured speed.
-HOT static bool speed_impossible(six_step_t *six, bool over) {
+HOT static bool speed_impossible(six_step_t *six, uint32_t tick, bool over) {
+  if (tick % OUTRUN_LOOK_TICKS != 0u && !over) {
+    return false;
+  }
   // The phases' current is right however seldom it is sampled; braking it drops nothing.
   const measured_t *m = &six->m;
   const int32_t driving_i_q25 = (m->idc_q17 > 0) ? m->motor_q17 * 256 : 0;
   const int32_t drop_v_q25 = gain_apply(driving_i_q25, six->regulate.scheduled.resistance);
   const bool outruns =
       six->command.sequence.timer == COMMUTATION_ZCD &&
-      (six->pwm.discontinuous ? outruns_pulse(six) : pwm_is_outrun(&six->pwm, six->p, m->speed_rpm_q8, drop_v_q25));
-  six->outrun_ticks = outruns ? six->outrun_ticks + 1u : 0u;
+      (six->pwm.discontinuous ? outruns_pulse(six) : pwm_is_outrun(&six->pwm, m->emf_v_q25, drop_v_q25));
+  six->outrun_ticks = outruns ? six->outrun_ticks + OUTRUN_LOOK_TICKS : 0u;
   if (six->outrun_ticks < OUTRUN_TICKS && !(over && outruns)) {
     return false;
   }
@@ -77,7 +81,7 @@ HOT bool six_step_measure(six_step_t *six, const chip_snapshot_t *in, const orde
   }
   const bool turning = m->speed_valid && (order->state == STATE_RUNNING || order->state == STATE_STOPPING);
   report->over = turning && m->speed_rpm_q8 / 256 > six->p->overspeed_rpm;
-  report->impossible = turning && speed_impossible(six, report->over);
+  report->impossible = turning && speed_impossible(six, order->tick, report->over);
   report->doubtful = hall_is_doubtful(&six->hall);
   report->silent_ticks = m->silent_ticks;
   report->vdc_v_q25 = m->vdc_v_q25;
@@ -125,7 +129,7 @@ COLD static void apply_settings(six_step_t *six, const settings_t *settings) {
 
 COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view) {
   const outcome_t outcome = start_step(&six->start, &six->hall, &six->pwm, &six->command, view);
-  const regulate_input_t input = regulate_input(six);
+  const regulate_input_t input = regulate_input(six, view->order->tick);
   if (outcome_event(outcome) == EVENT_STARTED) {
     sequence_force_on_miss(&six->command.sequence, true, COMMUTATION_TIMEOUT_Q12);
     sequence_sample(&six->command.sequence, (uint32_t)six->p->sample_mode);
@@ -169,7 +173,7 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
   if (six->settings_due) {
     apply_settings(six, view->settings);
   }
-  const regulate_input_t input = regulate_input(six);
+  const regulate_input_t input = regulate_input(six, view->order->tick);
   regulate_step(&six->regulate, &six->pwm, view, &input, target_rpm_q8);
 }
 

@@ -126,10 +126,9 @@ static bool caught_by_edges(const work_t *w) {
   const measured_t *m = w->view->m;
   const settings_t *settings = w->view->settings;
   start_t *s = w->s;
-  const int32_t emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
   // The edges need no EMF to be seen. A rotor that turns the wrong way was let go at the stop speed to slow down.
   const bool wrong = w->h->backward != (settings->target_rpm < 0);
-  const bool fast = wrong ? emf_v_q25 / 256 >= p->catch_v_q17 : m->speed_rpm_q8 >= p->handover_rpm * 256;
+  const bool fast = wrong ? m->emf_v_q25 / 256 >= p->catch_v_q17 : m->speed_rpm_q8 >= p->handover_rpm * 256;
   const bool turning = m->speed_valid && !hall_rotor_slow(w->h, p) && fast;
   if (!coast_may_catch(w->view->order, settings) || !turning || m->speed_rpm_q8 / 256 > p->overspeed_rpm ||
       m->vdc_v_q25 == 0) {
@@ -151,7 +150,7 @@ static bool caught_by_edges(const work_t *w) {
   sequence_run(&w->command->sequence, w->command->sequence.start_sector);
   s->catches++;
   s->locked_from = m->crossings;
-  apply_voltage(w, emf_v_q25, settings->sync_rect);
+  apply_voltage(w, m->emf_v_q25, settings->sync_rect);
   enter_phase(s, START_LOCK);
   return true;
 }
@@ -319,7 +318,7 @@ static outcome_t lock(const work_t *w) {
   const measured_t *m = w->view->m;
   start_t *s = w->s;
   const bool crossings = w->command->sequence.timer == COMMUTATION_ZCD;
-  if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, p, m->speed_rpm_q8, 0)) {
+  if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, m->emf_v_q25, 0)) {
     return outcome_of(EVENT_START_FAILED);
   }
   const bool enough = m->crossings - s->locked_from >= LOCK_CROSSINGS && s->ticks > START_PREPARE_TICKS;
@@ -345,7 +344,7 @@ static bool pulls_wrong(const work_t *w) {
   const parameters_t *p = w->view->p;
   const measured_t *m = w->view->m;
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
-  const int32_t emf_v_q25 = m->speed_valid ? gain_apply(m->speed_rpm_q8, p->emf) : 0;
+  const int32_t emf_v_q25 = m->speed_valid ? m->emf_v_q25 : 0;
   return hall_pulls_wrong(w->h, w->pwm->u_v_q25, gain_apply(m->motor_q17 * 256, copper), emf_v_q25);
 }
 

@@ -46,7 +46,7 @@ static bool steady(thresholds_t *t, const chip_snapshot_t *in) {
 // Gain for this speed: proportional to the EMF, less on turns that are long against the bandwidth.
 static gain_t step_gain(const thresholds_t *t, const six_step_view_t *view, uint8_t source) {
   const parameters_t *p = view->p;
-  const uint32_t emf = (uint32_t)clamp_i32(gain_apply(view->m->speed_rpm_q8, p->emf), 0, view->m->vdc_v_q25);
+  const uint32_t emf = (uint32_t)clamp_i32(view->m->emf_v_q25, 0, view->m->vdc_v_q25);
   const uint32_t vdc = (uint32_t)view->m->vdc_v_q25 >> 9;
   uint32_t share_q16 = (vdc > 0u) ? clamp_u32(((emf >> 9) << 15) / vdc, 0, 32768u) << 1 : 0u;
   const uint32_t most = (uint32_t)p->balance_turn_cycles >> 8;
