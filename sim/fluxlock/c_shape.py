@@ -7,7 +7,7 @@ The compiler reads the sources and hands over its syntax tree, so a pointer or a
 `make lint` keeps:
 
 - one file writes a field of a record; a section of the command is cleared by the hardware layer besides;
-- a file calls and includes its own layer and those below it only, without a circle;
+- a file of the drive calls and includes its own layer and those below it only; nowhere is there a circle;
 - below drive.c nothing names drive_t;
 - `enter` alone assigns the state; `follow`, and the boot, alone call it and the fault log.
 """
@@ -338,7 +338,6 @@ CLEARED: Final = (
     "clear_trips",
     "start_auto_zero",
 )  # by the hardware layer, in a section of the command
-MAILBOX: Final = ("request", "settings", "settings_fresh")  # of drive_t: left by console and bus, taken by the step
 SIX_STEP: Final = "drive/six_step/six_step.c"
 EITHER: Final = ("report_t", "six_step_report_t")  # by the method that drives
 
@@ -357,7 +356,7 @@ def _owners(record: str, fld: str, files: frozenset[str]) -> frozenset[str]:
     owners = {file for file in files if file.startswith(DRIVE)}
     if fld in CLEARED and record.endswith("_command_t"):
         files = files - {HARDWARE}
-    if (record == "drive_t" and fld in MAILBOX) or not owners:
+    if not owners:
         return frozenset()
     if record in EITHER:
         files = files - {SIX_STEP}
@@ -371,10 +370,9 @@ def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
         if len(owners) > 1:
             yield f"{record}.{fld} is written by {' and '.join(sorted(owners))}"
     for verb, graph in (("includes", shape.includes), ("calls", shape.calls)):
-        inside = within(graph, DRIVE)
-        for circle in circles(inside):
+        for circle in circles(graph):
             yield f"circle of {verb}: {' '.join(circle)}"
-        for name, others in sorted(inside.items()):
+        for name, others in sorted(within(graph, DRIVE).items()):
             for other in sorted(others):
                 (layer, part), (below, its) = _layer(name), _layer(other)
                 if below > layer or (below == layer == 2 and part != its):
@@ -399,7 +397,7 @@ def _table(shape: Shape) -> Iterable[str]:
     for (record, fld), files in sorted(shape.several.items(), key=lambda item: (-len(item[1]), item[0])):
         yield f"  {record}.{fld}: {' '.join(sorted(files))}"
     for name, graph in (("includes", shape.includes), ("calls", shape.calls)):
-        for circle in circles(within(graph, DRIVE)):
+        for circle in circles(graph):
             yield f"circle of {name}: {' '.join(circle)}"
 
 

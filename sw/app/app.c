@@ -211,23 +211,3 @@ void app_poll(app_t *app) {
   app->polled = now;
   console_poll(app);
 }
-
-SMALL_CODE_BEGIN
-setting_result_t app_set(app_t *app, setting_t setting, int32_t value) {
-  drive_t *drive = &app->drive;
-  // The control step reads the settings: work on a copy, put it in place as a whole.
-  settings_t next = drive->settings;
-  const setting_result_t result = settings_set(&next, drive->p, setting, value);
-  if (result != SETTING_TAKEN) {
-    return result;
-  }
-  const uint32_t state = critical_enter();
-  drive->settings = next;
-  drive->settings_fresh = true;
-  critical_leave(state);
-  if (setting == SETTING_IRQ_LOAD) {
-    chip_set_load((uint32_t)value);
-  }
-  return SETTING_TAKEN;
-}
-SMALL_CODE_END

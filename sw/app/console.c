@@ -5,7 +5,6 @@
 
 #include "app/console_items.h"
 #include "app/format.h"
-#include "app/line.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
@@ -63,7 +62,7 @@ COLD void console_receive(uint32_t word) {
   }
 }
 
-void console_put(const char *text) { line_put(&console.line, text); }
+static void console_put(const char *text) { line_put(&console.line, text); }
 
 static void put_u32(uint32_t value) {
   char text[FORMAT_LENGTH];
@@ -73,7 +72,7 @@ static void put_u32(uint32_t value) {
 
 static void request(app_t *app, request_t wanted) {
   const uint32_t state = critical_enter();
-  app->drive.request = wanted;
+  drive_request(&app->drive, wanted);
   critical_leave(state);
 }
 
@@ -81,7 +80,7 @@ static const char *command_help(const app_t *app) {
   console_put(
       "help | status | get [name] | set name value | start | stop [now] | faults | clear | stats\n"
       "settings:");
-  items_list_settable(app);
+  items_list_settable(app, &console.line);
   console_put("\n");
   return 0;
 }
@@ -90,7 +89,7 @@ static const char *command_status(app_t *app) {
   static const char *const shown[] = {"state", "fault", "speed_rpm", "measured_rpm",
                                       "duty",  "vdc_v", "idc_a",     "motor_a"};
   for (uint32_t i = 0; i < sizeof shown / sizeof shown[0]; i++) {
-    (void)items_print(app, shown[i]);
+    (void)items_print(app, &console.line, shown[i]);
   }
   return 0;
 }
@@ -219,7 +218,7 @@ static const char *execute(app_t *app, uint32_t words, char **word) {
     return command_status(app);
   }
   if (text_equal(name, "get")) {
-    return (words == 1u) ? items_print_all(app) : (items_print(app, word[1]) ? 0 : "unknown name");
+    return (words == 1u) ? items_print_all(app, &console.line) : (items_print(app, &console.line, word[1]) ? 0 : "unknown name");
   }
   if (text_equal(name, "set")) {
     return (words == 3u) ? items_set(app, word[1], word[2]) : "set name value";

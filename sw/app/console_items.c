@@ -219,24 +219,24 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
   return text;
 }
 
-static void put_line(const char *name, const char *text) {
-  console_put(name);
-  console_put(" ");
-  console_put(text);
-  console_put("\n");
+static void put_line(line_t *line, const char *name, const char *text) {
+  line_put(line, name);
+  line_put(line, " ");
+  line_put(line, text);
+  line_put(line, "\n");
 }
 
-static void print_item(const app_t *app, uint32_t item) {
+static void print_item(const app_t *app, line_t *line, uint32_t item) {
   char text[SECTORS * FORMAT_LENGTH];
-  put_line(item_names[item], value_text(app, (item_t)item, text));
+  put_line(line, item_names[item], value_text(app, (item_t)item, text));
 }
 
-static void print_setting(const app_t *app, uint32_t setting) {
+static void print_setting(const app_t *app, line_t *line, uint32_t setting) {
   char text[FORMAT_LENGTH];
   const setting_row_t *row = setting_row((setting_t)setting);
   const int32_t value = settings_get(&app->drive.settings, app->drive.p, (setting_t)setting);
   if (row->choices != 0) {
-    put_line(row->name, row->choices[value]);
+    put_line(line, row->name, row->choices[value]);
     return;
   }
   if ((row->flags & SETTING_THOUSANDTHS) != 0u) {
@@ -244,35 +244,35 @@ static void print_setting(const app_t *app, uint32_t setting) {
   } else {
     format_i32(text, value);
   }
-  put_line(row->name, text);
+  put_line(line, row->name, text);
 }
 
-bool items_print(const app_t *app, const char *name) {
+bool items_print(const app_t *app, line_t *line, const char *name) {
   const uint32_t item = find_item(name);
   const uint32_t setting = find_setting(name);
   if (item < ITEM_COUNT) {
-    print_item(app, item);
+    print_item(app, line, item);
   } else if (setting < SETTING_COUNT) {
-    print_setting(app, setting);
+    print_setting(app, line, setting);
   }
   return item < ITEM_COUNT || setting < SETTING_COUNT;
 }
 
-const char *items_print_all(const app_t *app) {
+const char *items_print_all(const app_t *app, line_t *line) {
   for (uint32_t item = 0; item < ITEM_COUNT; item++) {
-    print_item(app, item);
+    print_item(app, line, item);
   }
   for (uint32_t setting = 0; setting < SETTING_COUNT; setting++) {
-    print_setting(app, setting);
+    print_setting(app, line, setting);
   }
   return 0;
 }
 
-void items_list_settable(const app_t *app) {
+void items_list_settable(const app_t *app, line_t *line) {
   for (uint32_t setting = 0; setting < SETTING_COUNT; setting++) {
     if (app->drive.p == 0 || setting_is_known(app->drive.p, (setting_t)setting)) {
-      console_put(" ");
-      console_put(setting_row((setting_t)setting)->name);
+      line_put(line, " ");
+      line_put(line, setting_row((setting_t)setting)->name);
     }
   }
 }

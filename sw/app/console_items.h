@@ -6,16 +6,14 @@
 #define FL_CONSOLE_ITEMS_H
 
 #include "app/app.h"
+#include "app/line.h"
 
-// Text to the UART; main loop only.
-void console_put(const char *text);
-
-// Print `name value`; false: no such name.
-bool items_print(const app_t *app, const char *name);
-const char *items_print_all(const app_t *app);
+// Print `name value` as a reply of the line; false: no such name.
+bool items_print(const app_t *app, line_t *line, const char *name);
+const char *items_print_all(const app_t *app, line_t *line);
 // Set a value; 0 or the text of the error. Acts on a whole setting at once, at the next control tick.
 const char *items_set(app_t *app, const char *name, const char *value);
 // Names that can be set, each after a blank.
-void items_list_settable(const app_t *app);
+void items_list_settable(const app_t *app, line_t *line);
 
 #endif

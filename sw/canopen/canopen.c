@@ -13,17 +13,8 @@ SMALL_CODE_BEGIN
 #define LAST_INDEX 0xFFFFu
 #define LAST_COMMUNICATION 0x1FFFu
 
-bool canopen_send(canopen_t *node, uint32_t id, const uint8_t *data, uint32_t length, bool is_pdo) {
-  can_frame_t frame = {.id = id, .length = (uint8_t)length};
-  for (uint32_t i = 0; i < length; i++) {
-    frame.data[i] = data[i];
-  }
-  const bool put = send_queue_put(&node->queue, &frame, is_pdo);
-  node->value[OD_COUNTER_FRAMES_DROPPED] += put ? 0u : 1u;
-  return put;
-}
-
-void canopen_reset(canopen_t *node, bool whole) {
+// NMT reset of the node, or of communication only (objects below 0x2000): values anew, boot-up frame.
+static void reset(canopen_t *node, bool whole) {
   const uint32_t last = whole ? LAST_INDEX : LAST_COMMUNICATION;
   node->resets += whole ? 1u : 0u;
   const uint32_t asked = whole ? store_node_id(node) : node->value[OD_DEVICE_NODE_ID];
@@ -49,7 +40,7 @@ void canopen_init(canopen_t *node, app_t *app, const storage_t *storage, uint32_
   node->queue.head = 0;
   node->queue.tail = 0;
   node->drive.in_control = false;
-  canopen_reset(node, true);
+  reset(node, true);
 }
 
 void canopen_receive(canopen_t *node, const can_frame_t *frame) {
@@ -59,7 +50,10 @@ void canopen_receive(canopen_t *node, const can_frame_t *frame) {
     return;
   }
   if (frame->id == 0u) {
-    nmt_command(node, frame);
+    const nmt_wish_t wish = nmt_command(node, frame);
+    if (wish != NMT_NO_RESET) {
+      reset(node, wish == NMT_RESET_NODE);
+    }
   } else if (frame->id == node->value[OD_SYNC_COB_ID]) {
     if (state == NMT_OPERATIONAL && frame->length <= 1u) {
       pdo_sync(node);

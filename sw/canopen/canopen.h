@@ -62,7 +62,5 @@ void canopen_overrun(canopen_t *node);
 
 // Shared by the parts of the node.
 bool canopen_send(canopen_t *node, uint32_t id, const uint8_t *data, uint32_t length, bool is_pdo);
-// NMT reset of the node, or of communication only (objects below 0x2000): values anew, boot-up frame.
-void canopen_reset(canopen_t *node, bool whole);
 
 #endif

@@ -88,25 +88,18 @@ void link_order(app_t *app, const link_order_t *order) {
     return;
   }
   const int32_t limit_q17 = current_q17_of_ma(p, order->limit_ma);
-  // What the node orders only: a copy of all settings would hold the control step off for some 200 clocks.
-  settings_t *settings = &app->drive.settings;
+  next.line = order->line;
+  next.current_limit_q17 = limit_q17;
+  next.mode = order->torque ? MODE_TORQUE : MODE_SPEED;
   const uint32_t state = critical_enter();
-  settings->target_rpm = next.target_rpm;
-  settings->line = order->line;
-  settings->accel_rpm_s = next.accel_rpm_s;
-  settings->accel_rpm_q20 = next.accel_rpm_q20;
-  settings->accel_rpm_q8 = next.accel_rpm_q8;
-  settings->current_limit_q17 = limit_q17;
-  settings->mode = order->torque ? MODE_TORQUE : MODE_SPEED;
-  settings->target_i_q25 = next.target_i_q25;
-  app->drive.settings_fresh = true;
+  drive_order(&app->drive, &next);
   critical_leave(state);
 }
 
 void link_request(app_t *app, request_t request) {
   const uint32_t state = critical_enter();
   if (app->drive.request == REQUEST_NONE || request == REQUEST_STOP_NOW || request == REQUEST_CLEAR) {
-    app->drive.request = request;
+    drive_request(&app->drive, request);
   }
   critical_leave(state);
 }

@@ -25,9 +25,9 @@ static void enter(canopen_t *node, nmt_state_t state) {
   }
 }
 
-void nmt_command(canopen_t *node, const can_frame_t *frame) {
+nmt_wish_t nmt_command(canopen_t *node, const can_frame_t *frame) {
   if (frame->length != 2u || (frame->data[1] != 0u && frame->data[1] != node->node_id)) {
-    return;
+    return NMT_NO_RESET;
   }
   switch (frame->data[0]) {
     case START:
@@ -40,15 +40,14 @@ void nmt_command(canopen_t *node, const can_frame_t *frame) {
       enter(node, NMT_PRE_OPERATIONAL);
       break;
     case RESET_NODE:
-      canopen_reset(node, true);
-      break;
+      return NMT_RESET_NODE;
     case RESET_COMMUNICATION:
       enter(node, NMT_PRE_OPERATIONAL);
-      canopen_reset(node, false);
-      break;
+      return NMT_RESET_COMMUNICATION;
     default:
       break;
   }
+  return NMT_NO_RESET;
 }
 
 static uint32_t watched(const canopen_t *node, uint32_t k) { return node->value[OD_HEARTBEAT_CONSUMER_NODE_1 + k]; }

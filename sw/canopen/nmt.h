@@ -18,6 +18,9 @@ typedef struct canopen canopen_t;
 // As in the heartbeat.
 typedef enum { NMT_BOOT_UP = 0, NMT_STOPPED = 4, NMT_OPERATIONAL = 5, NMT_PRE_OPERATIONAL = 127 } nmt_state_t;
 
+// What a command asks of the node as a whole.
+typedef enum { NMT_NO_RESET, NMT_RESET_COMMUNICATION, NMT_RESET_NODE } nmt_wish_t;
+
 typedef struct {
   nmt_state_t state;
   bool boot_told;
@@ -28,7 +31,7 @@ typedef struct {
 // Pre-operational, with the boot-up frame to be sent.
 void nmt_reset(canopen_t *node);
 // The frame with CAN-ID 0.
-void nmt_command(canopen_t *node, const can_frame_t *frame);
+nmt_wish_t nmt_command(canopen_t *node, const can_frame_t *frame);
 // A heartbeat or boot-up frame of another node.
 void nmt_heartbeat(canopen_t *node, uint32_t id);
 // Whether a heartbeat of another node is watched.

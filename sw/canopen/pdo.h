@@ -15,6 +15,10 @@ typedef struct canopen canopen_t;
 
 #define PDO_COUNT 4u
 #define PDO_MAPPED 8u
+#define PDO_TYPE_CYCLIC_MAX 240u
+#define PDO_TYPE_EVENT_MIN 254u
+// Numbers of the entries from one TPDO to the next.
+#define PDO_TPDO_STEP (OD_TPDO2_COUNT - OD_TPDO1_COUNT)
 
 // What a PDO carries.
 typedef struct {
@@ -48,6 +52,8 @@ typedef struct {
   tpdo_t tpdo[PDO_COUNT];
 } pdo_t;
 
+// pdo_setup.c: CAN-IDs, mapping, begin.
+
 // Whether a CAN-ID may be given to the PDO, SYNC or EMCY of an entry: not a reserved one, and of no other of them in use.
 bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id);
 // SDO_OK, or why a communication or mapping object of a PDO cannot be written now.
@@ -56,6 +62,9 @@ uint32_t pdo_check(canopen_t *node, uint32_t number, uint32_t value);
 void pdo_configure(canopen_t *node);
 // Operational begins: nothing waits, every TPDO is new.
 void pdo_start(canopen_t *node);
+
+// pdo.c: values on their way.
+
 // A frame; false: it is of no RPDO.
 bool pdo_receive(canopen_t *node, const can_frame_t *frame);
 void pdo_sync(canopen_t *node);

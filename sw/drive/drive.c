@@ -226,6 +226,27 @@ COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fau
     drive->report = &drive->method.six_step.report;
   }
 }
+
+void drive_request(drive_t *drive, request_t request) { drive->request = request; }
+
+void drive_set(drive_t *drive, const settings_t *settings) {
+  drive->settings = *settings;
+  drive->settings_fresh = true;
+}
+
+// A copy of all settings would hold the control step off for some 200 clocks.
+void drive_order(drive_t *drive, const settings_t *order) {
+  settings_t *settings = &drive->settings;
+  settings->target_rpm = order->target_rpm;
+  settings->line = order->line;
+  settings->accel_rpm_s = order->accel_rpm_s;
+  settings->accel_rpm_q20 = order->accel_rpm_q20;
+  settings->accel_rpm_q8 = order->accel_rpm_q8;
+  settings->current_limit_q17 = order->current_limit_q17;
+  settings->mode = order->mode;
+  settings->target_i_q25 = order->target_i_q25;
+  drive->settings_fresh = true;
+}
 SMALL_CODE_END
 
 // Let samples settle, measure the current offsets with the gates off, judge them.

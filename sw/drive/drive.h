@@ -33,7 +33,7 @@ typedef enum { REQUEST_NONE, REQUEST_START, REQUEST_STOP, REQUEST_STOP_NOW, REQU
 
 typedef struct {
   const parameters_t *p;
-  // What the console and the bus leave here; the control step takes it.
+  // What the console and the bus have left; the control step takes it.
   settings_t settings;
   bool settings_fresh;  // changed since the control step took them
   request_t request;
@@ -62,6 +62,12 @@ void drive_step(drive_t *drive, const chip_snapshot_t *in);
 void drive_wait(drive_t *drive);
 // The same with METHOD_VECTOR.
 void drive_vector_step(drive_t *drive, const chip_snapshot_t *in);
+
+// What console and bus leave for the next control step, which must not come in between: a request, all settings, or what a
+// node on the bus orders of them (target and its line, acceleration, current limit, mode).
+void drive_request(drive_t *drive, request_t request);
+void drive_set(drive_t *drive, const settings_t *settings);
+void drive_order(drive_t *drive, const settings_t *order);
 
 // Names for people.
 const char *drive_state_name(drive_state_t state);

@@ -57,6 +57,18 @@ PLANTED = {
         "struct vector;\nvoid vector_frame_off(struct vector *v);\nvoid spoil_other(void) { vector_frame_off(0); }\n",
         "drive/six_step/pwm.c calls drive/vector/frame.c, which is not below it",
     ),
+    "circle-beside-the-drive": (
+        "../app/console_items.c",
+        "bool items_print(",
+        "void console_init(void);\nvoid spoil_circle(void) { console_init(); }\n",
+        "circle of calls: app/console.c app/console_items.c",
+    ),
+    "mailbox-written-from-outside": (
+        "../app/console.c",
+        "static const char *command_help(",
+        "void spoil_mailbox(app_t *app) { app->drive.settings_fresh = true; }\n",
+        "drive_t.settings_fresh is written by app/console.c and drive/drive.c",
+    ),
     "name-of-the-drive": (
         "coast.c",
         "void coast_begin(",
