@@ -17,6 +17,7 @@ SMALL_CODE_BEGIN
 static void reset(canopen_t *node, bool whole) {
   const uint32_t last = whole ? LAST_INDEX : LAST_COMMUNICATION;
   node->resets += whole ? 1u : 0u;
+  store_read(node);
   const uint32_t asked = whole ? store_node_id(node) : node->value[OD_DEVICE_NODE_ID];
   node->node_id = (asked != 0u) ? asked : node->node_id;
   objects_defaults(node, 0, last);
@@ -24,6 +25,7 @@ static void reset(canopen_t *node, bool whole) {
   node->queue.tail = node->queue.head;
   sdo_reset(node);
   emcy_reset(node);
+  store_tell(node);
   if (whole) {
     cia402_reset(node);
   }

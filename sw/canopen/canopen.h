@@ -34,7 +34,7 @@ typedef struct canopen {
   uint32_t value[OD_COUNT];  // two's complement, extended to 32 bits
   uint8_t label[OD_STRING_MAX];
   uint32_t label_length;
-  uint32_t image[STORE_WORDS];
+  store_t store;
   send_queue_t queue;
   nmt_t nmt;
   sdo_t sdo;

@@ -395,13 +395,20 @@ static void follow_faults(canopen_t *node) {
   if (c->state == PDS_NOT_READY && c->status.state != STATE_INIT) {
     enter(node, PDS_DISABLED);
   }
+  // Nothing runs with settings that nobody has chosen.
+  const bool lost = node->store.state == STORE_LOST;
+  if (lost && c->state != PDS_NOT_READY && c->state != PDS_FAULT_REACTION && c->state != PDS_FAULT) {
+    fault(node, emcy_cause_code(EMCY_STORE_LOST));
+  }
   if (c->state == PDS_FAULT && c->clearing && c->status.state == STATE_READY) {
     c->clearing = false;
-    c->error_code = 0;
+    c->error_code = lost ? emcy_cause_code(EMCY_STORE_LOST) : 0u;
     emcy_clear(node, EMCY_DRIVE);
     emcy_clear(node, EMCY_COMMAND_TIMEOUT);
     emcy_clear(node, EMCY_BUS_OFF);
-    enter(node, PDS_DISABLED);
+    if (!lost) {
+      enter(node, PDS_DISABLED);
+    }
   }
 }
 

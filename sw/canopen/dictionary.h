@@ -21,6 +21,7 @@ enum {
   OD_STORED = 1u << 4,
   OD_LIVE = 1u << 5,           // read from the drive at every access
   OD_NODE_RELATIVE = 1u << 6,  // the node-ID is added to the initial value
+  OD_LIMIT = 1u << 7,          // a limit: the least value where the stored one is lost
 };
 
 typedef struct {

@@ -10,6 +10,7 @@ SMALL_CODE_BEGIN
 
 #define LIST_LENGTH (OD_ERROR_FIELD_ERROR_8 - OD_ERROR_FIELD_ERROR_1 + 1u)
 #define ERROR_COMMUNICATION 0x11u
+#define ERROR_MANUFACTURER 0x81u
 #define DISABLED (1u << 31)
 #define EVENT_US 2000000u
 
@@ -31,6 +32,8 @@ uint32_t emcy_cause_code(emcy_cause_t cause) {
       [EMCY_BUS_OFF] = 0x8140u,
       [EMCY_OVERRUN] = 0x8110u,
       [EMCY_COLLISION] = 0x8150u,
+      [EMCY_STORE_LOST] = 0x6310u,
+      [EMCY_STORE_COPY] = 0x5530u,
   };
   if (cause < EMCY_HEARTBEAT) {
     return codes[cause];
@@ -84,7 +87,8 @@ static void set(canopen_t *node, emcy_cause_t cause, uint32_t code, uint32_t err
 }
 
 void emcy_set(canopen_t *node, emcy_cause_t cause, uint32_t detail) {
-  set(node, cause, emcy_cause_code(cause), ERROR_COMMUNICATION, detail);
+  const bool stored = cause == EMCY_STORE_LOST || cause == EMCY_STORE_COPY;
+  set(node, cause, emcy_cause_code(cause), stored ? ERROR_MANUFACTURER : ERROR_COMMUNICATION, detail);
 }
 
 void emcy_set_drive(canopen_t *node, uint32_t fault) {

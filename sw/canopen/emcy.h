@@ -23,6 +23,8 @@ typedef enum {
   EMCY_BUS_OFF,          // 0x8140: recovered from it
   EMCY_OVERRUN,          // 0x8110: frames were lost before they were read
   EMCY_COLLISION,        // 0x8150: another node sends heartbeats of this node-ID
+  EMCY_STORE_LOST,       // 0x6310: something is stored and cannot be taken; no operation until a save or a restore
+  EMCY_STORE_COPY,       // 0x5530: one of two copies of what is stored is left; a save makes the other one
   EMCY_HEARTBEAT,        // 0x8130, one for each consumer: its node has fallen silent
   EMCY_PDO_SHORT = EMCY_HEARTBEAT + NMT_CONSUMERS,  // 0x8210, one for each RPDO: too short, not taken
   EMCY_PDO_LONG = EMCY_PDO_SHORT + PDO_COUNT,       // 0x8220: longer than its mapping; the first bytes were taken

@@ -3,7 +3,7 @@
 
 // Stored objects of the node in the SPI flash of a chip with Boot: a sector for each image.
 //
-// A save erases a sector: the caller waits some 50 ms, at most 2 s if the flash does not answer, while interrupts go on.
+// A save erases both sectors: the caller waits some 100 ms, 2 s at most for one that does not answer; interrupts go on.
 // Flashes bear 100 000 of them a sector.
 #ifndef FL_FLASH_STORE_H
 #define FL_FLASH_STORE_H

@@ -67,6 +67,11 @@ static uint32_t check_emcy_id(const canopen_t *node, uint32_t value) {
   return pdo_id_is_free(node, OD_EMCY_COB_ID, value) ? SDO_OK : SDO_VALUE;
 }
 
+bool objects_can_be(uint32_t number, uint32_t value) {
+  return od_check(number, value) == SDO_OK &&
+         (number != OD_DEVICE_BIT_RATE || can_bit_timing(chip_clock_hz(), value) != 0u);
+}
+
 uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
   const od_entry_t *entry = od_entry(number);
   if ((entry->flags & OD_WRITE) == 0u) {
@@ -89,7 +94,7 @@ uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
     case OD_EMCY_COB_ID:
       return check_emcy_id(node, value);
     case OD_DEVICE_BIT_RATE:
-      return (can_bit_timing(chip_clock_hz(), value) != 0u) ? SDO_OK : SDO_VALUE;
+      return objects_can_be(number, value) ? SDO_OK : SDO_VALUE;
     case OD_HEARTBEAT_CONSUMER_NODE_1:
     case OD_HEARTBEAT_CONSUMER_NODE_2:
     case OD_HEARTBEAT_CONSUMER_NODE_3:

@@ -5,6 +5,7 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
+#include "canopen/objects.h"
 #include "control/crc32.h"
 #include "control/placement.h"
 
@@ -19,58 +20,101 @@ static uint32_t checksum(const uint32_t *image) {
   return crc32((const uint8_t *)&image[SEQUENCE], 4u * (STORE_WORDS - SEQUENCE));
 }
 
-// The slot's image into node->image; false: none, or none of this firmware.
-static bool read_slot(canopen_t *node, uint32_t slot) {
+// The slot's image into store.image.
+static slot_t read_slot(canopen_t *node, uint32_t slot) {
   const storage_t *storage = node->storage;
-  uint32_t *image = node->image;
-  return storage != 0 && storage->read(storage->context, slot, image, IMAGE_BYTES) && image[MAGIC] == STORE_MAGIC &&
-         image[LAYOUT] == OD_STORE_WORD && image[CRC] == checksum(image) && image[LABEL_LENGTH] <= OD_STRING_MAX;
+  uint32_t *image = node->store.image;
+  if (storage == 0) {
+    return SLOT_BLANK;
+  }
+  if (!storage->read(storage->context, slot, image, IMAGE_BYTES)) {
+    return SLOT_BROKEN;
+  }
+  if (image[MAGIC] == STORE_MAGIC && image[LAYOUT] != OD_STORE_WORD) {
+    return SLOT_FOREIGN;
+  }
+  if (image[MAGIC] == STORE_MAGIC && image[CRC] == checksum(image) && image[LABEL_LENGTH] <= OD_STRING_MAX) {
+    return SLOT_GOOD;
+  }
+  // Erased, forgotten, or never written.
+  bool blank = image[0] == 0u || image[0] == UINT32_MAX;
+  for (uint32_t i = 1; blank && i < STORE_WORDS; i++) {
+    blank = image[i] == image[0];
+  }
+  return blank ? SLOT_BLANK : SLOT_BROKEN;
 }
 
-// The newest image into node->image; its slot, STORE_SLOTS: none.
+// The newest good image into store.image; its slot, STORE_SLOTS: none.
 static uint32_t read_newest(canopen_t *node) {
+  store_t *store = &node->store;
   uint32_t newest = STORE_SLOTS;
   uint32_t sequence = 0;
+  uint32_t copies = 0;
+  bool blank = true;
   for (uint32_t slot = 0; slot < STORE_SLOTS; slot++) {
-    if (read_slot(node, slot) && (newest == STORE_SLOTS || (int32_t)(node->image[SEQUENCE] - sequence) > 0)) {
-      newest = slot;
-      sequence = node->image[SEQUENCE];
+    store->slot[slot] = read_slot(node, slot);
+    blank = blank && store->slot[slot] == SLOT_BLANK;
+    if (store->slot[slot] != SLOT_GOOD) {
+      continue;
     }
+    if (newest == STORE_SLOTS || (int32_t)(store->image[SEQUENCE] - sequence) > 0) {
+      newest = slot;
+      sequence = store->image[SEQUENCE];
+      copies = 0;
+    }
+    copies += (store->image[SEQUENCE] == sequence) ? 1u : 0u;
   }
-  if (newest != STORE_SLOTS && !read_slot(node, newest)) {
-    return STORE_SLOTS;
+  if (newest != STORE_SLOTS && read_slot(node, newest) != SLOT_GOOD) {
+    newest = STORE_SLOTS;
+  }
+  if (newest != STORE_SLOTS) {
+    store->state = (copies == STORE_SLOTS) ? STORE_WHOLE : STORE_COPY;
+  } else {
+    store->state = blank ? STORE_EMPTY : STORE_LOST;
   }
   return newest;
 }
 
-uint32_t store_node_id(canopen_t *node) {
-  if (read_newest(node) == STORE_SLOTS) {
+static bool has_image(const canopen_t *node) {
+  return node->store.state == STORE_WHOLE || node->store.state == STORE_COPY;
+}
+
+void store_read(canopen_t *node) {
+  node->store.index = 0;
+  (void)read_newest(node);
+}
+
+uint32_t store_node_id(const canopen_t *node) {
+  if (!has_image(node)) {
     return 0;
   }
   uint32_t at = STORE_HEADER_WORDS;
   for (uint32_t n = 0; n < OD_DEVICE_NODE_ID; n++) {
     at += ((od_entry(n)->flags & OD_STORED) != 0u) ? 1u : 0u;
   }
-  return (od_check(OD_DEVICE_NODE_ID, node->image[at]) == SDO_OK) ? node->image[at] : 0u;
+  const uint32_t asked = node->store.image[at];
+  return (od_check(OD_DEVICE_NODE_ID, asked) == SDO_OK) ? asked : 0u;
 }
 
-void store_load(canopen_t *node, uint32_t first, uint32_t last) {
-  if (read_newest(node) == STORE_SLOTS) {
-    return;
-  }
-  const uint32_t *image = node->image;
+static void load_image(canopen_t *node, uint32_t first, uint32_t last) {
+  const uint32_t *image = node->store.image;
   uint32_t at = STORE_HEADER_WORDS;
   for (uint32_t n = 0; n < OD_COUNT; n++) {
     const od_entry_t *entry = od_entry(n);
     if ((entry->flags & OD_STORED) == 0u) {
       continue;
     }
-    const bool moved = (entry->flags & OD_NODE_RELATIVE) != 0u && image[NODE_ID] != node->node_id;
-    const bool wanted = entry->index >= first && entry->index <= last;
-    if (wanted && !moved && od_check(n, image[at]) == SDO_OK) {
-      node->value[n] = image[at];
-    }
+    const uint32_t value = image[at];
     at++;
+    if (!objects_can_be(n, value)) {
+      node->store.index = (node->store.index != 0u) ? node->store.index : entry->index;
+      node->store.state = STORE_LOST;
+      continue;
+    }
+    const bool moved = (entry->flags & OD_NODE_RELATIVE) != 0u && image[NODE_ID] != node->node_id;
+    if (entry->index >= first && entry->index <= last && !moved) {
+      node->value[n] = value;
+    }
   }
   if (first <= 0x2000u && last >= 0x2000u) {
     const uint8_t *label = (const uint8_t *)&image[LABEL];
@@ -81,15 +125,46 @@ void store_load(canopen_t *node, uint32_t first, uint32_t last) {
   }
 }
 
-bool store_save(canopen_t *node) {
+void store_load(canopen_t *node, uint32_t first, uint32_t last) {
+  if (has_image(node)) {
+    load_image(node, first, last);
+  }
+  for (uint32_t n = 0; n < OD_COUNT && node->store.state == STORE_LOST; n++) {
+    const od_entry_t *entry = od_entry(n);
+    if ((entry->flags & OD_LIMIT) != 0u && entry->index >= first && entry->index <= last) {
+      node->value[n] = entry->min;
+    }
+  }
+}
+
+void store_tell(canopen_t *node) {
+  const store_t *store = &node->store;
+  const uint32_t detail = (uint32_t)store->slot[0] | (uint32_t)store->slot[1] << 8 | store->index << 16;
+  if (store->state == STORE_LOST) {
+    emcy_set(node, EMCY_STORE_LOST, detail);
+  } else {
+    emcy_clear(node, EMCY_STORE_LOST);
+  }
+  if (store->state == STORE_COPY) {
+    emcy_set(node, EMCY_STORE_COPY, detail);
+  } else {
+    emcy_clear(node, EMCY_STORE_COPY);
+  }
+}
+
+static bool write_slot(canopen_t *node, uint32_t slot, uint32_t sequence) {
   const storage_t *storage = node->storage;
-  if (storage == 0) {
+  return storage->write(storage->context, slot, node->store.image, IMAGE_BYTES) &&
+         read_slot(node, slot) == SLOT_GOOD && node->store.image[SEQUENCE] == sequence;
+}
+
+bool store_save(canopen_t *node) {
+  if (node->storage == 0) {
     return false;
   }
   const uint32_t newest = read_newest(node);
-  uint32_t *image = node->image;
+  uint32_t *image = node->store.image;
   const uint32_t sequence = (newest == STORE_SLOTS) ? 0u : image[SEQUENCE] + 1u;
-  const uint32_t slot = (newest == 0u) ? 1u : 0u;
   image[MAGIC] = STORE_MAGIC;
   image[LAYOUT] = OD_STORE_WORD;
   image[SEQUENCE] = sequence;
@@ -106,8 +181,12 @@ bool store_save(canopen_t *node) {
     image[LABEL + i] = can_get(&node->label[4u * i], 4);
   }
   image[CRC] = checksum(image);
-  return storage->write(storage->context, slot, image, IMAGE_BYTES) && read_slot(node, slot) &&
-         image[SEQUENCE] == sequence;
+  // The newest one stays until its successor is whole.
+  const uint32_t first = (newest == 0u) ? 1u : 0u;
+  const bool done = write_slot(node, first, sequence) && write_slot(node, 1u - first, sequence);
+  store_read(node);
+  store_tell(node);
+  return done;
 }
 
 bool store_forget(canopen_t *node) {
@@ -121,10 +200,13 @@ bool store_forget(canopen_t *node) {
   for (uint32_t k = 0; k < STORE_SLOTS; k++) {
     const uint32_t slot = (k == 0u) ? 1u - last : last;
     for (uint32_t i = 0; i < STORE_WORDS; i++) {
-      node->image[i] = 0;
+      node->store.image[i] = 0;
     }
-    done = storage->write(storage->context, slot, node->image, IMAGE_BYTES) && !read_slot(node, slot) && done;
+    done = storage->write(storage->context, slot, node->store.image, IMAGE_BYTES) &&
+           read_slot(node, slot) == SLOT_BLANK && done;
   }
+  store_read(node);
+  store_tell(node);
   return done;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Stored objects: two slots in non-volatile memory, written in turns, so that a save that is cut off loses nothing.
+// Stored objects: the same image in two slots of non-volatile memory. A save that is cut off loses nothing, and neither
+// does a slot that breaks. What is stored and cannot be read is an error and never its default.
 //
 // Image, little-endian words: magic, layout (version and checksum of what is stored), CRC-32 of all that follows it,
 // sequence number, node-ID at the time, values in the order of the dictionary, length of the label, label.
@@ -27,14 +28,34 @@ typedef struct {
   bool (*write)(void *context, uint32_t slot, const void *data, uint32_t bytes);
 } storage_t;
 
-// Node-ID that the newest valid image asks for; 0: there is none.
-uint32_t store_node_id(canopen_t *node);
-// Take over the entries with first <= index <= last of the newest valid image. A value that is not in its range any
-// more is left; COB-IDs stored under another node-ID too.
+typedef enum { SLOT_BLANK, SLOT_GOOD, SLOT_FOREIGN, SLOT_BROKEN } slot_t;  // foreign: of another layout
+
+typedef enum {
+  STORE_EMPTY,  // nothing is stored
+  STORE_WHOLE,
+  STORE_COPY,  // one slot holds it, the other one is broken, older or blank
+  STORE_LOST,  // something is stored, and it or a value of it cannot be taken
+} store_state_t;
+
+typedef struct {
+  store_state_t state;
+  slot_t slot[STORE_SLOTS];
+  uint32_t index;  // of the first stored object whose value is not allowed; 0: none
+  uint32_t image[STORE_WORDS];
+} store_t;
+
+// Read the newest good image into store.image.
+void store_read(canopen_t *node);
+// Node-ID that the image asks for; 0: none.
+uint32_t store_node_id(const canopen_t *node);
+// Take over the entries with first <= index <= last of the image. COB-IDs stored under another node-ID keep their
+// defaults. Where the store is lost the objects marked `limit` have their least values.
 void store_load(canopen_t *node, uint32_t first, uint32_t last);
-// Write into the other slot, read back. False: the memory failed, the older image holds.
+// Tell by EMCY what is lost or has no copy.
+void store_tell(canopen_t *node);
+// Write into both slots, read back. False: the memory failed, at least one slot holds the older or the newer image.
 bool store_save(canopen_t *node);
-// Make both slots invalid, the newest image last.
+// Make both slots blank, the newest image last.
 bool store_forget(canopen_t *node);
 
 #endif

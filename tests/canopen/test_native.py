@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import subprocess
 import sys
 import time
@@ -148,6 +149,34 @@ def test_memory_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--memory: .*: is no memory of this drive: 5 bytes"):
         MemoryFile(path, again.drive)
     assert [p.name for p in tmp_path.iterdir()] == ["drive.bin"]
+
+
+def test_acknowledged_is_durable(tmp_path: Path) -> None:
+    """A program that is killed as soon as it has answered a save has left it in the file.
+
+    Verifies: CO-15
+    """
+    path, channel = tmp_path / "drive.bin", "239.74.163.91"
+    words = ("native", str(DEMO), "--can", f"udp_multicast:{channel}", "--memory", str(path))
+    with can.Bus(interface="udp_multicast", channel=channel) as bus:
+        process = subprocess.Popen([sys.executable, "-m", "fluxlock", *words], stdout=subprocess.DEVNULL)
+        try:
+            answer, asked = None, 0.0
+            end = time.monotonic() + 120.0
+            while answer is None and time.monotonic() < end:
+                if time.monotonic() - asked > 1.0:
+                    asked = time.monotonic()
+                    data = struct.pack("<BHB4s", 0x23, 0x1010, 1, b"save")
+                    bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
+                message = bus.recv(0.2)
+                if message is not None and message.arbitration_id == 0x581:
+                    answer = message.data[0]
+        finally:
+            process.kill()
+            process.wait()
+    assert answer == 0x60
+    memory = path.read_bytes()
+    assert [memory[at : at + 4] for at in (0, len(memory) // 2)] == [b"FLXO", b"FLXO"]
 
 
 def test_memory_file_in_a_new_folder(tmp_path: Path) -> None:

@@ -192,78 +192,161 @@ def test_refused(bench: NodeBench) -> None:
     assert window_after_power_up(bench) == 11
 
 
+def condition(bench: NodeBench) -> tuple[int, int]:
+    """Error register and newest entry of the error list."""
+    return bench.node.value("error_register"), bench.node.value("error_field_error_1")
+
+
+WHOLE, COPY, LOST = (0, 0), (0x81, 0x5530), (0x81, 0x6310)
+
+
+def assert_refuses_to_run(bench: NodeBench) -> None:
+    """Lost settings are told, the limits are at their least, no fault reset ends it; a save does."""
+    assert condition(bench) == LOST
+    assert bench.until("fault", 0.1)
+    assert (bench.read("max_current"), bench.read("max_torque"), bench.read("max_profile_velocity")) == (1, 0, 0)
+    assert bench.read("error_code") == 0x6310
+    told = [struct.unpack_from("<HB", frame) for frame in bench.taken(0x80 + NODE)]
+    assert told == [(0x6310, 0x81)]
+    for word in (0x80, 6, 7, 15, 0x80):
+        bench.write("controlword", word)
+        bench.run(0.005)
+        assert bench.state == "fault"
+    bench.write("max_current", 200)
+    save(bench)
+    bench.write("controlword", 0)
+    bench.write("controlword", 0x80)
+    assert bench.until("disabled", 0.1)
+    assert bench.node.value("error_register") == 0
+    power_up(bench)
+    assert (bench.read("max_current"), bench.read("max_profile_velocity")) == (200, 0)
+    assert condition(bench) == WHOLE
+
+
 def test_every_broken_bit(bench: NodeBench) -> None:
-    """With any one bit of the newest image wrong the older image is taken, with both broken the defaults.
+    """With any one bit of a copy wrong the other copy holds and EMCY tells it; the next save makes both whole.
 
     Verifies: CO-15
     """
+    bench.write("max_current", 300)
     saved_windows(bench, 11, 12)
     whole = bench.node.memory
-    old, new = slots(bench)
-    assert (old[SEQUENCE], new[SEQUENCE]) == (0, 1)
-    for bit in range(32 * len(new)):
-        memory = bytearray(whole)
-        memory[FLASH_SECTOR_BYTES + bit // 8] ^= 1 << bit % 8
-        bench.node.memory = bytes(memory)
-        bench.node.boot(bench.now_us)
-        assert bench.node.value("velocity_window") == 11, bit
-    memory[2 * len(old)] ^= 1
-    bench.node.memory = bytes(memory)
-    assert window_after_power_up(bench) == WINDOW_DEFAULT
+    first, second = slots(bench)
+    assert first == second and first[SEQUENCE] == 1
+    for slot in range(2):
+        for bit in range(32 * len(first)):
+            memory = bytearray(whole)
+            memory[slot * FLASH_SECTOR_BYTES + bit // 8] ^= 1 << bit % 8
+            bench.node.memory = bytes(memory)
+            bench.node.boot(bench.now_us)
+            assert bench.node.value("velocity_window") == 12, (slot, bit)
+            assert bench.node.value("max_current") == 300, (slot, bit)
+            assert condition(bench) == COPY, (slot, bit)
+    bench.frames.clear()
+    bench.node.boot(bench.now_us)
+    bench.run(0.02)
+    assert [frame[:3] for frame in bench.taken(0x80 + NODE)] == [struct.pack("<HB", 0x5530, 0x81)]
+    saved_windows(bench, 13)
+    bench.run(0.02)
+    assert bench.taken(0x80 + NODE) == [struct.pack("<4xI", 0x5530)]
+    assert window_after_power_up(bench) == 13
+    assert condition(bench) == WHOLE
 
 
-def test_torn_write(bench: NodeBench) -> None:
-    """A save that power cuts off after any number of words leaves the image before it.
+@pytest.mark.parametrize("layout", [False, True])
+def test_lost(bench: NodeBench, layout: bool) -> None:
+    """Both copies broken, or of another layout as an upgrade leaves them: no default in silence, no operation.
 
     Verifies: CO-15
     """
-    saved_windows(bench, 11, 12)
-    first, second = slots(bench)
-    saved_windows(bench, 13)
-    third, _ = slots(bench)
-    assert third[SEQUENCE] == 2
-    for words in range(len(first)):
-        put_slots(bench, [third[:words] + first[words:], second])
-        bench.node.boot(bench.now_us)
-        # Behind the last word that differs it is whole.
-        expected = 13 if third[words:] == first[words:] else 12
-        assert bench.node.value("velocity_window") == expected, words
+    bench.write("max_current", 300)
+    saved_windows(bench, 11)
+    memory = bytearray(bench.node.memory)
+    for slot in range(2):
+        memory[slot * FLASH_SECTOR_BYTES + (4 * LAYOUT + 2 if layout else 4 * place(bench, "max_current"))] ^= 1
+    bench.node.memory = bytes(memory)
+    bench.bench.fw.boot()
+    bench.node.boot(bench.now_us)
+    assert bench.node.value("velocity_window") == WINDOW_DEFAULT
+    assert_refuses_to_run(bench)
 
 
-def test_images_of_others(bench: NodeBench) -> None:
-    """Another layout, values out of range and an overlong label are not taken, with a right checksum either.
+def test_restore_ends_a_loss(bench: NodeBench) -> None:
+    """A master that restores the defaults has chosen them: they hold from the next reset on.
 
     Verifies: CO-15
     """
     saved_windows(bench, 11)
-    image, empty = slots(bench)
-    assert image[LAYOUT] == bench.node.dictionary.store_word
-
-    def loaded(change: Callable[[list[int]], None]) -> tuple[int, int]:
-        put_slots(bench, [sealed(image, change), empty])
-        bench.node.boot(bench.now_us)
-        return bench.node.value("velocity_window"), bench.node.value("quick_stop_option")
-
-    def setting(word: int, value: int) -> Callable[[list[int]], None]:
-        return lambda words: words.__setitem__(word, value)
-
-    assert loaded(setting(SEQUENCE, 77)) == (11, 2)
-    assert loaded(setting(LAYOUT, image[LAYOUT] ^ 1 << 16)) == (WINDOW_DEFAULT, 2)
-    assert loaded(setting(place(bench, "quick_stop_option"), 3)) == (11, 2)
-    assert loaded(setting(place(bench, "velocity_window"), 65_536)) == (WINDOW_DEFAULT, 2)
-    assert loaded(setting(-9, 33)) == (WINDOW_DEFAULT, 2)
-    for node_id in (0, 128):
-        assert loaded(setting(place(bench, "device_node_id"), node_id)) == (11, 2)
-        assert bench.node.value("device_node_id") == NODE
+    image, _ = slots(bench)
+    put_slots(bench, [image[:-1] + [1], image[:-1] + [2]])
+    bench.node.boot(bench.now_us)
+    assert bench.until("fault", 0.1) and condition(bench) == LOST
+    bench.write("restore_defaults_restore_all", LOAD)
+    bench.nmt(129)
+    assert bench.until("disabled", 0.1)
+    assert bench.read("max_current") == 10_000 and condition(bench) == WHOLE
 
 
-def test_sequence_wraps(bench: NodeBench) -> None:
-    """The newer of two images is found across the end of the sequence numbers, and the older one is replaced.
+def test_torn_write(bench: NodeBench) -> None:
+    """A save that power cuts off after any number of words leaves the image before it, or the new one.
 
     Verifies: CO-15
     """
     saved_windows(bench, 11, 12)
-    old, new = slots(bench)
+    old, _ = slots(bench)
+    saved_windows(bench, 13)
+    new, _ = slots(bench)
+    assert (old[SEQUENCE], new[SEQUENCE]) == (1, 2)
+    for words in range(len(old)):
+        torn = new[:words] + old[words:]
+        for images, expected in (([old, torn], 13 if torn == new else 12), ([torn, new], 13)):
+            put_slots(bench, images)
+            bench.node.boot(bench.now_us)
+            assert bench.node.value("velocity_window") == expected, words
+            assert condition(bench) == (WHOLE if images[0] == images[1] else COPY), words
+
+
+def test_images_of_others(bench: NodeBench) -> None:
+    """Another layout, a value out of range and an overlong label are lost settings, with a right checksum too.
+
+    Verifies: CO-15
+    """
+    bench.write("max_current", 300)
+    saved_windows(bench, 11)
+    image, _ = slots(bench)
+    assert image[LAYOUT] == bench.node.dictionary.store_word
+
+    def loaded(change: Callable[[list[int]], None]) -> tuple[int, int, int]:
+        put_slots(bench, 2 * [sealed(image, change)])
+        bench.node.boot(bench.now_us)
+        lost = condition(bench) == LOST
+        assert lost or condition(bench) == WHOLE
+        assert bench.node.value("max_current") == (1 if lost else 300)
+        return bench.node.value("velocity_window"), bench.node.value("quick_stop_option"), int(lost)
+
+    def setting(word: int, value: int) -> Callable[[list[int]], None]:
+        return lambda words: words.__setitem__(word, value)
+
+    assert loaded(setting(SEQUENCE, 77)) == (11, 2, 0)
+    assert loaded(setting(LAYOUT, image[LAYOUT] ^ 1 << 16)) == (WINDOW_DEFAULT, 2, 1)
+    assert loaded(setting(place(bench, "quick_stop_option"), 3)) == (11, 2, 1)
+    assert loaded(setting(place(bench, "velocity_window"), 65_536)) == (WINDOW_DEFAULT, 2, 1)
+    assert loaded(setting(place(bench, "device_bit_rate"), 333)) == (11, 2, 1)
+    assert loaded(setting(-9, 33)) == (WINDOW_DEFAULT, 2, 1)
+    for node_id in (0, 128):
+        assert loaded(setting(place(bench, "device_node_id"), node_id)) == (11, 2, 1)
+        assert bench.node.value("device_node_id") == NODE
+
+
+def test_sequence_wraps(bench: NodeBench) -> None:
+    """The newer of two images is found across the end of the sequence numbers, and the older one is replaced first.
+
+    Verifies: CO-15
+    """
+    saved_windows(bench, 11)
+    old, _ = slots(bench)
+    saved_windows(bench, 12)
+    new, _ = slots(bench)
     put_slots(
         bench,
         [
@@ -273,7 +356,7 @@ def test_sequence_wraps(bench: NodeBench) -> None:
     )
     assert window_after_power_up(bench) == 12
     saved_windows(bench, 13)
-    assert [image[SEQUENCE] for image in slots(bench)] == [1, 0]
+    assert [image[SEQUENCE] for image in slots(bench)] == [1, 1]
     assert window_after_power_up(bench) == 13
 
 
@@ -300,10 +383,13 @@ def test_power_cut_in_a_save(bench: NodeBench) -> None:
         bench.write("velocity_window", value)
         save(bench)
     whole = bench.node.memory
-    bytes_of_image = 4 * image_words(bench)
-    erase = [0, FLASH_SECTOR_BYTES - 1, *rng.sample(range(1, FLASH_SECTOR_BYTES - 1), 100)]
+    bytes_of_slot = FLASH_SECTOR_BYTES + 4 * image_words(bench)
+    ends = [0, FLASH_SECTOR_BYTES - 1, FLASH_SECTOR_BYTES, bytes_of_slot - 1]
+    cuts = sorted(
+        {*ends, *(bytes_of_slot + end for end in ends), 2 * bytes_of_slot, *rng.sample(range(2 * bytes_of_slot), 500)}
+    )
     seen = set()
-    for cut in [*erase, *range(FLASH_SECTOR_BYTES, FLASH_SECTOR_BYTES + bytes_of_image)]:
+    for cut in cuts:
         bench.node.memory = whole
         assert objects_after_power_up(bench) == (12, 12)
         bench.write("emcy_inhibit_time", 13)
@@ -318,8 +404,9 @@ def test_power_cut_in_a_save(bench: NodeBench) -> None:
         found = objects_after_power_up(bench)
         assert found in ((12, 12), (13, 13)), cut
         assert not done or found == (13, 13), cut
+        assert condition(bench) in (WHOLE, COPY), cut
         seen.add((done, found))
-    assert {(False, (12, 12)), (True, (13, 13))} <= seen
+    assert seen == {(False, (12, 12)), (False, (13, 13)), (True, (13, 13))}
     bench.write("velocity_window", 14)
     save(bench)
     assert objects_after_power_up(bench)[1] == 14
@@ -346,7 +433,9 @@ def test_power_cut_in_a_restore(bench: NodeBench) -> None:
                 bench.write("restore_defaults_restore_all", LOAD)
             except Aborted as error:
                 assert error.args[0] == 0x06060000
-            seen.add(objects_after_power_up(bench)[1])
+            found = objects_after_power_up(bench)[1]
+            assert condition(bench) in ((WHOLE, COPY) if found == newest else (WHOLE, LOST)), cut
+            seen.add(found)
         assert seen == {newest, WINDOW_DEFAULT}
         bench.node.memory = whole
 

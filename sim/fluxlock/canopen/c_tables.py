@@ -8,7 +8,16 @@ from __future__ import annotations
 from fluxlock.canopen.dictionary import STRING_MAX_BYTES, Dictionary, Entry
 from fluxlock.interface import settings
 
-FLAG_NAMES = ("OD_READ", "OD_WRITE", "OD_RECEIVABLE", "OD_SENDABLE", "OD_STORED", "OD_LIVE", "OD_NODE_RELATIVE")
+FLAG_NAMES = (
+    "OD_READ",
+    "OD_WRITE",
+    "OD_RECEIVABLE",
+    "OD_SENDABLE",
+    "OD_STORED",
+    "OD_LIVE",
+    "OD_NODE_RELATIVE",
+    "OD_LIMIT",
+)
 
 
 def _flags(entry: Entry) -> str:
@@ -20,6 +29,7 @@ def _flags(entry: Entry) -> str:
         entry.store,
         entry.live,
         entry.node_relative,
+        entry.limit,
     )
     return " | ".join(name for name, there in zip(FLAG_NAMES, flags, strict=True) if there)
 

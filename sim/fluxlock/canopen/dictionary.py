@@ -53,6 +53,7 @@ class Entry:
     choices: tuple[int, ...]
     map: str  # "", rx, tx, both
     store: bool
+    limit: bool  # where what is stored is lost its least value holds
     live: bool
     unit: str
     scale: float
@@ -167,6 +168,7 @@ def _entry(item: dict[str, Any], index: int, object_name: str, sub: int, suffix:
         choices=tuple(item.get("choices", ())),
         map=item.get("map", ""),
         store=item.get("store", False),
+        limit=item.get("limit", False),
         live=item.get("live", False),
         unit=item.get("unit", ""),
         scale=float(item.get("scale", 1.0)),

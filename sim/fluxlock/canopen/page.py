@@ -29,7 +29,11 @@ def _default(entry: Entry) -> str:
 
 
 def _row(entry: Entry, text: str) -> str:
-    marks = [{"rx": "RPDO", "tx": "TPDO", "both": "RPDO, TPDO"}.get(entry.map, ""), "stored" if entry.store else ""]
+    marks = [
+        {"rx": "RPDO", "tx": "TPDO", "both": "RPDO, TPDO"}.get(entry.map, ""),
+        "stored" if entry.store else "",
+        "limit" if entry.limit else "",
+    ]
     unit = f"{entry.scale:g} {entry.unit}" if entry.scale != 1.0 else entry.unit
     words = " ".join(word for word in (text, entry.text) if word)
     cells = (f"0x{entry.index:04X}:{entry.sub}", f"`{entry.name}`", entry.type, entry.access, _default(entry))

@@ -56,6 +56,12 @@ class MemoryFile:
                 raise ConfigError([Problem("--memory", str(path), text)])
             self._node.memory = data
             self._node.boot()
+            if self._node.value("error_register"):
+                code = self._node.value("error_field_error_1")
+                text = (
+                    f"warning: {path}: what is stored has an error (EMCY 0x{code:04X}): docs/canopen.md#stored-objects"
+                )
+                print(text, file=sys.stderr, flush=True)
         self._kept = b""
         self.keep()
 
@@ -65,7 +71,10 @@ class MemoryFile:
             return
         self._kept = self._node.memory
         partial = self._path.with_name(f"{self._path.name}.part")
-        partial.write_bytes(self._kept)
+        with partial.open("wb") as out:
+            out.write(self._kept)
+            out.flush()
+            os.fsync(out.fileno())
         partial.replace(self._path)
 
 
@@ -90,15 +99,13 @@ def run_native(
     def stop() -> bool:
         recorder.note()
         terminal.poll()
-        if file is not None:
-            file.keep()
         return seconds is not None and drive.now_us >= 1e6 * seconds
 
     with open_bus(bus_name) as bus:
         print(f"node {node_id} on {bus_name}, process {os.getpid()}", flush=True)
         begin = time.monotonic()
         try:
-            serve(drive, bus, stop, speed)
+            serve(drive, bus, stop, speed, file.keep if file is not None else None)
         finally:
             verdict = verdict_of(recorder, scenario)
             say(verdict)

@@ -20,10 +20,17 @@ FRAMES_A_STEP = 20
 LAG_S = 0.1
 
 
-def serve(drive: NativeDrive, bus: can.BusABC, stop: Callable[[], bool], speed: float | None = 1.0) -> None:
+def serve(
+    drive: NativeDrive,
+    bus: can.BusABC,
+    stop: Callable[[], bool],
+    speed: float | None = 1.0,
+    keep: Callable[[], None] | None = None,
+) -> None:
     """Run until `stop` says so, which is asked once a simulated millisecond.
 
-    speed: simulated over real time; None: as fast as it goes.
+    speed: simulated over real time; None: as fast as it goes. keep: makes lasting what a frame has stored, before the
+    answer to it is sent.
     """
     due = time.monotonic()
     while not stop():
@@ -41,6 +48,8 @@ def serve(drive: NativeDrive, bus: can.BusABC, stop: Callable[[], bool], speed: 
                 continue
             taken += 1
             _receive(drive, message)
+            if keep is not None:
+                keep()
             _send(drive, bus)
         if speed is not None:
             time.sleep(max(0.0, due - time.monotonic()))
