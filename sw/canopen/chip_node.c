@@ -54,12 +54,8 @@ static bool memory_write(void *context, uint32_t slot, const void *data, uint32_
 
 static const storage_t volatile_storage = {.read = memory_read, .write = memory_write};
 
-// A bit rate that cannot be keeps the one before.
 static void join(void) {
-  const uint32_t timing = can_bit_timing(chip_clock_hz(), node.value[OD_DEVICE_BIT_RATE]);
-  if (timing != 0u) {
-    can_join(timing);
-  }
+  can_join(can_bit_timing(chip_clock_hz(), node.value[OD_DEVICE_BIT_RATE]));
   driver.resets = node.resets;
 }
 

@@ -5,6 +5,8 @@
 
 #include "canopen/abort.h"
 #include "control/placement.h"
+#include "hal/can.h"
+#include "hal/chip.h"
 
 SMALL_CODE_BEGIN
 
@@ -71,6 +73,9 @@ uint32_t od_check(uint32_t number, uint32_t value) {
     return SDO_VALUE_LOW;
   }
   if (e->choices != 0u && (value > 15u || ((uint32_t)e->choices >> value & 1u) == 0u)) {
+    return SDO_VALUE;
+  }
+  if (number == (uint32_t)OD_DEVICE_BIT_RATE && can_bit_timing(chip_clock_hz(), value) == 0u) {
     return SDO_VALUE;
   }
   return SDO_OK;

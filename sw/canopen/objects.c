@@ -7,9 +7,7 @@
 #include "canopen/drive_link.h"
 #include "control/fixed.h"
 #include "control/placement.h"
-#include "hal/can.h"
 #include "hal/capture.h"
-#include "hal/chip.h"
 
 SMALL_CODE_BEGIN
 
@@ -67,11 +65,6 @@ static uint32_t check_emcy_id(const canopen_t *node, uint32_t value) {
   return pdo_id_is_free(node, OD_EMCY_COB_ID, value) ? SDO_OK : SDO_VALUE;
 }
 
-bool objects_can_be(uint32_t number, uint32_t value) {
-  return od_check(number, value) == SDO_OK &&
-         (number != OD_DEVICE_BIT_RATE || can_bit_timing(chip_clock_hz(), value) != 0u);
-}
-
 uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
   const od_entry_t *entry = od_entry(number);
   if ((entry->flags & OD_WRITE) == 0u) {
@@ -93,8 +86,6 @@ uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
       return pdo_id_is_free(node, number, value) ? SDO_OK : SDO_VALUE;
     case OD_EMCY_COB_ID:
       return check_emcy_id(node, value);
-    case OD_DEVICE_BIT_RATE:
-      return objects_can_be(number, value) ? SDO_OK : SDO_VALUE;
     case OD_HEARTBEAT_CONSUMER_NODE_1:
     case OD_HEARTBEAT_CONSUMER_NODE_2:
     case OD_HEARTBEAT_CONSUMER_NODE_3:
@@ -196,7 +187,8 @@ void objects_defaults(canopen_t *node, uint32_t first, uint32_t last) {
     from_drive(node);
   }
   node->value[OD_DEVICE_NODE_ID] = node->node_id;
-  if (node->bit_rate_kbit_s != 0u) {
+  // One that cannot be leaves the default: the node comes on the bus in any case.
+  if (node->bit_rate_kbit_s != 0u && od_check(OD_DEVICE_BIT_RATE, node->bit_rate_kbit_s) == SDO_OK) {
     node->value[OD_DEVICE_BIT_RATE] = node->bit_rate_kbit_s;
   }
 }

@@ -11,8 +11,6 @@
 
 // Value of a number, from the drive where it is live.
 uint32_t objects_read(canopen_t *node, uint32_t number);
-// Whether a value may stand in an entry at all: its range, and a bit rate of which the clock has whole bits.
-bool objects_can_be(uint32_t number, uint32_t value);
 // SDO_OK, or why a write would be refused now. The value is extended (od_extend).
 uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value);
 // Write a value that passed the check; SDO_OK or an abort code of what it made happen.

@@ -5,7 +5,6 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
-#include "canopen/objects.h"
 #include "control/crc32.h"
 #include "control/placement.h"
 
@@ -106,7 +105,7 @@ static void load_image(canopen_t *node, uint32_t first, uint32_t last) {
     }
     const uint32_t value = image[at];
     at++;
-    if (!objects_can_be(n, value)) {
+    if (od_check(n, value) != SDO_OK) {
       node->store.index = (node->store.index != 0u) ? node->store.index : entry->index;
       node->store.state = STORE_LOST;
       continue;

@@ -278,7 +278,7 @@ def test_restore_ends_a_loss(bench: NodeBench) -> None:
     """
     saved_windows(bench, 11)
     image, _ = slots(bench)
-    put_slots(bench, [image[:-1] + [1], image[:-1] + [2]])
+    put_slots(bench, [[*image[:-1], 1], [*image[:-1], 2]])
     bench.node.boot(bench.now_us)
     assert bench.until("fault", 0.1) and condition(bench) == LOST
     bench.write("restore_defaults_restore_all", LOAD)
