@@ -1,8 +1,14 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Shared by the parts of the vector drive: vector.c (control step), frame.c (frames and the ways between them),
-// design.c (constants and gains).
+// Shared by the parts of the vector drive. One file writes a field of vector_t or of the report, the others tell it:
+//
+//   vector.c    control step: limits, speed regulator, field weakening, supervision, the current's reference
+//   frame.c     frames and the ways between them: which one, phase and gates, the forced start, the encoder's mounting
+//   observed.c  EMF observer and loop; the frame's speed and turn
+//   design.c    constants and gains; what they are for, and what is shown with them
+//   injected.c  vector_injection_t
+//   current.c   the command
 #ifndef FL_VECTOR_PARTS_H
 #define FL_VECTOR_PARTS_H
 
