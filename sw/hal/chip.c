@@ -251,7 +251,9 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t 
   }
   if (command->look.slow) {
     read_slow(snapshot);
-    v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, reg_read(REG(encoder.counters)));
+    const uint32_t counters = reg_read(REG(encoder.counters));
+    v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, counters);
+    v->encoder_strayed = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__STRAYED, counters);
     if (command->look.currents) {
       read_currents(snapshot);
     }

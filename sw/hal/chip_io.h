@@ -53,6 +53,7 @@ typedef struct {
   uint32_t encoder_position;  // at theta_sample, quarters
   bool encoder_indexed;
   uint16_t encoder_invalid;  // both tracks at once, wraps; with read_slow
+  uint16_t encoder_strayed;  // index at another position than before, the same
 } chip_vector_snapshot_t;
 
 // Latest result of the injection (injection_error.h has the units), and its wave.

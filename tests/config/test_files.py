@@ -380,6 +380,8 @@ def test_speed_target_by_console_line() -> None:
             "inverter.sensing.sample_period_s=20e-6",
             "sample_period_s = 2e-05 s take 8.06e-05 s, permitted up to 12407 Hz",
         ),
+        ("drive.motor_error.encoder_lines=1.1", "has no effect without an encoder that gives the frame its angle"),
+        ("motor.encoder={lines=64, missing_lines=64}", "encoder.missing_lines: 64 leaves none of the encoder's lines"),
         ("drive.motor_error.encoder_offset_deg=9", "has no effect without an index that gives the frame its angle"),
         ("motor.hall.order=ABA", "motor.hall.order: 'ABA' is not permitted, permitted: ABC, ACB, BAC, BCA, CAB, CBA"),
         ("motor.hall={order='CAB', inverted=['A', 'C']}", "OK"),
@@ -797,7 +799,10 @@ def test_salient_machine_has_two_inductances(copy: Path, change: str, expected: 
             "permitted up to 30000 lines",
         ),
         ("lines = 1024\nindex = 1", "encoder.index: must be true or false, not 1"),
-        ("pulses = 1024\nlines = 1024", "encoder.pulses: unknown key, permitted: lines, inverted, index, offset_deg"),
+        (
+            "pulses = 1024\nlines = 1024",
+            "encoder.pulses: unknown key, permitted: lines, inverted, index, missing_lines, offset_deg",
+        ),
         ("index = true", "encoder.lines: required key is missing"),
     ],
 )

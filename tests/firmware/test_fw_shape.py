@@ -34,7 +34,7 @@ PLANTED = {
     ),
     "second-writer-of-the-vector-drive": (
         "vector/frame.c",
-        "COLD bool vector_catch(",
+        "COLD outcome_t vector_catch(",
         "void spoil_vector(vector_t *v) { v->direction = 0; }\n",
         "vector_t.direction is written by drive/vector/frame.c and drive/vector/vector.c",
     ),

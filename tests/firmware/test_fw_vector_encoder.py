@@ -19,6 +19,10 @@ ACCEL_RPM_S = 250_000
 VALUES: dict[str, Value] = {"current_limit_ma": 30_000, "accel_rpm_s": ACCEL_RPM_S}
 LINES = 256
 RESOLUTION_DEG = 360.0 / (4 * LINES)
+FOUND_S = 0.02  # a lost angle, where there is an EMF to see
+# The forced frame leads the rotor on by up to half a turn.
+LED_RPM = 60.0 * math.sqrt(VectorSettings().start_hz_per_s)
+START_S = 0.2  # what is wrong from the start on
 SENSORED = VectorSettings(sensored=True, encoder_lines=LINES, encoder_offset_turn=0.3)
 
 
@@ -56,7 +60,7 @@ def test_standstill_speed_zero_reversal_and_stop(samples: int, cycles: int, inde
     settings = replace(SENSORED, sample_cycles=cycles, tick_samples=samples, encoder_index=index)
     bench = VectorBench(settings, values=VALUES, noise_lsb=1.0)
     bench.start(30_000, 0.2)
-    assert abs(bench.rpm) < 2000.0
+    assert abs(bench.rpm) < LED_RPM
     bench.run(0.35)
     assert bench.rpm == pytest.approx(30_000, rel=0.01)
     steady = worst_deg(bench, 0.05)
@@ -95,10 +99,10 @@ def test_index_sets_a_wrong_mounting_right() -> None:
     assert worst_deg(bench, 0.1) < RESOLUTION_DEG
 
 
-def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock() -> None:
+def test_lost_steps_are_counted_and_a_blind_encoder_is_named() -> None:
     """Invalid changes are shown; an encoder that stands still while the rotor turns ends the run.
 
-    Verifies: ENC-04
+    Verifies: ENC-04, ENC-08
     """
     values: dict[str, Value] = {**VALUES, "restart_retries": 0}
     bench = VectorBench(replace(SENSORED, encoder_index=False), values=values, unprotected=True)
@@ -109,8 +113,8 @@ def test_lost_steps_are_counted_and_a_blind_encoder_is_a_lost_lock() -> None:
     assert bench.console("encoder_faults") == "3"
     assert bench.fw.state == "running"
     bench.plant.quarters = 0  # its last position stays
-    assert bench.run(0.1, bench.left_running)
-    assert bench.console("fault") == "lost_lock"
+    assert bench.run(FOUND_S, bench.left_running)
+    assert bench.console("fault") == "encoder"
 
 
 @pytest.mark.parametrize("sensored", [True, False])
@@ -138,12 +142,14 @@ def test_both_angles_are_compared(sensored: bool) -> None:
     assert abs(shown[1.3]) > 2.0
 
 
-def test_turning_rotor_is_taken_over_by_an_encoder_that_has_seen_its_index() -> None:
-    """A rotor that turns at the start: the drive takes it at its speed and holds it.
+@pytest.mark.parametrize("index", [True, False])
+def test_turning_rotor_is_taken_over(index: bool) -> None:
+    """A turning rotor: the drive takes it at its speed and holds it, without an index by the angle of the EMF.
 
     Verifies: VC-48
     """
-    bench = VectorBench(VectorSettings(sensored=True, encoder_lines=1024), values={"current_limit_ma": 30_000})
+    settings = VectorSettings(sensored=True, encoder_lines=1024, encoder_index=index)
+    bench = VectorBench(settings, values={"current_limit_ma": 30_000})
     bench.omega = 2 * math.pi * 600.0
     assert bench.until_state("ready", 0.1)
     bench.fw.command("set speed_rpm 30000")
@@ -169,3 +175,122 @@ def test_wrong_index_is_a_named_fault(off_deg: float, direction: int) -> None:
         assert bench.fw.command("start") == ["ok"]
         bench.run(0.2)
         assert bench.console("fault") == fault, (error_deg, bench.fw.command("status"), bench.rpm)
+
+
+@pytest.mark.parametrize("index", [True, False])
+@pytest.mark.parametrize("rpm", [-30_000, -1000, 1000, 30_000])
+def test_exchanged_tracks_are_named_before_they_drive(rpm: int, index: bool) -> None:
+    """An encoder that counts backward: named at the start, before the frame has followed it, at any target.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_inverted=True, encoder_index=index), values=VALUES)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {rpm}")
+    bench.fw.command("start")
+    aligned = bench.theta
+    assert bench.run(START_S, lambda: bench.fw.state == "fault")
+    assert (bench.console("fault"), bench.trips) == ("encoder", 0)
+    assert {s.state for s in bench.record} <= {"init", "ready", "starting", "fault"}
+    assert math.copysign(1.0, rpm) * (bench.theta - aligned) > -math.pi / 2, "against the target"
+
+
+@pytest.mark.parametrize("index", [True, False])
+@pytest.mark.parametrize("theta", [0.3, 1.9, 3.5, 5.1])
+def test_exchanged_tracks_of_a_turning_rotor_are_named(theta: float, index: bool) -> None:
+    """A rotor that turns at the start is not taken over by an encoder that counts backward, wherever it is.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_inverted=True, encoder_index=index), values=VALUES, theta=theta)
+    bench.omega = 2 * math.pi * 600.0
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 30000")
+    bench.fw.command("start")
+    assert bench.run(FOUND_S, lambda: bench.fw.state == "fault")
+    assert (bench.console("fault"), bench.trips, abs(bench.i)) == ("encoder", 0, 0.0)
+
+
+def named(settings: VectorSettings, rpm: int, seconds: float) -> tuple[str, float, float]:
+    """Start, run until a fault: its name, the largest error and the time since one of 45 degrees."""
+    bench = VectorBench(settings, values=VALUES)
+    bench.start(rpm, START_S)
+    bench.record.clear()
+    bench.run(seconds, lambda: bench.fw.state == "fault")
+    errors = [(s.time_s, abs(s.error_deg)) for s in bench.record if s.state == "running"]
+    far = next((at_s for at_s, error in errors if error > 45.0), errors[-1][0])
+    assert bench.trips == 0
+    return bench.console("fault"), max(error for _, error in errors), errors[-1][0] - far
+
+
+@pytest.mark.parametrize("rpm", [1000, 30_000])
+@pytest.mark.parametrize(
+    "wrong", [{"encoder_told": told} for told in (0.9, 1000 / 1024, 1.024, 1.1)] + [{"encoder_missing_lines": 20}]
+)
+def test_wrong_counts_beside_an_index_are_named(wrong: dict[str, float], rpm: int) -> None:
+    """Lines that the drive is told wrongly, or that are missing: an index that strays turn after turn is named.
+
+    Verifies: ENC-08
+    """
+    fault, error_deg, _ = named(replace(SENSORED, **wrong), rpm, 1.0)
+    assert fault == "encoder"
+    assert error_deg < 90.0
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"encoder_told": told} for told in (1000 / 1024, 1.024)] + [{"encoder_missing_lines": 1}]
+)
+def test_wrong_counts_without_an_index_are_named(wrong: dict[str, float]) -> None:
+    """The angle drifts away from that of the EMF: named 20 ms after it is 45 degrees off.
+
+    Verifies: ENC-08
+    """
+    fault, _, since_s = named(replace(SENSORED, encoder_index=False, **wrong), 30_000, 0.5)
+    assert fault == "encoder"
+    assert since_s < FOUND_S
+
+
+def test_an_index_corrects_a_lost_line() -> None:
+    """A line that the encoder loses each turn, 1.4 degrees, is set right by the index.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_missing_lines=1), values=VALUES)
+    bench.start(30_000, START_S)
+    bench.run(0.4)
+    assert worst_deg(bench, 0.1) < 5 * RESOLUTION_DEG
+    assert bench.console("fault") == "none"
+
+
+@pytest.mark.parametrize("told", [0.5, 0.9, 1.1, 2.0])
+def test_a_rotor_that_its_encoder_holds_is_named(told: float) -> None:
+    """Counts so wrong that the current pulls the rotor to a place and holds it there, too slow for an EMF: a stall.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_index=False, encoder_told=told), values=VALUES)
+    bench.start(30_000, START_S)
+    assert bench.run(START_S, lambda: bench.fw.state != "running")
+    assert {line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")} <= {
+        "stalled",
+        "encoder",
+    }
+
+
+@pytest.mark.parametrize("proven", [False, True])
+def test_a_blocked_rotor_is_a_stall(proven: bool) -> None:
+    """Before an EMF has agreed with the encoder the drive starts again; afterwards it holds, and the log says it.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(SENSORED, values=VALUES)
+    if proven:
+        bench.start(30_000, START_S)
+        bench.run(0.3)
+        bench.omega, bench.locked = 0.0, True
+    else:
+        bench.locked = True
+        bench.start(30_000, START_S)
+    bench.run(START_S, None if proven else bench.left_running)
+    assert "fault stalled" in " ".join(bench.fw.command("faults"))
+    assert (bench.fw.state == "running") == proven

@@ -54,6 +54,8 @@ class VectorSettings:
     encoder_index: bool = True
     encoder_offset_turn: float = 0.0  # electrical, of the index
     encoder_inverted: bool = False
+    encoder_missing_lines: int = 0
+    encoder_told: float = 1.0  # factor of the lines
     direct: bool = False  # the regulator in C is the drive's
 
 
@@ -84,6 +86,7 @@ def vector_values(motor: Motor, inverter: Inverter, s: VectorSettings) -> dict[s
     full_v, full_a = inverter.sensing.voltage_full_scale_v, inverter.sensing.current_full_scale_a
     tick, hertz = s.sample_cycles * s.tick_samples / CLOCK_HZ, Q36 / CLOCK_HZ  # 2^-36 turn a clock
     volt, amp = Q25 / full_v, Q25 / full_a
+    told_lines = round(s.encoder_lines * s.encoder_told)
     return {
         "vector_from_cycles": round((1.0 - s.delay) * s.sample_cycles),
         "vector_delay_q30": round(s.delay * Q30),
@@ -103,10 +106,10 @@ def vector_values(motor: Motor, inverter: Inverter, s: VectorSettings) -> dict[s
         "vector_slope_shift": 20,
         "vector_margin_cycles": 0,
         "vector_angle": int(s.sensored),
-        "encoder_quarters": 4 * s.encoder_lines if s.encoder_lines else 1,
+        "encoder_quarters": 4 * told_lines if told_lines else 1,
         "encoder_index": int(s.encoder_index),
         "encoder_filter_cycles": 20,
-        "encoder_turn": gain(motor.pole_pairs / (8 * s.encoder_lines) * Q32) if s.encoder_lines else gain(0.0),
+        "encoder_turn": gain(motor.pole_pairs / (8 * told_lines) * Q32) if told_lines else gain(0.0),
         "encoder_offset_q32": round(s.encoder_offset_turn * Q32),
     }
 
@@ -146,7 +149,7 @@ class VectorBench(VectorChip):
     i, torque_nm = _shown("state", "i", complex), _shown("state", "torque_nm", float)
     samples, trips, missed = (_shown("state", name, int) for name in ("samples", "trips", "missed"))
     late_commits, late_answers = _shown("state", "late_commits", int), _shown("state", "late_answers", int)
-    masked_steps, lost_quarters = _shown("state", "masked_steps", int), _shown("state", "lost_quarters", int)
+    masked_steps = _shown("state", "masked_steps", int)
     direct_steps, direct_limited = _shown("state", "direct_steps", int), _shown("state", "direct_limited", int)
     direct_differences = _shown("state", "direct_differences", int)
     encoder, indexed, enable = (
@@ -193,7 +196,9 @@ class VectorBench(VectorChip):
         self.plant.dead_time = dead_time
         self.set_noise(noise_lsb)
         if s.encoder_lines:
-            self.set_encoder(s.encoder_lines, s.encoder_index, s.encoder_offset_turn, s.encoder_inverted)
+            self.set_encoder(
+                s.encoder_lines, s.encoder_index, s.encoder_offset_turn, s.encoder_inverted, s.encoder_missing_lines
+            )
         if unprotected:
             self.plant.trip_a = math.inf
         self.record: list[Sample] = []

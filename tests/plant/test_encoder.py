@@ -118,6 +118,22 @@ def test_index_once_a_turn() -> None:
     assert degrees == pytest.approx(wanted, abs=math.degrees(1000.0 * CLOCK_S) * 1.01)
 
 
+@pytest.mark.parametrize("speed", [1000.0, -1000.0])
+def test_missing_lines_show_no_edge(speed: float) -> None:
+    """Three lines before the index are missing: four edges a line of the others, in their order, each turn.
+
+    Verifies: PLANT-19
+    """
+    encoder = EncoderParams(32, offset_deg=1.0, missing_lines=3)
+    plant = Plant(params(encoder, 4, mode="imposed", omega_m_rad_s=speed), 1)
+    found, _ = edges(plant, int(2 * 2 * math.pi / abs(speed) / CLOCK_S))
+    tracks = [levels & 3 for _, levels in found]
+    quarters = [QUARTERS.index((levels & 1, levels >> 1)) for levels in tracks]
+    steps = [(b - a) % 4 for a, b in itertools.pairwise(quarters) if a != b]
+    assert set(steps) == {1 if speed > 0 else 3}
+    assert len(steps) + 1 == pytest.approx(2 * 4 * 29, abs=1)
+
+
 @pytest.mark.parametrize("offset_deg", [10.0, 10.0371])
 def test_through_zero_speed(offset_deg: float) -> None:
     """Speed falls through zero and on: edges come back in reverse, at the roots of the parabola.
@@ -231,6 +247,7 @@ def test_both_modes_give_the_same_bits() -> None:
     ("changes", "message"),
     [
         ({"lines": 0}, "lines = 0: must be 1 to 1048576"),
+        ({"lines": 100, "missing_lines": 100}, "missing_lines = 100: must be 0 to 99"),
         ({"lines": 100, "offset_deg": math.nan}, "offset_deg = nan: must be -360 to 360"),
     ],
 )

@@ -261,14 +261,18 @@ def _hall(s: Scenario) -> list[Problem]:
     return problems
 
 
-def _told_index(s: Scenario) -> list[Problem]:
-    """A wrong index needs one that the frame follows."""
-    encoder, vector = s.motor.encoder, s.drive.vector
-    indexed = s.drive.method == "vector" and vector.angle == "encoder" and vector.mounting == "given"
-    if not s.drive.motor_error.encoder_offset_deg or (indexed and encoder is not None and encoder.index):
-        return []
-    text = "has no effect without an index that gives the frame its angle"
-    return [Problem(s.sources.scenario, "drive.motor_error.encoder_offset_deg", text)]
+def _told_encoder(s: Scenario) -> list[Problem]:
+    """A wrong index needs one that the frame follows, wrong lines an encoder."""
+    encoder, vector, error = s.motor.encoder, s.drive.vector, s.drive.motor_error
+    followed = s.drive.method == "vector" and vector.angle == "encoder" and encoder is not None
+    found = []
+    if error.encoder_offset_deg and not (followed and vector.mounting == "given" and encoder and encoder.index):
+        text = "has no effect without an index that gives the frame its angle"
+        found.append(Problem(s.sources.scenario, "drive.motor_error.encoder_offset_deg", text))
+    if error.encoder_lines != 1.0 and not followed:
+        text = "has no effect without an encoder that gives the frame its angle"
+        found.append(Problem(s.sources.scenario, "drive.motor_error.encoder_lines", text))
+    return found
 
 
 def _phases(s: Scenario) -> list[Problem]:
@@ -302,7 +306,7 @@ def check_scenario(scenario: Scenario) -> list[Problem]:
         return problems
     checks = (
         *(other_methods_keys, check_vector, _times, _power_stage, _console, _switches),
-        *(_short_circuit, _hall, _told_index, _initial, check_reach, _can),
+        *(_short_circuit, _hall, _told_encoder, _initial, check_reach, _can),
     )
     problems = [problem for check in checks for problem in check(scenario)]
     return list(dict.fromkeys(problems))

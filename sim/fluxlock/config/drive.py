@@ -103,6 +103,7 @@ class MotorError(Model):
     inductance: float = quantity("Factor of the inductance.", "", 0.5, 2.0, default=1.0)
     flux: float = quantity("Factor of the flux.", "", 0.5, 2.0, default=1.0)
     inertia: float = quantity("Factor of the inertia.", "", 0.5, 2.0, default=1.0)
+    encoder_lines: float = quantity("Factor of the encoder's lines.", "", 0.5, 2.0, default=1.0)
     encoder_offset_deg: float = quantity(
         "Added to the mounting of the encoder's index, mechanical.", "deg", -360, 360, default=0.0
     )

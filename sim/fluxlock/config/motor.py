@@ -136,6 +136,14 @@ class Encoder(Model):
     index: bool = Field(
         default=True, description="Index Z, high for a quarter of a line once a turn; begins with A at positive speed."
     )
+    missing_lines: int = quantity(
+        "Lines before the index at which neither track changes, as on a dirty disc. The drive is not told, "
+        "and finds them.",
+        "",
+        0,
+        65535,
+        default=0,
+    )
     offset_deg: float = quantity(
         "Mounting: mechanical angle of the rotor (0: electrical angle 0) at which the index begins at positive speed.",
         "deg",
@@ -329,6 +337,8 @@ class Motor(Model):
     def _encoder_edges(self) -> Self:
         if self.encoder is None:
             return self
+        if self.encoder.missing_lines >= self.encoder.lines:
+            raise conflict("encoder.missing_lines", f"{self.encoder.missing_lines} leaves none of the encoder's lines")
         edges_per_s = self.encoder.lines * 4 * self.max_speed_rpm / 60
         most = math.floor(60 * ENCODER_EDGES_PER_S / (4 * self.max_speed_rpm))
         if self.encoder.lines > most:
@@ -433,9 +443,7 @@ def machine_params(m: Motor) -> MachineParams:
         emf=m.emf,
         flat_top_deg=m.flat_top_deg,
         hall=m.hall.params if m.hall else None,
-        encoder=EncoderParams(m.encoder.lines, m.encoder.index, m.encoder.offset_deg, m.encoder.inverted)
-        if m.encoder
-        else None,
+        encoder=EncoderParams(**m.encoder.model_dump()) if m.encoder else None,
         phases=n,
         third=ThirdParams(third.inductance_d_h, third.inductance_q_h, third.mutual_h, third.psi_vs) if third else None,
         saturation=SaturationParams(

@@ -114,11 +114,12 @@ def _encoder(s: Scenario) -> Iterator[Problem]:
     if v.angle == "encoder" and encoder is None:
         yield Problem(file, "drive.vector.angle", '"encoder" needs one: the motor file has no [encoder]')
     least = math.ceil(vector_design.ENCODER_QUARTERS_MIN * s.motor.pole_pairs / 4)
-    if v.angle == "encoder" and encoder is not None and encoder.lines < least:
+    lines = vector_design.told_lines(s)
+    if v.angle == "encoder" and encoder is not None and lines < least:
         yield Problem(
             s.sources.motor,
             "encoder.lines",
-            f'{encoder.lines} lines are too few for drive.vector.angle = "encoder", needed at least {least}: '
+            f'{lines} lines are too few for drive.vector.angle = "encoder", needed at least {least}: '
             f"{vector_design.ENCODER_QUARTERS_MIN} edges an electrical turn",
         )
     if "mounting" in v.model_fields_set and v.angle != "encoder":

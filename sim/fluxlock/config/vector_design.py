@@ -34,6 +34,11 @@ def told_machine(s: Scenario) -> Machine:
     return Machine.of(s.motor, s.inverter, s.drive.motor_error)
 
 
+def told_lines(s: Scenario) -> int:
+    """Lines of the encoder as the drive knows them; 0: there is none."""
+    return round(s.motor.encoder.lines * s.drive.motor_error.encoder_lines) if s.motor.encoder else 0
+
+
 def start_current_a(s: Scenario) -> float:
     """Amplitude of the current that aligns and pulls the rotor along (A)."""
     if s.drive.vector.start_current_a is not None:

@@ -27,6 +27,7 @@ from fluxlock.config.vector_design import (
     regulator_damping,
     start_accel_rpm_per_s,
     start_current_a,
+    told_lines,
 )
 from fluxlock.config.vector_loops import PLL_BANDWIDTH, RIPPLE_RATIO, loops_of
 from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
@@ -136,7 +137,8 @@ def _weakening(d: Design) -> dict[str, Value]:
 def _encoder(d: Design) -> dict[str, Value]:
     """Encoder (sw/control/encoder.h)."""
     vector, motor, encoder = d.s.drive.vector, d.s.motor, d.s.motor.encoder
-    if encoder is None or 4 * encoder.lines < ENCODER_QUARTERS_MIN * motor.pole_pairs:
+    quarters = 4 * told_lines(d.s)
+    if encoder is None or quarters < ENCODER_QUARTERS_MIN * motor.pole_pairs:
         return {
             "vector_angle": 0,
             "encoder_quarters": 1,
@@ -145,7 +147,6 @@ def _encoder(d: Design) -> dict[str, Value]:
             "encoder_offset_q32": 0,
             **_gains(encoder_turn=0.0),
         }
-    quarters = 4 * encoder.lines
     shortest = CLOCK_HZ / (quarters * OVERSPEED_RATIO * motor.max_speed_rpm / 60.0)
     offset = motor.pole_pairs * (encoder.offset_deg + d.s.drive.motor_error.encoder_offset_deg) / 360.0
     return {

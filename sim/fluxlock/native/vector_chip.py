@@ -139,10 +139,13 @@ class VectorChip:
         """Voltage that a leg loses beyond its dead time's compensation."""
         self.plant.left_v = volt
 
-    def set_encoder(self, lines: int, index: bool, offset_turn: float, inverted: bool = False) -> None:
+    def set_encoder(
+        self, lines: int, index: bool, offset_turn: float, inverted: bool = False, missing_lines: int = 0
+    ) -> None:
         """Put an encoder on the shaft. offset_turn: electrical, of the index."""
         p = self.plant
-        p.quarters, p.index, p.offset_turn, p.inverted = 4 * lines, index, offset_turn, inverted
+        p.quarters, p.index, p.offset_turn = 4 * lines, index, offset_turn
+        p.inverted, p.missing_lines = inverted, missing_lines
 
     def keep_rows(self, samples: int) -> None:
         """From now on record up to so many samples; begins anew."""

@@ -76,7 +76,7 @@ STATE = np.dtype(
         ("encoder", "i8"),
         ("place", "i8"),
         ("indexed", "i8"),
-        ("lost_quarters", "i8"),
+        ("position_shift", "i8"),  # from what the tracks have counted to the position
         ("direct_steps", "i8"),
         ("direct_limited", "i8"),
         ("direct_differences", "i8"),
@@ -126,6 +126,7 @@ MACHINE = np.dtype(
         ("index", "i8"),
         ("offset_turn", "f8"),  # electrical, of the index
         ("inverted", "?"),  # the position counts backward
+        ("missing_lines", "i8"),  # that show no edge, before the index
         ("power_up_quarter", "i8"),
     ],
     align=True,
@@ -153,7 +154,7 @@ REGISTERS = (
     *("foc.reference", "foc.gain", "foc.hold", "foc.preset", "foc.shift", "foc.limit", "foc.ratio"),
     *("foc.direct_v", "foc.direct_go", "foc.direct_i", "foc.direct_run"),
     *("foc.snap_i", "foc.snap_u", "foc.snap_v", "foc.snap_v_sum", "foc.snap_count", "foc.snap_theta_sample"),
-    *("foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
+    *("encoder.turn", "encoder.counters", "foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
     *("sense.snap_number", "sense.snap_vdc_sum", "sense.snap_idc_sum", "sense.snap_count", "sense.snap_channel"),
     *("timer.machine_period", "timer.update"),
 )
@@ -275,18 +276,32 @@ def trip(r: Registers, x: Array, s: Array, causes: Whole) -> None:
 
 
 @numba.njit(cache=True)
-def encode(s: Array, m: Array) -> None:
+def counted(place: Whole, m: Array) -> Whole:
+    """Edges that the tracks show up to a place."""
+    m = m[0]
+    whole = m.quarters - 4 * m.missing_lines
+    return place // m.quarters * whole + min(place % m.quarters, whole - 1)
+
+
+@numba.njit(cache=True)
+def encode(r: Registers, x: Array, s: Array, machine: Array) -> None:
     """Position of the encoder now, as filter and synchronisers show it."""
-    s, m = s[0], m[0]
+    s, x, m = s[0], x[0], machine[0]
     if m.quarters == 0:
         return
+    told = (np.int64(r[x.encoder_turn]) & 0x3FFFF) + 1
     seen = s.theta - s.omega * SEEN_CYCLES / CLOCK_HZ
     quarters = (seen / (2 * math.pi) - m.offset_turn) / m.pole_pairs * m.quarters
     place = np.int64(math.floor(-quarters if m.inverted else quarters))
-    if m.index and (place // m.quarters != s.place // m.quarters or place % m.quarters == 0):
-        s.lost_quarters, s.indexed = 0, 1
+    turn, before = place // m.quarters, s.place // m.quarters
+    if m.index and (turn != before or place % m.quarters == 0):
+        passed = counted(max(turn, before) * m.quarters, machine)
+        if s.indexed and (passed + s.position_shift) % told != 0:
+            counters = np.int64(r[x.encoder_counters])
+            put(r, x.encoder_counters, (counters + (1 << 16)) & 0xFFFF0000 | counters & 0xFFFF)
+        s.position_shift, s.indexed = -passed, 1
     s.place = place
-    position = (place + (0 if s.indexed else m.power_up_quarter) + s.lost_quarters) % m.quarters
+    position = (counted(place, machine) + (0 if s.indexed else m.power_up_quarter) + s.position_shift) % told
     s.encoder = position | s.indexed << 31
 
 
@@ -574,7 +589,7 @@ def sample(
         stationary += complex(rng.standard_normal(), rng.standard_normal()) * k.noise_a
     measured = stationary * frame.conjugate()
     z.error_deg = math.degrees(cmath.phase(frame * rotor.conjugate()))
-    encode(s, m)
+    encode(r, x, s, m)
     i_re, i_im = round(measured.real * k.unit_a), round(measured.imag * k.unit_a)
     log(s, logs, LOG_ANGLE, angle, np.int64(t[at.published_q32]), cycle)
     by_core = np.int64(r[at.foc_control]) & 64 != 0

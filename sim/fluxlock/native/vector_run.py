@@ -62,7 +62,7 @@ def vector_chip_of(scenario: Scenario, seed: int) -> VectorChip:
     encoder = scenario.motor.encoder
     if encoder is not None:
         turn = math.radians(encoder.offset_deg) * scenario.motor.pole_pairs / (2 * math.pi)
-        chip.set_encoder(encoder.lines, encoder.index, turn, encoder.inverted)
+        chip.set_encoder(encoder.lines, encoder.index, turn, encoder.inverted, encoder.missing_lines)
     return chip
 
 

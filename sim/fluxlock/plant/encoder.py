@@ -5,7 +5,7 @@
 
 A mechanical turn has 4 * lines quarters, counted from the mounting angle. Through quarters 0, 1, 2, 3 of a line A is
 1 1 0 0 and B is 0 1 1 0: A leads B at positive speed. Z is 1 in quarter 0 of the turn. An inverted one has A and B
-exchanged.
+exchanged. On the last lines of the turn that are missing, as on a dirty disc, the tracks keep their levels.
 
 Nothing but a kernel call moves the levels, so the caller is told when it must call at the latest: at the clock before
 the next edge or, as nobody else may call before the rotor's acceleration has changed, HORIZON_S later. The calls close
@@ -42,7 +42,7 @@ def encode(s: Vector, io: IntVector) -> None:
     turn = (s[L.TURNS] - poles * math.floor(s[L.TURNS] / poles) + s[L.THETA] / TWO_PI) / poles - s[L.ENCODER_OFFSET]
     place = (turn - math.floor(turn)) * quarters
     quarter = math.floor(place)
-    phase = quarter % 4
+    phase = 3 if quarter >= quarters - 4.0 * s[L.ENCODER_MISSING] else quarter % 4
     levels = 0
     first, second = (2, 1) if s[L.ENCODER_INVERTED] != 0.0 else (1, 2)
     if phase < 2:

@@ -112,6 +112,7 @@ ENCODER_LINES = _take()  # a mechanical turn; 0 = none
 ENCODER_INDEX = _take()  # 1: there is an index
 ENCODER_INVERTED = _take()  # 1: B leads A at positive speed
 ENCODER_OFFSET = _take()  # mounting angle, mechanical turns
+ENCODER_MISSING = _take()  # lines before the index at which no track changes
 
 # --- recording
 WAVE_EVERY = _take()  # record each n-th strobe; 0 = none

@@ -79,7 +79,8 @@ class HallParams:
 class EncoderParams:
     """Incremental encoder; A leads B at positive speed, B leads A if inverted.
 
-    lines: periods of A and B a mechanical turn. offset_deg: mechanical angle of the rotor (0: electrical angle 0) at
+    lines: periods of A and B a mechanical turn. missing_lines: so many of them, before the index, change no track.
+    offset_deg: mechanical angle of the rotor (0: electrical angle 0) at
     which the first track rises at positive speed and the index, if there is one, begins; it lasts a quarter of a line.
     """
 
@@ -87,9 +88,11 @@ class EncoderParams:
     index: bool = True
     offset_deg: float = 0.0
     inverted: bool = False
+    missing_lines: int = 0
 
     def __post_init__(self) -> None:
         require(1 <= self.lines <= 1 << 20, "lines", self.lines, f"1 to {1 << 20}")
+        require(0 <= self.missing_lines < self.lines, "missing_lines", self.missing_lines, f"0 to {self.lines - 1}")
         require(abs(self.offset_deg) <= 360.0, "offset_deg", self.offset_deg, "-360 to 360")
 
 

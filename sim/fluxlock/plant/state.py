@@ -63,6 +63,7 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Phases = ()) -> 
         s[L.ENCODER_INDEX] = machine.encoder.index
         s[L.ENCODER_INVERTED] = machine.encoder.inverted
         s[L.ENCODER_OFFSET] = machine.encoder.offset_deg / 360.0
+        s[L.ENCODER_MISSING] = machine.encoder.missing_lines
     if machine.by_flux:
         write_flux_map(s, machine, turns)
         return

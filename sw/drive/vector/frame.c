@@ -18,6 +18,7 @@ COLD void vector_frame_off(vector_t *v) {
   vector_lead(v, 0);
   vector_turn(v, 0, false);
   v->report.gates = false;
+  vector_doubt_encoder(v);
   vector_design_off(v);
   current_off(&v->command);
   if (vector_injects(v)) {
@@ -54,14 +55,18 @@ COLD outcome_t vector_begin(vector_t *v) {
   return outcome_of(EVENT_STAY);
 }
 
-COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed) {
+COLD outcome_t vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed) {
   const parameters_t *p = v->p;
   const int32_t speed_turn_q36 = (mean_step_q32 / (int32_t)v->per_tick.period_cycles) * 16;
-  if ((v->sensored && !indexed) || abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
-    return false;
+  if (abs_sat(speed_turn_q36) < p->vector_handover_turn_q36) {
+    return outcome_of(EVENT_STAY);
   }
   // The EMF stands a quarter ahead of the magnet in the direction of rotation. What is set now acts at the next tick.
   const uint32_t quarter = (speed_turn_q36 < 0) ? 0u - QUARTER_TURN : QUARTER_TURN;
+  const encoder_proof_t proof = v->sensored ? vector_prove_coasting(v, angle_q32 - quarter, indexed) : ENCODER_RIGHT;
+  if (proof != ENCODER_RIGHT) {
+    return (proof == ENCODER_WRONG) ? outcome_fault(FAULT_ENCODER) : outcome_of(EVENT_STAY);
+  }
   const uint32_t rotor_q32 = v->sensored ? encoder_angle_q32(v) : angle_q32 - quarter;
   vector_turn(v, (int32_t)(rotor_q32 + (uint32_t)mean_step_q32 - v->report.vector.angle_turn_q32), true);
   vector_lead(v, speed_turn_q36);
@@ -69,7 +74,7 @@ COLD bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, b
   current_preset(&v->command, 0, emf_v_q25);
   v->waiting_ticks = 0;
   v->frame = FRAME_CAUGHT;
-  return true;
+  return outcome_of(EVENT_STAY);
 }
 
 // The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
@@ -135,22 +140,6 @@ COLD complex_t vector_hand_back(vector_t *v, const chip_snapshot_t *in) {
   return reference_i_q25;
 }
 
-// The rotor swings about the standing current.
-COLD static void watch_alignment(vector_t *v) {
-  if (v->start.aligned_ticks <= 1u) {
-    encoder_swing_begin(&v->swing, v->encoder_turn_q32);
-  }
-  encoder_swing_step(&v->swing, v->encoder_turn_q32);
-}
-
-void vector_mounting_known(vector_t *v) { v->encoder_offset_q32 = (uint32_t)v->p->encoder_offset_q32; }
-
-COLD static void learn_mounting(vector_t *v, const chip_vector_snapshot_t *in) {
-  if (!in->encoder_indexed) {
-    v->encoder_offset_q32 = v->frame_turn_q32 - encoder_swing_middle_q32(&v->swing);
-  }
-}
-
 // The rotor that the forced frame leads, by its EMF e^ and that of the frame's speed, E: it follows while e^_q > 0.3 E, and
 // |e^| is its speed then. An EMF that the observer's error may be tells nothing. True: it has not followed for 30 ms and a
 // quarter turn of the frame.
@@ -180,6 +169,20 @@ COLD static bool slips(vector_t *v) {
   return v->slip_checks > v->lost.most / 4u * SLIP_FIVE_MS && v->slip_turn_q32 >= QUARTER_TURN;
 }
 
+// The rotor that is aligned goes over to the encoder, once that is not wrong.
+COLD static outcome_t lead_encoder(vector_t *v, const chip_snapshot_t *in, complex_t *reference_i_q25) {
+  const encoder_proof_t proof = vector_prove_encoder(v);
+  if (proof == ENCODER_WRONG) {
+    return outcome_fault(FAULT_ENCODER);
+  }
+  if (proof == ENCODER_RIGHT) {
+    v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
+    v->start.steady_ticks = 0;
+    *reference_i_q25 = hand_over(v, in);
+  }
+  return outcome_of(EVENT_STAY);
+}
+
 HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex_t *reference_i_q25) {
   const parameters_t *p = v->p;
   const bool stopping = v->order->state == STATE_STOPPING;
@@ -192,22 +195,17 @@ HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex
   }
   if (v->report.phase == START_ALIGN) {
     if (v->encoder) {
-      watch_alignment(v);
+      vector_watch_alignment(v);
     }
     if (v->start.aligned_ticks >= v->start_settings.align_ticks) {
       v->report.phase = START_RAMP;
       if (v->encoder) {
-        learn_mounting(v, &in->vector);
+        vector_learn_mounting(v, &in->vector);
       }
     }
   }
   if (v->sensored) {
-    if (v->report.phase == START_RAMP) {
-      v->start.turn_q32 = (int32_t)(encoder_angle_q32(v) - v->frame_turn_q32);
-      v->start.steady_ticks = 0;
-      *reference_i_q25 = hand_over(v, in);
-    }
-    return outcome_of(EVENT_STAY);
+    return (v->report.phase == START_RAMP) ? lead_encoder(v, in, reference_i_q25) : outcome_of(EVENT_STAY);
   }
   if (!there) {
     v->waiting_ticks = 0;

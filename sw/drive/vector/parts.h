@@ -71,9 +71,30 @@ const vector_plant_t *vector_present_plant(const vector_t *v);
 int32_t vector_share_of(share_t *share, uint32_t count);
 
 // A coasting rotor turns by mean_step_q32 a tick, the EMF at angle_q32 now: the frame goes along with it, the gates follow
-// when the regulator's voltage is the EMF. With the encoder its angle counts. False: slower than the hand-over, or the encoder
-// has not seen its index.
-bool vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed);
+// when the regulator's voltage is the EMF. With the encoder its angle counts, which the EMF has to confirm; one that has not
+// seen its index gets its mounting from the EMF. Slower than the hand-over nothing happens.
+outcome_t vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q32, bool indexed);
+
+// Encoder (sensored.c). Angle of the rotor without the offset, which an index sets.
+void vector_read_encoder(vector_t *v, const chip_vector_snapshot_t *in);
+
+// A tick of the alignment; its end, at which the mounting is learnt where no index has told it.
+void vector_watch_alignment(vector_t *v);
+void vector_learn_mounting(vector_t *v, const chip_vector_snapshot_t *in);
+
+// Does the encoder leave the swing of the alignment with the frame that leads the rotor on? Half a turn without it: a load or
+// friction may hold the rotor. Does it go along with a coasting rotor, and does its index show that one's angle? Without an
+// index it gets its mounting from there.
+typedef enum { ENCODER_UNPROVEN, ENCODER_RIGHT, ENCODER_WRONG } encoder_proof_t;
+encoder_proof_t vector_prove_encoder(const vector_t *v);
+encoder_proof_t vector_prove_coasting(vector_t *v, uint32_t rotor_turn_q32, bool indexed);
+
+// The encoder beside the frame, steps that it lost.
+void vector_compare_encoder(vector_t *v, const chip_vector_snapshot_t *in);
+
+// Does the machine agree with the encoder that the frame follows? A drive that begins anew judges anew.
+outcome_t vector_judge_encoder(vector_t *v, uint32_t expected_v_q25, const chip_vector_snapshot_t *in);
+void vector_doubt_encoder(vector_t *v);
 
 // The rotor is slow enough after the coast: switch on and align.
 outcome_t vector_begin(vector_t *v);
@@ -92,9 +113,6 @@ void vector_track(vector_t *v, bool taken);
 
 // Length of the observed EMF within 7 per cent, which is shown too.
 uint32_t vector_emf_amplitude(vector_t *v);
-
-// The encoder's index has come: its offset is the one of the parameters, not what the alignment has shown.
-void vector_mounting_known(vector_t *v);
 
 // The rotor coasts before a start.
 void vector_frame_coast(vector_t *v);

@@ -18,8 +18,6 @@
 // Share of the circle that subspace 3 may have.
 #define THIRD_SHARE_SHIFT 2
 #define REST_PARTS 64
-// Time at the largest current without an EMF, of a rotor whose index is in doubt, over that of an angle that is astray.
-#define STILL_SHARE 10u
 #define ONE_Q16 65536
 #define SOFTEST 32
 #define SPEED_SCALE_MIN_Q16 (ONE_Q16 / 16)
@@ -52,26 +50,6 @@ HOT static void measure_link(vector_t *v, const chip_snapshot_t *in) {
     report->idc_mean_q17 = idc_q17;
     m->idc_filter_q25 += (idc_q17 * 256 - m->idc_filter_q25) >> CURRENT_FILTER_SHIFT;
     report->idc_q17 = m->idc_filter_q25 >> 8;
-  }
-}
-
-// Further than 45 degrees.
-static bool is_far(int32_t turn_q32) { return turn_q32 > 1 << 29 || turn_q32 < -(1 << 29); }
-
-// The first index. One that turns the angle by more than 45 degrees away from that of the alignment is wrong, or a load has
-// held the rotor off: the EMF will tell, or a rotor that does not move at the largest current.
-COLD static void doubt_index(vector_t *v) {
-  const uint32_t angle_q32 = v->encoder_turn_q32 + (uint32_t)v->p->encoder_offset_q32;
-  const int32_t jump_q32 = (int32_t)(angle_q32 - v->frame_turn_q32);
-  v->indexed = true;
-  vector_mounting_known(v);
-  v->index_jumped = v->frame == FRAME_OBSERVED && is_far(jump_q32);
-}
-
-HOT static void read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
-  v->encoder_turn_q32 = encoder_turn_q32(&v->encoder_settings, in->encoder_position, v->report.vector.speed_turn_q36);
-  if (__builtin_expect(in->encoder_indexed && !v->indexed, 0)) {
-    doubt_index(v);
   }
 }
 
@@ -180,57 +158,25 @@ HOT static void apply_limits(vector_t *v) {
   current_limits(&v->command, first_v_q17, circle_v_q17 >> THIRD_SHARE_SHIFT, lead_q32, p->vector_scale_v, vdc);
 }
 
-// Observed and encoder angle side by side, steps that the encoder lost.
+// Observed and encoder angle side by side.
 HOT static void compare_angles(vector_t *v, const chip_vector_snapshot_t *in) {
   v->report.vector.observed_ahead_q30 = v->sensored ? pll_error_q30(v->observer.emf_v_q25, v->report.vector.speed_turn_q36,
                                                       v->start_settings.minimum_v_q25)
                                       : v->error_q30;
-  v->report.vector.encoder_ahead_q30 = v->encoder ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
-  v->report.vector.encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
-  v->encoder_invalid = in->encoder_invalid;
-}
-
-// A rotor that turns while its encoder stands still.
-HOT static bool encoder_contradicted(vector_t *v, uint32_t expected_v_q25) {
-  const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 ||
-                   v->report.vector.emf_v_q25 / 2u > expected_v_q25 + v->start_settings.minimum_v_q25;
-  v->suspicion = bad ? v->suspicion + 1u : 0u;
-  return v->suspicion >= v->lost_checks;
-}
-
-// An encoder whose angle is not that of the EMF, by more than 45 degrees, where there is one to see.
-HOT static bool encoder_wrong(vector_t *v, uint32_t expected_v_q25) {
-  const complex_t emf_v_q25 = v->observer.emf_v_q25;
-  const uint32_t size_v_q25 = v->report.vector.emf_v_q25;
-  const int32_t ahead_v_q25 = (v->direction > 0) ? emf_v_q25.im : -emf_v_q25.im;
-  const bool seen = size_v_q25 / 2u > v->start_settings.minimum_v_q25 && size_v_q25 >= expected_v_q25 / 2u;
-  const bool off = seen && ahead_v_q25 < abs_sat(emf_v_q25.re);
-  v->index_right = v->index_right || (seen && !off);
-  const bool doubtful = v->indexed && !v->index_right && (v->index_jumped || is_far(v->start.turn_q32));
-  v->astray = off ? v->astray + 1u : 0u;
-  v->still = (doubtful && v->report.limit == LIMIT_CURRENT) ? v->still + 1u : 0u;
-  return v->astray >= v->lost_checks || v->still >= STILL_SHARE * v->lost_checks;
-}
-
-HOT static outcome_t judge_encoder(vector_t *v, uint32_t expected_v_q25) {
-  const bool contradicted = encoder_contradicted(v, expected_v_q25);
-  if (encoder_wrong(v, expected_v_q25)) {
-    return outcome_fault(FAULT_ENCODER);
-  }
-  return outcome_of(contradicted ? EVENT_LOCK_LOST : EVENT_STAY);
+  vector_compare_encoder(v, in);
 }
 
 // Does the EMF still belong to the angle and the speed? The cause stands in the log, whatever the restart comes to.
-HOT static outcome_t check_lock(vector_t *v, complex_t voltage_v_q25) {
+HOT static outcome_t check_lock(vector_t *v, const chip_vector_snapshot_t *in) {
   static const uint8_t causes[] = {[ANGLE_CONTRADICTED] = FAULT_ANGLE_LOST,
                                    [ANGLE_STALLED] = FAULT_STALLED,
                                    [ANGLE_OVERHAULED] = FAULT_OVERHAULED};
   const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36 * v->direction;
   const uint32_t expected_v_q25 = (uint32_t)abs_sat(gain_apply(speed_turn_q36, v->p->vector_flux));
   const uint32_t amplitude_v_q25 = vector_emf_amplitude(v);
-  vector_design_state(v, voltage_v_q25);
+  vector_design_state(v, in->u_v_q25[0]);
   if (v->sensored) {
-    return judge_encoder(v, expected_v_q25);
+    return vector_judge_encoder(v, expected_v_q25, in);
   }
   const lost_angle_input_t seen = {.emf_v_q25 = v->observer.emf_v_q25,
                                    .amplitude_v_q25 = amplitude_v_q25,
@@ -327,7 +273,7 @@ HOT static outcome_t observed_step(vector_t *v, const chip_snapshot_t *in, const
       }
       break;
     case GROUP_SUPERVISION:
-      outcome = check_lock(v, in->vector.u_v_q25[0]);
+      outcome = check_lock(v, &in->vector);
       compare_angles(v, &in->vector);
       break;
     default:
@@ -412,8 +358,11 @@ COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
   const bool caught = order->state_ticks > COAST_SETTLE_TICKS &&
                       coast_caught(c, p, order, v->settings, v->report.vdc_v_q25);
   tell_speed(v, (c->mean_step_q32 < 0) ? -c->speed_rpm_q8 : c->speed_rpm_q8, caught);
-  if (caught && vector_catch(v, c->rotor.angle, c->mean_step_q32, in->vector.encoder_indexed)) {
-    return outcome_of(EVENT_STAY);
+  if (caught) {
+    const outcome_t outcome = vector_catch(v, c->rotor.angle, c->mean_step_q32, in->vector.encoder_indexed);
+    if (outcome != 0u || v->frame == FRAME_CAUGHT) {
+      return outcome;
+    }
   }
   if (coast_stuck(c, p, in)) {
     return outcome_fault(FAULT_VOLTAGE_CHANNEL);
@@ -491,7 +440,7 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
   v->report.vector.current_i_q17 = in->vector.i_q17[0];
   if (v->encoder) {
     v->frame_turn_q32 = in->vector.theta_sample_q32;
-    read_encoder(v, &in->vector);
+    vector_read_encoder(v, &in->vector);
   }
   if (v->frame == FRAME_OFF || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
     apply_limits(v);

@@ -11,7 +11,8 @@
 //   starting: ramp through zero, hand-over -> running;   stopping: observed, forced down to zero, gates off
 //
 // Sensored, the frame follows the encoder instead of the EMF: from the alignment, at which the mounting is learnt where no
-// index has told it, the observed frame is there at every speed, and nothing is handed back.
+// index has told it, the observed frame is there at every speed, and nothing is handed back. Until an EMF has agreed with
+// the encoder, the aligned rotor is first led up to half a turn further: an encoder that counts the other way is wrong.
 //
 // Order at tick k: what the chip measured at sample k belongs to the frame before the tick, in which the set committed in
 // step k - 1 took effect. So the observer is stepped first and then turned by the correction of that set; the error
@@ -161,7 +162,10 @@ typedef struct vector {
   uint32_t encoder_turn_q32;   // without offset
   uint32_t encoder_offset_q32;
   encoder_swing_t swing;
+  uint32_t proof_turn_q32;     // of the frame, at the end of the alignment, or of the coasting rotor, when the proof began
+  bool proving;                // while coasting
   uint16_t encoder_invalid;    // of the last check
+  uint16_t encoder_strayed;    // the same
   if_start_t start;
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   uint32_t slip_checks;    // in a row in which the rotor did not follow the forced frame
@@ -175,12 +179,21 @@ typedef struct vector {
   field_weakening_t weakening;
   int32_t mtpa_i_q25;       // i_d of the most torque
   complex_t reference_i_q25;
-  uint32_t suspicion;  // lost_angle_step's count; by encoder checks in a row that failed
-  uint32_t astray;     // checks in a row that found the EMF elsewhere than the encoder
-  uint32_t still;      // checks in a row at the largest current, with an index in doubt
-  bool indexed;        // the encoder's index has come
-  bool index_jumped;   // more than 45 degrees from the angle of the alignment
-  bool index_right;    // the EMF says so
+  uint32_t suspicion;  // lost_angle_step's count
+  // What speaks against the encoder.
+  uint32_t contradictions;  // checks in a row that found a turning rotor where it stands, or leaps of it
+  uint32_t astray;          // checks that found the EMF elsewhere than the encoder, four each, less those that did not
+  uint32_t still;           // checks in a row at the largest current, without getting faster
+  int32_t fastest_rpm_q8;   // meanwhile, in the current's direction
+  uint32_t strays;          // in a row, of the index to another position
+  uint32_t stray_tick;      // last one
+  int32_t stray_q30;        // jump of the angle there
+  int32_t calm_turn_q36;    // speed before it
+  bool stray_waits;         // for its second look
+  bool indexed;             // the index has come
+  bool learnt;              // an alignment has told the mounting
+  bool index_jumped;        // more than 45 degrees from the angle of the alignment
+  bool encoder_right;       // the EMF has agreed with it
   vector_injection_t *injection;  // 0: none
 } vector_t;
 
