@@ -84,6 +84,22 @@ def test_braking_makes_what_its_limit_permits(current_loop: bool, wrong: dict[st
     assert bench.trips == 0
 
 
+def test_a_load_that_grew_with_the_ramp_is_forgotten() -> None:
+    """A fan to 60 000 r/min in 0.4 s holds the speed below the ramp; from 60 ms after its end on within 0.025 %.
+
+    Verifies: FW-70
+    """
+    bench = Bench(drive=machines.drive(accel_rpm_per_s=150_000))
+    bench.start(60_000)
+    bench.run(1.0, lambda: bench.fw.telemetry().reference_rpm_q8 >= 60_000 * 256)
+    bench.run(0.02)
+    assert bench.model.rpm < 60_000 * (1 - 0.001)
+    bench.run(0.04)
+    for _ in range(600):
+        bench.step()
+        assert bench.model.rpm == pytest.approx(60_000, rel=2.5e-4)
+
+
 def test_throttle_step_keeps_the_crossings_visible() -> None:
     """Racing motor, 5000 to 26 000 r/min with a slope far too steep: above 20 000, no crossing late, no trip.
 

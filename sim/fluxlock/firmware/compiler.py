@@ -18,6 +18,7 @@ from fluxlock.config.drive import LOOP_FILTER_SHIFT, ZcdSampling
 from fluxlock.config.motor import OVERLOAD_S, OVERSPEED_RATIO, RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import dead_time_cycles, min_pulse_cycles
+from fluxlock.config.vector_modes import KI_DIVISOR
 from fluxlock.firmware.block import ParameterBlock, Value, gain, shared_gains
 from fluxlock.firmware.design import (
     BRAKE_MARGIN,
@@ -54,7 +55,6 @@ STILL_S = 25e-3
 # Of the alignment current: a rotor that swings into its place, even from beside the dead point, stays below 1.6.
 ALIGN_LIMIT = 2.0
 SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
-KI_DIVISOR = 5.0
 # Fastest trim of the EMF line by the measured current.
 TRIM_S = 5e-3
 LIMITER_BANDWIDTH_RAD = 600.0

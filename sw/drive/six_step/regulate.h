@@ -7,7 +7,7 @@
 //           torque mode: i_ref given
 //   u     = k_e n + R(n) i_ref + PI(i_ref - i)
 //
-//   speed      Kp = w_b (J / k_t + t_d k_e / R_t),     Ki = Kp w_b / 5
+//   speed      Kp = w_b (J / k_t + t_d k_e / R_t),     Ki = Kp w_b / 4
 //   current    Kp = R_t - R,                           Ki = R(n) / t_trim;      R_t: damps the rotor on the EMF's spring
 //              with current_loop Kp = L w_c,           Ki = R(n) w_c, but not where the reference is at its lower bound
 //
