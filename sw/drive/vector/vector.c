@@ -359,7 +359,7 @@ COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
                       coast_caught(c, p, order, v->settings, v->report.vdc_v_q25);
   tell_speed(v, (c->mean_step_q32 < 0) ? -c->speed_rpm_q8 : c->speed_rpm_q8, caught);
   if (caught) {
-    const outcome_t outcome = vector_catch(v, c->rotor.angle, c->mean_step_q32, in->vector.encoder_indexed);
+    const outcome_t outcome = vector_catch(v, c->rotor.angle, c->mean_step_q32, v->encoder && in->vector.encoder_indexed);
     if (outcome != 0u || v->frame == FRAME_CAUGHT) {
       return outcome;
     }
