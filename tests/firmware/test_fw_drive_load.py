@@ -104,7 +104,7 @@ def test_a_load_that_grew_with_the_ramp_is_forgotten() -> None:
 def test_throttle_step_is_limited_by_what_commutation_carries(limit_a: float, reached_rpm: int) -> None:
     """Racing motor, 5000 to 26 000 r/min, a slope far too steep and a speed that the link does not give.
 
-    The current keeps to its limit, no crossing comes late on the way, nothing trips; then what limit or link give is held.
+    The current keeps to its limit, no crossing comes late on the way, nothing trips; what limit or link give is held.
 
     Verifies: FW-72
     """
