@@ -79,12 +79,15 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
   if (state->resting) {
     const complex_t none = {0, 0};
     const complex_t vector_i_q21 = in->fresh ? injection_vector_i_q21(&settings->error, &in->amplitude) : none;
-    const rest_position_command_t rest =
-        rest_position_step(&state->rest, &settings->rest, in->fresh, vector_i_q21);
+    const rest_position_input_t given = {in->fresh, vector_i_q21, in->current_i_q25.re, state->turned_q32};
+    const rest_position_command_t rest = rest_position_step(&state->rest, &settings->rest, &given);
+    state->turned_q32 = 0;
     command.turn_q32 = rest.turn_q32;
     command.reference_i_q25[0] = (complex_t){rest.current_i_q25, 0};
     if (rest.track) {
-      command.turn_q32 = turned(command.turn_q32, follow(state, settings, state->error_q30));
+      const int32_t correct_q32 = follow(state, settings, state->error_q30);
+      command.turn_q32 = turned(command.turn_q32, correct_q32);
+      state->turned_q32 = correct_q32 + (pll_speed_turn_q36(&state->pll) >> 4) * settings->tick_cycles;
     }
     state->resting = state->rest.phase != REST_FOUND;
   } else {

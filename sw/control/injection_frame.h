@@ -41,6 +41,7 @@ typedef struct {
   int32_t speed_filter_q16;    // share of the new speed a step
   int32_t third_q16;           // k = i_q3 / i_q; 0 with three phases
   int32_t limit_i_q25;         // of |i_q|, >= 0
+  int32_t tick_cycles;         // clocks of a control tick
 } injection_frame_settings_t;
 
 // What a step has to go by.
@@ -69,6 +70,7 @@ typedef struct {
 typedef struct {
   bool resting;  // the rest position is being looked for
   rest_position_t rest;
+  int32_t turned_q32;  // by the loop in the search's last step
   injection_handover_t handover;
   injection_validity_t validity;
   injection_amplitude_t amplitude;  // that the validity has not seen yet

@@ -69,7 +69,11 @@ void injection_validity_step(injection_validity_t *state, const injection_validi
     return;
   }
   const injection_verdict_t verdict = judge(state, settings);
-  state->bad = (verdict >= INJECTION_NO_SIGNAL) ? state->bad + 1u : 0u;
+  if (verdict >= INJECTION_NO_SIGNAL) {
+    state->bad++;
+  } else if (state->bad > 0u) {
+    state->bad--;
+  }
   const bool fault = state->bad >= settings->fault_results;
   state->verdict = (verdict >= INJECTION_NO_SIGNAL && !fault) ? INJECTION_DERATED : verdict;
 }

@@ -10,7 +10,7 @@
 //          saliency, it goes to 1
 //
 // Between a value from which the current is derated and one that is a fault the permitted share of the current falls
-// evenly to 0. A fault that lasts has a name.
+// evenly to 0. A fault that lasts has a name: a good result takes back one bad one.
 #ifndef FL_INJECTION_VALIDITY_H
 #define FL_INJECTION_VALIDITY_H
 
@@ -36,7 +36,7 @@ typedef struct {
   uint32_t derate_noise_q16;  // rad
   uint32_t fault_noise_q16;   // above derate_noise_q16
   int32_t filter_shift;       // averages over 2^shift results
-  uint32_t fault_results;     // in a row, for a fault
+  uint32_t fault_results;     // more bad than good ones, for a fault
 } injection_validity_settings_t;
 
 typedef struct {
@@ -44,7 +44,7 @@ typedef struct {
   int64_t scatter_i_q37;
   complex_t last_i_q21;
   uint32_t seen;          // results, saturates at what the filters need
-  uint32_t bad;           // in a row
+  uint32_t bad;           // bad results less good ones, from 0
   uint32_t noise_q16;     // of the last result, rad
   uint32_t ratio_q16;
   uint32_t share_q16;     // of the current that is permitted

@@ -9,6 +9,10 @@
 
 #define EIGHTH_TURN ((int32_t)1 << 29)
 #define HALF_TURN INT32_MIN
+#define MOVED_Q32 178956971  // 1/24 turn
+#define LOCK_SHARE 4
+#define LAST_SHARE 4u
+#define CAME_SHARE 3
 
 SMALL_CODE_BEGIN
 
@@ -17,34 +21,76 @@ void rest_position_begin(rest_position_t *state) { *state = (rest_position_t){.p
 static void enter(rest_position_t *state, rest_phase_t phase) {
   state->phase = phase;
   state->results = 0;
-  state->sum_i_q21 = 0;
+  state->sum_i_q21[0] = state->sum_i_q21[1] = state->sum_i_q25 = 0;
+}
+
+static int32_t mean_of(int64_t sum, uint32_t count) {
+  const int32_t mean = (int32_t)div_sat_u32((uint64_t)((sum < 0) ? -sum : sum), count);
+  return (sum < 0) ? -mean : mean;
 }
 
 // Counts a result; true with the mean once `count` of them have come after `settle` left out.
-static bool averaged(rest_position_t *state, uint32_t settle, uint32_t count, int32_t value_i_q21, int32_t *mean_i_q21) {
+static bool averaged(rest_position_t *state, uint32_t settle, uint32_t count, const rest_position_input_t *in,
+                     complex_t *mean_i_q21) {
   state->results++;
   if (state->results <= settle) {
     return false;
   }
-  state->sum_i_q21 += value_i_q21;
+  state->sum_i_q21[0] += in->vector_i_q21.re;
+  state->sum_i_q21[1] += in->vector_i_q21.im;
+  state->sum_i_q25 += in->d_i_q25;
   if (state->results < settle + count) {
     return false;
   }
-  const uint64_t size = (uint64_t)((state->sum_i_q21 < 0) ? -state->sum_i_q21 : state->sum_i_q21);
-  const int32_t mean = (int32_t)div_sat_u32(size, count);
-  *mean_i_q21 = (state->sum_i_q21 < 0) ? -mean : mean;
+  *mean_i_q21 = (complex_t){mean_of(state->sum_i_q21[0], count), mean_of(state->sum_i_q21[1], count)};
   return true;
+}
+
+// Once more from a phase on, or the end.
+static void fail(rest_position_t *state, rest_phase_t next, rest_phase_t end) {
+  state->tries++;
+  enter(state, (state->tries < SEARCH_TRIES) ? next : end);
+}
+
+// The rotor turned, or the current did not come: half of it does less.
+static void soften(rest_position_t *state) {
+  state->halvings++;
+  fail(state, REST_LOCK, REST_NOT_SURE);
 }
 
 // The angle from both frames; the turn from the second one.
 static int32_t take_angle(rest_position_t *state, const rest_position_settings_t *settings, int32_t second_i_q21) {
   const complex_t twice = {-second_i_q21, state->first_i_q21};
-  if (complex_abs(twice) < (uint32_t)settings->minimum_i_q21) {
+  state->saliency_i_q21 = (int32_t)complex_abs(twice);
+  if (state->saliency_i_q21 < settings->minimum_i_q21) {
     enter(state, REST_NO_SIGNAL);
     return 0;
   }
   enter(state, REST_LOCK);
   return (int32_t)complex_angle_turn_q32(twice) / 2 - EIGHTH_TURN;
+}
+
+// Is it an angle that the loop holds?
+static void take_lock(rest_position_t *state, complex_t mean_i_q21) {
+  state->d_i_q21 = mean_i_q21.re;
+  state->moved_q32 = 0;
+  if (abs_sat(mean_i_q21.im) > state->saliency_i_q21 / LOCK_SHARE) {
+    fail(state, REST_FIRST, REST_NO_SIGNAL);
+  } else {
+    enter(state, REST_PLUS);
+  }
+}
+
+// The amplitude at +I or -I, if that current has come.
+static void take_amplitude(rest_position_t *state, const rest_position_settings_t *settings, int32_t *amplitude_i_q21,
+                           complex_t mean_i_q21, rest_phase_t next) {
+  const int32_t came_i_q25 = mean_of(state->sum_i_q25, settings->current_count);
+  if (abs_sat(came_i_q25 - state->current_i_q25) > abs_sat(state->current_i_q25) / CAME_SHARE) {
+    soften(state);
+    return;
+  }
+  *amplitude_i_q21 = mean_i_q21.re;
+  enter(state, next);
 }
 
 // i_d is back at 0: which way does the magnet lie?
@@ -56,55 +102,67 @@ static int32_t take_polarity(rest_position_t *state, const rest_position_setting
   return (sure && difference < 0) ? HALF_TURN : 0;
 }
 
-rest_position_command_t rest_position_step(rest_position_t *state, const rest_position_settings_t *settings, bool fresh,
-                                           complex_t vector_i_q21) {
-  const int32_t goal_i_q25 = (state->phase == REST_PLUS)    ? settings->current_i_q25
-                             : (state->phase == REST_MINUS) ? -settings->current_i_q25
-                                                            : 0;
-  state->current_i_q25 = fade(state->current_i_q25, goal_i_q25, settings->rise_i_q25);
-  const bool there = state->current_i_q25 == goal_i_q25;
-  int32_t turn_q32 = 0;
-  if (fresh && there) {
-    int32_t mean_i_q21 = 0;
-    switch (state->phase) {
-      case REST_FIRST:
-        if (averaged(state, settings->settle, settings->frame_count, vector_i_q21.im, &state->first_i_q21)) {
-          turn_q32 = EIGHTH_TURN;
-          enter(state, REST_SECOND);
-        }
-        break;
-      case REST_SECOND:
-        if (averaged(state, settings->settle, settings->frame_count, vector_i_q21.im, &mean_i_q21)) {
-          turn_q32 = take_angle(state, settings, mean_i_q21);
-        }
-        break;
-      case REST_LOCK:
-        if (averaged(state, settings->lock - 1u, 1, 0, &mean_i_q21)) {
-          enter(state, REST_PLUS);
-        }
-        break;
-      case REST_PLUS:
-        if (averaged(state, settings->current_settle, settings->current_count, vector_i_q21.re, &state->plus_i_q21)) {
-          enter(state, REST_MINUS);
-        }
-        break;
-      case REST_MINUS:
-        if (averaged(state, settings->current_settle, settings->current_count, vector_i_q21.re, &state->minus_i_q21)) {
-          enter(state, REST_RELEASE);
-        }
-        break;
-      case REST_RELEASE:
-        if (averaged(state, settings->current_settle, 1, 0, &mean_i_q21)) {
-          turn_q32 = take_polarity(state, settings);
-        }
-        break;
-      case REST_FOUND:
-      case REST_NOT_SURE:
-      case REST_NO_SIGNAL:
-      default:
-        break;
-    }
+static int32_t goal_i_q25(const rest_position_t *state, const rest_position_settings_t *settings) {
+  const int32_t current_i_q25 = settings->current_i_q25 >> state->halvings;
+  return (state->phase == REST_PLUS) ? current_i_q25 : (state->phase == REST_MINUS) ? -current_i_q25 : 0;
+}
+
+// A phase whose current is there has a new result; by how much the frame goes on.
+static int32_t result(rest_position_t *state, const rest_position_settings_t *settings, const rest_position_input_t *in) {
+  complex_t mean_i_q21 = {0, 0};
+  const uint32_t last = settings->lock / LAST_SHARE + 1u;
+  switch (state->phase) {
+    case REST_FIRST:
+      if (averaged(state, settings->settle, settings->frame_count, in, &mean_i_q21)) {
+        state->first_i_q21 = mean_i_q21.im;
+        enter(state, REST_SECOND);
+        return EIGHTH_TURN;
+      }
+      break;
+    case REST_SECOND:
+      if (averaged(state, settings->settle, settings->frame_count, in, &mean_i_q21)) {
+        return take_angle(state, settings, mean_i_q21.im);
+      }
+      break;
+    case REST_LOCK:
+      if (averaged(state, settings->lock - last, last, in, &mean_i_q21)) {
+        take_lock(state, mean_i_q21);
+      }
+      break;
+    case REST_PLUS:
+      if (averaged(state, settings->current_settle, settings->current_count, in, &mean_i_q21)) {
+        take_amplitude(state, settings, &state->plus_i_q21, mean_i_q21, REST_MINUS);
+      }
+      break;
+    case REST_MINUS:
+      if (averaged(state, settings->current_settle, settings->current_count, in, &mean_i_q21)) {
+        take_amplitude(state, settings, &state->minus_i_q21, mean_i_q21, REST_RELEASE);
+      }
+      break;
+    case REST_RELEASE:
+      if (averaged(state, settings->current_settle, 1, in, &mean_i_q21)) {
+        return take_polarity(state, settings);
+      }
+      break;
+    case REST_FOUND:
+    case REST_NOT_SURE:
+    case REST_NO_SIGNAL:
+    default:
+      break;
   }
+  return 0;
+}
+
+rest_position_command_t rest_position_step(rest_position_t *state, const rest_position_settings_t *settings,
+                                           const rest_position_input_t *in) {
+  state->moved_q32 = sat_i32((int64_t)state->moved_q32 + in->turned_q32);
+  const bool currents = state->phase >= REST_PLUS && state->phase <= REST_RELEASE;
+  if (currents && abs_sat(state->moved_q32) > MOVED_Q32) {
+    soften(state);
+  }
+  const int32_t goal = goal_i_q25(state, settings);
+  state->current_i_q25 = fade(state->current_i_q25, goal, settings->rise_i_q25);
+  const int32_t turn_q32 = (in->fresh && state->current_i_q25 == goal) ? result(state, settings, in) : 0;
   return (rest_position_command_t){turn_q32, state->current_i_q25, state->phase >= REST_LOCK && state->phase != REST_NO_SIGNAL};
 }
 

@@ -44,18 +44,6 @@ KEY = "drive.vector.injection"
             [f"{KEY}.search_current_a=7"],
             "legs of one side carry 11.3 A together at some angles; permitted below 5.87",
         ),
-        # The same where the current follows from the motor file, at the key that it follows from.
-        (
-            IPM,
-            ["drive.current_limit_a=9", "motor.saturation.current_a=10"],
-            "saturation.current_a: 10 A for the search of the rotor is above drive.current_limit_a (9 A); "
-            "set drive.vector.injection.search_current_a",
-        ),
-        (
-            IPM,
-            ["inverter.protection.dc_current_a=9.5"],
-            "current_a: 10 A for the search of the rotor and protection.dc_current_a of the inverter (9.5 A)",
-        ),
         (TIAN, ["drive.method=six-step"], "phases: 5 needs drive.method"),
     ],
 )

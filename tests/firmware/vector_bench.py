@@ -15,7 +15,7 @@ from fluxlock.config import Inverter, Motor
 from fluxlock.config.drive import Drive
 from fluxlock.config.machine import Machine
 from fluxlock.config.vector import Regulator
-from fluxlock.config.vector_loops import PLL_BANDWIDTH
+from fluxlock.config.vector_modes import PLL_BANDWIDTH
 from fluxlock.firmware import compile_parameters, gain
 from fluxlock.firmware.binding import names
 from fluxlock.firmware.block import Value

@@ -11,9 +11,9 @@ import math
 import numpy as np
 import pytest
 
-from fluxlock.config import load_scenario
+from fluxlock.config import load_motor, load_scenario
 from fluxlock.paths import ROOT
-from tests.injection.injection_bench import MACHINES, Life, scenario_of
+from tests.injection.injection_bench import MACHINES, SCENARIOS, Life, scenario_of
 
 RECORD = ROOT / "docs" / "verification" / "record.json"
 SETTLED_S = 0.08  # 60 ms after the command of the scenarios
@@ -83,5 +83,5 @@ def test_machines_have_scenarios() -> None:
 
     Verifies: INJC-14
     """
-    phases = [scenario_of(name).motor.phases for name in MACHINES]
+    phases = [load_motor(SCENARIOS.parent / "motors" / f"{name}.toml").phases for name in MACHINES]
     assert (phases.count(3), phases.count(5)) == (8, 2)

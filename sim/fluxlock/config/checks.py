@@ -18,7 +18,6 @@ from fluxlock.config.vector_checks import (
     other_method,
     other_methods_keys,
 )
-from fluxlock.config.vector_design import search_current
 
 
 def _beyond_the_end(s: Scenario) -> list[Problem]:
@@ -127,14 +126,13 @@ def _search_current(s: Scenario) -> list[Problem]:
     injection = s.drive.vector.injection
     if injection is None or not injection.search:
         return []
-    current_a, key = search_current(s)
-    # Stated nowhere it follows from the motor file: then it can be stated.
-    shown, cure = with_unit(current_a, "A"), ""
-    if key.startswith("motor."):
-        shown, cure = f"{shown} for the search of the rotor", "; set drive.vector.injection.search_current_a"
+    current_a, key = injection.search_current_a, "drive.vector.injection.search_current_a"
+    if current_a is None:  # by rule it has room
+        return []
+    shown = with_unit(current_a, "A")
     problems = []
     if current_a > s.current_limit_a:
-        text = f"{shown} is above drive.current_limit_a ({with_unit(s.current_limit_a, 'A')}){cure}"
+        text = f"{shown} is above drive.current_limit_a ({with_unit(s.current_limit_a, 'A')})"
         problems.append(s.sources.problem(key, text))
     # Phases of one sign that the link carries together, at the worst angle: sum of |cos|, halved.
     share = 0.5 / math.sin(math.pi / (2 * s.motor.phases))
@@ -143,7 +141,7 @@ def _search_current(s: Scenario) -> list[Problem]:
         text = (
             f"{shown} and protection.dc_current_a of the inverter ({with_unit(trip_a, 'A')}): the "
             f"legs of one side carry {share * current_a:.1f} A together at some angles; permitted below "
-            f"{trip_a / share:.2f} A, less what the injected wave needs{cure}"
+            f"{trip_a / share:.2f} A, less what the injected wave needs"
         )
         problems.append(s.sources.problem(key, text))
     return problems

@@ -39,7 +39,14 @@ class Injection(Model):
     samples: int = quantity("Converter samples averaged in a current sample.", "", 1, 255, default=1)
     low_hz: float = quantity("Low-pass of `lock-in` and `conventional`.", "Hz", 1, 1000, default=51.5)
     third_ratio: float = quantity("i_q of subspace 3 over i_q, five phases only.", "", -0.5, 0.5, default=0.0)
-    speed_filter_hz: float = quantity("Low-pass before the speed regulator.", "Hz", 0.1, 1000, default=50.0)
+    speed_filter_hz: float | None = quantity(
+        "Low-pass before the speed regulator.",
+        "Hz",
+        0.1,
+        1000,
+        default=None,
+        absent="by the rule of the [theory page](../theory/five-phase.md#loops-by-rule)",
+    )
     compensation: Literal["off", "on", "following"] = Field(
         default="following",
         description="Curve of cross-saturation of the motor file, which turns published angle and references; "
@@ -56,7 +63,8 @@ class Injection(Model):
         0.01,
         2000,
         default=None,
-        absent="`saturation.current_a` of the motor file, else its rated current",
+        absent="`saturation.current_a` of the motor file, else its rated current; less for a light rotor, and where "
+        "voltage or trips ask for it",
     )
     search_rise_a_per_s: float | None = quantity(
         "Its slope.", "A/s", 1, 1e7, default=None, absent="2 ms to the current"

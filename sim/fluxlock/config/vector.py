@@ -74,7 +74,8 @@ class Vector(Model):
         1,
         5e3,
         default=None,
-        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection 200",
+        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection by "
+        "[another one](../theory/five-phase.md#loops-by-rule)",
     )
     pll_order: int = quantity("Its order: 3 follows an acceleration without lag.", "", 2, 3, default=3)
     start_current_a: float | None = quantity(
@@ -107,7 +108,8 @@ class Vector(Model):
         0.1,
         2000,
         default=None,
-        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection 20",
+        absent="by the rule of the [theory page](../theory/vector.md#bandwidths); with injection by "
+        "[another one](../theory/five-phase.md#loops-by-rule)",
     )
     weakening: bool = Field(default=False, description="Field weakening: negative i_d where the voltage is short.")
     dead_time_compensation: bool = Field(

@@ -14,6 +14,7 @@ from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.drive import Drive, Start
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import plain, with_unit
+from fluxlock.config.injection_checks import check_injection
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import told_machine
@@ -257,6 +258,7 @@ def _injection(s: Scenario) -> Iterator[Problem]:
         text = f"{with_unit(spec.amplitude_v, 'V')} is not below the largest voltage, {most_v:.4g} V"
         yield Problem(file, "drive.vector.injection.amplitude_v", text)
     peak_a = spec.amplitude_v * spec.period * timing.sample_cycles / CLOCK_HZ / (4 * l_d)
+    yield from check_injection(s)
     most_a = s.inverter.protection.phase_current_a - s.current_limit_a
     if 0.0 < most_a <= peak_a:  # a limit of the current beyond the trip is a problem of its own
         text = (

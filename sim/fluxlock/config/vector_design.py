@@ -54,16 +54,6 @@ def start_accel_rpm_per_s(s: Scenario) -> float:
     return START_TORQUE_SHARE * torque_nm / s.motor.inertia_kgm2 * RPM_PER_RAD_S
 
 
-def search_current(s: Scenario) -> tuple[float, str]:
-    """Current on the d axis that tells the magnet's poles apart (A), and the key that it comes from."""
-    injection, saturation = s.drive.vector.injection, s.motor.saturation
-    if injection is not None and injection.search_current_a is not None:
-        return injection.search_current_a, "drive.vector.injection.search_current_a"
-    if saturation is not None:
-        return saturation.current_a, "motor.saturation.current_a"
-    return s.motor.rated_current_a, "motor.rated_current_a"
-
-
 def handover_rpm(s: Scenario) -> float:
     """Speed of the hand-over, mechanical (r/min)."""
     if s.drive.vector.handover_rpm is not None:

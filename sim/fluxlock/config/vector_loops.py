@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector import Vector
@@ -25,11 +26,9 @@ from fluxlock.config.vector_design import (
     regulator_damping,
     told_machine,
 )
-from fluxlock.config.vector_modes import KI_DIVISOR, SPEED_TICKS, Plant, Point, growth
+from fluxlock.config.vector_modes import KI_DIVISOR, PLL_BANDWIDTH, SPEED_TICKS, Plant, Point, growth
 from fluxlock.config.vector_timing import TICK_HZ, vector_timing
 
-# -3 dB bandwidth over omega_n of a phase-locked loop whose poles are all at omega_n, by order.
-PLL_BANDWIDTH = {2: 2.4824, 3: 3.8989}
 PLL_MAX = 0.3  # bandwidth over tick frequency, a distance of the observer's poles from 1
 NOMINAL_DEG, WORST_DEG = 55.0, 40.0  # phase margin with the file's machine, and with its L off by:
 L_ERROR = 0.3
@@ -53,8 +52,6 @@ KEPT = 0.9  # share of the largest w_s for which omega_n stays smaller
 LEFT_SHARE = 1 / 3
 REFERENCE_GAMMA, REFERENCE_POLE = (float(Vector.model_fields[k].default) for k in ("gamma", "observer_pole"))
 QUANTUM_LSB = 1 / math.sqrt(12)
-# With injection the loop's input is another one: what it has where the file leaves it out.
-INJECTION_PLL_HZ, INJECTION_SPEED_HZ = 200.0, 20.0
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 Real = NDArray[np.float64]
@@ -325,5 +322,6 @@ def loops_of(s: Scenario) -> Loops:
     """Bandwidths of a scenario: the given ones, and by rule what is left out."""
     v = s.drive.vector
     if v.injection is not None:
-        return Loops(v.pll_hz or INJECTION_PLL_HZ, v.speed_hz or INJECTION_SPEED_HZ, math.nan, math.nan, "injection")
+        found = injection_loops(s)
+        return Loops(found.pll_hz, found.speed_hz, math.nan, math.nan, "injection")
     return loops(plant_of(s), v.pll_hz, v.speed_hz)

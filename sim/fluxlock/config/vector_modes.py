@@ -22,6 +22,8 @@ Matrix = NDArray[np.float64]
 
 SPEED_TICKS = 4  # of a step of the speed loop
 KI_DIVISOR = 4.0  # k_i = k_p w_s / this
+# -3 dB bandwidth over omega_n of a phase-locked loop whose poles are all at omega_n, by order.
+PLL_BANDWIDTH = {2: 2.4824, 3: 3.8989}
 # States: vectors first, then what has one part.
 CURRENT, ACTING, VOLTAGE, ERROR, SEEN_CURRENT, EMF, BEFORE, SUM = range(0, 16, 2)
 FRAME, FRAME_SPEED, SPEED, LOOP_SPEED, SLOPE, TURN, REFERENCE, NEXT, INTEGRAL = range(16, 25)

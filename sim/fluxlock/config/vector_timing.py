@@ -121,12 +121,13 @@ def default_delay(drive: Drive, inverter: Inverter) -> float:
 
     That is in the middle of a gap or of a pulse: at an update, with a single one a carrier also halfway between two.
     Elsewhere the ripple counts as current: t before the middle of a gap it is u t / L, which turns the observed EMF by
-    omega t |u| / |e|.
+    omega t |u| / |e|. With injection at an update: there the search is quiet.
     """
     shortest = shortest_delay(drive, inverter)
     if drive.vector.window == "carrier":
         return shortest
-    return 0.5 if drive.vector.update == "single" and shortest <= 0.5 else 1.0
+    halfway = drive.vector.update == "single" and drive.vector.injection is None
+    return 0.5 if halfway and shortest <= 0.5 else 1.0
 
 
 def vector_timing(drive: Drive, inverter: Inverter) -> VectorTiming:

@@ -16,8 +16,8 @@ from typing import get_args
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.injection import SEQUENCES, Injection, InjectionMethod
+from fluxlock.config.injection_rules import SEARCH_SURE, injection_loops, search_current, wave_of
 from fluxlock.config.vector import Vector
-from fluxlock.config.vector_design import search_current
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.design import Q16, Q17, Q21, Q22, Q25, Q29, Q30, Q32, Q36, Design
@@ -36,7 +36,6 @@ DERATE_RATIO, FAULT_RATIO = 0.4, 0.1
 FAULT_S = 0.01
 SEARCH_S = 2e-3
 SEARCH_LEAST = 0.05  # amplitude of the saliency over the expected one
-SEARCH_SURE = 0.012
 # Results left out, a frame, the loop, left out at a new i_d, averaged at each: separator, others.
 SEARCH_RESULTS = {"separator": (8, 16, 24, 6, 8)}
 SEARCH_RESULTS_OTHERS = (6, 8, 20, 6, 8)
@@ -61,14 +60,8 @@ class _Wave:
 
     @staticmethod
     def of(d: Design, injection: Injection, sample_s: float) -> _Wave:
-        m, third, half = d.machine, d.s.motor.third, d.machine.saliency_h / 2
-        l_d, l_q = m.inductance_h - half, m.inductance_h + half
-        if third is not None:
-            mutual = third.mutual_h**2
-            l_d, l_q = l_d - mutual / third.inductance_d_h, l_q - mutual / third.inductance_q_h
-        period_s = injection.period * sample_s
-        peak = injection.amplitude_v * period_s / (4 * l_d)
-        turned = _turned(m.winding_ohm, l_d, d.s.drive.vector, injection, sample_s)
+        met, gamma = wave_of(d.s), injection_loops(d.s).gamma
+        turned = _turned(d.machine.winding_ohm, met.l_d, d.s.drive.vector, injection, sample_s, gamma)
         # The sine reference stands where the current of an inductance does.
         shown = {
             "separator": 1.0,
@@ -76,8 +69,9 @@ class _Wave:
             "lock-in": FUNDAMENTAL * RECTIFIED * abs(turned),
             "conventional": FUNDAMENTAL * max(turned.real, LEAST_SHARE) / 2,
         }[injection.method]
-        results = {"separator": 2 / period_s, "iq": 1 / period_s}.get(injection.method, 1 / sample_s)
-        return _Wave(l_d, l_q, peak * shown, results, 1 / period_s)
+        hz = 1 / met.period_s
+        results = {"separator": 2 * hz, "iq": hz}.get(injection.method, 1 / sample_s)
+        return _Wave(met.l_d, met.l_q, met.peak_a * shown, results, hz)
 
     @property
     def ratio(self) -> float:
@@ -85,10 +79,10 @@ class _Wave:
         return self.l_q / (self.l_q - self.l_d)
 
 
-def _turned(r_ohm: float, l_h: float, vector: Vector, injection: Injection, sample_s: float) -> complex:
+def _turned(r_ohm: float, l_h: float, vector: Vector, injection: Injection, sample_s: float, gamma: float) -> complex:
     """HF current over that of an inductance alone: resistance, and the regulators unless they do not see it."""
     s = 2j * math.pi / (injection.period * sample_s)
-    loop_rad_s = 2 * math.pi * vector.bandwidth_hz if vector.regulator == "A" else vector.gamma / sample_s
+    loop_rad_s = 2 * math.pi * vector.bandwidth_hz if vector.regulator == "A" else gamma / sample_s
     open_loop = 0.0 if injection.remove else loop_rad_s / s * cmath.exp(-ACTION * sample_s * s)
     return s * l_h / (r_ohm + s * l_h) / (1 + open_loop)
 
@@ -116,7 +110,7 @@ def _filters(injection: Injection, sample_s: float) -> dict[str, Value]:
 
 
 def _search(d: Design, injection: Injection, wave: _Wave, sample_s: float) -> dict[str, Value]:
-    current, _ = search_current(d.s)
+    current = search_current(d.s)
     rise = injection.search_rise_a_per_s or current / SEARCH_S
     counts = SEARCH_RESULTS.get(injection.method, SEARCH_RESULTS_OTHERS)
     if injection.method in ("lock-in", "conventional"):
@@ -204,7 +198,9 @@ def injection_parameters(d: Design, timing: VectorTiming) -> dict[str, Value]:
         "injection_ratio": gain(wave.ratio, "injection_ratio"),
         "injection_loss": gain(loss, "injection_loss"),
         "injection_fade_q16": max(1, round(d.tick_s / HANDOVER_S * Q16)) if by_emf else 0,
-        "injection_speed_filter_q16": round(-math.expm1(-2 * math.pi * injection.speed_filter_hz * d.tick_s) * Q16),
+        "injection_speed_filter_q16": round(
+            -math.expm1(-2 * math.pi * injection_loops(d.s).filter_hz * d.tick_s) * Q16
+        ),
         **_filters(injection, sample_s),
         **_search(d, injection, wave, sample_s),
         **_validity(d, wave),

@@ -13,6 +13,7 @@ import math
 from typing import get_args
 
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import OVERSPEED_RATIO, RPM_PER_RAD_S
 from fluxlock.config.vector import InversePark, Regulator, Vector
@@ -29,8 +30,8 @@ from fluxlock.config.vector_design import (
     start_current_a,
     told_lines,
 )
-from fluxlock.config.vector_loops import PLL_BANDWIDTH, RIPPLE_RATIO, loops_of
-from fluxlock.config.vector_modes import KI_DIVISOR, loop_gains
+from fluxlock.config.vector_loops import RIPPLE_RATIO, loops_of
+from fluxlock.config.vector_modes import KI_DIVISOR, PLL_BANDWIDTH, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.design import BRAKE_MARGIN, Q8, Q16, Q17, Q20, Q25, Q30, Q32, Q36, Q44, Q60, Design
@@ -216,7 +217,7 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
         "vector_park": get_args(InversePark).index(vector.park),
         "vector_order": get_args(Regulator).index(vector.regulator),
         "vector_bandwidth_q30": round(2.0 * math.pi * vector.bandwidth_hz * sample_s * Q30),
-        "vector_gamma_q30": round(vector.gamma * Q30),
+        "vector_gamma_q30": round((injection_loops(d.s).gamma if vector.injection else vector.gamma) * Q30),
         "vector_damping_q30": round(regulator_damping(m, vector, sample_s) * Q30),
         "vector_pole1_q30": round(vector.observer_pole * Q30),
         "vector_pole2_q30": round(vector.observer_pole * Q30),

@@ -20,6 +20,10 @@
 // Noise of the angle, 0.3 and 0.6 rad.
 #define DERATE_NOISE_Q16 19661u
 #define FAULT_NOISE_Q16 39322u
+#define ONE_Q16 ((uint32_t)1 << 16)
+#define PROVEN_MOST 3u
+#define SPEED_BITS 16      // of the filtered speed below 2^-36 turn
+#define LEAST_Q_SHARE 16   // a q amplitude below this share of d's is noise
 
 SMALL_CODE_BEGIN
 
@@ -66,6 +70,7 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
   s->speed = p->vector_speed;
   s->speed_filter_q16 = p->injection_speed_filter_q16;
   s->third_q16 = p->injection_third_q16;
+  s->tick_cycles = p->tick_cycles;
 }
 
 COLD void vector_injection_init(vector_t *v, const vector_machine_t *machine) {
@@ -92,6 +97,8 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   v->design_waits = false;
   j->observing = false;
   j->suspicion = 0;
+  j->contradicted = 0;
+  j->proven = 0;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
   ramp_preset(&j->ramp, 0);
@@ -150,8 +157,48 @@ HOT static bool emf_lost(vector_t *v) {
   return j->suspicion >= v->lost_checks;
 }
 
+static inline uint32_t less(uint32_t count) { return (count > 0u) ? count - 1u : 0u; }
+
+// With E the EMF of the estimated speed: what voltage and resistance leave of it, which is -E at the other pole and
+// nothing on a rotor that stands, is below E / 2 by more than T, which both may be wrong by (lost_angle.h). Not below T.
+// An angle that the EMF has confirmed keeps its trust for a while: a load step makes the speed wrong, and not the pole.
+HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
+  vector_injection_t *j = v->injection;
+  const int32_t speed_turn_q36 = (int32_t)(j->frame.filtered_q52 >> SPEED_BITS);
+  const int32_t expected_v_q25 = gain_apply(speed_turn_q36, v->p->vector_flux);
+  const int32_t half_drop_v_q25 = gain_apply(q_i_q17 * 256, v->lost.resistance);
+  const int32_t emf_v_q25 = v->state_v_q25.im - 2 * half_drop_v_q25;
+  const int32_t along_v_q25 = (expected_v_q25 < 0) ? -emf_v_q25 : emf_v_q25;
+  const int32_t wrong_v_q25 = abs_sat(half_drop_v_q25) + (int32_t)v->lost.floor_v_q25;
+  const int32_t size_v_q25 = abs_sat(expected_v_q25);
+  const bool blind = size_v_q25 <= wrong_v_q25;
+  const bool wrong = !blind && along_v_q25 + wrong_v_q25 < size_v_q25 / 2;
+  j->contradicted = wrong ? j->contradicted + 1u : less(j->contradicted);
+  if (blind) {
+    j->proven = less(j->proven);
+  } else if (!wrong && j->proven < PROVEN_MOST * v->lost_checks) {
+    j->proven++;
+  }
+  return j->contradicted >= v->lost_checks + j->proven;
+}
+
+// The search has measured both axes: that counts, not the file.
+COLD static void learn_saliency(vector_injection_t *j) {
+  const rest_position_t *rest = &j->frame.rest;
+  injection_validity_settings_t *s = &j->settings.validity;
+  const int32_t q_i_q21 = rest->d_i_q21 - 2 * rest->saliency_i_q21;
+  if (q_i_q21 <= rest->d_i_q21 / LEAST_Q_SHARE) {
+    return;
+  }
+  const uint32_t over_q16 = div_sat_u32((uint64_t)(uint32_t)rest->saliency_i_q21 << 17, (uint32_t)q_i_q21);
+  s->expected_i_q21 = rest->d_i_q21;
+  s->saliency_q16 = ONE_Q16 + over_q16;
+  s->derate_ratio_q16 = ONE_Q16 + over_q16 * 2u / 5u;
+  s->fault_ratio_q16 = ONE_Q16 + over_q16 / 10u;
+}
+
 // The search has ended, or the angle is not to be trusted any more.
-HOT static outcome_t supervise(vector_t *v) {
+HOT static outcome_t supervise(vector_t *v, int32_t q_i_q17) {
   const injection_frame_t *frame = &v->injection->frame;
   fault_t fault = fault_of(frame->validity.verdict);
   if (frame->resting && frame->rest.phase == REST_NOT_SURE) {
@@ -162,8 +209,8 @@ HOT static outcome_t supervise(vector_t *v) {
   if (fault != FAULT_NONE) {
     return outcome_fault(fault);
   }
-  if (emf_lost(v)) {
-    return outcome_of(EVENT_LOCK_LOST);
+  if (emf_lost(v) || (!frame->resting && emf_contradicts(v, q_i_q17))) {
+    return outcome_because(EVENT_LOCK_LOST, FAULT_ANGLE_LOST);
   }
   const bool started = !frame->resting && v->order->state == STATE_STARTING;
   return outcome_of(started ? EVENT_STARTED : EVENT_STAY);
@@ -176,12 +223,14 @@ HOT static outcome_t follow_target(vector_t *v) {
   const bool stopping = v->order->state == STATE_STOPPING;
   const int32_t step_rpm_q20 = clamp_i32(v->settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
   const int32_t target_rpm_q8 = (v->order->state == STATE_RUNNING) ? v->settings->target_rpm * 256 : 0;
-  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);
+  tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), !j->frame.resting);
   // The ramp need not wait for the speed: the regulator does not wind up.
   (void)ramp_step(&j->ramp, target_rpm_q8, step_rpm_q20 * (int32_t)VECTOR_GROUPS, v->report.speed_rpm_q8,
                   p->speed_max_rpm * 256);
   const int32_t speed_rpm_q8 = abs_sat(v->report.speed_rpm_q8);
-  if (speed_rpm_q8 / 256 > p->overspeed_rpm) {
+  // An estimate in doubt gets the name of what is wrong with it, 5 ms later at most.
+  if (speed_rpm_q8 / 256 > p->overspeed_rpm && j->contradicted == 0u && j->suspicion == 0u &&
+      j->frame.validity.bad == 0u) {
     return outcome_fault(FAULT_OVERSPEED);
   }
   const bool stopped =
@@ -243,7 +292,7 @@ HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen,
 HOT static outcome_t look(vector_t *v, const chip_snapshot_t *in) {
   vector_design_state(v, complex_add(in->vector.u_v_q25[0], v->injection->forward_v_q25));
   const outcome_t outcome = vector_open_phase_step(v, in);
-  return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v) : outcome;
+  return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v, in->vector.i_q17[0].im) : outcome;
 }
 
 SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
@@ -277,7 +326,11 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
       .speed_turn_q36 = gain_apply(j->ramp.value_rpm_q8, v->p->vector_rpm_to_turn),
   };
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
+  const bool resting = j->frame.resting;
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
+  if (__builtin_expect(resting && !j->frame.resting, 0)) {
+    learn_saliency(j);
+  }
   vector_lead(v, j->command.speed_turn_q36);
   send_forward(v, seen, in->vector.u_v_q25[0]);
   switch (v->order->tick % VECTOR_GROUPS) {

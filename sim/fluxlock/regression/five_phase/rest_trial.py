@@ -55,18 +55,23 @@ def trial(loop: Loop, settings: CData, theta: float, seed: int) -> Trial:
     gains = firmware_pll(s.pll, s.tick * s.ts_s)
     state, pll, error_q30, moved = new("rest_position_t"), new("pll_t"), 0, 0.0
     lib.rest_position_begin(state)
+    turned_q32 = 0
     while phases[state.phase] not in ("found", "not_sure", "no_signal"):
         bench.sample()
         result, amplitude = Complex(0, 0), bench.amplitude
         if amplitude is not None:
             result = lib.injection_vector_i_q21(errors, amplitude)
             error_q30 = lib.injection_error_q30(errors, amplitude)
-        wanted = lib.rest_position_step(state, settings, amplitude is not None, result)
+        d_i_q25 = round(bench.current_a.real / full_scale_a * Q25)
+        given = new("rest_position_input_t", amplitude is not None, result, d_i_q25, turned_q32)
+        wanted = lib.rest_position_step(state, settings, given)
         command = bench.command
-        command.turn_q32 = wanted.turn_q32
+        command.turn_q32, turned_q32 = wanted.turn_q32, 0
         if wanted.track and bench.step % s.tick == 0:
-            command.turn_q32 += lib.pll_correct(pll, gains, error_q30)
+            turned_q32 = lib.pll_correct(pll, gains, error_q30)
+            command.turn_q32 += turned_q32
         command.speed_turn_q36 = lib.pll_speed_turn_q36(pll)
+        turned_q32 += round(command.speed_turn_q36 * bench.cycles / 16)
         command.reference_a = wanted.current_i_q25 / Q25 * full_scale_a + 0j
         moved = max(moved, abs(bench.theta_rad - theta) / loop.motor.pole_pairs)
     saturation = loop.motor.saturation

@@ -14,7 +14,8 @@ from fluxlock.config import Scenario
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import Motor
 from fluxlock.config.vector_design import told_machine
-from fluxlock.config.vector_loops import PLL_BANDWIDTH, loops_of
+from fluxlock.config.vector_loops import loops_of
+from fluxlock.config.vector_modes import PLL_BANDWIDTH
 from fluxlock.cosim.outcome import Outcome
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner

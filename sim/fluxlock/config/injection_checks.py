@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Injection that would not work on this machine with this inverter, told before anything is built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fluxlock.config.errors import Problem
+from fluxlock.config.fields import with_unit
+from fluxlock.config.injection_rules import (
+    LOOP_MOST,
+    SEARCH_SURE,
+    InjectionLoops,
+    Wave,
+    injection_loops,
+    loop_through_demodulator,
+    polarity_signal,
+    search_current,
+    wave_of,
+)
+from fluxlock.config.scenario import Scenario
+from fluxlock.config.vector_modes import PLL_BANDWIDTH
+
+KEY = "drive.vector.injection"
+PLL_PERIODS_LEAST = 6.0  # injection periods a period of the loop's bandwidth
+OMEGA_OVER_SPEED_LEAST = 1.5  # w_n over 2 pi speed_hz
+SALIENT_STEPS = 2.0  # steps of the converter that the saliency must make
+STRONG_SALIENCY, STRONG_LOOP_MOST = 2.0, 26.0
+
+
+def check_injection(s: Scenario) -> list[Problem]:
+    """One line each, with what would make it run."""
+    wave, loops = wave_of(s), injection_loops(s)
+    return [*_signal(s, wave), *_loops(s, wave, loops), *_search(s, wave)]
+
+
+def _signal(s: Scenario, wave: Wave) -> Iterator[Problem]:
+    """The saliency's share of the HF current is more than steps of the converter."""
+    injection, sensing = s.drive.vector.injection, s.inverter.sensing
+    assert injection is not None
+    seen_a, step_a = wave.peak_a / (2 * wave.ratio), 2 * sensing.current_full_scale_a / 2.0**sensing.bits
+    if seen_a < SALIENT_STEPS * step_a:
+        text = (
+            f"{with_unit(injection.amplitude_v, 'V')} lets the saliency of {wave.l_q / wave.l_d:.3f} make "
+            f"{1e3 * seen_a:.3g} mA, less than {SALIENT_STEPS:g} steps of the converter ({1e3 * step_a:.3g} mA each); "
+            f"permitted from {injection.amplitude_v * SALIENT_STEPS * step_a / seen_a:.3g} V on"
+        )
+        yield Problem(s.sources.scenario, f"{KEY}.amplitude_v", text)
+
+
+def _loops(s: Scenario, wave: Wave, loops: InjectionLoops) -> Iterator[Problem]:
+    """Bandwidths that are given where the loop through the demodulator, or loop and speed loop, would swing."""
+    file, v = s.sources.scenario, s.drive.vector
+    most_hz = 1 / (PLL_PERIODS_LEAST * wave.period_s)
+    if v.pll_hz is not None and v.pll_hz > most_hz:
+        text = f"{with_unit(v.pll_hz, 'Hz')} is too fast for a wave of {1 / wave.period_s:.0f} Hz"
+        yield Problem(file, "drive.vector.pll_hz", f"{text}, permitted up to {most_hz:.0f} Hz")
+    if s.mechanics.mode != "free":
+        return
+    most_hz = loops.pll_hz / PLL_BANDWIDTH[v.pll_order] / OMEGA_OVER_SPEED_LEAST
+    if v.speed_hz is not None and v.speed_hz > most_hz:
+        text = f"{with_unit(v.speed_hz, 'Hz')} is too fast for drive.vector.pll_hz = {loops.pll_hz:.4g} Hz"
+        yield Problem(file, "drive.vector.speed_hz", f"{text}, permitted up to {most_hz:.3g} Hz")
+    found = loop_through_demodulator(s, wave, loops.pll_hz, loops.speed_hz, loops.filter_hz)
+    most = STRONG_LOOP_MOST if wave.l_q / wave.l_d >= STRONG_SALIENCY else LOOP_MOST
+    if found > most:
+        text = (
+            f"{loops.speed_hz:.3g} Hz with drive.vector.pll_hz = {loops.pll_hz:.4g} Hz, {KEY}.speed_filter_hz = "
+            f"{loops.filter_hz:.4g} Hz and this amplitude closes a loop through the demodulator, S = {found:.1f}, "
+            f"permitted up to {most:g}; leave them out or raise {KEY}.amplitude_v"
+        )
+        yield Problem(file, "drive.vector.speed_hz", text)
+
+
+def _search(s: Scenario, wave: Wave) -> Iterator[Problem]:
+    """The search can tell the magnet's poles apart."""
+    injection, saturation = s.drive.vector.injection, s.motor.saturation
+    assert injection is not None
+    if not injection.search or saturation is None:
+        return
+    current_a = search_current(s)
+    if current_a + wave.peak_a >= s.inverter.protection.phase_current_a:
+        trip = with_unit(s.inverter.protection.phase_current_a, "A")
+        text = f"{with_unit(current_a, 'A')} and {wave.peak_a:.3g} A of the wave reach protection.phase_current_a"
+        yield Problem(s.sources.scenario, f"{KEY}.search_current_a", f"{text} of the inverter ({trip})")
+    share = polarity_signal(s, 1.0)
+    if share <= 0.0:
+        text = "is not below minus: the axis must saturate along the magnet, or the search takes the wrong pole"
+        yield Problem(s.sources.motor, "saturation.plus", text)
+    elif share * current_a < SEARCH_SURE:
+        text = (
+            f"{with_unit(round(current_a, 3), 'A')} of the search change the HF current by "
+            f"{100 * share * current_a:.2g} %, permitted from {100 * SEARCH_SURE:g} % on, {SEARCH_SURE / share:.3g} A; "
+            "by rule voltage, trips and a light rotor bound it: a shorter injection period or a heavier rotor permits "
+            f"more, or state {KEY}.search_current_a"
+        )
+        yield Problem(s.sources.scenario, f"{KEY}.search_current_a", text)
