@@ -120,7 +120,7 @@ typedef struct {
   bool speed_unknown;  // speed_rpm_q8 is 0 then
   bool impossible;  // no rotor turns at the measured speed
   bool over;        // beyond the permitted speed
-  bool doubtful;    // the sensors that commutate have given wrong codes
+  bool doubtful;    // the sensors that commutate have given wrong codes; the frame's angle, before a trip
   six_step_report_t six_step;
   vector_report_t vector;
 } report_t;

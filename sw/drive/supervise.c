@@ -13,6 +13,14 @@
 
 void supervise_renew(supervise_t *supervise) { supervise->excused = false; }
 
+// What an over-current of a drive comes from whose angle is in doubt.
+static fault_t doubted(const parameters_t *p) {
+  if (!method_is_vector(p->method)) {
+    return FAULT_HALL_SENSOR;
+  }
+  return (p->vector_angle != 0) ? FAULT_ENCODER : FAULT_ANGLE_LOST;
+}
+
 static bool is_over_current(fault_t fault) {
   return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
 }
@@ -65,7 +73,9 @@ COLD static outcome_t judge_trips(supervise_t *supervise, const parameters_t *p,
     const uint32_t causes = ((first & rest) != 0u) ? first & rest : rest;
     const bool deadline = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u;
     const fault_t fault = deadline ? fault_of_monitor(in->trip_monitor) : fault_of_trip(causes);
-    outcome = outcome_fault((is_over_current(fault) && report->doubtful) ? FAULT_HALL_SENSOR : fault);
+    const bool explained_by = is_over_current(fault) && report->doubtful;
+    passed = explained_by ? fault : passed;
+    outcome = outcome_fault(explained_by ? doubted(p) : fault);
   }
   return outcome_passing(outcome, passed);
 }

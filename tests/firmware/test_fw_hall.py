@@ -359,8 +359,8 @@ OFFSETS_DEG = (-60.0, -30.0, 0.0, 30.0, 60.0)
 FAST_RPM, SLOW_RPM = 30_000, 24_000
 NAMED_S = 0.2
 BRAKED_S = 0.010
-# Mean torque of a stop. With diodes the shortest pulse that shows a crossing remains: a third of the fan's torque.
-STOP_TORQUE_NM = {False: 0.9e-3, True: 0.0}
+# Mean torque of a stop, which nothing may drive. Exact: the gates are open, or the model sums currents without noise.
+STOP_TORQUE_NM = 0.0
 
 
 @dataclass(frozen=True)
@@ -409,12 +409,12 @@ def life(order: str, inverted: str, offset_deg: float, mode: str, direction: int
     return Life("none", 0.0, tuple(speeds), tuple(currents), stop_torque_nm, distrusted, logged)
 
 
-def is_right(life: Life, best: Life, direction: int, sync_rect: bool) -> bool:
+def is_right(life: Life, best: Life, direction: int) -> bool:
     """Both speeds within 2 % at no more than 1.5 times the current of right sensors; the stop drives nothing."""
     held = zip(life.speeds_rpm, life.currents_a, best.currents_a, (FAST_RPM, SLOW_RPM), strict=False)
     return (
         all(abs(direction * rpm - wanted) <= 0.02 * wanted and a <= 1.5 * best_a for rpm, a, best_a, wanted in held)
-        and life.stop_torque_nm <= STOP_TORQUE_NM[sync_rect]
+        and life.stop_torque_nm <= STOP_TORQUE_NM
     )
 
 
@@ -440,7 +440,7 @@ def test_each_wiring_is_right_or_named(mode: str, sync_rect: bool, direction: in
                 if found.fault != "none":
                     assert mode == "sensored" and found.fault == "hall_sensor" and found.at_s <= NAMED_S, what
                     continue
-                assert is_right(found, best, direction, sync_rect), what
+                assert is_right(found, best, direction), what
                 assert found.distrusted == found.logged, what
                 if not found.distrusted:
                     right.append((order, inverted, offset_deg))

@@ -15,7 +15,7 @@ from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench, fault_of
 from tests.firmware.vector_bench import VectorBench, VectorSettings
 
-PATIENCE_S = 0.05
+PATIENCE_S, AT_ONCE_S = 0.05, 0.01
 HALL = machines.motor(hall={})
 
 
@@ -29,6 +29,8 @@ def logged(bench: Bench | VectorBench) -> str:
 def test_six_step_driven_by_its_load(mode: str, sync_rect: bool) -> None:
     """A load that drives harder than the drive brakes: gates off within 50 ms, the log says why.
 
+    With diodes nothing brakes, and the shortest pulse drives: the drive lets go at once, which no fault is.
+
     Verifies: FW-61
     """
     drive = machines.drive(sync_rect=sync_rect, hall={"mode": mode})
@@ -38,10 +40,9 @@ def test_six_step_driven_by_its_load(mode: str, sync_rect: bool) -> None:
     bench.model.m[am.M_FAN] = 0.0
     bench.model.m[am.M_CONSTANT] = -0.1 if sync_rect else -1e-4
     assert bench.fw.command("stop") == ["ok"]
-    assert bench.run(PATIENCE_S, lambda: bench.fw.state != "stopping"), bench.fw.command("status")
+    assert bench.run(PATIENCE_S if sync_rect else AT_ONCE_S, lambda: bench.fw.state != "stopping")
     assert bench.get("safety.guard") & 1 == 0
-    assert "stop_failed" in logged(bench)
-    # Two faults are one by name: the drive that has not made it faster is ready again.
+    assert ("stop_failed" in logged(bench)) == sync_rect
     assert (bench.fw.state, fault_of(bench)) == (("fault", "stop_failed") if sync_rect else ("ready", "none"))
 
 

@@ -9,6 +9,8 @@
 #define MISSES_BEFORE_TRIP 2u
 // 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
+// 5 ms of a stop in which the shortest pulse drives the rotor.
+#define DRIVEN_TICKS 50u
 #define OUTRUN_LOOK_TICKS 4u
 
 static six_step_view_t view_of(const six_step_t *six, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
@@ -177,11 +179,23 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
   regulate_step(&six->regulate, &six->pwm, view, &input, target_rpm_q8);
 }
 
+// With diodes the shortest pulse in which a crossing can be seen drives the rotor; a stop that wants less can only let it go.
+static bool lets_go(six_step_t *six) {
+  const bool driven = six->pwm.at_least && !six->pwm.sync_rect;
+  six->driven_ticks = driven ? six->driven_ticks + 1u : 0u;
+  if (six->driven_ticks < DRIVEN_TICKS) {
+    return false;
+  }
+  six->driven_ticks = 0;
+  return true;
+}
+
 static outcome_t stopping_step(six_step_t *six, const six_step_view_t *view) {
   const outcome_t outcome = (six->p->hall_mode != HALL_OFF) ? sensors_step(six, view) : outcome_of(EVENT_STAY);
   regulate(six, view, 0);
   const bool late = view->order->state_ticks > (uint32_t)six->p->stop_timeout_ticks;
-  return (late || regulate_nearly_stopped(&six->regulate, view)) ? outcome_of(EVENT_STOPPED) : outcome;
+  const bool done = late || regulate_nearly_stopped(&six->regulate, view) || lets_go(six);
+  return done ? outcome_of(EVENT_STOPPED) : outcome;
 }
 
 HOT static outcome_t running_step(six_step_t *six, const six_step_view_t *view) {

@@ -30,6 +30,7 @@ typedef struct {
   six_step_command_t command;
   report_t report;
   uint32_t outrun_ticks;  // consecutive, while running
+  uint32_t driven_ticks;  // consecutive, of a stop
   bool settings_due;      // changed, and not taken yet
 } six_step_t;
 

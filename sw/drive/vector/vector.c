@@ -166,6 +166,12 @@ HOT static void compare_angles(vector_t *v, const chip_vector_snapshot_t *in) {
   vector_compare_encoder(v, in);
 }
 
+// Gates are off when the trip is seen: what the ticks before it have found.
+COLD static void doubt_angle(vector_t *v) {
+  const bool followed = v->frame == FRAME_OBSERVED && v->order->state == STATE_RUNNING;
+  v->report.doubtful = followed && (v->suspicion > 0u || abs_sat(v->error_q30) > LOST_ERROR_Q30);
+}
+
 // Does the EMF still belong to the angle and the speed? The cause stands in the log, whatever the restart comes to.
 HOT static outcome_t check_lock(vector_t *v, const chip_vector_snapshot_t *in) {
   static const uint8_t causes[] = {[ANGLE_CONTRADICTED] = FAULT_ANGLE_LOST,
@@ -446,7 +452,11 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
     apply_limits(v);
   }
   // Nothing else of what supervision looks at moves here.
-  return __builtin_expect(in->trip_latched != 0u || v->report.silent_ticks > 0u, 0);
+  const bool look = in->trip_latched != 0u || v->report.silent_ticks > 0u;
+  if (__builtin_expect(look, 0)) {
+    doubt_angle(v);
+  }
+  return look;
 }
 
 INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
