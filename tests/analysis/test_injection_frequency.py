@@ -94,10 +94,10 @@ def test_command(tmp_path: Path) -> None:
         assert (tmp_path / "injection.png").stat().st_size > 10_000
         if file == "five-phase-tian":
             (row,) = (line for line in result.output.splitlines() if "257.5" in line)
-            assert [c.strip() for c in row.strip("│").split("│")] == ["40", "257.5", "yes", "no"]
+            assert [c.strip() for c in row.strip("│").split("│")] == ["40", "257.5", "yes", "no", "40 / 80"]
             assert [
                 c.strip() for line in result.output.splitlines() if "…" in line for c in line.strip("│").split("│")
-            ] == (["…"] * 4), "one row stands for those that are left out"
+            ] == (["…"] * 5), "one row stands for those that are left out"
 
 
 @pytest.mark.parametrize(
@@ -141,3 +141,20 @@ def test_bad_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixt
     (tmp_path / "file").write_text("")
     assert main(monkeypatch, motor, "--out", str(tmp_path / "file")) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_settings_with_an_inverter(tmp_path: Path) -> None:
+    """Periods of the e-bike machine: short ones run, for long ones the search has too little current.
+
+    Verifies: INJT-02
+    """
+    folder = ROOT / "tests" / "injection"
+    files = [str(folder / "motors" / "ebike.toml"), str(folder / "inverters" / "mosfet-48v.toml")]
+    options = ["--carrier-hz", "20000", "--speed-rpm", "400", "--out", str(tmp_path)]
+    result = RUNNER.invoke(cli.app, ["injection", *files, *options], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    settings = json.loads((tmp_path / "injection.json").read_text())["settings"]
+    runs = {c["period"]: not c["refused"] for c in settings}
+    assert runs[8] and not runs[24]
+    assert all(c["loop"] <= 6.01 for c in settings)
+    assert "period 24: drive.vector.injection.search_current_a: " in result.output

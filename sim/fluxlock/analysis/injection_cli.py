@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Command `fluxlock injection MOTOR`: feasible injection frequencies as table, map and JSON."""
+"""Command `fluxlock injection MOTOR [INVERTER]`: feasible injection frequencies and settings as table, map and JSON."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -14,6 +15,9 @@ from rich.console import Console
 from fluxlock.analysis.six_step.output import prepare_folder, print_table, write_figure
 from fluxlock.config import ConfigError, Problem, load_motor
 from fluxlock.help import THEORY, example
+
+if TYPE_CHECKING:
+    from fluxlock.analysis.injection_choice import Choice
 
 app = typer.Typer()
 CARRIER_HZ = 10_300.0
@@ -25,9 +29,34 @@ def _mark(accepted: bool) -> str:
     return "yes" if accepted else "no"
 
 
+def _periods(n: int) -> str:
+    """What `period` permits, even from 4 on, of n carriers with an update a carrier and with two."""
+    return " / ".join(str(k) if k >= 4 and k % 2 == 0 else "–" for k in (n, 2 * n))
+
+
+def _print_choices(found: list[Choice], carrier_hz: float) -> None:
+    """Table of the periods that `period` permits."""
+    rows = [
+        [
+            str(c.period),
+            *(f"{x:.3g}" for x in (c.amplitude_v, c.peak_a, c.noise_deg, c.pll_hz, c.speed_hz, c.loop, c.search_a)),
+            _mark(not c.refused),
+        ]
+        for c in found
+    ]
+    head = ("period", "V", "HF current, A", "noise, deg", "pll_hz", "speed_hz", "S", "search, A", "runs")
+    print_table(f"settings by rule, single update, {carrier_hz:g} Hz", head, rows)
+    for c in found:
+        if c.refused:
+            Console().print(f"period {c.period}: {c.refused}", highlight=False)
+
+
 @app.command(rich_help_panel=THEORY, epilog=example("fluxlock injection motors/five-phase-tian.toml"))
 def injection(
     motor: Annotated[Path, typer.Argument(help="Motor file (TOML) with inductance_q_h.")],
+    inverter: Annotated[
+        Path | None, typer.Argument(help="Inverter file (TOML): the table shows the settings by rule too.")
+    ] = None,
     carrier_hz: Annotated[
         float,
         typer.Option(
@@ -43,8 +72,10 @@ def injection(
     """Feasible injection frequencies f_sw / n by Tian's rule.
 
     Nominal: with the values of the motor file. Strict: also with inductances off by 10 % and the angle by 10 deg.
+    With an inverter: amplitude, expected noise of the angle, loops and search by rule, and what refuses a choice.
     """
     from fluxlock.analysis import injection_frequency as theory
+    from fluxlock.analysis.injection_choice import choices
 
     loaded = load_motor(motor)
     try:
@@ -59,24 +90,33 @@ def injection(
             "r/min; raise it or lower --speed-rpm"
         )
         raise ConfigError([Problem("--carrier-hz", "", text)])
+    settings = [] if inverter is None else list(choices(motor, inverter, carrier_hz, found.largest_n(strict=False)))
     prepare_folder(out, "injection.png", "injection.json")
     limits = (found.largest_n(strict=True), found.largest_n(strict=False))
     shown = [c for c in found.choices if c.n <= FIRST_N or any(abs(c.n - n) <= AROUND for n in limits)]
     rows: list[list[str]] = []
     for before, c in zip([None, *shown], shown, strict=False):
         if before and c.n > before.n + 1:
-            rows.append(["…"] * 4)  # like the row before, all of them are in the file
-        rows.append([str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict)])
+            rows.append(["…"] * 5)  # like the row before, all of them are in the file
+        rows.append([str(c.n), f"{c.hz:.1f}", _mark(c.nominal), _mark(c.strict), _periods(c.n)])
     title = f"{loaded.name}: f_sw / n of {carrier_hz:g} Hz, to {speed:g} r/min"
     print_table(
         title,
-        ("n", "f_sw / n, Hz", f"nominal: from {found.nominal_hz:.0f} Hz", f"strict: from {found.strict_hz:.0f} Hz"),
+        (
+            "n",
+            "f_sw / n, Hz",
+            f"nominal: from {found.nominal_hz:.0f} Hz",
+            f"strict: from {found.strict_hz:.0f} Hz",
+            "period, single / double update",
+        ),
         rows,
     )
     Console().print(
         f"largest n: {limits[1]} nominal, {limits[0]} strict (inductances within 10 %, angle within 10 deg)",
         highlight=False,
     )
+    if settings:
+        _print_choices(settings, carrier_hz)
     from fluxlock.analysis.injection_plots import frequency_figure
 
     bounds = theory.bound_map(rule, loaded.omega_e(speed))
@@ -86,6 +126,7 @@ def injection(
         "nominal_hz": found.nominal_hz,
         "strict_hz": found.strict_hz,
         "choices": [{"n": c.n, "hz": c.hz, "nominal": c.nominal, "strict": c.strict} for c in found.choices],
+        "settings": [asdict(c) for c in settings],
         "map": {
             "angle_deg": bounds.angle_deg,
             "inductance_percent": bounds.inductance_percent,

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings of the injection by rule for a motor and an inverter, period by period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fluxlock.config import Scenario, load_inverter, load_motor
+from fluxlock.config.checks import check_scenario
+from fluxlock.config.drive import Drive
+from fluxlock.config.injection_rules import injection_loops, loop_through_demodulator, search_current, wave_of
+
+PERIODS = (4, 6, 8, 10, 12, 16, 20, 24, 32)  # updates, as `period` permits them
+PEAK_SHARE = 1 / 3  # of the rated current
+VOLTAGE_SHARE = 0.5  # of the largest phase voltage
+FUNDAMENTAL = 8 / math.pi**2  # of a triangle
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A period with the amplitude for it (V), peak of the HF current (A), rms noise of the angle, loops, S, search.
+
+    refused: what the file check says, empty if nothing.
+    """
+
+    period: int
+    amplitude_v: float
+    peak_a: float
+    noise_deg: float
+    pll_hz: float
+    speed_hz: float
+    loop: float
+    search_a: float
+    refused: str
+
+
+def choices(motor: Path, inverter: Path, carrier_hz: float, largest: int) -> Iterator[Choice]:
+    """Of the periods up to the largest; ConfigError for a file that is none."""
+    m, converter = load_motor(motor), load_inverter(inverter)
+    for period in (p for p in PERIODS if p <= max(largest, PERIODS[0])):
+        wanted_v = PEAK_SHARE * m.rated_current_a * 4 * m.inductance_h[0] * carrier_hz / period
+        amplitude_v = min(wanted_v, VOLTAGE_SHARE * converter.supply_v / math.sqrt(3))
+        injection = {"method": "iq", "amplitude_v": amplitude_v, "period": period}
+        drive = {
+            "method": "vector",
+            "carrier_hz": carrier_hz,
+            "vector": {"update": "single", "injection": injection},
+        }
+        s = Scenario(
+            name="choice",
+            motor=m,
+            inverter=converter,
+            duration_s=1.0,
+            drive=Drive.model_validate(drive),
+        )
+        wave, loops, sensing = wave_of(s), injection_loops(s), converter.sensing
+        step_a = 2 * sensing.current_full_scale_a / 2.0**sensing.bits
+        noise_a = step_a * math.sqrt(2 / 3 * (sensing.noise_lsb**2 + 1 / 12) * 2 / period)
+        problems = check_scenario(s)
+        yield Choice(
+            period,
+            amplitude_v,
+            wave.peak_a,
+            math.degrees(noise_a * wave.ratio / (wave.peak_a * FUNDAMENTAL)),
+            loops.pll_hz,
+            loops.speed_hz,
+            loop_through_demodulator(s, wave, loops.pll_hz, loops.speed_hz, loops.filter_hz),
+            search_current(s),
+            f"{problems[0].key}: {problems[0].message}" if problems else "",
+        )
