@@ -66,7 +66,12 @@ class Vector(Model):
         "Both poles of the EMF observer, a control tick; nearer to 1 with noise.", "", 0.0, 0.98, default=0.7
     )
     observer_every: int | None = quantity(
-        "Samples a control tick (observer, angle, speed).", "", 1, 255, default=None, absent="tick at most 20 kHz"
+        "Samples a control tick (observer, angle, speed).",
+        "",
+        1,
+        255,
+        default=None,
+        absent="tick at most 20 kHz, with injection 10.5 kHz",
     )
     pll_hz: float | None = quantity(
         "Bandwidth of the phase-locked loop.",

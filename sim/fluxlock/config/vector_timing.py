@@ -26,6 +26,7 @@ WINDOW_SAMPLES_MAX = 255
 SAMPLE_CYCLES_MAX = 65535
 TICK_SAMPLES_MAX = 255
 TICK_HZ = 20e3
+INJECTION_TICK_HZ = 10.5e3  # a control step with injection takes up to 5500 clocks
 TICK_HZ_MAX = 25e3
 UPDATE_HZ_MAX = 100e3
 CORE_UPDATE_HZ_MAX = 20e3  # the rest of the core's time belongs to the control step
@@ -91,8 +92,9 @@ def latency_cycles(drive: Drive) -> int:
 
 
 def tick_samples(drive: Drive) -> int:
-    """Samples a control tick: what is asked for, else as few as keep the tick at or below 20 kHz."""
-    return drive.vector.observer_every or max(1, math.ceil(update_hz(drive) / TICK_HZ - 1e-9))
+    """Samples a control tick: what is asked for, else as few as leave the core its time."""
+    most_hz = TICK_HZ if drive.vector.injection is None else INJECTION_TICK_HZ
+    return drive.vector.observer_every or max(1, math.ceil(update_hz(drive) / most_hz - 1e-9))
 
 
 def window_samples(drive: Drive, inverter: Inverter) -> int:
