@@ -100,6 +100,69 @@ def test_a_load_that_grew_with_the_ramp_is_forgotten() -> None:
         assert bench.model.rpm == pytest.approx(60_000, rel=2.5e-4)
 
 
+# Light and slow, stiff, heavy and soft.
+RAMPED = [
+    (small_motor(5, 0.15, 0.7e-3, 0.035, 8e-4, 3.0, 1_400), stage(90.0, 117.0, 12.0, 9.0), 270, 800, 20e3),
+    (small_motor(7, 0.6, 3e-3, 0.03, 6e-4, 2.0, 2_000), stage(92.0, 120.0, 8.0, 6.0), 400, 1_200, 20e3),
+    (small_motor(4, 0.5, 1.2e-3, 14e-3, 6e-5, 6.0, 4_000), stage(48.0, 60.0, 15.0, 14.4), 800, 2_400, 20e3),
+]
+
+
+SHORT_OF_IT = pytest.mark.xfail(strict=True, reason="flux 7 % below the file's: 5.9 % of the change upward")
+
+
+@pytest.mark.parametrize(
+    ("motor", "inverter", "low_rpm", "high_rpm", "carrier_hz", "wrong"),
+    [
+        pytest.param(*machine, wrong, marks=[SHORT_OF_IT] if (k, wrong) == (2, {"psi_vs": 0.93}) else [])
+        for k, machine in enumerate(RAMPED)
+        for wrong in ({}, {"psi_vs": 1.07}, {"psi_vs": 0.93})
+    ],
+)
+def test_target_is_not_overshot(
+    motor: Motor, inverter: Inverter, low_rpm: int, high_rpm: int, carrier_hz: float, wrong: dict[str, float]
+) -> None:
+    """Down, up and braked without a ramp, where crossings are few: beyond a target by at most 5 % of the change.
+
+    Verifies: FW-73
+    """
+    machine = motor.model_copy(update={k: tuple(x * np.asarray(getattr(motor, k))) for k, x in wrong.items()})
+    per_s = 0.3 * motor.rated_torque_nm / motor.inertia_kgm2 * 9.55
+    zcd = {"balance": "both"}
+    drive = machines.drive(carrier_hz=carrier_hz, sync_rect=True, accel_rpm_per_s=per_s, zcd=zcd)
+    load = Load(coulomb_nm=0.03 * motor.rated_torque_nm)
+    bench = Bench(motor, inverter, drive, load, speed_rpm=high_rpm, model_motor=machine)
+    bench.start(high_rpm)
+    bench.run(0.5)
+    before = high_rpm
+    for target, ramp in ((low_rpm, per_s), (high_rpm, per_s), (low_rpm, 20 * per_s)):
+        bench.fw.command(f"set accel_rpm_s {ramp:.0f}")
+        bench.fw.command(f"set speed_rpm {target}")
+        most = 0.0
+        for _ in range(round(1.0 / bench.tick_s)):
+            bench.step()
+            most = max(most, (bench.model.rpm - target) * np.sign(target - before))
+        assert most < 0.05 * abs(target - before), (target, most)
+        assert held(bench) == pytest.approx(target, rel=0.005)
+        before = target
+    assert bench.trips == 0 and bench.fw.state == "running"
+
+
+def test_flux_that_the_file_understates_leaves_the_highest_speed() -> None:
+    """Flux 8 % above the file's, little resistance: the bound of the voltage by the current lets full load to 95 %.
+
+    Verifies: FW-70
+    """
+    motor = RAMPED[0][0]
+    machine = motor.model_copy(update={"psi_vs": tuple(1.08 * np.asarray(motor.psi_vs))})
+    load = Load(fan_torque_nm=0.8 * motor.rated_torque_nm, fan_speed_rpm=1_300)
+    drive = machines.drive(carrier_hz=20e3, sync_rect=True, current_limit_a=4.5)
+    bench = Bench(motor, stage(105.0, 130.0, 12.0, 9.0), drive, load, model_motor=machine)
+    bench.start(1_300, 3.0)
+    bench.run(2.0)
+    assert held(bench) == pytest.approx(1_300, rel=0.005) and bench.trips == 0
+
+
 @pytest.mark.parametrize(("limit_a", "reached_rpm"), [(15.0, 15_000), (30.0, 20_000)])
 def test_throttle_step_is_limited_by_what_commutation_carries(limit_a: float, reached_rpm: int) -> None:
     """Racing motor, 5000 to 26 000 r/min, a slope far too steep and a speed that the link does not give.

@@ -10,7 +10,7 @@ import pytest
 from fluxlock.config import Load
 from fluxlock.native import averaged_motor as am
 from tests.firmware import machines
-from tests.firmware.firmware_bench import FAN_1, Bench, fault_of
+from tests.firmware.firmware_bench import FAN_1, Bench, fault_of, small_motor, stage
 
 
 @pytest.mark.parametrize("rpm", [18_000, 20_000, 40_000, 60_000, 77_777, 94_000, 100_000])
@@ -37,6 +37,26 @@ def test_spinning_rotor_is_caught(rpm: int, direction: int) -> None:
     bench.run(0.6)
     assert bench.model.rpm == pytest.approx(direction * rpm, rel=0.005)
     assert bench.trips == 0
+
+
+@pytest.mark.parametrize("hz", [900, 1_800, 2_600])
+def test_fast_machine_is_caught(hz: int) -> None:
+    """A machine to 3 kHz: caught at a quarter of a turn per control tick too.
+
+    Verifies: FW-30
+    """
+    motor = small_motor(2, 0.1, 20e-6, 8e-4, 4e-6, 10.0, 90_000)
+    rpm = 30 * hz
+    bench = Bench(
+        motor, stage(36.0, 50.0, 40.0, 36.0), machines.drive(carrier_hz=45e3), Load(coulomb_nm=1e-3), 0.7, rpm
+    )
+    bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {rpm}")
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.04)
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    bench.run(0.4)
+    assert bench.model.rpm == pytest.approx(rpm, rel=0.005) and bench.trips == 0
 
 
 def test_lost_lock_is_caught_again() -> None:

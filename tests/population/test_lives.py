@@ -19,7 +19,7 @@ from fluxlock.analysis.rundata import LogKind, RunData
 from fluxlock.paths import ROOT
 from fluxlock.population import page as page_module
 from fluxlock.population import run as run_module
-from fluxlock.population.draw import Draw
+from fluxlock.population.draw import Draw, Method
 from fluxlock.population.ideal import ideal_ripple_rpm, ideal_torque_nm
 from fluxlock.population.judge import judge
 from fluxlock.population.life import Life, life_of, refusals
@@ -28,6 +28,7 @@ from fluxlock.population.table import deciles, groups
 
 SEED = 1
 RIGHT_VECTOR, REFUSED_VECTOR = (3, 5), 80
+RIGHT_SIX_STEP = (3, 14)
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +41,16 @@ def data(life: Life) -> RunData:
     return play(life)
 
 
-@pytest.mark.parametrize("index", RIGHT_VECTOR)
-def test_lives_that_are_right(index: int) -> None:
+@pytest.mark.parametrize(
+    ("method", "index"),
+    [*(("vector", index) for index in RIGHT_VECTOR), *(("six-step", index) for index in RIGHT_SIX_STEP)],
+)
+def test_lives_that_are_right(method: Method, index: int) -> None:
     """Machines that nobody tuned for keep every limit.
 
     Verifies: POP-04
     """
-    row = run_life("vector", SEED, makers(), index)
+    row = run_life(method, SEED, makers(), index)
     assert row["outcome"] == "right", row["reasons"]
     assert len(row["holds"]) == 8 and all(abs(hold["off"]) < 0.005 for hold in row["holds"])
 

@@ -68,9 +68,8 @@ FREEWHEEL_LSB = 4.0
 # Correction B: bandwidth over that of the speed loop, largest share of an error taken off in one turn.
 BALANCE_BANDWIDTH_RATIO = 1.5
 BALANCE_SHARE_A_TURN = 0.4
-# Catching: speed over that of the hand-over; the angle between two control ticks must stay below a third of a turn.
+# Catching: speed over that of the hand-over.
 CATCH_SPEED_RATIO = 1.25
-CATCH_TURNS_A_TICK = 0.28
 # Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
 CATCH_DIODES = 3.6
 # Sensor whose edge leads into a sector at positive speed.
@@ -272,13 +271,12 @@ def _commutation(d: Design) -> dict[str, Value]:
 
 def _coasting(d: Design) -> dict[str, Value]:
     """A rotor that spins: wait until it is slow, or catch it."""
-    motor, m, p = d.s.motor, d.machine, d.s.motor.pole_pairs
-    can_catch = p * OVERSPEED_RATIO * motor.max_speed_rpm / 60.0 * d.tick_s < CATCH_TURNS_A_TICK
+    m, p = d.machine, d.s.motor.pole_pairs
     catch_v = CATCH_SPEED_RATIO * m.line_emf_peak * p * d.w_handover
     return {
         "coast_v_q17": d.v_q17(max(m.line_emf_peak * p * d.w_coast, 20.0 * d.step_v)),
         "coast_timeout_ticks": d.ticks(30.0),
-        "catch": int(d.s.drive.start.catch and can_catch),
+        "catch": int(d.s.drive.start.catch),
         "catch_v_q17": d.v_q17(max(catch_v, CATCH_DIODES * d.s.inverter.diode_drop_v, 40.0 * d.step_v)),
         "catch_speed": gain(60.0 / (2.0**24 * p * d.tick_s) * Q8, "catch_speed"),
     }
@@ -334,6 +332,8 @@ def _speed(d: Design) -> dict[str, Value]:
         "speed_kp_stiffness": kp_stiffness,
         "speed_kp_shift": kp_shift,
         "speed_wt_q16": max(1, round(bandwidth / KI_DIVISOR * d.tick_s * Q5 * Q16)),
+        "current_accel": gain(m.k_e / motor.inertia_kgm2 * d.tick_s / d.ampere * RPM_PER_RAD_S * Q20, "current_accel"),
+        "speed_lag_q16": max(1, round(bandwidth * d.tick_s / SPEED_DELAY_RAD * Q16)),
         "discontinuous_q16": round(min(1.0, d.damping_ohm * carrier_s / (2.0 * m.line_h)) * Q16),
         "boundary_current": gain(4096.0 / (2.0 * m.line_h * CLOCK_HZ) * d.ampere / d.volt, "boundary_current"),
         "freewheel_limit": int(d.s.drive.freewheel_limit and d.s.drive.hall.mode != "sensored"),

@@ -30,7 +30,9 @@ LIMIT_SHARE = 1.5
 TRIP_SHARE = 1.6  # of the limit, beside half the ripple
 # A converter that fits: carriers a sector at base speed, and the frequencies that chip and power stage reach.
 CARRIERS_MOST, CARRIER_HZ = 20.0, (8e3, 45e3)
-RIPPLE_WANTED = 1.0  # peak to peak over the rated current, where the carrier can be that high
+# Peak to peak over the rated current, where the carrier can be that high. A six-step commutation cuts a pulse: what is
+# left of the ripple then drives the rotor.
+RIPPLE_WANTED = {"vector": 1.0, "six-step": 0.25}
 DEAD_TIME_SHARE, DEAD_TIME_S = 0.005, (100e-9, 1e-6)  # of a carrier
 SWITCH_SHARE = 0.05  # of the resistance
 # Full load at base speed over rated torque; the load that remains when it is taken off, over the full one.
@@ -142,18 +144,18 @@ class Parts:
         return self.motor.max_speed_rpm
 
 
-def _carrier_hz(d: Draw) -> float:
+def _carrier_hz(d: Draw, method: Method) -> float:
     """As many carriers as were drawn, more for a small ripple, within what chip and power stage reach."""
     least_hz = 6 * d.base_hz * ranges().carriers_per_sector_min
     # Largest ripple p-p of two phases in series: vdc T / (4 * 2 L), with vdc about 3.5 times the EMF.
-    quiet_hz = 3.5 * 2 * math.pi * d.base_hz / (8 * d.inductance_pu * RIPPLE_WANTED)
+    quiet_hz = 3.5 * 2 * math.pi * d.base_hz / (8 * d.inductance_pu * RIPPLE_WANTED[method])
     wanted_hz = max(6 * d.base_hz * d.carriers, quiet_hz, CARRIER_HZ[0])
     return float(round(max(least_hz, min(wanted_hz, CARRIER_HZ[1]))))
 
 
 def parts(d: Draw, method: Method) -> Parts:
     """Machine, inverter and load in SI units, for a method: it decides how much EMF the supply's voltage allows."""
-    carrier_hz = _carrier_hz(d)
+    carrier_hz = _carrier_hz(d, method)
     dead_s = min(max(DEAD_TIME_SHARE / carrier_hz, DEAD_TIME_S[0]), DEAD_TIME_S[1])
     dead_s = math.ceil(dead_s * 50e6) / 50e6
     omega = 2 * math.pi * d.base_hz

@@ -205,7 +205,8 @@ def _drive(d: Draw, p: Parts, method: Method) -> Drive:
         "motor_error": d.error,
     }
     if method == "six-step":
-        keys |= {"sync_rect": True, "zcd": Zcd.model_validate({"balance": "both"})}  # phases are unequal
+        keys |= {"sync_rect": True, "linearity": True}
+        keys["zcd"] = Zcd.model_validate({"balance": "both"})  # phases are unequal
     return Drive(**keys)
 
 

@@ -12,6 +12,10 @@
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 #define CARRIERS_A_SECTOR 6u
+// Sectors so short may pass unseen between two ticks.
+#define SHORT_TICKS 4u
+// A commutation so late does not come.
+#define PLACE_MAX_Q16 131072
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
@@ -61,6 +65,17 @@ HOT static uint32_t longest_carrier(const parameters_t *p, const settings_t *set
   return clamp_u32(allowed, wanted, (longest > wanted) ? longest : wanted);
 }
 
+// Crossing intervals of rotors and inductances that are uneven repeat after half an electrical turn: their mean over it is
+// as true as over the turn, at little more than half of the delay. Divider gains make halves unequal: correction B removes it.
+HOT static uint32_t speed_period_cycles(measured_t *m, const parameters_t *p, const settings_t *settings,
+                                        const chip_snapshot_t *in) {
+  m->speed_short = settings->balance != BALANCE_NONE && m->sector_cycles > SHORT_TICKS * (uint32_t)p->tick_cycles;
+  if (!m->speed_short) {
+    return in->zc_period_cycles;
+  }
+  return 2u * (m->interval_cycles[0] + m->interval_cycles[1] + m->interval_cycles[2]);
+}
+
 HOT static void measure_speed(measured_t *m, const parameters_t *p, const settings_t *settings,
                               const chip_snapshot_t *in, uint32_t tick, bool timer_on) {
   if (!timer_on) {
@@ -88,7 +103,14 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
   }
   const uint16_t crossings = (uint16_t)(in->crossings - (uint16_t)m->crossings);
   m->crossings += crossings;
-  m->commutations += (uint16_t)(in->commutations - (uint16_t)m->commutations);
+  if (crossings > 0u) {
+    m->interval_at = (m->interval_at > 0u) ? m->interval_at - 1u : SHORT_INTERVALS - 1u;
+    m->interval_cycles[m->interval_at] = in->zc_interval_cycles;
+  }
+  const uint16_t commutations = (uint16_t)(in->commutations - (uint16_t)m->commutations);
+  m->commutations += commutations;
+  // One came in the middle of the tick, as far as is known.
+  m->place_q16 = clamp_i32(((commutations > 0u) ? -m->place_step_q16 / 2 : m->place_q16) + m->place_step_q16, 0, PLACE_MAX_Q16);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
   m->speed_due = m->speed_due || crossings > 0u;
   // At most every second tick: at high speed crossings come in every one, and the other one is for the schedule.
@@ -97,7 +119,8 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
     m->speed_due = false;
     m->longest_cycles = longest_carrier(p, settings, in->zc_period_cycles);
     m->sector_cycles = in->zc_period_cycles / 6u;
-    m->speed_rpm_q8 = speed_from_period_rpm_q8(m->speed_numerator_q8, in->zc_period_cycles);
+    m->place_step_q16 = (int32_t)(((uint32_t)p->tick_cycles << 16) / (m->sector_cycles + 1u));
+    m->speed_rpm_q8 = speed_from_period_rpm_q8(m->speed_numerator_q8, speed_period_cycles(m, p, settings, in));
     m->emf_v_q25 = gain_apply(m->speed_rpm_q8, p->emf);
     m->peak_q17 = (uint32_t)clamp_i32(gain_apply(m->speed_rpm_q8, p->zcd_peak), 0, SAMPLE_MAX_Q17);
   }

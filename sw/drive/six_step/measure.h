@@ -10,14 +10,22 @@
 // Crossings after which the electrical period consists of real intervals.
 #define CROSSINGS_FOR_SPEED 7u
 
+// Over which the speed is a mean where correction B evens out what differs between rising and falling crossings.
+#define SHORT_INTERVALS 3u
+
 // Measured quantities of the last tick.
 typedef struct {
   int32_t vdc_v_q25;      // mean over the tick
   int32_t idc_q17;        // DC-link current, mean over the tick, filtered
   int32_t motor_q17;      // sum of the positive phase currents, filtered
   int32_t line_i_q25;     // current of the conducting pair from the DC-link current, filtered
-  int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn
+  int32_t speed_rpm_q8;   // mechanical, magnitude, mean over the last electrical turn, or half of it
   int32_t emf_v_q25;      // of two phases at that speed
+  bool speed_short;       // over half of the turn
+  int32_t place_q16;       // in the sector, from its commutation on: 1 is the next one
+  int32_t place_step_q16;  // a tick of it
+  uint32_t interval_cycles[SHORT_INTERVALS];
+  uint32_t interval_at;
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
   bool speed_due;    // a crossing has come since

@@ -17,9 +17,16 @@
 #define BANDWIDTH_SCALE_MIN_Q16 4096
 // Share of the speed that noise may swing below the reference, of the current that the gain makes of it.
 #define SPEED_NOISE 512
+// EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
+#define ROUND_Q16 36608
+#define ROUND_STEP_MAX_Q16 8192
+// Fewest ticks of the lag: a measured speed is taken at most every second tick.
+#define LAG_MAX_Q16 21845
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
 #define BRAKE_ROOM 16
+// Share of it that the ramp may ask for in any case.
+#define ROOM_MIN 16
 // Parts of a sector that freewheeling may take: nine tenths of the way to the crossing, or to the next commutation.
 #define FREEWHEEL_SEEN_X16 7u
 #define FREEWHEEL_BACK_X16 14u
@@ -128,9 +135,11 @@ static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int
 // gains shrink. What the EMF line adds to the inertia grows with that delay, and less so the less current flows.
 static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
   const parameters_t *p = view->p;
-  const uint32_t turns_q16 =
-      (uint32_t)clamp_i32(gain_apply(view->m->speed_rpm_q8, p->speed_bandwidth_scale), BANDWIDTH_SCALE_MIN_Q16, PRODUCT_MAX);
+  const int32_t whole_q16 = clamp_i32(gain_apply(view->m->speed_rpm_q8, p->speed_bandwidth_scale), 0, PRODUCT_MAX / 2);
+  // A mean over three intervals is late by 2 of them, over six by 3.5.
+  const uint32_t turns_q16 = (uint32_t)greater(view->m->speed_short ? whole_q16 / 4 * 7 : whole_q16, BANDWIDTH_SCALE_MIN_Q16);
   g->scale_q16 = (turns_q16 < ONE_Q16) ? (int32_t)turns_q16 : ONE_Q16;
+  g->lag_q16 = lesser(gain_apply((int32_t)turns_q16, (gain_t){p->speed_lag_q16, 16}), LAG_MAX_Q16);
   int32_t stiffness_q16 = (turns_q16 > ONE_Q16) ? (int32_t)(UINT32_MAX / turns_q16) : ONE_Q16;
   if (pwm->discontinuous) {
     stiffness_q16 = mul_q16(stiffness_q16, mul_q16(pwm->share_q16, p->discontinuous_q16));
@@ -140,9 +149,8 @@ static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pw
   g->speed.ki = (gain_t){mul_q16(mul_q16(kp, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - 1};
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
-  // More than the limit allows would only be unwound again by the integral.
   const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
-  g->acceleration_i_q25 = lesser(gain_apply(view->settings->accel_rpm_q8, inertia), g->limit_i_q25);
+  g->acceleration_i_q25 = gain_apply(view->settings->accel_rpm_q8, inertia);
 }
 
 HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
@@ -207,13 +215,18 @@ COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *
   const scheduled_t *g = &r->scheduled;
   r->saturated = 0;
   ramp_preset(&r->ramp, speed_rpm_q8);
+  r->lagged_rpm_q8 = speed_rpm_q8;
   r->limiter.trim_v_q25 = 0;
-  r->waits = false;
   const int32_t i_q25 = clamp_i32(view->m->line_i_q25, -r->brake_i_q25, g->limit_i_q25);
   r->reference_i_q25 = i_q25;
   r->expected_i_q25 = i_q25;
   pi_preset(&r->speed_pi, g->speed.kp, 0, 0, i_q25);
   pi_preset(&r->current_pi, g->current.kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
+}
+
+// The measured speed is a mean over the last intervals: since their middle the rotor has followed the ramp.
+HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
+  return m->speed_rpm_q8 + r->ramp.value_rpm_q8 - r->lagged_rpm_q8;
 }
 
 void regulate_init(regulate_t *r, const settings_t *settings) { r->advance_q16 = settings->advance_q16; }
@@ -235,7 +248,7 @@ COLD static void change_regulator(regulate_t *r, const pwm_t *pwm, const six_ste
                                   const regulate_input_t *in) {
   choose_regulator(r, view, in->reverse);
   schedule(r, pwm, view, in, GROUP_LINEARITY);
-  pi_preset(&r->speed_pi, r->scheduled.speed.kp, r->ramp.value_rpm_q8 - view->m->speed_rpm_q8, 0, r->reference_i_q25);
+  pi_preset(&r->speed_pi, r->scheduled.speed.kp, r->lagged_rpm_q8 - view->m->speed_rpm_q8, 0, r->reference_i_q25);
 }
 
 // Diodes cannot give less current than the shortest pulse in which a crossing can be seen: below it the other switch of
@@ -270,7 +283,8 @@ COLD void regulate_freeze(regulate_t *r) { r->was_frozen = true; }
 
 // Current reference from the speed regulator or the torque target. While the voltage is at a limit, a reference beyond
 // what flows could not be followed: it stays near the measured current, and the speed regulator's integral with it.
-HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32_t direction, int32_t target_rpm_q8) {
+HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32_t acceleration_i_q25,
+                               int32_t target_rpm_q8) {
   const parameters_t *p = view->p;
   const measured_t *m = view->m;
   const scheduled_t *g = &r->scheduled;
@@ -285,6 +299,7 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   if (r->regulator == REGULATOR_TORQUE) {
     const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
     r->ramp.value_rpm_q8 = m->speed_rpm_q8;
+    r->lagged_rpm_q8 = m->speed_rpm_q8;
     r->at_least = false;
     r->reference_i_q25 = torque_reference(view->settings->target_i_q25, inertia, m->speed_rpm_q8, p->stop_rpm * 256,
                                           target_rpm_q8, low, high);
@@ -293,17 +308,9 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   }
   // While a large error holds the reference at its bound, the integral holds against it; a gain that shrinks with the
   // speed must not let it through.
-  const int32_t error = r->ramp.value_rpm_q8 - m->speed_rpm_q8;
+  const int32_t error = r->lagged_rpm_q8 - m->speed_rpm_q8;
   const int32_t beyond_i_q25 = g->noise_i_q25 + ((error < 0) ? gain_apply(-error, g->speed.kp) / 16 : 0);
-  // While the ramp waits for the rotor the integral holds what the acceleration asked for, also at the ramp's end.
-  const int32_t acceleration_i_q25 = direction * g->acceleration_i_q25;
-  const bool waits = abs_sat(error) > p->ramp_window_rpm * (256 - 32);
-  if (waits != r->waits) {
-    r->waits = waits;
-    pi_shift(&r->speed_pi, waits ? acceleration_i_q25 : -acceleration_i_q25);
-  }
-  const pi_result_t i =
-      pi_step(&r->speed_pi, &g->speed, error, waits ? 0 : acceleration_i_q25, low - beyond_i_q25, high);
+  const pi_result_t i = pi_step(&r->speed_pi, &g->speed, error, acceleration_i_q25, low - beyond_i_q25, high);
   r->reference_i_q25 = greater(i.output, low);
   r->at_least = i.output <= low;
   r->limit = (i.output < i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE;
@@ -323,20 +330,27 @@ HOT static int32_t bound_by_current(const regulate_t *r, const limiter_gains_t *
              : limiter_bound(&r->limiter, gains, emf_v_q25, resistive_v_q25, margin_q17);
 }
 
-// Lower bound of the voltage. The reference keeps to the braking current, the bound only near it. The integral knows by how
-// much the EMF is wrong: of flux, temperature and the delay of the speed.
-HOT static int32_t lower_bound(const regulate_t *r, const six_step_view_t *view, const limiter_gains_t *gains) {
+// Lower bound of the voltage by the braking current. The reference keeps to that current, the bound only near it.
+HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *view, const limiter_gains_t *gains,
+                                 int32_t emf_v_q25) {
   const scheduled_t *g = &r->scheduled;
-  const int32_t emf_v_q25 = view->m->emf_v_q25;
-  if (!r->rectifies) {
-    return emf_v_q25 / 2;
-  }
   const int32_t brake_i_q25 =
       view->settings->sync_rect ? r->brake_i_q25 + r->brake_i_q25 / BRAKE_ROOM : g->limit_i_q25 / ROOM;
   const int32_t margin_q17 = (brake_i_q25 + view->m->line_i_q25) / 256;
-  const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
-  return greater(g->low_v_q25,
-                 trimmed_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp));
+  return emf_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp);
+}
+
+// What the EMF of the pair has more than its mean when the voltage of this tick is applied, one to two ticks from now. Where
+// a sector has only few ticks the inductance evens that out.
+HOT static int32_t rounding_v_q25(const six_step_view_t *view, int32_t emf_v_q25) {
+  const measured_t *m = view->m;
+  if (view->p->zcd_linear != 0 || m->place_step_q16 > ROUND_STEP_MAX_Q16) {
+    return 0;
+  }
+  int32_t y_q16 = m->place_q16 + m->place_step_q16 * 3 / 2 - ONE_Q16 / 2;
+  y_q16 -= (y_q16 > ONE_Q16 / 2) ? ONE_Q16 : 0;
+  y_q16 = clamp_i32(y_q16, -ONE_Q16 / 2, ONE_Q16 / 2);
+  return mul_q16(emf_v_q25, mul_q16(ONE_Q16 / 12 - mul_q16(y_q16, y_q16), ROUND_Q16));
 }
 
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
@@ -347,12 +361,18 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const settings_t *s = view->settings;
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
-  const int32_t emf_v_q25 = m->emf_v_q25;
+  const int32_t moved_rpm_q8 = r->ramp.value_rpm_q8 - r->lagged_rpm_q8;
+  const int32_t mean_v_q25 = m->emf_v_q25 + ((moved_rpm_q8 != 0) ? gain_apply(moved_rpm_q8, p->emf) : 0);
+  const int32_t emf_v_q25 = mean_v_q25 + rounding_v_q25(view, mean_v_q25);
+  // The integral knows by how much the EMF is wrong: of flux and temperature.
+  const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
   const int32_t motor_q17 = (m->idc_q17 >= 0) ? m->motor_q17 : 0;
   const int32_t margin_q17 = lesser(g->limit_i_q25 / 256 - motor_q17, s->dc_limit_q17 - m->idc_q17);
-  const int32_t high_current = bound_by_current(r, &gains, emf_v_q25, margin_q17, pwm->u_v_q25 + p->slew_v_q25);
-  const int32_t least = lesser(lower_bound(r, view, &gains), g->high_v_q25);
+  const int32_t high_current = bound_by_current(r, &gains, trimmed_v_q25, margin_q17, pwm->u_v_q25 + p->slew_v_q25);
+  const int32_t floor_v_q25 = lesser(r->rectifies ? g->low_v_q25 : emf_v_q25 / 2, g->high_v_q25);
+  const int32_t least =
+      r->rectifies ? clamp_i32(braking_bound(r, view, &gains, trimmed_v_q25), floor_v_q25, g->high_v_q25) : floor_v_q25;
   const int32_t most = clamp_i32(high_current, least, g->high_v_q25);
   const int32_t high = clamp_i32(pwm->u_v_q25 + p->slew_v_q25, least, most);
   const int32_t low = clamp_i32(pwm->u_v_q25 - p->slew_v_q25, least, high);
@@ -361,10 +381,16 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   // The reference as the filter of the measured current would show it: else the integral takes its lag for an error.
   r->expected_i_q25 += (r->reference_i_q25 - r->expected_i_q25) >> p->loop_filter_shift;
   const int32_t error = pwm->discontinuous ? 0 : r->expected_i_q25 - m->line_i_q25;
-  const pi_result_t u =
-      pi_step(&r->current_pi, current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance), low, high);
-  const bool above = u.output < u.unlimited && high == most;
-  const bool below = u.output > u.unlimited && low == least;
+  const int32_t integral_q5 = r->current_pi.integral_q5;
+  const pi_result_t u = pi_step(&r->current_pi, current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance),
+                                floor_v_q25, g->high_v_q25);
+  const int32_t output = clamp_i32(u.output, low, high);
+  const bool above = output < u.unlimited && high == most;
+  const bool below = output > u.unlimited && low == least;
+  // The bounds by current go with the integral: led by them it would run away. The slew holds it.
+  if ((output < u.unlimited && error > 0 && !above) || (output > u.unlimited && error < 0)) {
+    r->current_pi.integral_q5 = integral_q5;
+  }
   r->saturated = 0;
   if (above && most == g->high_v_q25) {
     r->saturated = 1;
@@ -374,11 +400,30 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   } else if (below && r->rectifies) {
     r->saturated = (least == g->low_v_q25) ? -1 : 0;
     r->limit = r->saturated != 0 ? LIMIT_DUTY_MIN : LIMIT_CURRENT;
-  } else if (u.output != u.unlimited && !pwm->discontinuous) {
+  } else if (output != u.unlimited && !pwm->discontinuous) {
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
-  return u.output;
+  return output;
+}
+
+// A step of the ramp, no steeper than what the load leaves of the current can do. Returns the current that it needs.
+HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int32_t target_rpm_q8) {
+  const parameters_t *p = view->p;
+  const scheduled_t *g = &r->scheduled;
+  const int32_t load_i_q25 = r->speed_pi.integral_q5 >> PI_INTEGRAL_BITS;
+  const bool up = target_rpm_q8 > r->ramp.value_rpm_q8;
+  // A load fades as the rotor slows down: half of it helps to brake. Without braking the rotor coasts, and the ramp waits.
+  const int32_t down_i_q25 = view->settings->sync_rect ? r->brake_i_q25 + load_i_q25 / 2 : g->limit_i_q25;
+  const int32_t room_i_q25 = up ? g->limit_i_q25 - load_i_q25 : down_i_q25;
+  int32_t current_i_q25 = clamp_i32(room_i_q25, g->limit_i_q25 / ROOM_MIN, g->limit_i_q25);
+  int32_t step_rpm_q20 = view->settings->accel_rpm_q20;
+  if (current_i_q25 < g->acceleration_i_q25) {
+    step_rpm_q20 = lesser(step_rpm_q20, gain_apply(current_i_q25, p->current_accel));
+  } else {
+    current_i_q25 = g->acceleration_i_q25;
+  }
+  return current_i_q25 * ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
 }
 
 HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
@@ -404,9 +449,9 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
     r->brake_i_q25 =
         brake_current(r->brake_i_q25, settings->brake_limit_i_q25, m->vdc_v_q25, p->brake_vdc_v_q25, p->brake_range);
   }
-  const int32_t direction =
-      ramp_step(&r->ramp, target_rpm_q8, settings->accel_rpm_q20, m->speed_rpm_q8, p->ramp_window_rpm * 256);
-  reference_step(r, view, direction, target_rpm_q8);
+  const int32_t acceleration_i_q25 = follow_target(r, view, target_rpm_q8);
+  r->lagged_rpm_q8 += mul_q16(r->ramp.value_rpm_q8 - r->lagged_rpm_q8, r->scheduled.lag_q16);
+  reference_step(r, view, acceleration_i_q25, target_rpm_q8);
   r->rectifies = rectifies(r, view);
   apply(r, pwm, view, in, voltage_step(r, pwm, view));
   if (pwm->at_least) {

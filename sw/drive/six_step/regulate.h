@@ -12,7 +12,9 @@
 //              with current_loop Kp = L w_c,           Ki = R(n) w_c, but not where the reference is at its lower bound
 //
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
-// electrical turn: w_b shrinks where that is long. Below the boundary of continuous conduction the pulse follows from i_ref
+// electrical turn: w_b shrinks where that is long. The measured speed is compared with the ramp as it was t_d ago; what the
+// ramp has gone since then is added to the speed that the EMF follows from. The ramp is no steeper than the current allows.
+// The EMF of sinusoidal phases is followed within the sector. Below the boundary of continuous conduction the pulse follows from i_ref
 // alone (control/boundary.h).
 #ifndef FL_REGULATE_H
 #define FL_REGULATE_H
@@ -34,6 +36,7 @@ typedef struct {
   pi_gains_t trim;       // the same while the reference is at its lower bound
   gain_t resistance;     // R(n), i_q25 -> v_q25
   int32_t scale_q16;     // reduction of the bandwidths at low speed
+  int32_t lag_q16;       // a tick over the delay of the measured speed
   int32_t low_v_q25;     // of the least and of the largest duty
   int32_t high_v_q25;
   int32_t line_ratio_q16;   // current of the conducting pair over DC-link current
@@ -66,7 +69,7 @@ typedef struct {
   int32_t expected_i_q25;  // the reference behind the filter of the measured current
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
-  bool waits;     // the ramp, for the rotor
+  int32_t lagged_rpm_q8;  // the ramp as the measured speed shows it
   bool at_least;  // the reference is at its lower bound
   int32_t brake_i_q25;  // largest braking current now
   int32_t advance_q16;

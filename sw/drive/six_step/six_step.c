@@ -57,10 +57,10 @@ HOT static bool speed_impossible(six_step_t *six, uint32_t tick, bool over) {
   if (tick % OUTRUN_LOOK_TICKS != 0u && !over) {
     return false;
   }
-  // The phases' current is right however seldom it is sampled; braking it drops nothing.
+  // The phases' current is right however seldom it is sampled.
   const measured_t *m = &six->m;
-  const int32_t driving_i_q25 = (m->idc_q17 > 0) ? m->motor_q17 * 256 : 0;
-  const int32_t drop_v_q25 = gain_apply(driving_i_q25, six->regulate.scheduled.resistance);
+  const int32_t line_i_q25 = ((m->idc_q17 > 0) ? m->motor_q17 : -m->motor_q17) * 256;
+  const int32_t drop_v_q25 = gain_apply(line_i_q25, six->regulate.scheduled.resistance);
   const bool outruns =
       six->command.sequence.timer == COMMUTATION_ZCD &&
       (six->pwm.discontinuous ? outruns_pulse(six) : pwm_is_outrun(&six->pwm, m->emf_v_q25, drop_v_q25));
