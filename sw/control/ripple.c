@@ -19,11 +19,6 @@ HOT static int32_t rough_sine_q30(uint32_t turn_q32) {
   return (y_q15 + (((square_q15 - y_q15) * 7373) >> 15)) * (1 << 15);
 }
 
-HOT static complex_t product_q30(complex_t a, complex_t b) {
-  return (complex_t){(mul_high_i32(a.re, b.re) - mul_high_i32(a.im, b.im)) * 4,
-                     (mul_high_i32(a.re, b.im) + mul_high_i32(a.im, b.re)) * 4};
-}
-
 // One harmonic taken out of the error; turn: its, in a step.
 HOT static int32_t notch(complex_t *h, complex_t c_q30, uint32_t turn_q32, int32_t error_q36) {
   if (turn_q32 > (uint32_t)QUARTER_TURN_Q30) {
@@ -50,10 +45,16 @@ HOT int32_t ripple_step(ripple_t *ripple, int32_t error_turn_q36, int32_t speed_
   const complex_t c2 = {rough_sine_q30(twice_q32 + (uint32_t)QUARTER_TURN_Q30), rough_sine_q30(twice_q32)};
   const int32_t error = within_i32(error_turn_q36, ERROR_MAX);
   int32_t left = notch(&ripple->swing_turn_q44[0], c2, 2u * size_q32, error);
-  if (harmonics > 1u) {
-    const complex_t c4 = product_q30(c2, c2);
-    left = notch(&ripple->swing_turn_q44[1], c4, 4u * size_q32, left);
-    left = notch(&ripple->swing_turn_q44[2], product_q30(c4, c2), 6u * size_q32, left);
+  if (harmonics > RIPPLE_SECOND) {
+    // cos 2x = cos^2 x - sin^2 x, sin 2x = 2 cos x sin x; cos 3x = cos x (2 cos 2x - 1), sin 3x = sin x (2 cos 2x + 1).
+    const int32_t twice_q28 = (mul_high_i32(c2.re, c2.re) - mul_high_i32(c2.im, c2.im)) * 2;
+    if (harmonics == RIPPLE_ALL) {
+      const complex_t c4 = {twice_q28 * 2, mul_high_i32(c2.re, c2.im) * 8};
+      left = notch(&ripple->swing_turn_q44[1], c4, 4u * size_q32, left);
+    }
+    const complex_t c6 = {mul_high_i32(c2.re, twice_q28 - ONE_Q30 / 4) * 16,
+                          mul_high_i32(c2.im, twice_q28 + ONE_Q30 / 4) * 16};
+    left = notch(&ripple->swing_turn_q44[2], c6, 6u * size_q32, left);
   }
   ripple->speed_turn_q36 = speed_turn_q36 + error - left;
   return left + (error_turn_q36 - error);

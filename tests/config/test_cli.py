@@ -564,7 +564,7 @@ def test_bad_file_through_the_installed_command(tmp_path: Path) -> None:
     assert sorted(done.stderr.splitlines()) == [
         f"error: {bad}: emf: required key is missing; add it: docs/reference/files.md explains every key",
         f'error: {bad}: enf: unknown key, did you mean "emf"?',
-        f"error: {bad}: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 1 H",
+        f"error: {bad}: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 10 H",
     ]
 
 

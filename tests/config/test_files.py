@@ -198,7 +198,7 @@ def test_speed_target_by_console_line() -> None:
         ("seed=1.5", "--set: seed: must be a whole number, not 1.5"),
         (
             "motor.inductance_h=-1e-6",
-            "--set: motor.inductance_h: -1e-06 H is out of range, permitted 1e-08 to 1 H",
+            "--set: motor.inductance_h: -1e-06 H is out of range, permitted 1e-08 to 10 H",
         ),
         ("motor.resistance_ohm=[0.1,0.1,-1]", "--set: motor.resistance_ohm[2]: -1 Ohm is out of range"),
         ("motor.resistance_ohm=[0.1,0.1]", "must be a number or an array of 3 numbers"),
@@ -209,8 +209,8 @@ def test_speed_target_by_console_line() -> None:
         ),
         ("motor.mutual_h=[60e-6, -10e-6, -10e-6]", "not positive definite"),
         (
-            "motor.inductance_q_h=2",
-            "--set: motor.inductance_q_h: 2 H is out of range, permitted 1e-08 to 1 H",
+            "motor.inductance_q_h=20",
+            "--set: motor.inductance_q_h: 20 H is out of range, permitted 1e-08 to 10 H",
         ),
         ("motor.pole_pairs=true", "--set: motor.pole_pairs: must be a whole number, not true"),
         ("motor.load.fan_speed_rpm=0", "--set: motor.load.fan_speed_rpm: 0 r/min is out of range"),
@@ -672,7 +672,7 @@ def test_problems_in_files_name_the_file(copy: Path) -> None:
     assert sorted(found) == [
         "bench-25v.toml: dead_time_s: required key is missing",
         "demo.toml: drive.carrier_hz: must be a number, not '40k'",
-        "motor-1.toml: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 1 H",
+        "motor-1.toml: inductance_h: -2.2e-05 H is out of range, permitted 1e-08 to 10 H",
         'motor-1.toml: inductence: unknown key, did you mean "inductance_h"?',
     ]
 

@@ -137,7 +137,7 @@ def test_keys_of_vector_with_six_step() -> None:
         (
             ["motor.inductance_h=0.5e-6"],
             "drive.carrier_hz: 20000 Hz gives a control tick of 50 us, longer than 1.9 times L/R of the motor "
-            "(22.7 us)",
+            "(22.7 us); it runs with inductance_h from 5.79e-07 H",
         ),
         (
             ["drive.vector.regulator=A", "drive.vector.bandwidth_hz=7000"],

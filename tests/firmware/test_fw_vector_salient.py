@@ -90,6 +90,7 @@ def test_observer_with_another_inductance_turns_by_its_current() -> None:
         "vector_observer_resistance_q30": round(resistance / IPM.inductance_h * tick_s * 2**30),
         "vector_observer_admittance": gain(admittance),
         "vector_observer_impedance": gain(1.0 / admittance),
+        "vector_cross_q16": 0,
     }
     for name, values in (("L_q", {}), ("mean", mean)):
         bench = VectorBench(SETTINGS, MOTOR, INVERTER, {**VALUES, **values}, fan_nm=0.6, fan_rpm=2_000.0)

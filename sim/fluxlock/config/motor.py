@@ -209,14 +209,14 @@ class Motor(Model):
         "Phase resistance: one number, or three for phases A, B, C.", "Ohm", 1e-5, 1e3
     )
     inductance_h: PhaseValues = quantity(
-        "Phase inductance, self minus mutual: one number, or three for phases A, B, C.", "H", 1e-8, 1.0
+        "Phase inductance, self minus mutual: one number, or three for phases A, B, C.", "H", 1e-8, 10.0
     )
     mutual_h: PhaseValues = quantity(
         "Mutual inductance between AB, BC and CA (usually negative): one number or three. Self inductance "
         "of a phase = `inductance_h` + mean of its two mutual inductances.",
         "H",
-        -1.0,
-        1.0,
+        -10.0,
+        10.0,
         default=(0.0, 0.0, 0.0),
     )
     inductance_q_h: float | None = quantity(
@@ -224,7 +224,7 @@ class Motor(Model):
         "number, and there is no `mutual_h`. Six-step parameters and analyses take the mean of both.",
         "H",
         1e-8,
-        1.0,
+        10.0,
         default=None,
         absent="not salient",
     )

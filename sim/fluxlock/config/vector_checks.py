@@ -145,7 +145,8 @@ def _loops(s: Scenario) -> Iterator[Problem]:
             file,
             "drive.carrier_hz",
             f"{with_unit(s.drive.carrier_hz, 'Hz')} gives a control tick of {1e6 / tick_hz:.3g} us, longer than "
-            f"{TIME_CONSTANTS_A_TICK} times L/R of the motor ({1e6 * m.inductance_h / m.resistance_ohm:.3g} us)",
+            f"{TIME_CONSTANTS_A_TICK} times L/R of the motor ({1e6 * m.inductance_h / m.resistance_ohm:.3g} us); it "
+            f"runs with inductance_h from {m.resistance_ohm / tick_hz / TIME_CONSTANTS_A_TICK:.3g} H",
         )
     if v.regulator == "A" and v.bandwidth_hz > BANDWIDTH_A_MAX * update_hz:
         yield Problem(

@@ -37,6 +37,8 @@ DIP = 0.02  # of the highest speed, at a rated load step
 RIPPLE_RATIO = 2.5  # second harmonic of the EMF over the speed regulator's bandwidth, at least
 DIP_SHARE = 0.7  # of K_t I_r / (w_s w) that the dip comes to
 NOISE_SHARE = 0.02  # of the rated current: rms of i_q from the converter's noise, at the lowest observed speed
+# Speed from its least to its most, at the lowest observed speed, from which on what the dead time leaves gets a notch.
+SIXTH_RIPPLE = 0.005
 ACCELERATION_RATIO = 1.2  # least omega_n over sqrt(K_t I_max): the largest acceleration bends the angle by 0.19 rad
 LEAST_RATIO = 3.0  # omega_n over w_s
 LIGHT_SHARE = 0.05  # of the rated current: the least i_q at which the stator's mode has to fade
@@ -163,6 +165,19 @@ def _noise_a(plant: Plant, omega_n: float, omega_s: float) -> float:
 def across_ohm(plant: Plant) -> float:
     """Chord resistance, (4/pi) v / i, of what the dead time leaves at the light current."""
     return 4 / math.pi * plant.left_v / (LIGHT_SHARE * plant.rated_a)
+
+
+def swings_by_dead_time(plant: Plant, speed_hz: float) -> bool:
+    """Whether the speed regulator has to leave out the sixth harmonic of the voltage that the dead time leaves.
+
+    A rectangle of v turns the EMF by 4/pi (1/5 + 1/7) v / E to either side; a regulator of w_s makes w_s / w of it in
+    the rotor's speed.
+    """
+    if plant.sensor_rad:
+        return False
+    follows = min(2 * math.pi * speed_hz / plant.least_omega, 2 / RIPPLE_RATIO)
+    turn = 4 / math.pi * (1 / 5 + 1 / 7) * plant.left_v / (plant.least_omega * plant.psi_vs)
+    return 2 * follows * turn > SIXTH_RIPPLE
 
 
 def _fades(plant: Plant, omega_n: float, omega_s: float, across: float) -> bool:

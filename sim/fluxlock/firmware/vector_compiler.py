@@ -30,7 +30,7 @@ from fluxlock.config.vector_design import (
     start_current_a,
     told_lines,
 )
-from fluxlock.config.vector_loops import RIPPLE_RATIO, loops_of
+from fluxlock.config.vector_loops import RIPPLE_RATIO, loops_of, plant_of, swings_by_dead_time
 from fluxlock.config.vector_modes import KI_DIVISOR, PLL_BANDWIDTH, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
@@ -208,8 +208,10 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
     delay = timing.delay if vector.believed_delay is None else vector.believed_delay
     # T_s V / (L I): current from voltage, both in parts of their full scale.
     admittance = sample_s * sensing.voltage_full_scale_v / (m.inductance_h * sensing.current_full_scale_a)
-    # Flux of a salient machine: L_q i + (psi + (L_d - L_q) i_d) exp(j theta).
-    observed = (m.inductance_h + m.saliency_h / 2.0) / m.inductance_h
+    # Of a salient machine L_d opposes a change of the current, L_q turns with the frame: what is left stands on the q
+    # axis then, at any change of the current.
+    half = m.saliency_h / 2.0 / m.inductance_h
+    observed, cross = (1.0 + half, 0.0) if vector.injection else (1.0 - half, 2.0 * half / (1.0 - half))
     return {
         "vector_resistance_q30": round(m.resistance_ohm / m.inductance_h * sample_s * Q30),
         "vector_observer_resistance_q30": round(m.resistance_ohm / (m.inductance_h * observed) * sample_s * Q30),
@@ -227,6 +229,7 @@ def _regulator(d: Design, timing: VectorTiming) -> dict[str, Value]:
             vector_observer_admittance=admittance / observed,
             vector_observer_impedance=observed / admittance,
         ),
+        "vector_cross_q16": round(cross * Q16),
     }
 
 
@@ -267,6 +270,13 @@ def _brake_power(d: Design) -> int:
     return min(max(1, round(ampere_rad_s * d.ampere / Q8 * Q36 / CLOCK_HZ / (2 * math.pi) / Q8)), 2**31 - 1)
 
 
+def _harmonics(d: Design, speed_hz: float) -> int:
+    """RIPPLE_* of sw/control/ripple.h."""
+    if d.s.motor.emf == "trapezoidal":
+        return 3
+    return 2 if swings_by_dead_time(plant_of(d.s), speed_hz) else 1
+
+
 def _speed(d: Design, speed_hz: float, pll_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
@@ -282,7 +292,7 @@ def _speed(d: Design, speed_hz: float, pll_hz: float) -> dict[str, Value]:
         "vector_speed_max_turn_q36": round(most_turns / CLOCK_HZ * Q36),
         "vector_whole_turn_q36": max(1, round(RIPPLE_RATIO * speed_hz / 2.0 / CLOCK_HZ * Q36)),
         "vector_ripple_most_turn_q36": round(pll_hz / 2.0 / CLOCK_HZ * Q36),
-        "vector_harmonics": 3 if motor.emf == "trapezoidal" else 1,
+        "vector_harmonics": _harmonics(d, speed_hz),
         **_gains(
             vector_speed_kp=speed_kp,
             vector_speed_ki=speed_kp * speed_rad / KI_DIVISOR * tick_s * PI_INTEGRAL,

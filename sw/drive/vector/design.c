@@ -114,6 +114,7 @@ COLD void vector_constants(vector_t *v) {
   v->per_tick = observed;
   vector_machine_join(&v->per_tick, samples);
   v->drift_rad_q32 = (p->tick_cycles * TURN_RAD_Q9 + 256) >> 9;
+  v->drift_rad_q32 += mul_q16(v->drift_rad_q32, p->vector_cross_q16);
   v->drift_most_turn_q36 = DRIFT_MOST_RAD_Q32 / v->drift_rad_q32;
   if (p->vector_slope > 0) {
     const uint32_t zone = div_sat_u32((uint64_t)(uint32_t)p->vector_dead_comp_cycles << p->vector_slope_shift,
@@ -164,6 +165,19 @@ COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
   v->model.phi_q30 = phi_q30;
 }
 
+// The observer's model of a salient machine: the current turns back by (L_q - L) / L times the frame's turn besides, and
+// what a voltage makes of it in a sample by half of that.
+COLD static void cross_axes(vector_t *v) {
+  vector_model_t *model = &v->model;
+  const int32_t turn_q32 = vector_turn_q32(&v->observed.machine, v->design[1u - v->used].speed_turn_q36);
+  const uint32_t back_q32 = 0u - (uint32_t)mul_q16(turn_q32, v->p->vector_cross_q16);
+  const complex_t half = cis_q30((uint32_t)((int32_t)back_q32 / 2));
+  model->phi_q30 = complex_mul_q30(model->phi_q30, cis_q30(back_q32));
+  model->gamma1_q30 = complex_mul_q30(model->gamma1_q30, half);
+  model->gamma2_q30 = complex_mul_q30(model->gamma2_q30, half);
+  model->gamma_e_q30 = complex_mul_q30(model->gamma_e_q30, half);
+}
+
 COLD void vector_start_current(vector_t *v) {
   const int32_t most_i_q25 = v->settings->current_limit_q17 * 192;
   int32_t current_i_q25 = v->p->vector_start.current_i_q25;
@@ -205,8 +219,11 @@ void vector_design(vector_t *v) {
     if (v->salient) {
       vector_model(&v->model, &v->observed, spare->speed_turn_q36);
     }
-    vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
   } else if (stage == 2u) {
+    if (p->vector_cross_q16 != 0) {
+      cross_axes(v);
+    }
+    vector_model_join(&v->model, (uint32_t)p->vector_tick_samples);
     emf_observer_design(&spare->observer, &v->per_tick, &v->model, p->vector_pole1_q30, p->vector_pole2_q30);
   } else if (vector_injects(v)) {
     vector_model(&v->model, &v->injection->third, v->report.vector.speed_turn_q36);

@@ -72,6 +72,13 @@ COLD static pi_gains_t slower_gains(const pi_gains_t *whole, int32_t wanted_shar
                       {mul_q16(mul_q16(whole->ki.mant, share_q16), share_q16), whole->ki.shift}};
 }
 
+// The speed whose bandwidth the regulator has at a wanted speed: beyond a sixteenth of error up to three times as much.
+COLD static int32_t hurried(int32_t wanted_turn_q36, int32_t error_turn_q36) {
+  const int32_t most = clamp_i32(wanted_turn_q36, 0, INT32_MAX / 4);
+  const int32_t excess = clamp_i32(abs_sat(error_turn_q36) - most / 16, 0, most / 8);
+  return most + 16 * excess;
+}
+
 // The current that accelerates the rotor alone goes ahead of the regulator while the ramp goes up or down.
 INLINED static void speed_regulator(vector_t *v, bool limited, int32_t direction, int32_t ahead_i_q25) {
   const int32_t limit = current_limit_i_q25(v);
@@ -103,9 +110,9 @@ INLINED static void speed_regulator(vector_t *v, bool limited, int32_t direction
   if (!v->sensored && v->report.vector.speed_turn_q36 * v->direction < v->p->vector_ripple_most_turn_q36) {
     error = ripple_step(&v->ripple, error, v->report.vector.speed_turn_q36, v->p->tick_cycles * (int32_t)VECTOR_GROUPS,
                         (uint32_t)v->p->vector_harmonics);
-    // Slower than what the EMF's harmonics are at.
+    // Slower than what the EMF's harmonics are at, unless a load takes the speed away.
     if (__builtin_expect(wanted * v->direction < v->p->vector_whole_turn_q36, 0)) {
-      slower = slower_gains(gains, gain_apply(wanted * v->direction, v->p->vector_speed_scale));
+      slower = slower_gains(gains, gain_apply(hurried(wanted * v->direction, error), v->p->vector_speed_scale));
       gains = &slower;
     }
   }
@@ -198,22 +205,30 @@ HOT static outcome_t check_lock(vector_t *v, const chip_vector_snapshot_t *in) {
   return outcome_because(EVENT_LOCK_LOST, (fault_t)causes[verdict]);
 }
 
-COLD static void renew_slope(vector_t *v, int32_t step_rpm_q20) {
-  v->slope = (slope_t){step_rpm_q20, gain_apply(step_rpm_q20, v->p->vector_accel), gain_apply(step_rpm_q20, v->p->vector_soft)};
+// At a low target the regulator is slower, and so is the end of the ramp.
+COLD static void renew_slope(vector_t *v, int32_t step_rpm_q20, int32_t target_rpm_q8) {
+  const parameters_t *p = v->p;
+  const int32_t wanted_share_q16 =
+      gain_apply(gain_apply(abs_sat(target_rpm_q8), p->vector_rpm_to_turn), p->vector_speed_scale);
+  const int32_t share_q16 = clamp_i32(wanted_share_q16, SPEED_SCALE_MIN_Q16, ONE_Q16);
+  const uint64_t soft_q16 = (uint64_t)(uint32_t)gain_apply(step_rpm_q20, p->vector_soft) << 16;
+  v->slope = (slope_t){step_rpm_q20, target_rpm_q8, gain_apply(step_rpm_q20, p->vector_accel),
+                       sat_i32((int64_t)div_u64(soft_q16, (uint32_t)share_q16)),
+                       {mul_q16(p->vector_approach.mant, share_q16), p->vector_approach.shift}};
 }
 
 // The ramp slows down before its end, no faster than the regulator can follow.
 INLINED static void follow_ramp(vector_t *v, const chip_snapshot_t *in, const settings_t *settings, int32_t target_rpm_q8) {
   const parameters_t *p = v->p;
   const int32_t step_rpm_q20 = clamp_i32(settings->accel_rpm_q20, 1, INT32_MAX / (int32_t)VECTOR_GROUPS);
-  if (__builtin_expect(step_rpm_q20 != v->slope.step_rpm_q20, 0)) {
-    renew_slope(v, step_rpm_q20);
+  if (__builtin_expect(step_rpm_q20 != v->slope.step_rpm_q20 || target_rpm_q8 != v->slope.target_rpm_q8, 0)) {
+    renew_slope(v, step_rpm_q20, target_rpm_q8);
   }
   const int32_t left_rpm_q8 = abs_sat(target_rpm_q8 - v->ramp.value_rpm_q8);
   int32_t now_rpm_q20 = step_rpm_q20;
   int32_t ahead_i_q25 = v->slope.ahead_i_q25;
   if (__builtin_expect(left_rpm_q8 < v->slope.soft_rpm_q8 && left_rpm_q8 != 0 && !v->sensored && !settings->line, 0)) {
-    now_rpm_q20 = clamp_i32(gain_apply(left_rpm_q8, p->vector_approach), step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
+    now_rpm_q20 = clamp_i32(gain_apply(left_rpm_q8, v->slope.approach), step_rpm_q20 / SOFTEST + 1, step_rpm_q20);
     ahead_i_q25 = gain_apply(now_rpm_q20, p->vector_accel);
   }
   tell_speed(v, rpm_q8(v, v->report.vector.speed_turn_q36), true);

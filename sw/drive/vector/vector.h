@@ -82,11 +82,13 @@ typedef struct {
   uint32_t last_sample;
 } vector_measured_t;
 
-// Of the ramp, renewed with its slope.
+// Of the ramp, renewed with its slope and its end.
 typedef struct {
   int32_t step_rpm_q20;  // a tick
+  int32_t target_rpm_q8;
   int32_t ahead_i_q25;   // current that accelerates so
   int32_t soft_rpm_q8;   // so far from its end it slows down
+  gain_t approach;       // what is left -> step_rpm_q20
 } slope_t;
 
 typedef struct vector {
