@@ -163,10 +163,8 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
       }
       break;
     case RESTART:
-      if (!again(drive, &order->restarts, p->restart_retries)) {
-        fault = (fault != FAULT_NONE) ? fault : FAULT_LOST_LOCK;
-        action = FAIL;
-      }
+      fault = (fault != FAULT_NONE) ? fault : FAULT_LOST_LOCK;
+      action = again(drive, &order->restarts, p->restart_retries) ? RESTART : FAIL;
       break;
     case LEAD:
       enter(drive, STATE_STARTING);

@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A lost angle in six-step: faults made on purpose, each found in time by name, and the rotor not turned back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from fluxlock.native import averaged_motor as am
+from tests.firmware.firmware_bench import Bench
+
+BASE_RPM = 60_000
+FOUND_S = 0.02  # above a tenth of that speed, below it half an electrical turn if that is longer
+AFTERWARDS_S = 0.1
+AGAINST_DEG = 90.0  # electrical, in the wrong direction
+
+
+def jump(bench: Bench, degrees: float) -> None:
+    """The rotor is elsewhere than the commutations believe."""
+    bench.model.s[am.THETA] += math.radians(degrees)
+
+
+def lock(bench: Bench) -> None:
+    """The rotor stands."""
+    bench.model.m[am.M_LOCKED] = 1.0
+
+
+def halt(bench: Bench) -> None:
+    """The rotor stands for a moment, and may go where the current pulls it."""
+    bench.model.s[am.OMEGA] = 0.0
+
+
+def halve(bench: Bench) -> None:
+    """The commutations come at another frequency than the rotor's."""
+    bench.model.s[am.OMEGA] *= 0.5
+
+
+FAULTS: dict[str, Callable[[Bench], None]] = {
+    "jump-60": lambda bench: jump(bench, 60.0),
+    "jump-120": lambda bench: jump(bench, 120.0),
+    "jump-180": lambda bench: jump(bench, 180.0),
+    "locked": lock,
+    "standing": halt,
+    "wrong-frequency": halve,
+}
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
+    """The rotor jumps, stands or turns at another speed: named in time, or commutated rightly by then.
+
+    Where the voltage of the speed meets a slower rotor, its current trips the hardware at once, by that name.
+
+    Verifies: FW-20, FW-63
+    """
+    bench = Bench()
+    bench.start(round(share * BASE_RPM), 1.0)
+    bench.run(1.2)  # a lock that holds
+    turn_s = 60.0 / (bench.model.rpm * bench.scenario.motor.pole_pairs)
+    limit_s = max(FOUND_S, turn_s / 2)
+    FAULTS[fault](bench)
+    furthest_rad, back_rad = bench.model.s[am.THETA], 0.0
+
+    def ended() -> bool:
+        nonlocal furthest_rad, back_rad
+        furthest_rad = max(furthest_rad, bench.model.s[am.THETA])
+        back_rad = max(back_rad, furthest_rad - bench.model.s[am.THETA])
+        return bench.fw.state != "running"
+
+    found = bench.run(limit_s, ended)
+    log = [line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")]
+    if found:
+        slower = fault in {"locked", "standing", "wrong-frequency"} and share > 0.1
+        assert log == (["phase_over_current"] if slower else ["lost_lock"])
+    else:
+        # Only where nothing was lost.
+        assert fault == "wrong-frequency" and share < 0.1
+        assert (log, bench.model.rpm > 0.0) == ([], True)
+    bench.run(AFTERWARDS_S, lambda: ended() and False)
+    assert math.degrees(back_rad) < AGAINST_DEG
