@@ -51,6 +51,7 @@ UNSATURATED = ROOT / "motors" / "ipm-4pp.toml"
     [
         (DEMO, ["inverter.supply_v=13.5"], "event[2].load_factor: 60000 r/min with 0.025 N*m needs about 13.8 V"),
         (DEMO, [targets(800), *ALONE], "event[0].speed_rpm: 800 r/min is below the least speed of the drive, "),
+        (START, [targets(900), *ALONE], "900 r/min is below 7722 r/min, under which the voltage of rated current hides"),
         (START, [targets(5000), *ALONE], "5000 r/min is below the least speed of the drive, 9400 r/min, at which "),
         (
             IPM,
@@ -83,6 +84,21 @@ def test_caution(path: Path, overrides: list[str], expected: str) -> None:
     """
     lines = said(path, *overrides)
     assert any(expected in line for line in lines), lines
+
+
+@pytest.mark.parametrize(("path", "text"), [(START, "needs a phase voltage of "), (DEMO, "needs at least ")])
+def test_a_later_load_is_checked(path: Path, text: str) -> None:
+    """A load factor that comes later asks for voltage and current as a target does, by its own key, with any method.
+
+    Verifies: FRONT-04
+    """
+    late = 'event=[{at_s=0.01,speed_rpm=30000},{at_s=0.02,command="start"},{at_s=0.5,load_factor=60}]'
+    with pytest.raises(ConfigError) as refused:
+        load_scenario(path, [late, *ALONE])
+    (problem,) = refused.value.problems
+    assert problem.key == "event[2].load_factor"
+    assert text in problem.message
+    assert "permitted by drive.current_limit_a" in problem.message
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.toml")), ids=lambda path: path.stem)
