@@ -49,6 +49,9 @@ FAULTS: dict[str, Callable[[Bench], None]] = {
 }
 
 
+HOLDS = {"jump-60", "wrong-frequency"}
+
+
 @pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
@@ -76,10 +79,11 @@ def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
     log = [line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")]
     if found:
         slower = fault in {"locked", "standing", "wrong-frequency"} and share > 0.1
-        assert log == (["phase_over_current"] if slower else ["lost_lock"])
+        assert log[0] == ("phase_over_current" if slower else "lost_lock")
     else:
-        # Only where nothing was lost.
-        assert fault == "wrong-frequency" and share < 0.1
-        assert (log, bench.model.rpm > 0.0) == ([], True)
+        # The crossings have taken the rotor again by themselves.
+        assert fault in HOLDS and share < 0.1
+        assert log == []
     bench.run(AFTERWARDS_S, lambda: ended() and False)
+    assert found or (bench.fw.state == "running" and bench.model.rpm > 0.9 * share * BASE_RPM)
     assert math.degrees(back_rad) < AGAINST_DEG
