@@ -51,7 +51,7 @@ UNSATURATED = ROOT / "motors" / "ipm-4pp.toml"
     [
         (DEMO, ["inverter.supply_v=13.5"], "event[2].load_factor: 60000 r/min with 0.025 N*m needs about 13.8 V"),
         (DEMO, [targets(800), *ALONE], "event[0].speed_rpm: 800 r/min is below the least speed of the drive, "),
-        (START, [targets(900), *ALONE], "900 r/min is below 7722 r/min, under which the voltage of rated current hides"),
+        (START, [targets(900), *ALONE], "900 r/min is below 7722 r/min, under which the voltage of rated current"),
         (START, [targets(5000), *ALONE], "5000 r/min is below the least speed of the drive, 9400 r/min, at which "),
         (
             IPM,
