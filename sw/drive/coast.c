@@ -7,6 +7,7 @@
 #include "control/placement.h"
 
 #define CALM_TICKS 8u
+#define PAIR_EMF_SHIFT 3
 #define DOUBLINGS_MAX 4u
 #define CATCH_FAILURES_MAX 2u
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
@@ -20,6 +21,8 @@ void coast_begin(coast_t *coast) {
 
 void coast_see(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in) {
   coast->line_emf_q17 = catch_restore(in->v_q17, p->diode_v_q25 / 256, coast->v_q17);
+  const int32_t apart_q17 = coast->line_emf_q17 - coast->pair_emf_q17;
+  coast->pair_emf_q17 += (coast->rotor.agreeing > 0u) ? apart_q17 >> PAIR_EMF_SHIFT : apart_q17;
 }
 
 bool coast_may_catch(const order_t *order, const settings_t *settings) {

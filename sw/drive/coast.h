@@ -21,6 +21,7 @@ typedef struct {
   uint32_t calm_ticks;
   int32_t v_q17[PHASES];  // restored terminal voltages of the tick
   int32_t line_emf_q17;
+  int32_t pair_emf_q17;   // its mean while the angle turns evenly: of the pair that would conduct, whatever the flux
   int32_t mean_step_q32;  // of a caught rotor's angle, a tick
   int32_t speed_rpm_q8;   // the same, a magnitude
   fault_t fault;          // with COAST_FAULT

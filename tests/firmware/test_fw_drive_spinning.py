@@ -59,6 +59,21 @@ def test_fast_machine_is_caught(hz: int) -> None:
     assert bench.model.rpm == pytest.approx(rpm, rel=0.005) and bench.trips == 0
 
 
+@pytest.mark.parametrize("flux", [0.8, 1.2])
+def test_wrong_flux_is_no_jolt(flux: float) -> None:
+    """Flux of the file 20 % off: the voltage that catches is the EMF that was measured, and the current stays small.
+
+    Verifies: FW-30
+    """
+    bench = Bench(drive=machines.drive(motor_error={"flux": flux}), speed_rpm=90_000)
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 90000")
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.04)
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    assert bench.model.s[am.I_PEAK] < 15.0 and bench.trips == 0
+
+
 def test_lost_lock_is_caught_again() -> None:
     """Crossings vanish for 3 ms at 60 000 r/min: back at speed within 50 ms, without standstill.
 

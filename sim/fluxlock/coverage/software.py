@@ -27,6 +27,7 @@ PYTHON_COUNTS = FOLDER / "python"
 # The long ones first. Left out: what runs whole chips, proofs, and the mutation score's own test.
 TESTS = (
     "firmware",
+    "injection",
     "plant",
     "analysis",
     "canopen",

@@ -117,7 +117,7 @@ static void take_over(const work_t *w) {
   // No current: the voltage is the EMF. The carrier follows from the sector's length, which is not measured yet.
   s->longest_cycles =
       clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
-  apply_voltage(w, gain_apply(s->coast.speed_rpm_q8, p->emf), w->view->settings->sync_rect);
+  apply_voltage(w, s->coast.pair_emf_q17 * 256, w->view->settings->sync_rect);
 }
 
 // The same by the edges, which are being measured. True: done.

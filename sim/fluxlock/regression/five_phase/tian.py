@@ -35,7 +35,7 @@ BEYOND_RPM = 30.0
 AT_THE_LIMIT = (
     "motor.max_speed_rpm=150",
     "motor.load.viscous_nm_s_per_rad=0",
-    "drive.vector.speed_hz=12",
+    "drive.vector.speed_hz=8",
 )
 WITHIN_DEG, SETTLED_MOST_S = 5.0, 0.06
 
