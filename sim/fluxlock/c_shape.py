@@ -3,11 +3,13 @@
 
 """Shape of the firmware's drive: who writes which field, who includes and calls whom: `python -m fluxlock.c_shape`.
 
-The compiler reads the sources and hands over its syntax tree, so a pointer or a macro hides no write. Rules that
+The compiler reads the sources and hands over its syntax tree, so a pointer of its type or a macro hides no write; one
+through `void *` is not seen. Rules that
 `make lint` keeps:
 
 - one file writes a field of a record; a section of the command is cleared by the hardware layer besides;
 - a file of the drive calls and includes its own layer and those below it only; nowhere is there a circle;
+- `control/` includes nothing of the drive, the drive nothing of application and node;
 - below drive.c nothing names drive_t;
 - `enter` alone assigns the state; `follow`, and the boot, alone call it and the fault log.
 """
@@ -331,6 +333,7 @@ LAYERS: Final = (
     ("drive/six_step/", "drive/vector/"),
     ("drive/drive",),
 )
+FOLDERS: Final = ("control/", DRIVE, ("app/", "canopen/"))  # from the bottom up
 HARDWARE: Final = "hal/chip.c"
 CLEARED: Final = (
     "fresh",
@@ -340,6 +343,18 @@ CLEARED: Final = (
 )  # by the hardware layer, in a section of the command
 SIX_STEP: Final = "drive/six_step/six_step.c"
 EITHER: Final = ("report_t", "six_step_report_t")  # by the method that drives
+
+
+def _upward(includes: Mapping[str, frozenset[str]]) -> Iterator[str]:
+    for number, below in enumerate(FOLDERS):
+        above = tuple(
+            folder for part in FOLDERS[number + 1 :] for folder in ([part] if isinstance(part, str) else part)
+        )
+        for name, others in sorted(includes.items()):
+            if name.startswith(below):
+                yield from (
+                    f"{name} includes {it}, which is not below it" for it in sorted(others) if it.startswith(above)
+                )
 
 
 def _layer(name: str) -> tuple[int, str]:
@@ -377,6 +392,7 @@ def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
                 (layer, part), (below, its) = _layer(name), _layer(other)
                 if below > layer or (below == layer == 2 and part != its):
                     yield f"{name} {verb} {other}, which is not below it"
+    yield from _upward(shape.includes)
     for path in sorted(sw.glob("drive/**/*.[ch]")):
         name = path.relative_to(sw).as_posix()
         if not name.startswith("drive/drive.") and re.search(r"\bdrive_t\b", _without_comments(path.read_text())):

@@ -3,7 +3,7 @@
 
 // A rotor that a drive is to stop, and that does not slow down: a load drives it, or the angle is wrong and the drive does.
 //
-// It slows as long as its speed follows the ramp within 1/64, or falls 1/2048 below its lowest one so far. A rotor that
+// It slows as long as its speed follows the ramp within 1/64, or its mean falls 1/2048 below the lowest one so far. A rotor that
 // takes longer than the patience for that needs two thousand times as long to stop.
 #ifndef FL_SLOWING_H
 #define FL_SLOWING_H
@@ -15,7 +15,8 @@ typedef enum { SLOWING_YES, SLOWING_NO, SLOWING_FASTER } slowing_verdict_t;
 
 typedef struct {
   int32_t first_rpm_q8;   // magnitude at the first look
-  int32_t lowest_rpm_q8;
+  int32_t mean_rpm_q8;    // of the last looks: noise makes no lowest one that the rotor has yet to reach
+  int32_t lowest_rpm_q8;  // of the mean
   uint32_t ticks;         // since there was a new lowest one
 } slowing_t;
 

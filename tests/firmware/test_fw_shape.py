@@ -51,6 +51,12 @@ PLANTED = {
         "const char *spoil_upward(void) { return drive_state_name(STATE_FAULT); }\n",
         "drive/six_step/pwm.c calls drive/drive.c, which is not below it",
     ),
+    "upward-include": (
+        "../control/ramp.c",
+        "void ramp_preset(",
+        '#include "drive/drive.h"\n',
+        "control/ramp.c includes drive/drive.h, which is not below it",
+    ),
     "call-of-the-other-method": (
         "six_step/pwm.c",
         "void pwm_off(",
