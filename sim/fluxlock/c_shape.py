@@ -333,7 +333,7 @@ LAYERS: Final = (
     ("drive/six_step/", "drive/vector/"),
     ("drive/drive",),
 )
-FOLDERS: Final = ("control/", DRIVE, ("app/", "canopen/"))  # from the bottom up
+FOLDERS: Final = (("control/",), (DRIVE,), ("app/", "canopen/"))  # from the bottom up
 HARDWARE: Final = "hal/chip.c"
 CLEARED: Final = (
     "fresh",
@@ -347,9 +347,7 @@ EITHER: Final = ("report_t", "six_step_report_t")  # by the method that drives
 
 def _upward(includes: Mapping[str, frozenset[str]]) -> Iterator[str]:
     for number, below in enumerate(FOLDERS):
-        above = tuple(
-            folder for part in FOLDERS[number + 1 :] for folder in ([part] if isinstance(part, str) else part)
-        )
+        above = tuple(folder for part in FOLDERS[number + 1 :] for folder in part)
         for name, others in sorted(includes.items()):
             if name.startswith(below):
                 yield from (
