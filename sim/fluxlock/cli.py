@@ -43,6 +43,7 @@ from fluxlock.can_bus import usual_channel
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
 from fluxlock.config.info import derived_values, warnings
 from fluxlock.flash.command import flash
+from fluxlock.generated import SourceError
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.population.cli import app as population_app
@@ -666,6 +667,9 @@ def main() -> None:
     except ConfigError as error:
         for problem in error.problems:
             print(f"error: {problem}{_advice(problem)}", file=sys.stderr)
+        code = EXIT_BAD_INPUT
+    except SourceError as error:
+        print(f"error: {error}", file=sys.stderr)
         code = EXIT_BAD_INPUT
     except typer.TyperException as error:
         _report_usage(error)

@@ -13,6 +13,10 @@ from pathlib import Path
 from fluxlock.paths import ROOT
 
 
+class SourceError(ValueError):
+    """A table of the sources contradicts itself, or the C beside it."""
+
+
 def add_check(parser: argparse.ArgumentParser) -> None:
     """The option `--check`."""
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a file is out of date")

@@ -32,6 +32,7 @@ from fluxlock.campaign import command as campaign
 from fluxlock.campaign.grid import DRIVES
 from fluxlock.config import Scenario
 from fluxlock.cosim.run import rejected_lines
+from fluxlock.interface.settings import SettingsError
 from fluxlock.paths import ROOT
 from fluxlock.progress import ProgressBar, counting_bars
 from tests.analysis.synthetic import Drive, make_run
@@ -612,3 +613,17 @@ def test_said_before_anything_is_built(tmp_path: Path, invoke: Invoke) -> None:
     assert code == 2
     assert err.splitlines()[0].startswith(f"warning: {DEMO}: event[2].load_factor: ")
     assert sum(line.startswith("warning") for line in err.splitlines()) == 1
+
+
+def test_broken_table_of_the_sources(monkeypatch: pytest.MonkeyPatch, invoke: Invoke) -> None:
+    """A setting that nothing uses is one line and exit code 2, as bad input is.
+
+    Verifies: FRONT-68
+    """
+
+    def broken(**_: object) -> None:
+        raise SettingsError("sw/drive/settings.toml: no C source uses the setting coast_stop")
+
+    monkeypatch.setattr(cli, "app", broken)
+    code, _, err = invoke("run", DEMO)
+    assert (code, err) == (2, "error: sw/drive/settings.toml: no C source uses the setting coast_stop\n")

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fluxlock.generated import SourceError
 from fluxlock.interface import settings
 from fluxlock.interface.settings import Setting
 from fluxlock.paths import ROOT
@@ -32,7 +33,7 @@ TYPES: dict[str, tuple[int, int, bool]] = {
 NODE_PREFIX = "$NODEID+"
 
 
-class DictionaryError(ValueError):
+class DictionaryError(SourceError):
     """The source of the object dictionary contradicts itself."""
 
 

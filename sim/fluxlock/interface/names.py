@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from fluxlock.generated import SourceError
 from fluxlock.paths import ROOT
 
 NAMES_FILE = ROOT / "sw" / "drive" / "names.toml"
 FAULTS_FILE = ROOT / "sw" / "drive" / "faults.toml"
 
 
-class NamesError(ValueError):
+class NamesError(SourceError):
     """The tables contradict themselves or the firmware."""
 
 

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fluxlock.generated import SourceError
 from fluxlock.interface.names import c_strings, constant, words
 from fluxlock.paths import ROOT
 
@@ -26,7 +27,7 @@ KEYS = (
 )
 
 
-class SettingsError(ValueError):
+class SettingsError(SourceError):
     """The table contradicts itself or the firmware."""
 
 
