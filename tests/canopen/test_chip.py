@@ -50,7 +50,8 @@ def test_control_is_undisturbed(tmp_path: Path) -> None:
     assert entry[1]["mean"] <= entry[0]["mean"]
     assert step[1]["mean"] < 1.02 * step[0]["mean"]
     assert with_node.overruns == without.overruns == 0
-    late_deg = [Analysis(run).commutations.error_deg[100:] for run in (without, with_node)]
+    # The last one may lie behind the last record of the angle.
+    late_deg = [Analysis(run).commutations.error_deg[100:-1] for run in (without, with_node)]
     for found in (np.mean, np.std):
         values = [float(found(errors)) for errors in late_deg]
         print(f"commutation error, {found.__name__}: {values[0]:.3f}, with the node {values[1]:.3f} deg")
