@@ -27,14 +27,7 @@ VECTOR = ROOT / "scenarios" / "vector" / "start.toml"
 CASES = [(SPIN, ("drive.sync_rect=true", "drive.pattern=PWM-ON"), 0.06), (VECTOR, (), 0.05)]
 
 
-# Regulator and observer follow the age of their design, and the main loop of the whole chip has more to do. Whether it
-# shows in 50 ms depends on the image.
-AGES = pytest.mark.xfail(reason="the design's age counts in the vector drive's gates", strict=False)
-
-
-@pytest.mark.parametrize(
-    ("path", "overrides", "seconds"), [CASES[0], pytest.param(*CASES[1], marks=AGES)], ids=("six-step", "vector")
-)
+@pytest.mark.parametrize(("path", "overrides", "seconds"), CASES, ids=("six-step", "vector"))
 def test_gates_of_the_whole_chip(path: Path, overrides: tuple[str, ...], seconds: float, tmp_path: Path) -> None:
     """The chip with both paths and CAN, each edge as Verilator evaluates it, makes the same gates of the same codes.
 
@@ -51,4 +44,11 @@ def test_gates_of_the_whole_chip(path: Path, overrides: tuple[str, ...], seconds
     _, whole = replay(plan, build_chip(can=True).executable, end, 0, plain=True)
     print(f"seed {SEED}: {len(gates)} changes of the gates in {end} clocks")
     assert len(gates) > 500 and len(np.unique(gates[:, 1])) > 4
+    if path == VECTOR and not np.array_equal(gates, whole):
+        # Regulator and observer follow the age of their design, and the main loop of the whole chip has more to do: the
+        # start comes a quarter of a carrier apart. Both make the same vectors, one gate a leg.
+        vectors = [{int(state) for state in found[:, 1] if int(state).bit_count() == 3} for found in (gates, whole)]
+        assert len(whole) > 500 and vectors[0] == vectors[1]
+        assert not [state for state in vectors[1] if state & state >> 1 & 0b010101]
+        pytest.xfail("the design's age counts in the vector drive's gates")
     assert np.array_equal(gates, whole)

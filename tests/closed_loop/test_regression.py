@@ -9,18 +9,12 @@ import pytest
 
 from fluxlock.regression import CASES, Row, Runner, sets
 
-# At 2 kHz a tick is a fifth of a turn: where the entry meets a sector's end the catch trips, and the next one holds.
-CATCH = pytest.mark.xfail(
-    reason="a rotor caught at 120 000 r/min trips at about one entry angle in twelve", strict=False
-)
-TESTED = [
-    pytest.param(case.id, marks=CATCH if case.id == "six-step/commutation-error" else ())
-    for case in CASES.values()
-    if case.tested
-]
+# The run of a case that may miss its limits. At 2 kHz a tick is a fifth of a turn: where the entry meets a sector's end
+# catch trips, at one angle in twelve or so, and the next one holds. The tick of the start decides, so the image does.
+KNOWN = {"six-step/commutation-error": "120000-interpolated-R+20%-L+20%-psi+20%"}
 
 
-@pytest.mark.parametrize("name", TESTED)
+@pytest.mark.parametrize("name", [case.id for case in CASES.values() if case.tested])
 def test_quick_case(name: str) -> None:
     """Every row of the case keeps its limits.
 
@@ -29,10 +23,14 @@ def test_quick_case(name: str) -> None:
     print(f"{name} seed 1, cases registered by {sets.__name__}")
     runner = Runner(name, quick=True)
     rows = list(CASES[name].body(runner))
-    assert rows and not runner.unvouched
+    assert rows
     for row in rows:
         print(row.as_json())
-    assert not [(row.id, miss) for row in rows for miss in row.misses()]
+    doubts = [f"{row.id.removeprefix(name)[1:]}: {miss}" for row in rows for miss in row.misses()] + runner.unvouched
+    known = KNOWN.get(name)
+    assert not [doubt for doubt in doubts if known is None or not doubt.startswith(f"{known}: ")]
+    if doubts:
+        pytest.xfail(f"{known}: a rotor caught at 120 000 r/min trips at some entry angles")
 
 
 def test_limits_are_judged() -> None:
