@@ -108,6 +108,7 @@ RAMPED = [
 ]
 
 
+# The limit of 5 % stood before the value was seen. Two machines keep it with the same error; why not this one is open.
 SHORT_OF_IT = pytest.mark.xfail(strict=True, reason="flux 7 % below the file's: 5.9 % of the change upward")
 
 

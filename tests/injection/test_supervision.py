@@ -18,6 +18,8 @@ REFUSED = ("five-phase-surface", "servo", "surface")
 YU, IPM = ROOT / "scenarios" / "five-phase" / "yu.toml", ROOT / "scenarios" / "vector" / "ipm-injection.toml"
 ONCE = "drive.start.restart_retries=0"
 NAMED_S, WRONG_DEG, SEARCHED_DEG, RMS_DEG, POLE_DEG = 0.05, 90.0, 10.0, 3.0, 30.0
+# The resistance may be wrong by half, and that share of its drop is more than half of the EMF while the limit's current
+# flows: the angle is denied once the rotor is faster. A resistance that the search learns would tell them apart.
 SLOW_EMF = pytest.mark.xfail(
     strict=True, reason="the drop of the limit's current hides this machine's EMF: 147 ms, 203 degrees"
 )
@@ -72,6 +74,7 @@ def test_wrong_pole_is_named(name: str) -> None:
     assert life.wrong_deg(life.found_s) <= WRONG_DEG
 
 
+# The traction machine trips by over-current before a look of the supervision: that name, and not the lost angle's.
 @pytest.mark.parametrize("name", [name for name in RIGHT if name != "traction"])
 @pytest.mark.parametrize("share", [0.05, 0.2])
 def test_rotor_that_jumps_by_half_a_turn(name: str, share: float) -> None:
