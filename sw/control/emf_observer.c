@@ -35,11 +35,11 @@ static inline complex_t turned(complex_t a, int32_t x_q32) {
   return (complex_t){a.re + mul_high_i32(a.im, x_q32), a.im - mul_high_i32(a.re, x_q32)};
 }
 
-COLD static complex_t drop_bits(complex_t z, int32_t bits) {
+DESIGN static complex_t drop_bits(complex_t z, int32_t bits) {
   return (complex_t){(int32_t)round_shift(z.re, bits), (int32_t)round_shift(z.im, bits)};
 }
 
-COLD void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
+DESIGN void emf_observer_design(emf_observer_gains_t *gains, const vector_machine_t *machine, const vector_model_t *model,
                          int32_t pole1_q30, int32_t pole2_q30) {
   const complex_gain_t inverse = complex_inverse(model->gamma_e_q30);
   const complex_gain_t impedance = {machine->impedance.mant, 0, 31};

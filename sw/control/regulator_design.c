@@ -15,7 +15,7 @@ static int32_t larger(int32_t a, int32_t b) { return (a > b) ? a : b; }
 
 static int32_t longest_part(complex_t z) { return larger(abs_sat(z.re), abs_sat(z.im)); }
 
-COLD static complex_t drop_bits(complex_t z, int32_t bits) {
+DESIGN static complex_t drop_bits(complex_t z, int32_t bits) {
   if (bits < 0) {
     return (complex_t){z.re * (1 << -bits), z.im * (1 << -bits)};
   }
@@ -23,13 +23,13 @@ COLD static complex_t drop_bits(complex_t z, int32_t bits) {
 }
 
 // z 2^-shift in the format of h/g.
-COLD static complex_t to_ratio_q17(complex_t z, int32_t shift) {
+DESIGN static complex_t to_ratio_q17(complex_t z, int32_t shift) {
   const complex_t ratio = drop_bits(z, shift - MANTISSA_BITS);
   return (complex_t){clamp_i32(ratio.re, -MANTISSA_MAX, MANTISSA_MAX), clamp_i32(ratio.im, -MANTISSA_MAX, MANTISSA_MAX)};
 }
 
 // Round g and h, both times 2^-shift, to the format of the regulator.
-COLD static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h, int32_t shift) {
+DESIGN static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h, int32_t shift) {
   const int32_t longest = larger(longest_part(g), longest_part(h));
   if (longest == 0) {
     gains->g = gains->h = (complex_t){0, 0};
@@ -51,7 +51,7 @@ COLD static bool round_gains(regulator_gains_t *gains, complex_t g, complex_t h,
   return true;
 }
 
-COLD bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
+DESIGN bool regulator_design(regulator_gains_t *gains, const regulator_design_t *design, const vector_machine_t *machine,
                       const vector_model_t *model) {
   complex_t g;
   complex_t h;

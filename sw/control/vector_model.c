@@ -29,7 +29,7 @@ HOT int32_t vector_lead_turn_q32(const vector_machine_t *machine, int32_t speed_
 }
 
 // (1 - exp(-s)) / s with Phi = exp(-s): by the series where the difference would lose too many digits.
-COLD static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
+DESIGN static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   if (abs_sat(s_q29.re) < SMALL_Q29 && abs_sat(s_q29.im) < SMALL_Q29) {
     const complex_t one = {ONE_Q30, 0};
     const complex_t s_q30 = {2 * s_q29.re, 2 * s_q29.im};
@@ -43,7 +43,7 @@ COLD static complex_t decay_of_complex_q30(complex_t s_q29, complex_t phi_q30) {
   return complex_gain_apply((complex_t){sat_i32((int64_t)ONE_Q30 - phi_q30.re), -phi_q30.im}, inverse);
 }
 
-COLD void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
+DESIGN void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
   const uint32_t delay_q30 = machine->delay_q30;
   const uint32_t rest_q30 = (uint32_t)ONE_Q30 - delay_q30;
   const decay_t after = decay_q30(mul_q30(machine->resistance_q30, rest_q30));
@@ -55,7 +55,7 @@ COLD void vector_plant(vector_plant_t *plant, const vector_machine_t *machine) {
   plant->held_q30 = (int32_t)mul_q30(delay_q30, held_q30);
 }
 
-COLD void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36) {
+DESIGN void vector_model(vector_model_t *model, const vector_plant_t *plant, int32_t speed_turn_q36) {
   const vector_machine_t *machine = &plant->machine;
   const int32_t turn_q32 = vector_turn_q32(machine, speed_turn_q36);
   const complex_t back_q30 = cis_q30(0u - (uint32_t)turn_q32);
@@ -73,7 +73,7 @@ COLD void vector_model(vector_model_t *model, const vector_plant_t *plant, int32
   model->gamma_e_q30 = (complex_t){-mean_q30.re, -mean_q30.im};
 }
 
-COLD void vector_model_join(vector_model_t *model, uint32_t periods) {
+DESIGN void vector_model_join(vector_model_t *model, uint32_t periods) {
   const int32_t share_q30 = (int32_t)((uint32_t)ONE_Q30 / periods);
   complex_t last_q30 = {ONE_Q30, 0};
   complex_t mean_q30 = {share_q30, 0};

@@ -13,6 +13,7 @@
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
 #define STUCK_TICKS 500u
 
+SMALL_CODE_BEGIN
 void coast_begin(coast_t *coast) {
   catch_reset(&coast->rotor);
   stuck_reset(&coast->stuck);
@@ -76,3 +77,5 @@ coast_result_t coast_judge(coast_t *coast, const parameters_t *p, const order_t 
   }
   return calm ? COAST_AT_REST : COAST_WAIT;
 }
+
+SMALL_CODE_END

@@ -10,7 +10,8 @@
 #include "hal/chip_io.h"
 
 fault_t parameters_check(const parameter_block_t *block) {
-  static const parameter_range_t ranges[PARAMETER_VALUES] = PARAMETER_RANGES;
+  static const parameter_range_t ranges[] = PARAMETER_RANGES;
+  static const uint8_t range_of[PARAMETER_VALUES] = PARAMETER_RANGE_OF;
   if (block->magic != PARAMETER_MAGIC) {
     return FAULT_PARAMETER_MAGIC;
   }
@@ -29,9 +30,10 @@ fault_t parameters_check(const parameter_block_t *block) {
   const int32_t *word = (const int32_t *)&block->parameters;
   const int32_t *end = word + block->length_bytes / sizeof(int32_t);
   for (uint32_t i = 0; word < end; i++) {
-    const bool is_gain = ranges[i].min > ranges[i].max;
-    const int32_t low = is_gain ? ranges[i].max : ranges[i].min;
-    const int32_t high = is_gain ? ranges[i].min : ranges[i].max;
+    const parameter_range_t *range = &ranges[range_of[i]];
+    const bool is_gain = range->min > range->max;
+    const int32_t low = is_gain ? range->max : range->min;
+    const int32_t high = is_gain ? range->min : range->max;
     word += is_gain ? 1 : 0;
     if (*word < low || *word > high) {
       return FAULT_PARAMETER_RANGE;

@@ -159,8 +159,15 @@ def _places(schema: Schema) -> Iterator[str]:
             yield f'_Static_assert({place}, "{p.name}");'
 
 
+def _range(p: Parameter) -> tuple[int, int]:
+    """Least and greatest value, of a gain the greatest shift and the least."""
+    return (p.max, p.min) if p.kind == "gain" else (p.min, p.max)
+
+
 def c_header(schema: Schema) -> str:
-    """The generated `params.h`: struct, block header and range table."""
+    """The generated `params.h`: struct, block header and range tables."""
+    of_value = [r for p in schema.parameters for r in [_range(p)] * p.count]
+    ranges = list(dict.fromkeys(of_value))
     lines = [
         "// Generated from sw/params.toml. Do not edit.",
         "#ifndef FL_PARAMS_H",
@@ -197,15 +204,18 @@ def c_header(schema: Schema) -> str:
         "  int32_t max;",
         "} parameter_range_t;",
         "",
-        f"#define PARAMETER_VALUES {sum(p.count for p in schema.parameters)}u",
-        "// In block order.",
+        f"#define PARAMETER_VALUES {len(of_value)}u",
+        "// Number of each value's range, in block order, and the ranges: many values share one.",
+        "#define PARAMETER_RANGE_OF { \\",
+        *(f"  {ranges.index(r)}, \\" for r in of_value),
+        "}",
         "#define PARAMETER_RANGES { \\",
+        *(f"  {{{low}, {high}}}, \\" for low, high in ranges),
+        "}",
+        "",
+        "#endif",
+        "",
     ]
-    for p in schema.parameters:
-        for _ in range(p.count):
-            low, high = (p.max, p.min) if p.kind == "gain" else (p.min, p.max)
-            lines.append(f"  {{{low}, {high}}}, \\")
-    lines += ["}", "", "#endif", ""]
     return "\n".join(lines)
 
 

@@ -28,6 +28,7 @@
 // Crossings at held voltage between hand-over and speed control.
 #define LOCK_CROSSINGS 12u
 
+SMALL_CODE_BEGIN
 // What a step works with.
 typedef struct {
   start_t *s;
@@ -429,3 +430,5 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
   }
   return stay;
 }
+
+SMALL_CODE_END

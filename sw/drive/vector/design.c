@@ -36,7 +36,7 @@ static gain_t per_round(gain_t g) {
 //   slope I (F((B + Z)/I) - F(B/I)),   F(x) = 2/pi (asin x + x sqrt(1 - x^2)), x < 1; 1 beyond
 //
 // F as 4/pi x - (4/pi - 1) x^3: to 1 % of the largest.
-COLD static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
+DESIGN static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
   if (current_i_q17 >= size_i_q17) {
     return 1u << 16;
   }
@@ -45,7 +45,7 @@ COLD static uint32_t reached_q16(uint32_t current_i_q17, uint32_t size_i_q17) {
   return (x_q14 * FOUR_OVER_PI_Q8 - cube_q14 * (FOUR_OVER_PI_Q8 - 256u)) >> 6;
 }
 
-COLD static complex_t late_compensation_v_q25(const vector_t *v) {
+DESIGN static complex_t late_compensation_v_q25(const vector_t *v) {
   const parameters_t *p = v->p;
   const uint32_t size = complex_abs(v->reference_i_q25);
   const uint32_t size_i_q17 = size >> 8;
@@ -81,7 +81,7 @@ COLD vector_machine_t vector_machine(const parameters_t *p) {
 
 // Subspace 3, and subspace 1 as its regulators are to know it: with the separator they run at every second sample while
 // there is a wave.
-COLD static vector_machine_t injected_machine(vector_injection_t *j, const parameters_t *p, vector_machine_t machine) {
+DESIGN static vector_machine_t injected_machine(vector_injection_t *j, const parameters_t *p, vector_machine_t machine) {
   vector_machine_t third = machine;
   third.resistance_q30 = (uint32_t)p->injection_third_resistance_q30;
   third.admittance = p->injection_third_admittance;
@@ -156,7 +156,7 @@ SMALL_CODE_END
 // The regulator's zero cancels the machine's pole, whose disturbances then decay with R/L alone. In the frame that follows
 // the EMF it stands where a larger resistance would put that pole: what a voltage not known leaves in the current is gone
 // before the frame has turned with it. The forced frame needs the soft current: it damps the rotor's swing.
-COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
+DESIGN static void design_regulator(vector_t *v, regulator_gains_t *gains) {
   const complex_t phi_q30 = v->model.phi_q30;
   if (v->frame == FRAME_OBSERVED) {
     v->model.phi_q30 = complex_scale_q30(phi_q30, v->p->vector_damping_q30);
@@ -167,7 +167,7 @@ COLD static void design_regulator(vector_t *v, regulator_gains_t *gains) {
 
 // The observer's model of a salient machine: the current turns back by (L_q - L) / L times the frame's turn besides, and
 // what a voltage makes of it in a sample by half of that.
-COLD static void cross_axes(vector_t *v) {
+DESIGN static void cross_axes(vector_t *v) {
   vector_model_t *model = &v->model;
   const int32_t turn_q32 = vector_turn_q32(&v->observed.machine, v->design[1u - v->used].speed_turn_q36);
   const uint32_t back_q32 = 0u - (uint32_t)mul_q16(turn_q32, v->p->vector_cross_q16);
