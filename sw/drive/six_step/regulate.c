@@ -426,6 +426,13 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
   return current_i_q25 * ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
 }
 
+// The shortest pulse drives the rotor ahead of the ramp: it goes on from there.
+COLD static void go_on_from_rotor(regulate_t *r, const measured_t *m) {
+  ramp_preset(&r->ramp, m->speed_rpm_q8);
+  r->lagged_rpm_q8 = m->speed_rpm_q8;
+  pi_preset(&r->speed_pi, r->scheduled.speed.kp, 0, 0, greater(m->line_i_q25, 0));
+}
+
 HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                        int32_t target_rpm_q8) {
   const parameters_t *p = view->p;
@@ -448,6 +455,9 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
   if (settings->sync_rect) {
     r->brake_i_q25 =
         brake_current(r->brake_i_q25, settings->brake_limit_i_q25, m->vdc_v_q25, p->brake_vdc_v_q25, p->brake_range);
+  }
+  if (r->saturated < 0 && m->speed_rpm_q8 > r->ramp.value_rpm_q8 && target_rpm_q8 > m->speed_rpm_q8) {
+    go_on_from_rotor(r, m);
   }
   const int32_t acceleration_i_q25 = follow_target(r, view, target_rpm_q8);
   r->lagged_rpm_q8 += mul_q16(r->ramp.value_rpm_q8 - r->lagged_rpm_q8, r->scheduled.lag_q16);

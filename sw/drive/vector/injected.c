@@ -13,6 +13,7 @@
 
 // Results until sums hold nothing from before the wave.
 #define SETTLING_Q30 107374182  // 0.1 rad
+#define SETTLE_SHARE 8u         // 40 ms
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
@@ -99,6 +100,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->observing = false;
   j->suspicion = 0;
   j->contradicted = 0;
+  j->settling = 0;
   j->proven = 0;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
@@ -163,7 +165,8 @@ static inline uint32_t less(uint32_t count) { return (count > 0u) ? count - 1u :
 // With E the EMF of the estimated speed: what voltage and resistance leave of it, which is -E at the other pole and
 // nothing on a rotor that stands, is below E / 2 by more than T, which both may be wrong by (lost_angle.h). Not below T.
 // An angle that the EMF has confirmed keeps its trust for a while: a load step makes the speed wrong, and not the pole. While
-// the loop still turns the frame to the angle that it sees, its speed is that turning.
+// the loop still turns the frame to the angle that it sees, its speed is that turning: for a while too where no search has
+// found the angle.
 HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   vector_injection_t *j = v->injection;
   const int32_t speed_turn_q36 = (int32_t)(j->frame.filtered_q52 >> SPEED_BITS);
@@ -173,7 +176,10 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   const int32_t along_v_q25 = (expected_v_q25 < 0) ? -emf_v_q25 : emf_v_q25;
   const int32_t wrong_v_q25 = abs_sat(half_drop_v_q25) + (int32_t)v->lost.floor_v_q25;
   const int32_t size_v_q25 = abs_sat(expected_v_q25);
-  const bool blind = size_v_q25 <= wrong_v_q25 || abs_sat(j->frame.error_q30) > SETTLING_Q30;
+  const bool settles = abs_sat(j->frame.error_q30) > SETTLING_Q30;
+  const bool unsearched = settles && v->p->injection_search == 0;
+  j->settling = unsearched ? SETTLE_SHARE * v->lost_checks : less(j->settling);
+  const bool blind = size_v_q25 <= wrong_v_q25 || settles || j->settling > 0u;
   const bool wrong = !blind && along_v_q25 + wrong_v_q25 < size_v_q25 / 2;
   j->contradicted = wrong ? j->contradicted + 1u : less(j->contradicted);
   if (blind) {

@@ -45,6 +45,7 @@ typedef struct {
   ramp_t ramp;
   uint32_t suspicion;   // looks in a row at which the EMF, which alone holds the frame, did not belong to it
   uint32_t contradicted;  // looks at which the voltage denied the angle, less those at which it did not
+  uint32_t settling;      // looks until the loop's speed counts
   uint32_t proven;        // looks at which it confirmed it, less those at which it was too small to tell
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it

@@ -176,7 +176,7 @@ def linearity(runner: Runner) -> Iterator[Row]:
 
 # The regulated drive at 64 000 r/min, N = 25/8; frozen, so that one duty holds for the span that is measured.
 DRIVE_EVENTS = (
-    'event=[{at_s=0.003, speed_rpm=64000}, {at_s=0.004, command="start"}, {at_s=0.080, command="set freeze 1"}, '
+    'event=[{at_s=0.003, speed_rpm=70000}, {at_s=0.004, command="start"}, {at_s=0.080, command="set freeze 1"}, '
     '{at_s=0.082, command="get duty"}]'
 )
 DRIVE_SPAN_S = (0.083, 0.094)
