@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from fluxlock.config import load_motor, load_scenario
+from fluxlock.native.injection_run import InjectionRun
 from fluxlock.paths import ROOT
-from tests.injection.injection_bench import MACHINES, SCENARIOS, Life, scenario_of
+from tests.injection.injection_bench import MACHINES, SCENARIOS, scenario_of
 
 RECORD = ROOT / "docs" / "verification" / "record.json"
 SETTLED_S = 0.08  # 60 ms after the command of the scenarios
@@ -25,7 +26,7 @@ def test_reversal_within_the_chips_record() -> None:
     Verifies: INJC-14
     """
     row = json.loads(RECORD.read_text())["rows"]["five-phase/ipm-reversal"]["values"]
-    life = Life(load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml"))
+    life = InjectionRun(load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml"))
     assert life.start()
     life.run(0.18 - life.chip.now)
     life.aim(-400)
@@ -44,7 +45,9 @@ def test_five_phases_as_the_scenario_says(dead_time_s: float, most_deg: float) -
 
     Verifies: INJC-14
     """
-    life = Life(load_scenario(ROOT / "scenarios" / "five-phase" / "yu.toml", [f"inverter.dead_time_s={dead_time_s:g}"]))
+    life = InjectionRun(
+        load_scenario(ROOT / "scenarios" / "five-phase" / "yu.toml", [f"inverter.dead_time_s={dead_time_s:g}"])
+    )
     assert life.start()
     life.run(0.35)
     assert np.abs(life.window(SETTLED_S)["error_deg"]).max() < most_deg
@@ -59,7 +62,7 @@ def test_filtered_demodulation(method: str) -> None:
     """
     overrides = ("drive.vector.injection.search=false", f"drive.vector.injection.method={method}")
     scenario = load_scenario(ROOT / "scenarios" / "five-phase" / "tian.toml", overrides)
-    life = Life(scenario, theta_deg=10.0, target_rpm=50.0)
+    life = InjectionRun(scenario, theta_deg=10.0, target_rpm=50.0)
     assert life.start()
     life.run(0.4)
     assert life.fault == "none"
@@ -73,7 +76,7 @@ def test_dead_machine() -> None:
     """
     scenario = scenario_of("ebike")
     open_machine = scenario.motor.model_copy(update={"inductance_h": (1.0, 1.0, 1.0), "inductance_q_h": 1.3})
-    life = Life(scenario, machine=open_machine)
+    life = InjectionRun(scenario, machine=open_machine)
     assert not life.start()
     assert life.fault == "injection_signal"
 

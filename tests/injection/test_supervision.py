@@ -10,8 +10,9 @@ import pytest
 
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.config.vector_timing import vector_timing
+from fluxlock.native.injection_run import InjectionRun
 from fluxlock.paths import ROOT
-from tests.injection.injection_bench import SCENARIOS, Life, scenario_of
+from tests.injection.injection_bench import SCENARIOS, scenario_of
 
 RIGHT = ("compressor", "ebike", "ferrite-synrm", "five-phase-ipm", "gimbal", "traction")
 REFUSED = ("five-phase-surface", "servo", "surface")
@@ -35,7 +36,7 @@ def test_starts_the_right_way(name: str, direction: int) -> None:
     scenario = scenario_of(name)
     rpm = next(event.speed_rpm for event in scenario.event if event.speed_rpm is not None)
     for theta_deg in (17.0, 143.0, 265.0):
-        life = Life(scenario, theta_deg=theta_deg, target_rpm=direction * rpm)
+        life = InjectionRun(scenario, theta_deg=theta_deg, target_rpm=direction * rpm)
         assert life.start(), (theta_deg, life.fault)
         life.run(0.2)
         assert life.fault == "none", theta_deg
@@ -66,7 +67,7 @@ def test_wrong_pole_is_named(name: str) -> None:
 
     Verifies: INJC-15
     """
-    life = Life(scenario_of(name, "drive.vector.injection.search=false", ONCE), theta_deg=178.0)
+    life = InjectionRun(scenario_of(name, "drive.vector.injection.search=false", ONCE), theta_deg=178.0)
     assert life.start()
     life.run(0.2)
     assert life.fault == "angle_lost"
@@ -83,7 +84,7 @@ def test_rotor_that_jumps_by_half_a_turn(name: str, share: float) -> None:
     Verifies: INJC-15
     """
     scenario = scenario_of(name, ONCE)
-    life = Life(scenario, target_rpm=share * scenario.motor.max_speed_rpm)
+    life = InjectionRun(scenario, target_rpm=share * scenario.motor.max_speed_rpm)
     assert life.start()
     life.run(0.35)
     jumped_s = life.chip.now
@@ -99,7 +100,7 @@ def test_lost_angle_is_searched_again() -> None:
 
     Verifies: INJC-15
     """
-    life = Life(scenario_of("ebike"))
+    life = InjectionRun(scenario_of("ebike"))
     assert life.start()
     life.run(0.1)
     life.chip.turn(np.pi)
@@ -119,7 +120,7 @@ def test_no_wrong_pole_from_any_angle(name: str, inertia: float) -> None:
     scenario = scenario_of(name, ONCE)
     light = scenario.motor.model_copy(update={"inertia_kgm2": inertia * scenario.motor.inertia_kgm2})
     for theta_deg in np.arange(17) * 360.0 / 17 + 3.0:
-        life = Life(scenario, theta_deg=float(theta_deg), machine=light)
+        life = InjectionRun(scenario, theta_deg=float(theta_deg), machine=light)
         if life.start():
             assert abs(life.chip.error_deg) < POLE_DEG, theta_deg
         else:
@@ -132,7 +133,7 @@ def test_saliency_is_that_of_the_machine(factor: float) -> None:
 
     Verifies: INJC-15
     """
-    life = Life(load_scenario(YU, [f"drive.motor_error.inductance={factor}"]))
+    life = InjectionRun(load_scenario(YU, [f"drive.motor_error.inductance={factor}"]))
     assert life.start()
     life.run(0.2)
     assert life.fault == "none"
@@ -159,7 +160,7 @@ def test_heavy_file() -> None:
         load_scenario(IPM, [heavy])
     assert any("closes a loop through the demodulator, S = 6" in p.message for p in caught.value.problems)
     vector = 'drive.vector={update="single", observer_every=2, injection={method="iq", amplitude_v=6, period=8}}'
-    life = Life(load_scenario(IPM, [heavy, vector]))
+    life = InjectionRun(load_scenario(IPM, [heavy, vector]))
     assert life.start()
     life.run(0.3)
     assert life.fault == "none"
@@ -171,6 +172,7 @@ def test_heavy_file() -> None:
     [
         (["drive.vector.pll_hz=80", "drive.vector.speed_hz=20"], "20 Hz is too fast for drive.vector.pll_hz = 80 Hz"),
         (["drive.vector.pll_hz=500"], "500 Hz is too fast for a wave of 2500 Hz, permitted up to 417 Hz"),
+        (["event=[{at_s=0.01, speed_rpm=3500}]"], "wave of 2500 Hz up to a tenth of it, 3000 r/min"),
         (["drive.vector.injection.amplitude_v=0.02"], "less than 2 steps of the converter"),
         (["motor.saturation.plus=0.07", "motor.saturation.minus=-0.035"], "is not below minus"),
         (["drive.vector.injection.search_current_a=2"], "permitted from 1.2 % on, 4.11 A"),

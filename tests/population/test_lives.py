@@ -21,9 +21,9 @@ from fluxlock.population import page as page_module
 from fluxlock.population import run as run_module
 from fluxlock.population.draw import Draw, Method
 from fluxlock.population.ideal import ideal_ripple_rpm, ideal_torque_nm
-from fluxlock.population.judge import judge
+from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
-from fluxlock.population.run import makers, play, run_life
+from fluxlock.population.run import makers, run_life
 from fluxlock.population.table import deciles, groups
 
 SEED = 1
@@ -210,7 +210,7 @@ def test_groups_and_deciles_count_every_life_once() -> None:
     }
     parts = deciles(rows)
     assert len(parts) == 10 and sum(sum(part[2:]) for part in parts) == len(rows)
-    assert parts[0] == (0.01, 0.02, 1, 0, 1)
+    assert parts[0] == (0.01, 0.02, 1, 0, 0, 1)
 
 
 def test_command_line(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_command_line(tmp_path: Path) -> None:
 def test_page_shows_every_life(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Counts of both methods, the ranges and the limits; a missing document is one line and exit code 2.
+    """Counts of all methods, the ranges and the limits; a missing document is one line and exit code 2.
 
     Verifies: POP-08
     """
@@ -243,7 +243,7 @@ def test_page_shows_every_life(
     monkeypatch.setattr(page_module, "PAGE", tmp_path / "population.md")
     assert page_module.main([]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2 and all("fluxlock population run --method" in line for line in lines)
+    assert len(lines) == 3 and all("fluxlock population run --method" in line for line in lines)
     machine = {"inductance_pu": 0.1}
     rows = [
         {"index": 0, "outcome": "right", "reasons": [], "machine": machine},
@@ -252,8 +252,13 @@ def test_page_shows_every_life(
     for method in ("vector", "six-step"):
         document = {"method": method, "seed": 1, "sources": {}, "rows": rows}
         (tmp_path / f"{method}.json").write_text(json.dumps(document))
+    rows.append({"index": 2, "outcome": "named", "reasons": [{"kind": "no_saliency", "text": "x"}], "machine": machine})
+    document = {"method": "injection", "seed": 1, "sources": {}, "rows": rows}
+    (tmp_path / "injection.json").write_text(json.dumps(document))
     assert page_module.main([]) == 0
     text = (tmp_path / "population.md").read_text()
     assert text.count("**2 lives: 1 right, 0 refused by name, 1 wrong.**") == 2
-    assert text.count("| wrong | speed | 1 | 0 | 1 | high: 3 r/min |") == 2
+    assert text.count("| wrong | speed | 1 | 0 | 1 | high: 3 r/min |") == 3
+    assert "**3 lives: 1 right, 1 ended by a named fault, 0 refused by name, 1 wrong.**" in text
+    assert "| L_q / L_d | 1.05 | 4 |  |" in text and "| named | no_saliency | 1 | 0 | 2 | x |" in text
     assert "| pole pairs | 1 | 24 |" in text and "| mean speed | ± 0.5 % |" in text

@@ -6,19 +6,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from fluxlock.config import Scenario, load_inverter, load_motor
+from fluxlock.config import Motor, Scenario
 from fluxlock.config.checks import check_scenario
 from fluxlock.config.drive import Drive
 from fluxlock.config.injection_rules import injection_loops, loop_through_demodulator, search_current, wave_of
+from fluxlock.config.inverter import Inverter
 
 PERIODS = (4, 6, 8, 10, 12, 16, 20, 24, 32)  # updates, as `period` permits them
 PEAK_SHARE = 1 / 3  # of the rated current
 VOLTAGE_SHARE = 0.5  # of the largest phase voltage
 FUNDAMENTAL = 8 / math.pi**2  # of a triangle
+QUIET_DEG = 1.5  # noise that costs nothing: among quieter choices the faster loop is better
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,8 @@ class Choice:
     refused: str
 
 
-def choices(motor: Path, inverter: Path, carrier_hz: float, largest: int) -> Iterator[Choice]:
-    """Of the periods up to the largest; ConfigError for a file that is none."""
-    m, converter = load_motor(motor), load_inverter(inverter)
+def choices(m: Motor, converter: Inverter, carrier_hz: float, largest: int) -> Iterator[Choice]:
+    """Of the periods up to the largest."""
     for period in (p for p in PERIODS if p <= max(largest, PERIODS[0])):
         wanted_v = PEAK_SHARE * m.rated_current_a * 4 * m.inductance_h[0] * carrier_hz / period
         amplitude_v = min(wanted_v, VOLTAGE_SHARE * converter.supply_v / math.sqrt(3))
@@ -73,3 +73,12 @@ def choices(motor: Path, inverter: Path, carrier_hz: float, largest: int) -> Ite
             search_current(s),
             f"{problems[0].key}: {problems[0].message}" if problems else "",
         )
+
+
+def best(found: Sequence[Choice]) -> Choice | None:
+    """The one to take: of those that run the fastest loop with little noise, else the least noise; None: none runs."""
+    running = [c for c in found if not c.refused]
+    quiet = [c for c in running if c.noise_deg <= QUIET_DEG]
+    if quiet:
+        return max(quiet, key=lambda c: c.pll_hz)
+    return min(running, key=lambda c: c.noise_deg, default=None)

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from fluxlock.analysis.six_step.output import prepare_folder, print_table, write_figure
-from fluxlock.config import ConfigError, Problem, load_motor
+from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.help import THEORY, example
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ def _periods(n: int) -> str:
 
 
 def _print_choices(found: list[Choice], carrier_hz: float) -> None:
-    """Table of the periods that `period` permits."""
+    """Table of the periods that `period` permits, and the one to take."""
+    from fluxlock.analysis.injection_choice import best
+
     rows = [
         [
             str(c.period),
@@ -49,6 +51,9 @@ def _print_choices(found: list[Choice], carrier_hz: float) -> None:
     for c in found:
         if c.refused:
             Console().print(f"period {c.period}: {c.refused}", highlight=False)
+    taken = best(found)
+    if taken is not None:
+        Console().print(f"take period = {taken.period}, amplitude_v = {taken.amplitude_v:.3g}", highlight=False)
 
 
 @app.command(rich_help_panel=THEORY, epilog=example("fluxlock injection motors/five-phase-tian.toml"))
@@ -90,7 +95,8 @@ def injection(
             "r/min; raise it or lower --speed-rpm"
         )
         raise ConfigError([Problem("--carrier-hz", "", text)])
-    settings = [] if inverter is None else list(choices(motor, inverter, carrier_hz, found.largest_n(strict=False)))
+    largest = found.largest_n(strict=False)
+    settings = [] if inverter is None else list(choices(loaded, load_inverter(inverter), carrier_hz, largest))
     prepare_folder(out, "injection.png", "injection.json")
     limits = (found.largest_n(strict=True), found.largest_n(strict=False))
     shown = [c for c in found.choices if c.n <= FIRST_N or any(abs(c.n - n) <= AROUND for n in limits)]

@@ -26,8 +26,26 @@ from fluxlock.config.vector_modes import PLL_BANDWIDTH
 KEY = "drive.vector.injection"
 PLL_PERIODS_LEAST = 6.0  # injection periods a period of the loop's bandwidth
 OMEGA_OVER_SPEED_LEAST = 1.5  # w_n over 2 pi speed_hz
+WAVE_OVER_SPEED_LEAST = 10.0  # frequencies, B. Tian et al., IEEE Access 2019, (30)
 SALIENT_STEPS = 2.0  # steps of the converter that the saliency must make
 STRONG_SALIENCY, STRONG_LOOP_MOST = 2.0, 26.0
+
+
+def too_fast_for_wave(s: Scenario, speed_rpm: float) -> str | None:
+    """Why a wave is too slow for a speed that it has to follow, up to that of the hand-over."""
+    v = s.drive.vector
+    if v.injection is None or s.motor.inductance_q_h is None:
+        return None
+    met_rpm = abs(speed_rpm) if v.handover_rpm is None else min(abs(speed_rpm), v.handover_rpm)
+    wave_hz = 1 / wave_of(s).period_s
+    if wave_hz >= WAVE_OVER_SPEED_LEAST * s.motor.electrical_hz(met_rpm):
+        return None
+    most_rpm = wave_hz / WAVE_OVER_SPEED_LEAST / s.motor.electrical_hz(1.0)
+    return (
+        f"{with_unit(met_rpm, 'r/min')} is {s.motor.electrical_hz(met_rpm):.0f} Hz electrical, permitted with a wave "
+        f"of {wave_hz:.0f} Hz up to a tenth of it, {most_rpm:.0f} r/min; state drive.vector.handover_rpm up to there, "
+        f"or lower {KEY}.period"
+    )
 
 
 def check_injection(s: Scenario) -> list[Problem]:

@@ -14,7 +14,7 @@ from fluxlock.config.console import VECTOR_SETTINGS
 from fluxlock.config.drive import Drive, Start
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import plain, with_unit
-from fluxlock.config.injection_checks import check_injection
+from fluxlock.config.injection_checks import check_injection, too_fast_for_wave
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_design import told_machine
@@ -290,7 +290,7 @@ def vector_speed(s: Scenario, speed_rpm: float) -> str | None:
     """Why the estimate cannot follow a speed."""
     turn = s.motor.electrical_hz(speed_rpm) / _tick_hz(s)
     if turn <= TURN_A_TICK:
-        return None
+        return too_fast_for_wave(s, speed_rpm)
     return (
         f"{with_unit(speed_rpm, 'r/min')} turns the rotor by {turn:.2f} of an electrical turn in a control tick, "
         f"permitted {TURN_A_TICK:g}; raise drive.carrier_hz or lower drive.vector.observer_every"

@@ -13,7 +13,7 @@ import typer
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
-from fluxlock.population.draw import METHODS, Draw, Method
+from fluxlock.population.run import POPULATIONS, Population
 
 app = typer.Typer(
     help="Random machines that nobody tuned for: draw them, run their lives on the host, judge them.",
@@ -24,22 +24,25 @@ app = typer.Typer(
 )
 
 SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the population.")]
-MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step or vector.")]
+MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step, vector or injection.")]
 
 
 EXIT_FAILED = 1
 
 
-def method_of(text: str) -> Method:
+def population_of(text: str) -> Population:
     """Value of `--method`."""
-    if text not in METHODS:
-        raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(METHODS)}')])
-    return "vector" if text == "vector" else "six-step"
+    for name in POPULATIONS:
+        if name == text:
+            return name
+    raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(POPULATIONS)}')])
 
 
 @app.command(epilog=example("fluxlock population run --method vector --lives 100"))
 def run(
-    method: Annotated[str | None, typer.Option(metavar="METHOD", help="six-step or vector; both without.")] = None,
+    method: Annotated[
+        str | None, typer.Option(metavar="METHOD", help="six-step, vector or injection; all without.")
+    ] = None,
     lives: Annotated[int, typer.Option(min=1, help="Machines.")] = 1000,
     first: Annotated[int, typer.Option(min=0, help="Number of the first one.")] = 0,
     seed: SeedOption = 1,
@@ -53,7 +56,7 @@ def run(
     from fluxlock.population.command import run_population
     from fluxlock.population.run import SourcesChanged
 
-    methods = METHODS if method is None else (method_of(method),)
+    methods = POPULATIONS if method is None else (population_of(method),)
     try:
         good = run_population(methods, seed, range(first, first + lives), jobs)
     except SourcesChanged as error:
@@ -69,13 +72,16 @@ def draw(
     method: MethodOption = "vector",
     seed: SeedOption = 1,
 ) -> None:
-    """Write the files of one machine: `fluxlock run` takes them."""
-    from fluxlock.population.files import write_life
-    from fluxlock.population.life import life_of, refusals
+    """Write the files of one machine: `fluxlock run` takes them.
 
-    life = life_of(Draw.of(seed, index), method_of(method))
+    With injection also machine.toml, the machine that differs from its motor file.
+    """
+    from fluxlock.population.files import write_life
+    from fluxlock.population.run import any_life
+
+    life, reasons = any_life(population_of(method), seed, index)
     path = write_life(life, out)
-    for reason in refusals(life):
+    for reason in reasons:
         print(f"refused: {reason}")
     print(f"written: {path}")
 
@@ -88,18 +94,16 @@ def plot(
     seed: SeedOption = 1,
 ) -> None:
     """Run lives anew and draw speed, current and angle error of each: PNG."""
-    from fluxlock.population.judge import judge
-    from fluxlock.population.life import life_of
-    from fluxlock.population.plots import draw_life
-    from fluxlock.population.run import play
+    from fluxlock.population.injection_life import InjectionLife
+    from fluxlock.population.plots import draw_injection, draw_life
+    from fluxlock.population.run import any_life
     from fluxlock.writable import check_file
 
+    name = population_of(method)
     for index in indices:
-        life = life_of(Draw.of(seed, index), method_of(method))
-        path = out / f"{life.method}-{life.draw.name}.png"
+        life, _ = any_life(name, seed, index)
+        path = out / f"{name}-{life.draw.name}.png"
         check_file(path)
-        data = play(life)
-        found = judge(data, life)
-        draw_life(data, life, found, path)
-        kinds = ", ".join(dict.fromkeys(reason.kind for reason in found.reasons)) or "right"
+        drawn = draw_injection(life, path) if isinstance(life, InjectionLife) else draw_life(life, path)
+        kinds = ", ".join(dict.fromkeys(drawn)) or "right"
         print(f"{index}: {kinds}; written: {path}")

@@ -12,8 +12,7 @@ from functools import partial
 from rich.console import Console
 from rich.table import Table
 
-from fluxlock.population.draw import Method
-from fluxlock.population.run import FOLDER, REFUSED, RIGHT, WRONG, Row, run_lives
+from fluxlock.population.run import FOLDER, OUTCOMES, WRONG, Population, Row, outcomes, run_lives
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
 from fluxlock.progress import counting_bars
 from fluxlock.sources import source_hashes
@@ -28,14 +27,14 @@ def _tables(rows: Sequence[Row], title: str) -> list[Table]:
         some = " ".join(map(str, group.indices[:EXAMPLES]))
         by_reason.add_row(group.outcome, group.kind, str(len(group.indices)), str(group.also), some, group.example)
     by_inductance = Table(title=f"{title}: by decile of the inductance", title_justify="left")
-    for header in ("inductance, pu", RIGHT, REFUSED, WRONG):
+    for header in ("inductance, pu", *OUTCOMES):
         by_inductance.add_column(header)
     for low, high, *counts in deciles(rows):
         by_inductance.add_row(f"{low:.3f} … {high:.3f}", *map(str, counts))
     return [by_reason, by_inductance]
 
 
-def run_population(methods: Sequence[Method], seed: int, indices: Sequence[int], jobs: int) -> bool:
+def run_population(methods: Sequence[Population], seed: int, indices: Sequence[int], jobs: int) -> bool:
     """Run the lives, print tables, write the documents; False if a life is wrong."""
     console, good = Console(), True
     for method in methods:
@@ -49,7 +48,7 @@ def run_population(methods: Sequence[Method], seed: int, indices: Sequence[int],
         path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         for table in _tables(rows, f"{method}, seed {seed}"):
             console.print(table)
-        counts = {outcome: count(rows, outcome) for outcome in (RIGHT, REFUSED, WRONG)}
+        counts = {outcome: count(rows, outcome) for outcome in outcomes(method)}
         text = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
         console.print(f"{method}: {len(rows)} lives, {text}; written: {path}", highlight=False, soft_wrap=True)
         good = good and not counts[WRONG]

@@ -10,10 +10,11 @@ from pathlib import Path
 import tomlkit
 
 from fluxlock.config.fields import Model
+from fluxlock.population.injection_life import InjectionLife
 from fluxlock.population.life import Life
 from fluxlock.writable import check_file
 
-SCENARIO, MOTOR, INVERTER = "scenario.toml", "motor.toml", "inverter.toml"
+SCENARIO, MOTOR, INVERTER, MACHINE = "scenario.toml", "motor.toml", "inverter.toml", "machine.toml"
 
 
 def _text(model: Model, *without: str, **more: str) -> str:
@@ -24,14 +25,16 @@ def _text(model: Model, *without: str, **more: str) -> str:
     return tomlkit.dumps({**plain, **more, **tables})
 
 
-def write_life(life: Life, folder: Path) -> Path:
-    """Write scenario, motor and inverter; the scenario's path."""
+def write_life(life: Life | InjectionLife, folder: Path) -> Path:
+    """Write scenario, motor and inverter, and the machine if its file is wrong; the scenario's path."""
     s = life.scenario
     texts = {
         SCENARIO: _text(s, "motor", "inverter", motor=MOTOR, inverter=INVERTER),
         MOTOR: _text(s.motor),
         INVERTER: _text(s.inverter),
     }
+    if isinstance(life, InjectionLife):
+        texts[MACHINE] = _text(life.machine)
     for name, text in texts.items():
         check_file(folder / name)
         (folder / name).write_text(text, encoding="utf-8")

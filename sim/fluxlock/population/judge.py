@@ -186,3 +186,10 @@ def judge(data: RunData, life: Life) -> Judgement:
     holds = tuple(j.measure(hold) for hold in life.holds)
     overshoot = max((j.overshoot(change) for change in life.changes), default=0.0)
     return Judgement(tuple(j.reasons), holds, overshoot, current)
+
+
+def play(life: Life) -> RunData:
+    """Run a life on the host."""
+    from fluxlock.native.player import player
+
+    return player(life.scenario, life.scenario.seed).run()

@@ -13,10 +13,10 @@ from typing import Any
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.paths import ROOT
-from fluxlock.population import judge, life
-from fluxlock.population.draw import METHODS
+from fluxlock.population import injection_judge, injection_life, judge, life
+from fluxlock.population.injection_draw import injection_ranges
 from fluxlock.population.ranges import ranges
-from fluxlock.population.run import FOLDER, REFUSED, RIGHT, WRONG
+from fluxlock.population.run import FOLDER, NAMED, OUTCOMES, POPULATIONS, outcomes
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
 from fluxlock.sources import sources_text
 from fluxlock.writable import EXIT_BAD_INPUT, guarded
@@ -32,6 +32,21 @@ UNITS = {
     "saliency": ("L_q / L_d", ""),
     "run_up_s": ("run-up at rated torque without load", "s"),
 }
+INJECTION_UNITS = {
+    **{key: text for key, text in UNITS.items() if key != "inductance_pu"},
+    "inductance_pu": ("inductance of the d axis", "per unit"),
+    "carrier_hz": ("carrier frequency", "Hz"),
+    "saturation": ("share of L_d that rated current along the magnet takes", ""),
+    "saturation_minus": ("share that it gives against the magnet, over that", ""),
+    "cross_deg": ("turn of the axes at rated i_q", "°"),
+    "third": ("inductance of the third plane over L_d, five phases", ""),
+    "dead_time_s": ("dead time", "s"),
+    "bits": ("bits of the converter", ""),
+    "coulomb": ("Coulomb friction over rated torque", ""),
+    "viscous": ("viscous friction at base speed over rated torque", ""),
+    "target": ("target over base speed, either direction", ""),
+}
+TITLES = {"vector": "Vector", "six-step": "Six-step", "injection": "Injection"}
 Document = dict[str, Any]
 
 
@@ -84,20 +99,67 @@ def _lives() -> list[str]:
     ]
 
 
+def _injection() -> list[str]:
+    r, over, j = injection_ranges(), injection_ranges().over_file, injection_judge
+    lines = ["| quantity | from | to | unit |", "|---|---|---|---|"]
+    for key, (name, unit) in INJECTION_UNITS.items():
+        low, high = getattr(r, key)
+        lines.append(f"| {name} | {low:g} | {high:g} | {unit} |")
+    return [
+        "## Starts by injection",
+        "",
+        "Salient machines that start from a rest that the drive does not know.",
+        "",
+        *lines,
+        "",
+        f"Each {r.five_phase_every}rd machine has five phases. {100 * r.linear_share:g} % do not saturate. Period and "
+        "amplitude are those that `fluxlock injection` prints for the files. The machine differs from its file: "
+        f"resistance by up to {100 * over.resistance:g} %, each inductance by {100 * over.inductance:g} %, flux by "
+        f"{100 * over.flux:g} %. Its inertia is {over.inertia[0]:g} to {over.inertia[1]:g} times that of the file. The "
+        f"rotor stands, or turns with up to {100 * r.turning:g} % of the base speed ({100 * r.turning_share:g} % of "
+        f"the machines), or is blocked ({100 * r.blocked_share:g} %). {injection_life.RUN_S:g} s after the search "
+        f"friction of {r.load:g} times the rated torque comes on.",
+        "",
+        "`sim/fluxlock/population/injection.toml` holds the ranges, and a test their hash. A life is *refused* if the "
+        "check of its files names a reason. It is *named* if a fault ends it in time. It is *right* if it keeps all of "
+        "these limits:",
+        "",
+        "| quantity | limit |",
+        "|---|---|",
+        f"| angle error, from {j.SETTLE_S:g} s after the search and after the friction on | {j.RMS_DEG:g}° rms |",
+        f"| motion of a rotor that stands while the search lasts | {j.SEARCHED_DEG:g}° el. |",
+        f"| motion against the target after the search | {j.BACKWARD_DEG:g}° el. |",
+        f"| motion towards the target | more than {j.FORWARD_DEG:g}° el., unless the rotor is blocked |",
+        "",
+        "It is *wrong* otherwise, and also if a fault comes too late:",
+        "",
+        "| what goes on | until the fault at most |",
+        "|---|---|",
+        f"| angle off by more than {j.LOST_DEG:g}° | {1e3 * j.NAMED_S:g} ms |",
+        f"| reported speed off by {100 * j.SPEED_SHARE:g} % and {100 * j.SPEED_OF_BASE:g} % of the base speed | "
+        f"{1e3 * j.NAMED_S:g} ms |",
+        f"| motion against the target | {j.WRONG_WAY_DEG:g}° el. |",
+        "",
+    ]
+
+
 def _result(document: Document) -> list[str]:
     rows, method = document["rows"], document["method"]
-    right, refused, wrong = (count(rows, outcome) for outcome in (RIGHT, REFUSED, WRONG))
+    shown = outcomes(method)
+    counts = ", ".join(
+        f"{count(rows, outcome)} {'ended by a named fault' if outcome == NAMED else outcome}" for outcome in shown
+    )
     lines = [
-        f"## {'Vector' if method == 'vector' else 'Six-step'}",
+        f"## {TITLES[method]}",
         "",
         f"`fluxlock population run --method {method} --lives {len(rows)} --seed {document['seed']}`. "
         f"Made from {sources_text(document['sources'])}.",
         "",
-        f"**{len(rows)} lives: {right} right, {refused} refused by name, {wrong} wrong.**",
+        f"**{len(rows)} lives: {counts}.**".replace("refused,", "refused by name,"),
         "",
-        "| inductance, per unit | right | refused | wrong |",
-        "|---|---|---|---|",
-        *(f"| {low:.3f} … {high:.3f} | {a} | {b} | {c} |" for low, high, a, b, c in deciles(rows)),
+        f"| inductance, per unit | {' | '.join(shown)} |",
+        "|---" * (1 + len(shown)) + "|",
+        *(_decile(part, shown) for part in deciles(rows)),
         "",
     ]
     found = groups(rows)
@@ -110,6 +172,12 @@ def _result(document: Document) -> list[str]:
         some = ", ".join(map(str, g.indices[:EXAMPLES]))
         lines.append(f"| {g.outcome} | {g.kind} | {len(g.indices)} | {g.also} | {some} | {g.example} |")
     return [*lines, ""]
+
+
+def _decile(part: tuple[float, ...], shown: Sequence[str]) -> str:
+    low, high, *counts = part
+    by_outcome = dict(zip(OUTCOMES, counts, strict=True))
+    return f"| {low:.3f} … {high:.3f} | {' | '.join(str(by_outcome[outcome]) for outcome in shown)} |"
 
 
 def page(documents: Sequence[Document]) -> str:
@@ -139,15 +207,15 @@ def page(documents: Sequence[Document]) -> str:
         "",
     ]
     for document in documents:
-        lines += _result(document)
+        lines += [*_injection(), *_result(document)] if document["method"] == "injection" else _result(document)
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def read_documents() -> list[Document]:
-    """Of both methods; ConfigError names those that are missing."""
+    """Of all populations; ConfigError names those that are missing."""
     found: list[Document] = []
     problems = []
-    for method in METHODS:
+    for method in POPULATIONS:
         path = FOLDER / f"{method}.json"
         try:
             found.append(json.loads(path.read_text(encoding="utf-8")))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +15,21 @@ from matplotlib.figure import Figure
 from fluxlock.analysis.angles import dq_current
 from fluxlock.analysis.metrics import Analysis
 from fluxlock.analysis.plots import ANGLE_COLOUR, DPI, PHASE_COLOURS
-from fluxlock.analysis.rundata import RunData
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.population.judge import Judgement
+from fluxlock.population.injection_judge import judge_injection, row_of
+from fluxlock.population.injection_life import InjectionLife, play_injection
+from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life
 
 POINTS = 6000  # of a line: more than the picture has columns
 REASONS = 4  # that the title names
 
 
-def draw_life(data: RunData, life: Life, judgement: Judgement, path: Path) -> None:
-    """Write the picture."""
-    scenario, analysis = life.scenario, Analysis(data)
+def draw_life(life: Life, path: Path) -> list[str]:
+    """Run a life and write its picture; kinds of what is wrong."""
+    data = play(life)
+    scenario, analysis, judgement = life.scenario, Analysis(data), judge(data, life)
     figure = Figure(figsize=(11, 9), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     speed, current, angle = figure.subplots(3, 1, sharex=True)
@@ -61,3 +65,37 @@ def draw_life(data: RunData, life: Life, judgement: Judgement, path: Path) -> No
     lines = [f"{life.method}, machine {d.index}: {machine}, {d.emf}, run-up {1e3 * d.run_up_s:.0f} ms", *reasons]
     figure.suptitle("\n".join(lines), fontsize=9)
     figure.savefig(path)
+    return [reason.kind for reason in judgement.reasons]
+
+
+def draw_injection(life: InjectionLife, path: Path) -> list[str]:
+    """Run a start by injection and write its picture; kinds of what is wrong, or of the fault that ended it."""
+    run = play_injection(life)
+    reasons = row_of(judge_injection(run, life), run)["reasons"]
+    figure = Figure(figsize=(11, 9), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    speed, current, angle = figure.subplots(3, 1, sharex=True)
+    rows = run.rows[:: max(1, len(run.rows) // POINTS)]
+    time_s, motor = rows["t_cycle"] / CLOCK_HZ, life.machine
+    speed.plot(time_s, rows["omega"] / motor.pole_pairs * RPM_PER_RAD_S, color=PHASE_COLOURS[0], lw=0.8, label="rotor")
+    speed.plot(time_s, rows["rpm"], color=PHASE_COLOURS[2], lw=0.6, label="reported")
+    speed.axhline(life.target_rpm, color="#888888", ls="--", lw=0.8, label="target")
+    speed.set_ylabel("speed, r/min")
+    for name, colour in (("i_q", PHASE_COLOURS[1]), ("i_d", PHASE_COLOURS[2])):
+        current.plot(time_s, rows[name] / life.scenario.current_limit_a, color=colour, lw=0.6, label=name)
+    current.set_ylabel("current over the limit")
+    angle.plot(time_s, rows["error_deg"], ".", ms=1, color=ANGLE_COLOUR, label="while it runs")
+    angle.set_ylabel("angle error, deg")
+    angle.set_xlabel("time, s")
+    for axes in (speed, current, angle):
+        axes.grid(True, alpha=0.3)
+        axes.legend(loc="upper right")
+        axes.axvline(run.found_s, color="#009E73", alpha=0.4)
+    d = life.draw
+    begin = "blocked" if d.blocked else f"turning {100 * d.turning:.1f} %" if d.turning else "at rest"
+    machine = f"{motor.description}, {d.phases} phases, L_q/L_d {d.saliency:.2f}, {begin}"
+    over = ", ".join(f"{name} {value:.2f}" for name, value in asdict(d.over).items())
+    texts = [f"{reason['kind']}: {reason['text']}" for reason in reasons[:REASONS]] or ["right"]
+    figure.suptitle("\n".join((f"injection, machine {d.index}: {machine}", f"over file: {over}", *texts)), fontsize=9)
+    figure.savefig(path)
+    return [reason["kind"] for reason in reasons]

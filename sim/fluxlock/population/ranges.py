@@ -15,11 +15,13 @@ PATH = Path(__file__).with_name("ranges.toml")
 Span = tuple[float, float]
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """Part of a ranges file: no key that is not known."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class FileError(_Table):
+class FileError(Table):
     """How far a motor file is off, as shares."""
 
     resistance: float
@@ -28,7 +30,7 @@ class FileError(_Table):
     inertia: float
 
 
-class Ranges(_Table):
+class Ranges(Table):
     """Least and most of each quantity; per unit of EMF, rated current and frequency at base speed."""
 
     power_w: Span

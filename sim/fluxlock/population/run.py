@@ -15,37 +15,40 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from fluxlock import analysis, native
-from fluxlock.analysis.rundata import RunData
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_host_library
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, content_hash
-from fluxlock.population.draw import Draw, Method
-from fluxlock.population.judge import judge
+from fluxlock.population.draw import METHODS, Draw
+from fluxlock.population.injection_draw import InjectionDraw
+from fluxlock.population.injection_judge import judge_injection, row_of
+from fluxlock.population.injection_life import InjectionLife, injection_life, injection_refusals, play_injection
+from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
 from fluxlock.writable import check_folder
 
 FOLDER = BUILD / "population"
-RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
+RIGHT, NAMED, REFUSED, WRONG = "right", "named", "refused", "wrong"
+OUTCOMES = (RIGHT, NAMED, REFUSED, WRONG)
 # Modules that measure, beside the native drive that runs.
-MEASURING = ("judge", "ideal"), ("metrics", "angles")
+MEASURING = ("judge", "ideal", "injection_judge", "injection_life"), ("metrics", "angles")
+Population = Literal["six-step", "vector", "injection"]
+POPULATIONS: tuple[Population, ...] = (*METHODS, "injection")
 
 Row = dict[str, Any]
 Done = Callable[[], None]
 
 
-def play(life: Life) -> RunData:
-    """Run a life on the host."""
-    from fluxlock.native.player import player
-
-    return player(life.scenario, life.scenario.seed).run()
-
-
 class SourcesChanged(Exception):
     """Firmware, models or measures are others than at the first life: a row would be of a mixture."""
+
+
+def outcomes(method: Population) -> tuple[str, ...]:
+    """Those that a life can have: only a start by injection may end in a fault that names it."""
+    return OUTCOMES if method == "injection" else (RIGHT, REFUSED, WRONG)
 
 
 def makers() -> str:
@@ -57,24 +60,44 @@ def makers() -> str:
     return content_hash(sources)
 
 
-def _key(life: Life, made_by: str) -> str:
+def _key(life: Life | InjectionLife, made_by: str) -> str:
     """Of what runs and measures, the firmware's parameters, machine and life."""
     settings = json.dumps(life.scenario.model_dump(mode="json", exclude={"expect"}), sort_keys=True)
-    return content_hash([], made_by, parameter_block(life.scenario).pack(), settings, life.holds, life.changes)
+    more = (life.holds, life.changes) if isinstance(life, Life) else (life.machine, life.draw)
+    return content_hash([], made_by, parameter_block(life.scenario).pack(), settings, *more)
 
 
-def _head(life: Life) -> Row:
+def _head(life: Life | InjectionLife, method: Population) -> Row:
     d = life.draw
-    machine = {name: getattr(d, name) for name in ("resistance_pu", "inductance_pu", "base_hz", "run_up_s", "emf")}
-    machine |= {"saliency": d.saliency, "supply_v": d.supply_v, "power_w": d.power_w, "pole_pairs": d.pole_pairs}
-    return {"index": d.index, "method": life.method, "machine": machine}
+    shared = ("resistance_pu", "inductance_pu", "base_hz", "run_up_s", "saliency", "supply_v", "power_w", "pole_pairs")
+    machine = {name: getattr(d, name) for name in shared}
+    machine |= {"emf": d.emf} if isinstance(d, Draw) else {"phases": d.phases}
+    return {"index": d.index, "method": method, "machine": machine}
 
 
-def run_life(method: Method, seed: int, made_by: str, index: int) -> Row:
-    """A row of the population's document. made_by: see `makers`."""
+def _judged(life: Life | InjectionLife) -> Row:
+    """Outcome of a life that runs, and what was found."""
+    if isinstance(life, Life):
+        found = judge(play(life), life).as_json()
+        return {"outcome": WRONG if found["reasons"] else RIGHT, **found}
+    run = play_injection(life)
+    verdict = judge_injection(run, life)
+    return {"outcome": WRONG if verdict.reasons else NAMED if verdict.named else RIGHT, **row_of(verdict, run)}
+
+
+def any_life(method: Population, seed: int, index: int) -> tuple[Life | InjectionLife, list[str]]:
+    """The life of a machine, and why it is refused."""
+    if method == "injection":
+        injected = injection_life(InjectionDraw.of(seed, index))
+        return injected, injection_refusals(injected)
     life = life_of(Draw.of(seed, index), method)
-    head = _head(life)
-    reasons = refusals(life)
+    return life, refusals(life)
+
+
+def run_life(method: Population, seed: int, made_by: str, index: int) -> Row:
+    """A row of the population's document. made_by: see `makers`."""
+    life, reasons = any_life(method, seed, index)
+    head = _head(life, method)
     if reasons:
         texts = [{"kind": text.partition(":")[0], "text": text} for text in reasons]
         return {**head, "outcome": REFUSED, "reasons": texts}
@@ -85,9 +108,9 @@ def run_life(method: Method, seed: int, made_by: str, index: int) -> Row:
     if makers() != made_by:
         raise SourcesChanged("the sources have changed since the first life; run the population again")
     begin = time.process_time()
-    found = judge(play(life), life).as_json()
+    found = _judged(life)
     spent = {"simulated_s": life.scenario.duration_s, "cpu_s": time.process_time() - begin}
-    row = {**head, "outcome": WRONG if found["reasons"] else RIGHT, **found, **spent}
+    row = {**head, **found, **spent}
     check_folder(path.parent)
     part = path.with_suffix(".part")
     part.write_text(json.dumps(row), encoding="utf-8")
@@ -95,7 +118,7 @@ def run_life(method: Method, seed: int, made_by: str, index: int) -> Row:
     return row
 
 
-def run_lives(method: Method, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
+def run_lives(method: Population, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
     """Rows of the lives by index; done: called for each as it comes."""
     check_folder(FOLDER / method)
     work, rows = partial(run_life, method, seed, makers()), []

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fluxlock.population.run import REFUSED, RIGHT, WRONG, Row
+from fluxlock.population.run import NAMED, OUTCOMES, REFUSED, WRONG, Row
 
 EXAMPLES = 6
 DECILES = 10
@@ -31,9 +31,9 @@ def count(rows: Sequence[Row], outcome: str) -> int:
 
 
 def groups(rows: Sequence[Row]) -> list[Group]:
-    """Reasons by how many lives they are the first one of, wrong before refused."""
+    """Reasons by how many lives they are the first one of, wrong before named before refused."""
     found = []
-    for outcome in (WRONG, REFUSED):
+    for outcome in (WRONG, NAMED, REFUSED):
         part = [row for row in rows if row["outcome"] == outcome]
         for kind in dict.fromkeys(reason["kind"] for row in part for reason in row["reasons"]):
             first = [row for row in part if row["reasons"][0]["kind"] == kind]
@@ -41,16 +41,17 @@ def groups(rows: Sequence[Row]) -> list[Group]:
             texts = [reason["text"] for row in first or having for reason in row["reasons"] if reason["kind"] == kind]
             indices = tuple(int(row["index"]) for row in first)
             found.append(Group(outcome, kind, indices, len(having) - len(first), texts[0]))
-    return sorted(found, key=lambda g: (g.outcome != WRONG, -len(g.indices), -g.also))
+    order = (WRONG, NAMED, REFUSED)
+    return sorted(found, key=lambda g: (order.index(g.outcome), -len(g.indices), -g.also))
 
 
-def deciles(rows: Sequence[Row]) -> list[tuple[float, float, int, int, int]]:
-    """Least and most inductance of each tenth of the lives, and how many are right, refused and wrong."""
+def deciles(rows: Sequence[Row]) -> list[tuple[float, ...]]:
+    """Least and most inductance of each tenth of the lives, and how many have each of `OUTCOMES`."""
     order = sorted(rows, key=lambda row: float(row["machine"]["inductance_pu"]))
     found = []
     for k in range(DECILES):
         part = order[k * len(order) // DECILES : (k + 1) * len(order) // DECILES]
         if part:
             low, high = (float(row["machine"]["inductance_pu"]) for row in (part[0], part[-1]))
-            found.append((low, high, count(part, RIGHT), count(part, REFUSED), count(part, WRONG)))
+            found.append((low, high, *(count(part, outcome) for outcome in OUTCOMES)))
     return found
