@@ -75,6 +75,11 @@ UNSATURATED = ROOT / "motors" / "ipm-4pp.toml"
             [targets(9000), *ALONE, "motor.inertia_kgm2=2e-9"],
             "event[0].speed_rpm: 9000 r/min is below 25204 r/min, under which the speed changes between two crossings",
         ),
+        (
+            ENCODER,
+            [targets(20), *ALONE, "motor.encoder.index=false"],
+            "20 r/min is below 37 r/min, under which the EMF is too small to show that an encoder counts wrongly",
+        ),
     ],
 )  # fmt: skip
 def test_caution(path: Path, overrides: list[str], expected: str) -> None:

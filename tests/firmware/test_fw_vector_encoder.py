@@ -12,6 +12,7 @@ from dataclasses import replace
 import pytest
 
 from fluxlock.firmware.block import Value
+from tests.firmware.firmware_bench import MOTOR_1
 from tests.firmware.vector_bench import VectorBench, VectorSettings
 from tests.firmware.vector_float import CLOCK_HZ
 
@@ -23,6 +24,9 @@ FOUND_S = 0.02  # a lost angle, where there is an EMF to see
 # The forced frame leads the rotor on by up to half a turn.
 LED_RPM = 60.0 * math.sqrt(VectorSettings().start_hz_per_s)
 START_S = 0.2  # what is wrong from the start on
+# Twice the voltage of the lost dead time, 0.13 V here.
+EMF_SHOWS_RPM = 2500
+ASTRAY_S = 0.005
 SENSORED = VectorSettings(sensored=True, encoder_lines=LINES, encoder_offset_turn=0.3)
 
 
@@ -248,6 +252,42 @@ def test_wrong_counts_without_an_index_are_named(wrong: dict[str, float]) -> Non
     fault, _, since_s = named(replace(SENSORED, encoder_index=False, **wrong), 30_000, 0.5)
     assert fault == "encoder"
     assert since_s < FOUND_S
+
+
+@pytest.mark.parametrize("index", [True, False])
+@pytest.mark.parametrize("rpm", [-1000, 3000, 30_000])
+@pytest.mark.parametrize("told", [0.25, 0.5, 2.0, 4.0])
+def test_counts_taken_for_lines_are_named(told: float, rpm: int, index: bool) -> None:
+    """A factor of two or four in the file, whatever the speed: the rotor swings about a place, or outruns its encoder.
+
+    Below the speed that the EMF shows only the index or the rotor that is held can tell it.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_told=told, encoder_index=index), values=VALUES)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {rpm}")
+    bench.fw.command("start")
+    bench.run(START_S + (1.0 if abs(rpm) < EMF_SHOWS_RPM else 0.5), lambda: bench.fw.state == "fault")
+    log = [line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")]
+    assert log and set(log) <= ({"encoder", "stalled"}), (log, bench.rpm)
+    assert log[0] == "encoder" or not index
+    assert bench.trips == 0
+
+
+@pytest.mark.parametrize("rpm", [-1000, 1000])
+@pytest.mark.parametrize("told", [0.98, 1.02])
+def test_a_drift_below_the_emf_does_not_run_away(told: float, rpm: int) -> None:
+    """Without index, load or EMF nothing shows the angle: it drifts. As the EMF appears, the drive is off in 5 ms.
+
+    Verifies: ENC-08
+    """
+    bench = VectorBench(replace(SENSORED, encoder_index=False, encoder_told=told), values=VALUES)
+    bench.start(rpm, START_S)
+    bench.record.clear()
+    assert bench.run(2.0, lambda: bench.left_running())
+    full_rad_s2 = 1.5 * MOTOR_1.psi_vs[0] * 30.0 / MOTOR_1.inertia_kgm2
+    assert max(abs(s.rpm) for s in bench.record) < EMF_SHOWS_RPM + ASTRAY_S * full_rad_s2 * 30.0 / math.pi
 
 
 def test_an_index_corrects_a_lost_line() -> None:

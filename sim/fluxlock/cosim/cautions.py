@@ -107,7 +107,24 @@ def _raised(s: Scenario) -> Iterator[Problem]:
             return
 
 
+def _unchecked(s: Scenario) -> Iterator[Problem]:
+    """Speeds at which neither an index nor the EMF would show an encoder that counts wrongly."""
+    vector, encoder, motor = s.drive.vector, s.motor.encoder, s.motor
+    if s.drive.method != "vector" or vector.angle != "encoder" or encoder is None or encoder.index:
+        return
+    floor_v = parameter_block(s).number("vector_lost_floor_v_q25") / 2**25 * s.inverter.sensing.voltage_full_scale_v
+    least_rpm = 2.0 * floor_v / abs(motor.omega_e(1.0)) / (sum(motor.psi_vs) / motor.phases)
+    for point in points(s):
+        if point.target and 0 < abs(point.speed_rpm) < least_rpm:
+            text = (
+                f"{with_unit(point.speed_rpm, 'r/min')} is below {least_rpm:.0f} r/min, under which the EMF is too "
+                "small to show that an encoder counts wrongly; use one with an index (motor.encoder.index)"
+            )
+            yield s.sources.problem(point.key, text)
+            return
+
+
 def cautions(s: Scenario) -> list[Problem]:
     """Each by file and key, with what to do."""
-    checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised)
+    checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised, _unchecked)
     return [problem for check in checks for problem in check(s)]

@@ -9,8 +9,9 @@
 
 // Time at the largest current without an EMF, of a rotor whose encoder is in doubt, over that of an angle that is astray.
 #define STILL_SHARE 10u
-// An index that strays by more than 6 degrees, so many times with less than two turns between them.
-#define STRAY_ERROR_Q30 112347000
+// An index that strays by more than 6 degrees, so many times with less than two turns between them. At the first look the loop
+// has left 5 degrees of them.
+#define STRAY_ERROR_Q30 93622000
 #define STRAYS_MAX 3u
 #define STRAY_TURNS 2u
 #define STRAY_TICKS_MAX (1u << 24)
@@ -21,6 +22,8 @@
 #define COAST_Q32 (1 << 30)
 // The EMF's word against the encoder is four times as heavy as one for it.
 #define ASTRAY_WEIGHT 4u
+// A rotor that swings about the place that holds it is fast for a third of the time.
+#define HELD_WEIGHT 2u
 
 // Further than 45 degrees.
 static bool is_far(int32_t turn_q32) { return turn_q32 > 1 << 29 || turn_q32 < -(1 << 29); }
@@ -45,6 +48,8 @@ HOT void vector_read_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
     see_index(v);
   }
 }
+
+SMALL_CODE_BEGIN
 
 // The rotor swings about the standing current.
 COLD void vector_watch_alignment(vector_t *v) {
@@ -90,14 +95,18 @@ COLD encoder_proof_t vector_prove_coasting(vector_t *v, uint32_t rotor_turn_q32,
   return (abs_sat((int32_t)(rotor_turn_q32 - v->proof_turn_q32)) < COAST_Q32) ? ENCODER_UNPROVEN : ENCODER_RIGHT;
 }
 
+SMALL_CODE_END
+
 HOT void vector_compare_encoder(vector_t *v, const chip_vector_snapshot_t *in) {
   v->report.vector.encoder_ahead_q30 = v->encoder ? encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32) : 0;
   v->report.vector.encoder_faults += (uint16_t)(in->encoder_invalid - v->encoder_invalid);
   v->encoder_invalid = in->encoder_invalid;
 }
 
+SMALL_CODE_BEGIN
+
 // A rotor that turns while its encoder stands still, or whose encoder leaps.
-HOT static bool contradicted(vector_t *v, uint32_t expected_v_q25) {
+COLD static bool contradicted(vector_t *v, uint32_t expected_v_q25) {
   const bool bad = abs_sat(v->error_q30) > LOST_ERROR_Q30 ||
                    v->report.vector.emf_v_q25 / 2u > expected_v_q25 + v->start_settings.minimum_v_q25;
   v->contradictions = bad ? v->contradictions + 1u : 0u;
@@ -127,57 +136,67 @@ COLD static bool index_strays(vector_t *v, uint16_t strayed) {
   return v->strays >= STRAYS_MAX;
 }
 
-// The largest current does not make the rotor faster. Of one that an EMF has agreed with only a standstill counts.
-HOT static bool is_held(vector_t *v) {
-  if (__builtin_expect(v->report.limit != LIMIT_CURRENT, 1)) {
-    v->fastest_rpm_q8 = INT32_MIN / 2;
-    return false;
-  }
-  const int32_t speed_rpm_q8 = v->report.speed_rpm_q8;
+// Two thirds of the largest current leave the rotor at less than half of the ramp's speed, and it does not get faster. Of one
+// that an EMF has agreed with only a standstill at the largest current counts.
+static bool is_held(vector_t *v) {
+  const int32_t i_q25 = v->reference_i_q25.im;
+  const int32_t speed_rpm_q8 = (i_q25 < 0) ? -v->report.speed_rpm_q8 : v->report.speed_rpm_q8;
+  const int32_t wanted_rpm_q8 = abs_sat(v->ramp.value_rpm_q8);
   if (v->encoder_right) {
-    const int32_t wanted_rpm_q8 = abs_sat(v->ramp.value_rpm_q8);
-    return abs_sat(speed_rpm_q8) < ((wanted_rpm_q8 < v->back_rpm_q8) ? wanted_rpm_q8 : v->back_rpm_q8) / 16;
+    return v->report.limit == LIMIT_CURRENT && abs_sat(speed_rpm_q8) < wanted_rpm_q8 / 16;
   }
-  const int32_t along_rpm_q8 = (v->reference_i_q25.im < 0) ? -speed_rpm_q8 : speed_rpm_q8;
-  if (along_rpm_q8 < v->fastest_rpm_q8 || along_rpm_q8 - v->fastest_rpm_q8 < v->back_rpm_q8 / 16) {
-    return true;
+  if (v->still == 0u) {
+    v->fastest_rpm_q8 = speed_rpm_q8;
   }
-  v->fastest_rpm_q8 = along_rpm_q8;
-  return false;
+  return abs_sat(i_q25) / 256 > v->settings->current_limit_q17 / 3 * 2 && speed_rpm_q8 < wanted_rpm_q8 / 2 &&
+         speed_rpm_q8 - v->fastest_rpm_q8 < v->back_rpm_q8 / 16;
 }
 
 // A load or a brake holds the rotor, or the encoder is wrong. A drive whose encoder an EMF has agreed with goes on, and the
 // log says so.
-COLD static outcome_t judge_stall(const vector_t *v, bool doubtful) {
-  if (doubtful) {
-    return outcome_fault(FAULT_ENCODER);
+COLD static outcome_t judge_stall(const vector_t *v) {
+  if (v->encoder_right) {
+    return outcome_passing(outcome_of(EVENT_STAY), FAULT_STALLED);
   }
-  return v->encoder_right ? outcome_passing(outcome_of(EVENT_STAY), FAULT_STALLED)
-                          : outcome_because(EVENT_LOCK_LOST, FAULT_STALLED);
+  return v->index_jumped ? outcome_fault(FAULT_ENCODER) : outcome_because(EVENT_LOCK_LOST, FAULT_STALLED);
 }
 
-// An encoder whose angle is not that of the EMF, by more than 45 degrees, where there is one to see.
-HOT static outcome_t judge_angle(vector_t *v, uint32_t expected_v_q25) {
+// Voltage that the observer may be wrong by (lost_angle.h).
+static uint32_t wrong_v_q25(const vector_t *v) {
+  const int32_t length_i_q25 = (int32_t)(rough_length(v->report.vector.current_i_q17) << 8);
+  return (uint32_t)gain_apply(length_i_q25, v->lost.resistance) + v->lost.floor_v_q25;
+}
+
+// An encoder whose angle is not that of the EMF, by more than 45 degrees, or whose speed is over twice that of the EMF. Each
+// where there is an EMF to see, or to miss.
+COLD static outcome_t judge_angle(vector_t *v, uint32_t expected_v_q25) {
   const complex_t emf_v_q25 = v->observer.emf_v_q25;
-  const uint32_t size_v_q25 = v->report.vector.emf_v_q25;
+  const uint32_t half_v_q25 = v->report.vector.emf_v_q25 / 2u;
+  const uint32_t least_v_q25 = wrong_v_q25(v);
   const int32_t ahead_v_q25 = (v->direction > 0) ? emf_v_q25.im : -emf_v_q25.im;
-  const bool seen = size_v_q25 / 2u > v->start_settings.minimum_v_q25 && size_v_q25 >= expected_v_q25 / 2u;
-  const bool off = seen && ahead_v_q25 < abs_sat(emf_v_q25.re);
+  const bool missing = expected_v_q25 / 2u > least_v_q25 && half_v_q25 < expected_v_q25 / 4u;
+  const bool seen = half_v_q25 > least_v_q25 || missing;
+  const bool off = missing || (seen && ahead_v_q25 < abs_sat(emf_v_q25.re));
   if (off) {
     v->astray += ASTRAY_WEIGHT;
   } else if (seen && v->astray > 0u) {
     v->astray--;
   }
   v->encoder_right = v->encoder_right || (seen && v->astray == 0u);
-  const bool doubtful = v->index_jumped && !v->encoder_right;
-  v->still = is_held(v) ? v->still + 1u : 0u;
+  const uint32_t before = v->still;
+  const uint32_t most = HELD_WEIGHT * STILL_SHARE * v->lost_checks;
+  if (is_held(v)) {
+    v->still += (before < 2u * most) ? HELD_WEIGHT : 0u;
+  } else if (before > 0u) {
+    v->still--;
+  }
   if (v->astray >= ASTRAY_WEIGHT * v->lost_checks) {
     return outcome_fault(FAULT_ENCODER);
   }
-  return (v->still == STILL_SHARE * v->lost_checks) ? judge_stall(v, doubtful) : outcome_of(EVENT_STAY);
+  return (before < most && v->still >= most) ? judge_stall(v) : outcome_of(EVENT_STAY);
 }
 
-HOT outcome_t vector_judge_encoder(vector_t *v, uint32_t expected_v_q25, const chip_vector_snapshot_t *in) {
+COLD outcome_t vector_judge_encoder(vector_t *v, uint32_t expected_v_q25, const chip_vector_snapshot_t *in) {
   const bool lost = contradicted(v, expected_v_q25);
   const bool stray = in->encoder_strayed != v->encoder_strayed || v->stray_waits;
   if (__builtin_expect(stray, 0)) {
@@ -199,3 +218,4 @@ COLD void vector_doubt_encoder(vector_t *v) {
   v->strays = 0;
   v->stray_waits = false;
 }
+SMALL_CODE_END

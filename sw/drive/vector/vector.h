@@ -185,8 +185,8 @@ typedef struct vector {
   // What speaks against the encoder.
   uint32_t contradictions;  // checks in a row that found a turning rotor where it stands, or leaps of it
   uint32_t astray;          // checks that found the EMF elsewhere than the encoder, four each, less those that did not
-  uint32_t still;           // checks in a row at the largest current, without getting faster
-  int32_t fastest_rpm_q8;   // meanwhile, in the current's direction
+  uint32_t still;           // checks at a large current that found the rotor held, two each, less the others
+  int32_t fastest_rpm_q8;   // before them, in the current's direction
   uint32_t strays;          // in a row, of the index to another position
   uint32_t stray_tick;      // last one
   int32_t stray_q30;        // jump of the angle there
