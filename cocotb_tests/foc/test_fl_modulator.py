@@ -15,7 +15,6 @@ import cocotb
 import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
-from scipy.integrate import quad
 
 from cocotb_tests.measured import measured
 from fluxlock.cosim.block import run_block_test
@@ -394,6 +393,8 @@ def leg_wave(phases: int) -> list[tuple[float, Callable[[float], float]]]:
 
 def fundamental(amplitude: float, phases: int, limit: float = 0.5) -> float:
     """Fundamental of a leg in vdc: the wave of space-vector modulation in closed form, clamped to the rails."""
+    from scipy.integrate import quad  # slow to import: many other benches import this one
+
     total, begin = 0.0, 0.0
     for end, wave in leg_wave(phases):
 

@@ -63,15 +63,20 @@ def not_green(changed: Iterable[str]) -> list[str]:
     return [name for name in changed if green.get(name) != _hash(name)]
 
 
+def _word(path: PurePosixPath) -> str:
+    """By which other files name one: its stem, of a bench in Python with its package."""
+    return f"{path.parent.name}.{path.stem}" if path.suffix == ".py" else path.stem
+
+
 def _naming(words: Collection[str], texts: dict[str, str]) -> set[str]:
-    """Files whose text has one of the words, or the stem of a file that does, and so on."""
+    """Files whose text has one of the words, or the word of a file that does, and so on."""
     found: set[str] = set()
     left = set(words)
     while left:
         pattern = re.compile(rf"\b({'|'.join(map(re.escape, sorted(left)))})\b")
         new = {name for name, text in texts.items() if name not in found and pattern.search(text)}
         found |= new
-        left = {PurePosixPath(name).stem for name in new} - {"__init__", "conftest"}
+        left = {_word(PurePosixPath(name)) for name in new}
     return found
 
 
@@ -84,7 +89,7 @@ def selection(changed: Collection[str], texts: dict[str, str]) -> list[str]:
     blocks = [p for p in paths if p.parts[0] in ("rtl", "cocotb_tests", "formal")]
     everywhere = any(name.startswith(EVERYWHERE) for name in changed)
     benches = {name: text for name, text in texts.items() if name.startswith(("cocotb_tests/", "formal/"))}
-    named = _naming({p.stem for p in blocks} - {"__init__", "conftest"}, benches) if blocks else set()
+    named = _naming({_word(p) for p in blocks}, benches) if blocks else set()
     hit = {name for name in benches if everywhere or name in named or name in changed}
     chosen = {name for name in hit if PurePosixPath(name).name.startswith("test_")}
     proofs = {PurePosixPath(name).stem for name in hit if name.endswith(".sby")}

@@ -24,6 +24,7 @@
 #endif
 #include "can_bus.h"
 #include "cosim.h"
+#include "cosim_chip.h"
 #include "verilated.h"
 #include "verilated_vpi.h"
 #ifdef COSIM_CPU_HOST

@@ -192,3 +192,14 @@ def test_values_with_prefixes(value: float, unit: str, expected: str) -> None:
     """
     factor, name = scale(value, unit)
     assert f"{number(factor * value)} {name}" == expected
+
+
+def test_help_loads_nothing_heavy() -> None:
+    """Compilers, solvers and plots are left to the commands that need them: every command would wait for them.
+
+    Verifies: FRONT-60
+    """
+    heavy = ("cocotb_tools", "matplotlib", "numba", "scipy")
+    program = f"import sys, fluxlock.cli; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -19,7 +19,11 @@ TEXTS = {
     "cocotb_tests/zcd/test_fl_zcd.py": 'from cocotb_tests.zcd.zcd_bench import TB\nSOURCES = ["zcd/fl_zcd.sv"]',
     "cocotb_tests/zcd/zcd_bench.py": 'SHARED = ["zcd/fl_interpolator.sv"]',
     "cocotb_tests/pwm/test_fl_pwm.py": '"pwm/fl_pwm.sv"',
-    "cocotb_tests/safety/test_fl_trip.py": '"safety/fl_trip.sv"',
+    "cocotb_tests/safety/test_fl_trip.py": '"safety/fl_trip.sv"  # the safety bench',
+    "cocotb_tests/can/bench.py": 'SOURCES = ["can/fl_can.sv"]',
+    "cocotb_tests/can/test_fl_can.py": "from cocotb_tests.can.bench import SOURCES",
+    "cocotb_tests/soc/bench.py": "",
+    "cocotb_tests/soc/test_fl_irq.py": "from cocotb_tests.soc.bench import Bench",
     "formal/fl_trip.sby": "# Licence\n\n[tasks]\nprove\nsecond\n[options]\n[files]\n../../rtl/safety/fl_trip.sv\n",
     "tests/plant/test_hall.py": "",
     "tests/canopen/test_sdo.py": "",
@@ -36,6 +40,7 @@ PROOF = "tests/formal/test_safety_proofs.py::test_proof"
         ("rtl/zcd/fl_zcd.sv", ["cocotb_tests/zcd/test_fl_zcd.py"]),
         ("rtl/zcd/fl_interpolator.sv", ["cocotb_tests/zcd/test_fl_zcd.py"]),  # by its bench
         ("cocotb_tests/zcd/zcd_bench.py", ["cocotb_tests/zcd/test_fl_zcd.py"]),
+        ("rtl/can/fl_can.sv", ["cocotb_tests/can/test_fl_can.py"]),  # by one bench among several of that name
         (
             "rtl/safety/fl_trip.sv",
             ["cocotb_tests/safety/test_fl_trip.py", f"{PROOF}[fl_trip-prove]", f"{PROOF}[fl_trip-second]"],

@@ -16,7 +16,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 Matrix = NDArray[np.float64]
 
@@ -84,6 +83,8 @@ def _column(z: complex) -> Matrix:
 
 def _integral(plant: Plant, point: Point, time_s: float) -> tuple[Matrix, Matrix]:
     """exp(A t) of the machine, and what a stationary voltage adds to the current meanwhile."""
+    from scipy.linalg import expm  # slow to import: most commands never come here
+
     r, h, w = plant.resistance_ohm, plant.inductance_h, point.omega
     both = np.zeros((4, 4))
     both[:2, :2] = [[-(r + point.across_ohm) / h, w], [-w, -r / h]]

@@ -32,8 +32,10 @@ FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
 PATHS = ("six-step", "vector")
 SLOW = "Vtop_slow"  # source of what runs once
+CONSTANTS = "cosim_chip.h"  # of this chip, for the simulator's main alone: Verilator's runtime serves every chip
 # The code of a clock is one row of statements longer than the instruction cache: shorter is faster, -O3 loses a tenth.
 OPT = ("OPT_FAST=-O2", "OPT_GLOBAL=-O1")
+OPT_WAVES = ("OPT_FAST=-O1", "OPT_GLOBAL=-O1")  # runs are short, and writing takes most of their time
 WORDS = {
     "PUBLISHED": PUBLISHED_ADDRESS,
     "BLOCK": BLOCK_ADDRESS,
@@ -90,9 +92,19 @@ def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
 
 
 def _slow_source(folder: Path) -> None:
-    """One source for all that runs once at the start, compiled beside what runs in every clock."""
+    """One source for all that runs once at the start, compiled beside what runs in every clock and not optimized."""
     names = sorted(path.name for path in folder.glob("Vtop*__Slow.cpp"))
-    (folder / f"{SLOW}.cpp").write_text("".join(f'#include "{name}"\n' for name in names))
+    includes = "".join(f'#include "{name}"\n' for name in names)
+    (folder / f"{SLOW}.cpp").write_text(f"#pragma GCC optimize (0)\n{includes}")
+
+
+def _constants(folder: Path, phases: int, native: bool) -> None:
+    """What the simulator's main knows of this chip."""
+    values = {"CHANNELS": 2 * phases + 3, "MEMORY_WORDS": RAM_WORDS}
+    values |= {f"{name}_WORD": address // 4 for name, address in WORDS.items()}
+    lines = [f"#define COSIM_{name} {value}" for name, value in values.items()]
+    lines += ["#define COSIM_CPU_HOST"] if native else []
+    (folder / CONSTANTS).write_text("\n".join([*lines, ""]))
 
 
 def build_chip(
@@ -131,7 +143,6 @@ def build_chip(
         folder.mkdir(parents=True)
         log = folder / "build.log"
         libs = cocotb_tools.config.libs_dir
-        known = " ".join(f"-DCOSIM_{name}_WORD={address // 4}" for name, address in WORDS.items())
         exported = " ".join(
             f"-Wl,--export-dynamic-symbol={name}" for name in ("cosim_*", *(FOR_FIRMWARE if native else ()))
         )
@@ -144,8 +155,7 @@ def build_chip(
             "--vpi", "--timescale", "1ns/1ns", "-O3", "--flatten", "--public-ignore",
             "--x-assign", "fast", "--x-initial", "fast",
             "--output-split", "0", "-Wno-fatal",
-            "-CFLAGS", f"-march=native -DCOSIM_CHANNELS={2 * phases + 3} -DCOSIM_MEMORY_WORDS={RAM_WORDS} "
-            f"{known}{' -DCOSIM_CPU_HOST' if native else ''}",
+            "-CFLAGS", "-march=native",
             "-LDFLAGS", f"-Wl,-rpath,{libs} -L{libs} -lcocotbvpi_verilator {exported}",
             *(trace if waves else []),
             str(NATIVE / "cosim_main.cpp"), str(WAIVERS), *map(str, scopes), *map(str, sources),
@@ -153,9 +163,10 @@ def build_chip(
         _run(command, log, env)
         write_upset_table(folder)
         _slow_source(folder)
+        _constants(folder, phases, native)
         count = str(jobs or min(os.cpu_count() or 1, 4))
-        make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}", *OPT]
-        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW="]
+        make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}"]
+        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_WAVES if waves else OPT)]
         if waves:  # LDLIBS: Verilator's, without zlib and LZ4
             make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
         _run(make, log, env)

@@ -13,7 +13,7 @@ import typer
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
-from fluxlock.population.run import POPULATIONS, Population
+from fluxlock.population.draw import POPULATIONS, Population
 
 app = typer.Typer(
     help="Random machines that nobody tuned for: draw them, run their lives on the host, judge them.",

@@ -12,7 +12,8 @@ from functools import partial
 from rich.console import Console
 from rich.table import Table
 
-from fluxlock.population.run import FOLDER, OUTCOMES, WRONG, Population, Row, outcomes, run_lives
+from fluxlock.population.draw import Population
+from fluxlock.population.run import FOLDER, OUTCOMES, WRONG, Row, outcomes, run_lives
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
 from fluxlock.progress import counting_bars
 from fluxlock.sources import source_hashes

@@ -23,6 +23,8 @@ from fluxlock.population.ranges import Span, ranges
 
 Method = Literal["six-step", "vector"]
 METHODS: tuple[Method, ...] = ("six-step", "vector")
+Population = Literal["six-step", "vector", "injection"]
+POPULATIONS: tuple[Population, ...] = (*METHODS, "injection")
 
 # Least supply voltage for base speed and rated torque -> supply voltage: file errors and regulation take of it.
 RESERVE = 1.15

@@ -14,9 +14,10 @@ from typing import Any
 from fluxlock.config import ConfigError, Problem
 from fluxlock.paths import ROOT
 from fluxlock.population import injection_judge, injection_life, judge, life
+from fluxlock.population.draw import POPULATIONS
 from fluxlock.population.injection_draw import injection_ranges
 from fluxlock.population.ranges import ranges
-from fluxlock.population.run import FOLDER, NAMED, OUTCOMES, POPULATIONS, outcomes
+from fluxlock.population.run import FOLDER, NAMED, OUTCOMES, outcomes
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
 from fluxlock.sources import sources_text
 from fluxlock.writable import EXIT_BAD_INPUT, guarded

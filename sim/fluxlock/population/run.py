@@ -15,14 +15,14 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from fluxlock import analysis, native
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_host_library
 from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, content_hash
-from fluxlock.population.draw import METHODS, Draw
+from fluxlock.population.draw import Draw, Population
 from fluxlock.population.injection_draw import InjectionDraw
 from fluxlock.population.injection_judge import judge_injection, row_of
 from fluxlock.population.injection_life import InjectionLife, injection_life, injection_refusals, play_injection
@@ -35,8 +35,6 @@ RIGHT, NAMED, REFUSED, WRONG = "right", "named", "refused", "wrong"
 OUTCOMES = (RIGHT, NAMED, REFUSED, WRONG)
 # Modules that measure, beside the native drive that runs.
 MEASURING = ("judge", "ideal", "injection_judge", "injection_life"), ("metrics", "angles")
-Population = Literal["six-step", "vector", "injection"]
-POPULATIONS: tuple[Population, ...] = (*METHODS, "injection")
 
 Row = dict[str, Any]
 Done = Callable[[], None]
