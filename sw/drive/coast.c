@@ -12,11 +12,15 @@
 #define CATCH_FAILURES_MAX 2u
 // 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
 #define STUCK_TICKS 500u
+// 40 codes of 12 bits: far above noise.
+#define EMF_SEEN_Q17 1280
 
 SMALL_CODE_BEGIN
 void coast_begin(coast_t *coast) {
   catch_reset(&coast->rotor);
   stuck_reset(&coast->stuck);
+  winding_reset(&coast->winding);
+  coast->verdict = WINDING_UNKNOWN;
   coast->calm_ticks = 0;
 }
 
@@ -24,6 +28,16 @@ void coast_see(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in)
   coast->line_emf_q17 = catch_restore(in->v_q17, p->diode_v_q25 / 256, coast->v_q17);
   const int32_t apart_q17 = coast->line_emf_q17 - coast->pair_emf_q17;
   coast->pair_emf_q17 += (coast->rotor.agreeing > 0u) ? apart_q17 >> PAIR_EMF_SHIFT : apart_q17;
+}
+
+winding_verdict_t coast_winding(coast_t *coast, const order_t *order) {
+  if (!order->suspected || coast->line_emf_q17 < EMF_SEEN_Q17) {
+    return WINDING_WHOLE;
+  }
+  if (coast->verdict == WINDING_UNKNOWN && order->state_ticks > COAST_SETTLE_TICKS) {
+    coast->verdict = winding_step(&coast->winding, coast->v_q17, EMF_SEEN_Q17 / 2);
+  }
+  return coast->verdict;
 }
 
 bool coast_may_catch(const order_t *order, const settings_t *settings) {

@@ -8,6 +8,7 @@
 
 #include "control/catch.h"
 #include "control/stuck.h"
+#include "control/winding.h"
 #include "drive/method.h"
 
 // Latched trips of before are gone by then.
@@ -18,6 +19,8 @@ typedef enum { COAST_WAIT, COAST_AT_REST, COAST_FAULT } coast_result_t;
 typedef struct {
   catch_t rotor;
   stuck_t stuck;
+  winding_t winding;
+  winding_verdict_t verdict;
   uint32_t calm_ticks;
   int32_t v_q17[PHASES];  // restored terminal voltages of the tick
   int32_t line_emf_q17;
@@ -31,6 +34,9 @@ void coast_begin(coast_t *coast);
 
 // The terminal voltages of a tick. Once a tick, before the others.
 void coast_see(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in);
+
+// After an over-current: the winding, before anything is energised. A rotor without an EMF shows nothing.
+winding_verdict_t coast_winding(coast_t *coast, const order_t *order);
 
 // A rotor may be caught: channels that show an EMF without a rotor are given up. What a load has turned is no such failure.
 bool coast_may_catch(const order_t *order, const settings_t *settings);

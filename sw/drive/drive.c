@@ -134,6 +134,7 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
   action_t action = (action_t)actions[event][order->state];
   if (outcome_passed(outcome) != FAULT_NONE) {
     fault_log_add(&drive->log, outcome_passed(outcome), order->tick);
+    order->suspected = order->suspected || fault_is_over_current(outcome_passed(outcome));
   }
   if (event == EVENT_LOCK_LOST || event == EVENT_LOCK_SAVED) {
     drive->lost_locks++;
@@ -191,6 +192,7 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
   }
   if (fault != FAULT_NONE) {
     fault_log_add(&drive->log, fault, order->tick);
+    order->suspected = order->suspected || fault_is_over_current(fault);
   }
 }
 
@@ -281,6 +283,7 @@ COLD static bool followed_protection(drive_t *drive, const chip_snapshot_t *in) 
   const uint32_t silent_ticks = drive->order.tick - drive->heard_tick;
   if (drive->order.state == STATE_RUNNING && drive->order.state_ticks >= (uint32_t)drive->p->restart_clear_ticks) {
     renew_attempts(drive);
+    drive->order.suspected = false;
   }
   return followed(drive, protect_step(&drive->protect, drive->p, in, &drive->order, &drive->settings, drive->report,
                                       by_vectors(drive) ? VECTOR_LOOK_TICKS : SIX_STEP_LOOK_TICKS, silent_ticks));

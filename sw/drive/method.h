@@ -62,6 +62,7 @@ typedef struct {
   uint32_t restarts;
   bool again;       // this start follows a failed one or a lost lock
   bool requested;   // this start was asked for
+  bool suspected;   // there was an over-current: the winding may be shorted
   bool pulled_out;  // the last start failed because a load turned the rotor: it may be caught again
   bool settings_fresh;  // changed since the step before
 } order_t;

@@ -21,15 +21,11 @@ static fault_t doubted(const parameters_t *p) {
   return (p->vector_angle != 0) ? FAULT_ENCODER : FAULT_ANGLE_LOST;
 }
 
-static bool is_over_current(fault_t fault) {
-  return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
-}
-
 // A drive that has lost its lock drives current against the EMF: an over-current then is its consequence, not a fault of
-// its own. While starting a short circuit looks the same: once may be chance.
+// its own. A short circuit looks the same: once may be chance.
 COLD static bool excuses_over_current(supervise_t *supervise, const order_t *order, bool lost) {
-  if (order->state != STATE_STARTING) {
-    return order->state == STATE_RUNNING && lost;
+  if (order->state != STATE_STARTING && order->state != STATE_RUNNING) {
+    return false;
   }
   const bool excused = !supervise->excused && lost;
   supervise->excused = supervise->excused || excused;
@@ -73,7 +69,7 @@ COLD static outcome_t judge_trips(supervise_t *supervise, const parameters_t *p,
     const uint32_t causes = ((first & rest) != 0u) ? first & rest : rest;
     const bool deadline = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u;
     const fault_t fault = deadline ? fault_of_monitor(in->trip_monitor) : fault_of_trip(causes);
-    const bool explained_by = is_over_current(fault) && report->doubtful;
+    const bool explained_by = fault_is_over_current(fault) && report->doubtful;
     passed = explained_by ? fault : passed;
     outcome = outcome_fault(explained_by ? doubted(p) : fault);
   }

@@ -8,13 +8,17 @@
 #include "drive/method.h"
 
 typedef struct {
-  bool excused;  // an over-current while starting has been taken for a lost lock
+  bool excused;  // an over-current has been taken for a lost lock
 } supervise_t;
 
 // Attempts are all that the parameters allow again.
 void supervise_renew(supervise_t *supervise);
 
 #define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
+
+static inline bool fault_is_over_current(fault_t fault) {
+  return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
+}
 
 // Once a tick. explained: the method says that an over-current now is the consequence of a lost lock.
 outcome_t supervise_step(supervise_t *supervise, const parameters_t *p, const chip_snapshot_t *in,

@@ -40,6 +40,28 @@ def test_over_current() -> None:
     assert run.metrics["again"]["speed_rpm"]["mean"] == pytest.approx(24_000, rel=0.01)
 
 
+SHORT_STAYS = (
+    'event=[{at_s=0.003, speed_rpm=24000}, {at_s=0.004, command="start"}, '
+    '{at_s=0.06, fault={kind="shorted_winding", phases=["A", "B"], turns_fraction=0.1}}, '
+    '{at_s=0.07, command="clear"}, {at_s=0.08, command="start"}]',
+    "window=[]",
+    "duration_s=0.12",
+)
+
+
+def test_shorted_winding_is_not_energised_again() -> None:
+    """A start after the trip finds the short by the EMF of the coasting rotor: a named fault, gates off all the time.
+
+    Verifies: FW-64
+    """
+    run = drive(SCENARIOS / "short.toml", "short-stays", *SHORT_STAYS)
+    trip = run.data.rows(LogKind.TRIP)
+    assert len(trip) == 1
+    later = run.gates()[run.gates()[:, 0] > trip[0, 0] + 3]
+    assert not later[:, 1].any()
+    assert "fault shorted_winding" in run.console()
+
+
 def test_fault_pin() -> None:
     """Gates are off at the third clock edge after the pin changes.
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from random import Random
 
 import pytest
@@ -87,6 +88,61 @@ def test_stuck_channels(lib: CData, channels: tuple[int, ...]) -> None:
     rest = [5000, 0, 0]
     lib.stuck_reset(stuck)
     assert not any(lib.stuck_step(stuck, rest, False, limit) for _ in range(4 * limit)), "no EMF"
+
+
+def spinning(
+    step_deg: float, shares: tuple[float, ...], noise: Random, amplitude: float = 20_000.0
+) -> Iterator[list[int]]:
+    """Terminals of a coasting machine whose phases have these shares of the EMF, as a converter shows them."""
+    theta_deg = noise.uniform(0.0, 360.0)
+    while True:
+        theta_deg += step_deg
+        e = [-amplitude * f * math.sin(math.radians(theta_deg - 120 * x)) for x, f in enumerate(shares)]
+        lift = -min(e) - 100.0
+        yield [max(0, round(x + lift + noise.gauss(0, 60))) for x in e]
+
+
+def verdict_of(lib: CData, voltages: Iterator[list[int]], least: int = 2000) -> tuple[int, int]:
+    """The first verdict and the ticks to it."""
+    winding = new("winding_t")
+    lib.winding_reset(winding)
+    for tick, v in enumerate(voltages, 1):
+        verdict = lib.winding_step(winding, v, least)
+        if verdict != lib.WINDING_UNKNOWN:
+            return verdict, tick
+    raise AssertionError("no verdict")
+
+
+@pytest.mark.parametrize(
+    ("shares", "shorted"),
+    [
+        ((1.0, 1.0, 1.0), False),
+        ((1.03, 0.97, 1.0), False),
+        ((0.2, 1.0, 1.0), True),
+        ((1.0, 0.4, 1.0), True),
+        ((0.1, 0.1, 1.0), True),
+        ((1.0, 0.0, 0.0), True),
+    ],
+)
+def test_winding(lib: CData, shares: tuple[float, ...], shorted: bool) -> None:
+    """Bridged turns are seen at every speed up to a third of a turn a tick, within 7 ms or two turns and a half.
+
+    Verifies: FW-64
+    """
+    for seed, step_deg in enumerate((1.0, -3.3, 17.0, 60.0, 72.0, 90.0, -110.0, 119.0)):
+        rng = Random(seed)
+        verdict, ticks = verdict_of(lib, spinning(step_deg, shares, rng))
+        assert verdict == (lib.WINDING_SHORTED if shorted else lib.WINDING_WHOLE), (seed, step_deg)
+        assert ticks <= max(64, 900.0 / abs(step_deg)), (seed, step_deg)
+
+
+def test_winding_beside_a_channel_that_stays(lib: CData) -> None:
+    """A terminal that does not move says nothing of the winding.
+
+    Verifies: FW-64
+    """
+    voltages = ([9000, v[1], v[2]] for v in spinning(17.0, (1.0, 1.0, 1.0), Random(1)))
+    assert verdict_of(lib, voltages)[0] == lib.WINDING_WHOLE
 
 
 def shown_voltages(theta: float, amplitude: float, diode: float, rng: Random) -> list[int]:

@@ -178,12 +178,11 @@ static hall_verdict_t prove(const work_t *w) {
   const six_step_view_t *view = w->view;
   const parameters_t *p = view->p;
   start_t *s = w->s;
-  coast_t *c = &s->coast;
+  const coast_t *c = &s->coast;
   if (w->h->proven || s->ticks > PROOF_TICKS + (uint32_t)p->hall_stall_ticks) {
     return HALL_RIGHT;
   }
-  coast_see(c, p, view->in);
-  if (coast_caught(c, p, view->order, view->settings, view->m->vdc_v_q25)) {
+  if (coast_caught(&s->coast, p, view->order, view->settings, view->m->vdc_v_q25)) {
     return hall_prove_coasting(w->h, view->in, s->reverse, c->rotor.angle, c->mean_step_q32);
   }
   const bool seen = coast_may_catch(view->order, view->settings) && c->line_emf_q17 >= p->catch_v_q17;
@@ -207,10 +206,14 @@ static outcome_t coast_by_edges(const work_t *w) {
 static outcome_t coast(const work_t *w) {
   const six_step_view_t *view = w->view;
   coast_t *c = &w->s->coast;
+  coast_see(c, view->p, view->in);
+  const winding_verdict_t winding = coast_winding(c, view->order);
+  if (winding != WINDING_WHOLE) {
+    return (winding == WINDING_SHORTED) ? outcome_fault(FAULT_SHORTED_WINDING) : stay;
+  }
   if (w->h->driving) {
     return coast_by_edges(w);
   }
-  coast_see(c, view->p, view->in);
   if (w->s->ticks > COAST_SETTLE_TICKS && coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25)) {
     take_over(w);
     return stay;

@@ -376,6 +376,10 @@ COLD static outcome_t coast_step(vector_t *v, const chip_snapshot_t *in) {
   const order_t *order = v->order;
   coast_t *c = &v->coast;
   coast_see(c, p, in);
+  const winding_verdict_t winding = coast_winding(c, order);
+  if (winding != WINDING_WHOLE) {
+    return (winding == WINDING_SHORTED) ? outcome_fault(FAULT_SHORTED_WINDING) : outcome_of(EVENT_STAY);
+  }
   const bool caught = order->state_ticks > COAST_SETTLE_TICKS &&
                       coast_caught(c, p, order, v->settings, v->report.vdc_v_q25);
   tell_speed(v, (c->mean_step_q32 < 0) ? -c->speed_rpm_q8 : c->speed_rpm_q8, caught);
