@@ -74,8 +74,8 @@ def clear(at_s: float) -> Change:
 # A diode keeps the link from feeding the failed supply.
 DIODE = "inverter.supply_diode=true"
 UNPROTECTED = (DIODE, "inverter.protection.under_voltage_v=0")
-# Three times the load needs 36.3 A, beyond the rated current: with that limit the scenario is refused. Ripple and the rise
-# before a commutation, 15 % and 2 A more, stay below the trip at 45 A.
+# Three times the load needs 36.3 A, beyond the rated current: with that limit the scenario is refused. Ripple and the
+# rise before a commutation, 15 % and 2 A more, stay below the trip at 45 A.
 STRONG = "drive.current_limit_a=37"
 # Legs change over within a carrier: the dead time shows.
 SYNC = "drive.sync_rect=true"
