@@ -18,6 +18,7 @@
 
 // Time constant of the currents that are shown and limited: 2^3 ticks.
 #define CURRENT_FILTER_SHIFT 3
+#define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
 
 // What has happened. The drive's table says what follows from it in which state.
 typedef enum {

@@ -14,8 +14,6 @@ typedef struct {
 // Attempts are all that the parameters allow again.
 void supervise_renew(supervise_t *supervise);
 
-#define TRIPS_OF_CURRENT (TRIP_PHASE_CURRENT | TRIP_DC_CURRENT)
-
 static inline bool fault_is_over_current(fault_t fault) {
   return fault == FAULT_PHASE_OVER_CURRENT || fault == FAULT_DC_OVER_CURRENT;
 }

@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from fluxlock.config import Inverter, Load, Motor
 from fluxlock.config.drive import Drive
+from fluxlock.native import averaged_motor as am
 from fluxlock.native.chip import AveragedChip
 from tests.firmware import machines
 from tests.firmware.machines import inverter, motor
@@ -100,6 +104,22 @@ class Bench(AveragedChip):
         assert self.fw.command(f"set speed_rpm {rpm}") == ["ok"]
         assert self.fw.command("start") == ["ok"]
         assert self.until_state("running", seconds), f"not running: {self.fw.command('status')}"
+
+
+def commutation_errors_deg(bench: Bench, ticks: int = 300) -> np.ndarray:
+    """How late the commutations of a span come, from the model's true angle."""
+    errors = []
+    s, p = bench.model.s, bench.scenario.motor.pole_pairs
+    direction = 1 if s[am.OMEGA] > 0 else -1
+    before = s[am.T_COMM]
+    for _ in range(ticks):
+        bench.step()
+        if s[am.T_COMM] != before:
+            before = s[am.T_COMM]
+            theta_deg = math.degrees(s[am.THETA] - (s[am.T] - before) * s[am.OMEGA] * p)
+            ideal_deg = (30.0 if direction > 0 else 270.0) + 60.0 * s[am.SECTOR]
+            errors.append(direction * ((theta_deg + 180.0 - ideal_deg + 180.0) % 360.0 - 180.0))
+    return np.array(errors)
 
 
 def fault_of(bench: Bench) -> str:

@@ -11,12 +11,20 @@ from collections.abc import Callable
 import pytest
 
 from fluxlock.native import averaged_motor as am
-from tests.firmware.firmware_bench import Bench
+from tests.firmware.firmware_bench import Bench, commutation_errors_deg
 
 BASE_RPM = 60_000
 FOUND_S = 0.02  # above a tenth of that speed, below it half an electrical turn if that is longer
 AFTERWARDS_S = 0.1
 AGAINST_DEG = 90.0  # electrical, in the wrong direction
+HELD_DEG = 15.0  # a quarter of a sector, of each commutation of a turn
+SECTORS = 6
+NAMED_S = 0.003  # from the trip to its cause
+
+
+def logged(bench: Bench) -> list[str]:
+    """Names in the fault log, the newest first."""
+    return [line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")]
 
 
 def jump(bench: Bench, degrees: float) -> None:
@@ -57,7 +65,8 @@ HOLDS = {"jump-60", "wrong-frequency"}
 def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
     """The rotor jumps, stands or turns at another speed: named in time, or commutated rightly by then.
 
-    Where the voltage of the speed meets a slower rotor, its current trips the hardware at once, by that name.
+    Where the voltage of the speed meets a slower rotor, its current trips the hardware at once, by that name. The log
+    says besides that the rotor stands.
 
     Verifies: FW-20, FW-63
     """
@@ -76,14 +85,19 @@ def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
         return bench.fw.state != "running"
 
     found = bench.run(limit_s, ended)
-    log = [line.split()[1] for line in bench.fw.command("faults") if line.startswith("fault ")]
     if found:
+        bench.run(NAMED_S)
         slower = fault in {"locked", "standing", "wrong-frequency"} and share > 0.1
-        assert log[0] == ("phase_over_current" if slower else "lost_lock")
+        stands = slower and fault != "wrong-frequency"
+        # The newest first: what a trip was the consequence of.
+        assert logged(bench)[:2] == ["stalled", "phase_over_current"] if stands else "stalled" not in logged(bench)
+        assert "phase_over_current" in logged(bench) if slower else logged(bench)[0] == "lost_lock"
     else:
-        # The crossings have taken the rotor again by themselves.
+        # The crossings have taken the rotor again by themselves: they commutate rightly from the limit on.
         assert fault in HOLDS and share < 0.1
-        assert log == []
+        errors_deg = commutation_errors_deg(bench, round(turn_s / bench.tick_s) + 1)
+        assert abs(errors_deg).max() < HELD_DEG and len(errors_deg) >= SECTORS
+        assert logged(bench) == []
     bench.run(AFTERWARDS_S, lambda: ended() and False)
     assert found or (bench.fw.state == "running" and bench.model.rpm > 0.9 * share * BASE_RPM)
     assert math.degrees(back_rad) < AGAINST_DEG

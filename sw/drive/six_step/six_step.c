@@ -12,6 +12,10 @@
 // 5 ms of a stop in which the shortest pulse drives the rotor.
 #define DRIVEN_TICKS 50u
 #define OUTRUN_LOOK_TICKS 4u
+// 2 ms at 10 kHz: the currents of a trip have ended.
+#define STOOD_TICKS 20u
+// Of the EMF that belonged to the speed.
+#define STOOD_SHARE 4
 
 static six_step_view_t view_of(const six_step_t *six, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   return (six_step_view_t){six->p, settings, order, in, &six->m};
@@ -117,6 +121,7 @@ COLD void six_step_start(six_step_t *six, const order_t *order, const settings_t
 }
 
 COLD void six_step_off(six_step_t *six) {
+  six->ran_v_q17 = six->m.emf_v_q25 / 256;
   sequence_off(&six->command.sequence);
   pwm_off(&six->pwm);
   start_off(&six->start);
@@ -230,6 +235,16 @@ COLD static outcome_t sensors_lost(const six_step_t *six, const order_t *order) 
   return outcome_of((order->state == STATE_STARTING) ? EVENT_STAY : EVENT_LOCK_LOST);
 }
 
+// With open gates a rotor that turns shows its EMF. One that does not, soon after it was driven at a speed, has been stopped: the
+// cause of the over-current.
+COLD static outcome_t look_stalled(six_step_t *six, const chip_snapshot_t *in) {
+  int32_t v_q17[PHASES];
+  const int32_t shown_v_q17 = catch_restore(in->v_q17, six->p->diode_v_q25 / 256, v_q17);
+  const bool tripped = (in->trip_latched & TRIPS_OF_CURRENT) != 0u;
+  const bool stood = tripped && six->ran_v_q17 / 2 > six->p->catch_v_q17 && shown_v_q17 < six->ran_v_q17 / STOOD_SHARE;
+  return outcome_passing(outcome_of(EVENT_STAY), stood ? FAULT_STALLED : FAULT_NONE);
+}
+
 HOT outcome_t six_step_step(six_step_t *six, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   const six_step_view_t view = view_of(six, in, order, settings);
   if (order_active(order) && hall_disappoints(&six->hall, six->p)) {
@@ -245,9 +260,10 @@ HOT outcome_t six_step_step(six_step_t *six, const chip_snapshot_t *in, const or
       return running_step(six, &view);
     case STATE_STOPPING:
       return stopping_step(six, &view);
+    case STATE_FAULT:
+      return (order->state_ticks == STOOD_TICKS) ? look_stalled(six, in) : outcome_of(EVENT_STAY);
     case STATE_INIT:
     case STATE_READY:
-    case STATE_FAULT:
     default:
       return outcome_of(EVENT_STAY);
   }

@@ -31,6 +31,7 @@ typedef struct {
   report_t report;
   uint32_t outrun_ticks;  // consecutive, while running
   uint32_t driven_ticks;  // consecutive, of a stop
+  int32_t ran_v_q17;      // EMF of the speed before the gates opened
   bool settings_due;      // changed, and not taken yet
 } six_step_t;
 
