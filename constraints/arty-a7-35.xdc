@@ -7,10 +7,13 @@ set_property CONFIG_VOLTAGE 3.3 [current_design]
 create_clock -name clk_100mhz -period 10.000 [get_ports {clk_100mhz_i}]
 # 50 MHz behind the PLL.
 set chip_clock [get_clocks -of_objects [get_pins u_pll/CLKOUT0]]
+# Oscillator of the configuration logic: 65 MHz + 50 %. Only single levels pass between it and the chip's clock.
+create_clock -name oscillator -period 10.256 [get_pins u_startup/CFGMCLK]
+set_clock_groups -asynchronous -group $chip_clock -group [get_clocks oscillator]
 
 # Asynchronous inputs, each passes a synchroniser; outputs whose timing does not matter.
 set_false_path -from [get_ports {reset_button_ni fault_pin_i hall_i[*] encoder_i[*] uart_rx_i can_rx_i}]
-set_false_path -to [get_ports {brake_o uart_tx_o can_tx_o led_o[*]}]
+set_false_path -to [get_ports {brake_o driver_enable_o uart_tx_o can_tx_o led_o[*]}]
 
 # Converters: select and clock are at the pads within 10 ns of the clock edge (20 ns - 10 ns).
 set_output_delay -clock $chip_clock -max 10.0 [get_ports {adc_cs_no adc_sclk_o}]
@@ -47,6 +50,7 @@ set_property -dict { PACKAGE_PIN D13 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {g
 set_property -dict { PACKAGE_PIN B18 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {gate_l_o[1]}]
 set_property -dict { PACKAGE_PIN A18 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {gate_l_o[2]}]
 set_property -dict { PACKAGE_PIN K16 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {brake_o}]
+set_property -dict { PACKAGE_PIN F3 IOSTANDARD LVCMOS33 DRIVE 8 } [get_ports {driver_enable_o}]
 set_property -dict { PACKAGE_PIN D12 IOSTANDARD LVCMOS33 PULLTYPE PULLUP } [get_ports {fault_pin_i}]
 set_property -dict { PACKAGE_PIN D4 IOSTANDARD LVCMOS33 PULLTYPE PULLDOWN } [get_ports {hall_i[0]}]
 set_property -dict { PACKAGE_PIN D3 IOSTANDARD LVCMOS33 PULLTYPE PULLDOWN } [get_ports {hall_i[1]}]

@@ -29,6 +29,7 @@ module fl_safety_wb_f
     input adc_code_t [Channels-1:0] adc_code_i,
     input logic                     fault_pin_i,
     input logic                     adc_fault_i,
+    input logic                     clock_fault_i,
     input logic                     lost_i,
     input logic                     deadline_i,
     input logic      [  Phases-1:0] req_h_i,
@@ -38,7 +39,7 @@ module fl_safety_wb_f
   logic [31:0] rdat_o;
   logic [Phases-1:0] gate_h_o, gate_l_o;
   logic [2*Phases-1:0] gate_o;
-  logic brake_o, tripped_o, trip_event_o;
+  logic brake_o, driver_enable_o, tripped_o, trip_event_o;
   trip_t trip_cause_o;
 
   fl_safety_wb #(

@@ -25,7 +25,7 @@ DEADLINE = 0x80
 PERIOD_TO_OFF = 2
 AGE_TO_OFF = 1
 CHANGED_TO_OFF = 2
-EXPIRED, WRONG, CHANGED, BRAKE_OVER, LATE, CONVERTER = 1, 2, 4, 8, 16, 32
+EXPIRED, WRONG, CHANGED, BRAKE_OVER, LATE, CONVERTER, CLOCK = 1, 2, 4, 8, 16, 32, 64
 # What the lock holds, by address, with the bits that count.
 HELD = {
     GUARD: 0x100, DEAD_TIME: 0x3FF, ENABLE: 0xFF, CURRENT: 0x0FFF0FFF, VOLTAGE: 0x0FFF0FFF, WATCHDOG: 0xFFFFFF,
@@ -42,7 +42,7 @@ class TB(Bench):
         return int(self.dut.HighActiveLow.value) | int(self.dut.LowActiveLow.value) << 1
 
     async def begin(self, period: int = 0) -> None:
-        inputs = ("now_i", "adc_fault_i", "fault_pin_i", "lost_i", "deadline_i", "adc_valid_i")
+        inputs = ("now_i", "adc_fault_i", "clock_fault_i", "fault_pin_i", "lost_i", "deadline_i", "adc_valid_i")
         await self.start(adc_code_i=MIDDLE, req_h_i=1, req_l_i=2, **dict.fromkeys(inputs, 0))
         await self.write(ENABLE, 0xFF)
         await self.write(WATCHDOG, period)
@@ -65,7 +65,7 @@ class TB(Bench):
 
     async def caused(self) -> tuple[int, int]:
         """Latched trips, and what the monitor tells."""
-        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0x3F
+        return await self.read(TRIP) & 0xFF, await self.read(MONITOR) & 0x7F
 
     async def vdc(self, code: int) -> None:
         """A sample set with this code of vdc."""
@@ -357,8 +357,10 @@ async def every_locked_bit_is_watched(dut: Any) -> None:
 
 
 @cocotb.test
-async def converter_fault_opens_the_gates(dut: Any) -> None:
+@cocotb.parametrize(fault=["adc_fault_i", "clock_fault_i"])
+async def fault_from_outside_opens_the_gates(dut: Any, fault: str) -> None:
     """A trip with a name of its own, that is not cleared while the fault is there, and no short circuit with it."""
+    level, cause = getattr(dut, fault), {"adc_fault_i": CONVERTER, "clock_fault_i": CLOCK}[fault]
     tb = TB(dut)
     await tb.begin()
     await tb.write(GUARD, SHORT)
@@ -367,7 +369,7 @@ async def converter_fault_opens_the_gates(dut: Any) -> None:
     await tb.enable()
     await tb.clocks(1100)
     assert tb.on()
-    dut.adc_fault_i.value = 1
+    level.value = 1
     await tb.clocks()
     assert not tb.on(), "gates on one clock after the fault"
     for _ in range(3):
@@ -375,13 +377,64 @@ async def converter_fault_opens_the_gates(dut: Any) -> None:
         await tb.write(COMMAND, CLEAR)
         await tb.enable()
         assert not tb.on()
-        assert await tb.caused() == (DEADLINE, CONVERTER)
-    dut.adc_fault_i.value = 0
+        assert await tb.caused() == (DEADLINE, cause)
+    level.value = 0
     await tb.write(COMMAND, CLEAR)
     await tb.clocks(2)
     assert await tb.caused() == (0, 0)
     await tb.enable()
     assert tb.on()
+
+
+async def enable_edges(tb: TB, clocks: int) -> int:
+    """Edges of the drivers' enable in so many clocks."""
+    count, before = 0, tb.dut.driver_enable_o.value
+    for _ in range(clocks):
+        await tb.clocks()
+        count += tb.dut.driver_enable_o.value != before
+        before = tb.dut.driver_enable_o.value
+    return count
+
+
+@cocotb.test
+async def drivers_are_enabled_while_the_watchdog_is_fed(dut: Any) -> None:
+    """An edge every 64 clocks with reports in time; none without period, guard or reports, trip enabled or not."""
+    tb = TB(dut)
+    await tb.begin()
+    await tb.enable()
+    assert await enable_edges(tb, 640) == 0, "edges without a watchdog"
+    await tb.write(GUARD, 0)
+    await tb.write(WATCHDOG, 500)
+    assert await enable_edges(tb, 640) == 0, "edges with the gates disabled"
+    for enables in (0xFF, 0xFF & ~DEADLINE):
+        await tb.write(ENABLE, enables)
+        await tb.write(COMMAND, CLEAR)
+        await tb.write(FEED, 0)
+        await tb.enable()
+        edges = 0
+        for step in range(1, 9):
+            edges += await enable_edges(tb, 320)
+            await tb.write(FEED, step)
+        assert 38 <= edges <= 42
+        await tb.clocks(510)
+        assert await enable_edges(tb, 640) == 0 and dut.driver_enable_o.value == 0, "edges without reports"
+        await tb.write(GUARD, 0)
+        await tb.clocks(5)
+
+
+@cocotb.test
+async def short_circuit_keeps_the_drivers_enabled(dut: Any) -> None:
+    """A short needs its drivers; a cause that opens it ends the edges."""
+    tb = TB(dut)
+    await tb.begin(0xFFFF)
+    await tb.write(GUARD, SHORT | 1)
+    await tb.clocks(1100)
+    await tb.write(COMMAND, 1)
+    await tb.clocks(1100)
+    assert tb.pins() == (0, 7) and await enable_edges(tb, 640) == 10
+    dut.clock_fault_i.value = 1
+    await tb.clocks(2)
+    assert not tb.on() and await enable_edges(tb, 640) == 0
 
 
 @cocotb.test
@@ -401,7 +454,7 @@ async def key_acts_once(dut: Any) -> None:
 
 def build_arguments(polarity: int) -> dict[str, Any]:
     """Of `run_block_test`: sources and parameters of the block."""
-    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")
+    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake", "driver_enable")
     sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
     parameters = {"HighActiveLow": polarity & 1, "LowActiveLow": polarity >> 1}
     seen = ["fl_settings_lock", "fl_safety_regs", "fl_gate_guard"]
@@ -410,8 +463,8 @@ def build_arguments(polarity: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize("polarity", [0, 3])
 def test_fl_safety_wb(polarity: int) -> None:
-    """Watchdogs, lock, upsets of locked settings up to the pins, converter faults, safe state, and the brake chopper.
+    """Watchdogs, lock, upsets of locked settings up to the pins, converter and clock faults, safe state, brake chopper.
 
-    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18, SAFE-20, SAFE-21, SAFE-23
+    Verifies: SAFE-13, SAFE-14, SAFE-15, SAFE-17, SAFE-18, SAFE-20, SAFE-21, SAFE-23, CLK-04, CLK-06
     """
     run_block_test("fl_safety_wb", test_module=__name__, **build_arguments(polarity))

@@ -87,6 +87,7 @@ class Chip:
             adc_valid_i=0,
             adc_code_i=0,
             adc_fault_i=0,
+            clock_fault_i=0,
             fault_pin_i=0,
             hall_i=0,
             encoder_i=0,

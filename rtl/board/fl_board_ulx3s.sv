@@ -3,7 +3,8 @@
 
 // Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C; with fewer words of RAM also its smaller devices.
 //
-// The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets.
+// The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets. The on-chip oscillator OSCG watches that clock:
+// 310 MHz, +-15 % (FPGA-TN-02200, internal oscillator; FPGA-DS-02012), here divided by 8.
 // Boot = 1: firmware and parameter block come from the configuration flash, whose clock pin is reached through USRMCLK.
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none
@@ -29,8 +30,9 @@ module fl_board_ulx3s #(
 
     output logic [Phases-1:0] gate_h_o,
     output logic [Phases-1:0] gate_l_o,
-    output logic              brake_o,      // brake chopper, high: on
-    input  logic              fault_pin_i,  // high or open: fault
+    output logic              brake_o,          // brake chopper, high: on
+    output logic              driver_enable_o,  // toggles: drivers enabled
+    input  logic              fault_pin_i,      // high or open: fault
     input  logic [       2:0] hall_i,       // C, B, A
     input  logic [       2:0] encoder_i,    // Z, B, A
 
@@ -50,21 +52,30 @@ module fl_board_ulx3s #(
 );
 
   // 25 MHz / 1 * 2 * 12 = 600 MHz (400..800), / 12 = 50 MHz.
-  logic clk, locked;
+  logic clk, locked, pll_rst;
   EHXPLLL #(
       .CLKI_DIV    (1),
       .CLKFB_DIV   (2),
       .CLKOP_DIV   (12),
       .CLKOP_CPHASE(5),
-      .FEEDBK_PATH ("CLKOP")
+      .FEEDBK_PATH ("CLKOP"),
+      .PLLRST_ENA  ("ENABLED")
   ) u_pll (
       .CLKI   (clk_25mhz_i),
       .CLKFB  (clk),
-      .RST    (1'b0),
+      .RST    (pll_rst),
       .STDBY  (1'b0),
       .ENCLKOP(1'b1),
       .CLKOP  (clk),
       .LOCK   (locked)
+  );
+
+  // 310 MHz / 8.
+  logic osc;
+  OSCG #(
+      .DIV(8)
+  ) u_osc (
+      .OSC(osc)
   );
 
   logic flash_sck;
@@ -85,17 +96,22 @@ module fl_board_ulx3s #(
       .Boot         (Boot),
       .BootInit     (BootInit),
       .HighActiveLow(HighActiveLow),
-      .LowActiveLow (LowActiveLow)
+      .LowActiveLow (LowActiveLow),
+      .OscKhz       (38_750),
+      .OscPercent   (15)
   ) u_board (
-      .clk_i   (clk),
-      .locked_i(locked),
-      .button_i(reset_button_i),
+      .clk_i    (clk),
+      .osc_i    (osc),
+      .locked_i (locked),
+      .pll_rst_o(pll_rst),
+      .button_i (reset_button_i),
       .adc_cs_no,
       .adc_sclk_o,
       .adc_sdata_i,
       .gate_h_o,
       .gate_l_o,
       .brake_o,
+      .driver_enable_o,
       .fault_pin_i,
       .hall_i,
       .encoder_i,

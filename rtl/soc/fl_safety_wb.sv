@@ -6,8 +6,8 @@
 // There are two guards, alike and fed alike, and a gate is on if both say so: a bit that flips in one of them turns a gate
 // off or makes a gap longer.
 //
-// The watchdog, a locked setting that changed, the brake chopper's longest on-time, samples that stay away and converter
-// faults act as the deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same
+// The watchdog, a locked setting that changed, the brake chopper's longest on-time, samples that stay away, converter and
+// clock faults act as the deadline trip; the monitor register tells them apart. Samples have a watchdog of their own, the same
 // block, that every sample set feeds: nothing else sees a current that nobody looks at.
 `default_nettype none
 module fl_safety_wb
@@ -29,18 +29,20 @@ module fl_safety_wb
     input stamp_t                   now_i,
     input logic                     adc_valid_i,
     input adc_code_t [Channels-1:0] adc_code_i,
-    input logic                     fault_pin_i,  // asynchronous
-    input logic                     adc_fault_i,  // level: a bad frame or a missed conversion
+    input logic                     fault_pin_i,    // asynchronous
+    input logic                     adc_fault_i,    // level: a bad frame or a missed conversion
+    input logic                     clock_fault_i,  // level: a clock is wrong
     input logic                     lost_i,
     input logic                     deadline_i,
 
     input logic [Phases-1:0] req_h_i,
     input logic [Phases-1:0] req_l_i,
 
-    output logic [  Phases-1:0] gate_h_o,  // pins
+    output logic [  Phases-1:0] gate_h_o,         // pins
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o,    // of either guard, before polarity
-    output logic                brake_o,   // pin, active high
+    output logic [2*Phases-1:0] gate_o,           // of either guard, before polarity
+    output logic                brake_o,          // pin, active high
+    output logic                driver_enable_o,  // pin, toggles while the gates are permitted
 
     output logic  tripped_o,     // level
     output logic  trip_event_o,  // pulse
@@ -56,8 +58,8 @@ module fl_safety_wb
   localparam logic [7:0] ClearKey = 8'hA5;
   logic enabled, trip, short, clear;
   logic clear_written_q, feed_written_q;
-  logic locked, changed, expired, wrong, brake_overload, sample_expired, sample_wrong, late;
-  logic [5:0] monitor_q;
+  logic locked, changed, expired, wrong, brake_overload, sample_expired, sample_wrong, late, outside;
+  logic [6:0] monitor_q;
 
   assign enabled = hwif_out.guard.enable.value;
 
@@ -66,7 +68,8 @@ module fl_safety_wb
   always_ff @(posedge clk_i) begin
     clear_written_q <= hwif_out.command.clear_key.swmod;
     feed_written_q  <= hwif_out.feed.step.swmod;
-    monitor_q       <= (clear ? 6'd0 : monitor_q) | {adc_fault_i, late, brake_overload, changed, wrong, expired};
+    monitor_q       <= (clear ? 7'd0 : monitor_q) |
+                       {clock_fault_i, adc_fault_i, late, brake_overload, changed, wrong, expired};
     if (rst_i) begin
       clear_written_q <= 1'b0;
       feed_written_q  <= 1'b0;
@@ -148,7 +151,8 @@ module fl_safety_wb
       .expired_o   (sample_expired),
       .wrong_o     (sample_wrong)
   );
-  assign late = sample_expired || sample_wrong;
+  assign late    = sample_expired || sample_wrong;
+  assign outside = adc_fault_i || clock_fault_i;
 
   localparam int unsigned ChannelVdc = 2 * Phases;
   fl_brake u_brake (
@@ -188,7 +192,7 @@ module fl_safety_wb
       .fault_pin_i,
       .lost_i,
       .software_i     (hwif_out.command.trip.value),
-      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload || late || adc_fault_i),
+      .deadline_i     (deadline_i || expired || wrong || changed || brake_overload || late || outside),
       .guard_enable_i (enabled),
       .cfg_enable_i   (trip_enable),
       .cfg_phase_lsb_i(hwif_out.current_limit.phase_lsb.value),
@@ -196,7 +200,7 @@ module fl_safety_wb
       .cfg_over_lsb_i (hwif_out.voltage_limit.over_lsb.value),
       .cfg_under_lsb_i(hwif_out.voltage_limit.under_lsb.value),
       .cfg_short_i    (hwif_out.guard.safe_state.value),
-      .never_i        (changed || late || adc_fault_i),
+      .never_i        (changed || late || outside),
       .clear_i        (clear),
       .trip_o         (trip),
       .short_o        (short),
@@ -212,6 +216,16 @@ module fl_safety_wb
       .log_valid_o    (hwif_in.log_cause.valid.next),
       .log_phase_o    (hwif_in.log_cause.phase.next),
       .log_code_o     (hwif_in.log_cause.code.next)
+  );
+
+  // Not by the trip alone: the watchdog must run, and hold the drivers off even where its trip is not enabled.
+  logic fed;
+  assign fed = hwif_out.watchdog.cycles.value != '0 && !expired && !wrong;
+  fl_driver_enable u_driver_enable (
+      .clk_i,
+      .rst_i,
+      .permit_i(short || (enabled && !trip && fed)),
+      .toggle_o(driver_enable_o)
   );
 
   // Nothing makes one of the two: their registers follow from themselves.

@@ -61,13 +61,16 @@ module fl_soc
     input  adc_code_t [Channels-1:0] adc_code_i,
     input  logic                     adc_fault_i,   // level: a bad frame or a missed conversion
 
-    output logic [  Phases-1:0] gate_h_o,     // pins, with polarity
+    input logic clock_fault_i,  // level: a clock is wrong
+
+    output logic [  Phases-1:0] gate_h_o,         // pins, with polarity
     output logic [  Phases-1:0] gate_l_o,
-    output logic [2*Phases-1:0] gate_o,       // of either guard, before polarity: bit 2X upper, 2X+1 lower one of leg X
-    output logic                brake_o,      // pin of the brake chopper, active high
-    input  logic                fault_pin_i,  // asynchronous, active high
-    input  logic [         2:0] hall_i,       // Hall sensors C, B, A; asynchronous, 0 where there are none
-    input  logic [         2:0] encoder_i,    // encoder Z, B, A; asynchronous, 0 where there is none
+    output logic [2*Phases-1:0] gate_o,           // of either guard, before polarity: bit 2X upper, 2X+1 lower of leg X
+    output logic                brake_o,          // pin of the brake chopper, active high
+    output logic                driver_enable_o,  // pin: toggles while the gates are permitted
+    input  logic                fault_pin_i,      // asynchronous, active high
+    input  logic [         2:0] hall_i,           // Hall sensors C, B, A; asynchronous, 0 where there are none
+    input  logic [         2:0] encoder_i,        // encoder Z, B, A; asynchronous, 0 where there is none
 
     input  logic uart_rx_i,  // asynchronous
     output logic uart_tx_o,
@@ -446,6 +449,7 @@ module fl_soc
       .adc_valid_i,
       .adc_code_i,
       .adc_fault_i,
+      .clock_fault_i,
       .fault_pin_i,
       .lost_i      (lost),
       .deadline_i  (vector_deadline),
@@ -455,6 +459,7 @@ module fl_soc
       .gate_l_o,
       .gate_o,
       .brake_o,
+      .driver_enable_o,
       .tripped_o   (tripped),
       .trip_event_o(trip_event),
       .trip_cause_o(trip_cause)

@@ -46,10 +46,10 @@ uint64_t main_time = 0;
 // Single inputs of the chip, all but clock and reset; a force takes them by these names.
 constexpr const char* PIN_NAMES[] = {"fault_pin_i",  "hall_i[0]",    "hall_i[1]", "hall_i[2]", "encoder_i[0]", "encoder_i[1]",
                                      "encoder_i[2]", "uart_rx_i",    "can_rx_i",  "spi_miso_i", "adc_valid_i",
-                                     "adc_fault_i"};
+                                     "adc_fault_i",  "clock_fault_i"};
 constexpr int PIN_COUNT = sizeof PIN_NAMES / sizeof PIN_NAMES[0];
 constexpr int PIN_HALL = 1, PIN_ENCODER = 4, PIN_UART = 7, PIN_CAN = 8, PIN_MISO = 9, PIN_VALID = 10,
-              PIN_ADC_FAULT = 11;
+              PIN_ADC_FAULT = 11, PIN_CLOCK_FAULT = 12;
 constexpr uint32_t PLANT_PINS = 0x7F;  // levels that the plant gives
 constexpr uint32_t LOGGED_PINS = 0xF;  // of these, without the encoder's
 constexpr uint32_t IDLE_PINS = 1u << PIN_UART | 1u << PIN_CAN;
@@ -201,6 +201,7 @@ void put_pins(Vtop* t) {
     t->spi_miso_i = pins >> PIN_MISO & 1;
     t->adc_valid_i = pins >> PIN_VALID & 1;
     t->adc_fault_i = pins >> PIN_ADC_FAULT & 1;
+    t->clock_fault_i = pins >> PIN_CLOCK_FAULT & 1;
     if (changed & LOGGED_PINS) log_row(LOG_PINS, pins & LOGGED_PINS, 0);
     if (C.rec.on && changed & PLANT_PINS) C.rec.inputs.push_back({C.st.cycle, 1, pins & PLANT_PINS});
 }

@@ -22,6 +22,9 @@ fault_t fault_of_trip(uint32_t causes) {
 }
 
 fault_t fault_of_monitor(uint32_t monitor) {
+  if ((monitor & MONITOR_CLOCK) != 0u) {
+    return FAULT_CLOCK;
+  }
   if ((monitor & MONITOR_CHANGED) != 0u) {
     return FAULT_SETTINGS_CHANGED;
   }

@@ -250,6 +250,8 @@ def test_silence_hides_no_other_fault() -> None:
         (32 | 8, "converter"),
         (32 | 16, "no_samples"),
         (32 | 4, "settings_changed"),
+        (64, "clock"),
+        (64 | 63, "clock"),
     ],
 )
 def test_deadline_trip_is_told_apart(monitor: int, name: str) -> None:

@@ -8,7 +8,8 @@ module EHXPLLL #(
     parameter int    CLKFB_DIV    = 1,
     parameter int    CLKOP_DIV    = 8,
     parameter int    CLKOP_CPHASE = 0,
-    parameter string FEEDBK_PATH  = "CLKOP"
+    parameter string FEEDBK_PATH  = "CLKOP",
+    parameter string PLLRST_ENA   = "DISABLED"
 ) (
     input  logic CLKI,
     input  logic CLKFB,
