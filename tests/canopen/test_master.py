@@ -44,6 +44,7 @@ SOCKETCAN = os.environ.get("FLUXLOCK_SOCKETCAN", "")
 CHANNELS = itertools.count()
 NATIVE_NODE = NODE + 1  # on a real vcan0 the chip hears all that the native program is sent, and answers late
 CHIP_S = 30.0  # simulated, at most
+FAULT_RESET_S = 0.1  # the master waits for it in any case, while the chip runs on
 PLOTS = BUILD / "canopen" / "chip"
 
 
@@ -54,7 +55,6 @@ class Target:
     interface: str
     channel: str
     node: int
-    fault_reset_s: float = 0.1  # the master waits for it in any case
 
 
 def bus_of(name: str) -> tuple[str, str]:
@@ -62,9 +62,9 @@ def bus_of(name: str) -> tuple[str, str]:
     return ("socketcan", SOCKETCAN) if SOCKETCAN else ("virtual", f"{name}-{next(CHANNELS)}")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def native() -> Iterator[Target]:
-    """The native program in a thread, as fast as it goes."""
+    """The native program in a thread, as fast as it goes; over before the chip's tests."""
     found = Target(*bus_of("native"), NATIVE_NODE)
     drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NATIVE_NODE)
     end = threading.Event()
@@ -79,7 +79,7 @@ def native() -> Iterator[Target]:
 @pytest.fixture(scope="module")
 def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     """The chip with its bridge, one run for all tests."""
-    found = Target(*bus_of("chip"), NODE, fault_reset_s=20.0)
+    found = Target(*bus_of("chip"), NODE)
     scenario = load_scenario(ROOT / "scenarios" / "can.toml")
     folder = tmp_path_factory.mktemp("chip")
     bridges: list[Bridge] = []
@@ -104,7 +104,7 @@ def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     assert traffic.from_chip > 10  # one test of this file alone has 12
 
 
-@pytest.fixture(params=["native", "chip"])
+@pytest.fixture(scope="module", params=["native", "chip"])
 def target(request: pytest.FixtureRequest) -> Target:
     found: Target = request.getfixturevalue(request.param)
     return found
@@ -127,7 +127,7 @@ def node(network: canopen.Network, target: Target, tmp_path: Path) -> BaseNode40
     network.add_node(found)
     found.sdo.RESPONSE_TIMEOUT = PATIENCE_S
     for name in ("RESET_FAULT", "SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
-        setattr(found, f"TIMEOUT_{name}", PATIENCE_S if name != "RESET_FAULT" else target.fault_reset_s)
+        setattr(found, f"TIMEOUT_{name}", PATIENCE_S if name != "RESET_FAULT" else FAULT_RESET_S)
     reset(found)
     return found
 

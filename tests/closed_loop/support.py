@@ -28,7 +28,7 @@ def drive(
 ) -> Outcome:
     """Run a scenario (absolute, or in scenarios/) with overrides; print the seed.
 
-    Result and plots stay in build/closed_loop/<name>. native: see `run_scenario`.
+    Trace and result stay in build/closed_loop/<name>, without the plots of the command. native: see `run_scenario`.
     """
     path = ROOT / "scenarios" / scenario
     loaded = load_scenario(path, overrides)
@@ -36,6 +36,6 @@ def drive(
     shutil.rmtree(folder, ignore_errors=True)
     print(f"{path.name} {' '.join(overrides)} seed {seed}: {folder}")
     data = run_scenario(loaded, folder, seed, log_strobes=log_strobes, native=native)
-    outcome = write_outcome(data, loaded, folder)
+    outcome = write_outcome(data, loaded, folder, plots=False)
     print(json.dumps(outcome.metrics, indent=1))
     return outcome

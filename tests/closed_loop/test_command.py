@@ -45,18 +45,6 @@ def test_refused_lines_are_failures() -> None:
     assert run.data.isr["control"]["count"] > 0, "the statistics are still read"
 
 
-def test_fault_without_trip_is_a_failure() -> None:
-    """A rotor held fast: no trip, but the run fails with the fault in which the drive ended.
-
-    Verifies: FRONT-31
-    """
-    held = ("mechanics.mode=locked", "initial.speed_rpm=0", "drive.start.retries=0")
-    run = drive(SPIN, "held-fast", *held, "window=[]", "expect=[]")
-    assert run.result["trips"] == []
-    assert run.data.fault == "start_failed" and "state fault" in run.data.uart
-    assert run.verdict.failures == ["the drive ended in fault start_failed"]
-
-
 def test_lines_of_one_instant_are_all_carried_out() -> None:
     """Longer together than the receive FIFO: each is sent when the one before is answered.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fluxlock.analysis.rundata import LogKind
+from fluxlock.analysis.verdict import judge_run
 from fluxlock.cosim.outcome import Outcome
 from tests.closed_loop.support import drive
 
@@ -173,9 +174,16 @@ def test_lost_lock() -> None:
 def test_blocked_rotor(name: str, overrides: tuple[str, ...]) -> None:
     """A rotor that cannot turn: what looks like crossings is no lock; start_failed by name, gates off.
 
-    Verifies: FW-20
+    No trip, but a run that does not expect the fault in which the drive ended fails.
+
+    Verifies: FW-20, FRONT-31
     """
     run = drive(SCENARIOS / "blocked.toml", f"blocked-{name}", *overrides)
     assert not run.verdict.failures
+    assert run.result["trips"] == []
+    assert run.data.fault == "start_failed" and "state fault" in run.data.uart
     assert "fault start_failed" in run.console()
     assert run.gates()[-1, 1] == 0
+    unexpected = run.scenario.model_copy(update={"expect_fault": None})
+    verdict = judge_run(run.data, unexpected, run.analysis, run.metrics)
+    assert verdict.failures == ["the drive ended in fault start_failed"]

@@ -31,6 +31,7 @@ from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData
 from fluxlock.campaign import command as campaign
 from fluxlock.campaign.grid import DRIVES
 from fluxlock.config import Scenario
+from fluxlock.cosim import outcome
 from fluxlock.cosim.run import rejected_lines
 from fluxlock.interface.settings import SettingsError
 from fluxlock.paths import ROOT
@@ -106,6 +107,12 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return state
 
 
+@pytest.fixture
+def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the plots, which take most of the time of a run without a simulation."""
+    monkeypatch.setattr(outcome, "write_plots", lambda *_: [])
+
+
 def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """Exit code 0; result, trace and plots are written and the table is printed.
 
@@ -138,6 +145,7 @@ def test_run_that_passes(invoke: Invoke, simulator: dict[str, Any], tmp_path: Pa
     assert load_trace(tmp_path / "o" / "trace.npz").seed == 5
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_missed_expectation_fails(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """Exit code 1 and a line that names window, metric, value and limit.
 
@@ -154,6 +162,7 @@ def test_missed_expectation_fails(invoke: Invoke, simulator: dict[str, Any], tmp
     assert sum(not e["pass"] for e in result["expectations"]) == 4
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_trip_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """An unexpected trip fails the run, an expected one passes it, an expected one that stays away fails.
 
@@ -174,6 +183,7 @@ FAILED_START = [*STATUS, "state fault", "fault start_failed", "ok", "now start_f
 OVER_CURRENT = ["state fault", "fault phase_over_current", "ok", "now phase_over_current", "ok", "overruns 0 0", "ok"]
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_fault_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """A fault in which the drive ends, without a trip, fails the run by name; an expected one must come.
 
@@ -199,6 +209,7 @@ def test_fault_fails_unless_expected(invoke: Invoke, simulator: dict[str, Any], 
     assert json.loads((tmp_path / "result.json").read_text())["fault"] is None
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_fault_of_a_trip_has_one_cause(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """The fault that a trip means is judged with the trip; lost locks, which the drive ends itself, are not.
 
@@ -218,6 +229,7 @@ def test_fault_of_a_trip_has_one_cause(invoke: Invoke, simulator: dict[str, Any]
     assert invoke("run", DEMO, "--out", str(tmp_path), *expects, "--set", "expect_fault=lost_lock")[0] == 0
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_rejected_command_fails(invoke: Invoke, simulator: dict[str, Any], tmp_path: Path) -> None:
     """A console line that the drive refused: exit code 1, line, time and reason in words and in the result.
 

@@ -35,7 +35,7 @@ SLOW = "Vtop_slow"  # source of what runs once
 CONSTANTS = "cosim_chip.h"  # of this chip, for the simulator's main alone: Verilator's runtime serves every chip
 # The code of a clock is one row of statements longer than the instruction cache: shorter is faster, -O3 loses a tenth.
 OPT = ("OPT_FAST=-O2", "OPT_GLOBAL=-O1")
-OPT_WAVES = ("OPT_FAST=-O1", "OPT_GLOBAL=-O1")  # runs are short, and writing takes most of their time
+OPT_BRIEF = ("OPT_FAST=-O1", "OPT_GLOBAL=-O1")  # with waves or for a debugger: runs are shorter than their compile
 WORDS = {
     "PUBLISHED": PUBLISHED_ADDRESS,
     "BLOCK": BLOCK_ADDRESS,
@@ -166,7 +166,7 @@ def build_chip(
         _constants(folder, phases, native)
         count = str(jobs or min(os.cpu_count() or 1, 4))
         make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}"]
-        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_WAVES if waves else OPT)]
+        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_BRIEF if waves or native else OPT)]
         if waves:  # LDLIBS: Verilator's, without zlib and LZ4
             make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
         _run(make, log, env)

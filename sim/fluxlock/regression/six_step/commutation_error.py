@@ -98,7 +98,6 @@ def commutation_error(runner: Runner) -> Iterator[Row]:
     """20 000 to 120 000 r/min, 25 V, 10 mN*m: mean and rms within 0.3 degrees, also with wrong motor values."""
     if runner.quick:
         yield _row(runner, 20_000, "interpolated", {})
-        yield _row(runner, 120_000, "interpolated", dict.fromkeys(QUANTITIES, 1.2))
         yield _row(runner, 60_000, "once-a-carrier", {})
         return
     for speed_rpm in SPEEDS_RPM:
