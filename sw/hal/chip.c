@@ -236,11 +236,8 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t 
     v->limited[0] = (limited & 1u) != 0u;
     v->limited[1] = (limited & 2u) != 0u;
   }
-  const bool encoder = parameters->encoder_quarters > 1;
-  if (encoder || command->look.slow) {
+  if (command->look.angle) {
     v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
-  }
-  if (encoder) {
     const uint32_t position = reg_read(REG(foc.snap_encoder));
     v->encoder_position = BITS(FL_FOC_REGS__SNAP_ENCODER__POSITION, position);
     v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
@@ -250,6 +247,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t 
     chip_read_injection(&snapshot->injection);
   }
   if (command->look.slow) {
+    v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
     read_slow(snapshot);
     const uint32_t counters = reg_read(REG(encoder.counters));
     v->encoder_invalid = (uint16_t)BITS(FL_ENCODER_REGS__COUNTERS__INVALID, counters);
@@ -409,7 +407,6 @@ COLD static void write_vector_gains(const vector_command_t *vector) {
     write_vector(REG(foc.gain[0]), s, vector->gains.gain[s]);
     write_vector(REG(foc.hold[0]), s, vector->gains.hold[s]);
     write_vector(REG(foc.ratio[0]), s, vector->gains.ratio_q17[s]);
-    write_vector(REG(foc.forward[0]), s, vector->forward.v_q17[s]);
     reg_write(REG(foc.shift[0]) + 4u * s, vector->gains.shift[s]);
   }
 }
@@ -427,11 +424,6 @@ HOT static void write_limits(const limits_command_t *limits) {
 COLD static void write_slow(vector_command_t *v, const parameters_t *parameters) {
   if ((v->fresh & FRESH_GAINS) != 0u) {
     write_vector_gains(v);
-  }
-  if ((v->fresh & FRESH_FORWARD) != 0u) {
-    for (uint32_t s = 0; s < SUBSPACES; s++) {
-      write_vector(REG(foc.forward[0]), s, v->forward.v_q17[s]);
-    }
   }
   if ((v->fresh & FRESH_INJECTION) != 0u) {
     chip_write_injection(&v->injection, parameters);
@@ -459,7 +451,12 @@ HOT static void write_fresh(vector_command_t *v, const parameters_t *parameters)
   if ((fresh & FRESH_LIMITS) != 0u) {
     write_limits(&v->limits);
   }
-  if (__builtin_expect((fresh & (FRESH_GAINS | FRESH_FORWARD | FRESH_INJECTION)) != 0u, 0)) {
+  if ((fresh & FRESH_FORWARD) != 0u) {
+    for (uint32_t s = 0; s < SUBSPACES; s++) {
+      write_vector(REG(foc.forward[0]), s, v->forward.v_q17[s]);
+    }
+  }
+  if (__builtin_expect((fresh & (FRESH_GAINS | FRESH_INJECTION)) != 0u, 0)) {
     write_slow(v, parameters);
   }
   if (__builtin_expect((fresh & FRESH_TICK) != 0u, 0)) {

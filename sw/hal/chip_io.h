@@ -227,6 +227,7 @@ typedef struct {
 
 // What the next snapshot shall have besides currents and voltages of the regulator.
 typedef struct {
+  bool angle;     // at every tick
   bool steps;     // with limited
   bool slow;      // sums, terminal voltages and the angle...
   bool currents;  // ...and the phase currents; with slow only
@@ -238,7 +239,7 @@ enum {
   FRESH_TICK = 2,
   FRESH_REFERENCE = 4,
   FRESH_LIMITS = 8,
-  FRESH_GAINS = 16,  // forward is written with them
+  FRESH_GAINS = 16,
   FRESH_FORWARD = 32,
   FRESH_INJECTION = 64,
 };

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import get_args
 
+import numpy as np
+
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.machine import Machine
@@ -34,7 +36,7 @@ from fluxlock.config.vector_loops import RIPPLE_RATIO, loops_of, plant_of, swing
 from fluxlock.config.vector_modes import KI_DIVISOR, PLL_BANDWIDTH, loop_gains
 from fluxlock.config.vector_timing import VectorTiming
 from fluxlock.firmware.block import Value, gain
-from fluxlock.firmware.design import BRAKE_MARGIN, Q8, Q16, Q17, Q20, Q25, Q30, Q32, Q36, Q44, Q60, Design
+from fluxlock.firmware.design import BRAKE_MARGIN, Q8, Q16, Q17, Q20, Q24, Q25, Q30, Q32, Q36, Q44, Q60, Design
 from fluxlock.firmware.injection_compiler import injection_parameters
 
 PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/control/pi.h)
@@ -64,6 +66,8 @@ DEAD_TIME_ZONE_SHARE = 0.25
 # The same with the currents at the edges themselves, as injection has them: docs/theory/five-phase.md, Dead time.
 EDGE_ZONE_SHARE = 0.075
 DEAD_TIME_LSB = 8.0
+# Of the table of the EMF's shape, which holds the harmonics 6 n +- 1 below a number.
+SHAPE_POINTS, SHAPE_HARMONICS = 9, 1000
 # Share of the shortest quarter of a line that the encoder's filter takes.
 ENCODER_FILTER_SHARE = 0.25
 ENCODER_FILTER_MAX = 50
@@ -277,6 +281,26 @@ def _harmonics(d: Design, speed_hz: float) -> int:
     return 2 if swings_by_dead_time(plant_of(d.s), speed_hz) else 1
 
 
+def _shape(d: Design, timing: VectorTiming) -> dict[str, Value]:
+    """Harmonics of the EMF in the rotor's frame (sw/control/emf_shape.h); injection sends a voltage of its own."""
+    motor = d.s.motor
+    shaped = motor.emf != "sinusoidal" and motor.phases == 3 and d.s.drive.vector.injection is None
+    six_theta = np.linspace(0.0, math.pi, SHAPE_POINTS)
+    d_parts, q_parts = np.zeros(SHAPE_POINTS), np.zeros(SHAPE_POINTS)
+    for n in range(6, SHAPE_HARMONICS, 6):
+        before, after = motor.emf_harmonic(n - 1), motor.emf_harmonic(n + 1)
+        d_parts -= (before + after) * np.sin(n / 6 * six_theta)
+        q_parts += (after - before) * np.cos(n / 6 * six_theta)
+    # A set is taken a tick later. It acts with the samples after that one, up to the next one that is taken.
+    samples = 1.5 * timing.tick_cycles / timing.sample_cycles + 1.0 + timing.delay
+    return {
+        "vector_shape_d_q24": tuple(round(float(x) * Q24) for x in d_parts),
+        "vector_shape_q_q24": tuple(round(float(x) * Q24) for x in q_parts),
+        "vector_shape_lead_cycles": round(samples * timing.sample_cycles),
+        "vector_shape_most_turn_q36": round(Q36 / 24 / timing.tick_cycles) if shaped else 0,
+    }
+
+
 def _speed(d: Design, speed_hz: float, pll_hz: float) -> dict[str, Value]:
     """J/p domega/dt = T: k_p closes the speed loop at its bandwidth."""
     m, motor, p, tick_s = d.machine, d.s.motor, d.s.motor.pole_pairs, d.tick_s
@@ -318,6 +342,7 @@ def vector_parameters(d: Design) -> dict[str, Value]:
         **_timing(vector, timing),
         **_regulator(d, timing),
         **_speed(d, bandwidths.speed_hz, bandwidths.pll_hz),
+        **_shape(d, timing),
         **_pll(vector, timing, bandwidths.pll_hz),
         **_lost(d, timing),
         **_start(d),

@@ -63,6 +63,8 @@ STATE = np.dtype(
         ("preset_im", "i8"),
         ("reference_re", "i8"),
         ("reference_im", "i8"),
+        ("forward_re", "i8"),
+        ("forward_im", "i8"),
         ("limit", "i8"),
         ("lead", "i8"),
         ("scale", "f8"),
@@ -151,7 +153,7 @@ ROW = np.dtype(
 
 REGISTERS = (
     *("foc.control", "foc.lead", "foc.omega", "foc.correct", "foc.scale", "foc.slope", "foc.dead_time", "foc.band"),
-    *("foc.reference", "foc.gain", "foc.hold", "foc.preset", "foc.shift", "foc.limit", "foc.ratio"),
+    *("foc.reference", "foc.gain", "foc.hold", "foc.preset", "foc.forward", "foc.shift", "foc.limit", "foc.ratio"),
     *("foc.direct_v", "foc.direct_go", "foc.direct_i", "foc.direct_run"),
     *("foc.snap_i", "foc.snap_u", "foc.snap_v", "foc.snap_v_sum", "foc.snap_count", "foc.snap_theta_sample"),
     *("encoder.turn", "encoder.counters", "foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
@@ -247,6 +249,7 @@ def take(r: Registers, x: Array, s: Array, gains: NDArray[np.int32]) -> None:
     gains[6] = np.int64(r[x.foc_shift])
     s.reference_re, s.reference_im = signed(r, x.foc_reference, 18), signed(r, x.foc_reference + 1, 18)
     s.preset_re, s.preset_im = signed(r, x.foc_preset, 18), signed(r, x.foc_preset + 1, 18)
+    s.forward_re, s.forward_im = signed(r, x.foc_forward, 18), signed(r, x.foc_forward + 1, 18)
     s.limit = np.int64(r[x.foc_limit]) & (Q17 - 1)
     s.lead = np.int64(r[x.foc_lead])
     s.scale = mantissa(np.int64(r[x.foc_scale]), 24)
@@ -536,6 +539,7 @@ def show(
     m: Array,
     regulator: NDArray[np.int32],
     i: tuple[Whole, Whole],
+    v: tuple[Whole, Whole],
     angle: Whole,
     limited: Whole,
 ) -> None:
@@ -556,7 +560,7 @@ def show(
     put(r, x.foc_snap_i + 1, i[1])
     for axis in range(2):
         put(r, x.foc_snap_u + axis, regulator[axis])
-        put(r, x.foc_snap_v + axis, (np.int64(regulator[axis]) + 128) >> 8)
+        put(r, x.foc_snap_v + axis, v[axis])
     put(r, x.foc_snap_v_sum, s.sum_re)
     put(r, x.foc_snap_v_sum + 1, s.sum_im)
     put(r, x.foc_snap_count, s.steps | 1 << 16 | limited << 24)
@@ -606,7 +610,7 @@ def sample(
             c.preset(regulator.ctypes.data, pair(z.preset_re * 256, z.preset_im * 256), error)
     if by_core:
         limited = direct(r, x, s, regulator, i_re, i_im, masked, late, c)
-    v_re, v_im = (np.int64(regulator[0]) + 128) >> 8, (np.int64(regulator[1]) + 128) >> 8
+    v_re, v_im = (np.int64(regulator[0]) + 128 >> 8) + z.forward_re, (np.int64(regulator[1]) + 128 >> 8) + z.forward_im
     if masked or late:
         z.masked_steps -= 1 if masked else 0
         z.late_answers -= 1 if late else 0
@@ -640,7 +644,7 @@ def sample(
     if z.trips != trips:
         log(s, logs, LOG_TRIP, at.phase_trip, 0, z.samples * k.period_cycles)
     if z.steps >= k.tick_samples and not (masked or late):
-        show(r, x, s, m, regulator, (i_re, i_im), angle, limited)
+        show(r, x, s, m, regulator, (i_re, i_im), (v_re, v_im), angle, limited)
         z.steps = z.sum_re = z.sum_im = 0
         if z.late_commits > 0:
             z.late_commits -= 1

@@ -106,6 +106,8 @@ COLD void current_wave_off(vector_command_t *c) {
   c->fresh |= FRESH_CONTROL | FRESH_REFERENCE;
 }
 
+void current_look_at_angle(vector_command_t *c, bool angle) { c->look.angle = angle; }
+
 INLINED void current_look(vector_command_t *c, bool slow, bool currents, bool steps) {
   c->look.slow = slow;
   if (slow) {

@@ -38,6 +38,9 @@ void current_wave_anew(vector_command_t *c);
 // Wave, forward voltages, references and regulators off.
 void current_wave_off(vector_command_t *c);
 
+// Whether each snapshot shall have the angle and the encoder's position.
+void current_look_at_angle(vector_command_t *c, bool angle);
+
 // What the next snapshot shall have; currents: with slow only.
 void current_look(vector_command_t *c, bool slow, bool currents, bool steps);
 

@@ -148,6 +148,8 @@ COLD void vector_constants(vector_t *v) {
   v->encoder = p->encoder_quarters > 1;
   v->several = p->vector_tick_samples > 1;
   v->on_core = p->vector_direct != 0;
+  v->shaped = p->vector_shape.most_turn_q36 != 0;
+  v->forwards = v->shaped || vector_injects(v);
   v->encoder_settings =
       (encoder_settings_t){p->encoder_turn, (uint32_t)p->encoder_filter_cycles + ENCODER_LATENCY};
 }

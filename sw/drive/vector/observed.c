@@ -33,11 +33,20 @@ HOT static complex_t mean_voltage_v_q25(vector_t *v, const chip_vector_snapshot_
   return (complex_t){share_v_q25(sum.re, share_q30), share_v_q25(sum.im, share_q30)};
 }
 
-// The regulator's state is the voltage without what goes forward.
+static inline complex_t forward_v_q25(const vector_t *v) {
+  return (complex_t){v->forward_v_q17.re * 256, v->forward_v_q17.im * 256};
+}
+
+// The regulator's state is the voltage without what goes forward. The harmonics that do are those of an EMF that is not to
+// be observed.
 HOT static complex_t acting_v_q25(const vector_t *v, const chip_vector_snapshot_t *in) {
-  const complex_t forward_v_q17 = v->forward_v_q17;
-  const complex_t forward_v_q25 = {forward_v_q17.re * 256, forward_v_q17.im * 256};
-  return complex_add(complex_add(in->u_v_q25[0], forward_v_q25), v->late_v_q25);
+  const complex_t own = complex_add(in->u_v_q25[0], v->late_v_q25);
+  return vector_injects(v) ? complex_add(own, forward_v_q25(v)) : own;
+}
+
+HOT static complex_t mean_acting_v_q25(vector_t *v, const chip_vector_snapshot_t *in) {
+  const complex_t all = complex_add(mean_voltage_v_q25(v, in), v->late_v_q25);
+  return vector_injects(v) ? all : complex_sub(all, forward_v_q25(v));
 }
 
 // Turn of the frame in a tick beyond the one that the observer's coefficients were made for, which are up to 6 ms old.
@@ -51,7 +60,7 @@ INLINED int32_t vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
   const emf_observer_gains_t *gains = &design->observer;
   const int32_t drift_q32 = drift_rad_q32(v, design);
   if (v->several) {
-    emf_observer_voltage(&v->observer, gains, complex_add(mean_voltage_v_q25(v, in), v->late_v_q25));
+    emf_observer_voltage(&v->observer, gains, mean_acting_v_q25(v, in));
     emf_observer_step(&v->observer, gains, in->i_q17[0], drift_q32);
     v->observer.voltage_v_q25 = (complex_t){in->v_q17[0].re * 256, in->v_q17[0].im * 256};
   } else {
@@ -68,7 +77,9 @@ INLINED int32_t vector_observe(vector_t *v, const chip_vector_snapshot_t *in) {
     const complex_t rotation = rotation_q30(turn_q32);
     emf_observer_turn(&v->observer, rotation);
   }
-  v->forward_v_q17 = v->command.forward.v_q17[0];
+  if (__builtin_expect(v->forwards, 0)) {
+    v->forward_v_q17 = v->command.forward.v_q17[0];
+  }
   v->correct_q32 = 0;
   v->holding = false;
   return turn_q32;

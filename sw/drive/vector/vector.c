@@ -163,6 +163,10 @@ HOT static void apply_limits(vector_t *v) {
                                : vector_lead_turn_q32(&v->plant.machine, v->report.vector.speed_turn_q36);
   const uint32_t first_v_q17 = vector_injects(v) ? vector_injection_circle(v, circle_v_q17) : circle_v_q17;
   current_limits(&v->command, first_v_q17, circle_v_q17 >> THIRD_SHARE_SHIFT, lead_q32, p->vector_scale_v, vdc);
+  if (__builtin_expect(v->shaped, 0)) {
+    emf_shape_follow(&v->shape, &p->vector_shape, v->observer.emf_v_q25.im, v->report.vector.speed_turn_q36,
+                     circle_v_q25 - (int32_t)rough_length(v->state_v_q25));
+  }
 }
 
 // Observed and encoder angle side by side.
@@ -361,9 +365,27 @@ SHARED static void stage_direct(vector_t *v, const vector_command_t *c) {
                                                   (int32_t)c->limits.v_q17[0], c->control.regulate[0]};
 }
 
+// The EMF's harmonics go forward, and the current is smaller where the EMF is larger: the torque stays.
+SHARED static complex_t shaped_reference_i_q25(vector_t *v) {
+  complex_t reference_i_q25 = v->reference_i_q25;
+  complex_t voltage_v_q17 = {0, 0};
+  if (v->frame == FRAME_OBSERVED && v->shape.emf_v_q25 != 0) {
+    const complex_t share_q24 = emf_shape_q24(&v->shape, &v->p->vector_shape, v->frame_turn_q32);
+    voltage_v_q17.re = mul_high_i32(v->shape.emf_v_q25, share_q24.re);
+    voltage_v_q17.im = mul_high_i32(v->shape.emf_v_q25, share_q24.im);
+    reference_i_q25.im -= mul_high_i32(reference_i_q25.im, share_q24.im) * 256;
+  }
+  current_forward(&v->command, 0, voltage_v_q17);
+  return reference_i_q25;
+}
+
 HOT static void command_frame(vector_t *v, const order_t *order) {
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
-  current_frame(&v->command, v->report.vector.speed_turn_q36, v->correct_q32, to_q17(v->reference_i_q25), regulate,
+  complex_t reference_i_q25 = v->reference_i_q25;
+  if (__builtin_expect(v->shaped, 0)) {
+    reference_i_q25 = shaped_reference_i_q25(v);
+  }
+  current_frame(&v->command, v->report.vector.speed_turn_q36, v->correct_q32, to_q17(reference_i_q25), regulate,
                 v->frame == FRAME_OFF || order->state == STATE_STARTING);
   if (vector_frame_is_injected(v)) {
     vector_injection_command(v);
@@ -422,6 +444,7 @@ COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, 
   }
   vector_constants(v);
   current_look(&v->command, true, false, true);
+  current_look_at_angle(&v->command, v->encoder || v->shaped);
   vector_frame_off(v);
   vector_first_design(v);
   v->report.period_cycles = (uint32_t)p->carrier_longest_cycles;
@@ -463,9 +486,11 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
     }
   }
   v->report.vector.current_i_q17 = in->vector.i_q17[0];
-  if (v->encoder) {
+  if (__builtin_expect(v->command.look.angle, 0)) {
     v->frame_turn_q32 = in->vector.theta_sample_q32;
-    vector_read_encoder(v, &in->vector);
+    if (v->encoder) {
+      vector_read_encoder(v, &in->vector);
+    }
   }
   if (v->frame == FRAME_OFF || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
     apply_limits(v);

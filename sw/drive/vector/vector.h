@@ -26,6 +26,7 @@
 #include "control/complex_fixed.h"
 #include "control/complex_regulator.h"
 #include "control/emf_observer.h"
+#include "control/emf_shape.h"
 #include "control/encoder.h"
 #include "control/field_weakening.h"
 #include "control/if_start.h"
@@ -127,6 +128,8 @@ typedef struct vector {
   bool encoder;   // there is one
   bool several;   // samples a tick
   bool on_core;   // the current regulator is the one in C
+  bool shaped;    // harmonics of the EMF go forward
+  bool forwards;  // they, or an injection's EMF
   encoder_settings_t encoder_settings;
 
   // Background design: `used` changes in the control step only, where a finished one waits.
@@ -156,6 +159,7 @@ typedef struct vector {
   share_t steps;            // regulator steps a tick
   share_t sums;             // samples in the sums of the DC link
   complex_t forward_v_q17;  // of the last regulator step: the set before the one that the chip has taken
+  emf_shape_t shape;
   complex_t state_v_q25;    // of the regulator, at the last check
   pll_t pll;
   uint32_t emf_reciprocal;  // pll_error_from_q30's
