@@ -3,7 +3,8 @@
 
 // Proof of the way from fault pin, lock and monitors to the pins of a board: whatever the chip asks for, and whatever any
 // flip-flop holds, gates and enable are off in the same instant. The properties hold in every state on their own, with no
-// step of any clock: no flip-flop can be in between.
+// step of any clock: no clocked flip-flop can be in between. The task logic frees the flip-flops with an asynchronous clear
+// as well: fault pin and lock reach the pins without any flip-flop.
 `default_nettype none
 module fl_board_f #(
     parameter bit HighActiveLow = 1'b0,
@@ -28,7 +29,8 @@ module fl_board_f #(
   logic [3:0] led_o;
   fl_board #(
       .HighActiveLow(HighActiveLow),
-      .LowActiveLow (LowActiveLow)
+      .LowActiveLow (LowActiveLow),
+      .ResetCycles  (2)
   ) dut (
       .*
   );

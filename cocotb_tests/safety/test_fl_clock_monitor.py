@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import os
 import random
 from itertools import pairwise
 from typing import Any
@@ -51,8 +52,10 @@ class Model:
         return self.bad
 
 
-def sizes(dut: Any) -> tuple[int, int, int]:
-    return tuple(int(getattr(dut, name).value) for name in ("BeatCycles", "LeastCycles", "MostCycles"))  # type: ignore[return-value]
+def sizes() -> tuple[int, int, int]:
+    """BeatCycles, LeastCycles, MostCycles of the build."""
+    beat, least, most = map(int, os.environ["MONITOR_SIZES"].split())
+    return beat, least, most
 
 
 async def power_on(dut: Any) -> None:
@@ -106,7 +109,7 @@ async def bad_from_configuration_on(dut: Any) -> None:
 @cocotb.parametrize(seed=list(range(4)))
 async def model(dut: Any, seed: int) -> None:
     """Intervals about both limits, pauses and holds at random: as the model says after every edge."""
-    _, least, most = sizes(dut)
+    _, least, most = sizes()
     rng = random.Random(seed)
     await power_on(dut)
     known = Model(least, most)
@@ -134,7 +137,7 @@ async def model(dut: Any, seed: int) -> None:
 @cocotb.test
 async def clocks_within_the_tolerance_are_good(dut: Any) -> None:
     """Both ends of the oscillator's tolerance, with beats at every place between two edges."""
-    beat_cycles, least, most = sizes(dut)
+    beat_cycles, least, most = sizes()
     await power_on(dut)
     for board in BOARDS:
         for share in (1 - board.tolerance, 1.0, 1 + board.tolerance):
@@ -151,7 +154,7 @@ async def clocks_within_the_tolerance_are_good(dut: Any) -> None:
 @cocotb.test
 async def clocks_beyond_the_limits_are_found(dut: Any) -> None:
     """A beat two clocks longer or shorter than the limits, at any place between two edges: found within two beats."""
-    _, least, most = sizes(dut)
+    _, least, most = sizes()
     await power_on(dut)
     for clocks in (most + 2.0, 2.0 * most, *(fast for fast in (least - 2.0, 0.5 * least) if fast >= 1.0)):
         await watch(dut)
@@ -162,7 +165,7 @@ async def clocks_beyond_the_limits_are_found(dut: Any) -> None:
 @cocotb.test
 async def clock_that_stops_is_found_and_kept(dut: Any) -> None:
     """Within its time of the last toggle, at either level; it stays when the clock is back, until the block is held."""
-    _, least, most = sizes(dut)
+    _, least, most = sizes()
     longest = 0
     await power_on(dut)
     for _ in range(40):
@@ -184,7 +187,7 @@ async def clock_that_stops_is_found_and_kept(dut: Any) -> None:
 @cocotb.test
 async def gives_its_own_beat(dut: Any) -> None:
     """Every BeatCycles clocks, held or not."""
-    beat_cycles = sizes(dut)[0]
+    beat_cycles = sizes()[0]
     await power_on(dut)
     edges, before = [], int(dut.beat_o.value)
     for n in range(6 * beat_cycles):
@@ -204,4 +207,5 @@ def test_fl_clock_monitor(beat: int, least: int, most: int) -> None:
     """
     parameters = {"BeatCycles": beat, "LeastCycles": least, "MostCycles": most}
     sources = ["safety/fl_sync.sv", "safety/fl_clock_monitor.sv"]
-    run_block_test("fl_clock_monitor", sources, __name__, parameters=parameters, seen=["fl_sync"])
+    sizes_env = {"MONITOR_SIZES": f"{beat} {least} {most}"}
+    run_block_test("fl_clock_monitor", sources, __name__, parameters=parameters, extra_env=sizes_env, seen=["fl_sync"])

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from typing import Any
 
@@ -18,7 +19,7 @@ from fluxlock.cosim.block import run_block_test
 
 @cocotb.test
 async def toggles_with_the_permit_alone(dut: Any) -> None:
-    half = int(dut.HalfCycles.value)
+    half = int(os.environ["HALF_CYCLES"])
     bench = Bench(dut)
     await bench.start(permit_i=0)
     edges = 0
@@ -39,4 +40,10 @@ def test_fl_driver_enable(half: int) -> None:
 
     Verifies: CLK-04
     """
-    run_block_test("fl_driver_enable", ["safety/fl_driver_enable.sv"], __name__, parameters={"HalfCycles": half})
+    run_block_test(
+        "fl_driver_enable",
+        ["safety/fl_driver_enable.sv"],
+        __name__,
+        parameters={"HalfCycles": half},
+        extra_env={"HALF_CYCLES": str(half)},
+    )

@@ -150,6 +150,7 @@ def test_forced_pins(monkeypatch: pytest.MonkeyPatch) -> None:
         "fault_pin_i wrong for 1 clock": (STOPPED, "fault_pin"),
         "adc_valid_i at 0 for 1 ms": (STOPPED, "no_samples"),
         "adc_fault_i wrong for 1 clock": (STOPPED, "converter"),
+        "clock_fault_i held": (STOPPED, "clock"),
         "uart_rx_i wrong for 1 us": (RIDDEN, "none"),
         "can_rx_i wrong for 1 us": (RIDDEN, "none"),
     }

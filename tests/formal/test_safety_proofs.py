@@ -86,15 +86,19 @@ CONFINEMENT, FIFO, SYNC = "fl_can_confinement.sv", "fl_fifo.sv", "fl_sync.sv"
 GUARD, TRIP, LEGS, ENCODER = "fl_gate_guard.sv", "fl_trip.sv", "fl_leg_carrier.sv", "fl_encoder.sv"
 ADC, DOG, LOCK = "fl_adc_fault.sv", "fl_watchdog.sv", "fl_settings_lock.sv"
 BRAKE, CARRIER, BUS, SAFETY = "fl_brake.sv", "fl_carrier.sv", "fl_interconnect.sv", "fl_safety_wb.sv"
+BOARD, DRIVERS, MONITOR = "fl_board.sv", "fl_driver_enable.sv", "fl_clock_monitor.sv"
 
 # Clocks within which a copy must break its properties.
 CLOCKS = {
     "fl_adc_fault": 5,
+    "fl_board": 12,
     "fl_brake": 8,
     "fl_can": 32,
     "fl_can_rx": 10,
     "fl_can_tx": 8,
     "fl_carrier": 26,
+    "fl_clock_monitor": 18,
+    "fl_driver_enable": 14,
     "fl_encoder": 14,
     "fl_gate_guard": 12,
     "fl_interconnect": 5,
@@ -818,6 +822,87 @@ BROKEN = {
     "brake on below off": ("fl_brake", BRAKE, "= enable_i && !below &&", "= enable_i &&", "a_below a_quiet"),
     "brake off at its threshold": ("fl_brake", BRAKE, "vdc_i < cfg_off", "vdc_i <= cfg_off", "a_on a_held"),
     "brake on in a reset": ("fl_brake", BRAKE, "      brake_o    <= 1'b0;\n", "", "a_reset"),
+    "clock good from configuration on": (
+        "fl_clock_monitor",
+        MONITOR,
+        "    bad_o     = 1'b1;",
+        "    bad_o     = 1'b0;",
+        "a_configured",
+    ),
+    "bad clock outlives the hold": ("fl_clock_monitor", MONITOR, "      bad_o   <= 1'b0;\n", "", "a_hold"),
+    "bad clock forgotten": (
+        "fl_clock_monitor",
+        MONITOR,
+        "if (begun_q && count_q < count_t'(LeastCycles - 1)) bad_o <= 1'b1;",
+        "bad_o <= begun_q && count_q < count_t'(LeastCycles - 1);",
+        "a_keeps",
+    ),
+    "fast clock a clock faster": ("fl_clock_monitor", MONITOR, "(LeastCycles - 1)", "(LeastCycles - 2)", "a_fast"),
+    "good clock called fast": ("fl_clock_monitor", MONITOR, "(LeastCycles - 1)", "(LeastCycles)", "a_good"),
+    "first toggle measured": ("fl_clock_monitor", MONITOR, "(begun_q && count_q", "(count_q", "a_good"),
+    "stop found a clock late": ("fl_clock_monitor", MONITOR, "(MostCycles - 1)", "(MostCycles)", "a_slow"),
+    "beat too slow": ("fl_clock_monitor", MONITOR, "$clog2(BeatCycles) + 1;", "$clog2(BeatCycles) + 2;", "a_beat"),
+    "beat too fast": (
+        "fl_clock_monitor",
+        MONITOR,
+        "$clog2(BeatCycles) + 1;",
+        "$clog2(BeatCycles);",
+        "a_beat_not_early",
+    ),
+    "enable high without permit": (
+        "fl_driver_enable",
+        DRIVERS,
+        "      toggle_o <= 1'b0;\n",
+        "",
+        "a_low a_edges",
+    ),
+    "edges a clock apart": ("fl_driver_enable", DRIVERS, "Width'(HalfCycles - 1)", "Width'(HalfCycles)", "a_edges"),
+    "upper gates past the permit": (
+        "fl_board",
+        BOARD,
+        ": gate_h & {Phases{pins_on}};",
+        ": gate_h;",
+        "a_pin a_lock a_clock a_oscillator",
+    ),
+    "lower gates past the permit": (
+        "fl_board:low",
+        BOARD,
+        "? gate_l | {Phases{!pins_on}} :",
+        "? gate_l :",
+        "a_pin a_lock a_clock a_oscillator",
+    ),
+    "enable past the permit": ("fl_board", BOARD, "driver_enable && pins_on;", "driver_enable;", "a_pin a_lock"),
+    "brake past its clocks": (
+        "fl_board",
+        BOARD,
+        "brake && clocks_ok && locked_i",
+        "brake",
+        "a_lock a_clock a_oscillator",
+    ),
+    "monitor of the clock not asked": ("fl_board:free", BOARD, "!locked_i || clk_bad ||", "!locked_i ||", "a_clock"),
+    "monitor of the oscillator not asked": (
+        "fl_board:free",
+        BOARD,
+        "|| clk_bad || osc_bad;",
+        "|| clk_bad;",
+        "a_oscillator",
+    ),
+    "fault pin turns the brake off": (
+        "fl_board",
+        BOARD,
+        "brake && clocks_ok && locked_i",
+        "brake && pins_on",
+        "a_brake",
+    ),
+    "permit asks for more": (
+        "fl_board",
+        BOARD,
+        "gates_ok && locked_i &&",
+        "gates_ok && !button_i && locked_i &&",
+        "a_chip",
+    ),
+    "fault pin by flip-flops alone": ("fl_board:logic", BOARD, "locked_i && !fault_pin_i;", "locked_i;", "a_pin"),
+    "lock by flip-flops alone": ("fl_board:logic", BOARD, "gates_ok && locked_i &&", "gates_ok &&", "a_lock"),
 }
 
 

@@ -39,6 +39,7 @@ LINK = _faults("under_voltage", "over_voltage")
 CHANNEL = _faults("voltage_channel", "stuck_channel", "current_sum")
 PIN = _faults("fault_pin")
 CONVERTER = _faults("converter")
+CLOCK = _faults("clock")
 SETTINGS = _faults("settings_changed")
 PARAMETERS = _faults("parameter_magic", "parameter_version", "parameter_crc")
 INJECTION = _faults("injection_signal", "injection_noise", "no_saliency", "polarity_unsure")
@@ -250,20 +251,21 @@ def _pin_faults(s: Scenario) -> list[Fault]:
     ports: list[tuple[str, int, frozenset[str]]] = [
         ("fault_pin_i", 1, PIN), ("hall_i", 3, hall), ("encoder_i", 3, encoder), ("uart_rx_i", 1, NONE),
         ("can_rx_i", 1, NONE), ("spi_miso_i", 1, NONE), ("adc_valid_i", 1, NONE),
-        ("adc_fault_i", 1, CONVERTER),
+        ("adc_fault_i", 1, CONVERTER), ("clock_fault_i", 1, CLOCK),
     ]  # fmt: skip
     found = []
     for port, bits, names in ports:
         pins = [f"{port}[{bit}]" for bit in range(bits)] if bits > 1 else [port]
-        # Faults of driver and converters are latched by the first clock edge that sees them; sample sets have a least
-        # spacing.
-        must_stop, unchecked = names in (PIN, CONVERTER), port == "adc_valid_i"
+        # Faults of driver, converters and clock are latched by the first clock edge that sees them; sample sets have a
+        # least spacing.
+        must_stop, unchecked = names in (PIN, CONVERTER, CLOCK), port == "adc_valid_i"
         for text, forced, span_s in (*((f"{pin} wrong for 1 us", [pin], 1e-6) for pin in pins),
                                      (f"{port} wrong for 1 clock", pins, 0.0)):  # fmt: skip
             found.append(Fault(text, _held(forced, span_s), names, must_stop=must_stop, unchecked=unchecked))
     return [
         *found,
         Fault("fault_pin_i held", _held(["fault_pin_i"], FOR_EVER_S, 1), PIN, must_stop=True),
+        Fault("clock_fault_i held", _held(["clock_fault_i"], FOR_EVER_S, 1), CLOCK, must_stop=True),
         Fault("uart_rx_i at 0 for 2 ms", _held(["uart_rx_i"], 2e-3, 0), NONE),
         Fault("noise on the console", ((0.0, "console", {"line": "\x01\x7fU"}),), NONE),
         Fault("adc_valid_i at 0 for 1 ms", _held(["adc_valid_i"], 1e-3, 0), frozenset({"no_samples"}), must_stop=True),

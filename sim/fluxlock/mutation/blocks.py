@@ -63,6 +63,21 @@ BLOCKS = {
             parameters={"Width": 16},  # every period is run out in full
         ),
         Block(
+            name="fl_clock_monitor",
+            sources=("safety/fl_sync.sv", "safety/fl_clock_monitor.sv"),
+            test_modules=("cocotb_tests.safety.test_fl_clock_monitor",),
+            goal_percent=95.0,
+            left_out=("bad_from_configuration_on",),  # of the first clocks of a simulation, and by name of a register
+            environment={"MONITOR_SIZES": "64 41 59"},
+        ),
+        Block(
+            name="fl_driver_enable",
+            sources=("safety/fl_driver_enable.sv",),
+            test_modules=("cocotb_tests.safety.test_fl_driver_enable",),
+            goal_percent=95.0,
+            environment={"HALF_CYCLES": "64"},
+        ),
+        Block(
             name="fl_brake",
             sources=("safety/fl_brake.sv",),
             test_modules=("cocotb_tests.safety.test_fl_brake",),
