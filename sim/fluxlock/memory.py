@@ -20,8 +20,12 @@ TELEMETRY_ADDRESS = BLOCK_ADDRESS + TELEMETRY_OFFSET
 PUBLISHED_ADDRESS = TELEMETRY_ADDRESS + 8  # what the published angle has beyond the frame's, for the simulator's log
 # What is left at the end talks to sw/app/fuzz_main.c.
 FUZZ_ADDRESS = RAM_BYTES - 16
-TELEMETRY_MAX_BYTES = FUZZ_ADDRESS - TELEMETRY_ADDRESS
+# Why the firmware restarted last (sw/app/crash.h): neither the start code nor the telemetry touches it.
+CRASH_ADDRESS = FUZZ_ADDRESS - 32
+TELEMETRY_MAX_BYTES = CRASH_ADDRESS - TELEMETRY_ADDRESS
 STACK_BYTES = 4096
+STACK_ADDRESS = BLOCK_ADDRESS - STACK_BYTES
+STACK_PAINT = 0x57ACCA57  # what the start code leaves in the whole stack
 # What a program of sw/bench reads.
 TABLE_ADDRESS = 0x18000
 TABLE_END = BLOCK_ADDRESS - STACK_BYTES
@@ -63,6 +67,9 @@ def c_header() -> str:
 #define RAM_PUBLISHED 0x{PUBLISHED_ADDRESS:X}
 #define RAM_CAN_SETUP 0x{CAN_SETUP_ADDRESS:X}
 #define RAM_FUZZ 0x{FUZZ_ADDRESS:X}
+#define RAM_CRASH 0x{CRASH_ADDRESS:X}
+#define RAM_STACK 0x{STACK_ADDRESS:X}
+#define STACK_PAINT 0x{STACK_PAINT:X}
 #define RAM_TABLE 0x{TABLE_ADDRESS:X}
 #define STACK_BYTES {STACK_BYTES}
 #define STATE_OFFSET 0x{STATE_OFFSET:X}

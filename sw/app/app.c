@@ -6,6 +6,7 @@
 #include "app/app.h"
 
 #include "app/console.h"
+#include "app/crash.h"
 #include "control/placement.h"
 #include "drive/parameters.h"
 #include "hal/chip.h"
@@ -20,6 +21,8 @@
 #define DESIGN_STAGES_PER_SECOND 900u
 // Control steps between two reports to the watchdog, which waits for twice as many.
 #define REPORT_TICKS 4u
+// The firmware that has run for so long is up.
+#define UP_MS 1000u
 
 static fault_t boot_fault(const parameter_block_t *block) {
   if (!chip_is_known()) {
@@ -57,6 +60,9 @@ COLD void app_boot(app_t *app) {
     if (method_is_vector(p->method)) {
       chip_set_machine_timer((uint32_t)p->clock_hz / DESIGN_STAGES_PER_SECOND);
     }
+  }
+  if (fault == FAULT_NONE && crash_fault() != FAULT_NONE) {
+    drive_fail(&app->drive, crash_fault());
   }
   telemetry_update(app->telemetry, &app->drive);
   chip_irq_configure(CONTROL_SOURCES, DEFERRED_SOURCES);
@@ -150,6 +156,45 @@ COLD static void trip_interrupt(app_t *app) {
   cycles_add(&app->telemetry->handler[HANDLER_TRIP], chip_now() - start);
 }
 
+void app_watch(app_t *app, uint32_t works) {
+  app->works = works;
+  app->clocks_ms = chip_clock_hz() / 1000u;
+  app_done(app, WORK_LOOP, WORK_LOOP);
+  app_done(app, WORK_NODE, WORK_LOOP);
+}
+
+work_t app_begin(app_t *app, work_t work) {
+  const work_t before = app->work;
+  app->work = work;
+  return before;
+}
+
+void app_done(app_t *app, work_t work, work_t before) {
+  const uint32_t now = chip_now();
+  const uint32_t window_ms = (work == WORK_NODE) ? WINDOW_NODE_MS : WINDOW_LOOP_MS;
+  app->due[work] = now + app->clocks_ms * window_ms;
+  app->work = before;
+  const bool node = app->works > (uint32_t)WORK_NODE && (int32_t)(app->due[WORK_NODE] - app->due[WORK_LOOP]) < 0;
+  app->due_first = app->due[node ? WORK_NODE : WORK_LOOP];
+}
+
+COLD static bool hangs(app_t *app) {
+  if (app->works == 0u || !order_active(&app->drive.order)) {
+    return false;
+  }
+  crash((app->work == WORK_NODE) ? CRASH_NODE : CRASH_MAIN_LOOP, 0, cpu_interrupted(), 0);
+  drive_fail(&app->drive, crash_fault());
+  return true;
+}
+
+// The watchdog hears of the control step, but not if main loop or node hangs.
+HOT static void report(app_t *app, uint32_t now) {
+  if (__builtin_expect((int32_t)(app->due_first - now) < 0, 0) && hangs(app)) {
+    return;
+  }
+  chip_report_step(app->drive.order.tick / REPORT_TICKS);
+}
+
 HOT void app_control_interrupt(app_t *app) {
   const uint32_t pending = chip_irq_pending();
   if (__builtin_expect((pending & (uint32_t)IRQ_TRIP) != 0u, 0)) {
@@ -162,7 +207,7 @@ HOT void app_control_interrupt(app_t *app) {
     chip_irq_clear(IRQ_TICK);
     control_step(app);
     if (app->drive.order.tick % REPORT_TICKS == 0u) {
-      chip_report_step(app->drive.order.tick / REPORT_TICKS);
+      report(app, start);
     }
     cycles_add(&telemetry->handler[HANDLER_CONTROL], chip_now() - start);
     cycles_add(&telemetry->handler[HANDLER_CONTROL_ENTRY], start - tick_time);
@@ -207,7 +252,17 @@ void app_poll(app_t *app) {
       app->quiet_round_cycles = round_cycles;
     }
     app->idle_cycles += app->quiet_round_cycles;
+  } else {
+    app->booted = now;
+  }
+  if (app->booted != 0u && now - app->booted > UP_MS * app->clocks_ms) {
+    app->booted = 0;
+    crash_is_over();
   }
   app->polled = now;
+  if (!cpu_stack_is_whole()) {
+    crash(CRASH_STACK, 0, 0, 0);
+  }
   console_poll(app);
+  app_done(app, WORK_LOOP, WORK_LOOP);
 }

@@ -3,6 +3,7 @@
 
 #include "app/console_items.h"
 
+#include "app/crash.h"
 #include "app/format.h"
 #include "control/fixed.h"
 #include "hal/chip.h"
@@ -123,6 +124,36 @@ static const char *hall_state_name(const parameters_t *p, bool faulty) {
   return faulty ? "faulty" : "ok";
 }
 
+static char *put_hex(char *text, uint32_t value) {
+  for (uint32_t k = 0; k < 8u; k++) {
+    *text = "0123456789ABCDEF"[value >> (28u - 4u * k) & 15u];
+    text++;
+  }
+  *text = '\0';
+  return text;
+}
+
+// Reason, number of restarts, mcause, mepc, mtval.
+static const char *last_restart(char *text) {
+  const crash_t crash = crash_seen();
+  char *at = text;
+  if (crash.reason == (uint32_t)CRASH_NONE) {
+    return "none";
+  }
+  for (const char *name = fault_name(crash_fault_of((crash_reason_t)crash.reason)); *name != '\0'; name++) {
+    *at = *name;
+    at++;
+  }
+  *at = ' ';
+  at++;
+  format_u32(at, crash.count);
+  at = next_to(at);
+  format_u32(at, crash.cause);
+  at = put_hex(next_to(at), crash.address);
+  (void)put_hex(next_to(at), crash.value);
+  return text;
+}
+
 static void milliamperes(char *text, const parameters_t *p, int32_t current_q17) {
   format_i32(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
 }
@@ -213,6 +244,11 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       return open_phases(text, d->report->vector.open_phases);
     case ITEM_INJECTION:
       return injection(text, &d->report->vector);
+    case ITEM_RESTART:
+      return last_restart(text);
+    case ITEM_STACK_BYTES:
+      format_u32(text, cpu_stack_bytes());
+      break;
     case ITEM_COUNT:
       break;
   }

@@ -3,6 +3,7 @@
 
 // The image for the soft core, with FL_CAN the one with the CANopen node: entry from crt0, traps from trap.S.
 #include "app/app.h"
+#include "app/crash.h"
 #if defined(FL_CAN)
 #include "canopen/chip_node.h"
 #endif
@@ -21,6 +22,10 @@ void trap_control(void) { app_control_interrupt(&app); }
 
 void trap_deferred(void) { app_deferred_interrupt(&app); }
 
+void trap_exception(uint32_t cause, uint32_t address, uint32_t value) {
+  crash(CRASH_EXCEPTION, cause, address, value);
+}
+
 #if defined(FL_CAN)
 void uart_waits(void) { chip_node_poll(); }
 #endif
@@ -30,6 +35,9 @@ int main(void) {
   trap_enable();
 #if defined(FL_CAN)
   chip_node_init(&app);
+  app_watch(&app, WORKS);
+#else
+  app_watch(&app, 1);
 #endif
   for (;;) {
     app_poll(&app);

@@ -23,6 +23,7 @@ static struct {
 } memory;
 
 static struct {
+  app_t *app;
   uint32_t clocks_us;  // clocks a microsecond
   uint32_t then;       // clock up to which now_us counts
   uint32_t now_us;
@@ -71,6 +72,7 @@ void chip_node_init(app_t *app) {
   const storage_t *flash = flash_storage();
   const uint32_t *in_ram = cpu_can_setup();
   uint32_t setup[2] = {in_ram[0], in_ram[1]};
+  driver.app = app;
   driver.absent = flash != 0 && !flash_can_setup(setup);
   driver.clocks_us = chip_clock_hz() / 1000000u;
   driver.then = chip_now();
@@ -108,12 +110,9 @@ static void send(void) {
   }
 }
 
-void chip_node_poll(void) {
+static void poll(void) {
   can_frame_t frame;
   bool lost = false;
-  if (driver.absent) {
-    return;
-  }
   tell_time();
   const bool came = can_take(&frame, &lost);
   if (lost) {
@@ -134,6 +133,14 @@ void chip_node_poll(void) {
   if (node.wanted_fresh) {
     set_filters();
   }
+}
+
+void chip_node_poll(void) {
+  const work_t before = app_begin(driver.app, WORK_NODE);
+  if (!driver.absent) {
+    poll();
+  }
+  app_done(driver.app, WORK_NODE, before);
 }
 
 SMALL_CODE_END

@@ -3,6 +3,7 @@
 
 #include "canopen/drive_link.h"
 
+#include "app/crash.h"
 #include "canopen/dictionary.h"
 #include "control/fixed.h"
 #include "control/placement.h"
@@ -131,6 +132,13 @@ uint32_t link_read(const app_t *app, uint32_t number) {
   }
   if (number == OD_FAULT_TOTAL) {
     return d->log.count;
+  }
+  if (number >= OD_RESTART_NUMBER && number <= OD_RESTART_VALUE) {
+    const crash_t crash = crash_seen();
+    return (&crash.count)[number - OD_RESTART_NUMBER];
+  }
+  if (number == OD_RESTART_STACK) {
+    return cpu_stack_bytes();
   }
   if (p == 0) {
     return 0;

@@ -227,6 +227,8 @@ COLD void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fau
   }
 }
 
+void drive_fail(drive_t *drive, fault_t fault) { follow(drive, outcome_fault(fault)); }
+
 void drive_request(drive_t *drive, request_t request) { drive->request = request; }
 
 void drive_set(drive_t *drive, const settings_t *settings) {

@@ -58,6 +58,8 @@ void drive_init(drive_t *drive, const parameters_t *parameters, fault_t fault);
 
 // One control step: reads the snapshot, leaves what the chip shall do in drive->guard and in the method's command.
 void drive_step(drive_t *drive, const chip_snapshot_t *in);
+// Between two steps: the fault that somebody else has found, with the gates off from the next step on.
+void drive_fail(drive_t *drive, fault_t fault);
 // The same of a drive that the boot checks have refused: it counts the ticks.
 void drive_wait(drive_t *drive);
 // The same with METHOD_VECTOR.

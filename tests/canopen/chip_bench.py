@@ -20,11 +20,11 @@ from fluxlock.config import load_scenario
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.native import peek
-from fluxlock.cosim.plan import CanPeer, CanSide
+from fluxlock.cosim.plan import Action, CanPeer, CanSide
 from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware import build_bus_library
 from fluxlock.firmware.binding import types
-from fluxlock.memory import BLOCK_ADDRESS, TELEMETRY_ADDRESS
+from fluxlock.memory import STACK_ADDRESS, STACK_BYTES, STACK_PAINT, TELEMETRY_ADDRESS
 from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE
 
@@ -62,10 +62,10 @@ class Talker(Listener):
             node.send(self.queue.pop(0))
 
 
-def stack_used_bytes(look_bytes: int = 8192) -> int:
-    """Most that the stack has held since configuration: above the last word that is still zero. For a peer."""
-    words = peek(BLOCK_ADDRESS - look_bytes, look_bytes // 4)
-    return look_bytes - 4 * next((i for i, word in enumerate(words) if word), len(words))
+def stack_used_bytes() -> int:
+    """Most that the stack has held since the start: above the last word with its paint. For a peer."""
+    words = peek(STACK_ADDRESS, STACK_BYTES // 4)
+    return STACK_BYTES - 4 * next((i for i, word in enumerate(words) if word != STACK_PAINT), len(words))
 
 
 def sdo(index: int, sub: int, value: int, size: int) -> Frame:
@@ -169,11 +169,12 @@ def run_chip(
     log_can: bool = False,
     scenario: str = "demo.toml",
     native: bool = False,
+    actions: tuple[Action, ...] = (),
 ) -> tuple[RunData, Any]:
     """What a run of the chip with CAN has recorded, and the peer's conclusion. native: without core, six-step."""
     loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
     plan = prepare(loaded, folder, 1, stop_cycle=round(seconds * CLOCK_HZ))
-    plan = replace(plan, peer=peer, batch_cycles=batch_cycles, log_can=log_can)
+    plan = replace(plan, peer=peer, batch_cycles=batch_cycles, log_can=log_can, actions=(*plan.actions, *actions))
     firmware = build_bus_library(can_method="six-step") if native else None
     meta = run_plan(plan, build_chip(can=True, native=native), firmware=firmware)
     assert not meta["fault"], meta["fault"]

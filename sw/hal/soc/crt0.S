@@ -1,8 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-# Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code.
+# Reset vector 0x80 of the core: below it nothing is fetched, so the trap entry lives after the start code. The firmware
+# also comes here by itself, to start anew (hal/cpu.h). The stack is painted, to show how deep it has been.
 #include "ram.h"
+
+#define MSTATUS_MIE 8
 
 #ifndef IMAGE_LIMIT  // of a chip with less RAM
 #define IMAGE_LIMIT RAM_IMAGE_END
@@ -18,7 +21,15 @@
   .section .start, "ax"
   .globl _start
 _start:
+  csrci mstatus, MSTATUS_MIE
+  csrw mie, zero
   la sp, _stack_top
+  li a0, RAM_STACK
+  li a1, STACK_PAINT
+0:
+  sw a1, 0(a0)
+  addi a0, a0, 4
+  bltu a0, sp, 0b
   la a0, _bss
   la a1, _ebss
 1:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # One trap entry. Saves what a C function may change; of the handlers that are interrupted themselves also mepc, mstatus
-# and mie. An exception stops the core with the gates opened: it can only come from broken code.
+# and mie. An exception can only come from broken code: it opens the gates, and trap_exception has the stack for itself.
 #define MCAUSE_SOFTWARE 3
 #define MCAUSE_EXTERNAL 11
 #define MIE_EXTERNAL 0x800
@@ -94,8 +94,15 @@ restore:
 exception:
   li a0, SAFETY_GUARD
   sw zero, 0(a0)
-1:
-  j 1b
+  csrr a0, mcause
+  csrr a1, mepc
+  csrr a2, mtval
+  la sp, _stack_top
+  j trap_exception
+
+  .weak trap_exception
+trap_exception:
+  j trap_exception
 
   .globl trap_enable
 trap_enable:

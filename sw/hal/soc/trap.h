@@ -6,10 +6,14 @@
 #ifndef FL_TRAP_H
 #define FL_TRAP_H
 
+#include <stdint.h>
+
 // Called by trap.S; the application provides them.
 void trap_current(void);
 void trap_control(void);
 void trap_deferred(void);
+// An exception; the gates are open. Does not return. Without one of the application's own the core stops.
+void trap_exception(uint32_t cause, uint32_t address, uint32_t value);
 
 // Let the lines interrupt from now on.
 void trap_enable(void);
