@@ -18,6 +18,8 @@ from fluxlock.paths import ROOT
 
 LOAD_STEP = ROOT / "scenarios/vector/load-step.toml"
 DECELERATION = ROOT / "scenarios/vector/deceleration.toml"
+WRONG_ENCODER = ROOT / "scenarios/vector/encoder-lines.toml"
+RIGHT = "drive.motor_error.encoder_lines=1"
 # What a leg loses beyond its compensation. A dead time of 75 clocks of 5000 takes 4.65 V of 310 V.
 LEFT_V = (0.0, 0.8, 2.0)
 # A loop whose omega_n is the rotor's frequency at 3000 r/min.
@@ -52,6 +54,28 @@ def test_hard_deceleration_brakes_at_once(tmp_path: Path) -> None:
     scenario = load_scenario(DECELERATION)
     outcome = write_outcome(Play(scenario, SEED).run(), scenario, tmp_path)
     assert outcome.verdict.failures == []
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "drive.motor_error.encoder_lines=0.9765625",
+        "drive.motor_error.encoder_lines=2",
+        "motor.encoder.inverted=true",
+        "motor.encoder.missing_lines=40",
+        "drive.motor_error.encoder_offset_deg=30",
+    ],
+)
+def test_a_wrong_encoder_is_named(override: str, tmp_path: Path) -> None:
+    """Lines, tracks, lost lines or an index that are not those of the file end the scenario in `encoder`.
+
+    Verifies: ENC-07, ENC-08
+    """
+    scenario = load_scenario(WRONG_ENCODER, [RIGHT, override])
+    outcome = write_outcome(Play(scenario, SEED).run(), scenario, tmp_path)
+    assert outcome.verdict.failures == []
+    right = load_scenario(WRONG_ENCODER, [RIGHT])
+    assert Play(right, SEED).run().fault is None
 
 
 @pytest.mark.parametrize("damped", [True, False])
