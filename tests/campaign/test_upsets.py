@@ -59,7 +59,7 @@ HEADER = """
     VlUnpacked<IData/*31:0*/, 32> fl_soc__DOT__u_ram__DOT__mem_q;
 """
 # What only assertions of the safety blocks look at, and what their other registers outside them drive.
-HELPERS = {"enabled_q", "shorted_q", "tripped_q", "was_locked_q", "held_q", "ran_q"}
+HELPERS = {"enabled_q", "shorted_q", "tripped_q", "was_locked_q", "held_q", "ran_q", "permitted_q"}
 OUTPUTS = {"locked", "changed", "expired", "wrong", "brake_overload"}
 
 
