@@ -265,7 +265,7 @@ COLD static void run_line(app_t *app) {
   const char *error = line_check(&console.line);
   if (error == 0) {
     const uint32_t words = split(console.text, word);
-    app->drive.heard_tick = app->drive.order.tick;
+    drive_heard(&app->drive);
     error = (words > WORDS_MAX) ? "too many words" : execute(app, words, word);
   }
   line_answer(&console.line, error);

@@ -45,6 +45,7 @@ typedef struct {
   link_order_t order;  // the last one
   uint32_t point_us;   // of the last target of cyclic velocity
   uint32_t line_rpm_s;  // slope to it
+  uint32_t heard_tick;  // at which the drive last heard of master or console
   span_t command;      // since the last command
   span_t reaching;     // target within its window
   span_t standing;

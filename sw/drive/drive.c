@@ -231,6 +231,8 @@ void drive_fail(drive_t *drive, fault_t fault) { follow(drive, outcome_fault(fau
 
 void drive_request(drive_t *drive, request_t request) { drive->request = request; }
 
+void drive_heard(drive_t *drive) { drive->heard_tick = drive->order.tick; }
+
 void drive_set(drive_t *drive, const settings_t *settings) {
   drive->settings = *settings;
   drive->settings_fresh = true;

@@ -37,7 +37,7 @@ typedef struct {
   settings_t settings;
   bool settings_fresh;  // changed since the control step took them
   request_t request;
-  volatile uint32_t heard_tick;  // of the console's last line
+  volatile uint32_t heard_tick;  // of the last line of the console or command of a master
 
   order_t order;
   fault_t fault;
@@ -70,6 +70,8 @@ void drive_vector_step(drive_t *drive, const chip_snapshot_t *in);
 void drive_request(drive_t *drive, request_t request);
 void drive_set(drive_t *drive, const settings_t *settings);
 void drive_order(drive_t *drive, const settings_t *order);
+// Console or master is alive.
+void drive_heard(drive_t *drive);
 
 // Names for people.
 const char *drive_state_name(drive_state_t state);

@@ -312,6 +312,27 @@ def test_command_timeout(turning: NodeBench, reaction: int, state: str, error: i
         assert b.until("disabled", 0.1)
 
 
+def test_console_and_master_speak_for_each_other(turning: NodeBench) -> None:
+    """A line of the console keeps the timeout of the master off, and a command of the master that of the console.
+
+    Verifies: CO-14
+    """
+    b = turning
+    b.write("command_timeout_reaction", 1)
+    b.write("command_timeout_time", TIMEOUT_MS)
+    assert b.bench.fw.command(f"set command_timeout_ms {TIMEOUT_MS}") == ["ok"]
+    assert b.read("setting_command_timeout_ms") == TIMEOUT_MS
+    for k in range(6):
+        if k % 2:
+            b.send(0x200 + NODE, b"\x0f\x00")
+        else:
+            b.bench.fw.command("get state")
+        b.run(0.8e-3 * TIMEOUT_MS)
+        assert (b.state, b.bench.fw.state) == ("enabled", "running")
+    b.run(0.4e-3 * TIMEOUT_MS)
+    assert b.state == "fault"
+
+
 @pytest.mark.parametrize(
     ("how", "option", "state"),
     [

@@ -201,6 +201,22 @@ def test_silent_console(lines: bool) -> None:
         assert bench.fw.state == "ready", "without power there is nothing to stop"
 
 
+def test_silence_by_the_parameter_block() -> None:
+    """The scenario's timeout holds from boot on.
+
+    Verifies: FW-48
+    """
+    bench = Bench(drive=machines.drive(command_timeout_ms=50))
+    assert bench.fw.command("get command_timeout_ms") == ["command_timeout_ms 50", "ok"]
+    assert bench.until_state("ready", 0.1)
+    assert bench.fw.command("set speed_rpm 30000") == ["ok"]
+    assert bench.fw.command("start") == ["ok"]
+    bench.run(0.049)
+    assert bench.fw.state == "starting"
+    bench.run(0.002)
+    assert (bench.fw.state, fault_of(bench)) == ("fault", "command_timeout")
+
+
 def test_silence_hides_no_other_fault() -> None:
     """Wrong currents and a silent console found in one look: the fault is that of the currents.
 
