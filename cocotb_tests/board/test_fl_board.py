@@ -401,7 +401,7 @@ async def pll_is_reset_after_its_lock_is_lost(dut: Any) -> None:
     await power_on(dut)
     dut.uart_rx_i.value = 1
     dut.locked_i.value = 1
-    await Timer(4 * OSC_NS, "ns")
+    await Timer(((1 << 16) + 4) * OSC_NS, "ns")  # the pulse that configuration begins
     assert dut.pll_rst_o.value == 0
     dut.locked_i.value = 0
     await Timer(3 * OSC_NS, "ns")

@@ -4,7 +4,7 @@
 // Reset of the PLL that makes the chip's clock, from the on-chip oscillator: the clock that is to come cannot make it.
 //
 // While the PLL has no lock, rst_o is high for PulseCycles of every RepeatCycles clocks of clk_i, beginning with the loss.
-// With the lock it is low. So a PLL whose lock was lost is reset, as its vendor asks for, and one that does not lock is
+// With the lock it is low, but for the rest of a pulse that has begun. So a PLL whose lock was lost is reset, as its vendor asks for, and one that does not lock is
 // reset again and again:
 //   7 series  UG472, port LOCKED: a PLL needs a reset once LOCKED has fallen; reset 5 ns or more, lock in 100 us (DS181)
 //   ECP5      reset 1 ms or more, locks within 15 ms (FPGA-DS-02012, sysCLOCK PLL timing)
@@ -13,7 +13,6 @@
 //
 // Clock domains: locked_i is asynchronous; its fall, however short, acts through fl_async_clear. rst_o is a register of
 // clk_i that leads to the PLL's asynchronous reset. Latency: rst_o rises at clock edge 1 to 3 after the lock was lost.
-// Asserted: no reset with the lock.
 `default_nettype none
 module fl_pll_reset #(
     parameter int unsigned PulseCycles  = 1 << 16,
@@ -29,8 +28,10 @@ module fl_pll_reset #(
   end
 
   localparam int unsigned Width = $clog2(RepeatCycles);
-  logic locked;
+  logic locked, idle;
   logic [Width-1:0] count_q;  // clocks since the reset began
+  // A reset that has begun is not cut short.
+  assign idle = locked && (count_q == '0 || count_q >= Width'(PulseCycles));
 
   fl_async_clear #(
       .Stages(2)
@@ -47,8 +48,8 @@ module fl_pll_reset #(
   end
 
   always_ff @(posedge clk_i) begin
-    count_q <= (locked || count_q == Width'(RepeatCycles - 1)) ? '0 : count_q + Width'(1);
-    rst_o   <= !locked && count_q < Width'(PulseCycles);
+    count_q <= (idle || count_q == Width'(RepeatCycles - 1)) ? '0 : count_q + Width'(1);
+    rst_o   <= !idle && count_q < Width'(PulseCycles);
   end
 
 endmodule

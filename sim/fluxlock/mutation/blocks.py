@@ -68,14 +68,16 @@ BLOCKS = {
             test_modules=("cocotb_tests.safety.test_fl_clock_monitor",),
             goal_percent=95.0,
             left_out=("bad_from_configuration_on",),  # of the first clocks of a simulation, and by name of a register
-            environment={"MONITOR_SIZES": "64 41 59"},
+            parameters={"BeatCycles": 4, "LeastCycles": 5, "MostCycles": 9},  # intervals are run out in full
+            environment={"MONITOR_SIZES": "4 5 9"},
         ),
         Block(
             name="fl_driver_enable",
             sources=("safety/fl_driver_enable.sv",),
             test_modules=("cocotb_tests.safety.test_fl_driver_enable",),
             goal_percent=95.0,
-            environment={"HALF_CYCLES": "64"},
+            parameters={"HalfCycles": 5},  # many edges
+            environment={"HALF_CYCLES": "5"},
         ),
         Block(
             name="fl_brake",
