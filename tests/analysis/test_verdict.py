@@ -67,6 +67,16 @@ def test_sound_run_passes_and_says_its_speed() -> None:
     assert found.as_json() == {"passed": True, "lines": found.lines}
 
 
+@pytest.mark.parametrize(("measures", "lost"), [(1.3, False), (1.6, True)])
+def test_a_slow_speed_is_late_by_its_turn(measures: float, lost: bool) -> None:
+    """A six-step drive measures over an electrical turn, 77 ms of it: 0.1 s apart is lag. Of 63 ms it is a lost angle.
+
+    Verifies: FRONT-35
+    """
+    found = verdict(run(speed_rpm=600.0, measures=measures), scenario("motor.max_speed_rpm=7000"))
+    assert any("the angle was lost" in line for line in found.lines) == lost, found.lines
+
+
 WRONGS: dict[str, tuple[dict[str, Any], tuple[str, ...], str]] = {
     "wrong speed": (
         {"speed_rpm": 6_100.0},

@@ -54,7 +54,7 @@ LOST_DEG = 90.0
 LOST_COMMUTATIONS = 6
 LOST_S = 1e-3
 # The drive's speed is not the rotor's: apart by this share, and by this one of the highest speed, for this time.
-APART, APART_OF_MAX, APART_S = 0.2, 0.02, 0.05
+APART, APART_OF_MAX, APART_S, APART_TURNS = 0.2, 0.02, 0.05, 1.5
 
 READY, STARTING, RUNNING, STOPPING, FAULT = 1, 2, 3, 4, 5
 STATES = words("state")
@@ -301,7 +301,9 @@ class Judge:
         rotor = np.abs(self._rotor_rpm(time))
         floor = APART_OF_MAX * self.scenario.motor.max_speed_rpm
         for a, b in _stretches(np.abs(drive - rotor) > np.maximum(APART * np.maximum(drive, rotor), floor), open_end):
-            if time[b - 1] - time[a] >= APART_S:
+            # A mean over an electrical turn, which a slow rotor that accelerates leaves behind.
+            turn_s = 60.0 / (self.scenario.motor.pole_pairs * max(drive[a], floor))
+            if time[b - 1] - time[a] >= max(APART_S, APART_TURNS * turn_s):
                 return f"from {time[a]:.4f} s on the drive measures {drive[a]:.0f} r/min, the rotor has {rotor[a]:.0f}"
         return ""
 
