@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import struct
 from collections.abc import Callable
@@ -25,6 +26,9 @@ FRAMES = 20_000
 # At 1 Mbit/s a frame with eight bytes takes some 120 bits.
 FRAMES_A_MS = 8
 NONSENSE = 5_000
+# Frames and as many console lines, in blocks that seed and number make: "count", or "count,first,seed" to go on.
+NOISE = os.environ.get("FLUXLOCK_NOISE", "2000").split(",")
+BLOCK = 100
 RPM = 60_000
 
 
@@ -161,3 +165,63 @@ def test_nonsense_does_not_touch_the_motor(rng: random.Random) -> None:
     b.write("target_velocity", RPM // 2)
     b.run(0.002)
     assert b.node.value("velocity_demand") < RPM
+
+
+def crc8(data: bytes) -> int:
+    """x^8 + x^2 + x + 1, begins with 0."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ (0x107 if crc & 0x80 else 0)) & 0xFF
+    return crc
+
+
+def noisy_line(rng: random.Random) -> tuple[bytes, bool]:
+    """A line that changes nothing, and whether it must be carried out."""
+    text = rng.choice((b"get state", b"get fault", b"get measured_rpm", b"get vdc_v", b"faults"))
+    line = text + b"*%02X" % crc8(text)
+    kind = rng.random()
+    if kind < 0.3:
+        return line, True
+    letters = [c for c in range(1, 256) if c not in b"\r\n\t *"]
+    if kind < 0.7:
+        at = rng.randrange(len(line))
+        return line[:at] + bytes([rng.choice([c for c in letters if c != line[at]])]) + line[at + 1 :], False
+    return bytes(rng.choices(letters, k=rng.randrange(1, 120))), False
+
+
+def test_noise_on_bus_and_console() -> None:
+    """Nonsense on the bus and a noisy console while the motor runs: every line has its answer, lost ones by name.
+
+    Verifies: CO-16, FW-53
+    """
+    count, first, seed = (*map(int, NOISE), 0, random.SystemRandom().getrandbits(32))[:3]
+    b = NodeBench(speed_rpm=20_000)
+    b.enable()
+    b.turn(RPM)
+    b.run(0.2)
+    fw = b.bench.fw
+    fw.replies()
+    for block in range(first, first + count // BLOCK):
+        print(f"seed {seed}, block {block}")
+        rng = random.Random(f"{seed}/{block}")
+        for _ in range(BLOCK):
+            frame = nonsense(rng, b.node.dictionary)
+            b.send(frame.id, frame.data, frame.flags)
+            line, right = noisy_line(rng)
+            lost = rng.randrange(1, 4) if rng.random() < 0.1 else 0
+            if lost:
+                fw.lib.fl_host_uart_lose(lost, False)
+            fw.lib.fl_host_uart_send(line + b"\n", len(line) + 1)
+            fw.poll()
+            answers = [a.split("*")[0] for a in fw.replies()]
+            answers = [a for a in answers if a == "ok" or a.startswith("error: ")]
+            assert answers[:lost] == ["error: bytes lost"] * lost, (line, answers)
+            assert len(answers) == lost + 1, (line, answers)
+            assert (answers[-1] == "ok") == right, (line, answers)
+        b.run(0.001)
+        b.taken(REPLY)
+        assert (b.state, fw.state) == ("enabled", "running")
+        assert b.bench.model.rpm == pytest.approx(RPM, rel=0.005)
+    assert b.read("fault_total") == 0
