@@ -95,6 +95,34 @@ def test_rotor_that_jumps_by_half_a_turn(name: str, share: float) -> None:
     assert life.wrong_deg(jumped_s) <= WRONG_DEG
 
 
+@pytest.mark.parametrize(
+    ("name", "share"), [("compressor", 0.0), ("compressor", 0.05), ("ebike", 0.0), ("ebike", 0.05), ("ebike", 0.2)]
+)
+def test_rotor_that_jumps(name: str, share: float) -> None:
+    """By a sixth and a third of a turn, also where the drive holds the rotor still: followed, or named, in time.
+
+    Verifies: INJC-15
+    """
+    scenario = scenario_of(name, ONCE)
+    for jump_deg in (60.0, 120.0, -60.0, -120.0):
+        life = InjectionRun(scenario, target_rpm=(share or 0.05) * scenario.motor.max_speed_rpm)
+        assert life.start()
+        life.run(0.2)
+        if share == 0.0:
+            life.aim(0)
+        life.run(0.25)
+        jumped_s = life.chip.now
+        life.chip.turn(np.radians(jump_deg))
+        life.run(0.15)
+        if life.fault == "none":
+            assert np.abs(life.window(jumped_s + NAMED_S)["error_deg"]).max() < POLE_DEG, jump_deg
+        else:
+            assert life.fault == "angle_lost"
+            assert life.fault_s - jumped_s <= NAMED_S, jump_deg
+        if share > 0.0:
+            assert life.wrong_deg(jumped_s) <= WRONG_DEG, jump_deg
+
+
 def test_lost_angle_is_searched_again() -> None:
     """With restarts left the drive searches once more, and the log keeps the name.
 

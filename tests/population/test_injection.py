@@ -23,6 +23,7 @@ FROZEN = "f332913631fc9b5d6769c0c0234e5d8c425fc63887b34e34776b22014b1423fc"
 SEED, LIVES = 1, 300
 DRAWS = [InjectionDraw.of(SEED, index) for index in range(LIVES)]
 RIGHT, BLOCKED, TURNING, UNSURE, REFUSED = 15, 3, 16, 0, 1
+LITTLE_SALIENCY, LIGHT = 42, 44  # L_q / L_d - 1 is a third of the file's; the inertia is a fifth
 
 
 def test_ranges_are_frozen() -> None:
@@ -69,9 +70,9 @@ def test_machine_differs_from_its_file(tmp_path: Path) -> None:
     assert load_motor(tmp_path / MACHINE).model_dump() == life.machine.model_dump()
 
 
-@pytest.mark.parametrize("index", [RIGHT, BLOCKED, TURNING])
+@pytest.mark.parametrize("index", [RIGHT, BLOCKED, TURNING, LITTLE_SALIENCY, LIGHT])
 def test_lives_that_are_right(index: int) -> None:
-    """A rotor at rest, a blocked one, one that turns already.
+    """A rotor at rest, a blocked one, one that turns already; little saliency and little inertia for the file.
 
     Verifies: POP-09
     """

@@ -25,9 +25,11 @@ from fluxlock.config.vector_modes import PLL_BANDWIDTH
 from fluxlock.config.vector_timing import vector_timing
 
 PLL_HZ_MOST, PLL_PERIODS = 200.0, 12.5  # injection periods a period of the loop's bandwidth
-PLL_OVER_SPEED = 20.0
-FILTER_OVER_SPEED = 15.0
-LOOP_MOST, LOOP_RULE = 16.0, 6.0  # S that is permitted, and by rule
+# A rotor five times lighter than its file has a speed loop five times as fast, which loop and filter still follow.
+PLL_OVER_SPEED = 30.0
+FILTER_OVER_SPEED = 22.0
+# S that is permitted, and by rule: with inductances that are a fifth off it is up to four times as large.
+LOOP_MOST, LOOP_RULE = 16.0, 2.5
 GAMMA_PERIODS = 8.0  # injection periods a period of the regulators' bandwidth
 # Growth of a light rotor's angle under -I: its logarithm until the search lets go of it.
 GROWTH_MOST = 1.2

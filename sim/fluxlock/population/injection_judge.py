@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.firmware.binding import names
 from fluxlock.native.injection_run import READY_S, InjectionRun
-from fluxlock.population.injection_life import RUN_S, InjectionLife
+from fluxlock.population.injection_life import InjectionLife
 
 LOST_DEG, NAMED_S = 60.0, 0.05
 WRONG_WAY_DEG = 90.0
@@ -105,14 +105,14 @@ class _Judge:
     def to_the_end(self) -> tuple[float, float]:
         """Angle and start of a life that no fault ended."""
         run, d = self.run, self.life.draw
-        loaded_s = run.found_s + RUN_S
+        loaded_s = run.found_s + self.life.run_s
         before, after = self.rms(run.found_s + SETTLE_S, loaded_s), self.rms(loaded_s + SETTLE_S, run.chip.now)
         for name, value in (("angle", before), ("angle, loaded", after)):
             if value > RMS_DEG:
                 self.wrong(name, f"{value:.2f} deg rms")
         turned = self.forward * float(np.degrees(self.rows["theta"][-1] - self.rows["theta"][self.running][0]))
         if not d.blocked and not d.turning and turned < FORWARD_DEG:
-            self.wrong("no start", f"{turned:.0f} deg el. in {2 * RUN_S:g} s")
+            self.wrong("no start", f"{turned:.0f} deg el. in {2 * self.life.run_s:.1f} s")
         return before, after
 
     def searched_deg(self) -> float:

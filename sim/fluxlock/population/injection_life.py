@@ -9,6 +9,7 @@ or is blocked. A fault ends the life.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from fluxlock.config import Load, Motor, Scenario
 from fluxlock.config.checks import check_scenario
 from fluxlock.config.drive import Drive
 from fluxlock.config.errors import ConfigError
+from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.scenario import Event
 from fluxlock.cosim.parameters import check_parameters
@@ -25,7 +27,7 @@ from fluxlock.native.injection_run import InjectionRun
 from fluxlock.population.injection_draw import InjectionDraw, injection_ranges, parts
 
 SEARCH_S = 0.5  # within which the search ends or says why not
-RUN_S = 0.5  # each: before and after the friction
+RUN_S, RUN_CONSTANTS = 0.5, 25.0  # before the friction and after it, at least each; time constants of the speed loop
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,11 @@ class InjectionLife:
     def target_rpm(self) -> float:
         """Speed that the drive is to hold."""
         return float(round(self.draw.target * self.scenario.motor.max_speed_rpm))
+
+    @property
+    def run_s(self) -> float:
+        """Time before the friction, and after it."""
+        return max(RUN_S, RUN_CONSTANTS / (2 * math.pi * injection_loops(self.scenario).speed_hz))
 
 
 def _settings(d: InjectionDraw, motor: Motor, inverter: Inverter) -> tuple[dict[str, Any], str]:
@@ -65,7 +72,7 @@ def injection_life(draw: InjectionDraw) -> InjectionLife:
         description=f"Salient machine {draw.index} of the population with seed {draw.seed}",
         motor=p.motor,
         inverter=p.inverter,
-        duration_s=1.0 + SEARCH_S,
+        duration_s=2 * RUN_S + SEARCH_S,
         seed=draw.index,
         drive=Drive.model_validate(
             {
@@ -112,9 +119,9 @@ def play_injection(life: InjectionLife) -> InjectionRun:
     if d.blocked:
         run.chip.imposed_rpm = 0.0
     if run.start(SEARCH_S):
-        run.run(RUN_S)
+        run.run(life.run_s)
         shaft = life.scenario.shaft_load
         friction = {"coulomb_nm": shaft.coulomb_nm + life.load_nm}
         run.chip.set_load(Load.model_validate(shaft.model_dump() | friction))
-        run.run(RUN_S)
+        run.run(life.run_s)
     return run

@@ -118,7 +118,8 @@ def _injection() -> list[str]:
         f"resistance by up to {100 * over.resistance:g} %, each inductance by {100 * over.inductance:g} %, flux by "
         f"{100 * over.flux:g} %. Its inertia is {over.inertia[0]:g} to {over.inertia[1]:g} times that of the file. The "
         f"rotor stands, or turns with up to {100 * r.turning:g} % of the base speed ({100 * r.turning_share:g} % of "
-        f"the machines), or is blocked ({100 * r.blocked_share:g} %). {injection_life.RUN_S:g} s after the search "
+        f"the machines), or is blocked ({100 * r.blocked_share:g} %). {injection_life.RUN_S:g} s or "
+        f"{injection_life.RUN_CONSTANTS:g} time constants of the speed loop after the search, whichever is longer, "
         f"friction of {r.load:g} times the rated torque comes on.",
         "",
         "`sim/fluxlock/population/injection.toml` holds the ranges, and a test their hash. A life is *refused* if the "

@@ -25,6 +25,8 @@
 #define ONE_Q16 ((uint32_t)1 << 16)
 #define PROVEN_MOST 3u
 #define SPEED_BITS 16      // of the filtered speed below 2^-36 turn
+#define NOISE_OVER_RATIO_Q16 29040u  // sqrt(pi) / 4
+#define RATIO_MOST_Q24 (64u << 24)
 #define LEAST_Q_SHARE 16   // a q amplitude below this share of d's is noise
 
 SMALL_CODE_BEGIN
@@ -190,7 +192,8 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   return j->contradicted >= v->lost_checks + j->proven;
 }
 
-// The search has measured both axes: that counts, not the file.
+// The search has measured both axes: that counts, not the file. With D and D - 2 K the amplitudes of d and q
+// L_q / (L_q - L_d) = D / 2 K.
 COLD static void learn_saliency(vector_injection_t *j) {
   const rest_position_t *rest = &j->frame.rest;
   injection_validity_settings_t *s = &j->settings.validity;
@@ -203,6 +206,10 @@ COLD static void learn_saliency(vector_injection_t *j) {
   s->saliency_q16 = ONE_Q16 + over_q16;
   s->derate_ratio_q16 = ONE_Q16 + over_q16 * 2u / 5u;
   s->fault_ratio_q16 = ONE_Q16 + over_q16 / 10u;
+  const uint32_t ratio_q24 = div_sat_u32((uint64_t)(uint32_t)rest->d_i_q21 << 23, (uint32_t)rest->saliency_i_q21);
+  const uint32_t held_q24 = (ratio_q24 < RATIO_MOST_Q24) ? ratio_q24 : RATIO_MOST_Q24;
+  j->settings.error.ratio = (gain_t){(int32_t)held_q24, 24};
+  s->noise_factor_q16 = (uint32_t)(((uint64_t)held_q24 * NOISE_OVER_RATIO_Q16) >> 24);
 }
 
 // The search has ended, or the angle is not to be trusted any more.
