@@ -11,7 +11,7 @@ from typing import Any
 
 import cocotb
 import pytest
-from cocotb.triggers import FallingEdge
+from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
 from cocotb_tests.soc.bench import Bench
 from fluxlock.cosim.block import run_block_test
@@ -19,18 +19,25 @@ from fluxlock.cosim.block import run_block_test
 
 @cocotb.test
 async def toggles_with_the_permit_alone(dut: Any) -> None:
+    """Expected after each rising edge, and unchanged at the falling one; a reset ends a permit too."""
     half = int(os.environ["HALF_CYCLES"])
     bench = Bench(dut)
     await bench.start(permit_i=0)
-    edges = 0
-    for permit in [0, 1] * 60:
-        for since in range(1, random.randrange(2, 6 * half)):
-            dut.permit_i.value = permit
-            before = int(dut.toggle_o.value)
-            await FallingEdge(dut.clk_i)
-            expected = permit and since // half % 2
-            assert int(dut.toggle_o.value) == expected, f"{since} clocks after permit {permit}"
+    edges, before = 0, 0
+    for n in range(240):
+        dut.permit_i.value, dut.rst_i.value = n % 2, int(n % 2 == 0 and n % 3 == 0)
+        if n % 6 == 4:
+            dut.permit_i.value, dut.rst_i.value = 1, 1
+        for since in range(1, random.choice((2, half, half + 1, random.randrange(2, 7 * half)))):
+            await RisingEdge(dut.clk_i)
+            await Timer(1, "ns")
+            expected = int(n % 2 and since // half % 2)
+            assert int(dut.toggle_o.value) == expected, f"{since} clocks after permit {n % 2}"
             edges += before != expected
+            before = expected
+            await FallingEdge(dut.clk_i)
+            await Timer(1, "ns")
+            assert int(dut.toggle_o.value) == expected
     assert edges > 60
 
 
