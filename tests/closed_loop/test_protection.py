@@ -63,6 +63,35 @@ def test_shorted_winding_is_not_energised_again() -> None:
     assert "fault shorted_winding" in run.console()
 
 
+AT_REST = (
+    'event=[{at_s=0.001, fault={kind="shorted_winding", phases=["A", "B"], turns_fraction=0.1}}, '
+    '{at_s=0.003, speed_rpm=24000}, {at_s=0.004, command="start"}, '
+    '{at_s=0.05, command="clear"}, {at_s=0.06, command="start"}]',
+    "initial.speed_rpm=0",
+    "window=[]",
+    "duration_s=0.08",
+)
+
+
+def test_shorted_winding_at_rest() -> None:
+    """The start after the trip finds the short by its shortest pulses; healthy, they stay far below the trip.
+
+    Verifies: FW-64
+    """
+    run = drive(SCENARIOS / "short.toml", "short-at-rest", *AT_REST)
+    assert "fault shorted_winding" in run.console()
+    trip = run.data.rows(LogKind.TRIP)
+    assert len(trip) == 2
+    whole = drive(SCENARIOS / "short.toml", "short-gone", *AT_REST[1:], AT_REST[0].replace(
+        '{at_s=0.05, command="clear"}', '{at_s=0.045, fault={kind="clear"}}, {at_s=0.05, command="clear"}'
+    ))  # fmt: skip
+    assert "state starting" in whole.console()
+    records = whole.data.records
+    pulsed = (records["t_cycle"] > 0.060 * whole.data.clock_hz) & (records["t_cycle"] < 0.065 * whole.data.clock_hz)
+    largest_a = max(abs(records[name][pulsed]).max() for name in ("ia", "ib", "ic"))
+    assert 0 < largest_a < 0.2 * whole.scenario.inverter.protection.phase_current_a
+
+
 def test_fault_pin() -> None:
     """Gates are off at the third clock edge after the pin changes.
 

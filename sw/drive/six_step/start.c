@@ -13,6 +13,8 @@
 // 1 ms at 10 kHz; the current is filtered.
 #define ALIGN_PULLED_TICKS 10u
 #define HALVINGS_MAX 4u
+// A tick with pulses, ticks without: the current of the pulses is gone.
+#define INSULATION_TICKS 4u
 #define SQRT2_Q16 92682u
 #define INTERVAL_MAX 0xFFFFFFu
 #define LOCK_TIMEOUT_Q12 0xFFFFu
@@ -244,6 +246,16 @@ static bool pulled_out(const work_t *w) {
   return w->s->pulled_ticks >= ALIGN_PULLED_TICKS;
 }
 
+// Shortest pulses of each leg in turn against the two others, whose lower switches are on: a whole winding lets little current
+// through, a short between two phases or from one to a rail trips.
+static void check_insulation(const work_t *w) {
+  pwm_t *pwm = w->pwm;
+  const uint32_t leg = w->s->ticks / INSULATION_TICKS;
+  sequence_legs(&w->command->sequence, LEG_LOW, leg, (w->s->ticks % INSULATION_TICKS == 0u) ? LEG_PWM_HIGH : LEG_LOW);
+  apply_voltage(w, 0, true);
+  pwm->pulse_cycles_q8 = (uint32_t)w->view->p->least_on_cycles << 8;
+}
+
 // Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
 static void choose_acceleration(start_t *s, const parameters_t *p, const order_t *order) {
   const uint32_t halvings = (order->failed_starts < HALVINGS_MAX) ? order->failed_starts : HALVINGS_MAX;
@@ -343,6 +355,16 @@ static void begin_hall(const work_t *w) {
   enter_phase(s, START_HALL);
 }
 
+// The rotor is about to be moved.
+static void begin_motion(const work_t *w) {
+  if (w->h->driving) {
+    begin_hall(w);
+  } else {
+    enter_phase(w->s, START_ALIGN_FIRST);
+    align(w, ALIGN_LEG_FIRST, (uint32_t)w->view->p->align_ramp_ticks);
+  }
+}
+
 // What the pull of a rotor at rest tells about the sensors.
 static bool pulls_wrong(const work_t *w) {
   const parameters_t *p = w->view->p;
@@ -390,11 +412,18 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
       if (s->ticks < (uint32_t)p->precharge_ticks) {
         break;
       }
-      if (h->driving) {
-        begin_hall(w);
+      if (view->order->suspected && s->coast.verdict == WINDING_UNKNOWN) {
+        enter_phase(s, START_INSULATION);
+        check_insulation(w);
       } else {
-        enter_phase(s, START_ALIGN_FIRST);
-        align(w, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
+        begin_motion(w);
+      }
+      break;
+    case START_INSULATION:
+      if (s->ticks < PHASES * INSULATION_TICKS) {
+        check_insulation(w);
+      } else {
+        begin_motion(w);
       }
       break;
     case START_ALIGN_FIRST:
