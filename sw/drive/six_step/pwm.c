@@ -34,6 +34,11 @@ void pwm_from_voltage(pwm_t *pwm, const six_step_view_t *view, int32_t u_v_q25, 
   pwm->pulse_cycles_q8 = pulse_cycles_q8(pwm->duty_q30, pwm->period_cycles, sync_rect ? p->dead_time_cycles * 256 : 0);
 }
 
+void pwm_shortest(pwm_t *pwm, const six_step_view_t *view, uint32_t longest_cycles) {
+  pwm_from_voltage(pwm, view, 0, true, longest_cycles);
+  pwm->pulse_cycles_q8 = (uint32_t)view->p->least_on_cycles << 8;
+}
+
 // The square of the pulse is proportional to current and carrier: a longer carrier keeps it long enough for a crossing.
 HOT static int32_t stretch(pwm_t *pwm, int32_t duty_q30, uint32_t longest_cycles, uint32_t floor_cycles) {
   const uint32_t pulse_cycles = (uint32_t)mul_q16(duty_q30 >> 14, (int32_t)pwm->period_cycles);

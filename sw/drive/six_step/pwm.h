@@ -36,6 +36,9 @@ void pwm_off(pwm_t *pwm);
 // A voltage that drives the start, whatever the current.
 void pwm_from_voltage(pwm_t *pwm, const six_step_view_t *view, int32_t u_v_q25, bool sync_rect, uint32_t longest_cycles);
 
+// The shortest pulses in which a sample fits.
+void pwm_shortest(pwm_t *pwm, const six_step_view_t *view, uint32_t longest_cycles);
+
 // A current, with the voltage that gives it while it does not stop flowing. About 230 clocks, 400 where it stops.
 void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_demand_t *demand, bool sync_rect);
 

@@ -249,11 +249,9 @@ static bool pulled_out(const work_t *w) {
 // Shortest pulses of each leg in turn against the two others, whose lower switches are on: a whole winding lets little current
 // through, a short between two phases or from one to a rail trips.
 static void check_insulation(const work_t *w) {
-  pwm_t *pwm = w->pwm;
   const uint32_t leg = w->s->ticks / INSULATION_TICKS;
   sequence_legs(&w->command->sequence, LEG_LOW, leg, (w->s->ticks % INSULATION_TICKS == 0u) ? LEG_PWM_HIGH : LEG_LOW);
-  apply_voltage(w, 0, true);
-  pwm->pulse_cycles_q8 = (uint32_t)w->view->p->least_on_cycles << 8;
+  pwm_shortest(w->pwm, w->view, start_longest_cycles(w->s, w->view->m));
 }
 
 // Every failed attempt halves the acceleration of the next: t_1 grows with its square root.
