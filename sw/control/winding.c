@@ -3,8 +3,6 @@
 
 #include "control/winding.h"
 
-#include <stdbool.h>
-
 #include "control/fixed.h"
 #include "control/placement.h"
 
@@ -20,11 +18,14 @@ SMALL_CODE_BEGIN
 void winding_reset(winding_t *winding) { *winding = (winding_t){0}; }
 
 winding_verdict_t winding_step(winding_t *w, const int32_t v_q17[3], int32_t least_q17) {
-  uint32_t signs = 0;
+  uint32_t signs = w->signs;
   for (uint32_t x = 0; x < 3u; x++) {
     const int32_t line_q10 = (v_q17[x] - v_q17[(x + 1u) % 3u]) >> 7;
     w->sum_q10[x] += (uint32_t)(line_q10 * line_q10);
-    signs |= (line_q10 < 0) ? 1u << x : 0u;
+    // A line without an EMF has no sign.
+    if (abs_sat(line_q10) > least_q17 >> 7) {
+      signs = (signs & ~(1u << x)) | ((line_q10 < 0) ? 1u << x : 0u);
+    }
     w->first_q17[x] = (w->samples == 0u) ? v_q17[x] : w->first_q17[x];
     w->moved |= (abs_sat(v_q17[x] - w->first_q17[x]) > least_q17) ? 1u << x : 0u;
   }
@@ -43,6 +44,13 @@ winding_verdict_t winding_step(winding_t *w, const int32_t v_q17[3], int32_t lea
     least = (w->sum_q10[x] < least) ? w->sum_q10[x] : least;
   }
   const bool unequal = (uint64_t)least * 1000u < (uint64_t)most * SHORTED_PER_MILLE;
-  return (unequal && w->moved == ALL_MOVED) ? WINDING_SHORTED : WINDING_WHOLE;
+  if (!unequal || w->moved != ALL_MOVED) {
+    return WINDING_WHOLE;
+  }
+  if (w->doubted) {
+    return WINDING_SHORTED;
+  }
+  *w = (winding_t){.doubted = true};
+  return WINDING_UNKNOWN;
 }
 SMALL_CODE_END

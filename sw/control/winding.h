@@ -8,10 +8,12 @@
 // a short between A and B their line has next to none. Squares are summed over two turns at least: samples at equal steps
 // of the angle give three equal sums, however few there are in a turn.
 //
-// A terminal that stays where it is belongs to a channel that fails, or to a leg that conducts: no verdict then.
+// A terminal that stays where it is belongs to a channel that fails, or to a leg that conducts: no verdict then. A short shows
+// twice in a row, a channel that has just come back does not.
 #ifndef FL_WINDING_H
 #define FL_WINDING_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 typedef enum { WINDING_UNKNOWN, WINDING_WHOLE, WINDING_SHORTED } winding_verdict_t;
@@ -23,6 +25,7 @@ typedef struct {
   uint32_t signs;    // of the lines
   uint32_t changes;  // of the signs
   uint32_t samples;
+  bool doubted;  // unequal the first time
 } winding_t;
 
 void winding_reset(winding_t *winding);

@@ -192,7 +192,7 @@ static void schedule_flux(regulate_t *r, const six_step_view_t *view) {
   }
 }
 
-HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
+COLD static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                          uint32_t group) {
   const parameters_t *p = view->p;
   const settings_t *settings = view->settings;
