@@ -12,17 +12,15 @@ from fluxlock.config.motor import RPM_PER_RAD_S, Motor
 
 # Vector control is blind where R I, of which the file may be wrong by this share, exceeds this share of the EMF.
 RESISTANCE_IN_DOUBT, BLIND_SHARE = 0.5, 0.45
-# Random rotors whose sector lasts 0.6 of it have fallen out at a change of the speed.
-SECTOR_SHARE = 0.5
 
 
 def least_six_step_rpm(motor: Motor) -> float:
-    """Slowest speed at which a sector does not outlast SECTOR_SHARE of the mechanical time constant (r/min).
+    """Slowest speed at which a sector does not outlast the mechanical time constant (r/min).
 
     That is the time from rest to the highest speed at rated torque: between two crossings nothing is measured.
     """
     run_up_s = motor.inertia_kgm2 * motor.max_speed_rpm / RPM_PER_RAD_S / motor.rated_torque_nm
-    return 60.0 / (6 * SECTOR_SHARE * run_up_s * motor.pole_pairs)
+    return 60.0 / (6 * run_up_s * motor.pole_pairs)
 
 
 def least_vector_rpm(motor: Motor, inverter: Inverter | None = None) -> float:
