@@ -40,7 +40,10 @@ SOURCES = {
     "hall": ["safety/fl_sync.sv", "zcd/fl_hall.sv"],
     "irq": ["soc/fl_irq.sv"],
     "pwm": PWM_SOURCES[:3],
-    "safety": [f"safety/fl_{name}.sv" for name in ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")],
+    "safety": [
+        *(f"safety/fl_{name}.sv" for name in ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")),
+        "safety/fl_driver_enable.sv",
+    ],
     "sense": ["sense/fl_sample_scheduler.sv", "sense/fl_auto_zero.sv", "sense/fl_sense.sv"],
     "spi": ["soc/fl_spi.sv"],
     "sys": [],
