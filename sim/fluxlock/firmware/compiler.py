@@ -57,8 +57,6 @@ ALIGN_LIMIT = 2.0
 SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 # Fastest trim of the EMF line by the measured current.
 TRIM_S = 5e-3
-# Carriers of a sector up to which a commutation restarts them on a rotor that a single carrier moves.
-RESTART_CARRIERS = 8
 LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
@@ -191,7 +189,6 @@ def _machine(d: Design) -> dict[str, Value]:
         "speed_ratio": gain(Q16 / (motor.max_speed_rpm * Q8), "speed_ratio"),
         "resistance_low": low,
         "resistance_high": high,
-        "damping_q16": min(128 * Q16, round((d.damping_ohm / m.line_ohm - 1.0) * Q16)),
         "resistance_shift": shift,
     }
 
@@ -201,7 +198,6 @@ def _carrier(d: Design) -> dict[str, Value]:
     return {
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
         "carrier_longest_cycles": cycles(d.longest_s),
-        "restart_carriers": RESTART_CARRIERS if d.carrier_moves_rotor else 0,
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
         "least_on_cycles": cycles(sensing.least_pulse_s),
         "duty_max_q30": round(drive.duty_max * Q30),
@@ -319,7 +315,7 @@ def _handover(d: Design) -> dict[str, Value]:
 
 
 def _speed(d: Design) -> dict[str, Value]:
-    """Speed regulator: its current accelerates the inertia, and takes the measured speed out of the EMF line."""
+    """Speed regulator: its current accelerates the inertia, and the EMF line holds against it within the delay."""
     m, motor = d.machine, d.s.motor
     bandwidth = min(d.bandwidth, d.current_bandwidth / 3.0)
     per_rpm = d.ampere / RPM_Q8
@@ -344,7 +340,6 @@ def _speed(d: Design) -> dict[str, Value]:
         "rectify_light": int(d.s.drive.sync_rect is None),
         "speed_bandwidth_scale": gain(scale, "speed_bandwidth_scale"),
         "accel_feed_forward_s": gain(Q8 / bandwidth, "accel_feed_forward_s"),
-        "ramp_end_q16": max(1, round(d.tick_s / (2.0 * d.lag_s) * Q16)),
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
     }
 
@@ -378,8 +373,6 @@ def _current(d: Design) -> dict[str, Value]:
         "torque_to_current": gain(1e-6 / m.k_e * d.ampere, "torque_to_current"),
         "current_kp": gain(m.line_h * bandwidth * d.volt / d.ampere, "current_kp"),
         "current_wt_q16": max(1, round(bandwidth * d.tick_s * Q16)),
-        "pair_inductance": gain(m.line_h / d.tick_s * d.volt / d.ampere, "pair_inductance"),
-        "pair_spring": gain(m.k_e**2 * d.tick_s / d.s.motor.inertia_kgm2 * d.volt / d.ampere, "pair_spring"),
         "trim_kp": gain(max(d.damping_ohm - m.line_ohm, 1e-3 * m.line_ohm) * d.volt / d.ampere, "trim_kp"),
         "trim_wt_q16": max(1, round(d.damping_ohm / m.line_ohm * d.tick_s / trim_s * Q16)),
         "loop_filter_shift": LOOP_FILTER_SHIFT,

@@ -8,9 +8,6 @@
 #include "control/placement.h"
 
 #define ONE_Q16 65536
-// Share of the boundary's current from which on dead times count, and one over what is left to it.
-#define DEAD_FROM_Q16 49152
-#define DEAD_STEEP 4
 #define RATIO_MAX_Q12 (64u << 12)
 
 void pwm_init(pwm_t *pwm, const parameters_t *p) { pwm->period_cycles = (uint32_t)p->carrier_longest_cycles; }
@@ -76,16 +73,6 @@ HOT static int32_t discontinuous_duty(pwm_t *pwm, const six_step_view_t *view, c
   return stretch(pwm, duty_q30, demand->longest_cycles, (uint32_t)view->p->on_time_floor_cycles);
 }
 
-// What dead times take of a pulse: all where the current keeps its sign over the carrier, nothing where it changes it. A
-// reference that swings with a late speed is better answered evenly.
-HOT static int32_t dead_share_q16(int32_t share_q16, bool firm) {
-  if (!firm) {
-    return share_q16;
-  }
-  const int32_t most_q16 = clamp_i32(share_q16, -DEAD_FROM_Q16, DEAD_FROM_Q16);
-  return (share_q16 - most_q16) * DEAD_STEEP;
-}
-
 HOT void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_demand_t *demand, bool sync_rect) {
   const parameters_t *p = view->p;
   const int32_t vdc_v_q25 = view->m->vdc_v_q25;
@@ -110,7 +97,7 @@ HOT void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_dema
     }
   }
   pwm->duty_q30 = duty_q30;
-  const int32_t added_q8 = sync_rect ? p->dead_time_cycles * dead_share_q16(pwm->share_q16, demand->firm) / 256 : 0;
+  const int32_t added_q8 = sync_rect ? p->dead_time_cycles * pwm->share_q16 / 256 : 0;
   const uint32_t pulse_q8 = pulse_cycles_q8(pulse_q30, pwm->period_cycles, added_q8);
   const uint32_t least_q8 = (uint32_t)p->least_on_cycles << 8;
   pwm->at_least = pulse_q8 < least_q8;

@@ -27,7 +27,6 @@ typedef struct {
   uint32_t longest_cycles;           // longest carrier period permitted
   boundary_t boundary;               // for the carrier that the settings ask for
   const csc_linearity_t *linearity;  // corrects the duty for cut pulses, 0: does not
-  bool firm;                         // the reference does not swing with a late speed
 } pwm_demand_t;
 
 void pwm_init(pwm_t *pwm, const parameters_t *p);
