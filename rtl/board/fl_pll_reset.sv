@@ -4,8 +4,8 @@
 // Reset of the PLL that makes the chip's clock, from the on-chip oscillator: the clock that is to come cannot make it.
 //
 // While the PLL has no lock, rst_o is high for PulseCycles of every RepeatCycles clocks of clk_i, beginning with the loss.
-// With the lock it is low, but for the rest of a pulse that has begun. So a PLL whose lock was lost is reset, as its vendor asks for, and one that does not lock is
-// reset again and again:
+// With the lock it is low, but for the rest of a pulse that has begun. So a PLL whose lock was lost is reset, as its
+// vendor asks for, and one that does not lock is reset again and again:
 //   7 series  UG472, port LOCKED: a PLL needs a reset once LOCKED has fallen; reset 5 ns or more, lock in 100 us (DS181)
 //   ECP5      reset 1 ms or more, locks within 15 ms (FPGA-DS-02012, sysCLOCK PLL timing)
 // The defaults give a pulse of 0.67 ms and a wait of 10 ms with an oscillator of 97.5 MHz (7 series at most), 1.4 ms and

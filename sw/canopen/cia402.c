@@ -83,13 +83,6 @@ static void fault(canopen_t *node, uint32_t code) {
   enter(node, PDS_FAULT_REACTION);
 }
 
-// Keeps the drive's own timeout off too.
-void cia402_command(canopen_t *node) {
-  drive_heard(&node->app->drive);
-  span_start(&node->drive.command, node->now_us);
-  emcy_clear(node, EMCY_COMMAND_TIMEOUT);
-}
-
 static void react(canopen_t *node, int32_t reaction, uint32_t code) {
   const pds_t state = node->drive.state;
   if (state != PDS_ENABLED && state != PDS_QUICK_STOP) {
@@ -430,7 +423,7 @@ static void watch_command(canopen_t *node) {
   cia402_t *c = &node->drive;
   const uint32_t time_us = node->value[OD_COMMAND_TIMEOUT_TIME] * 1000u;
   const uint32_t heard_tick = node->app->drive.heard_tick;
-  // Of the console too.
+  // Of a command, or of the console.
   if (heard_tick != c->heard_tick) {
     c->heard_tick = heard_tick;
     span_start(&c->command, node->now_us);

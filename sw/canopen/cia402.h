@@ -56,8 +56,6 @@ typedef struct {
 void cia402_reset(canopen_t *node);
 // A controlword has come.
 void cia402_control(canopen_t *node, uint32_t word);
-// A command has come: the master is alive.
-void cia402_command(canopen_t *node);
 // The master is lost; code: EMCY code of why. What happens is 0x6007's.
 void cia402_connection_lost(canopen_t *node, uint32_t code);
 void cia402_step(canopen_t *node);

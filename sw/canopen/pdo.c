@@ -49,7 +49,7 @@ static void take(canopen_t *node, uint32_t k, const uint8_t *data, uint32_t leng
       (void)objects_write(node, map->number[i], value[i]);
     }
   }
-  cia402_command(node);
+  drive_heard(&node->app->drive);
 }
 
 bool pdo_receive(canopen_t *node, const can_frame_t *frame) {

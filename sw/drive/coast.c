@@ -31,7 +31,8 @@ void coast_see(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in)
 }
 
 winding_verdict_t coast_winding(coast_t *coast, const order_t *order) {
-  if (!order->suspected || coast->line_emf_q17 < EMF_SEEN_Q17) {
+  // Of five phases the lines of three are never alike.
+  if (PHASES != 3 || !order->suspected || coast->line_emf_q17 < EMF_SEEN_Q17) {
     return WINDING_WHOLE;
   }
   if (coast->verdict == WINDING_UNKNOWN && order->state_ticks > COAST_SETTLE_TICKS) {

@@ -35,7 +35,7 @@ void coast_begin(coast_t *coast);
 // The terminal voltages of a tick. Once a tick, before the others.
 void coast_see(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in);
 
-// After an over-current: the winding, before anything is energised. A rotor without an EMF shows nothing.
+// After an over-current, with three phases: the winding, before anything is energised. A rotor without an EMF shows nothing.
 winding_verdict_t coast_winding(coast_t *coast, const order_t *order);
 
 // A rotor may be caught: channels that show an EMF without a rotor are given up. What a load has turned is no such failure.

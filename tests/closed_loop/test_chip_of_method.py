@@ -45,10 +45,12 @@ def test_gates_of_the_whole_chip(path: Path, overrides: tuple[str, ...], seconds
     print(f"seed {SEED}: {len(gates)} changes of the gates in {end} clocks")
     assert len(gates) > 500 and len(np.unique(gates[:, 1])) > 4
     if path == VECTOR and not np.array_equal(gates, whole):
-        # Regulator and observer follow the age of their design, and the main loop of the whole chip has more to do: the
-        # start comes a quarter of a carrier apart. Both make the same vectors, one gate a leg.
+        # Both make the same vectors, one gate a leg.
         vectors = [{int(state) for state in found[:, 1] if int(state).bit_count() == 3} for found in (gates, whole)]
         assert len(whole) > 500 and vectors[0] == vectors[1]
         assert not [state for state in vectors[1] if state & state >> 1 & 0b010101]
+        # Regulator and observer follow the age of their design, and the main loop of the whole chip has more to do: the
+        # start comes a quarter of a carrier apart. It depends on the image whether the gates are equal: no mark can say
+        # that before.
         pytest.xfail("the design's age counts in the vector drive's gates")
     assert np.array_equal(gates, whole)

@@ -13,6 +13,7 @@ import pytest
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.analysis.verdict import judge_run
 from fluxlock.cosim.outcome import Outcome
+from fluxlock.paths import ROOT
 from tests.closed_loop.support import drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"
@@ -61,6 +62,26 @@ def test_shorted_winding_is_not_energised_again() -> None:
     later = run.gates()[run.gates()[:, 0] > trip[0, 0] + 3]
     assert not later[:, 1].any()
     assert "fault shorted_winding" in run.console()
+
+
+FIVE = ROOT / "scenarios" / "five-phase" / "yu.toml"
+FIVE_TURN = (
+    'event=[{at_s=0.002, speed_rpm=300}, {at_s=0.005, fault={kind="stuck_channel", channel="ia", code=4095}}, '
+    '{at_s=0.0052, fault={kind="clear"}}, {at_s=0.006, command="clear"}, {at_s=0.008, command="start"}]',
+    *("mechanics.mode=imposed", "mechanics.profile=[[0.0, 400.0], [1.0, 400.0]]", "initial.speed_rpm=400"),
+    *("window=[]", "expect=[]", "duration_s=0.04"),
+)
+
+
+def test_five_phases_that_turn_have_no_short() -> None:
+    """Three of five line EMFs are never alike: after an over-current a turning rotor is waited for, as without one.
+
+    Verifies: FW-64
+    """
+    run = drive(FIVE, "five-turn", *FIVE_TURN)
+    assert len(run.data.rows(LogKind.TRIP)) == 1
+    assert "fault phase_over_current" in run.console() and "shorted_winding" not in run.console()
+    assert "state starting" in run.console()
 
 
 AT_REST = (
