@@ -79,7 +79,7 @@ class Draw:
             return float(rng.uniform(*span))
 
         def about_one(share: float) -> float:
-            return _round(1.0 + share * float(rng.uniform(-1.0, 1.0)))
+            return six_digits(1.0 + share * float(rng.uniform(-1.0, 1.0)))
 
         def phases() -> Phases:
             return (about_one(r.phases_unequal), about_one(r.phases_unequal), about_one(r.phases_unequal))
@@ -115,7 +115,7 @@ class Draw:
             ),
             load=_load_parts(rng, even(LOAD_SHARE)),
             light=spread(LIGHT_SHARE),
-            theta_deg=_round(even((-180.0, 180.0))),
+            theta_deg=six_digits(even((-180.0, 180.0))),
         )
 
     @property
@@ -184,7 +184,7 @@ def parts(d: Draw, method: Method) -> Parts:
 
     def of_phases(value: float, factors: Phases) -> Phases:
         a, b, c = factors
-        return (_round(value * a), _round(value * b), _round(value * c))
+        return (six_digits(value * a), six_digits(value * b), six_digits(value * c))
 
     motor = Motor(
         name=f"Machine {d.name}",
@@ -192,41 +192,41 @@ def parts(d: Draw, method: Method) -> Parts:
         pole_pairs=d.pole_pairs,
         resistance_ohm=of_phases(ohm * (1 - SWITCH_SHARE), ohm_shares),
         inductance_h=of_phases(henry * l_d, (1.0, 1.0, 1.0) if salient else henry_shares),
-        inductance_q_h=_round(henry * l_q) if salient else None,
+        inductance_q_h=six_digits(henry * l_q) if salient else None,
         psi_vs=of_phases(psi, flux_shares),
         emf=d.emf,
-        inertia_kgm2=_round(d.run_up_s * torque_nm * d.pole_pairs / omega),
-        rated_current_a=_round(amplitude_a),
-        max_speed_rpm=_round(omega / d.pole_pairs * RPM_PER_RAD_S),
+        inertia_kgm2=six_digits(d.run_up_s * torque_nm * d.pole_pairs / omega),
+        rated_current_a=six_digits(amplitude_a),
+        max_speed_rpm=six_digits(omega / d.pole_pairs * RPM_PER_RAD_S),
     )
-    limit_a = _round(LIMIT_SHARE * shape * amplitude_a)
+    limit_a = six_digits(LIMIT_SHARE * shape * amplitude_a)
     ripple_a = d.supply_v / (8 * min(motor.inductance_h) * carrier_hz)
     trip_a = TRIP_SHARE * limit_a + ripple_a / 2
-    supply_v = _round(d.supply_v)
+    supply_v = six_digits(d.supply_v)
     inverter = Inverter(
         name=f"Inverter {d.name}",
         supply_v=supply_v,
-        on_resistance_ohm=_round(ohm * SWITCH_SHARE),
+        on_resistance_ohm=six_digits(ohm * SWITCH_SHARE),
         dead_time_s=dead_s,
         min_pulse_s=2 * dead_s,
         sensing=Sensing(
             sample_period_s=1e-6,
-            voltage_full_scale_v=_round(1.3 * supply_v),
-            current_full_scale_a=_round(1.1 * trip_a),
+            voltage_full_scale_v=six_digits(1.3 * supply_v),
+            current_full_scale_a=six_digits(1.1 * trip_a),
             divider_pole_s=100e-9,
         ),
-        protection=Protection(phase_current_a=_round(trip_a), dc_current_a=_round(trip_a)),
+        protection=Protection(phase_current_a=six_digits(trip_a), dc_current_a=six_digits(trip_a)),
     )
     fan, viscous, coulomb = (share * d.light * torque_nm for share in d.load)
     load = Load(
-        fan_torque_nm=_round(fan),
+        fan_torque_nm=six_digits(fan),
         fan_speed_rpm=motor.max_speed_rpm,
-        viscous_nm_s_per_rad=_round(viscous * d.pole_pairs / omega),
-        coulomb_nm=_round(coulomb),
+        viscous_nm_s_per_rad=six_digits(viscous * d.pole_pairs / omega),
+        coulomb_nm=six_digits(coulomb),
     )
-    return Parts(motor, inverter, load, _round(1 / d.light), carrier_hz, limit_a)
+    return Parts(motor, inverter, load, six_digits(1 / d.light), carrier_hz, limit_a)
 
 
-def _round(value: float) -> float:
+def six_digits(value: float) -> float:
     """Six digits: a file says the same as the model."""
     return float(f"{value:.6g}")

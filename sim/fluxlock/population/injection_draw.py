@@ -21,12 +21,11 @@ import numpy as np
 
 from fluxlock.config.inverter import Inverter, Protection, Sensing
 from fluxlock.config.motor import RPM_PER_RAD_S, Load, Motor
+from fluxlock.population.draw import LIMIT_SHARE, RESERVE, SWITCH_SHARE, TRIP_SHARE, six_digits
 from fluxlock.population.ranges import Span, Table
 
 PATH = Path(__file__).with_name("injection.toml")
-RESERVE, LIMIT_SHARE, TRIP_SHARE = 1.15, 1.5, 1.6  # as in `draw`
 WAVE_SHARE = 0.5  # of the rated current, room for the wave below the trip
-SWITCH_SHARE = 0.05  # of the resistance
 CLOCK_S = 20e-9
 MIN_PULSE_S = 100e-9
 BITS = 12  # of the chip; a converter of fewer has noise of one of its own
@@ -208,59 +207,54 @@ def parts(d: InjectionDraw) -> InjectionParts:
         "description": f"{d.power_w:.3g} W, {d.supply_v:.3g} V, {d.pole_pairs} pole pairs, {d.base_hz:.3g} Hz",
         "phases": d.phases,
         "pole_pairs": d.pole_pairs,
-        "resistance_ohm": _round(ohm * (1 - SWITCH_SHARE)),
-        "inductance_h": _round(l_d),
-        "inductance_q_h": _round(d.saliency * l_d),
-        "psi_vs": _round(psi),
+        "resistance_ohm": six_digits(ohm * (1 - SWITCH_SHARE)),
+        "inductance_h": six_digits(l_d),
+        "inductance_q_h": six_digits(d.saliency * l_d),
+        "psi_vs": six_digits(psi),
         "emf": "sinusoidal",
-        "inertia_kgm2": _round(d.run_up_s * torque_nm * d.pole_pairs / omega),
-        "rated_current_a": _round(rated_a),
-        "max_speed_rpm": _round(omega / d.pole_pairs * RPM_PER_RAD_S),
+        "inertia_kgm2": six_digits(d.run_up_s * torque_nm * d.pole_pairs / omega),
+        "rated_current_a": six_digits(rated_a),
+        "max_speed_rpm": six_digits(omega / d.pole_pairs * RPM_PER_RAD_S),
     }
     if d.phases == 5:
-        keys["third"] = {"inductance_d_h": _round(d.third * l_d), "inductance_q_h": _round(d.third * l_d)}
+        keys["third"] = {"inductance_d_h": six_digits(d.third * l_d), "inductance_q_h": six_digits(d.third * l_d)}
     if not d.linear:
         keys["saturation"] = {
-            "current_a": _round(rated_a),
-            "plus": -_round(d.saturation),
-            "minus": _round(d.saturation * d.saturation_minus),
-            "angle_rad": [0.0, -_round(math.radians(d.cross_deg) / rated_a)],
+            "current_a": six_digits(rated_a),
+            "plus": -six_digits(d.saturation),
+            "minus": six_digits(d.saturation * d.saturation_minus),
+            "angle_rad": [0.0, -six_digits(math.radians(d.cross_deg) / rated_a)],
         }
     motor, over = Motor.model_validate(keys), d.over
     real = {
-        "resistance_ohm": _round(motor.resistance_ohm[0] * over.resistance),
-        "inductance_h": _round(motor.inductance_h[0] * over.inductance_d),
-        "inductance_q_h": _round(d.saliency * l_d * over.inductance_q),
-        "psi_vs": _round(psi * over.flux),
-        "inertia_kgm2": _round(motor.inertia_kgm2 * over.inertia),
+        "resistance_ohm": six_digits(motor.resistance_ohm[0] * over.resistance),
+        "inductance_h": six_digits(motor.inductance_h[0] * over.inductance_d),
+        "inductance_q_h": six_digits(d.saliency * l_d * over.inductance_q),
+        "psi_vs": six_digits(psi * over.flux),
+        "inertia_kgm2": six_digits(motor.inertia_kgm2 * over.inertia),
     }
-    limit_a = _round(LIMIT_SHARE * rated_a)
-    trip_a = _round(TRIP_SHARE * limit_a + WAVE_SHARE * rated_a)
+    limit_a = six_digits(LIMIT_SHARE * rated_a)
+    trip_a = six_digits(TRIP_SHARE * limit_a + WAVE_SHARE * rated_a)
     dead_s = round(d.dead_time_s / CLOCK_S) * CLOCK_S
     inverter = Inverter(
         name=f"Inverter {d.name}",
         legs=d.phases,
-        supply_v=_round(d.supply_v),
-        on_resistance_ohm=_round(ohm * SWITCH_SHARE),
-        dead_time_s=_round(dead_s),
-        min_pulse_s=_round(max(2 * dead_s, MIN_PULSE_S)),
+        supply_v=six_digits(d.supply_v),
+        on_resistance_ohm=six_digits(ohm * SWITCH_SHARE),
+        dead_time_s=six_digits(dead_s),
+        min_pulse_s=six_digits(max(2 * dead_s, MIN_PULSE_S)),
         sensing=Sensing(
             noise_lsb=float(2 ** (BITS - d.bits)),
             sample_period_s=1e-6,
-            voltage_full_scale_v=_round(1.3 * d.supply_v),
-            current_full_scale_a=_round(1.1 * trip_a),
+            voltage_full_scale_v=six_digits(1.3 * d.supply_v),
+            current_full_scale_a=six_digits(1.1 * trip_a),
             divider_pole_s=100e-9,
         ),
         protection=Protection(phase_current_a=trip_a, dc_current_a=trip_a),
     )
     load = Load(
-        viscous_nm_s_per_rad=_round(d.viscous * torque_nm * d.pole_pairs / omega),
-        coulomb_nm=_round(d.coulomb * torque_nm),
+        viscous_nm_s_per_rad=six_digits(d.viscous * torque_nm * d.pole_pairs / omega),
+        coulomb_nm=six_digits(d.coulomb * torque_nm),
     )
     machine = Motor.model_validate(keys | real)
-    return InjectionParts(motor, machine, inverter, load, _round(injection_ranges().load * torque_nm), limit_a)
-
-
-def _round(value: float) -> float:
-    """Six digits: a file says the same as the model."""
-    return float(f"{value:.6g}")
+    return InjectionParts(motor, machine, inverter, load, six_digits(injection_ranges().load * torque_nm), limit_a)
