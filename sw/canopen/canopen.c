@@ -5,9 +5,6 @@
 
 #include "canopen/drive_link.h"
 #include "canopen/objects.h"
-#include "control/placement.h"
-
-SMALL_CODE_BEGIN
 
 // Indices of what a reset takes anew.
 #define LAST_INDEX 0xFFFFu
@@ -119,4 +116,3 @@ void canopen_bus_back(canopen_t *node) { emcy_clear(node, EMCY_BUS_OFF); }
 
 void canopen_overrun(canopen_t *node) { emcy_event(node, EMCY_OVERRUN, 0); }
 
-SMALL_CODE_END

@@ -5,14 +5,13 @@
 
 #include "canopen/canopen.h"
 #include "canopen/flash_store.h"
-#include "control/placement.h"
 #include "hal/can.h"
 #include "hal/can_setup.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 
-SMALL_CODE_BEGIN
-
+// That wait are taken together, before the console has its turn again.
+#define FRAMES_A_ROUND 4u
 // Between two steps of the node while no frame comes.
 #define STEP_US 500u
 
@@ -110,7 +109,8 @@ static void send(void) {
   }
 }
 
-static void poll(void) {
+// True: a frame came.
+static bool poll(void) {
   can_frame_t frame;
   bool lost = false;
   tell_time();
@@ -133,14 +133,13 @@ static void poll(void) {
   if (node.wanted_fresh) {
     set_filters();
   }
+  return came;
 }
 
 void chip_node_poll(void) {
   const work_t before = app_begin(driver.app, WORK_NODE);
-  if (!driver.absent) {
-    poll();
+  for (uint32_t k = 0; !driver.absent && k < FRAMES_A_ROUND && poll(); k++) {
   }
   app_done(driver.app, WORK_NODE, before);
 }
 
-SMALL_CODE_END

@@ -6,9 +6,6 @@
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
 #include "canopen/objects.h"
-#include "control/placement.h"
-
-SMALL_CODE_BEGIN
 
 // Command specifiers of the client, data[0] >> 5.
 enum { DOWNLOAD_SEGMENT = 0, DOWNLOAD = 1, UPLOAD = 2, UPLOAD_SEGMENT = 3, ABORT = 4 };
@@ -214,4 +211,3 @@ void sdo_receive(canopen_t *node, const can_frame_t *frame) {
   }
 }
 
-SMALL_CODE_END

@@ -3,10 +3,7 @@
 
 #include "hal/can.h"
 
-#include "control/placement.h"
 #include "hal/reg.h"
-
-SMALL_CODE_BEGIN
 
 #define QUANTA_MAX 25u
 #define QUANTA_MIN 8u
@@ -83,4 +80,3 @@ bool can_send(const can_frame_t *frame) {
 
 bool can_is_bus_off(void) { return BITS(FL_CAN_REGS__STATUS__BUS_OFF, reg_read(REG(can.status))) != 0u; }
 
-SMALL_CODE_END
