@@ -25,7 +25,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -40,11 +39,11 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.can_bus import usual_channel
-from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Motor, Problem, Scenario, load_motor, load_scenario
-from fluxlock.config.info import derived_values, warnings
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario, load_scenario
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
+from fluxlock.motor_cli import app as motor_app
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.population.cli import app as population_app
 from fluxlock.progress import ProgressBar
@@ -77,11 +76,6 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-motor_app = typer.Typer(
-    help="Check a motor file, show what follows from it.",
-    epilog=example("fluxlock motor check motors/spindle-2pp.toml", "fluxlock motor info motors/spindle-2pp.toml"),
-    no_args_is_help=True,
-)
 app.add_typer(motor_app, name="motor", rich_help_panel=MOTOR)
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
@@ -92,7 +86,6 @@ app.command(rich_help_panel=BOARD, epilog=example("fluxlock flash scenarios/demo
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario file (TOML).", autocompletion=complete_toml("scenarios"))
 ]
-MotorArgument = Annotated[Path, typer.Argument(help="Motor file (TOML).", autocompletion=complete_toml("motors"))]
 SeedOption = Annotated[
     int | None, typer.Option(parser=lambda text: _seed(text), metavar="NUMBER", help="Seed of the noise.")
 ]
@@ -581,54 +574,6 @@ def mutate(
 
     if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
         raise typer.Exit(EXIT_FAILED)
-
-
-def _warn(file: Path, motor: Motor) -> None:
-    """The unusual in a motor file, on the error output."""
-    messages = Console(stderr=True)
-    for line in warnings(motor):
-        messages.print(f"warning: {file}: {line}", style="yellow", markup=False, highlight=False, soft_wrap=True)
-
-
-@motor_app.command("check", epilog=example("fluxlock motor check motors/spindle-2pp.toml"))
-def motor_check(file: MotorArgument) -> None:
-    """Check a motor file: every wrong key by name, warnings of the unusual."""
-    motor = load_motor(file)
-    _warn(file, motor)
-    pairs = f"{motor.pole_pairs} pole pair{'s' if motor.pole_pairs > 1 else ''}"
-    print(f"{file}: ok ({motor.name}, {pairs}, {motor.emf})")
-
-
-@motor_app.command("info", epilog=example("fluxlock motor info motors/spindle-2pp.toml"))
-def motor_info(
-    file: MotorArgument,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Show a motor and what follows from its file, beside the machines in motors/."""
-    motor = load_motor(file)
-    values = derived_values(motor)
-    from fluxlock.config.vector_loops import loops, reference_plant
-
-    by_rule = loops(reference_plant(motor))
-    if as_json:
-        derived = {v.key: v.value for v in values}
-        print(
-            json.dumps(
-                {"motor": motor.model_dump(mode="json"), "derived": derived, "vector": asdict(by_rule)}, indent=2
-            )
-        )
-        return
-    from fluxlock.motor_info import examples, table
-
-    console = Console()
-    console.print(table(motor, examples(), console.width), highlight=False)
-    console.print(
-        f"\nvector control at 20 kHz by rule: speed loop {by_rule.speed_hz:.3g} Hz, phase-locked loop "
-        f"{by_rule.pll_hz:.3g} Hz, phase margin {by_rule.nominal_deg:.0f} degrees, with L off by 30 % "
-        f"{by_rule.worst_deg:.0f}; bound by: {by_rule.reason}",
-        highlight=False,
-    )
-    _warn(file, motor)
 
 
 def _report_usage(error: typer.TyperException) -> None:

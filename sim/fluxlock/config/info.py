@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fluxlock.config.constants import constants
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import COMMUTATION_LEAST, RPM_PER_RAD_S, Motor
 
@@ -21,6 +22,22 @@ class Derived:
     label: str
     value: float
     unit: str
+
+
+def _conventions(motor: Motor) -> list[Derived]:
+    """Kv, Ke and Kt as makers state them; Ke and Kt on the DC side stand above as EMF and torque constant."""
+    shown = {
+        "kv_dc_rpm_per_v": ("Kv, DC", "r/min/V"),
+        "kv_line_peak_rpm_per_v": ("Kv, peak line EMF", "r/min/V"),
+        "kv_line_rms_rpm_per_v": ("Kv, rms line EMF", "r/min/V"),
+        "ke_line_peak_v_per_krpm": ("Ke, line peak", "V/(1000 r/min)"),
+        "ke_line_rms_v_per_krpm": ("Ke, line rms", "V/(1000 r/min)"),
+        "ke_phase_rms_v_per_krpm": ("Ke, phase rms", "V/(1000 r/min)"),
+        "kt_peak_nm_per_a": ("Kt, peak phase current", "N*m/A"),
+        "kt_rms_nm_per_a": ("Kt, rms phase current", "N*m/A"),
+    }
+    values = constants(motor)
+    return [Derived(key, label, values[key], unit) for key, (label, unit) in shown.items()]
 
 
 def derived_values(motor: Motor) -> list[Derived]:
@@ -54,6 +71,7 @@ def derived_values(motor: Motor) -> list[Derived]:
             for n in (3, 5, 7)
         ),
         *(() if five else (Derived("rated_dc_current_a", "DC current of that torque", motor.rated_dc_current_a, "A"),)),
+        *(() if five else _conventions(motor)),
         Derived("rated_torque_nm", "torque at rated current", motor.rated_torque_nm, "N*m"),
         Derived("rated_accel_rpm_per_s", "acceleration at rated torque, no load", accel, "r/min/s"),
         Derived("inductance_d_h", "inductance on the d axis, L_d", inductance_d, "H"),
@@ -81,6 +99,7 @@ def derived_values(motor: Motor) -> list[Derived]:
 TIME_CONSTANT_MIN_S, TIME_CONSTANT_MAX_S = 1e-5, 0.1
 SALIENCY_MIN, SALIENCY_MAX = 0.5, 10.0  # L_q / L_d, from inset magnets to reluctance machines
 EMF_MIN_V, EMF_MAX_V = 1.0, 2000.0
+POLES_MIN, POLES_HZ = 8, 2500.0  # pairs and frequency from which they may be poles
 RUN_UP_MIN_S, RUN_UP_USUAL_S, RUN_UP_MAX_S = 3e-3, 0.1, 10.0
 
 
@@ -115,6 +134,12 @@ def warnings(motor: Motor) -> list[str]:
     if drop_v > emf_v:
         found.append(
             f"rated_current_a drops {drop_v:.3g} V over two phases, more than the EMF at max_speed_rpm ({emf_v:.3g} V)"
+        )
+    top_hz = motor.electrical_hz(motor.max_speed_rpm)
+    if motor.pole_pairs >= POLES_MIN and motor.pole_pairs % 2 == 0 and top_hz > POLES_HZ:
+        found.append(
+            f"pole_pairs: {motor.pole_pairs} turn at {top_hz:.0f} Hz at max_speed_rpm; check that they are not "
+            f"{motor.pole_pairs} poles, {motor.pole_pairs // 2} pairs"
         )
     if motor.inductance_q_h is not None:
         ratio = motor.inductance_q_h / motor.inductance_h[0]
