@@ -5,6 +5,7 @@
 //
 // The oscillator's 100 MHz become 50 MHz in a PLL; the red RESET button resets. The oscillator of the configuration logic
 // (CFGMCLK of STARTUPE2) watches that clock: 65 MHz, +-50 % (UG470, STARTUPE2; DS181, FCFGMCLK and FCFGMCLKTOL).
+// Not compared with the sheets: docs/blocks/fl_clock_monitor.md.
 // Pins: constraints/arty-a7-35.xdc, drawn in docs/blocks/fl_board_arty.md. Everything else: fl_board.
 `default_nettype none
 module fl_board_arty #(

@@ -4,7 +4,8 @@
 // Board top: ULX3S, Lattice ECP5 LFE5U-85F-6BG381C; with fewer words of RAM also its smaller devices.
 //
 // The oscillator's 25 MHz become 50 MHz in a PLL; button FIRE1 resets. The on-chip oscillator OSCG watches that clock:
-// 310 MHz, +-15 % (FPGA-TN-02200, internal oscillator; FPGA-DS-02012), here divided by 8.
+// 310 MHz, +-15 % (FPGA-TN-02200, internal oscillator; FPGA-DS-02012), here divided by 8. Not compared with the sheets:
+// docs/blocks/fl_clock_monitor.md.
 // Boot = 1: firmware and parameter block come from the configuration flash, whose clock pin is reached through USRMCLK.
 // Pins: constraints/ulx3s.lpf, drawn in docs/blocks/fl_board_ulx3s.md. Everything else: fl_board.
 `default_nettype none

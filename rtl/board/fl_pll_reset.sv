@@ -8,6 +8,7 @@
 // vendor asks for, and one that does not lock is reset again and again:
 //   7 series  UG472, port LOCKED: a PLL needs a reset once LOCKED has fallen; reset 5 ns or more, lock in 100 us (DS181)
 //   ECP5      reset 1 ms or more, locks within 15 ms (FPGA-DS-02012, sysCLOCK PLL timing)
+// These figures were not compared with the sheets: docs/blocks/fl_clock_monitor.md says what supports them.
 // The defaults give a pulse of 0.67 ms and a wait of 10 ms with an oscillator of 97.5 MHz (7 series at most), 1.4 ms and
 // 22 ms with 44.6 MHz (ECP5 at most).
 //
