@@ -87,14 +87,10 @@ module fl_board
   localparam int unsigned OscMost = (Beat * ClockKhz * 100 - 1) / (OscKhz * (100 - OscPercent)) + 2;
 
   // Registers with a value from configuration: they make the reset.
-  logic [19:0] reset_count_q;
-  logic reset_released_q, rst_q, button, locked, hold;
-
-  initial begin
-    reset_count_q    = '0;
-    reset_released_q = 1'b0;
-    rst_q            = 1'b1;
-  end
+  logic [19:0] reset_count_q = '0;
+  logic reset_released_q = 1'b0;
+  logic rst_q = 1'b1;
+  logic button, locked, hold;
 
   fl_sync u_button (
       .clk_i,

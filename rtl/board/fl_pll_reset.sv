@@ -21,7 +21,7 @@ module fl_pll_reset #(
 ) (
     input  logic clk_i,     // the oscillator
     input  logic locked_i,  // asynchronous
-    output logic rst_o
+    output logic rst_o = 1'b0
 );
 
   if (PulseCycles < 2 || RepeatCycles <= PulseCycles) begin : gen_illegal
@@ -30,7 +30,7 @@ module fl_pll_reset #(
 
   localparam int unsigned Width = $clog2(RepeatCycles);
   logic locked, idle;
-  logic [Width-1:0] count_q;  // clocks since the reset began
+  logic [Width-1:0] count_q = '0;  // clocks since the reset began
   // A reset that has begun is not cut short.
   assign idle = locked && (count_q == '0 || count_q >= Width'(PulseCycles));
 
@@ -42,11 +42,6 @@ module fl_pll_reset #(
       .ok_i   (1'b1),
       .ok_o   (locked)
   );
-
-  initial begin
-    count_q = '0;
-    rst_o   = 1'b0;
-  end
 
   always_ff @(posedge clk_i) begin
     count_q <= (idle || count_q == Width'(RepeatCycles - 1)) ? '0 : count_q + Width'(1);

@@ -25,8 +25,7 @@ module fl_async_clear #(
     $fatal(1, "fl_async_clear: Stages must be at least 1 (%m)");
   end
 
-  (* async_reg = "true" *) logic [Stages-1:0] stage_q;
-  initial stage_q = '0;
+  (* async_reg = "true" *) logic [Stages-1:0] stage_q = '0;
 
   always_ff @(posedge clk_i or posedge clear_i) begin
     if (clear_i) stage_q <= '0;

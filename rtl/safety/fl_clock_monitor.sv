@@ -29,7 +29,7 @@ module fl_clock_monitor #(
     input  logic hold_i,  // asynchronous
     input  logic beat_i,  // asynchronous: beat_o of the other monitor
     output logic beat_o,
-    output logic bad_o
+    output logic bad_o = 1'b1
 );
 
   if (BeatCycles < 2 || (BeatCycles & (BeatCycles - 1)) != 0) begin : gen_illegal_beat
@@ -59,15 +59,10 @@ module fl_clock_monitor #(
 
   logic beat_q, toggled, begun_q;
   count_t count_q;  // clocks since the last toggle, less 1
-  logic [BeatWidth-1:0] divider_q;
+  logic [BeatWidth-1:0] divider_q = '0;
 
   assign toggled = beat != beat_q;
   assign beat_o  = divider_q[BeatWidth-1];
-
-  initial begin
-    bad_o     = 1'b1;
-    divider_q = '0;
-  end
 
   always_ff @(posedge clk_i) begin
     divider_q <= divider_q + BeatWidth'(1);

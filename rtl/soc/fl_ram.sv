@@ -43,7 +43,8 @@ module fl_ram #(
 
   assign a_rdat_o = a_en_q ? a_read_q : a_kept_q;
 
-  always_ff @(posedge clk_i) begin
+  // No always_ff: what Init holds is a second writer.
+  always @(posedge clk_i) begin
     for (int i = 0; i < 4; i++) begin
       if (b_we_i[i]) mem[b_adr_i][8*i+:8] <= b_wdat_i[8*i+:8];
     end

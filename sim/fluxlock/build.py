@@ -3,6 +3,8 @@
 
 """Build steps below `build/`: `python -m fluxlock.build regs` generates what comes from the register map.
 
+`rtl` also writes the soft core: then every file of `rtl/fl_soc.f` is there.
+
 Every step keeps a stamp with the hash of its inputs and does nothing when they did not change.
 """
 
@@ -15,6 +17,7 @@ from pathlib import Path
 
 from fluxlock import regblock
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
+from fluxlock.soft_core import soft_core
 from fluxlock.writable import check_folder, file_lock, guarded
 
 REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
@@ -86,7 +89,7 @@ def generate_html() -> Path:
 def main() -> int:
     """Command line of this module."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("step", choices=["regs", "python", "html", "chip"])
+    parser.add_argument("step", choices=["regs", "rtl", "python", "html", "chip"])
     parser.add_argument("--force", action="store_true", help="generate again even if nothing changed")
     options = parser.parse_args()
     if options.step == "html":
@@ -99,6 +102,8 @@ def main() -> int:
         print(build_chip(method="six-step").executable)
     else:
         print(generate_registers(options.force))
+        if options.step == "rtl":
+            soft_core()
     return 0
 
 

@@ -71,6 +71,9 @@ CHANGES = (
 )
 
 
+CORE = GENERATED / "VexRiscv.v"
+
+
 class SoftCoreError(RuntimeError):
     """The package's Verilog is not the one that the changes were written for."""
 
@@ -87,10 +90,9 @@ def derive(verilog: str) -> str:
 def soft_core() -> Path:
     """`build/generated/VexRiscv.v`, written when the package's core or the changes to it are new."""
     text = derive((package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v").read_text(encoding="utf-8"))
-    path = GENERATED / "VexRiscv.v"
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".part")
+    if not CORE.exists() or CORE.read_text(encoding="utf-8") != text:
+        CORE.parent.mkdir(parents=True, exist_ok=True)
+        partial = CORE.with_suffix(".part")
         partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    return path
+        partial.replace(CORE)
+    return CORE

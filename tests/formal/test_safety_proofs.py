@@ -825,8 +825,8 @@ BROKEN = {
     "clock good from configuration on": (
         "fl_clock_monitor",
         MONITOR,
-        "    bad_o     = 1'b1;",
-        "    bad_o     = 1'b0;",
+        "logic bad_o = 1'b1",
+        "logic bad_o = 1'b0",
         "a_configured",
     ),
     "bad clock outlives the hold": ("fl_clock_monitor", MONITOR, "      bad_o   <= 1'b0;\n", "", "a_hold"),

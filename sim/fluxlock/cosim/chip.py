@@ -16,11 +16,12 @@ from pathlib import Path
 import cocotb_tools.config
 
 from fluxlock.build import generate_registers
-from fluxlock.cosim.block import PACKAGES, WAIVERS, object_cache, register_sources
+from fluxlock.cosim.block import WAIVERS, object_cache
 from fluxlock.cosim.upsets import write_upset_table
+from fluxlock.file_lists import chip_files
 from fluxlock.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
-from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
-from fluxlock.soft_core import soft_core
+from fluxlock.paths import BUILD, ROOT, content_hash, tool_environment
+from fluxlock.soft_core import CORE, soft_core
 from fluxlock.writable import file_lock
 
 TOP = "fl_soc"
@@ -59,18 +60,16 @@ class Chip:
 
 
 def rtl_sources(native: bool = False) -> list[Path]:
-    """All synthesizable sources of the chip in compile order: packages, register blocks, blocks, soft core.
+    """All synthesizable sources of the chip in compile order, as `rtl/fl_soc.f` names them.
 
     native: without the core, with what stands in its place when the firmware runs in the simulator's process.
     """
-    folders = ("sense", "zcd", "encoder", "foc", "injection", "pwm", "safety", "can", "soc")
-    blocks = [path for folder in folders for path in sorted((RTL / folder).glob("*.sv"))]
-    blocks.sort(key=lambda path: not path.stem.endswith("_pkg"))
-    core = [soft_core()]
+    files = chip_files()
+    soft_core()
     if native:
-        blocks = [path for path in blocks if path.name != CPU_HOST.name]
-        core = [CPU_HOST]
-    return [*PACKAGES, *register_sources(*REGISTER_BLOCKS), *blocks, *core]
+        files = [path for path in files if path.name not in (CPU_HOST.name, CORE.name)]
+        files.append(CPU_HOST)
+    return files
 
 
 def _run(command: list[str], log: Path, env: dict[str, str]) -> None:

