@@ -118,12 +118,7 @@ uint32_t objects_write(canopen_t *node, uint32_t number, uint32_t value) {
   }
   switch (number) {
     case OD_CONTROLWORD:
-      drive_heard(&node->app->drive);
       cia402_control(node, value);
-      break;
-    case OD_TARGET_VELOCITY:
-    case OD_TARGET_TORQUE:
-      drive_heard(&node->app->drive);
       break;
     case OD_ERROR_FIELD_COUNT:
       emcy_forget(node);

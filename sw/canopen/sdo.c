@@ -18,13 +18,19 @@ static void answer(canopen_t *node, const uint8_t data[8]) {
   (void)canopen_send(node, 0x580u + node->node_id, data, 8, false);
 }
 
+// A request that is not refused, a read too, is a master that is there.
+static void agree(canopen_t *node, const uint8_t data[8]) {
+  drive_heard(&node->app->drive);
+  answer(node, data);
+}
+
 static void answer_place(canopen_t *node, uint32_t command, uint32_t number, uint32_t value) {
   uint8_t data[8];
   data[0] = (uint8_t)command;
   can_put(&data[1], 2, od_entry(number)->index);
   data[3] = od_entry(number)->sub;
   can_put(&data[4], 4, value);
-  answer(node, data);
+  agree(node, data);
 }
 
 static void abort_at(canopen_t *node, const uint8_t place[3], uint32_t code) {
@@ -121,7 +127,7 @@ static void download_segment(canopen_t *node, const uint8_t *data) {
   }
   const uint8_t reply[8] = {(uint8_t)(0x20u | toggle << 4)};
   sdo->toggle ^= 1u;
-  answer(node, reply);
+  agree(node, reply);
 }
 
 static uint32_t upload(canopen_t *node, uint32_t number) {
@@ -168,7 +174,7 @@ static void upload_segment(canopen_t *node, const uint8_t *request) {
   if (left <= SEGMENT_BYTES) {
     sdo->transfer = SDO_IDLE;
   }
-  answer(node, data);
+  agree(node, data);
 }
 
 static void initiate(canopen_t *node, const uint8_t *data) {

@@ -150,9 +150,11 @@ class NodeBench:
         """Network management."""
         self.send(0, bytes([command, node]))
 
-    def enable(self) -> None:
-        """From power-up to operation enabled, in NMT operational."""
+    def enable(self, patient: bool = True) -> None:
+        """From power-up to operation enabled, in NMT operational. patient: no limit to the master's silence."""
         assert self.run(0.1, lambda: self.state == "disabled"), self.state
+        if patient:
+            self.write("command_timeout_time", 0)
         self.nmt(1)
         for word, state in ((6, "ready"), (7, "switched on"), (15, "enabled")):
             self.write("controlword", word)

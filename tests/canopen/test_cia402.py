@@ -12,6 +12,7 @@ import pytest
 from tests.canopen.node_bench import DRIVE, NODE, Aborted, NodeBench
 
 TIMEOUT_MS = 50
+DEFAULT_TIMEOUT_MS = 1000
 QUICK = 0x0B  # controlword: quick stop, bit 2 is 0
 
 # Controlword, and the state that follows from each state with the gates off.
@@ -310,6 +311,72 @@ def test_command_timeout(turning: NodeBench, reaction: int, state: str, error: i
         b.write("controlword", 0)
         b.write("controlword", 0x80)
         assert b.until("disabled", 0.1)
+
+
+def silent_by_default(**keys: int) -> NodeBench:
+    """A motor that a master turns who has written nothing but controlword and target."""
+    b = NodeBench(speed_rpm=20_000, **keys)
+    b.enable(patient=False)
+    b.turn(20_000)
+    assert b.read("command_timeout_time") == DEFAULT_TIMEOUT_MS
+    b.frames.clear()
+    return b
+
+
+@pytest.mark.parametrize("lives", ["RPDO", "write", "read", "console"])
+def test_silent_master_stops_by_default(lives: str) -> None:
+    """A master that has set nothing and falls silent is told and the motor stops; each way of speaking keeps it on.
+
+    What is refused, SYNC, NMT to all and a foreign heartbeat do not keep the motor on.
+
+    Verifies: CO-14
+    """
+    b = silent_by_default()
+    for _ in range(3):
+        b.run(0.8e-3 * DEFAULT_TIMEOUT_MS)
+        assert b.state == "enabled"
+        if lives == "RPDO":
+            b.send(0x200 + NODE, b"\x0f\x00")
+        elif lives == "write":
+            b.write("max_acceleration", 100_000)
+        elif lives == "read":
+            b.read("velocity_actual")
+        else:
+            b.bench.fw.command("get state")
+    assert b.taken(0x80 + NODE) == []
+    for _ in range(9):
+        b.run(0.1e-3 * DEFAULT_TIMEOUT_MS)
+        b.send(0x200 + NODE, b"\x0f")
+        b.send(0x80)
+        b.send(0, b"\x01\x00")
+        b.send(0x720, b"\x05")
+        with pytest.raises(Aborted):
+            b.upload(0x5000)
+    assert b.state == "enabled"
+    b.taken(0x80 + NODE)
+    b.run(0.15e-3 * DEFAULT_TIMEOUT_MS)
+    assert struct.unpack_from("<H", b.taken(0x80 + NODE)[0])[0] == 0x8100
+    assert b.until("disabled", 0.5)
+    assert b.bench.fw.state == "ready"
+
+
+def test_no_timeout_where_nobody_has_enabled() -> None:
+    """A motor that the console turns may be left alone however long the bus is silent; a master can write none.
+
+    Verifies: CO-14
+    """
+    b = NodeBench(speed_rpm=20_000)
+    assert b.until("disabled", 0.1)
+    for line in ("set speed_rpm 20000", "start"):
+        assert b.bench.fw.command(line) == ["ok"]
+    b.run(2e-3 * DEFAULT_TIMEOUT_MS)
+    assert (b.state, b.bench.fw.state) == ("disabled", "running")
+    assert b.bench.fw.command("get command_timeout_ms") == ["command_timeout_ms 0", "ok"]
+    b = silent_by_default()
+    b.write("command_timeout_time", 0)
+    b.run(2e-3 * DEFAULT_TIMEOUT_MS)
+    assert (b.state, b.bench.fw.state) == ("enabled", "running")
+    assert b.taken(0x80 + NODE) == []
 
 
 def test_console_and_master_speak_for_each_other(turning: NodeBench) -> None:

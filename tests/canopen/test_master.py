@@ -161,7 +161,11 @@ def wait(condition: Callable[[], Any], what: str) -> None:
 
 
 def enable(node: BaseNode402) -> None:
-    """To operation enabled by the master's own state machine, which wants the statusword again and again."""
+    """To operation enabled by the master's own state machine, which wants the statusword again and again.
+
+    The master of these tests waits for TPDOs in silence, at another pace than the drive's time.
+    """
+    node.sdo["command_timeout"]["time"].raw = 0
     node.sdo["tpdo1"]["event_timer"].raw = 20
     node.setup_402_state_machine()
     node.nmt.state = "OPERATIONAL"
