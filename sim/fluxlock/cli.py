@@ -213,31 +213,40 @@ def run(
     debugger: Annotated[
         str, typer.Option(metavar="COMMAND", help='With --native: starts the simulator, for instance "gdb --args".')
     ] = "",
+    gdb: Annotated[
+        str, typer.Option(metavar="[HOST]:PORT", help="Wait there for GDB or LLDB, which stops core and motor.")
+    ] = "",
 ) -> None:
     """Run a scenario in closed loop: verdict, result.json, trace.npz, plots."""
     from fluxlock.cosim.native_firmware import native_firmware
 
     firmware = native_firmware(native, sanitize, debugger)
+    if gdb and native:
+        raise ConfigError([Problem("--gdb", gdb, 'is for the core; with --native use --debugger "gdb --args"')])
     loaded = _checked(scenario, set_, allow_overload)
     out_dir = out if out is not None else Path("build") / scenario.stem
     with _output(out_dir):
-        _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware)
+        _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware, gdb)
 
 
-def _run(scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: NativeFirmware | None) -> None:
+def _run(
+    scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: NativeFirmware | None, gdb: str = ""
+) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
     from fluxlock.build import check_build
+    from fluxlock.cosim.debugger import gdb_server
     from fluxlock.cosim.outcome import write_outcome
     from fluxlock.cosim.run import run_scenario
 
+    server = gdb_server(gdb) if gdb else None
     check_build()
     console, messages = Console(), Console(stderr=True)
     fault: SimulationFault | None = None
     debugged = native is not None and native.debugger  # the debugger has the terminal
     with nullcontext() if debugged else ProgressBar(messages, scenario.duration_s) as progress:
         try:
-            data = run_scenario(scenario, out_dir, seed, waves, progress, native=native)
+            data = run_scenario(scenario, out_dir, seed, waves, progress, native=native, gdb=server)
         except SimulationFault as error:
             fault = error
             # Two records are the least that has an angle to measure against.
@@ -258,6 +267,44 @@ def _fail(lines: list[str]) -> NoReturn:
     """Say why the run failed and leave with the exit code for it."""
     say(Verdict(False, lines))
     raise typer.Exit(EXIT_FAILED)
+
+
+@app.command(
+    rich_help_panel=VERIFY,
+    epilog=example(
+        "fluxlock profile scenarios/demo.toml --set duration_s=0.1",
+        "fluxlock profile scenarios/vector/start.toml --from 0.05 --to 0.06",
+    ),
+)
+def profile(
+    scenario: ScenarioArgument,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for results, default build/<name of the file>-profile.")
+    ] = None,
+    set_: SetOption = None,
+    seed: SeedOption = None,
+    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the traced time, s.")] = 0.0,
+    to_s: Annotated[float | None, typer.Option("--to", min=0.0, help="Its end, s; default the end of the run.")] = None,
+) -> None:
+    """Count the core's clocks per function and interrupt while a scenario runs; draw flame graphs.
+
+    A trace of every instruction takes some 200 MB of disk a simulated second until it is read.
+    """
+    from fluxlock.clock import CLOCK_HZ
+    from fluxlock.profile.command import run_profile
+
+    loaded = _checked(scenario, set_)
+    end_s = loaded.duration_s if to_s is None else to_s
+    if not from_s < end_s <= loaded.duration_s:
+        text = f"must be after --from, {from_s:g} s, and within the run of {loaded.duration_s:g} s"
+        raise ConfigError([Problem("--to", f"{end_s:g}", text)])
+    out_dir = out if out is not None else Path("build") / f"{scenario.stem}-profile"
+    span = (round(from_s * CLOCK_HZ), round(end_s * CLOCK_HZ))
+    with _output(out_dir), ProgressBar(Console(stderr=True), loaded.duration_s) as progress:
+        try:
+            run_profile(loaded, out_dir, loaded.seed if seed is None else seed, span, progress, Console())
+        except SimulationFault as error:
+            _fail([f"simulation: {error}"])
 
 
 @app.command(

@@ -97,6 +97,43 @@ int32_t cosim_pin_count(void);
 const char *cosim_pin_name(int32_t n);
 int32_t cosim_force_pin(int32_t pin, int32_t level, int64_t cycles);
 
+// The core in front of an instruction that it has not begun, for a debugger; only of a chip built with core_probe.h.
+enum { CORE_HALT = 1, CORE_STEP = 2, CORE_BREAK = 3, CORE_WATCH = 4 };  // why it stopped
+enum { CORE_READS = 1, CORE_WRITES = 2 };                               // kinds of a watchpoint, one or both
+typedef struct {
+    int64_t cycle;
+    uint32_t pc, x[32];
+    int32_t reason;
+    uint32_t touched;  // address that met a watchpoint, and its kinds
+    uint32_t kinds;
+} core_stop_t;
+typedef struct {
+    uint32_t address, size, kinds;
+} core_watch_t;
+// Called at every stop, the first in front of the next instruction; chip and motor stand until it returns.
+typedef void (*core_stop_fn)(void);
+void cosim_core_debug(core_stop_fn fn);  // 0: no more stops
+const core_stop_t *cosim_core_stop(void);
+void cosim_core_break(uint32_t address, int32_t on);
+void cosim_core_watch(const core_watch_t *watch, int32_t on);
+void cosim_core_resume(int64_t steps);  // at a stop: instructions until the next, 0: none is asked for
+void cosim_core_request(void);          // stop in front of the next instruction
+// Memory as the program sees it at a stop; -1: there is none.
+int32_t cosim_core_read(uint32_t address, uint8_t *bytes, int32_t count);
+
+// Instructions that left the core in a row: count of them, a clock and 4 bytes apart, from this clock and place on.
+typedef struct {
+    int64_t cycle;
+    uint32_t pc, count;
+} core_row_t;
+typedef struct {
+    int64_t cycle;
+    int64_t sp;  // lowest stack pointer, at this clock
+} core_stack_t;
+// Write rows of the clocks from..to into a file, until the end.
+int32_t cosim_core_trace(const char *path, int64_t from, int64_t to);
+int32_t cosim_core_trace_end(core_stack_t *deepest);
+
 void cosim_record(int32_t on);
 // int64 counts, inputs, codes.
 int32_t cosim_record_save(const char *path);

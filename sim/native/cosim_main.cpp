@@ -30,6 +30,9 @@
 #ifdef COSIM_CPU_HOST
 #include "cpu_host.h"
 #endif
+#ifdef COSIM_CORE_PROBE
+#include "core_probe.h"
+#endif
 
 void Vtop___024root___eval_nba(Vtop___024root*);  // Verilator's: everything that follows from an edge
 
@@ -116,6 +119,9 @@ struct cosim_t {
 cosim_t C;
 uint32_t* memory = nullptr;  // of the soft core, for cosim_peek
 char* model = nullptr;       // the chip's state, for cosim_upset
+#ifdef COSIM_CORE_PROBE
+core_probe_t probe;
+#endif
 
 // Registers of the chip, made from the Verilated model's header by fluxlock/cosim/upsets.py.
 struct upset_t {
@@ -382,6 +388,9 @@ inline void after_edge(Vtop* t) {
                              (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
         slow_step(t);
     if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0, C.changed = true;
+#ifdef COSIM_CORE_PROBE
+    probe.step(C.st.cycle);
+#endif
 }
 
 // Verilator's eval() works out what depends on inputs in both halves of every clock, and looks for the edges of all clocks
@@ -409,6 +418,9 @@ inline void falling_edge(Vtop* t, bool plain) {
 void power_up(Vtop* t) {
     model = reinterpret_cast<char*>(t->rootp);
     memory = &t->rootp->fl_soc__DOT__u_cpu__DOT__u_ram__DOT__mem[0];
+#ifdef COSIM_CORE_PROBE
+    probe.attach(t->rootp, memory);
+#endif
     t->clk_i = 0;
     t->rst_i = 1;
     put_pins(t);
@@ -503,6 +515,20 @@ API int32_t cosim_force_pin(int32_t pin, int32_t level, int64_t cycles) {
     return 0;
 }
 API void cosim_can_log(int32_t on) { C.log_can = on != 0; }
+#ifdef COSIM_CORE_PROBE
+API void cosim_core_debug(core_stop_fn fn) { probe.debug(fn); }
+API const core_stop_t* cosim_core_stop() { return &probe.stop; }
+API void cosim_core_break(uint32_t address, int32_t on) { probe.set_break(address, on != 0); }
+API void cosim_core_watch(const core_watch_t* watch, int32_t on) { probe.set_watch(*watch, on != 0); }
+API void cosim_core_resume(int64_t steps) { probe.resume(steps); }
+API void cosim_core_request() { probe.request(); }
+API int32_t cosim_core_read(uint32_t address, uint8_t* bytes, int32_t count) { return probe.read(address, bytes, count); }
+API int32_t cosim_core_trace(const char* path, int64_t from, int64_t to) { return probe.trace_into(path, from, to) ? 0 : -1; }
+API int32_t cosim_core_trace_end(core_stack_t* deepest) {
+    *deepest = probe.deepest;
+    return probe.trace_end() ? 0 : -1;
+}
+#endif
 API void cosim_record(int32_t on) { C.rec.on = on != 0; }
 API int32_t cosim_record_save(const char* path) {
     FILE* f = fopen(path, "wb");

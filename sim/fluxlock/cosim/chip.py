@@ -28,6 +28,7 @@ TOP = "fl_soc"
 NATIVE = ROOT / "sim" / "native"
 CPU_HOST = NATIVE / "fl_cpu.sv"  # in place of the core
 CPU_HOST_ACCESS = NATIVE / "cpu_host.vlt"
+CORE_PROBE = NATIVE / "core_probe.vlt"  # how the simulator's main sees the core
 FOR_FIRMWARE = ("reg_*", "critical_*", "trap_enable", "cpu_*")  # what cpu_host.h defines
 FST = NATIVE / "fst"  # headers that stand in for zlib's and LZ4's
 PHASES = 3
@@ -97,12 +98,13 @@ def _slow_source(folder: Path) -> None:
     (folder / f"{SLOW}.cpp").write_text(f"#pragma GCC optimize (0)\n{includes}")
 
 
-def _constants(folder: Path, phases: int, native: bool) -> None:
+def _constants(folder: Path, phases: int, native: bool, probe: bool) -> None:
     """What the simulator's main knows of this chip."""
     values = {"CHANNELS": 2 * phases + 3, "MEMORY_WORDS": RAM_WORDS}
     values |= {f"{name}_WORD": address // 4 for name, address in WORDS.items()}
     lines = [f"#define COSIM_{name} {value}" for name, value in values.items()]
     lines += ["#define COSIM_CPU_HOST"] if native else []
+    lines += ["#define COSIM_CORE_PROBE"] if probe else []
     (folder / CONSTANTS).write_text("\n".join([*lines, ""]))
 
 
@@ -115,12 +117,14 @@ def build_chip(
     native: bool = False,
     gate_polarity: int = 0,
     method: str | None = None,
+    probe: bool = False,
 ) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
     phases: 3, or 5 without the six-step path. injection, can: with injection path, CAN controller, at a cost in time of
     every run. native: without the core, for a firmware of this machine.
     gate_polarity: bit 0, 1: upper, lower gate pins are active low. waves: also able to write an FST, somewhat slower.
+    probe: debugger and profile see the core; slower, with the same bits.
     method: "six-step" or "vector": without the path of the other one, with the same bits and faster; None: with both.
     """
     generate_registers()
@@ -128,9 +132,10 @@ def build_chip(
     paths = (method,) if method else PATHS if phases == PHASES else ("vector",)
     sources = rtl_sources(native)
     scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
+    scopes += [CORE_PROBE] if probe else []
     env = {**tool_environment(), "OBJCACHE": object_cache()}
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
-    build = (phases, injection, can, native, gate_polarity, waves, method)
+    build = (phases, injection, can, native, gate_polarity, waves, method, probe)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
     folder = BUILD / "chip" / content_hash([], key, ROOT)
     chip = Chip(folder / TOP, key, waves, phases, injection, paths)
@@ -162,10 +167,10 @@ def build_chip(
         _run(command, log, env)
         write_upset_table(folder)
         _slow_source(folder)
-        _constants(folder, phases, native)
+        _constants(folder, phases, native, probe)
         count = str(jobs or min(os.cpu_count() or 1, 4))
         make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}"]
-        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_BRIEF if waves or native else OPT)]
+        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_BRIEF if waves or native or probe else OPT)]
         if waves:  # LDLIBS: Verilator's, without zlib and LZ4
             make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
         _run(make, log, env)

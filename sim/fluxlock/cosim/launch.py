@@ -104,8 +104,9 @@ def run_plan(
         group = 0 if own_group else None
         output = None if debugger else log
         process = subprocess.Popen(
-            command, cwd=folder, env=env, stdout=output, stderr=output and subprocess.STDOUT, process_group=group
-        )
+            command, cwd=folder, env=env, stdout=output, stderr=output and subprocess.STDOUT, process_group=group,
+            pass_fds=() if plan.gdb is None else (plan.gdb,),
+        )  # fmt: skip
         stop = threading.Event()
         watcher = threading.Thread(target=_watch, args=(plan, progress, stop), daemon=True)
         if progress is not None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -76,6 +77,46 @@ class CanNode:
         state = types().new("can_state_t *")
         self._lib.cosim_can_state(self._number, state)
         return state
+
+
+class Core:
+    """The soft core at its stops, for a debugger: the chip must show its core (`core_probe.h`)."""
+
+    def __init__(self) -> None:
+        self._lib, self._types = simulator(), types()
+        self.stop = self._lib.cosim_core_stop()
+
+    def debug(self, on_stop: Callable[[], None]) -> None:
+        """Call a function at every stop, first in front of the next instruction. Nothing goes on until it returns."""
+        self._callback = self._types.callback("core_stop_fn", on_stop)
+        self._lib.cosim_core_debug(self._callback)
+
+    def leave(self) -> None:
+        """No more stops."""
+        self._lib.cosim_core_debug(self._types.NULL)
+
+    def set_break(self, address: int, on: bool) -> None:
+        """Stop in front of the instruction there, or no longer."""
+        self._lib.cosim_core_break(address, int(on))
+
+    def set_watch(self, address: int, size: int, kinds: int, on: bool) -> None:
+        """Stop behind an access of these kinds (1 reads, 2 writes), or no longer."""
+        self._lib.cosim_core_watch(self._types.new("core_watch_t *", (address, size, kinds)), int(on))
+
+    def resume(self, steps: int = 0) -> None:
+        """At a stop: how many instructions later the next one is asked for, 0: none is."""
+        self._lib.cosim_core_resume(steps)
+
+    def request(self) -> None:
+        """Stop in front of the next instruction."""
+        self._lib.cosim_core_request()
+
+    def read(self, address: int, count: int) -> bytes | None:
+        """Memory as the program sees it; None: there is none."""
+        found = bytearray(count)
+        if self._lib.cosim_core_read(address, self._types.from_buffer("uint8_t[]", found), count):
+            return None
+        return bytes(found)
 
 
 class Native:
@@ -161,6 +202,18 @@ class Native:
     def log_can(self, on: bool) -> None:
         """Log the CAN pins at every change from now on, or no longer."""
         self._lib.cosim_can_log(int(on))
+
+    def trace_core(self, path: Path, start: int, end: int) -> None:
+        """Write the instructions that leave the core in these clocks into a file; the chip must show its core."""
+        if self._lib.cosim_core_trace(str(path).encode(), start, end):
+            raise OSError(f"cannot write the trace {path}")
+
+    def end_trace(self) -> tuple[int, int]:
+        """Complete the file; lowest stack pointer meanwhile, and its clock."""
+        deepest = self._types.new("core_stack_t *")
+        if self._lib.cosim_core_trace_end(deepest):
+            raise OSError("cannot write the trace of the core to its end: is the disk full?")
+        return int(deepest.sp), int(deepest.cycle)
 
     def record(self, on: bool) -> None:
         """Start or stop recording converter codes, console bytes and pins for a replay."""

@@ -21,6 +21,7 @@ RAW_FILE = "raw.npz"
 META_FILE = "meta.json"
 PROGRESS_FILE = "progress.json"
 RECORDING_FILE = "recording.bin"
+TRACE_FILE = "core.trace"  # `core_row_t` of the simulator's main
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,9 @@ class SessionPlan:
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
     peer: is on the chip's CAN bus, at can_place; not with a dialogue. log_can: log the levels of chip and bus.
     branches: copies of the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch:
-    words of the soft core's memory that a copy looks at.
+    words of the soft core's memory that a copy looks at. trace: clocks from..to whose instructions the
+    simulator writes down. gdb: file number of the socket at which the core waits for a debugger. Both need a chip that
+    shows its core.
     """
 
     plant: PlantParams
@@ -148,6 +151,8 @@ class SessionPlan:
     branches: tuple[Branch, ...] = ()
     jobs: int = 1
     watch: tuple[int, ...] = ()
+    trace: tuple[int, int] | None = None
+    gdb: int | None = None
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

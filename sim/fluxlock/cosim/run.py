@@ -28,6 +28,7 @@ from fluxlock.config import Scenario
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import action_of, plant_params
+from fluxlock.cosim.debugger import GdbServer
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.parameters import parameter_block
@@ -64,11 +65,13 @@ def prepare(
     stop_cycle: int | None = None,
     block: ParameterBlock | None = None,
     image: Path | None = None,
+    trace: tuple[int, int] | None = None,
+    gdb: int | None = None,
 ) -> SessionPlan:
     """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
 
-    recording, log_strobes, marks: see `SessionPlan`. stop_cycle: end there instead of at the scenario's duration.
-    block: parameters in place of the scenario's. image: program in place of the firmware.
+    recording, log_strobes, marks, trace, gdb: see `SessionPlan`. stop_cycle: end there instead of at the scenario's
+    duration. block: parameters in place of the scenario's. image: program in place of the firmware.
     """
     folder.mkdir(parents=True, exist_ok=True)
     bus = scenario.can
@@ -91,15 +94,19 @@ def prepare(
         recording=recording,
         log_strobes=log_strobes,
         gate_polarity=scenario.inverter.gate_polarity,
+        trace=trace,
+        gdb=gdb,
         folder=folder.resolve(),
     )
 
 
-def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False) -> Chip:
+def chip_of(
+    scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False, probe: bool = False
+) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
     It has the path of its method alone; with CAN both. can: with the CAN controller even so. native: without its core,
-    and one for all methods, with or without CAN.
+    and one for all methods, with or without CAN. probe: with its core open to debugger and profile.
     """
     has_can = can or native or scenario.can is not None
     return build_chip(
@@ -110,6 +117,7 @@ def chip_of(scenario: Scenario, waves: bool = False, native: bool = False, can: 
         native=native,
         gate_polarity=scenario.inverter.gate_polarity,
         method=None if has_can else scenario.drive.method,
+        probe=probe,
     )
 
 
@@ -160,11 +168,12 @@ def run_scenario(
     progress: Progress | None = None,
     log_strobes: bool = False,
     native: NativeFirmware | None = None,
+    gdb: GdbServer | None = None,
 ) -> RunData:
     """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
 
     The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window. native:
-    how the firmware runs in place of the chip's core.
+    how the firmware runs in place of the chip's core. gdb: where the core waits for a debugger.
     """
 
     def build(what: str) -> None:
@@ -175,9 +184,12 @@ def run_scenario(
         build("registers")
         generate_registers()
         build("chip")
-        chip = chip_of(scenario, waves, native is not None)
+        chip = chip_of(scenario, waves, native is not None, probe=gdb is not None)
         build("firmware")
-        plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes)
+        port = gdb.listener.fileno() if gdb is not None else None
+        plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes, gdb=port)
+        if gdb is not None:
+            gdb.announce(image_of(scenario).with_suffix(".elf"))
         if native is None:
             meta = run_plan(plan, chip, progress)
         else:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import time
 from heapq import merge
 from pathlib import Path
@@ -23,13 +24,15 @@ from cocotb.triggers import Timer
 
 from fluxlock.cosim.branches import end_with_parent, run_branches
 from fluxlock.cosim.console import NO_REPLY, ConsoleLines
-from fluxlock.cosim.native import CanNode, Native
+from fluxlock.cosim.debugger import Debugger
+from fluxlock.cosim.native import CanNode, Core, Native
 from fluxlock.cosim.plan import (
     META_FILE,
     PLAN_ENV,
     PROGRESS_FILE,
     RAW_FILE,
     RECORDING_FILE,
+    TRACE_FILE,
     Action,
     ConversationError,
     SessionPlan,
@@ -66,6 +69,8 @@ class Session:
         self.marks: dict[int, tuple[float, float, int]] = {}
         self.python_s = 0.0
         self.conclusion: Any = None
+        self.debugger: Debugger | None = None
+        self.stack: tuple[int, int] | None = None  # of a traced core: lowest stack pointer, its clock
         self.upsets: list[str] = []
         self.watched: list[list[int]] = []
         self.node: CanNode | None = None  # of the plan's peer
@@ -81,6 +86,8 @@ class Session:
 
     def drain(self) -> None:
         """Collect logs, records and console text; raise PlantFault if the plant has stopped."""
+        if self.debugger is not None:
+            self.debugger.listen()
         self.logs.append(self.native.take_log())
         self.plant.drain()
         status = self.native.status
@@ -161,6 +168,10 @@ class Session:
         native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes, plan.gate_polarity)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
         native.record(plan.recording)
+        if plan.trace is not None:
+            native.trace_core(plan.folder / TRACE_FILE, *plan.trace)
+        if plan.gdb is not None:
+            self.debugger = Debugger(Core(), socket.socket(fileno=plan.gdb), plan.clock_hz)
         if plan.dialogue is not None:
             await self.converse()
             return
@@ -194,6 +205,11 @@ class Session:
         native.record(False)
         if plan.recording:
             native.save_recording(plan.folder / RECORDING_FILE)
+        if plan.trace is not None:
+            self.stack = native.end_trace()
+        if self.debugger is not None:
+            self.debugger.end()
+            self.debugger = None
         self.log_end = sum(map(len, self.logs))
         self.end_cycle = native.status.cycle
         await self.ask_statistics()
@@ -273,6 +289,7 @@ class Session:
             "uart": self.text,
             "sent": sent,
             "upsets": self.upsets,
+            "stack": self.stack,
             "watched": self.watched,
             "fault": fault,
             "marks": {str(k): v for k, v in self.marks.items()},

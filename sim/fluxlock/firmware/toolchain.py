@@ -42,6 +42,7 @@ TARGET_FLAGS = (
     ),
     *("-ffreestanding", "-nostdlib", "-fno-builtin", "-ffunction-sections", "-fdata-sections"),
     *("-fno-sanitize=all", "-fno-stack-protector", "-flto"),  # inlines across the layers
+    "-g",  # for the debugger and the profile: the ELF beside the image, which stays the same
 )
 # -Bsymbolic: our crc32 is not to be replaced by that of a zlib which Python has loaded.
 HOST_FLAGS = (
