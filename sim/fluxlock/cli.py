@@ -270,7 +270,7 @@ def _fail(lines: list[str]) -> NoReturn:
 
 
 @app.command(
-    rich_help_panel=VERIFY,
+    rich_help_panel=RUN,
     epilog=example(
         "fluxlock profile scenarios/demo.toml --set duration_s=0.1",
         "fluxlock profile scenarios/vector/start.toml --from 0.05 --to 0.06",

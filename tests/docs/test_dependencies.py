@@ -14,6 +14,7 @@ from fluxlock.paths import ROOT
 
 # Packages that come with one of the group, and modules named otherwise than their package.
 SHIPPED_WITH = {
+    "elftools": "pyelftools",
     "can": "python_can",
     "cocotb_tools": "cocotb",
     "find_libpython": "cocotb",
