@@ -17,6 +17,7 @@ from fluxlock.paths import ROOT
 from tests.closed_loop.support import drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+VECTOR = ROOT / "scenarios" / "vector" / "start.toml"
 UPPER, LOWER = 0b010101, 0b101010
 LOW_LINK = ("inverter.supply_v=12", "inverter.supply_diode=true", "inverter.protection.over_voltage_v=20")
 
@@ -111,6 +112,38 @@ def test_shorted_winding_at_rest() -> None:
     pulsed = (records["t_cycle"] > 0.060 * whole.data.clock_hz) & (records["t_cycle"] < 0.065 * whole.data.clock_hz)
     largest_a = max(abs(records[name][pulsed]).max() for name in ("ia", "ib", "ic"))
     assert 0 < largest_a < 0.2 * whole.scenario.inverter.protection.phase_current_a
+
+
+VECTOR_BEGIN = '{at_s=0.003, speed_rpm=24000}, {at_s=0.004, command="start"}, '
+VECTOR_BREAK = '{at_s=0.008, fault={kind="shorted_winding", phases=["A", "B"], turns_fraction=0.1}}, '
+VECTOR_MEND = '{at_s=0.009, fault={kind="clear"}}, '
+VECTOR_AGAIN = '{at_s=0.010, command="clear"}, {at_s=0.012, command="start"}'
+VECTOR_AT_REST = ("initial.speed_rpm=0", "window=[]", "expect=[]", "duration_s=0.022", 'expect_trip=["phase_current"]')
+
+
+def test_shorted_winding_at_rest_under_vector_control() -> None:
+    """As in six steps: the start after the trip names the short by pulses, before a current is regulated.
+
+    Verifies: FW-64
+    """
+    events = VECTOR_BEGIN + VECTOR_BREAK
+    run = drive(VECTOR, "vector-short-at-rest", f"event=[{events}{VECTOR_AGAIN}]", *VECTOR_AT_REST)
+    clock_hz = run.data.clock_hz
+    assert run.data.fault == "shorted_winding"
+    trip = run.data.rows(LogKind.TRIP)
+    assert len(trip) == 2
+    gates = run.gates()
+    driven = gates[(gates[:, 0] > 0.012 * clock_hz) & (gates[:, 1] != 0)]
+    assert 0 < trip[1, 0] - driven[0, 0] < 0.002 * clock_hz, "within the pulses"
+    whole = drive(VECTOR, "vector-short-gone", f"event=[{events}{VECTOR_MEND}{VECTOR_AGAIN}]", *VECTOR_AT_REST)
+    assert whole.data.fault is None
+    assert len(whole.data.rows(LogKind.TRIP)) == 1
+    gates = whole.gates()
+    driven = gates[(gates[:, 0] > 0.012 * clock_hz) & (gates[:, 1] != 0)]
+    records = whole.data.records
+    pulsed = (records["t_cycle"] > driven[0, 0]) & (records["t_cycle"] < driven[0, 0] + 0.0012 * clock_hz)
+    largest_a = max(abs(records[name][pulsed]).max() for name in ("ia", "ib", "ic"))
+    assert 0.05 < largest_a < 0.2 * whole.scenario.inverter.protection.phase_current_a
 
 
 def test_fault_pin() -> None:

@@ -11,6 +11,8 @@
 
 #define QUARTER_TURN ((uint32_t)1 << 30)
 #define SLIP_FIVE_MS 6u  // 30 ms
+// A tick with pulses, ticks without: the current of the pulses is gone.
+#define INSULATION_TICKS 4u
 
 COLD void vector_frame_off(vector_t *v) {
   v->frame = FRAME_OFF;
@@ -39,8 +41,33 @@ static void begin_forced(vector_t *v) {
   v->report.phase = START_ALIGN;
 }
 
+// A tick with the shortest pulses along each phase's direction from the frame in turn, between ticks without a voltage. A
+// line has two in a carrier's period, each longer than the dead time by the shortest that a sample sees: a whole winding
+// lets little current through, a short between two phases or from one to a rail trips. True: over.
+COLD static bool check_insulation(vector_t *v) {
+  const parameters_t *p = v->p;
+  const uint32_t leg = v->waiting_ticks / INSULATION_TICKS;
+  complex_t pulse_v_q25 = {0, 0};
+  if (v->waiting_ticks % INSULATION_TICKS == 0u && leg < PHASES) {
+    const uint32_t pulse_cycles = 2u * ((uint32_t)p->dead_time_cycles + (uint32_t)p->least_on_cycles);
+    const int32_t share_q16 = (int32_t)((pulse_cycles << 17) / (3u * v->report.period_cycles));
+    const complex_t direction = cis_q30(leg * (UINT32_MAX / PHASES));
+    pulse_v_q25 = complex_mul_q30((complex_t){mul_q16(v->report.vdc_v_q25, share_q16), 0}, direction);
+  }
+  current_preset(&v->command, 0, pulse_v_q25);
+  vector_turn(v, 0, leg < PHASES);
+  v->waiting_ticks++;
+  return leg >= PHASES;
+}
+
 COLD outcome_t vector_begin(vector_t *v) {
-  if (vector_injects(v)) {
+  const bool doubted = PHASES == 3 && v->order->suspected && v->coast.verdict == WINDING_UNKNOWN;
+  if (doubted && v->report.phase != START_INSULATION) {
+    v->waiting_ticks = 0;
+    vector_turn(v, 0, true);
+    v->frame = FRAME_CAUGHT;
+    v->report.phase = START_INSULATION;
+  } else if (vector_injects(v)) {
     const outcome_t refused = vector_injection_begin(v);
     if (outcome_event(refused) != EVENT_STAY) {
       return refused;
@@ -78,13 +105,16 @@ COLD outcome_t vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q
 }
 
 // The frame goes along; two ticks after it was turned the legs' compares are those of the EMF.
-void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
+outcome_t vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
+  if (v->report.phase == START_INSULATION) {
+    return check_insulation(v) ? vector_begin(v) : outcome_of(EVENT_STAY);
+  }
   if (in->vector.taken) {
     vector_turn(v, 0, true);
     v->waiting_ticks++;
   }
   if (v->waiting_ticks < 2u) {
-    return;
+    return outcome_of(EVENT_STAY);
   }
   const complex_t zero = {0, 0};
   const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
@@ -96,6 +126,7 @@ void vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   current_on(&v->command);
   v->report.catches++;
   v->report.phase = START_HAND_OVER;
+  return outcome_of(EVENT_STAY);
 }
 
 // The frame goes ahead by `turn`, the regulator is held for a tick at the voltage of now seen from there. What it

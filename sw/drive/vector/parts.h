@@ -96,7 +96,7 @@ void vector_compare_encoder(vector_t *v, const chip_vector_snapshot_t *in);
 outcome_t vector_judge_encoder(vector_t *v, uint32_t expected_v_q25, const chip_vector_snapshot_t *in);
 void vector_doubt_encoder(vector_t *v);
 
-// The rotor is slow enough after the coast: switch on and align.
+// The rotor is slow enough after the coast: switch on and align; after an over-current look at the insulation before.
 outcome_t vector_begin(vector_t *v);
 
 // Speed of the frame from the next tick on; a turn of it besides, with the regulator held at its preset for a tick or not.
@@ -136,8 +136,8 @@ void vector_design_turn(vector_t *v, complex_t rotation_q30);
 // Nothing flows.
 void vector_design_off(vector_t *v);
 
-// A caught rotor: from the frame that goes along to the gates.
-void vector_caught_step(vector_t *v, const chip_snapshot_t *in);
+// A caught rotor: from the frame that goes along to the gates. At rest: the check of the insulation.
+outcome_t vector_caught_step(vector_t *v, const chip_snapshot_t *in);
 
 // One step with the forced frame, to the hand-over, and the reference of the current.
 outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex_t *reference_i_q25);

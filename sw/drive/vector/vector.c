@@ -333,11 +333,12 @@ COLD static void take_over(vector_t *v) {
   vector_speed_preset(&v->speed, &v->speed_gains, speed_turn_q36, speed_turn_q36, v->reference_i_q25.im);
 }
 
-COLD static void caught_step(vector_t *v, const chip_snapshot_t *in) {
-  vector_caught_step(v, in);
+COLD static outcome_t caught_step(vector_t *v, const chip_snapshot_t *in) {
+  const outcome_t outcome = vector_caught_step(v, in);
   if (v->frame == FRAME_OBSERVED) {
     take_over(v);
   }
+  return outcome;
 }
 
 SHARED static outcome_t forced_step(vector_t *v, const chip_snapshot_t *in) {
@@ -508,8 +509,7 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
     return (order->state == STATE_STARTING) ? coast_step(v, in) : outcome_of(EVENT_STAY);
   }
   if (v->frame == FRAME_CAUGHT) {
-    caught_step(v, in);
-    return outcome_of(EVENT_STAY);
+    return caught_step(v, in);
   }
   if (vector_frame_is_injected(v)) {
     return injected_step(v, in);

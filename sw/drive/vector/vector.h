@@ -45,7 +45,7 @@
 #define VECTOR_STAGES 3u  // of a design, one more with two subspaces
 #define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
 
-// Frame of the vector drive.
+// Frame of the vector drive. Caught: held at a voltage, which is the EMF, or the pulses of the insulation check.
 typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED, FRAME_INJECTED } frame_t;
 
 // What depends on the speed.
