@@ -271,39 +271,45 @@ COLD static void run_line(app_t *app) {
   line_answer(&console.line, error);
 }
 
-static void take(app_t *app, uint8_t byte) {
-  if (line_add(&console.line, byte)) {
+// true: it ended a line, which has its answer.
+static bool take(app_t *app, uint8_t byte) {
+  const bool whole = line_add(&console.line, byte);
+  if (whole) {
     run_line(app);
   }
+  return whole;
 }
 
-// The ring is empty: the lost bytes are missing here.
+// The ring is empty: the lost bytes are missing here. A line of them, then what of a line may have begun.
 COLD static void take_lost(app_t *app) {
   const uint32_t state = critical_enter();
-  uint32_t ends = console.lost_ends;
-  const bool begun = !console.after_end;
-  console.lost_ends = 0;
-  console.losing = false;
+  const bool end = console.lost_ends != 0u;
+  const bool begun = !end && !console.after_end;
+  console.lost_ends -= end ? 1u : 0u;
+  console.losing = end;
   critical_leave(state);
-  for (; ends > 0u; ends--) {
-    take(app, UART_LOST);
-    take(app, '\n');
+  if (end || begun) {
+    (void)take(app, UART_LOST);
   }
-  if (begun) {
-    take(app, UART_LOST);
+  if (end) {
+    (void)take(app, '\n');
   }
 }
 
+// A round answers one line: as many as the ring holds would take longer than the main loop may.
 void console_poll(app_t *app) {
-  while (console.tail != console.head) {
+  bool whole = false;
+  while (!whole && console.tail != console.head) {
     const uint8_t byte = console.ring[console.tail % RING_LENGTH];
     console.tail = console.tail + 1u;
-    take(app, byte);
+    whole = take(app, byte);
   }
   // In this order: once bytes are being lost none enters the ring.
-  if (console.losing && console.tail == console.head) {
+  if (!whole && console.losing && console.tail == console.head) {
     take_lost(app);
   }
 }
+
+bool console_waits(void) { return console.losing || console.tail != console.head; }
 
 SMALL_CODE_END

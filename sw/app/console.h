@@ -10,7 +10,9 @@
 void console_init(void);
 // A word of the UART's receive FIFO, from its handler.
 void console_receive(uint32_t word);
-// Take received bytes, run complete lines. Main loop.
+// Take received bytes up to the end of a line, and run that. Main loop.
 void console_poll(app_t *app);
+// Bytes wait for another round.
+bool console_waits(void);
 
 #endif

@@ -3,6 +3,7 @@
 
 #include "app/host_main.h"
 
+#include "app/console.h"
 #include "hal/chip.h"
 #include "hal/host/host_chip.h"
 
@@ -18,7 +19,9 @@ void fl_host_tick(void) {
 
 void fl_host_poll(void) {
   app_deferred_interrupt(&app);
-  app_poll(&app);
+  do {
+    app_poll(&app);
+  } while (console_waits());
 }
 
 app_t *fl_host_app(void) { return &app; }

@@ -132,6 +132,11 @@ def test_wrong_names() -> None:
     wrong = (stopped("overspeed"), silent, made("fault", "fault_pin"))
     assert [ended(data)[0] for data in wrong] == [WRONG] * 3
     assert ended(made(), replace(PIN, must_stop=True))[0] == WRONG
+    # A restart cuts the line that the console was in.
+    cut = replace(
+        stopped("overspeed"), uart=["state running", "fault none", "hall_offset_deg 0.state fault", "fault overspeed"]
+    )
+    assert ended(cut)[0] == WRONG
     upset = Fault("upset", (), ANY)
     assert {ended(data, upset)[0] for data in wrong} <= {RIDDEN, STOPPED}
 

@@ -15,6 +15,7 @@ one whose CANopen node has told the name and opened the gates. Gates all off for
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -77,7 +78,8 @@ def over_current_s(records: RecordArray, clock_hz: float, limit_a: float) -> flo
 
 
 def _console(data: RunData, name: str) -> str:
-    found = [line.split()[1] for line in data.uart if line.startswith(f"{name} ") and len(line.split()) > 1]
+    """The value that a name had last, also behind a line that a restart has cut off."""
+    found = re.findall(rf"(?<![a-z_]){name} (\w+)", "\n".join(data.uart))
     return found[-1] if found else ""
 
 
