@@ -8,6 +8,7 @@ The RAM is filled from outside, and the ROM only jumps into it: the loader's cop
 
 from __future__ import annotations
 
+import random
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -28,7 +29,7 @@ from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import write_image
 from fluxlock.firmware.toolchain import build_firmware
 from fluxlock.flash.image import pack_can_setup
-from fluxlock.memory import BOOT_BYTES, FLASH_CAN_SETUP, FLASH_STORE
+from fluxlock.memory import BOOT_BYTES, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES, FLASH_STORE
 from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL
 
 NODE, KBIT_PER_S = 5, 1000
@@ -75,6 +76,58 @@ class Master:
         return int.from_bytes(answer[4 : 4 + entry.bytes], "little")
 
 
+async def power_up(tb: BootBench, master: Master) -> None:
+    """Power was off; the node has told its boot-up."""
+    tb.dut.flash_power_i.value = 0
+    await tb.reset()
+    master.mac.received.clear()
+    assert await master.frame(0x700 + NODE) == b"\0"
+
+
+async def save(master: Master, name: str, value: int) -> None:
+    """Write an object and store all."""
+    assert (await master.write(name, value))[0] == 0x60
+    assert (await master.write("store_parameters_save_all", SAVE))[0] == 0x60
+
+
+SEED = 1
+LOST, COPY = 0x6310, 0x5530  # emergencies
+STORED, BEFORE, LEAST = 300, 500, 1  # permille of the current limit
+
+
+def damages(newest: bytes, older: bytes) -> dict[str, tuple[bytes, bytes, int, int]]:
+    """What the two sectors hold, the emergency, 0: none, and the current limit, 0: as without a store.
+
+    newest, older: images of one and the same device; the older one has the higher limit.
+    """
+    rng = random.Random(SEED)
+    used = len(newest.rstrip(b"\xff"))
+
+    def bit(image: bytes) -> bytes:
+        at = rng.randrange(used)
+        return image[:at] + bytes([image[at] ^ 1 << rng.randrange(8)]) + image[at + 1 :]
+
+    def layout(image: bytes) -> bytes:
+        return image[:4] + bytes([image[4] ^ 0xFF]) + image[5:]
+
+    blank = b"\xff" * len(newest)
+    return {
+        "whole": (newest, newest, 0, STORED),
+        **{f"one bit of the first copy, {n}": (bit(newest), newest, COPY, STORED) for n in range(3)},
+        **{f"one bit of the second copy, {n}": (newest, bit(newest), COPY, STORED) for n in range(3)},
+        **{f"one bit of each copy, {n}": (bit(newest), bit(newest), LOST, LEAST) for n in range(3)},
+        "first copy blank": (blank, newest, COPY, STORED),
+        "second copy blank": (newest, blank, COPY, STORED),
+        "blank": (blank, blank, 0, 0),
+        "older layout": (layout(newest), layout(newest), LOST, LEAST),
+        "older layout beside a copy": (layout(newest), newest, COPY, STORED),
+        "older copy first": (older, newest, COPY, STORED),
+        "older copy second": (newest, older, COPY, STORED),
+        "older copy beside a bit of the newest": (older, bit(newest), COPY, BEFORE),
+        "blank beside a bit": (blank, bit(newest), LOST, LEAST),
+    }
+
+
 @cocotb.test()
 async def objects_survive(dut: Any) -> None:
     tb, master = BootBench(dut), Master(dut)
@@ -84,19 +137,15 @@ async def objects_survive(dut: Any) -> None:
     assert await master.frame(0x700 + NODE, 10) is None, "a node without its ID sends"
     tb.fill(FLASH_CAN_SETUP, pack_can_setup(NODE, KBIT_PER_S))
 
-    async def power_up() -> int:
-        """The velocity window after power was off."""
-        dut.flash_power_i.value = 0
-        await tb.reset()
-        assert await master.frame(0x700 + NODE) == b"\0"
+    async def window_after_power_up() -> int:
+        await power_up(tb, master)
         return await master.read("velocity_window")
 
-    default = await power_up()
+    default = await window_after_power_up()
     assert default not in (77, 78)
     for window in (76, 77):
-        assert (await master.write("velocity_window", window))[0] == 0x60
-        assert (await master.write("store_parameters_save_all", SAVE))[0] == 0x60
-    assert await power_up() == 77
+        await save(master, "velocity_window", window)
+    assert await window_after_power_up() == 77
     for operation in (1, 2):  # power goes in the erase, in the page
         await master.write("velocity_window", 78)
         before = tb.contents(FLASH_STORE, 8192)
@@ -108,17 +157,48 @@ async def objects_survive(dut: Any) -> None:
         await Timer(1, "us")
         assert tb.contents(FLASH_STORE, 8192) != before
         master.mac.queue.clear()
-        assert await power_up() == 77, f"cut in operation {operation}"
-    await master.write("velocity_window", 79)
-    assert (await master.write("store_parameters_save_all", SAVE))[0] == 0x60
-    assert await power_up() == 79
+        assert await window_after_power_up() == 77, f"cut in operation {operation}"
+    await save(master, "velocity_window", 79)
+    assert await window_after_power_up() == 79
     assert int(dut.gate_o.value) == 0
+
+
+@cocotb.test()
+async def damaged_stores_are_told(dut: Any) -> None:
+    """Each damage has its emergency, and the current limit is never above what was stored; blank is no damage."""
+    tb, master = BootBench(dut), Master(dut)
+    dut.can_rx_i.value = 1
+    await tb.start()
+    master.wire.join()
+    tb.fill(FLASH_CAN_SETUP, pack_can_setup(NODE, KBIT_PER_S))
+    await power_up(tb, master)
+    default = await master.read("max_current")
+    assert default > BEFORE
+    images = []
+    for limit in (BEFORE, STORED):
+        await save(master, "max_current", limit)
+        both = tb.contents(FLASH_STORE, 2 * FLASH_SECTOR_BYTES)
+        assert both[:FLASH_SECTOR_BYTES] == both[FLASH_SECTOR_BYTES:]
+        images.append(both[:FLASH_SECTOR_BYTES].rstrip(b"\xff"))
+    length = max(map(len, images))
+    older, newest = (image.ljust(length, b"\xff") for image in images)
+    print(f"seed {SEED}, {length} bytes")
+    for name, (first, second, emergency, limit) in damages(newest, older).items():
+        tb.fill(FLASH_STORE, first)
+        tb.fill(FLASH_STORE + FLASH_SECTOR_BYTES, second)
+        await power_up(tb, master)
+        found = await master.read("max_current")
+        told = [int.from_bytes(f.data[:2], "little") for f in master.mac.received if f.id == 0x80 + NODE]
+        assert (told, found) == ([emergency] if emergency else [], limit or default), name
+        assert int(dut.gate_o.value) == 0
 
 
 def test_boot_store() -> None:
     """What a master stores holds over a power-off, also if power goes while it is stored; without a node-ID silence.
 
-    Verifies: CO-28
+    A store that is damaged is told, by one emergency, and gives no higher limit.
+
+    Verifies: CO-28, CAMP-09
     """
     scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
     image = write_image(FOLDER / "firmware.hex", build_firmware(can_method="six-step"), parameter_block(scenario))

@@ -59,12 +59,12 @@ def test_upsets_before_boot() -> None:
 
 
 def test_the_grid_is_large_enough() -> None:
-    """500 runs or more, every fault in six-step operation and with vector control.
+    """2200 runs or more, every fault in six-step operation and with vector control.
 
     Verifies: CAMP-05
     """
     runs = {drive.name: grid(drive, SEED, quick=False) for drive in DRIVES}
-    assert sum(map(len, runs.values())) >= 500
+    assert sum(map(len, runs.values())) >= 2200
     for name in ("six-step", "vector", "five-phase"):
         assert {fault.name for fault in plant_faults(drive_of(name))} <= {run.fault.name for run in runs[name]}
 
@@ -184,6 +184,76 @@ def test_the_node_tells(monkeypatch: pytest.MonkeyPatch) -> None:
     run_some(monkeypatch, drive_of("can"), wanted)
 
 
+def run_at(monkeypatch: pytest.MonkeyPatch, name: str, moment: str, wanted: dict[str, tuple[str, str]]) -> None:
+    """The wanted disturbances of a drive at a moment end as they should: outcome and fault."""
+    drive = drive_of(name)
+    run_some(monkeypatch, replace(drive, moments=tuple(m for m in drive.moments if m.name == moment)), wanted)
+
+
+def test_broken_firmware(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a rotor is caught: exceptions in either level, a stack at its end.
+
+    Verifies: CAMP-10
+    """
+    wanted = {
+        "illegal instruction in the main loop": (STOPPED, "exception"),
+        "jump out of the memory in the control interrupt": (STOPPED, "exception"),
+        "stack overflow": (STOPPED, "stack_overflow"),
+    }
+    run_at(monkeypatch, "six-step", "catching", wanted)
+
+
+def test_console_floods(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines, noise and a line without an end while a rotor is caught: it runs on.
+
+    Verifies: CAMP-11
+    """
+    kinds = ("status", "all values", "line without an end", "noise")
+    run_at(monkeypatch, "six-step", "catching", {f"console flood: {kind}": (RIDDEN, "none") for kind in kinds})
+
+
+def test_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A winding that is shorted by the next start is named then, a whole one runs.
+
+    Verifies: CAMP-12
+    """
+    wanted = {
+        "windings A, B shorted, 10 % of the turns left, started again": (STOPPED, "shorted_winding"),
+        "winding A to star, 20 % of the turns left, started again": (STOPPED, "shorted_winding"),
+        "over-current, whole winding started again": (RIDDEN, "none"),
+    }
+    run_at(monkeypatch, "six-step", "catching", wanted)
+
+
+def test_bus_floods(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another node fills the bus: ahead of the commands it keeps them away, which has a name, behind them it does not.
+
+    Verifies: CAMP-10, CAMP-11
+    """
+    wanted = {
+        "CAN flood: foreign, ahead of the commands": (STOPPED, "command_timeout"),
+        "CAN flood: foreign, behind the commands": (RIDDEN, "none"),
+        "CAN flood: commands that are too short": (RIDDEN, "none"),
+        "CANopen node hangs": (STOPPED, "can_node"),
+    }
+    run_at(monkeypatch, "can", "accelerating", wanted)
+
+
+def test_every_drive_has_broken_firmware_and_floods() -> None:
+    """But those that only boot; what has to be at work is left out where nothing is.
+
+    Verifies: CAMP-10, CAMP-11
+    """
+    for drive in (d for d in DRIVES if not d.moments[0].boot):
+        runs = grid(drive, SEED, quick=False)
+        for moment in drive.moments:
+            names = {one.fault.name for one in runs if one.moment == moment}
+            assert sum("console flood" in name for name in names) == 4
+            assert sum("in the main loop" in name or "in the control interrupt" in name for name in names) == 6
+            assert ("main loop hangs" in names) == moment.active
+            assert ("CAN flood: SYNC" in names) == (drive.load().can is not None)
+
+
 def test_a_register_by_name() -> None:
     """An upset that names its register becomes the share by which the simulator finds it.
 
@@ -192,7 +262,7 @@ def test_a_register_by_name() -> None:
     (fault,) = upsets(random.Random(SEED), 0, 0, 1)
     name = str(fault.changes[0][2]["name"])
     registers = [f"fl_soc__DOT__{x}" for x in ("a_q", "b_q", name, "c_q", "d_q", "e_q", "f_q")]
-    (action,) = actions_of(fault, 7, registers)
+    (action,) = actions_of(fault, 7, registers, Path())
     assert (action.cycle, action.kind) == (7, "register")
     assert registers[int(action.arguments["share"] * len(registers))].endswith(name)
     assert 0 <= action.arguments["bit_share"] < 1

@@ -17,7 +17,7 @@ from rich.table import Table
 from fluxlock.campaign.grid import DRIVES, Drive
 from fluxlock.campaign.judge import WRONG
 from fluxlock.campaign.page import RESULT, kinds, score
-from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, population, run_drive
+from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, mean_cpu_s, population, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.run import image_of
 from fluxlock.progress import counting_bars
@@ -76,7 +76,7 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         raise _nothing_to_show()
     check_file(RESULT)
     sources = source_hashes()  # before the runs: the checkout may change while they last
-    total = sum(len(grid(drive, seed, quick, every)) for drive in drives)
+    runs = [one for drive in drives for one in grid(drive, seed, quick, every)]
     rows = _rows(drives, quick, every, seed, jobs)
     if not jobs and not rows:
         raise _nothing_to_show()
@@ -86,7 +86,8 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         "quick": quick,
         "every": every,
         "drives": [drive.name for drive in drives],
-        "grid": total,
+        "grid": len(runs),
+        "cpu_s": round(mean_cpu_s(runs), 1),
         "machines": [_machine(drive) for drive in drives],
         "rows": rows,
     }
@@ -102,5 +103,6 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
         text = f"wrong: {row['drive']}, {row['moment']}, {row['disturbance']}: {'; '.join(row['reasons'])}"
         console.print(text + "".join(f" ({upset})" for upset in row["upsets"]), highlight=False, markup=False)
     right, share = score(rows)
-    console.print(f"{right} of {len(rows)} runs ended right: {share:.2f} %; written: {RESULT}", highlight=False)
+    time = f"{document['cpu_s']} s of the processor per run"
+    console.print(f"{right} of {len(rows)} runs ended right: {share:.2f} %; {time}; written: {RESULT}", highlight=False)
     return right == len(rows)

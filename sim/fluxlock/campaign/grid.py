@@ -9,12 +9,15 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
+from pathlib import Path
 
+from fluxlock.can.frame import Frame
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
+from fluxlock.cosim.broken_code import ILLEGAL, MISALIGNED, OUTSIDE, TO_ITSELF, entry, idle_place, rewrite
 from fluxlock.cosim.plan import Action
 from fluxlock.interface.names import fault_names
-from fluxlock.memory import BLOCK_ADDRESS
+from fluxlock.memory import BLOCK_ADDRESS, STACK_ADDRESS
 from fluxlock.paths import ROOT
 from fluxlock.plant import channel_names
 
@@ -42,6 +45,12 @@ CONVERTER = _faults("converter")
 CLOCK = _faults("clock")
 SETTINGS = _faults("settings_changed")
 PARAMETERS = _faults("parameter_magic", "parameter_version", "parameter_crc")
+EXCEPTION = _faults("exception")
+MAIN_LOOP = _faults("main_loop")
+CAN_NODE = _faults("can_node")
+STACK = _faults("stack_overflow")
+WATCHDOG = _faults("watchdog", "no_samples")
+SHORTED = _faults("shorted_winding")
 INJECTION = _faults("injection_signal", "injection_noise", "no_saliency", "polarity_unsure")
 BUS = _faults("command_timeout") | {"bus_off"}  # the bus tells the other
 NONE: frozenset[str] = frozenset()  # no stop is right
@@ -52,8 +61,9 @@ ANY = frozenset({"*"})
 class Fault:
     """One thing that goes wrong. names: faults that tell it rightly; "*": only gates and currents are judged.
 
-    must_stop: riding through is no right end. turning: only where the machine is driven already. span_s: until the run
-    is judged; one that stops is judged earlier. unchecked: breaks what an assertion of the RTL takes for granted.
+    must_stop: riding through is no right end. turning: only where the machine is driven already. active: only where
+    the drive starts, runs or stops. span_s: until the run is judged; one that stops is judged earlier. unchecked:
+    breaks what an assertion of the RTL takes for granted.
     """
 
     name: str
@@ -61,6 +71,7 @@ class Fault:
     names: frozenset[str]
     must_stop: bool = False
     turning: bool = False
+    active: bool = False
     span_s: float = RUN_S
     unchecked: bool = False
 
@@ -74,21 +85,27 @@ class Fault:
 class Moment:
     """An instant of a drive's scenario at which its runs part.
 
-    turning: the machine is driven, with a lock. boot: the program has not looked at its parameters yet; only these are
-    disturbed.
+    turning: the machine is driven, with a lock. active: the drive starts, runs or stops. boot: the program has not
+    looked at its parameters yet; only these are disturbed.
     """
 
     name: str
     at_s: float
     turning: bool = True
+    active: bool = True
     boot: bool = False
+
+    def takes(self, fault: Fault) -> bool:
+        """Whether the fault can happen there."""
+        return (self.turning or not fault.turning) and (self.active or not fault.active)
 
 
 @dataclass(frozen=True)
 class Drive:
     """A scenario and its moments.
 
-    can: the chip has the CAN controller although the firmware has no node. pins: only pins and bits are disturbed.
+    can: the chip has the CAN controller although the firmware has no node. pins: only pins, firmware, lines and bits
+    are disturbed.
     """
 
     name: str
@@ -107,7 +124,7 @@ DRIVES = (
         "six-step",
         "campaign/six-step.toml",
         (
-            Moment("ready", 0.0035, turning=False),
+            Moment("ready", 0.0035, turning=False, active=False),
             Moment("catching", 0.006, turning=False),
             Moment("accelerating", 0.020),
             Moment("steady", 0.065),
@@ -128,8 +145,8 @@ DRIVES = (
     ),
     Drive("hall", "six-step/hall.toml", (Moment("ramp", 0.080), Moment("steady", 0.200)), pins=True),
     Drive("encoder", "vector/encoder.toml", (Moment("steady", 0.250), Moment("reversing", 0.410)), pins=True),
-    Drive("can", "campaign/can.toml", (Moment("steady", 0.080),), pins=True),
-    Drive("boot", "campaign/six-step.toml", (Moment("reset", 1e-6, turning=False, boot=True),)),
+    Drive("can", "campaign/can.toml", (Moment("accelerating", 0.045), Moment("steady", 0.080)), pins=True),
+    Drive("boot", "campaign/six-step.toml", (Moment("reset", 1e-6, turning=False, active=False, boot=True),)),
 )
 
 
@@ -288,13 +305,118 @@ def _bus_faults(s: Scenario) -> list[Fault]:
     ]
 
 
+# An over-current beforehand, by a sample; `clear` and `start` when the drive rests in its fault; the start looks first.
+AGAIN_S, START_S = 8e-3, 9e-3
+START_AGAIN = tuple((at_s, "console", {"line": line}) for at_s, line in ((AGAIN_S, "clear"), (START_S, "start")))
+
+
+def _restart_faults(s: Scenario) -> list[Fault]:
+    """Starts after an over-current, of a winding that is shorted by then and of a whole one."""
+    sample = _stuck(channel_names(s.motor.phases)[s.motor.phases], (1 << s.inverter.sensing.bits) - 1)
+    shorts = (
+        ("windings A, B shorted, 10 % of the turns left", {"phases": (0, 1), "turns_fraction": 0.1}),
+        ("windings B, C shorted, 10 % of the turns left", {"phases": (1, 2), "turns_fraction": 0.1}),
+        ("winding A to star, 20 % of the turns left", {"phases": (0,), "turns_fraction": 0.2}),
+    )
+
+    def shorted(arguments: Mapping[str, object]) -> Change:
+        return (2 * CLEAR[0], *_fault("shorted_winding", **arguments)[1:])
+
+    return [
+        *(Fault(f"{text}, started again", (sample, CLEAR, shorted(arguments), *START_AGAIN), SHORTED | MACHINE,
+                must_stop=True)
+          for text, arguments in shorts),
+        Fault("over-current, whole winding started again", (sample, CLEAR, *START_AGAIN), NONE),
+    ]  # fmt: skip
+
+
+# Windows of the firmware for its main loop and its node, and what is over by the time it starts anew.
+LOOP_S, NODE_S, TICK_S = 0.2, 0.05, 130e-6
+REPORTED_S = 1e-3
+IDLE = ""  # the instruction with which the main loop passes its time
+
+
+def _broken(function: str, word: int, span_s: float) -> tuple[Change, ...]:
+    """Another instruction at the begin of a function, for a time."""
+    place = {"function": function, "word": word}
+    return ((0.0, "code", place), (span_s, "code", place))
+
+
+def _firmware_faults(s: Scenario) -> list[Fault]:
+    """Exceptions, hangs of what the firmware supervises, and a stack that has reached its end."""
+    words = (("illegal instruction", ILLEGAL), ("misaligned load", MISALIGNED), ("jump out of the memory", OUTSIDE))
+    found = [
+        *(Fault(f"{text} in the {place}", _broken(function, word, TICK_S), EXCEPTION, must_stop=True)
+          for place, function in (("main loop", IDLE), ("control interrupt", "trap_control"))
+          for text, word in words),
+        Fault("control interrupt hangs", _broken("trap_control", TO_ITSELF, 5e-3), WATCHDOG, must_stop=True,
+              turning=True),
+        Fault("main loop hangs", _broken(IDLE, TO_ITSELF, LOOP_S + REPORTED_S), MAIN_LOOP, must_stop=True,
+              active=True, span_s=LOOP_S + 15e-3),
+        Fault("stack overflow", ((0.0, "memory", {"address": STACK_ADDRESS, "bit": 3}),), STACK, must_stop=True,
+              active=True),
+    ]  # fmt: skip
+    if s.can is not None:
+        hang = _broken("link_status", TO_ITSELF, NODE_S + REPORTED_S)
+        found.append(Fault("CANopen node hangs", hang, CAN_NODE, must_stop=True, active=True, span_s=NODE_S + 15e-3))
+    return found
+
+
+# A flood fills the line for this time; a byte takes 10 us, a frame of 8 bytes about 130 us.
+FLOOD_S, BYTE_S, FRAME_S = 30e-3, 10e-6, 130e-6
+NOISE_SEED = 1
+
+
+def _flood(lines: Sequence[str]) -> tuple[Change, ...]:
+    return tuple((0.0, "console", {"line": line, "burst": True}) for line in lines)
+
+
+def _console_floods(s: Scenario) -> list[Fault]:
+    """More than the console can answer, and nothing that it can: none of it moves the drive."""
+    rng, count = random.Random(NOISE_SEED), round(FLOOD_S / BYTE_S)
+    noise = "".join(chr(rng.choice([10, *range(33, 127)])) for _ in range(count))
+    return [
+        Fault("console flood: status", _flood(["status"] * (count // 7)), NONE),
+        Fault("console flood: all values", _flood(["get"] * (count // 4)), NONE),
+        Fault("console flood: line without an end", _flood(["x" * count]), NONE),
+        Fault("console flood: noise", _flood([noise]), NONE),
+    ]
+
+
+def _bus_floods(s: Scenario) -> list[Fault]:
+    """A bus that another node fills, ahead of the master's commands or behind them. None of it commands the drive."""
+    assert s.can is not None
+    node, count, rng = s.can.node_id, round(FLOOD_S / FRAME_S), random.Random(NOISE_SEED)
+    drawn = [Frame.draw(rng) for _ in range(20 * count)]
+    # Not commands of the network, SYNC, or what the node receives.
+    foreign = [f for f in drawn if f.ext or (f.id > 0x80 and f.id & 0x7F != node)][:count]
+
+    def flood(name: str, names: frozenset[str], frames: Sequence[Frame]) -> Fault:
+        return Fault(f"CAN flood: {name}", ((0.0, "frames", {"frames": tuple(frames)}),), names)
+
+    return [
+        flood("foreign, ahead of the commands", BUS, [Frame(0x001, dlc=8, data=bytes(8))] * count),
+        flood("foreign, behind the commands", NONE, [Frame(0x7F0, dlc=8, data=bytes(8))] * count),
+        flood("of any kind", BUS, foreign),
+        flood("SYNC", BUS, [Frame(0x080)] * (2 * count)),
+        flood("SDO uploads", NONE, [Frame(0x600 + node, dlc=8, data=bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0]))] * count),
+        flood("commands that are too short", NONE, [Frame(0x400 + node, dlc=1, data=b"\x0f")] * count),
+        flood("heartbeats of the node's own number", NONE, [Frame(0x700 + node, dlc=1, data=b"\x05")] * count),
+    ]
+
+
 def plant_faults(drive: Drive) -> list[Fault]:
-    """What goes wrong around the chip of a drive. With injection its faults tell what others tell by a lost lock."""
+    """What goes wrong in and around the chip of a drive, but for bits that flip.
+
+    With injection its faults tell what others tell by a lost lock.
+    """
     s = drive.load()
     found = [] if drive.pins else [*_sensor_faults(s), *_machine_faults(s)]
-    found += _pin_faults(s)
+    if not drive.pins and s.motor.phases == 3:  # of five phases no line EMFs are alike
+        found += _restart_faults(s)
+    found += [*_pin_faults(s), *_firmware_faults(s), *_console_floods(s)]
     if s.can is not None:
-        found += _bus_faults(s)
+        found += [*_bus_faults(s), *_bus_floods(s)]
     if s.drive.vector.injection is None:
         return found
     return [replace(f, names=f.names | INJECTION) if f.names & LOCK else f for f in found]
@@ -345,11 +467,20 @@ def parameter_upsets(rng: random.Random, count: int, block_bytes: int) -> list[F
     return found
 
 
-def actions_of(fault: Fault, at_cycle: int, registers: Sequence[str]) -> tuple[Action, ...]:
-    """The fault's changes at a moment. registers: the chip's, by which an upset's name becomes its share of all."""
-    actions = []
+def actions_of(fault: Fault, at_cycle: int, registers: Sequence[str], image: Path) -> tuple[Action, ...]:
+    """The fault's changes at a moment.
+
+    registers: the chip's, by which an upset's name becomes its share of all. image: of the firmware, by which a
+    function becomes an address.
+    """
+    actions: list[Action] = []
     for at_s, kind, arguments in fault.changes:
         told = dict(arguments)
+        if kind == "code":
+            function = str(told["function"])
+            at = entry(image, function) if function else idle_place(image)
+            actions += rewrite(image, at, int(str(told["word"])), at_cycle + round(at_s * CLOCK_HZ))
+            continue
         if "name" in told:
             wanted = str(told.pop("name"))
             (number,) = (n for n, name in enumerate(registers) if name.endswith(wanted))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fluxlock.campaign.grid import DRIVES, RUN_S, SLOW_S, UPSET_S
+from fluxlock.campaign.grid import DRIVES, FLOOD_S, LOOP_S, NODE_S, NOISE_SEED, RUN_S, SLOW_S, UPSET_S
 from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.master import COMMAND_TIMEOUT_MS
 from fluxlock.config import ConfigError, Problem
@@ -93,7 +93,8 @@ def page(document: dict[str, Any]) -> str:
         f"Made from {sources_text(document.get('sources'))}.",
         "",
         f"**{right} of {len(rows)} runs ended right, {share:.2f} %.**"
-        + ("" if len(rows) == document["grid"] else f" The grid has {document['grid']}; the others have not been run."),
+        + ("" if len(rows) == document["grid"] else f" The grid has {document['grid']}; the others have not been run.")
+        + (f" A run takes {document['cpu_s']} s of the processor." if "cpu_s" in document else ""),
         "",
         *_machines(document),
         "",
@@ -109,9 +110,20 @@ def page(document: dict[str, Any]) -> str:
         "*wrong* is the opposite of the level that is driven. The five-phase chip has the CAN controller, its firmware "
         "no node. No simulated chip has the port of the SPI flash: its pin leads nowhere.",
         "",
-        "Of the drives hall, encoder and can only pins and bits are disturbed: Hall sensors commutate the first, an "
-        "encoder gives the second its angle, a CANopen master commands the third every 0.5 ms, with a command timeout "
-        f"of {COMMAND_TIMEOUT_MS} ms.",
+        "The firmware breaks too. Another instruction stands in its main loop, its control interrupt or its node: "
+        "one that raises an exception, or one that goes round in itself. It is whole again when the firmware starts "
+        f"anew. A main loop that hangs takes {1e3 * LOOP_S:.0f} ms to be found, a node {1e3 * NODE_S:.0f} ms. A stack "
+        f"overflow is a change of its last word. Floods fill the console or the CAN bus for {1e3 * FLOOD_S:.0f} ms, "
+        f"with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started again*: an over-current by a "
+        "sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
+        "",
+        "Not in the grid: the clocks and the lock of the PLL, which the chip does not see. The board's test "
+        "(`cocotb_tests/board/test_fl_board.py`) stops them in every state of a stand-in for the chip. Stores that are "
+        "damaged: `cocotb_tests/soc/test_boot_store.py`, on the chip with a flash.",
+        "",
+        "Of the drives hall, encoder and can only pins, firmware, lines and bits are disturbed: Hall sensors commutate "
+        "the first, an encoder gives the second its angle, a CANopen master commands the third every 0.5 ms, with a "
+        f"command timeout of {COMMAND_TIMEOUT_MS} ms.",
         "",
         "| ending | |",
         "|---|---|",

@@ -11,7 +11,7 @@ import random
 import re
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
-from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, prepare
+from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, image_of, prepare
 from fluxlock.cosim.upsets import read_upset_table
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.writable import InUseError, alone
@@ -73,9 +73,9 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
             faults = [known[n] for n in sorted(chosen)]
             faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
         for fault in faults:
-            if fault.turning and not moment.turning:
+            if not moment.takes(fault):
                 continue
-            name = re.sub(r"[,\[\]]", "", fault.name).replace(" ", "-").replace("%", "pc")
+            name = re.sub(r"[,:'\[\]]", "", fault.name).replace(" ", "-").replace("%", "pc")
             runs.append(Run(drive.name, moment, fault, FOLDER / drive.name / moment.name / name))
     return runs[::every]
 
@@ -85,9 +85,9 @@ def population(chip: Chip) -> dict[str, int]:
     return read_upset_table(chip.executable.parent)
 
 
-def _branch(run: Run, registers: list[str]) -> Branch:
+def _branch(run: Run, registers: list[str], image: Path) -> Branch:
     cycle = round(run.moment.at_s * CLOCK_HZ)
-    actions = actions_of(run.fault, cycle, registers)
+    actions = actions_of(run.fault, cycle, registers, image)
     return Branch(cycle, actions, round(run.fault.span_s * CLOCK_HZ), round(SETTLE_S * CLOCK_HZ), run.folder)
 
 
@@ -136,10 +136,19 @@ class Book:
     def enter(self, run: Run) -> dict[str, Any]:
         """Judge a run that has ended."""
         row = _row(run, self.scenario, self.plan)
-        text = json.dumps({"key": self._key(run), "row": row})
+        meta = run.folder / META_FILE
+        cpu_s = json.loads(meta.read_text())["cpu_s"] if meta.exists() else 0.0
+        text = json.dumps({"key": self._key(run), "row": row, "cpu_s": cpu_s})
         run.folder.mkdir(parents=True, exist_ok=True)
         (run.folder / ROW_FILE).write_text(text, encoding="utf-8")
         return row
+
+
+def mean_cpu_s(runs: Iterable[Run]) -> float:
+    """Processor time of a finished run from its moment on, mean."""
+    paths = [run.folder / ROW_FILE for run in runs]
+    spent = [float(json.loads(path.read_text()).get("cpu_s", 0.0)) for path in paths if path.exists()]
+    return sum(spent) / max(1, len(spent))
 
 
 def chip_for(drive: Drive) -> Chip:
@@ -172,7 +181,8 @@ def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, unchecked: bool
     if not runs:
         return
     registers = list(population(chip))
-    plan = replace(book.plan, branches=tuple(_branch(run, registers) for run in runs), jobs=jobs)
+    image = image_of(book.scenario)
+    plan = replace(book.plan, branches=tuple(_branch(run, registers, image) for run in runs), jobs=jobs)
     meta = run_plan(plan, _unchecked(chip, plan.folder) if unchecked else chip)
     if meta["fault"]:
         raise SimulatorError(f"the undisturbed run of {runs[0].drive} broke off: {meta['fault']}")

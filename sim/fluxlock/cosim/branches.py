@@ -106,6 +106,7 @@ async def _ask_state(session: Session) -> None:
         for _ in range(ANSWER_LOOKS):
             await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
             session.drain()
+            session.exchange()
             answer = session.text[begin:]
             if re.search(r"^state .*^ok$", answer, re.MULTILINE | re.DOTALL):
                 return
@@ -116,6 +117,7 @@ async def _ask_state(session: Session) -> None:
 async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> None:
     """Until the branch's end, earlier when the drive rests in its fault state."""
     faulty_from: int | None = None
+    rests_from = max((a.cycle for a in branch.actions), default=branch.cycle)  # its own actions are over
     end = branch.cycle + branch.cycles
     while True:
         now = int(session.native.status.cycle)
@@ -133,13 +135,13 @@ async def _go_on(session: Session, branch: Branch, actions: list[Action]) -> Non
             faulty_from = None
         elif faulty_from is None:
             faulty_from = stop
-        elif stop - faulty_from >= branch.settle_cycles:
+        elif stop - max(faulty_from, rests_from) >= branch.settle_cycles:
             break
         if state == STATE_STARTING and stop >= end:
             end = min(stop + branch.cycles, branch.cycle + PATIENCE * branch.cycles)
     session.planned_lines = len(session.lines.lines)
     if session.plan.final_commands:
-        await session.settle()
+        await session.settle(exchange=True)
         session.lines.give_up()
         await _ask_state(session)
     if session.plan.peer is not None:

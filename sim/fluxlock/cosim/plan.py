@@ -28,11 +28,12 @@ TRACE_FILE = "core.trace"  # `core_row_t` of the simulator's main
 class Action:
     """Something that happens at a clock cycle: a console line, a change of the plant, an upset of the chip.
 
-    kind: "console" (line; burst: sent at once, not when the one before is answered), or arguments of a method of
-    the plant: "load" (`set_load`), "supply" (`set_supply`), "fault" (`inject_fault`), "sensor" (`disturb`),
-    "mechanics" (`set_mechanics`); "pin": an input of the chip is forced (`Native.force_pin`); "bus" (cycles,
-    level): the CAN bus has this level for so many clocks; or "register" (share, bit share: 0 to 1, of all registers
-    and of its bits), "memory" (address, bit): a single bit that flips.
+    kind: "console" (line; burst: sent at once, not when the one before is answered), or arguments of a method of the
+    plant: "load" (`set_load`), "supply" (`set_supply`), "fault" (`inject_fault`), "sensor" (`disturb`), "mechanics"
+    (`set_mechanics`); "pin": an input of the chip is forced (`Native.force_pin`); "bus" (cycles, level): the CAN bus
+    has this level for so many clocks; "frames" (frames): one more node on the bus sends them as fast as it can; or
+    "register" (share, bit share: 0 to 1, of all registers and of its bits), "memory" (address, bit): a single bit that
+    flips.
     """
 
     cycle: int
@@ -44,7 +45,7 @@ class Action:
 class Branch:
     """A copy of the run that goes its own way from a cycle on: its actions come on top of the plan's.
 
-    It ends `cycles` later, or `settle_cycles` after the drive has entered its fault state.
+    It ends `cycles` later, or when its actions are over and the drive has been in its fault state for `settle_cycles`.
     """
 
     cycle: int

@@ -13,6 +13,7 @@ import json
 import os
 import socket
 import time
+from collections.abc import Sequence
 from heapq import merge
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ import numpy as np
 from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 
+from fluxlock.can.frame import Frame
 from fluxlock.cosim.branches import end_with_parent, run_branches
 from fluxlock.cosim.console import NO_REPLY, ConsoleLines
 from fluxlock.cosim.debugger import Debugger
@@ -44,6 +46,7 @@ PROGRESS_INTERVAL_S = 0.1
 REPLY_S = 0.1  # simulated time without a sign of the console after which a line is taken for unanswered
 LISTEN_CYCLES = 5_000  # between two looks for the end of a reply
 BOOT_CYCLES = 500_000  # before the first line of a dialogue
+NO_BUS = "there is no CAN bus: the plan has no peer on it"
 
 
 class PlantFault(Exception):
@@ -136,15 +139,25 @@ class Session:
             self.native.force_pin(**action.arguments)
         elif action.kind == "bus":
             self.disturb_bus(**action.arguments)
+        elif action.kind == "frames":
+            self.flood_bus(**action.arguments)
         elif action.kind in ("register", "memory"):
             self.upset(action)
         else:
             raise ValueError(f"unknown action {action.kind!r}")
 
+    def flood_bus(self, frames: Sequence[Frame]) -> None:
+        """Another node joins the CAN bus and sends frames back to back."""
+        if self.plan.peer is None:
+            raise ValueError(NO_BUS)
+        node = self.native.open_can(self.plan.peer.timing, self.plan.can_place)
+        for frame in frames:
+            node.send(frame)
+
     def disturb_bus(self, cycles: int, level: int) -> None:
         """The CAN bus has this level, 0 dominant, for so many clocks."""
         if self.node is None:
-            raise ValueError("there is no CAN bus: the plan has no peer on it")
+            raise ValueError(NO_BUS)
         start = int(self.native.status.cycle) + 1
         self.node.disturb(start, start + cycles, level)
 
@@ -251,12 +264,17 @@ class Session:
             if line.answer in (None, NO_REPLY):
                 raise ConsoleSilent(f"the drive's console did not answer {command!r} within {2 * REPLY_S:g} s")
 
-    async def settle(self) -> None:
-        """Wait until the console has answered every line, or none for so long that it is taken for dead."""
+    async def settle(self, exchange: bool = False) -> None:
+        """Wait until the console has answered every line, or none for so long that it is taken for dead.
+
+        exchange: the plan's peer goes on meanwhile.
+        """
         given_up = sum(line.answer == NO_REPLY for line in self.lines.lines)
         while not self.lines.settled and sum(line.answer == NO_REPLY for line in self.lines.lines) == given_up:
             await self.wait_until(self.native.status.cycle + int(1e-3 * self.plan.clock_hz))
             self.drain()
+            if exchange:
+                self.exchange()
 
     def replies(self) -> list[str]:
         """Last lines of the replies so far: `ok` or `error: TEXT`."""
@@ -286,6 +304,7 @@ class Session:
         meta = {
             "cycles": min(int(status.cycle), limit),
             "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
+            "cpu_s": time.process_time(),  # of this process; a copy begins at 0
             "uart": self.text,
             "sent": sent,
             "upsets": self.upsets,

@@ -37,6 +37,11 @@ def word_at(image: Path, address: int) -> int:
     return int(struct.unpack_from("<I", image.read_bytes(), address)[0])
 
 
+def entry(image: Path, function: str) -> int:
+    """Address of a function's first instruction."""
+    return symbols(image.with_suffix(".elf"))[function][0]
+
+
 def idle_place(image: Path) -> int:
     """Address of the instruction with which the main loop passes its time."""
     begin, size = symbols(image.with_suffix(".elf"))["main"]
@@ -44,7 +49,7 @@ def idle_place(image: Path) -> int:
 
 
 def rewrite(image: Path, address: int, word: int, cycle: int) -> tuple[Action, ...]:
-    """Actions that leave another instruction at an address, bit by bit within a clock."""
+    """Actions that leave another instruction at an address, bit by bit within a clock; twice, it is whole again."""
     changed = word_at(image, address) ^ word
     bits = [bit for bit in range(32) if changed >> bit & 1]
     return tuple(Action(cycle, "memory", {"address": address, "bit": bit}) for bit in bits)
