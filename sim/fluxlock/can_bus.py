@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bus of python-can by its name on the command line: INTERFACE:CHANNEL, or both by options of their own."""
+"""A bus of python-can by its name on the command line: INTERFACE:CHANNEL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ OPTION = "--can"
 DEFAULT = "udp_multicast:239.74.163.2"
 # Error numbers of a sender that must wait.
 FULL = (errno.ENOBUFS, errno.EAGAIN)
-USUAL_CHANNELS = {"udp_multicast": DEFAULT.partition(":")[2], "socketcan": "vcan0"}
 
 
 def open_bus(name: str, kbit_per_s: int | None = None) -> can.BusABC:
@@ -29,24 +28,9 @@ def open_bus(name: str, kbit_per_s: int | None = None) -> can.BusABC:
     interface, _, channel = name.partition(":")
     if not interface or not channel:
         raise ConfigError([Problem(OPTION, name, "must be INTERFACE:CHANNEL, for instance socketcan:vcan0")])
-    _check(OPTION, name, interface, channel)
+    _check(name, interface, channel)
     settings = {} if kbit_per_s is None else {"bitrate": 1000 * kbit_per_s}
-    return _open(OPTION, name, interface, channel, settings)
-
-
-def usual_channel(interface: str) -> str:
-    """Of an interface without --channel; ConfigError where there is none."""
-    _check("--interface", "", interface)
-    if interface not in USUAL_CHANNELS:
-        raise ConfigError([Problem("--channel", "", f"is missing: {interface} has no default channel")])
-    return USUAL_CHANNELS[interface]
-
-
-def join_bus(interface: str, channel: str) -> can.BusABC:
-    """The same for the options --interface and --channel."""
-    _check("--interface", "", interface)
-    _check("--channel", "", interface, channel)
-    return _open("--channel", channel, interface, channel, {})
+    return _open(name, interface, channel, settings)
 
 
 def has_taken(bus: can.BusABC, message: can.Message) -> bool:
@@ -69,26 +53,26 @@ def _is_multicast(address: str) -> bool:
         return False
 
 
-def _check(option: str, shown: str, interface: str, channel: str = "") -> None:
+def _check(shown: str, interface: str, channel: str) -> None:
     # Slow to import, and not needed by other commands.
     import can
 
     if interface not in can.VALID_INTERFACES:
         text = f"{interface} is no interface of python-can; socketcan, udp_multicast and virtual need no adapter"
-        raise ConfigError([Problem(option, shown, text)])
+        raise ConfigError([Problem(OPTION, shown, text)])
     # python-can opens it and says of the failure no more than that the socket cannot be configured.
-    if interface == "udp_multicast" and channel and not _is_multicast(channel):
-        text = f"{channel} is no multicast address, as {USUAL_CHANNELS[interface]}"
-        raise ConfigError([Problem(option, shown, text)])
+    if interface == "udp_multicast" and not _is_multicast(channel):
+        text = f"{channel} is no multicast address, as {DEFAULT.partition(':')[2]}"
+        raise ConfigError([Problem(OPTION, shown, text)])
 
 
-def _open(option: str, shown: str, interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
+def _open(shown: str, interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
     import can
 
     try:
         return can.Bus(channel=channel, interface=interface, **settings)
     except (can.CanError, OSError, ValueError) as error:
-        raise ConfigError([Problem(option, shown, _reason(interface, channel, error))]) from None
+        raise ConfigError([Problem(OPTION, shown, _reason(interface, channel, error))]) from None
 
 
 def _reason(interface: str, channel: str, error: Exception) -> str:

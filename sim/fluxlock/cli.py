@@ -38,7 +38,6 @@ from fluxlock.analysis.six_step.cli import read_trace
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
-from fluxlock.can_bus import usual_channel
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario, load_scenario
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
@@ -444,13 +443,12 @@ def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command("can", rich_help_panel=LIVE, epilog=example("fluxlock can scenarios/can.toml --interface socketcan"))
+@app.command("can", rich_help_panel=LIVE, epilog=example("fluxlock can scenarios/can.toml --can socketcan:vcan0"))
 def can_command(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML) with the table \\[can].")],
-    interface: Annotated[str, typer.Option(help="Of python-can: socketcan, udp_multicast, ...")] = "udp_multicast",
-    channel: Annotated[
-        str | None, typer.Option(help="Of the interface, default vcan0 of socketcan, 239.74.163.2 of udp_multicast.")
-    ] = None,
+    can: Annotated[
+        str, typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can, for instance socketcan:vcan0.")
+    ] = DEFAULT_BUS,
     seconds: Annotated[
         float | None, typer.Option(min=0.001, max=3600.0, help="Simulated time to run; without it until Ctrl-C.")
     ] = None,
@@ -468,9 +466,8 @@ def can_command(
     loaded = _checked(scenario, set_)
     out_dir = out if out is not None else Path("build") / scenario.stem
     try:
-        with join(loaded, interface, channel) as bus, _output(out_dir):
-            name = f"{interface}:{channel or usual_channel(interface)}"
-            passed = run_can(loaded, bus, name, out_dir, loaded.seed if seed is None else seed, seconds)
+        with join(loaded, can) as bus, _output(out_dir):
+            passed = run_can(loaded, bus, can, out_dir, loaded.seed if seed is None else seed, seconds)
     except SimulationFault as error:
         _fail([f"simulation: {error}"])
     if not passed:

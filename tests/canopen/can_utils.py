@@ -70,7 +70,7 @@ def cansend(frame: str) -> None:
 
 def test_can_utils(tmp_path: Path) -> None:
     """SDO by cansend, random frames by cangen, seen by candump and taken by the chip; the DBC decodes its frames."""
-    words = ["--interface", "socketcan", "--channel", CHANNEL, "--seconds", "0.12", "--out", str(tmp_path / "run")]
+    words = ["--can", f"socketcan:{CHANNEL}", "--seconds", "0.12", "--out", str(tmp_path / "run")]
     command = [sys.executable, "-m", "fluxlock", "can", str(ROOT / "scenarios" / "can.toml"), *words]
     with candump(tmp_path / "dump") as dump:
         time.sleep(0.5)

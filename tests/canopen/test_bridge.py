@@ -198,21 +198,21 @@ def command(*words: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "interface", "channel", "text"),
+    ("scenario", "bus", "text"),
     [
-        ("can", "pigeon", "1", "--interface: pigeon is no interface of python-can"),
-        ("can", "socketcan", "no_can9", r"--channel: no_can9: (.*modprobe vcan|.*ip link add no_can9)"),
-        ("demo", "virtual", "x", r"demo\.toml: can: is missing: the chip has a CAN bus only with it"),
+        ("can", "pigeon:1", "--can: pigeon:1: pigeon is no interface of python-can"),
+        ("can", "socketcan:no_can9", r"--can: socketcan:no_can9: (.*modprobe vcan|.*ip link add no_can9)"),
+        ("demo", "virtual:x", r"demo\.toml: can: is missing: the chip has a CAN bus only with it"),
     ],
 )
-def test_refused(scenario: str, interface: str, channel: str, text: str) -> None:
+def test_refused(scenario: str, bus: str, text: str) -> None:
     """What cannot be opened or has no bus is one line, with what to do, before anything is built.
 
     Verifies: CO-24
     """
     loaded = load_scenario(ROOT / "scenarios" / f"{scenario}.toml")
     with pytest.raises(ConfigError, match=text):
-        join(loaded, interface, channel)
+        join(loaded, bus)
 
 
 def test_interrupted(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_interrupted(tmp_path: Path) -> None:
 
     Verifies: CO-24
     """
-    words = command(str(CAN_SCENARIO), "--channel", "239.74.163.78", "--out", str(tmp_path))
+    words = command(str(CAN_SCENARIO), "--can", "udp_multicast:239.74.163.78", "--out", str(tmp_path))
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0)
     try:
         # Other groups of this machine are heard too: the chip's boot-up is waited for, whatever else comes.

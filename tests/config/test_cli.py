@@ -385,20 +385,20 @@ def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("scenario", "interface", "text"),
+    ("scenario", "bus", "text"),
     [
-        ("can", "pigeon", "--interface: pigeon is no interface of python-can"),
-        ("can", "slcan", "--channel: is missing: slcan has no default channel"),
-        ("demo", "virtual", "demo.toml: can: is missing"),
+        ("can", "pigeon:1", "--can: pigeon:1: pigeon is no interface of python-can"),
+        ("can", "slcan", "--can: slcan: must be INTERFACE:CHANNEL, for instance socketcan:vcan0"),
+        ("demo", "virtual:x", "demo.toml: can: is missing"),
     ],
 )
-def test_refused_bus_leaves_no_folder(invoke: Invoke, tmp_path: Path, scenario: str, interface: str, text: str) -> None:
+def test_refused_bus_leaves_no_folder(invoke: Invoke, tmp_path: Path, scenario: str, bus: str, text: str) -> None:
     """A bus that cannot be had is one line, before a folder is made.
 
     Verifies: CO-24
     """
     path = str(ROOT / "scenarios" / f"{scenario}.toml")
-    code, out, err = invoke("can", path, "--interface", interface, "--out", str(tmp_path / "o"))
+    code, out, err = invoke("can", path, "--can", bus, "--out", str(tmp_path / "o"))
     assert code == 2 and out == "" and text in err and len(err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.verdict import say
 from fluxlock.build import check_build
-from fluxlock.can_bus import join_bus, usual_channel
+from fluxlock.can_bus import open_bus
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
@@ -62,12 +62,12 @@ class _Lines:
         print(text, file=sys.stderr, flush=True)
 
 
-def join(scenario: Scenario, interface: str, channel: str | None) -> can.BusABC:
-    """The bus for a scenario; ConfigError if one of the two is not to be had. channel: else the usual one."""
+def join(scenario: Scenario, name: str) -> can.BusABC:
+    """The bus for a scenario; ConfigError if one of the two is not to be had. name: INTERFACE:CHANNEL."""
     if scenario.can is None:
         text = "is missing: the chip has a CAN bus only with it; add the table [can]"
         raise ConfigError([scenario.sources.problem("can", text)])
-    return join_bus(interface, channel or usual_channel(interface))
+    return open_bus(name)
 
 
 def run_can(
