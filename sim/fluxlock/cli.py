@@ -39,6 +39,7 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario, load_scenario
+from fluxlock.export.command import export
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
@@ -81,6 +82,9 @@ app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)
 app.add_typer(population_app, name="population", rich_help_panel=VERIFY)
 app.command(rich_help_panel=BOARD, epilog=example("fluxlock flash scenarios/demo.toml --port /dev/ttyUSB0"))(flash)
+app.command(
+    rich_help_panel=BOARD, epilog=example("fluxlock export ../my-chip", "fluxlock export ../my-chip --board arty")
+)(export)
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario file (TOML).", autocompletion=complete_toml("scenarios"))

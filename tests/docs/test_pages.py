@@ -62,7 +62,7 @@ def names_in_rtl(module: str) -> set[str]:
     head = re.search(rf"^module {module}\b(.*?)^\);", source.read_text(), re.DOTALL | re.MULTILINE)
     assert head, f"{source}: no module header"
     lines = [re.sub(r"//.*", "", line) for line in head.group(1).splitlines()]
-    ports = [m.group(1) for line in lines if (m := re.match(r"\s*(?:in|out)put\b.*?(\w+)\s*,?\s*$", line))]
+    ports = [m.group(1) for line in lines if (m := re.match(r"\s*(?:in|out)put\b.*?(\w+)\s*(?:= [\w']+)?,?\s*$", line))]
     values = [m.group(1) for line in lines if (m := re.match(r"\s*(?:local)?param(?:eter)?\b.*?(\w+)\s*=", line))]
     assert ports, f"{source}: no ports found"
     return {*ports, *values}

@@ -90,7 +90,7 @@ def _image(scenario: Scenario, ram_kib: int) -> bytes:
         raise ConfigError([Problem(option, str(ram_kib), str(error))]) from None
 
 
-def _check_board(scenario: Scenario) -> None:
+def check_board(scenario: Scenario) -> None:
     """What is right in a simulation only: sampling that the boards' converters do not keep up with, no dead time."""
     sensing = scenario.inverter.sensing
     table = "inverter.sensing."
@@ -150,7 +150,7 @@ def flash(
     from fluxlock.flash.loader import Loader, LoaderError
 
     loaded = load_scenario(scenario, set_ or ())
-    _check_board(loaded)
+    check_board(loaded)
     check_parameters(loaded)
     image = pack_image(_image(loaded, ram_kib), loaded.motor.phases)
     bus = loaded.can
