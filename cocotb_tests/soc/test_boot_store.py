@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import random
 import struct
+from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import Any
 
 import cocotb
-from cocotb.triggers import Timer
+from cocotb.triggers import FallingEdge, Timer
 
 from cocotb_tests.can.link import Wire
 from cocotb_tests.soc.boot_bench import BootBench
@@ -37,6 +38,7 @@ FOLDER = BUILD / "block" / "boot_store"
 JUMP = 0x08000067  # jalr x0, 0x80(x0)
 BOOT_UP_MS = 20
 SAVE = 0x65766173
+SILENT = 4  # what an emergency says of a sector that does not answer
 
 
 class Master:
@@ -161,6 +163,42 @@ async def objects_survive(dut: Any) -> None:
     await save(master, "velocity_window", 79)
     assert await window_after_power_up() == 79
     assert int(dut.gate_o.value) == 0
+    await dead_flash(dut, tb, master, window_after_power_up)
+
+
+async def told_lost(master: Master) -> None:
+    """The node says that neither sector answers, and holds the limits at their least values."""
+    told = await master.frame(0x80 + NODE)
+    assert told is not None and told[:2] == (0x6310).to_bytes(2, "little")
+    assert told[4:6] == bytes([SILENT, SILENT])
+    assert await master.read("error_register") & 0x80
+    assert (await master.read("error_field_error_1")) & 0xFFFF == 0x6310
+    assert await master.read("max_current") == 1
+    assert (await master.write("store_parameters_save_all", SAVE))[:1] == b"\x80", (
+        "what is not stored is not acknowledged"
+    )
+    assert await master.read("velocity_window") not in (77, 79)
+
+
+async def dead_flash(dut: Any, tb: BootBench, master: Master, window: Callable[[], Awaitable[int]]) -> None:
+    """A flash that ceases to answer, is dead at power-up, and comes back."""
+    await master.write("max_current", 300)
+    assert (await master.write("store_parameters_save_all", SAVE))[0] == 0x60
+    dut.flash_power_i.value = 0
+    master.mac.received.clear()
+    master.mac.queue.append(Frame(0, dlc=2, data=bytes([129, NODE])))
+    assert await master.frame(0x700 + NODE) == b"\0"
+    await told_lost(master)
+    dut.rst_i.value = 1
+    await Timer(10, "us")
+    await FallingEdge(dut.clk_i)
+    master.mac.received.clear()
+    dut.rst_i.value = 0
+    assert await master.frame(0x700 + NODE) == b"\0", "the node-ID is the one of the start before"
+    await told_lost(master)
+    assert await window() == 79
+    assert await master.read("max_current") == 300
+    assert int(dut.gate_o.value) == 0
 
 
 @cocotb.test()
@@ -171,6 +209,7 @@ async def damaged_stores_are_told(dut: Any) -> None:
     await tb.start()
     master.wire.join()
     tb.fill(FLASH_CAN_SETUP, pack_can_setup(NODE, KBIT_PER_S))
+    tb.fill(FLASH_STORE, b"\xff" * 2 * FLASH_SECTOR_BYTES)
     await power_up(tb, master)
     default = await master.read("max_current")
     assert default > BEFORE
@@ -196,7 +235,8 @@ async def damaged_stores_are_told(dut: Any) -> None:
 def test_boot_store() -> None:
     """What a master stores holds over a power-off, also if power goes while it is stored; without a node-ID silence.
 
-    A store that is damaged is told, by one emergency, and gives no higher limit.
+    A store that is damaged is told, by one emergency, and gives no higher limit. A flash that does not answer is told
+    too, at a reset and at power-up.
 
     Verifies: CO-28, CAMP-09
     """

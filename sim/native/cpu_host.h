@@ -105,4 +105,4 @@ FIRMWARE void cpu_idle() {
 }
 FIRMWARE void* cpu_parameter_block() { return cpu_host.memory + COSIM_BLOCK_WORD; }
 FIRMWARE void* cpu_telemetry() { return cpu_host.memory + COSIM_TELEMETRY_WORD; }
-FIRMWARE const void* cpu_can_setup() { return cpu_host.memory + COSIM_CAN_SETUP_WORD; }
+FIRMWARE void* cpu_can_setup() { return cpu_host.memory + COSIM_CAN_SETUP_WORD; }

@@ -9,6 +9,7 @@
 #include "hal/can_setup.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
+#include "hal/flash.h"
 
 // That wait are taken together, before the console has its turn again.
 #define FRAMES_A_ROUND 4u
@@ -69,10 +70,10 @@ static void set_filters(void) {
 
 void chip_node_init(app_t *app) {
   const storage_t *flash = flash_storage();
-  const uint32_t *in_ram = cpu_can_setup();
-  uint32_t setup[2] = {in_ram[0], in_ram[1]};
+  uint32_t *setup = cpu_can_setup();
   driver.app = app;
-  driver.absent = flash != 0 && !flash_can_setup(setup);
+  // What the flash holds stays in the RAM: for a restart that gets no answer.
+  driver.absent = flash != 0 && !flash_can_setup(setup) && (flash_answers() || setup[0] == 0u);
   driver.clocks_us = chip_clock_hz() / 1000000u;
   driver.then = chip_now();
   node.bit_rate_kbit_s = setup[1];

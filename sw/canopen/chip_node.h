@@ -3,8 +3,9 @@
 
 // The CANopen node on the chip: CAN controller, clock, memory of the stored objects, all from the main loop.
 //
-// Node-ID and bit rate after power-up: of the SPI flash where one answers (flash_store.h), else from RAM_CAN_SETUP, two
-// words, node-ID and kbit/s. Objects are stored in the flash; without one what 0x1010 stores holds until power-down.
+// Node-ID and bit rate after power-up: of the SPI flash; where there is none, or it does not answer, from RAM_CAN_SETUP, two
+// words, node-ID and kbit/s. Objects are stored in the flash (flash_store.h); on a chip without a port for one what 0x1010
+// stores holds until power-down.
 #ifndef FL_CHIP_NODE_H
 #define FL_CHIP_NODE_H
 

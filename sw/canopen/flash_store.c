@@ -13,17 +13,18 @@ _Static_assert(4u * STORE_WORDS <= FLASH_SECTOR_BYTES, "an image is larger than 
 
 static uint32_t address_of(uint32_t slot) { return FLASH_STORE + slot * FLASH_SECTOR_BYTES; }
 
+// The flash answers now: what was read before came from it. A dead one reads as a blank one.
 static bool slot_read(void *context, uint32_t slot, void *data, uint32_t bytes) {
   (void)context;
   flash_read(address_of(slot), data, bytes);
-  return true;
+  return flash_answers();
 }
 
 // The page with the magic number and the checksum comes last.
 static bool slot_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
   (void)context;
   const uint8_t *from = data;
-  bool done = flash_erase(address_of(slot));
+  bool done = flash_answers() && flash_erase(address_of(slot));
   for (uint32_t end = bytes; done && end != 0u;) {
     const uint32_t begin = (end - 1u) / FLASH_PAGE_BYTES * FLASH_PAGE_BYTES;
     done = flash_program(address_of(slot) + begin, &from[begin], end - begin);
@@ -34,8 +35,7 @@ static bool slot_write(void *context, uint32_t slot, const void *data, uint32_t 
 
 const storage_t *flash_storage(void) {
   static const storage_t storage = {.read = slot_read, .write = slot_write};
-  const uint32_t identity = flash_identify();
-  return (identity == 0u || identity == 0xFFFFFFu) ? 0 : &storage;
+  return flash_is_fitted() ? &storage : 0;
 }
 
 SMALL_CODE_END

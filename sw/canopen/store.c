@@ -27,7 +27,7 @@ static slot_t read_slot(canopen_t *node, uint32_t slot) {
     return SLOT_BLANK;
   }
   if (!storage->read(storage->context, slot, image, IMAGE_BYTES)) {
-    return SLOT_BROKEN;
+    return SLOT_SILENT;
   }
   if (image[MAGIC] == STORE_MAGIC && image[LAYOUT] != OD_STORE_WORD) {
     return SLOT_FOREIGN;

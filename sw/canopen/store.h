@@ -21,20 +21,21 @@ typedef struct canopen canopen_t;
 #define STORE_WORDS (STORE_HEADER_WORDS + OD_STORED_COUNT + 1u + OD_STRING_MAX / 4u)
 #define STORE_SLOTS 2u
 
-// Non-volatile memory with two slots of at least 4 * STORE_WORDS bytes. False: it failed.
+// Non-volatile memory with two slots of at least 4 * STORE_WORDS bytes. False: it does not answer, or a write failed.
 typedef struct {
   void *context;
   bool (*read)(void *context, uint32_t slot, void *data, uint32_t bytes);
   bool (*write)(void *context, uint32_t slot, const void *data, uint32_t bytes);
 } storage_t;
 
-typedef enum { SLOT_BLANK, SLOT_GOOD, SLOT_FOREIGN, SLOT_BROKEN } slot_t;  // foreign: of another layout
+// Foreign: of another layout. Silent: the memory does not answer.
+typedef enum { SLOT_BLANK, SLOT_GOOD, SLOT_FOREIGN, SLOT_BROKEN, SLOT_SILENT } slot_t;
 
 typedef enum {
   STORE_EMPTY,  // nothing is stored
   STORE_WHOLE,
-  STORE_COPY,  // one slot holds it, the other one is broken, older or blank
-  STORE_LOST,  // something is stored, and it or a value of it cannot be taken
+  STORE_COPY,  // one slot holds it, the other one is broken, silent, older or blank
+  STORE_LOST,  // something is stored, or may be, and it or a value of it cannot be taken
 } store_state_t;
 
 typedef struct {

@@ -16,7 +16,7 @@ uint32_t critical_enter(void);
 void critical_leave(uint32_t state);
 void *cpu_parameter_block(void);
 void *cpu_telemetry(void);
-const void *cpu_can_setup(void);
+void *cpu_can_setup(void);
 void cpu_idle(void);
 // No stack of the core, and no start to go back to.
 static inline bool cpu_stack_is_whole(void) { return true; }
@@ -40,7 +40,7 @@ static inline void cpu_idle(void) { __asm__ volatile("nop"); }
 
 static inline void *cpu_parameter_block(void) { return (void *)RAM_PARAMETER_BLOCK; }
 static inline void *cpu_telemetry(void) { return (void *)RAM_TELEMETRY; }
-static inline const void *cpu_can_setup(void) { return (const void *)RAM_CAN_SETUP; }
+static inline void *cpu_can_setup(void) { return (void *)RAM_CAN_SETUP; }
 
 // The last word of the stack is as the start code has painted it.
 static inline bool cpu_stack_is_whole(void) { return *(const volatile uint32_t *)RAM_STACK == STACK_PAINT; }

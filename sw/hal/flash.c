@@ -17,6 +17,7 @@
 // Five times the longest time of common parts.
 #define ERASE_MS 2000u
 #define PROGRAM_MS 25u
+#define NOTHING_ANSWERS 0xFFFFFFu
 #define HALF_CYCLES 2u  // 12.5 MHz at 50 MHz
 
 static void select(bool selected) {
@@ -61,6 +62,8 @@ static void enable_write(void) {
   select(false);
 }
 
+bool flash_is_fitted(void) { return (reg_read(REG(sys.blocks)) & BLOCK_OF(spi.control)) != 0u; }
+
 uint32_t flash_identify(void) {
   uint32_t identity = 0;
   command(COMMAND_IDENTIFY);
@@ -69,6 +72,11 @@ uint32_t flash_identify(void) {
   }
   select(false);
   return identity;
+}
+
+bool flash_answers(void) {
+  const uint32_t identity = flash_identify();
+  return identity != 0u && identity != NOTHING_ANSWERS;
 }
 
 void flash_read(uint32_t address, uint8_t *data, size_t bytes) {

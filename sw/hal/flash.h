@@ -10,8 +10,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+// The chip has the port of a flash.
+bool flash_is_fitted(void);
+
 // Manufacturer, type, capacity in bits 23..0; 0 or 0xFFFFFF: nothing answers.
 uint32_t flash_identify(void);
+bool flash_answers(void);
 
 void flash_read(uint32_t address, uint8_t *data, size_t bytes);
 

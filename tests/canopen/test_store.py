@@ -22,6 +22,7 @@ SAVE, LOAD = 0x65766173, 0x64616F6C
 LAYOUT, CRC, SEQUENCE, NODE_ID, VALUES = 1, 2, 3, 4, 5
 LABEL_WORDS = 8
 WINDOW_DEFAULT = 300
+SILENT = 4  # what an emergency says of a sector that does not answer
 
 
 def save(bench: NodeBench) -> None:
@@ -440,21 +441,42 @@ def test_power_cut_in_a_restore(bench: NodeBench) -> None:
         bench.node.memory = whole
 
 
-def test_without_a_flash(bench: NodeBench) -> None:
-    """Where no flash answers at power-up the node comes up with its defaults, and a save is refused.
+@pytest.mark.parametrize("at_boot", [True, False])
+def test_flash_that_does_not_answer(bench: NodeBench, at_boot: bool) -> None:
+    """A flash that is silent is no blank one: told by its own number, nothing runs, no limit above the stored one.
+
+    A save is refused. When the flash answers again what it holds is
+    taken at the next reset.
 
     Verifies: CO-15
     """
+    bench.write("max_current", 300)
     saved_windows(bench, 11)
     bench.node.cut_power(0, 1)
     with pytest.raises(Aborted):
         save(bench)
-    assert window_after_power_up(bench) == WINDOW_DEFAULT
-    with pytest.raises(Aborted) as refused:
-        save(bench)
-    assert refused.value.args[0] == 0x06060000
+    bench.frames.clear()
+    if at_boot:
+        bench.bench.fw.boot()
+        bench.node.boot(bench.now_us)
+    else:
+        bench.nmt(129)
+    assert bench.until("fault", 0.1) and condition(bench) == LOST
+    assert bench.taken(0x80 + NODE)[0] == struct.pack("<HBxBBH", 0x6310, 0x81, SILENT, SILENT, 0)
+    assert bench.read("error_register") == 0x81
+    assert bench.read("error_field_error_1") & 0xFFFF == 0x6310
+    assert bench.read("max_current") == 1
+    assert bench.node.value("velocity_window") == WINDOW_DEFAULT
+    for name, word in (("store_parameters_save_all", SAVE), ("restore_defaults_restore_all", LOAD)):
+        with pytest.raises(Aborted) as refused:
+            bench.write(name, word)
+        assert refused.value.args[0] == 0x06060000
+    bench.write("controlword", 0x80)
+    bench.run(0.05)
+    assert bench.state == "fault"
     bench.node.restore_power()
     assert window_after_power_up(bench) == 11
+    assert bench.read("max_current") == 300
 
 
 def test_setup_in_the_flash(bench: NodeBench) -> None:
