@@ -12,13 +12,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
-from fluxlock.config import ConfigError
+from fluxlock.analysis.rundata import LogKind
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE
+from fluxlock.cosim.run import prepare
 from fluxlock.export import folder as folders
 from fluxlock.export.command import export
 from fluxlock.export.flows import BOARDS, own_files, top
+from fluxlock.export.recording import Recording, read_recording
 from fluxlock.file_lists import board_lists, read_list
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.paths import ROOT, RTL, package_dir, tool_environment
@@ -207,12 +212,49 @@ def test_one_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     Verifies: EXP-05
     """
-    monkeypatch.setattr(folders, "_bench", lambda *_: 0)
+    monkeypatch.setattr(folders, "_bench", lambda *_: Recording(0, [], []))
     export(tmp_path, board="arty", clocks=1000)
     assert files_of(tmp_path, "fl_board_arty")
     assert not [path for path in tmp_path.rglob("*") if "ulx3s" in path.name]
     assert "ulx3s" not in (tmp_path / "fluxlock.core").read_text() + (tmp_path / "README.md").read_text()
     assert {path.name for path in tmp_path.rglob("vendor/*")} == {"BUFG.sv", "PLLE2_BASE.sv", "STARTUPE2.sv"}
+
+
+def test_recording(tmp_path: Path) -> None:
+    """Pins level by level from what a run leaves: codes after conversion, console bits, fault pin, CAN.
+
+    Nothing beyond the run's end, which may be the scenario's before `clocks`.
+
+    Verifies: EXP-03
+    """
+    plan = prepare(load_scenario(ROOT / "scenarios" / "spinning.toml"), tmp_path, 1, stop_cycle=1000)
+    inputs = np.array([[100, 0, 0x41], [300, 1, 0x1], [2000, 1, 0x0]], np.int64)
+    codes = np.arange(1, 10, dtype=np.uint16)
+    head = np.array([len(inputs), codes.size], np.int64)
+    (tmp_path / RECORDING_FILE).write_bytes(head.tobytes() + inputs.tobytes() + codes.tobytes())
+    log = [
+        [50, LogKind.STROBE, 0, 0],
+        [400, LogKind.CAN, 1, 0],
+        [500, LogKind.GATES, 6, 0],
+        [1500, LogKind.GATES, 0, 0],
+    ]
+    np.savez(tmp_path / RAW_FILE, log=np.array(log, np.int64))
+    found = read_recording(plan, 9)
+    at, value = zip(*found.pins, strict=True)
+    # 0x41, lowest bit first, between start and stop bit; only changes of a level count.
+    uart = [100 + 50 * bit for bit in range(10)]
+    conversion = 50 + plan.conversion_cycles
+    assert set(at) == {0, conversion, conversion + 1, *uart, 300, 400}
+    level = dict(found.pins)
+    assert level[0] == 0b110 and level[conversion] & 1 == 1 and level[conversion + 1] & 1 == 0
+    assert [level[conversion] >> 10 + 12 * channel & 0xFFF for channel in range(9)] == list(range(1, 10))
+    assert [level[clock] >> 1 & 1 for clock in uart] == [0, 1, 0, 0, 0, 0, 0, 1, 0, 1]
+    assert level[300] >> 3 & 1 == 1 and level[400] >> 2 & 1 == 0 and value[-1] >> 3 & 1 == 1
+    assert found.gates == [(500, 6)] and found.clocks == 1000
+    assert (
+        prepare(load_scenario(ROOT / "scenarios" / "spinning.toml"), tmp_path, 1, stop_cycle=10**9).duration_cycles
+        == CLOCKS
+    )
 
 
 def test_gates_agree(exported: Path) -> None:

@@ -51,7 +51,10 @@ def export(
         typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
     ] = None,
     clocks: Annotated[
-        int, typer.Option(min=1000, max=100_000_000, help="Length of the recorded run, clocks of 20 ns.")
+        int,
+        typer.Option(
+            min=1000, max=100_000_000, help="Longest recorded run, clocks of 20 ns; never beyond the scenario's end."
+        ),
     ] = 1_000_000,
 ) -> None:
     """Write the RTL as a folder for a project of your own: no checkout, no Python.
@@ -72,8 +75,8 @@ def export(
     check_parameters(loaded)
     check_folder(folder)
     try:
-        changes = folders.export(folder, loaded, clocks, boards)
+        recording = folders.export(folder, loaded, clocks, boards)
     except (SimulatorError, RuntimeError) as error:
         print(f"failed: {error}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED) from None
-    print(f"written: {folder}; the recorded run: {clocks} clocks, {changes} changes of the gates")
+    print(f"written: {folder}; recorded: {recording.clocks} clocks, {len(recording.gates)} changes of the gates")

@@ -15,7 +15,7 @@ from fluxlock.config import Scenario
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.run import IMAGE_FILE
 from fluxlock.export import flows
-from fluxlock.export.recording import package, record, text
+from fluxlock.export.recording import Recording, package, record, text
 from fluxlock.file_lists import BOARD_FOLDER, CHIP_LIST, read_list
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.paths import GENERATED, ROOT, package_dir
@@ -51,8 +51,8 @@ def place(source: Path) -> str:
     return source.relative_to(ROOT).as_posix()
 
 
-def export(folder: Path, scenario: Scenario, clocks: int, boards: Sequence[str] = tuple(flows.BOARDS)) -> int:
-    """Fill an empty folder; how often the gates change in the recorded run."""
+def export(folder: Path, scenario: Scenario, clocks: int, boards: Sequence[str] = tuple(flows.BOARDS)) -> Recording:
+    """Fill an empty folder; the run that was recorded for it."""
     generate_registers()
     soft_core()
     sources = {"fl_soc": read_list(CHIP_LIST)}
@@ -66,11 +66,11 @@ def export(folder: Path, scenario: Scenario, clocks: int, boards: Sequence[str] 
         (folder / f"{name}.f").write_text("".join(f"{file}\n" for file in files))
     for name, script in flows.scripts(boards, lists, folder).items():
         (folder / name).write_text(script)
-    changes = _bench(folder, scenario, clocks)
+    recording = _bench(folder, scenario, clocks)
     _copy(build_loader(), folder / "boot.hex")
     _licences(folder)
     (folder / "README.md").write_text(_readme(scenario, boards))
-    return changes
+    return recording
 
 
 def _copy(source: Path, target: Path) -> None:
@@ -78,7 +78,7 @@ def _copy(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def _bench(folder: Path, scenario: Scenario, clocks: int) -> int:
+def _bench(folder: Path, scenario: Scenario, clocks: int) -> Recording:
     """Image of the RAM, and the run that the checkout's chip makes with it."""
     with tempfile.TemporaryDirectory() as run:
         recording = record(scenario, clocks, Path(run))
@@ -87,7 +87,7 @@ def _bench(folder: Path, scenario: Scenario, clocks: int) -> int:
     files = (package(scenario, recording), text(recording.pins), text(recording.gates))
     for name, content in zip((flows.BENCH[0], *flows.CHANGES), files, strict=True):
         (folder / name).write_text(content)
-    return len(recording.gates)
+    return recording
 
 
 def _licences(folder: Path) -> None:

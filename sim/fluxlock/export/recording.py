@@ -38,15 +38,15 @@ class Recording:
 
 
 def record(scenario: Scenario, clocks: int, folder: Path) -> Recording:
-    """Run the scenario's first clocks on the checkout's chip; its files go into `folder`."""
+    """Run the scenario's first clocks, at most all, on the checkout's chip; its files go into `folder`."""
     plan = prepare(scenario, folder, scenario.seed, recording=True, log_strobes=True, stop_cycle=clocks)
     meta = run_plan(replace(plan, log_can=True), chip_of(scenario))
     if meta["fault"]:
         raise RuntimeError(meta["fault"])
-    return read_recording(plan, clocks, 2 * scenario.motor.phases + 3)
+    return read_recording(plan, 2 * scenario.motor.phases + 3)
 
 
-def read_recording(plan: SessionPlan, clocks: int, channels: int) -> Recording:
+def read_recording(plan: SessionPlan, channels: int) -> Recording:
     """What a recorded run left in the plan's folder, level by level."""
     with np.load(plan.folder / RAW_FILE) as raw:
         log = raw["log"]
@@ -66,10 +66,10 @@ def read_recording(plan: SessionPlan, clocks: int, channels: int) -> Recording:
     for at, together in groupby(changes, key=lambda change: change[0]):
         for _, mask, levels in together:
             word = word & ~mask | levels
-        if at <= clocks:
+        if at <= plan.duration_cycles:
             pins.append((at, word))
-    gates = [(int(at), int(on)) for at, _, on, _ in rows(log, LogKind.GATES) if at <= clocks]
-    return Recording(clocks, pins, gates)
+    gates = [(int(at), int(on)) for at, _, on, _ in rows(log, LogKind.GATES) if at <= plan.duration_cycles]
+    return Recording(plan.duration_cycles, pins, gates)
 
 
 def rows(log: IntArray, kind: LogKind) -> IntArray:
