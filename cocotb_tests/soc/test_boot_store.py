@@ -232,14 +232,8 @@ async def damaged_stores_are_told(dut: Any) -> None:
         assert int(dut.gate_o.value) == 0
 
 
-def test_boot_store() -> None:
-    """What a master stores holds over a power-off, also if power goes while it is stored; without a node-ID silence.
-
-    A store that is damaged is told, by one emergency, and gives no higher limit. A flash that does not answer is told
-    too, at a reset and at power-up.
-
-    Verifies: CO-28, CAMP-09
-    """
+def run_boot_soc(module: str) -> None:
+    """Run a module's cocotb tests on the chip with the six-step image and its node."""
     scenario = load_scenario(ROOT / "scenarios" / "demo.toml")
     image = write_image(FOLDER / "firmware.hex", build_firmware(can_method="six-step"), parameter_block(scenario))
     jump = FOLDER / "jump.hex"
@@ -249,8 +243,19 @@ def test_boot_store() -> None:
     run_block_test(
         "fl_boot_soc",
         [*(path for path in sources if path.parent.name != "pkg"), *bench],
-        __name__,
+        module,
         parameters={"Init": f'"{image}"', "BootInit": f'"{jump}"', "Can": 1},
         registers=REGISTER_BLOCKS,
         seen=["fl_spi_flash_model"],
     )
+
+
+def test_boot_store() -> None:
+    """What a master stores holds over a power-off, also if power goes while it is stored; without a node-ID silence.
+
+    A store that is damaged is told, by one emergency, and gives no higher limit. A flash that does not answer is told
+    too, at a reset and at power-up.
+
+    Verifies: CO-28, CAMP-09
+    """
+    run_boot_soc(__name__)

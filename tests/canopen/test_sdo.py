@@ -13,6 +13,7 @@ import pytest
 
 from fluxlock.canopen.dictionary import Entry
 from fluxlock.canopen.eds import eds
+from fluxlock.canopen.host import Frame
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 # Objects whose writes act, or need more than their range.
@@ -209,6 +210,56 @@ def test_transfer_left(bench: NodeBench) -> None:
     assert bench.taken(0x580 + NODE) == []
     with pytest.raises(Aborted):
         bench.exchange(bytes([0x60, *bytes(7)]))
+
+
+LABEL, OTHER = bytes(range(65, 65 + 32)), b"of the master's next life"
+
+
+@pytest.mark.parametrize("way", ["download", "upload"])
+@pytest.mark.parametrize("byte", range(len(LABEL) + 1))
+def test_master_that_restarts_in_a_transfer(bench: NodeBench, way: str, byte: int) -> None:
+    """A master dies after each byte of a segmented transfer and begins anew: whole values only, nothing goes on.
+
+    A segment of a download holds one byte here. An upload has whole ones, the restart is in the one with the byte.
+
+    Verifies: CO-04
+    """
+    bench.download(0x2000, 3, b"before" if way == "download" else LABEL)
+    if way == "download":
+        assert bench.exchange(struct.pack("<BHBI", 0x21, 0x2000, 3, len(LABEL)))[0] == 0x60
+        for k in range(byte):
+            bench.exchange(bytes([(k & 1) << 4 | 6 << 1 | (k + 1 == len(LABEL)), LABEL[k], *bytes(6)]))
+    else:
+        assert bench.exchange(struct.pack("<BHB4x", 0x40, 0x2000, 3))[0] == 0x41
+        for k in range(-(-byte // 7)):
+            bench.exchange(bytes([0x60 | (k & 1) << 4, *bytes(7)]))
+    now = LABEL if way == "upload" or byte == len(LABEL) else b"before"
+    bench.node.receive(Frame(0, bytes([1, NODE])))
+    assert bench.upload(0x2000, 3) == now
+    bench.download(0x2000, 3, OTHER)
+    assert bench.upload(0x2000, 3) == OTHER
+    for left in (0x00, 0x10, 0x60, 0x70):
+        with pytest.raises(Aborted) as refused:
+            bench.exchange(bytes([left, *bytes(7)]))
+        assert refused.value.args[0] == 0x05040001
+    assert bench.read("velocity_window") == 300
+
+
+@pytest.mark.parametrize("begin", ["c6", "c4", "a0", "a4"])
+@pytest.mark.parametrize("frames", [0, 1, 5])
+def test_block_transfers_are_refused(bench: NodeBench, begin: str, frames: int) -> None:
+    """A master that begins a block transfer, and one that goes on with it, gets an abort at each frame.
+
+    Verifies: CO-03
+    """
+    bench.download(0x2000, 3, b"before")
+    requests = [bytes.fromhex(begin) + struct.pack("<HBI", 0x2000, 3, 21)]
+    requests += [bytes([0xA3 if begin[0] == "a" else 0x80 | 0x40 | k, *b"seventh"]) for k in range(1, frames + 1)]
+    for request in requests:
+        with pytest.raises(Aborted) as refused:
+            bench.exchange(request)
+        assert refused.value.args[0] == 0x05040001
+    assert bench.upload(0x2000, 3) == b"before"
 
 
 def test_capture_buffer(bench: NodeBench) -> None:
