@@ -275,7 +275,7 @@ def _fail(lines: list[str]) -> NoReturn:
 @app.command(
     rich_help_panel=RUN,
     epilog=example(
-        "fluxlock profile scenarios/demo.toml --set duration_s=0.1",
+        "fluxlock profile scenarios/demo.toml --to 0.1",
         "fluxlock profile scenarios/vector/start.toml --from 0.05 --to 0.06",
     ),
 )
@@ -287,7 +287,9 @@ def profile(
     set_: SetOption = None,
     seed: SeedOption = None,
     from_s: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the traced time, s.")] = 0.0,
-    to_s: Annotated[float | None, typer.Option("--to", min=0.0, help="Its end, s; default the end of the run.")] = None,
+    to_s: Annotated[
+        float | None, typer.Option("--to", min=0.0, help="Its end and that of the run, s; default the scenario's.")
+    ] = None,
 ) -> None:
     """Count the core's clocks per function and interrupt while a scenario runs; draw flame graphs.
 

@@ -5,7 +5,11 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +41,7 @@ MAIN, CALLED, ENTRY, HANDLER = 0x100, 0x200, 0x300, 0x400
 # The firmware measures a step inside of its handler: entry, exit and what chooses the handler come on top.
 AROUND_CLOCKS = (50, 300)
 LOAD_POINTS = 0.5
+PAGE = ROOT / "docs" / "howto" / "firmware" / "profile.md"
 
 
 def made_up() -> Program:
@@ -140,3 +145,38 @@ def check_numbers(trace: Trace, data: RunData, folder: Path) -> None:
     write_profile(profile, "test", folder)
     names = {e.text for e in ElementTree.parse(folder / ALL).iter("{http://www.w3.org/2000/svg}text")}
     assert {"trap_entry", "main"} <= names
+
+
+def command(*more: str) -> subprocess.CompletedProcess[str]:
+    """The command of the page, shortened."""
+    found = re.search(r"^\.venv/bin/(fluxlock profile .*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert found
+    words = shlex.split(found[1])[1:]
+    line = [sys.executable, "-m", "fluxlock", *words, *more]
+    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_page() -> None:
+    """Its command prints the tables and writes the files that the page names, for the part that is asked for.
+
+    Verifies: SYS-19
+    """
+    out = BUILD / "closed_loop" / "profile-page"
+    done = command("--out", str(out), "--from", "0.01", "--to", "0.03")
+    print(done.stdout, done.stderr)
+    assert done.returncode == 0
+    assert all(text in done.stdout for text in ("trap_control", "longest control step", "core load", "stack "))
+    named = re.findall(r"^\| `([\w.-]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(named) == 4 and all((out / name).stat().st_size for name in named)
+    numbers = json.loads((out / "profile.json").read_text())
+    assert abs(numbers["clocks"] - 0.02 * CLOCK_HZ) < 100
+    assert not list(out.glob("**/core.trace"))
+
+
+def test_a_wrong_span() -> None:
+    """A part beyond the run is one line.
+
+    Verifies: SYS-19
+    """
+    done = command("--from", "0.2")
+    assert done.returncode == 2 and "--to: 0.1: must be after --from" in done.stderr

@@ -90,12 +90,12 @@ class Trace:
 def traced_run(
     scenario: Scenario, out_dir: Path, seed: int, span: tuple[int, int], progress: Progress | None = None
 ) -> tuple[Trace, RunData]:
-    """Run a scenario on the chip that shows its core; trace the clocks of `span`, from..to."""
+    """Run a scenario on the chip that shows its core; trace the clocks of `span`, from..to, where it ends."""
     image = image_of(scenario)
     try:
         generate_registers()
         chip = chip_of(scenario, probe=True)
-        plan = prepare(scenario, out_dir / "simulator", seed, trace=span)
+        plan = prepare(scenario, out_dir / "simulator", seed, trace=span, stop_cycle=span[1])
         meta = run_plan(plan, chip, progress)
     except (SimulatorError, RuntimeError) as error:
         raise SimulationFault(str(error)) from error
