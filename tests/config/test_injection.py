@@ -59,13 +59,12 @@ def test_refused(path: Path, overrides: list[str], expected: str) -> None:
 
 
 def test_search_rise_beyond_the_block() -> None:
-    """A slope that no parameter holds is charged to its key.
+    """A slope that no parameter holds is charged to its key, before the block is packed.
 
     Verifies: INJC-09
     """
-    scenario = load_scenario(IPM, [f"{KEY}.search_rise_a_per_s=1e7"])
     with pytest.raises(ConfigError) as caught:
-        parameter_block(scenario)
+        load_scenario(IPM, [f"{KEY}.search_rise_a_per_s=1e7"])
     assert [p.key for p in caught.value.problems] == [f"{KEY}.search_rise_a_per_s"]
 
 

@@ -206,8 +206,24 @@ def test_heavy_file() -> None:
         (["drive.vector.injection.search_current_a=2"], "permitted from 1.2 % on, 4.11 A"),
         (
             ["drive.vector.injection.search_current_a=17.5", "inverter.protection.phase_current_a=20"],
-            "of the wave reach",
+            "beside drive.current_limit_a permitted up to 2 A",
         ),
+        (
+            ["inverter.sensing.noise_lsb=20"],
+            "12.2 deg rms of noise in each angle, permitted up to 5.7 deg, from 12.8 V",
+        ),
+        (
+            ["drive.vector.injection.speed_filter_hz=0.1"],
+            "too slow for a speed loop of 6.67 Hz, permitted from 13.3 Hz",
+        ),
+        (["drive.vector.gamma=1"], "regulators 1.15 times as fast on the d axis, permitted up to 0.696"),
+        (["drive.vector.injection.search_rise_a_per_s=10"], "permitted 371 to 3.71e+04 A/s"),
+        (["drive.vector.injection.samples=100"], "or lower drive.vector.injection.samples = 100"),
+        (
+            ["drive.vector.injection.period=100"],
+            "over 100 updates makes 75 A, beside drive.current_limit_a permitted up",
+        ),
+        (["inverter.supply_v=3"], "6 V is not below the largest voltage, 1.656 V"),
     ],
 )
 def test_refused_by_its_key(overrides: list[str], text: str) -> None:
@@ -218,3 +234,5 @@ def test_refused_by_its_key(overrides: list[str], text: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_scenario(SCENARIOS / "ebike.toml", overrides)
     assert any(text in p.message for p in caught.value.problems), [p.message for p in caught.value.problems]
+    about_injection = [p.key for p in caught.value.problems if p.key.startswith("drive.vector.injection")]
+    assert len(about_injection) <= 1, about_injection

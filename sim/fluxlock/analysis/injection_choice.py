@@ -12,13 +12,18 @@ from dataclasses import dataclass
 from fluxlock.config import Motor, Scenario
 from fluxlock.config.checks import check_scenario
 from fluxlock.config.drive import Drive
-from fluxlock.config.injection_rules import injection_loops, loop_through_demodulator, search_current, wave_of
+from fluxlock.config.injection_rules import (
+    angle_noise_rad,
+    injection_loops,
+    loop_through_demodulator,
+    search_current,
+    wave_of,
+)
 from fluxlock.config.inverter import Inverter
 
 PERIODS = (4, 6, 8, 10, 12, 16, 20, 24, 32)  # updates, as `period` permits them
 PEAK_SHARE = 1 / 3  # of the rated current
 VOLTAGE_SHARE = 0.5  # of the largest phase voltage
-FUNDAMENTAL = 8 / math.pi**2  # of a triangle
 QUIET_DEG = 1.5  # noise that costs nothing: among quieter choices the faster loop is better
 
 
@@ -58,15 +63,13 @@ def choices(m: Motor, converter: Inverter, carrier_hz: float, largest: int) -> I
             duration_s=1.0,
             drive=Drive.model_validate(drive),
         )
-        wave, loops, sensing = wave_of(s), injection_loops(s), converter.sensing
-        step_a = 2 * sensing.current_full_scale_a / 2.0**sensing.bits
-        noise_a = step_a * math.sqrt(2 / 3 * (sensing.noise_lsb**2 + 1 / 12) * 2 / period)
+        wave, loops = wave_of(s), injection_loops(s)
         problems = check_scenario(s)
         yield Choice(
             period,
             amplitude_v,
             wave.peak_a,
-            math.degrees(noise_a * wave.ratio / (wave.peak_a * FUNDAMENTAL)),
+            math.degrees(angle_noise_rad(s, wave)),
             loops.pll_hz,
             loops.speed_hz,
             loop_through_demodulator(s, wave, loops.pll_hz, loops.speed_hz, loops.filter_hz),

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from fluxlock.config.errors import Problem
@@ -14,6 +15,7 @@ from fluxlock.config.injection_rules import (
     SEARCH_SURE,
     InjectionLoops,
     Wave,
+    angle_noise_rad,
     injection_loops,
     loop_through_demodulator,
     polarity_signal,
@@ -25,9 +27,14 @@ from fluxlock.config.vector_modes import PLL_BANDWIDTH
 
 KEY = "drive.vector.injection"
 PLL_PERIODS_LEAST = 6.0  # injection periods a period of the loop's bandwidth
+FILTER_OVER_SPEED_LEAST = 2.0
+GAMMA_MOST = 0.8  # over the gain of the d axis' regulator; from 1.05 on machines tripped
 OMEGA_OVER_SPEED_LEAST = 1.5  # w_n over 2 pi speed_hz
 WAVE_OVER_SPEED_LEAST = 10.0  # frequencies, B. Tian et al., IEEE Access 2019, (30)
 SALIENT_STEPS = 2.0  # steps of the converter that the saliency must make
+# A third of that from which the drive derates its current.
+NOISE_MOST_RAD = 0.1
+RISE_LEAST_S, RISE_MOST_S = 0.2e-3, 20e-3  # of the search current
 STRONG_SALIENCY, STRONG_LOOP_MOST = 2.0, 26.0
 
 
@@ -51,7 +58,7 @@ def too_fast_for_wave(s: Scenario, speed_rpm: float) -> str | None:
 def check_injection(s: Scenario) -> list[Problem]:
     """One line each, with what would make it run."""
     wave, loops = wave_of(s), injection_loops(s)
-    return [*_signal(s, wave), *_loops(s, wave, loops), *_search(s, wave)]
+    return [*_signal(s, wave), *_loops(s, wave, loops), *_search(s)]
 
 
 def _signal(s: Scenario, wave: Wave) -> Iterator[Problem]:
@@ -66,21 +73,47 @@ def _signal(s: Scenario, wave: Wave) -> Iterator[Problem]:
             f"permitted from {injection.amplitude_v * SALIENT_STEPS * step_a / seen_a:.3g} V on"
         )
         yield Problem(s.sources.scenario, f"{KEY}.amplitude_v", text)
+        return
+    noise_rad = angle_noise_rad(s, wave)
+    if injection.method in {"iq", "separator"} and noise_rad > NOISE_MOST_RAD:
+        text = (
+            f"{with_unit(injection.amplitude_v, 'V')} and inverter.sensing.noise_lsb = {sensing.noise_lsb:g} leave "
+            f"{math.degrees(noise_rad):.3g} deg rms of noise in each angle, permitted up to "
+            f"{math.degrees(NOISE_MOST_RAD):.2g} deg, from "
+            f"{injection.amplitude_v * noise_rad / NOISE_MOST_RAD:.3g} V on"
+        )
+        yield Problem(s.sources.scenario, f"{KEY}.amplitude_v", text)
 
 
 def _loops(s: Scenario, wave: Wave, loops: InjectionLoops) -> Iterator[Problem]:
     """Bandwidths that are given where the loop through the demodulator, or loop and speed loop, would swing."""
-    file, v = s.sources.scenario, s.drive.vector
+    file, v, injection = s.sources.scenario, s.drive.vector, s.drive.vector.injection
     most_hz = 1 / (PLL_PERIODS_LEAST * wave.period_s)
     if v.pll_hz is not None and v.pll_hz > most_hz:
         text = f"{with_unit(v.pll_hz, 'Hz')} is too fast for a wave of {1 / wave.period_s:.0f} Hz"
         yield Problem(file, "drive.vector.pll_hz", f"{text}, permitted up to {most_hz:.0f} Hz")
+    fast = (wave.l_d + wave.l_q) / (2 * wave.l_d)
+    if loops.gamma * fast > GAMMA_MOST:
+        text = (
+            f"{loops.gamma:g} makes regulators {fast:.3g} times as fast on the d axis, permitted up to "
+            f"{GAMMA_MOST / fast:.3g}; left out it follows by rule"
+        )
+        yield Problem(file, "drive.vector.gamma", text)
     if s.mechanics.mode != "free":
         return
     most_hz = loops.pll_hz / PLL_BANDWIDTH[v.pll_order] / OMEGA_OVER_SPEED_LEAST
     if v.speed_hz is not None and v.speed_hz > most_hz:
         text = f"{with_unit(v.speed_hz, 'Hz')} is too fast for drive.vector.pll_hz = {loops.pll_hz:.4g} Hz"
         yield Problem(file, "drive.vector.speed_hz", f"{text}, permitted up to {most_hz:.3g} Hz")
+    least_hz = FILTER_OVER_SPEED_LEAST * loops.speed_hz
+    given = injection is not None and injection.speed_filter_hz is not None
+    if given and loops.filter_hz < least_hz:
+        text = (
+            f"{with_unit(loops.filter_hz, 'Hz')} is too slow for a speed loop of {loops.speed_hz:.3g} Hz, permitted "
+            f"from {least_hz:.3g} Hz on"
+        )
+        yield Problem(file, f"{KEY}.speed_filter_hz", text)
+        return
     found = loop_through_demodulator(s, wave, loops.pll_hz, loops.speed_hz, loops.filter_hz)
     most = STRONG_LOOP_MOST if wave.l_q / wave.l_d >= STRONG_SALIENCY else LOOP_MOST
     if found > most:
@@ -92,17 +125,21 @@ def _loops(s: Scenario, wave: Wave, loops: InjectionLoops) -> Iterator[Problem]:
         yield Problem(file, "drive.vector.speed_hz", text)
 
 
-def _search(s: Scenario, wave: Wave) -> Iterator[Problem]:
+def _search(s: Scenario) -> Iterator[Problem]:
     """The search can tell the magnet's poles apart."""
     injection, saturation = s.drive.vector.injection, s.motor.saturation
     assert injection is not None
-    if not injection.search or saturation is None:
+    if not injection.search or saturation is None:  # cautions.py says so
         return
     current_a = search_current(s)
-    if current_a + wave.peak_a >= s.inverter.protection.phase_current_a:
-        trip = with_unit(s.inverter.protection.phase_current_a, "A")
-        text = f"{with_unit(current_a, 'A')} and {wave.peak_a:.3g} A of the wave reach protection.phase_current_a"
-        yield Problem(s.sources.scenario, f"{KEY}.search_current_a", f"{text} of the inverter ({trip})")
+    rise = injection.search_rise_a_per_s
+    if rise is not None and not current_a / RISE_MOST_S <= rise <= current_a / RISE_LEAST_S:
+        text = (
+            f"{with_unit(rise, 'A/s')} takes {current_a / rise:.3g} s to the search current of "
+            f"{with_unit(round(current_a, 3), 'A')}, permitted {current_a / RISE_MOST_S:.3g} to "
+            f"{current_a / RISE_LEAST_S:.3g} A/s"
+        )
+        yield Problem(s.sources.scenario, f"{KEY}.search_rise_a_per_s", text)
     share = polarity_signal(s, 1.0)
     if share <= 0.0:
         text = "is not below minus: the axis must saturate along the magnet, or the search takes the wrong pole"

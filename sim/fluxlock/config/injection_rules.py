@@ -30,6 +30,7 @@ PLL_OVER_SPEED = 30.0
 FILTER_OVER_SPEED = 22.0
 # S that is permitted, and by rule: with inductances that are a fifth off it is up to four times as large.
 LOOP_MOST, LOOP_RULE = 16.0, 2.5
+FUNDAMENTAL = 8 / math.pi**2  # of a triangle
 GAMMA_PERIODS = 8.0  # injection periods a period of the regulators' bandwidth
 # Growth of a light rotor's angle under -I: its logarithm until the search lets go of it.
 GROWTH_MOST = 1.2
@@ -64,6 +65,16 @@ def wave_of(s: Scenario) -> Wave:
         l_d, l_q = l_d - mutual / third.inductance_d_h, l_q - mutual / third.inductance_q_h
     period_s = injection.period * vector_timing(s.drive, s.inverter).sample_cycles / CLOCK_HZ
     return Wave(l_d, l_q, period_s, injection.amplitude_v * period_s / (4 * l_d))
+
+
+def angle_noise_rad(s: Scenario, wave: Wave) -> float:
+    """Noise of the angle of one result, rms, from that of the converter."""
+    injection, sensing = s.drive.vector.injection, s.inverter.sensing
+    assert injection is not None
+    step_a = 2 * sensing.current_full_scale_a / 2.0**sensing.bits
+    samples = injection.period * injection.samples
+    noise_a = step_a * math.sqrt(2 / 3 * (sensing.noise_lsb**2 + 1 / 12) * 2 / samples)
+    return noise_a * wave.ratio / (wave.peak_a * FUNDAMENTAL)
 
 
 def loop_through_demodulator(s: Scenario, wave: Wave, pll_hz: float, speed_hz: float, filter_hz: float) -> float:

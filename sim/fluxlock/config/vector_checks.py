@@ -94,6 +94,8 @@ def _times(s: Scenario) -> Iterator[Problem]:
     what = f"window, conversion, {vector_timing.latency_cycles(s.drive)} clocks and the way to the gates"
     if shortest > 1.0:
         hint = ', drive.vector.window = "sample"' if v.window == "carrier" else ""
+        if v.injection is not None and v.injection.samples > 1:
+            hint += f", or lower drive.vector.injection.samples = {v.injection.samples}"
         yield Problem(
             file,
             "drive.carrier_hz",
@@ -258,15 +260,18 @@ def _injection(s: Scenario) -> Iterator[Problem]:
     if spec.amplitude_v >= most_v:
         text = f"{with_unit(spec.amplitude_v, 'V')} is not below the largest voltage, {most_v:.4g} V"
         yield Problem(file, "drive.vector.injection.amplitude_v", text)
+        return
     peak_a = spec.amplitude_v * spec.period * timing.sample_cycles / CLOCK_HZ / (4 * l_d)
-    yield from check_injection(s)
     most_a = s.inverter.protection.phase_current_a - s.current_limit_a
-    if 0.0 < most_a <= peak_a:  # a limit of the current beyond the trip is a problem of its own
-        text = (
-            f"{with_unit(spec.amplitude_v, 'V')} over {spec.period} updates makes {peak_a:.3g} A, beside "
-            f"drive.current_limit_a permitted up to {most_a:.3g} A (protection.phase_current_a of the inverter)"
-        )
-        yield Problem(file, "drive.vector.injection.amplitude_v", text)
+    if most_a > peak_a or most_a <= 0.0:  # a limit of the current beyond the trip is a problem of its own
+        yield from check_injection(s)
+        return
+    text = (
+        f"{with_unit(spec.amplitude_v, 'V')} over {spec.period} updates makes {peak_a:.3g} A, beside "
+        f"drive.current_limit_a permitted up to {most_a:.3g} A (protection.phase_current_a of the inverter), "
+        f"{spec.amplitude_v * most_a / peak_a:.3g} V"
+    )
+    yield Problem(file, "drive.vector.injection.amplitude_v", text)
 
 
 def _console(s: Scenario) -> Iterator[Problem]:
