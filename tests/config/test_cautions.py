@@ -106,6 +106,15 @@ def test_a_later_load_is_checked(path: Path, text: str) -> None:
     assert "permitted by drive.current_limit_a" in problem.message
 
 
+def test_a_load_before_the_first_target_says_nothing() -> None:
+    """A rotor at rest needs no voltage: its load may change before a speed is asked for.
+
+    Verifies: FRONT-68
+    """
+    events = "event=[{at_s=0.0,load_factor=0.5},{at_s=0.01,speed_rpm=60000}]"
+    assert said(DEMO, events, *ALONE) == []
+
+
 @pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.toml")), ids=lambda path: path.stem)
 def test_shipped_scenarios_are_without_caution(path: Path) -> None:
     """But for one, whose load drives the supply to its limit.

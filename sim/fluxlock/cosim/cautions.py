@@ -31,8 +31,8 @@ def _little_voltage(s: Scenario) -> Iterator[Problem]:
     if s.drive.method != "six-step" or s.mechanics.mode != "free":
         return
     for point in points(s):
-        text = six_step_voltage(s, point, COMMUTATION_USUAL)
-        if text and point.speed_rpm and not lack(s, point).text:
+        text = six_step_voltage(s, point, COMMUTATION_USUAL) if point.speed_rpm else ""
+        if text and not lack(s, point).text:
             cure = "lower the target or the load, or raise the supply"
             yield s.sources.problem(point.key, f"{point.text} {text}; {cure}")
 
