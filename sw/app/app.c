@@ -123,7 +123,7 @@ SHARED static void six_step_control_step(app_t *app) {
 
 HOT static void control_step(app_t *app) {
   drive_t *drive = &app->drive;
-  if (drive->p == 0) {
+  if (__builtin_expect(drive->p == 0, 0)) {
     drive_wait(drive);
     telemetry_update(app->telemetry, drive);
   } else if (method_is_vector(drive->p->method)) {
@@ -200,7 +200,7 @@ HOT void app_control_interrupt(app_t *app) {
   if (__builtin_expect((pending & (uint32_t)IRQ_TRIP) != 0u, 0)) {
     trip_interrupt(app);
   }
-  if ((pending & (uint32_t)IRQ_TICK) != 0u) {
+  if (__builtin_expect((pending & (uint32_t)IRQ_TICK) != 0u, 1)) {
     telemetry_t *telemetry = app->telemetry;
     const uint32_t start = chip_now();
     const uint32_t tick_time = chip_tick_time();

@@ -3,6 +3,8 @@
 
 #include "control/emf_shape.h"
 
+#include <stdbool.h>
+
 #include "control/fixed.h"
 #include "control/placement.h"
 
@@ -12,10 +14,15 @@
 #define ROOM_MAX_V_Q25 (1 << 25)
 
 HOT void emf_shape_follow(emf_shape_t *shape, const emf_shape_settings_t *settings, int32_t emf_v_q25,
-                          int32_t speed_turn_q36, int32_t room_v_q25) {
-  const int32_t room = (abs_sat(speed_turn_q36) < settings->most_turn_q36) ? room_v_q25 : 0;
+                          int32_t speed_turn_q36, int32_t room_v_q25, int32_t tick_cycles) {
+  const int32_t size_turn_q36 = abs_sat(speed_turn_q36);
+  const int32_t room = (size_turn_q36 < settings->most_turn_q36) ? room_v_q25 : 0;
   shape->emf_v_q25 = within_i32(emf_v_q25, clamp_i32(room, 0, ROOM_MAX_V_Q25) * 8);
-  shape->lead_turn_q32 = (uint32_t)(((int64_t)speed_turn_q36 * settings->lead_cycles) >> 4);
+  // What acts for two ticks has its middle half a tick later.
+  const bool slow = size_turn_q36 < settings->most_turn_q36 / 2;
+  const int32_t lead_cycles = settings->lead_cycles + (slow ? tick_cycles / 2 : 0);
+  shape->rests_mask = slow ? 1u : 0u;
+  shape->lead_turn_q32 = (uint32_t)(((int64_t)speed_turn_q36 * lead_cycles) >> 4);
 }
 
 static inline int32_t between(const int32_t *table, int32_t rest) {

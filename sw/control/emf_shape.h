@@ -25,11 +25,12 @@ typedef struct {
 typedef struct {
   int32_t emf_v_q25;  // E, with the sign of the speed
   uint32_t lead_turn_q32;
+  uint32_t rests_mask;  // 1 where it repeats in more than eight ticks: those with an odd number need no new one
 } emf_shape_t;
 
 // At a speed. What a shape of an eighth makes of E stays within the room that the voltage has.
 void emf_shape_follow(emf_shape_t *shape, const emf_shape_settings_t *settings, int32_t emf_v_q25,
-                      int32_t speed_turn_q36, int32_t room_v_q25);
+                      int32_t speed_turn_q36, int32_t room_v_q25, int32_t tick_cycles);
 
 // s for a sample's angle. About 50 clocks.
 complex_t emf_shape_q24(const emf_shape_t *shape, const emf_shape_settings_t *settings, uint32_t angle_turn_q32);

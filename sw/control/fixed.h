@@ -56,7 +56,12 @@ static inline uint32_t clamp_u32(uint32_t x, uint32_t low, uint32_t high) {
 // floor(a * b / 2^32)
 static inline int32_t mul_high_i32(int32_t a, int32_t b) { return (int32_t)(((int64_t)a * b) >> 32); }
 
-static inline int32_t abs_sat(int32_t a) { return (a >= 0) ? a : ((a == INT32_MIN) ? INT32_MAX : -a); }
+// |a|, at most INT32_MAX; without a branch.
+static inline int32_t abs_sat(int32_t a) {
+  const uint32_t sign = (a < 0) ? UINT32_MAX : 0u;
+  const uint32_t size = ((uint32_t)a ^ sign) - sign;
+  return (int32_t)(size - (size >> 31));
+}
 
 // x * 2^-shift rounded to nearest, 0 <= shift <= 62, |x| <= 2^62.
 static inline int64_t round_shift(int64_t x, int32_t shift) {

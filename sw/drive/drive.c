@@ -319,14 +319,12 @@ INLINED static bool judged(drive_t *drive, const chip_snapshot_t *in, const repo
 INLINED static void begin_step(drive_t *drive) {
   order_t *order = &drive->order;
   order->tick++;
-  if (order->state_ticks < UINT32_MAX) {
-    order->state_ticks++;
-  }
+  order->state_ticks += (order->state_ticks < UINT32_MAX) ? 1u : 0u;
 }
 
 // The gates follow the method; while the drive runs they are on.
 INLINED static void end_step(drive_t *drive, bool gates) {
-  if (drive->order.state != STATE_RUNNING && gates != drive->guard.enable) {
+  if (__builtin_expect(drive->order.state != STATE_RUNNING, 0) && gates != drive->guard.enable) {
     drive->guard.enable = gates;
     drive->guard.fresh = true;
   }

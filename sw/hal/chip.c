@@ -229,7 +229,7 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t 
       v->v_sum_q17[s] = read_vector(REG(foc.snap_v_sum[0]), s);
     }
   }
-  if (command->look.steps) {
+  if (__builtin_expect(command->look.steps, 1)) {
     const uint32_t count = reg_read(REG(foc.snap_count));
     const uint32_t limited = BITS(FL_FOC_REGS__SNAP_COUNT__LIMITED, count);
     v->steps = BITS(FL_FOC_REGS__SNAP_COUNT__STEPS, count);
@@ -238,12 +238,14 @@ INLINED void chip_read_vector(chip_snapshot_t *snapshot, const vector_command_t 
   }
   if (command->look.angle) {
     v->theta_sample_q32 = reg_read(REG(foc.snap_theta_sample));
-    const uint32_t position = reg_read(REG(foc.snap_encoder));
-    v->encoder_position = BITS(FL_FOC_REGS__SNAP_ENCODER__POSITION, position);
-    v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
+    if (parameters->encoder_quarters > 1) {
+      const uint32_t position = reg_read(REG(foc.snap_encoder));
+      v->encoder_position = BITS(FL_FOC_REGS__SNAP_ENCODER__POSITION, position);
+      v->encoder_indexed = BITS(FL_FOC_REGS__SNAP_ENCODER__INDEXED, position) != 0u;
+    }
   }
   v->taken = BITS(FL_TIMER_REGS__UPDATE__PENDING, reg_read(REG(timer.update))) == 0u;
-  if (parameters->injection != 0 && (HELD & HELD_INJECTION) != 0) {
+  if (__builtin_expect(parameters->injection != 0 && (HELD & HELD_INJECTION) != 0, 0)) {
     chip_read_injection(&snapshot->injection);
   }
   if (command->look.slow) {

@@ -120,9 +120,12 @@ def shape_settings(flat_top_deg: float = 120.0) -> tuple[CData, Motor]:
     return settings, told
 
 
+@pytest.mark.parametrize(("share", "ticks"), [(0.33, 2), (0.49, 2), (0.51, 1), (0.9, 1)])
 @pytest.mark.parametrize(("flat_top_deg", "most"), [(120.0, 0.002), (60.0, 0.03), (100.0, 0.03), (165.0, 0.05)])
-def test_shape_is_that_of_the_machine(lib: CData, flat_top_deg: float, most: float) -> None:
+def test_shape_is_that_of_the_machine(lib: CData, flat_top_deg: float, most: float, share: float, ticks: int) -> None:
     """At every angle, with the turn up to the middle of the action, beside the machine's own EMF.
+
+    Below half of the largest speed it acts for two ticks.
 
     Verifies: VC-49
     """
@@ -130,11 +133,13 @@ def test_shape_is_that_of_the_machine(lib: CData, flat_top_deg: float, most: flo
     machine = np.zeros(1, vector_kernel.MACHINE)
     machine["psi_vs"], machine["flux_share"] = 1.0 / told.emf_fundamental, 1.0
     machine["ramp_rad"] = math.radians(180.0 - flat_top_deg) / 2
-    speed = -settings.most_turn_q36 // 3
+    speed = -round(share * settings.most_turn_q36)
     shape = new("emf_shape_t")
-    lib.emf_shape_follow(shape, settings, 1000, speed, 2**25)
+    lib.emf_shape_follow(shape, settings, 1000, speed, 2**25, CYCLES)
+    assert shape.rests_mask == ticks - 1
+    lead = settings.lead_cycles + (ticks - 1) * CYCLES // 2
     for angle in np.arange(0.0, 1.0, 1 / 97):
-        acting = 2 * math.pi * (angle + speed * settings.lead_cycles / Q36)
+        acting = 2 * math.pi * (angle + speed * lead / Q36)
         emf = vector_kernel.magnets(acting, machine)[1] * np.exp(-1j * acting)
         found = lib.emf_shape_q24(shape, settings, round(angle * 2**32))
         assert abs(complex(found.re, found.im) / 2**24 - (emf - 1j)) < most
@@ -153,7 +158,7 @@ def test_shape_stays_within_the_room_and_the_ticks(lib: CData) -> None:
         (-5, slow, 0),
         (emf, -slow - 1, 0),
     ):
-        lib.emf_shape_follow(shape, settings, emf, speed, room)
+        lib.emf_shape_follow(shape, settings, emf, speed, room, CYCLES)
         assert shape.emf_v_q25 == expected
 
 

@@ -35,7 +35,7 @@ TARGET_FLAGS = (
     *(
         "-target",
         "riscv32-freestanding-none",
-        "-mcpu=generic_rv32+m+relax",
+        "-mcpu=sifive_e31-a-c-zca+use_postra_scheduler+relax",
         "-O2",
         "-fno-unroll-loops",
         "-fomit-frame-pointer",

@@ -95,7 +95,7 @@ INLINED void vector_emf_error(vector_t *v, bool seen) {
 
 INLINED void vector_track(vector_t *v, bool taken) {
   // A correction that has not been taken yet is still in the error.
-  if (taken && v->sensored) {
+  if (__builtin_expect(v->sensored, 0) && taken) {
     v->error_q30 = encoder_error_q30(encoder_angle_q32(v), v->frame_turn_q32);
   } else {
     vector_emf_error(v, taken);

@@ -165,7 +165,7 @@ HOT static void apply_limits(vector_t *v) {
   current_limits(&v->command, first_v_q17, circle_v_q17 >> THIRD_SHARE_SHIFT, lead_q32, p->vector_scale_v, vdc);
   if (__builtin_expect(v->shaped, 0)) {
     emf_shape_follow(&v->shape, &p->vector_shape, v->observer.emf_v_q25.im, v->report.vector.speed_turn_q36,
-                     circle_v_q25 - (int32_t)rough_length(v->state_v_q25));
+                     circle_v_q25 - (int32_t)rough_length(v->state_v_q25), p->tick_cycles);
   }
 }
 
@@ -382,13 +382,15 @@ SHARED static complex_t shaped_reference_i_q25(vector_t *v) {
 
 HOT static void command_frame(vector_t *v, const order_t *order) {
   const bool regulate = v->frame != FRAME_OFF && !v->holding;
-  complex_t reference_i_q25 = v->reference_i_q25;
+  complex_t reference_i_q17 = to_q17(v->reference_i_q25);
   if (__builtin_expect(v->shaped, 0)) {
-    reference_i_q25 = shaped_reference_i_q25(v);
+    const bool followed = v->frame == FRAME_OBSERVED && order->state == STATE_RUNNING;
+    const bool stays = followed && (order->tick & v->shape.rests_mask) != 0u;
+    reference_i_q17 = stays ? v->command.reference.i_q17[0] : to_q17(shaped_reference_i_q25(v));
   }
-  current_frame(&v->command, v->report.vector.speed_turn_q36, v->correct_q32, to_q17(reference_i_q25), regulate,
+  current_frame(&v->command, v->report.vector.speed_turn_q36, v->correct_q32, reference_i_q17, regulate,
                 v->frame == FRAME_OFF || order->state == STATE_STARTING);
-  if (vector_frame_is_injected(v)) {
+  if (__builtin_expect(vector_frame_is_injected(v), 0)) {
     vector_injection_command(v);
   }
 }
@@ -473,10 +475,10 @@ bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t
 
 INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   (void)settings;
-  if (v->on_core && in->vector.taken) {
+  if (__builtin_expect(v->on_core, 0) && in->vector.taken) {
     v->direct_used = 1u - v->direct_used;
   }
-  if (v->finished && !v->design_waits) {
+  if (__builtin_expect(v->finished, 0) && !v->design_waits) {
     vector_take_design(v);
   }
   v->whole = v->command.look.slow || order->state != STATE_RUNNING || vector_injects(v);
@@ -493,7 +495,7 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
       vector_read_encoder(v, &in->vector);
     }
   }
-  if (v->frame == FRAME_OFF || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
+  if (__builtin_expect(v->frame == FRAME_OFF, 0) || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
     apply_limits(v);
   }
   // Nothing else of what supervision looks at moves here.
@@ -524,11 +526,11 @@ INLINED void vector_finish(vector_t *v, const order_t *order) {
   const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
   const bool currents = slow && (vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
   current_look(c, slow, currents, v->several || slow || next == GROUP_SPEED);
-  if (order->state != STATE_RUNNING || order->state_ticks == 0u) {
+  if (__builtin_expect(order->state != STATE_RUNNING || order->state_ticks == 0u, 0)) {
     current_tick(c, order->state != STATE_INIT && order->state != STATE_FAULT);
   }
   command_frame(v, order);
-  if (v->on_core) {
+  if (__builtin_expect(v->on_core, 0)) {
     stage_direct(v, c);
   }
   if (v->whole || order->state != STATE_RUNNING) {

@@ -37,11 +37,7 @@ trap_entry:
   bgez a0, exception
   andi a0, a0, 15
   li a1, MCAUSE_SOFTWARE
-  bne a0, a1, interrupted
-  call trap_current
-  j restore
-
-interrupted:
+  beq a0, a1, current
   csrr a2, mepc
   csrr a3, mstatus
   csrr a4, mie
@@ -54,13 +50,6 @@ interrupted:
   csrc mie, a2
   csrsi mstatus, MSTATUS_MIE
   call trap_control
-  j back
-
-deferred:
-  li a2, MIE_EXTERNAL
-  csrc mie, a2
-  csrsi mstatus, MSTATUS_MIE
-  call trap_deferred
 
 back:
   csrci mstatus, MSTATUS_MIE
@@ -90,6 +79,17 @@ restore:
   lw t6, 60(sp)
   addi sp, sp, 80
   mret
+
+deferred:
+  li a2, MIE_EXTERNAL
+  csrc mie, a2
+  csrsi mstatus, MSTATUS_MIE
+  call trap_deferred
+  j back
+
+current:
+  call trap_current
+  j restore
 
 exception:
   li a0, SAFETY_GUARD
