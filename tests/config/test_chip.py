@@ -44,6 +44,7 @@ def test_chip_of_a_scenario(
         "native": False,
         "gate_polarity": 0,
         "method": method,
+        "probe": False,
     }
     assert run.chip_of(scenario) == expected
     assert run.chip_of(scenario, waves=True) == {**expected, "waves": True, "method": None if overrides else method}
