@@ -214,7 +214,7 @@ def test_heavy_file() -> None:
         ),
         (
             ["drive.vector.injection.speed_filter_hz=0.1"],
-            "too slow for a speed loop of 6.67 Hz, permitted from 13.3 Hz",
+            "too slow for a speed loop of 6.67 Hz, permitted from 6.67 Hz",
         ),
         (["drive.vector.gamma=1"], "regulators 1.15 times as fast on the d axis, permitted up to 0.696"),
         (["drive.vector.injection.search_rise_a_per_s=10"], "permitted 371 to 3.71e+04 A/s"),
