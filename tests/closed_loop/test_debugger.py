@@ -9,6 +9,7 @@ No registry that the lock file names has a GDB for RISC-V: the debugger is `gdb_
 from __future__ import annotations
 
 import re
+import socket
 import subprocess
 import sys
 import threading
@@ -90,6 +91,11 @@ def check_step(gdb: GdbClient, program: Program, x: list[int]) -> list[int]:
     return after
 
 
+def clock_of(gdb: GdbClient) -> int:
+    """Clock at which the core stands, by the monitor's command."""
+    return int(bytes.fromhex(gdb.ask("qRcmd,636c6f636b")).decode().split()[1].rstrip(","))
+
+
 def session(gdb: GdbClient, program: Program) -> list[int]:
     """Stops in the control step of a motor that turns at its speed; the clocks of the stops."""
     step = program.symbols["six_step_control_step"]
@@ -101,12 +107,12 @@ def session(gdb: GdbClient, program: Program) -> list[int]:
     clock, clocks = 0, []
     while clock < FROM_S * 50e6:
         assert gdb.go() == "T05thread:1;" and gdb.registers()[32] == step
-        clock = int(re.match(r"clock (\d+),", bytes.fromhex(gdb.ask("qRcmd,636c6f636b")).decode())[1])  # type: ignore[index]
+        clock = clock_of(gdb)
     for _ in range(TICKS):
         assert gdb.memory(STATE_ADDRESS, 1)[0] == RUNNING
         speed = int.from_bytes(gdb.memory(SPEED_ADDRESS, 4), "little") / 256
         assert speed == pytest.approx(RPM, rel=0.02)
-        clocks.append(int(bytes.fromhex(gdb.ask("qRcmd,636c6f636b")).decode().split()[1].rstrip(",")))
+        clocks.append(clock_of(gdb))
         x = gdb.registers()
         for _ in range(STEPS):
             x = check_step(gdb, program, x)
@@ -215,4 +221,36 @@ def test_a_debugger_that_leaves_takes_its_points_with_it() -> None:
         thread.join(10)
         assert not thread.is_alive()
         assert sorted(core.points) == [(0x100, False), (0x100, True), (0x200, 2, 3, False), (0x200, 2, 3, True)]
+    server.end()
+
+
+def test_what_is_no_debugger_ends_nothing() -> None:
+    """A broken check, a packet without an end, more memory than a packet holds, an interrupt: all told, none fatal.
+
+    Verifies: SYS-20
+    """
+    core, listener = StandIn(), open_port(":0")
+    server = Debugger(core, listener, 50e6)
+    thread = threading.Thread(target=core.stopped)
+    thread.start()
+    with socket.create_connection(listener.getsockname(), 10) as link:
+        link.settimeout(10)
+        link.sendall(b"#00noise$?#zz")
+        assert link.recv(1) == b"-"
+        link.sendall(b"$m0,ffffffff#%02x" % (sum(b"m0,ffffffff") % 256))
+        answer = b""
+        while not answer.endswith(b"#aa"):
+            answer += link.recv(1)
+        assert answer == b"+$E14#aa"
+        link.sendall(b"$c#63")
+        thread.join(10)
+        assert not thread.is_alive()
+        link.sendall(b"\x03")
+        while -1 not in core.steps:
+            server.listen()
+        thread = threading.Thread(target=core.stopped)
+        thread.start()
+        link.sendall(b"$" + bytes(20_000))
+        thread.join(10)
+        assert not thread.is_alive()
     server.end()

@@ -118,7 +118,7 @@ def test_sums_agree_with_the_firmware() -> None:
     Verifies: SYS-19
     """
     runner = Traced()
-    run, _ = core._run(runner, core.RATES[0])  # type: ignore[arg-type]
+    run, _ = core._run(runner, core.RATES[0])  # type: ignore[arg-type] # has what the row asks of a Runner
     console = "\n".join(run.data.uart)
     readings = [int(now) for now in re.findall(r"^idle \d+ (\d+)\s*$", console, re.MULTILINE)][:4]
     program = read_program(runner.trace.image.with_suffix(".elf"))

@@ -8,6 +8,9 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+from elftools.elf.elffile import ELFFile
+from elftools.elf.sections import SymbolTableSection
+
 from fluxlock.cosim.plan import Action
 
 NOP = 0x00000013
@@ -18,18 +21,11 @@ TO_ITSELF = 0x0000006F
 
 
 def symbols(elf: Path) -> dict[str, tuple[int, int]]:
-    """Address and size of the symbols of a 32-bit little-endian ELF file; of equal names the last one."""
-    data = elf.read_bytes()
-    (table,) = struct.unpack_from("<I", data, 32)
-    size, count = struct.unpack_from("<HH", data, 46)
-    sections = [struct.unpack_from("<10I", data, table + size * n) for n in range(count)]
-    found = {}
-    for _, kind, _, _, offset, length, link, _, _, entry in sections:
-        for at in range(offset, offset + length, entry) if kind == 2 else ():
-            name, value, bytes_ = struct.unpack_from("<III", data, at)
-            text = sections[link][4] + name
-            found[data[text : data.index(b"\0", text)].decode()] = value, bytes_
-    return found
+    """Address and size of the symbols of an ELF file; of equal names the last one."""
+    with elf.open("rb") as file:
+        table = ELFFile(file).get_section_by_name(".symtab")
+        assert isinstance(table, SymbolTableSection)  # no image is stripped
+        return {symbol.name: (symbol["st_value"], symbol["st_size"]) for symbol in table.iter_symbols()}
 
 
 def word_at(image: Path, address: int) -> int:

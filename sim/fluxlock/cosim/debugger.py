@@ -205,22 +205,20 @@ class Debugger:
     def _packet(self) -> str:
         """The next one, acknowledged; an interrupt while the core stands means nothing."""
         while True:
-            begin, end = self._heard.find(b"$"), self._heard.find(b"#")
-            if 0 <= begin < end and len(self._heard) >= end + 3:
-                body, check = self._heard[begin + 1 : end], self._heard[end + 1 : end + 3]
+            begin = self._heard.find(b"$")
+            self._heard = self._heard[begin:] if begin >= 0 else b""
+            end = self._heard.find(b"#")
+            if end >= 0 and len(self._heard) >= end + 3:
+                body, check = self._heard[1:end], self._heard[end + 1 : end + 3]
                 self._heard = self._heard[end + 3 :]
-                good = sum(body) % 256 == int(check, 16)
+                good = check.lower() == b"%02x" % (sum(body) % 256)
                 if self._acknowledges:
                     self._write(b"+" if good else b"-")
                 if good:
                     return body.decode("latin-1")
                 continue
-            if begin < 0:
-                self._heard = b""
-            elif begin > 0:
-                self._heard = self._heard[begin:]
             more = self._link.recv(PACKET_BYTES) if self._link is not None else b""
-            if not more:
+            if not more or len(self._heard) > 2 * PACKET_BYTES:  # gone, or no debugger
                 raise Detached
             self._heard += more
 
@@ -250,7 +248,7 @@ class Debugger:
             return REFUSED
         if kind == "m":
             address, count = (int(x, 16) for x in rest.split(","))
-            found = self._core.read(address, count)
+            found = self._core.read(address, count) if count <= PACKET_BYTES else None
             return NO_MEMORY if found is None else found.hex()
         if kind in "zZ":
             return self._point(kind == "Z", rest)

@@ -5,13 +5,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from elftools.dwarf.compileunit import CompileUnit
 from elftools.dwarf.descriptions import describe_form_class
+from elftools.dwarf.die import DIE
+from elftools.dwarf.ranges import BaseAddressEntry, RangeEntry
 from elftools.elf.elffile import ELFFile
+from elftools.elf.sections import SymbolTableSection
 from numpy.typing import NDArray
 
 from fluxlock.memory import RAM_WORDS
@@ -52,10 +56,12 @@ def read_program(path: Path) -> Program:
     return Program(code, np.array([number[name] for name in names], np.int32), chains, symbols)
 
 
-def _symbols(elf: Any, names: list[tuple[str, ...]]) -> dict[str, int]:  # noqa: ANN401 - the library has no types
+def _symbols(elf: ELFFile, names: list[tuple[str, ...]]) -> dict[str, int]:
     """Global symbols and functions of the code, which also name all up to the next one."""
     found = {}
-    for symbol in elf.get_section_by_name(".symtab").iter_symbols():
+    table = elf.get_section_by_name(".symtab")
+    assert isinstance(table, SymbolTableSection)  # no image is stripped
+    for symbol in table.iter_symbols():
         section = symbol["st_shndx"]
         if not isinstance(section, int) or elf.get_section(section).name != ".text":
             continue
@@ -67,7 +73,7 @@ def _symbols(elf: Any, names: list[tuple[str, ...]]) -> dict[str, int]:  # noqa:
     return found
 
 
-def _name(die: Any, outer: tuple[str, ...], names: list[tuple[str, ...]]) -> None:  # noqa: ANN401
+def _name(die: DIE, outer: tuple[str, ...], names: list[tuple[str, ...]]) -> None:
     """Give the words of a function and of all that is inlined into it their names, the inner ones last."""
     chain = outer
     if die.tag in ("DW_TAG_subprogram", "DW_TAG_inlined_subroutine"):
@@ -78,14 +84,14 @@ def _name(die: Any, outer: tuple[str, ...], names: list[tuple[str, ...]]) -> Non
         _name(child, chain, names)
 
 
-def _origin_name(die: Any) -> str:  # noqa: ANN401
+def _origin_name(die: DIE) -> str:
     while "DW_AT_name" not in die.attributes and "DW_AT_abstract_origin" in die.attributes:
         die = die.get_DIE_from_attribute("DW_AT_abstract_origin")
     name = die.attributes.get("DW_AT_name")
     return name.value.decode() if name else UNKNOWN
 
 
-def _ranges(die: Any) -> list[tuple[int, int]]:  # noqa: ANN401
+def _ranges(die: DIE) -> list[tuple[int, int]]:
     """Addresses from..to of an entry; none of a function that exists inlined only."""
     attributes = die.attributes
     if "DW_AT_low_pc" in attributes and "DW_AT_high_pc" in attributes:
@@ -94,6 +100,7 @@ def _ranges(die: Any) -> list[tuple[int, int]]:  # noqa: ANN401
     if "DW_AT_ranges" not in attributes:
         return []
     lists = die.dwarfinfo.range_lists()
+    assert lists is not None and isinstance(die.cu, CompileUnit)
     offset = attributes["DW_AT_ranges"].value
     if die.cu.header["version"] >= 5:
         entries = lists.get_range_list_at_offset(offset, cu=die.cu)
@@ -101,12 +108,12 @@ def _ranges(die: Any) -> list[tuple[int, int]]:  # noqa: ANN401
     return _spans(lists.get_range_list_at_offset(offset), die)
 
 
-def _spans(entries: Any, die: Any) -> list[tuple[int, int]]:  # noqa: ANN401
+def _spans(entries: Iterable[BaseAddressEntry | RangeEntry], die: DIE) -> list[tuple[int, int]]:
     top = die.cu.get_top_DIE().attributes
     base = top["DW_AT_low_pc"].value if "DW_AT_low_pc" in top else 0
     found = []
     for entry in entries:
-        if hasattr(entry, "base_address"):
+        if isinstance(entry, BaseAddressEntry):
             base = entry.base_address
             continue
         shift = 0 if getattr(entry, "is_absolute", False) else base

@@ -15,11 +15,12 @@ trap entry and ends with `mret`.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ MRET = 0x30200073
 JAL, JALR = 0x6F, 0x67
 LINKS = (1, 5)  # ra, t0
 OF_INTERRUPT = -1  # in place of a return address
+# Of the tree parent, names, clocks; visits; traced clocks; node at the asked clock.
+Walked: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], int, int]
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Folded:
             found[path] = found.get(path, 0) + int(self.clocks[node])
         return found
 
-    def handler(self, visit: Any) -> str:  # noqa: ANN401 - a numpy record
+    def handler(self, visit: np.void) -> str:
         """Name of the C function that an interrupt has called."""
         return str(self.program.chains[visit["chain"]][0])
 
@@ -92,7 +95,7 @@ def fold(trace: Path, program: Program, span: tuple[int, int] | None = None, at:
 
 
 @cache
-def _kernel() -> Any:  # noqa: ANN401 - numba has no types
+def _kernel() -> Callable[..., Walked]:
     numba: Any = importlib.import_module("numba")
     folder = BUILD / "profile" / content_hash([Path(__file__)])
     folder.mkdir(parents=True, exist_ok=True)
@@ -100,12 +103,17 @@ def _kernel() -> Any:  # noqa: ANN401 - numba has no types
     numba.config.CACHE_DIR = str(folder)
     try:
         child = numba.njit(cache=True)(_child)
-        return numba.njit(cache=True)(FunctionType(_walk.__code__, {**globals(), "_child": child}))
+        walk: Callable[..., Walked] = numba.njit(cache=True)(
+            FunctionType(_walk.__code__, {**globals(), "_child": child})
+        )
+        return walk
     finally:
         numba.config.CACHE_DIR = before
 
 
-def _child(table: Any, parent: Any, chain: Any, count: int, node: int, names: int) -> int:  # noqa: ANN401
+def _child(
+    table: NDArray[np.int32], parent: NDArray[np.int32], chain: NDArray[np.int32], count: int, node: int, names: int
+) -> int:
     """The node below `node` with these names; a new one is number `count`. table: hash of (node, names)."""
     size = len(table)
     slot = (node * 40503 + names * 2654435761) % size
@@ -121,16 +129,16 @@ def _child(table: Any, parent: Any, chain: Any, count: int, node: int, names: in
 
 
 def _walk(
-    cycles: Any,  # noqa: ANN401 - numpy arrays
-    places: Any,  # noqa: ANN401
-    counts: Any,  # noqa: ANN401
-    code: Any,  # noqa: ANN401
-    chains: Any,  # noqa: ANN401
+    cycles: NDArray[np.int64],
+    places: NDArray[np.uint32],
+    counts: NDArray[np.uint32],
+    code: NDArray[np.uint32],
+    chains: NDArray[np.int32],
     entry: int,
     low: int,
     high: int,
     at: int,
-) -> Any:  # noqa: ANN401
+) -> Walked:
     """All of `fold` that touches every instruction; compiled."""
     table = np.full(4 * NODES, -1, np.int32)
     parent, chain, clocks = np.zeros(NODES, np.int32), np.full(NODES, -1, np.int32), np.zeros(NODES, np.int64)
@@ -198,6 +206,6 @@ def _walk(
                 if clock - cost < at <= clock:
                     found = leaf
         before = place + 4 * (int(counts[row]) - 1)
-        if depth >= DEEPEST - 1 or nodes >= NODES - 2:
+        if depth >= DEEPEST - 1 or nodes >= NODES - 2 or seen >= len(visits) - 1:
             raise OverflowError("calls of the trace do not return")
     return parent[:nodes], chain[:nodes], clocks[:nodes], visits[:seen], total, found
