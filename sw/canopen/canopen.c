@@ -115,4 +115,3 @@ void canopen_bus_off(canopen_t *node) {
 void canopen_bus_back(canopen_t *node) { emcy_clear(node, EMCY_BUS_OFF); }
 
 void canopen_overrun(canopen_t *node) { emcy_event(node, EMCY_OVERRUN, 0); }
-

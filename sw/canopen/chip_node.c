@@ -143,4 +143,3 @@ void chip_node_poll(void) {
   }
   app_done(driver.app, WORK_NODE, before);
 }
-

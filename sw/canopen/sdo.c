@@ -216,4 +216,3 @@ void sdo_receive(canopen_t *node, const can_frame_t *frame) {
     abort_at(node, &data[1], SDO_COMMAND);
   }
 }
-

@@ -79,4 +79,3 @@ bool can_send(const can_frame_t *frame) {
 }
 
 bool can_is_bus_off(void) { return BITS(FL_CAN_REGS__STATUS__BUS_OFF, reg_read(REG(can.status))) != 0u; }
-

@@ -15,12 +15,13 @@ from typing import Any
 import pytest
 
 from fluxlock.campaign import run
-from fluxlock.campaign.grid import DRIVES, Drive, Fault, actions_of, plant_faults, upsets
+from fluxlock.campaign.grid import DRIVES, LOOP_S, NODE_S, Drive, Fault, actions_of, plant_faults, upsets
 from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.run import grid, run_drive
 from fluxlock.config import ConfigError
 from fluxlock.paths import ROOT, RTL
 from fluxlock.plant import channel_names
+from tests.docs.constants import constant
 
 SEED = 1
 
@@ -56,6 +57,15 @@ def test_upsets_before_boot() -> None:
         print(row)
         assert row["outcome"] == STOPPED
         assert row["fault"].startswith("parameter_")
+
+
+def test_hangs_last_as_long_as_the_firmware_waits() -> None:
+    """The windows of the grid are those that the firmware supervises by.
+
+    Verifies: CAMP-10
+    """
+    assert constant("sw/app/app.h", "WINDOW_LOOP_MS") == 1e3 * LOOP_S
+    assert constant("sw/app/app.h", "WINDOW_NODE_MS") == 1e3 * NODE_S
 
 
 def test_the_grid_is_large_enough() -> None:

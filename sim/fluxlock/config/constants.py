@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.config.motor import RPM_PER_RAD_S, Motor
+from fluxlock.config.motor import RPM_PER_RAD_S, Motor, fundamental, line_mean
 
 # Kinds of the constants. dc: per volt or ampere of the DC link in six-step operation, mean over a sector. line: between
 # two terminals. phase: of one winding of the equivalent star. rms and peak: of a sinusoid, or of the EMF's own shape.
@@ -41,10 +41,8 @@ def emf_factors(emf: str, flat_top_deg: float = 120.0) -> dict[str, float]:
     """EMF of each kind over p psi Omega: numbers without unit."""
     phase = phase_emf(emf, flat_top_deg, TURN)
     line = phase - phase_emf(emf, flat_top_deg, TURN - 2 * math.pi / 3)
-    # The pair conducts while its line EMF is the largest of the six: 60 degrees about its peak, at 60 degrees.
-    sector = np.abs(TURN - math.pi / 3) <= math.pi / 6
     return {
-        "dc": float(line[sector].mean()),
+        "dc": line_mean(emf, flat_top_deg),
         "line-peak": math.sqrt(3.0) if emf == "sinusoidal" else float(line.max()),
         "line-rms": float(np.sqrt(np.mean(line**2))),
         "phase-peak": 1.0,
@@ -54,11 +52,11 @@ def emf_factors(emf: str, flat_top_deg: float = 120.0) -> dict[str, float]:
 
 def torque_factors(emf: str, flat_top_deg: float = 120.0) -> dict[str, float]:
     """Torque over current of each kind, over p psi."""
-    fundamental = 2 * float(np.mean(phase_emf(emf, flat_top_deg, TURN) * np.sin(TURN)))
+    of_sine = 1.5 * fundamental(emf, flat_top_deg)
     return {
-        "peak": 1.5 * fundamental,
-        "rms": 1.5 * math.sqrt(2.0) * fundamental,
-        "dc": emf_factors(emf, flat_top_deg)["dc"],
+        "peak": of_sine,
+        "rms": math.sqrt(2.0) * of_sine,
+        "dc": line_mean(emf, flat_top_deg),
     }
 
 

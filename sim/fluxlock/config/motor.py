@@ -29,6 +29,25 @@ COMMUTATION_LEAST, COMMUTATION_USUAL = 3.0 / math.pi, 1.26
 OVERLOAD_S = 2.0  # in which a machine bears twice its rated current where its file does not say
 
 
+def line_mean(emf: str, flat_top_deg: float) -> float:
+    """Mean line EMF over a sector, over the peak of the phase EMF."""
+    if emf == "sinusoidal":
+        return 3 * math.sqrt(3) / math.pi
+    # Both EMFs sit on their flat tops through the sector if those are at least 120 degrees long; shorter
+    # ones lose a triangle at each end: 2 psi (1 - mean relative drop).
+    short_deg = max(0.0, 120.0 - flat_top_deg) / 2
+    ramp_deg = (180.0 - flat_top_deg) / 2
+    return 2 * (1 - short_deg * short_deg / (2 * ramp_deg * 60.0))
+
+
+def fundamental(emf: str, flat_top_deg: float) -> float:
+    """Fundamental of the phase EMF over its peak."""
+    if emf == "sinusoidal":
+        return 1.0
+    ramp = math.radians(180.0 - flat_top_deg) / 2
+    return 4 * math.sin(ramp) / (math.pi * ramp)
+
+
 def listed(values: tuple[float, ...]) -> str:
     """Values per phase as a file states them: one number if they are equal."""
     return f"{values[0]:g}" if len(set(values)) == 1 else f"[{', '.join(f'{value:g}' for value in values)}]"
@@ -371,13 +390,7 @@ class Motor(Model):
         psi = sum(self.psi_vs) / 3
         if self.phases == 5:
             return psi * 2 * math.cos(math.pi / 10)
-        if self.emf == "sinusoidal":
-            return psi * 3 * math.sqrt(3) / math.pi
-        # Both EMFs sit on their flat tops through the sector if those are at least 120 degrees long; shorter
-        # ones lose a triangle at each end: 2 psi (1 - mean relative drop).
-        short_deg = max(0.0, 120.0 - self.flat_top_deg) / 2
-        ramp_deg = (180.0 - self.flat_top_deg) / 2
-        return 2 * psi * (1 - short_deg * short_deg / (2 * ramp_deg * 60.0))
+        return psi * line_mean(self.emf, self.flat_top_deg)
 
     def emf_harmonic(self, order: int) -> float:
         """Harmonic of odd order > 1 of the phase EMF over its fundamental, with the sign of sin(order * angle)."""
@@ -391,10 +404,7 @@ class Motor(Model):
     @property
     def emf_fundamental(self) -> float:
         """Fundamental of the phase EMF over its peak."""
-        if self.emf == "sinusoidal":
-            return 1.0
-        ramp = math.radians(180.0 - self.flat_top_deg) / 2
-        return 4 * math.sin(ramp) / (math.pi * ramp)
+        return fundamental(self.emf, self.flat_top_deg)
 
     @property
     def torque_per_amp_nm(self) -> float:
