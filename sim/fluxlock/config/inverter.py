@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from fluxlock.config.edge import Edge
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
 
 SafeState = Literal["off", "short"]
@@ -40,6 +41,7 @@ class Sensing(Model):
         200,
         default=(0.0, 0.0, 0.0),
     )
+    edge: Edge = Field(default_factory=Edge, description="What switching edges leave in the channels.")
 
     @property
     def step_v(self) -> float:
@@ -205,6 +207,10 @@ class Inverter(Model):
                     f"{with_unit(limit, 'A')} is not below sensing.current_full_scale_a "
                     f"({with_unit(self.sensing.current_full_scale_a, 'A')})",
                 )
+        slew_s = self.sensing.edge.value("slew_s")
+        if slew_s > self.min_pulse_s:
+            text = f"{with_unit(slew_s, 's')} is longer than min_pulse_s ({with_unit(self.min_pulse_s, 's')}): such a "
+            raise conflict("sensing.edge.slew_s", text + "pulse never reaches its rail")
         self._check_voltage_limits()
         self._check_brake()
         return self

@@ -6,6 +6,7 @@
 Written once; runs compiled (numba, called natively by the simulator) or as plain Python, with the same bits.
 """
 
+from .edge_params import EdgeParams
 from .params import (
     CHANNEL_NAMES,
     EncoderParams,
@@ -28,6 +29,7 @@ __all__ = [
     "EVENT_DTYPE",
     "WAVE_DTYPE",
     "Drained",
+    "EdgeParams",
     "EncoderParams",
     "HallParams",
     "InverterParams",

@@ -3,7 +3,7 @@
 
 """Makes the kernel callable: compiled by numba, or the same source as plain Python behind a ctypes callback.
 
-Rules of kernel code (`circuit`, `emf`, `encoder`, `events`, `flux`, `kernel`, `mechanics`, `record`, `sensing`,
+Rules of kernel code (`circuit`, `edge`, `emf`, `encoder`, `events`, `flux`, `kernel`, `mechanics`, `record`, `sensing`,
 `series`), which make both give the same bits: only `math.*` functions, no `**`, no min and max, no exceptions and no
 division by what may be zero, state only through `s[i]`, integer products masked before they are used. The functions
 carry no decorator: they are cloned with the clones of their callees as globals, which are compiled where asked for.
@@ -27,13 +27,13 @@ from typing import Any, Literal
 
 from fluxlock.paths import BUILD
 
-from . import circuit, emf, encoder, events, flux, kernel, mechanics, record, sensing, series
+from . import circuit, edge, emf, encoder, events, flux, kernel, mechanics, record, sensing, series
 from . import layout as L
 from .vector import int_view_of, view_of
 
 Mode = Literal["jit", "py"]
 ENVIRONMENT = "FLUXLOCK_PLANT"
-MODULES = (flux, emf, series, circuit, events, mechanics, encoder, sensing, record, kernel)
+MODULES = (flux, emf, series, circuit, events, mechanics, encoder, edge, sensing, record, kernel)
 
 CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int32,

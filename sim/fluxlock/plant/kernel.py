@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 from . import layout as L
-from .circuit import connect, couple, link_now
+from .circuit import couple, link_now
+from .edge import reconnect
 from .emf import corner_limit, shape_now, turn
 from .encoder import encode
 from .events import balance, end_current, next_event, switch_link
@@ -50,7 +51,7 @@ def electrical(s: Vector, gates: int, total: float) -> int:
         if h > s[L.H_LIMIT]:
             h = s[L.H_LIMIT]
         switch_link(s)
-        code = connect(s, gates)
+        code = reconnect(s, gates)
         if code != L.OK:
             return code
         order = series(s, h)
@@ -169,7 +170,7 @@ def take_event(t_cycle: int, gates: int, flags: int, s: Vector, io: IntVector) -
     if gates != old:
         s[L.GATES] = gates
         # Diodes that the new gates turn on are logged here, at the edge, and idc and vdc follow at once.
-        code = connect(s, gates)
+        code = reconnect(s, gates)
         if code != L.OK:
             return code
         if zoom:

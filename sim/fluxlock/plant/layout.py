@@ -106,6 +106,35 @@ NOISE_LSB = _take()
 NOISE_KEY = _take(1 + CHANNELS)  # 32-bit keys from the seed: one for the sample number, one a channel
 STUCK = _take(CHANNELS)  # code of a stuck channel, -1 = works
 FAULT_PIN = _take()
+
+# --- edge terms (`edge.py`): amplitudes at a jump of 1 V
+EDGE = _take()  # 1: there are any; the entries below up to EDGE_DC serve only then
+EDGE_OWN = _take()
+EDGE_COUPLING = _take()
+EDGE_STEP = _take()
+EDGE_STEP_S = _take()
+EDGE_RING = _take()
+EDGE_RING_W = _take()  # rad/s
+EDGE_RING_S = _take()
+EDGE_LOBE = _take()
+EDGE_LOBE_S = _take()
+EDGE_SLEW_S = _take()
+EDGE_AMPERE = _take()
+EDGE_AMPERE_S = _take()
+EDGE_AT = _take()  # cycle for which the entries below hold
+EDGE_STEPS = _take(LEGS)  # V, decaying steps of the channels
+EDGE_COS = _take(LEGS)  # V, rings: real and imaginary part of the phasor
+EDGE_SIN = _take(LEGS)
+EDGE_FEED = _take(LEGS)  # V, lobes: what still flows in, and the lobe
+EDGE_LOBES = _take(LEGS)
+EDGE_RAMP = _take(LEGS)  # V, slewing terminal less its new voltage
+EDGE_LEFT = _take(LEGS)  # s until it is there
+EDGE_OUT = _take(LEGS)  # V, all of them behind the pole
+EDGE_CURRENT = _take(LEGS)  # A, errors of the current channels
+EDGE_DC = _take()  # A, error of idc
+EDGE_VT = _take(LEGS)  # scratch: terminals before an edge
+EDGE_MODE = _take(LEGS)  # scratch: MODE before an edge
+
 HALL = _take()  # 1: there are Hall sensors
 HALL_RISE = _take(3)  # electrical angle at which each input rises, rad
 ENCODER_LINES = _take()  # a mechanical turn; 0 = none

@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from . import layout as L
+from .edge_params import EdgeParams
 from .magnetics import FluxMap
+from .require import finite_at_least, require
 
 Triple = tuple[float, float, float]
 Phases = tuple[float, ...]
@@ -27,17 +29,6 @@ def channel_names(phases: int) -> tuple[str, ...]:
 
 
 CHANNEL_NAMES = channel_names(3)
-
-
-def require(condition: bool, key: str, value: object, permitted: str) -> None:
-    """Raise a ValueError that names key, value and permitted range."""
-    if not condition:
-        raise ValueError(f"{key} = {value!r}: must be {permitted}")
-
-
-def finite_at_least(low: float, *values: float) -> bool:
-    """Whether all values are finite and not below a limit."""
-    return all(math.isfinite(v) and v >= low for v in values)
 
 
 def positive_definite(l_h: Phases, m_h: Triple) -> bool:
@@ -267,7 +258,8 @@ class InverterParams:
 class SensingParams:
     """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator.
 
-    divider_gain: one value a leg, empty: all 1. offset_lsb: one a channel, empty: all 0.
+    divider_gain: one value a leg, empty: all 1. offset_lsb: one a channel, empty: all 0. edge: None: terminals jump and
+    the channels show nothing else of it.
     """
 
     v_full_scale_v: float
@@ -278,6 +270,7 @@ class SensingParams:
     divider_pole_s: float = 0.0
     noise_lsb_rms: float = 1.0
     conversion_s: float = 0.0
+    edge: EdgeParams | None = None
 
     def __post_init__(self) -> None:
         require(self.v_full_scale_v > 0.0, "v_full_scale_v", self.v_full_scale_v, "above 0")

@@ -28,7 +28,8 @@ from .build import chosen_mode, interpreted, make_kernel
 from .circuit import terminals_now
 from .emf import shape_now, torque_now
 from .magnetics import FluxMap, axes_matrix, rotor_axes
-from .params import MECHANICS_MODES, PlantParams, channel_names, check_profile, require
+from .params import MECHANICS_MODES, PlantParams, channel_names, check_profile
+from .require import require
 from .state import FloatArray, initial_state, variant_of, write_machine, write_profile, write_zoom
 from .trajectory import RecordArray, angle_between, event_buffer, wave_buffer, zoom_buffer
 from .vector import view_of

@@ -5,7 +5,8 @@
 
 A voltage channel is unipolar: code = V * gain / (full scale / 2^bits) + offset. A current channel is offset
 binary: code = 2^(bits-1) + I / (2 full scale / 2^bits) + offset. Both then get noise, are rounded and
-clipped. The virtual star point is the mean of the terminals behind the same pole, gain 1.
+clipped. The virtual star point is the mean of the terminals behind the same pole, gain 1. `edge.py` adds what
+switching edges leave in the channels.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 
 from . import layout as L
+from .edge import edge_advance
 from .series import series_end
 from .vector import IntVector, Vector
 
@@ -108,6 +110,22 @@ def channel_value(s: Vector, channel: int) -> float:
     return total / PHASES
 
 
+def edge_value(s: Vector, channel: int) -> float:
+    """What the edges add to a converter channel, V or A."""
+    if channel < PHASES:
+        return s[L.EDGE_OUT + channel]
+    if channel < 2 * PHASES:
+        return s[L.EDGE_CURRENT + channel - PHASES]
+    if channel == 2 * PHASES:
+        return 0.0
+    if channel == 2 * PHASES + 1:
+        return s[L.EDGE_DC]
+    total = s[L.EDGE_OUT]
+    for x in range(1, PHASES):
+        total += s[L.EDGE_OUT + x]
+    return total / PHASES
+
+
 def convert(s: Vector, io: IntVector) -> None:
     """Sample and hold: put the code of every channel into io."""
     sample = int(s[L.SAMPLE])
@@ -115,8 +133,14 @@ def convert(s: Vector, io: IntVector) -> None:
     noisy = s[L.NOISE_LSB] != 0.0
     bits = sample_bits(s, sample)
     top = s[L.ADC_MAX]
+    edges = s[L.EDGE] != 0.0
+    if edges:
+        edge_advance(s)
     for channel in range(2 * PHASES + 3):
-        value = channel_value(s, channel) * s[L.CODES_PER_UNIT + channel] + s[L.CODE_ZERO + channel]
+        value = channel_value(s, channel)
+        if edges:
+            value += edge_value(s, channel)
+        value = value * s[L.CODES_PER_UNIT + channel] + s[L.CODE_ZERO + channel]
         if noisy:
             value += s[L.NOISE_LSB] * noise(s, channel, bits)
         if s[L.STUCK + channel] >= 0.0:

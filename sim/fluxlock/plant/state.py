@@ -14,6 +14,7 @@ import numpy.typing as npt
 from . import layout as L
 from .build import Variant, interpreted
 from .circuit import connect, terminals_now
+from .edge_params import EdgeParams
 from .emf import TWO_PI, inductance_now, shape_now
 from .magnetics import FluxMap
 from .params import MECHANICS_MODES, MachineParams, Phases, PlantParams, SensingParams
@@ -85,6 +86,18 @@ def write_machine(s: FloatArray, machine: MachineParams, turns: Phases = ()) -> 
     s[L.G_MASK] = -1
 
 
+def write_edges(s: FloatArray, edge: EdgeParams) -> None:
+    """Write the edge terms."""
+    s[L.EDGE] = 1.0
+    s[L.EDGE_OWN], s[L.EDGE_COUPLING] = edge.own, edge.coupling
+    s[L.EDGE_STEP], s[L.EDGE_STEP_S] = edge.step_v / edge.reference_v, edge.step_tau_s
+    s[L.EDGE_RING], s[L.EDGE_RING_S] = edge.ring_v / edge.reference_v, edge.ring_tau_s
+    s[L.EDGE_RING_W] = TWO_PI * edge.ring_hz
+    s[L.EDGE_LOBE], s[L.EDGE_LOBE_S] = edge.lobe_v / edge.reference_v, edge.lobe_s
+    s[L.EDGE_SLEW_S] = edge.slew_s
+    s[L.EDGE_AMPERE], s[L.EDGE_AMPERE_S] = edge.current_step_a / edge.reference_v, edge.current_tau_s
+
+
 def write_sensing(s: FloatArray, sensing: SensingParams, phases: int, seed: int) -> None:
     """Write converter parameters and the noise keys of a seed."""
     channels = 2 * phases + 3
@@ -93,6 +106,8 @@ def write_sensing(s: FloatArray, sensing: SensingParams, phases: int, seed: int)
     s[L.ADC_MAX] = codes - 1
     s[L.NOISE_LSB] = sensing.noise_lsb_rms
     s[L.DECAY_H] = -1.0
+    if sensing.edge is not None:
+        write_edges(s, sensing.edge)
     gains = (*(sensing.divider_gain or (1.0,) * phases), *(1.0,) * (phases + 3))
     offsets = sensing.offset_lsb or (0.0,) * channels
     for channel in range(channels):
