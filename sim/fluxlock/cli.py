@@ -39,6 +39,7 @@ from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario, load_scenario
+from fluxlock.edge.cli import app as edge_app
 from fluxlock.export.command import export
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
@@ -77,6 +78,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(motor_app, name="motor", rich_help_panel=MOTOR)
+app.add_typer(edge_app, name="edge", rich_help_panel=MOTOR)
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)
