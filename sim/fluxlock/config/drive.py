@@ -118,7 +118,10 @@ class Drive(Model, settings=""):
         "`accel_rpm_per_s`, `brake_current_limit_a`, `start.catch`, `start.retries`, `start.restart_retries`, "
         "`motor_error` and those of `[drive.vector]` may be given; all others belong to `six-step`.",
     )
-    commutation: Commutation = Field(default="CSC", description="When a commutation reaches the gates.")
+    commutation: Commutation = Field(
+        default="CSC",
+        description="When a commutation reaches the gates. CSC: many carriers of a light rotor's sector run on.",
+    )
     pattern: Pattern = Field(default="ON-PWM", description="Which switch chops.")
     carrier_hz: float = quantity("Carrier frequency.", "Hz", 1e3, 200e3)
     sync_rect: bool | None = Field(

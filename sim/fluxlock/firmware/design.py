@@ -41,6 +41,8 @@ BANDWIDTH_HZ = 30.0
 SPEED_DELAY_RAD = 0.35
 SPEED_DELAY_TURNS = 3.5 / 6.0
 CURRENT_BANDWIDTH_HZ = 100.0
+# Carrier over the time constant of the rotor on its EMF line, from which on a cut carrier shows in the speed.
+CARRIER_SHARE = 1 / 150
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,13 @@ class Design:
         m = self.machine
         wanted = m.k_e * math.sqrt(2.0 * m.line_h / self.s.motor.inertia_kgm2)
         return max(m.line_ohm, min(wanted, CURRENT_LOOP_LAG_RAD / CURRENT_LOOP_LAG_TICKS * m.line_h / self.tick_s))
+
+    @property
+    def carrier_moves_rotor(self) -> bool:
+        """A carrier is no small part of the time in which the EMF line moves the rotor, J R_l / k_e^2."""
+        m = self.machine
+        moves_s = self.s.motor.inertia_kgm2 * m.line_ohm / m.k_e**2
+        return 1.0 / self.s.drive.carrier_hz > CARRIER_SHARE * moves_s
 
     @property
     def lag_s(self) -> float:

@@ -48,7 +48,7 @@ class AveragedChip:
     scenario: Scenario
     model_motor: Motor | None = None  # what the machine really is, if not that of the scenario
     library: Path | None = None  # of the firmware, if it holds more
-    cut_pulses: bool = False  # CSC: the mean of a sector is that of its cut pulse train
+    cut_pulses: bool = False  # with CSC the mean of a sector is that of its cut pulse train
 
     def __post_init__(self) -> None:
         s = self.scenario

@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 Registers = NDArray[np.uint32]
 Places = NDArray[np.int64]
 SAMPLING_ONCE = 3
+CSC = 2
 # Values of `stuck` for a channel that is free.
 FREE = -(1 << 31)
 
@@ -81,7 +82,7 @@ NAMES = (
 ) = range(25)
 
 # Constants of a chip in `k`: clocks a second, codes (2^17 a full scale) a volt and an ampere, samples a tick, whether
-# the mean of a sector is that of its cut pulse train, whether there are Hall sensors.
+# with CSC the mean of a sector is that of its cut pulse train, whether there are Hall sensors.
 K_NUMBERS = 6
 (K_CLOCK_HZ, K_V_UNIT, K_I_UNIT, K_SAMPLES, K_CUT_PULSES, K_HALL) = range(K_NUMBERS)
 
@@ -119,8 +120,8 @@ def take_settings(r: Registers, x: Places, k: Floats, s: Floats, c: Floats) -> N
     pulse = min(int(r[x[PWM_DUTY]]) / 256.0, period)
     duty = max(0.0, pulse - dead) / period
     c[am.C_PULSE], c[am.C_PERIOD], c[am.C_DEAD] = pulse / k[K_CLOCK_HZ], period / k[K_CLOCK_HZ], dead / k[K_CLOCK_HZ]
-    c[am.C_RESTART] = k[K_CUT_PULSES]
-    c[am.C_DUTY] = mean_duty(duty, s[am.INTERVAL] * k[K_CLOCK_HZ] / period, k[K_CUT_PULSES])
+    c[am.C_RESTART] = k[K_CUT_PULSES] if control >> 4 & 3 == CSC else 0.0
+    c[am.C_DUTY] = mean_duty(duty, s[am.INTERVAL] * k[K_CLOCK_HZ] / period, c[am.C_RESTART])
     c[am.C_SYNC] = 1.0 if sync else 0.0
     c[am.C_REVERSE] = 1.0 if control & 0x2000 else 0.0
     c[am.C_FORCED] = int(r[x[COMM_FORCED_INTERVAL]]) / k[K_CLOCK_HZ]

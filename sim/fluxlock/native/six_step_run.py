@@ -60,7 +60,7 @@ class Play(ScenarioPlay):
         problems = refusals(scenario)
         if problems:
             raise ConfigError(problems)
-        self.chip = AveragedChip(scenario, cut_pulses=scenario.drive.commutation == "CSC")
+        self.chip = AveragedChip(scenario, cut_pulses=True)
         model = self.chip.model
         model.s[am.SEED] = 1.0 + seed  # of a generator that stays at 0
         model.m[am.M_LOCKED] = float(scenario.mechanics.mode == "locked")

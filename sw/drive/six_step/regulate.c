@@ -264,7 +264,7 @@ HOT static bool rectifies(const regulate_t *r, const six_step_view_t *view) {
 HOT static void apply(const regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                       int32_t u_v_q25) {
   const settings_t *settings = view->settings;
-  const bool linear = settings->linearity && settings->commutation == COMMUTATION_CSC;
+  const bool linear = settings->linearity && in->restarts;
   const pwm_demand_t demand = {u_v_q25, r->reference_i_q25, in->longest_cycles, r->scheduled.boundary,
                                linear ? &r->scheduled.linearity : 0};
   pwm_from_demand(pwm, view, &demand, r->rectifies);

@@ -81,6 +81,7 @@ typedef struct {
   bool busy;                // a tick that has other work leaves the schedule to another one
   uint32_t longest_cycles;  // carrier period that still gives enough pulses in a sector
   uint32_t period_cycles;   // of the carrier
+  bool restarts;            // commutations restart it
 } regulate_input_t;
 
 void regulate_init(regulate_t *r, const settings_t *settings);

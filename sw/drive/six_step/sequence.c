@@ -78,9 +78,13 @@ COLD void sequence_sample(sequence_command_t *c, uint32_t sampling) {
 }
 
 COLD void sequence_pattern(sequence_command_t *c, const settings_t *settings) {
-  c->commutation = settings->commutation;
   c->pattern = settings->pattern;
   c->fresh = true;
+}
+
+void sequence_align(sequence_command_t *c, uint32_t commutation) {
+  c->fresh = c->fresh || c->commutation != commutation;
+  c->commutation = commutation;
 }
 
 void sequence_rectify(sequence_command_t *c, bool sync_rect) {

@@ -33,6 +33,8 @@ void sequence_force_on_miss(sequence_command_t *c, bool forced, uint32_t timeout
 
 void sequence_sample(sequence_command_t *c, uint32_t sampling);
 void sequence_pattern(sequence_command_t *c, const settings_t *settings);
+// How a commutation meets the carrier: COMMUTATION_RSC...
+void sequence_align(sequence_command_t *c, uint32_t commutation);
 void sequence_rectify(sequence_command_t *c, bool sync_rect);
 
 // How crossings are found. True: in another signal than before.

@@ -24,7 +24,7 @@ static six_step_view_t view_of(const six_step_t *six, const chip_snapshot_t *in,
 static regulate_input_t regulate_input(const six_step_t *six, uint32_t tick) {
   const bool busy = six->thresholds.busy || tick % SIX_STEP_LOOK_TICKS == SIX_STEP_LOOK_AT;
   return (regulate_input_t){six->start.reverse, busy, start_longest_cycles(&six->start, &six->m),
-                            six->pwm.period_cycles};
+                            six->pwm.period_cycles, six->command.sequence.commutation == COMMUTATION_CSC};
 }
 
 void six_step_lost(six_step_t *six) { thresholds_reset(&six->thresholds, &six->command.threshold, six->p); }
@@ -172,6 +172,17 @@ HOT static outcome_t sensors_step(six_step_t *six, const six_step_view_t *view) 
   return outcome_of(EVENT_STAY);
 }
 
+// A carrier that each commutation starts anew gives the sector its number of pulses and the cut one the rest: for a while
+// the volt-seconds of a sector do not depend on its length, and nothing in the EMF holds a light rotor. Where a sector has
+// many carriers they run on.
+HOT static void align(six_step_t *six, const settings_t *settings) {
+  sequence_command_t *sequence = &six->command.sequence;
+  const uint32_t most_cycles = (uint32_t)six->p->restart_carriers * settings->carrier_period_cycles;
+  const uint32_t now_cycles = (sequence->commutation == COMMUTATION_CSC) ? most_cycles : most_cycles / 4u * 3u;
+  const bool runs_on = settings->commutation == COMMUTATION_CSC && most_cycles != 0u && six->m.sector_cycles > now_cycles;
+  sequence_align(sequence, runs_on ? COMMUTATION_NSC : settings->commutation);
+}
+
 HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t target_rpm_q8) {
   if (view->settings->freeze && view->order->state == STATE_RUNNING) {
     regulate_freeze(&six->regulate);
@@ -180,6 +191,7 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
   if (six->settings_due) {
     apply_settings(six, view->settings);
   }
+  align(six, view->settings);
   const regulate_input_t input = regulate_input(six, view->order->tick);
   regulate_step(&six->regulate, &six->pwm, view, &input, target_rpm_q8);
 }
