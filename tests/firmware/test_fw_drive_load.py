@@ -149,6 +149,25 @@ def test_target_is_not_overshot(
     assert bench.trips == 0 and bench.fw.state == "running"
 
 
+def test_a_steeper_slope_is_bound_by_the_current_at_once() -> None:
+    """A slope set 20 times as steep with the target, where braking allows 1.5: the ramp does not run ahead meanwhile.
+
+    Verifies: FW-73
+    """
+    motor, inverter, low_rpm, high_rpm, carrier_hz = RAMPED[0]
+    per_s = 0.3 * motor.rated_torque_nm / motor.inertia_kgm2 * 9.55
+    drive = machines.drive(carrier_hz=carrier_hz, sync_rect=True, accel_rpm_per_s=per_s, zcd={"balance": "both"})
+    bench = Bench(motor, inverter, drive, Load(coulomb_nm=0.03 * motor.rated_torque_nm), speed_rpm=high_rpm)
+    bench.start(high_rpm)
+    bench.run(0.5)
+    brake_nm = bench.block.number("brake_limit_ma") * 1e-3 * motor.torque_per_amp_nm
+    for line in (f"set accel_rpm_s {20 * per_s:.0f}", f"set speed_rpm {low_rpm}"):
+        assert bench.fw.command(line) == ["ok"]
+    bench.run(0.005)
+    gone_rpm = high_rpm - bench.fw.telemetry().reference_rpm_q8 / 256
+    assert 0 < gone_rpm < 1.3 * brake_nm / motor.inertia_kgm2 * 9.55 * 0.005
+
+
 # Rotors that a few carriers move: speed to hold (r/min), carrier (Hz).
 LIGHT = [
     (small_motor(7, 0.88, 1.93e-3, 0.0256, 7.1e-5, 1.04, 1_970), stage(92.0, 120.0, 2.5, 2.3), 394, 25e3),

@@ -416,12 +416,14 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
   // A load fades as the rotor slows down: half of it helps to brake. Without braking the rotor coasts, and the ramp waits.
   const int32_t down_i_q25 = view->settings->sync_rect ? r->brake_i_q25 + load_i_q25 / 2 : g->limit_i_q25;
   const int32_t room_i_q25 = up ? g->limit_i_q25 - load_i_q25 : down_i_q25;
-  int32_t current_i_q25 = clamp_i32(room_i_q25, g->limit_i_q25 / ROOM_MIN, g->limit_i_q25);
+  // By the slope of now: what it needs in current follows some ticks after a change of the setting.
+  const int32_t most_i_q25 = clamp_i32(room_i_q25, g->limit_i_q25 / ROOM_MIN, g->limit_i_q25);
+  const int32_t most_rpm_q20 = gain_apply(most_i_q25, p->current_accel);
   int32_t step_rpm_q20 = view->settings->accel_rpm_q20;
-  if (current_i_q25 < g->acceleration_i_q25) {
-    step_rpm_q20 = lesser(step_rpm_q20, gain_apply(current_i_q25, p->current_accel));
-  } else {
-    current_i_q25 = g->acceleration_i_q25;
+  int32_t current_i_q25 = g->acceleration_i_q25;
+  if (most_rpm_q20 < step_rpm_q20) {
+    step_rpm_q20 = most_rpm_q20;
+    current_i_q25 = most_i_q25;
   }
   return current_i_q25 * ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
 }
