@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo check test can canopen native test-socketcan lint regression campaign population mutation coverage bench synth formal docs site diagrams release-check setup
+.PHONY: help demo wheel check test can canopen native test-socketcan lint regression campaign population mutation coverage bench synth formal docs site diagrams release-check setup
 .PHONY: place clean distclean
 
 # A target's text stands behind ## with what it gives; its group stands in a line of its own behind ##@.
@@ -45,6 +45,11 @@ demo: $(RUN) ## a motor from standstill to 60 000 r/min: results and plots in bu
 
 synth: $(SYNTH) ## bitstreams and sizes for ECP5 by Yosys and nextpnr: build/synth; 1 h (ONLY=three-phase)
 	@$(PY) -m fluxlock.synth $(ONLY) --seed $(SEED) --jobs $(JOBS)
+
+##@ Take it along
+
+wheel: $(TEST) ## the package, dist/fluxlock-VERSION-py3-none-any.whl: pip installs it without a checkout
+	@$(PY) -m hatchling build -t wheel
 
 ##@ Check a change
 

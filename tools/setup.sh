@@ -9,15 +9,7 @@ tools/place.sh
 UV_VERSION=0.13.8
 
 missing=""
-need() { # command, Debian package, Fedora package
-    command -v "$1" >/dev/null 2>&1 || missing="$missing\n  $1: install $2 (Debian, Ubuntu) or $3 (Fedora)"
-}
-need perl perl perl
-need git git git
-need make make make
-command -v "${CXX:-g++}" >/dev/null 2>&1 ||
-    missing="$missing\n  ${CXX:-g++}: install g++ (Debian, Ubuntu) or gcc-c++ (Fedora), or set CXX"
-
+command -v git >/dev/null 2>&1 || missing="\n  git: install git (Debian, Ubuntu) or git (Fedora)"
 python=""
 for candidate in ${PYTHON:-python3} python3.14 python3.13 python3.12 python3.11; do
     if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then
@@ -26,10 +18,7 @@ for candidate in ${PYTHON:-python3} python3.14 python3.13 python3.12 python3.11;
     fi
 done
 [ -n "$python" ] || missing="$missing\n  Python 3.11 or newer: install python3, or set PYTHON"
-if [ -n "$missing" ]; then
-    printf 'error: this machine lacks:%b\n' "$missing" >&2
-    exit 2
-fi
+tools/needs.sh "$missing"
 
 echo "environment: $*; the first time up to a minute"
 # An environment that holds no path of its own: scripts find the interpreter beside them, so that a copy of the checkout
@@ -50,7 +39,10 @@ if ! grep -qs '^relocatable = true' .venv/pyvenv.cfg || ! .venv/bin/uv --version
     mv build/uv .venv/bin/uv
 fi
 groups=""
-for group in "$@"; do groups="$groups --group $group"; done
+for group in "$@"; do
+    # What a run needs is what the package needs: no group.
+    [ "$group" = run ] || groups="$groups --group $group"
+done
 # --inexact: a target adds its group and leaves those of others in place.
 # shellcheck disable=SC2086
 .venv/bin/uv sync --quiet --frozen --inexact $groups

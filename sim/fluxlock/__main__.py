@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 from fluxlock.interrupts import leave_when_interrupted, raise_when_interrupted
+from fluxlock.paths import BUILD, ROOT
 
 
 def refuse_place() -> None:
     """End with exit code 2 in a folder or on a machine that the tools refuse; they say why."""
-    code = subprocess.call([Path(__file__).parents[2] / "tools" / "place.sh"])
+    code = subprocess.call(["sh", ROOT / "tools" / "place.sh", BUILD])
     if code:
         sys.exit(code)
 

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 from fluxlock import regblock
-from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash, tool_environment
+from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.soft_core import soft_core
 from fluxlock.writable import check_folder, file_lock, guarded
 
@@ -25,9 +25,15 @@ IO_BASE = 0x8000_0000
 
 
 def check_build() -> None:
-    """See that the folders which builds and runs fill can be written; OSError names the one that refuses."""
+    """See that the machine has the tools, and that the folders which builds and runs fill can be written.
+
+    A missing tool is named on the error output and ends the program, exit code 2; OSError names a folder that refuses.
+    """
     from fluxlock.plant.build import cache_folder
 
+    code = subprocess.call(["sh", ROOT / "tools" / "needs.sh"])
+    if code:
+        sys.exit(code)
     for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", BUILD / "bindings", cache_folder()):
         check_folder(folder)
 

@@ -44,10 +44,12 @@ from fluxlock.export.command import export
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
+from fluxlock.init_command import init
 from fluxlock.motor_cli import app as motor_app
-from fluxlock.paths import BUILD, ROOT
+from fluxlock.paths import BUILD, INSTALLED, RESULTS, ROOT, needs_checkout
 from fluxlock.population.cli import app as population_app
 from fluxlock.progress import ProgressBar
+from fluxlock.sweep_cli import sweep
 from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
 
 if TYPE_CHECKING:
@@ -61,7 +63,8 @@ EXIT_TERMINATED = 128 + signal.SIGTERM
 SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 WAVES = "simulator/waves.fst"
-FAILS = "docs/fails/index.md"  # page of the checkout on what each failure means
+DEMO = (RESULTS if INSTALLED else BUILD) / "demo"
+FAILS = ROOT / "docs" / "fails" / "index.md"  # what each failure means
 
 app = typer.Typer(
     cls=Grouped,
@@ -177,8 +180,7 @@ def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
 
 @app.command(rich_help_panel=RUN, epilog=example("fluxlock demo"))
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for results.", show_default="build/demo of the checkout")] = BUILD
-    / "demo",
+    out: Annotated[Path, typer.Option(help="Folder for results.", show_default="build/demo of the checkout")] = DEMO,
     seed: SeedOption = None,
 ) -> None:
     """Start a motor without a sensor, hold 60 000 r/min, take a load step.
@@ -229,7 +231,7 @@ def run(
     if gdb and native:
         raise ConfigError([Problem("--gdb", gdb, 'is for the core; with --native use --debugger "gdb --args"')])
     loaded = _checked(scenario, set_, allow_overload)
-    out_dir = out if out is not None else Path("build") / scenario.stem
+    out_dir = out if out is not None else RESULTS / scenario.stem
     with _output(out_dir):
         _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware, gdb)
 
@@ -264,7 +266,7 @@ def _run(
     say(outcome.verdict)
     _report(console, outcome.result, out_dir)
     if not outcome.verdict.passed:
-        print(f"what to do: {FAILS}", file=sys.stderr)
+        print(f"what to do: {_from_here(FAILS)}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
 
 
@@ -305,7 +307,7 @@ def profile(
     if not from_s < end_s <= loaded.duration_s:
         text = f"must be after --from, {from_s:g} s, and within the run of {loaded.duration_s:g} s"
         raise ConfigError([Problem("--to", f"{end_s:g}", text)])
-    out_dir = out if out is not None else Path("build") / f"{scenario.stem}-profile"
+    out_dir = out if out is not None else RESULTS / f"{scenario.stem}-profile"
     span = (round(from_s * CLOCK_HZ), round(end_s * CLOCK_HZ))
     with _output(out_dir), ProgressBar(Console(stderr=True), loaded.duration_s) as progress:
         try:
@@ -345,6 +347,16 @@ def scope_command(
     print(f"written: {path}, {still.name}")
 
 
+app.command(rich_help_panel=RUN, epilog=example("fluxlock init my-drive"))(init)
+app.command(
+    rich_help_panel=RUN,
+    epilog=example(
+        "fluxlock sweep scenarios/own-spindle.toml --twin --set motor.resistance_ohm=0.8x:1.2x:5",
+        "fluxlock sweep scenarios/own-spindle.toml --set drive.commutation=RSC,NSC,CSC",
+    ),
+)(sweep)
+
+
 @app.command(
     rich_help_panel=MOTOR,
     epilog=example("fluxlock identify --plant motors/motor-1.toml --inverter inverters/bench-25v.toml"),
@@ -366,7 +378,7 @@ def identify(
     from fluxlock.commission.bench import bench_of
 
     bench = bench_of(plant, inverter)
-    path = out if out is not None else Path("build") / "identify" / f"{plant.stem}.toml"
+    path = out if out is not None else RESULTS / "identify" / f"{plant.stem}.toml"
     if path.suffix != ".toml":
         raise ConfigError([Problem("--out", str(path), "must be a file name that ends in .toml")])
     if path.resolve() in (plant.resolve(), inverter.resolve()):
@@ -424,7 +436,7 @@ def native(
         if seconds is not None or memory is not None:
             text = "ends with the scenario and keeps no memory; leave out --seconds and --memory"
             raise ConfigError([Problem("--play", "", text)])
-        folder = out if out is not None else Path("build") / f"{scenario.stem}-native"
+        folder = out if out is not None else RESULTS / f"{scenario.stem}-native"
         _play(loaded, folder, loaded.seed if seed is None else seed)
         return
     if out is not None:
@@ -447,7 +459,7 @@ def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
     say(outcome.verdict)
     _report(Console(), outcome.result, out_dir)
     if not outcome.verdict.passed:
-        print(f"what to do: {FAILS}", file=sys.stderr)
+        print(f"what to do: {_from_here(FAILS)}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
 
 
@@ -472,7 +484,7 @@ def can_command(
     from fluxlock.cosim.can_command import join, run_can
 
     loaded = _checked(scenario, set_)
-    out_dir = out if out is not None else Path("build") / scenario.stem
+    out_dir = out if out is not None else RESULTS / scenario.stem
     try:
         with join(loaded, can) as bus, _output(out_dir):
             passed = run_can(loaded, bus, can, out_dir, loaded.seed if seed is None else seed, seconds)
@@ -504,6 +516,7 @@ def regression(
     The command keeps finished runs and does not repeat them.
     A row fails when it misses a limit or leaves the bands of docs/verification/record.json.
     """
+    needs_checkout("regression")
     from fluxlock.regression.command import accept_rows, list_cases, record_regression, run_regression
 
     if (accept or record) and (quick or list_ or seed is not None or (accept and (record or cases))):
@@ -542,6 +555,7 @@ def campaign(
     Runs finished before with equal inputs are not repeated.
     `python -m fluxlock.campaign.page` makes the page of the documentation from it.
     """
+    needs_checkout("campaign")
     from fluxlock.campaign.command import run as run_campaign
 
     if not run_campaign(drives or [], quick, every, 1 if seed is None else seed, 0 if show else jobs):
@@ -562,6 +576,7 @@ def fuzz(
 
     Every access must be answered too.
     """
+    needs_checkout("fuzz")
     from fluxlock.campaign.fuzz import fuzz_drives
 
     if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
@@ -600,6 +615,7 @@ def figures(
     Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
     `python -m fluxlock.docs.figures` makes the page of the documentation from what stands in build/figures.
     """
+    needs_checkout("figures")
     from fluxlock.figures.command import list_figures, run_figures
 
     if list_:
@@ -622,6 +638,7 @@ def mutate(
 
     `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
     """
+    needs_checkout("mutate")
     from fluxlock.mutation.command import mutate as run_mutate
 
     if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fluxlock.paths import RTL
+from fluxlock.paths import BUILD, ROOT, RTL
 
 CHIP_LIST = RTL / "fl_soc.f"
 BOARD_FOLDER = RTL / "board"
@@ -25,6 +25,8 @@ def read_list(path: Path) -> list[Path]:
         if not words:
             continue
         named = (path.parent / words[-1]).resolve()
+        if named.is_relative_to(ROOT / "build"):  # generated: an installed package builds elsewhere
+            named = BUILD / named.relative_to(ROOT / "build")
         files += read_list(named) if words[0] == "-F" else [named]
     return files
 

@@ -18,6 +18,8 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
+from fluxlock.paths import shipped
+
 RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY = "Run", "Motor", "Live bus", "Board", "Theory", "Verify"
 GROUPS = (RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY)
 Command = typer.core.TyperCommand | typer.core.TyperGroup
@@ -97,12 +99,12 @@ def fit_help() -> None:
 
 
 def complete_toml(folder: str) -> Callable[[str], list[str]]:
-    """Completion of a TOML file's name; nothing typed yet offers the files of `folder` where there are any."""
+    """Completion of a TOML file's name; nothing typed yet offers those here, else the ones of `folder`."""
 
     def complete(incomplete: str) -> list[str]:
-        typed = incomplete or (f"{folder}/" if Path(folder).is_dir() else "")
+        typed = incomplete or (f"{folder}/" if Path(folder).is_dir() or not any(Path().glob("*.toml")) else "")
         head, _, beginning = typed.rpartition("/")
-        base = Path(f"{head}/") if head or typed.startswith("/") else Path()
+        base = shipped(Path(f"{head}/") if head or typed.startswith("/") else Path())
         prefix = typed[: len(typed) - len(beginning)]
         if not base.is_dir():
             return []

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where things are in a checkout, and the environment that the tools from the wheels need."""
+"""Where things are in a checkout or an installed package, and the environment that the tools from the wheels need."""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import importlib.util
 import os
@@ -12,9 +13,25 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = Path(__file__).resolve().parent
+SHARE = PACKAGE / "share"  # in a wheel: what a run needs of the checkout, laid out as there
+INSTALLED = SHARE.is_dir()
+
+
+def _cache() -> Path:
+    """Folder of what an installed package builds: of the user, one for each version and place of the package."""
+    from importlib.metadata import version
+
+    from platformdirs import user_cache_dir
+
+    place = hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:8]
+    return Path(user_cache_dir("fluxlock")) / f"{version('fluxlock')}-{place}"
+
+
+ROOT = SHARE if INSTALLED else PACKAGE.parents[1]
 RTL = ROOT / "rtl"
-BUILD = ROOT / "build"
+BUILD = _cache() if INSTALLED else ROOT / "build"
+RESULTS = Path("build")  # of the current folder: results of a run, unless --out names another folder
 GENERATED = BUILD / "generated"
 
 # Blocks with registers, in the order of the address map.
@@ -39,11 +56,25 @@ REGISTER_BLOCKS = (
 )
 
 
+def shipped(path: Path) -> Path:
+    """The path, or where nothing is there, what comes with Fluxlock under that name: scenarios/demo.toml, motors."""
+    return ROOT / path if not path.is_absolute() and not path.exists() and (ROOT / path).exists() else path
+
+
+def needs_checkout(command: str) -> None:
+    """Refuse a command that reads or writes what only a checkout has: OSError in an installed package."""
+    if INSTALLED:
+        text = "needs a checkout of the repository: its tests, records and pages are not in the installed package"
+        raise OSError(errno.ENOTSUP, text, f"fluxlock {command}")
+
+
 def package_dir(name: str) -> Path:
     """Folder of an installed package, without importing it."""
     spec = importlib.util.find_spec(name)
     if spec is None or spec.origin is None:
-        raise FileNotFoundError(f"Python package {name!r} is not installed: run `make setup`")
+        raise FileNotFoundError(
+            f"Python package {name!r} is not installed: run `make setup`, or install fluxlock again"
+        )
     return Path(spec.origin).parent
 
 

@@ -28,6 +28,7 @@ ADVICE = {
     errno.EROFS: "work in a checkout that can be written",
     errno.ENOSPC: ROOM,
     errno.EDQUOT: ROOM,
+    errno.ENOTSUP: "clone the repository and run it there",
 }
 
 

@@ -72,17 +72,16 @@ def test_interrupted_while_workers_load(seen: str) -> None:
     program = """
 from fluxlock.regression import runner
 
-runner.build_chip = runner.build_firmware = lambda *_, **__: None
 print("workers begin", file=sys.stderr, flush=True)
 try:
-    runner.side_by_side(runner._rows, ["a", "b"], False, 1, 2, print)
+    runner.side_by_side(runner._rows, ["a", "b"], 2, print)
 except KeyboardInterrupt:
     sys.exit(130)
 """
     assert interrupted(program, seen, "workers begin") == (130, "workers begin\n")
 
 
-def write_and_sleep(name: str, quick: bool, seed: int) -> None:
+def write_and_sleep(name: str) -> None:
     """Work of a worker that would last: leaves its process's number in the file `name`."""
     partial = Path(f"{name}.partial")
     partial.write_text(str(os.getpid()))
@@ -105,12 +104,11 @@ def test_terminated_while_workers_work(tmp_path: Path) -> None:
     """
     program = f"""
 import signal, sys
-from fluxlock.regression import runner
+from fluxlock.workers import side_by_side
 from tests.config.test_entry import write_and_sleep
 
-runner.build_chip = runner.build_firmware = lambda *_, **__: None
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-runner.side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)], False, 1, 2, print)
+side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)], 2, print)
 """
     command = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, start_new_session=True)
     begun = [tmp_path / "0", tmp_path / "1"]

@@ -85,11 +85,12 @@ def test_rows_are_made_with_their_revision(monkeypatch: pytest.MonkeyPatch) -> N
     revisions = iter(("at the beginning", "at the end"))
     monkeypatch.setattr(origin, "git_revision", lambda: next(revisions))
 
-    def side_by_side(work: Any, names: Any, quick: bool, seed: int, jobs: int, done: Any) -> None:
+    def side_by_side(work: Any, names: Any, jobs: int, done: Any) -> None:
         for name in names:
             done(name, [row(name)])
 
     monkeypatch.setattr(runner, "side_by_side", side_by_side)
+    monkeypatch.setattr(runner, "prepare_runs", lambda quick: None)
     made = runner.run_cases(["six-step/hall", "six-step/patterns"], seed=7)
     assert [(r["id"], r["git_revision"], r["seed"]) for r in made["rows"]] == [
         ("six-step/hall", "at the beginning", 7),

@@ -130,17 +130,13 @@ def three(monkeypatch: pytest.MonkeyPatch) -> None:
         command.FIGURES[f"six-step/{number}"] = type(FIGURES["six-step/2.5"])("six-step", number, body)
 
     def one_by_one(
-        work: Callable[[str, bool, int], Any],
-        names: Sequence[str],
-        quick: bool,
-        seed: int,
-        jobs: int,
-        done: Callable[[str, Any], None],
+        work: Callable[[str], Any], names: Sequence[str], jobs: int, done: Callable[[str, Any], None]
     ) -> None:
         for name in names:
-            done(name, work(name, quick, seed))
+            done(name, work(name))
 
     monkeypatch.setattr(command, "side_by_side", one_by_one)
+    monkeypatch.setattr(command, "prepare_runs", lambda quick: None)
 
 
 def test_command(three: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,7 +35,7 @@ from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, image_of, prepare
 from fluxlock.cosim.upsets import read_upset_table
-from fluxlock.paths import BUILD, ROOT, content_hash
+from fluxlock.paths import BUILD, PACKAGE, content_hash
 from fluxlock.writable import InUseError, alone
 
 FOLDER = BUILD / "campaign"
@@ -164,7 +164,7 @@ def open_book(drive: Drive, seed: int) -> Book:
         plan = replace(plan, peer=master_of(scenario))
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
     sources = [*(Path(__file__).with_name(f"{name}.py") for name in ("judge", "master")), plan.folder / IMAGE_FILE]
-    sources += [path for part in ("plant", "cosim") for path in (ROOT / "sim" / "fluxlock" / part).glob("*.py")]
+    sources += [path for part in ("plant", "cosim") for path in (PACKAGE / part).glob("*.py")]
     return Book(drive, scenario, plan, content_hash(sources, chip_for(drive).key, settings, seed))
 
 

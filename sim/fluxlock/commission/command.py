@@ -20,6 +20,7 @@ from fluxlock.analysis.verdict import say
 from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, verdict, write_motor
 from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.paths import RESULTS
 from fluxlock.progress import Bars
 
 
@@ -54,7 +55,7 @@ def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz:
     False: the measurement cannot be vouched for.
     """
     known_of(bench)  # refuses a bench before anything is written
-    folder = Path("build") / "identify" / out.stem
+    folder = RESULTS / "identify" / out.stem
     _check_writable(out, folder)
     measured = _measure(bench, folder, seed)
     plate = plate_of(bench.motor)

@@ -10,7 +10,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Unpack
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, ValidationInfo, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from fluxlock.interface.settings import Setting, load_settings
@@ -36,9 +45,9 @@ class Model(BaseModel):
     @classmethod
     def _check_range(cls, value: object, info: ValidationInfo) -> object:
         extra = cls.model_fields[info.field_name or ""].json_schema_extra
-        if value is None or not isinstance(extra, dict) or "min" not in extra:
+        if value is None or not isinstance(extra, dict) or "minimum" not in extra:
             return value
-        low, high, unit = extra["min"], extra["max"], str(extra["unit"])
+        low, high, unit = extra["minimum"], extra["maximum"], str(extra["unit"])
         assert isinstance(low, (int, float)) and isinstance(high, (int, float))
         elements = value if isinstance(value, tuple) else (value,)
         for index, element in enumerate(elements):
@@ -106,7 +115,13 @@ def quantity(
     absent: what happens when an optional key without a plain default is left out, for the schema page. below: what to
     do instead, for the message of a value below the range.
     """
-    extra: dict[str, JsonValue] = {"unit": unit, "min": minimum, "max": maximum, "absent": absent, "below": below}
+    extra: dict[str, JsonValue] = {
+        "unit": unit,
+        "minimum": minimum,
+        "maximum": maximum,
+        "absent": absent,
+        "below": below,
+    }
     return Field(default, description=description, json_schema_extra=extra)
 
 
@@ -133,7 +148,15 @@ def _powers(value: object) -> object:
     raise PydanticCustomError("powers", "must be an array of one to four numbers, the powers 0 to 3")
 
 
-ProfilePoint = Annotated[tuple[float, float], BeforeValidator(_pair)]
-PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v))]
-Powers = Annotated[tuple[float, float, float, float], BeforeValidator(_powers)]
-SectorValues = Annotated[tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v))]
+def _numbers(low: int, high: int, one: bool = False) -> WithJsonSchema:
+    """JSON schema of what a file states for a tuple. one: a single number stands for equal ones."""
+    array: dict[str, Any] = {"type": "array", "items": {"type": "number"}, "minItems": low, "maxItems": high}
+    return WithJsonSchema({"anyOf": [{"type": "number"}, array]} if one else array)
+
+
+ProfilePoint = Annotated[tuple[float, float], BeforeValidator(_pair), _numbers(2, 2)]
+PhaseValues = Annotated[tuple[float, float, float], BeforeValidator(lambda v: _expand(3, v)), _numbers(3, 3, True)]
+Powers = Annotated[tuple[float, float, float, float], BeforeValidator(_powers), _numbers(1, 4)]
+SectorValues = Annotated[
+    tuple[float, float, float, float, float, float], BeforeValidator(lambda v: _expand(6, v)), _numbers(6, 6, True)
+]

@@ -10,7 +10,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -23,6 +23,7 @@ from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Accept, Scenario, Sources
+from fluxlock.paths import shipped
 
 _TYPE_WORDS = {
     "float_type": "a number",
@@ -286,7 +287,7 @@ def _load_plain(source: _Source) -> Model:
 
 def load_motor(path: Path | str) -> Motor:
     """Read and check a motor file."""
-    path = Path(path)
+    path = shipped(Path(path))
     motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path), Motor), ""))
     assert isinstance(motor, Motor)
     return motor
@@ -294,7 +295,7 @@ def load_motor(path: Path | str) -> Motor:
 
 def load_inverter(path: Path | str) -> Inverter:
     """Read and check an inverter file."""
-    path = Path(path)
+    path = shipped(Path(path))
     inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path), Inverter), ""))
     assert isinstance(inverter, Inverter)
     return inverter
@@ -320,7 +321,7 @@ def _load_part(
         problems.append(Problem(referrer.file, name, text))
         return None, name
     # A path on the command line starts where the command runs, one in the file where the file is.
-    path = Path(os.path.normpath(Path(reference) if replaced else folder / reference))
+    path = Path(os.path.normpath(shipped(Path(reference)) if replaced else folder / reference))
     try:
         source = _Source(model, str(path), _read_toml(path, str(path), model, referrer), f"{name}.")
         source.override(Override(o.key[1:], o.value) for o in overrides if o.key[0] == name and len(o.key) > 1)
@@ -333,34 +334,71 @@ def _load_part(
 ALLOW_OVERLOAD = "--allow-overload"
 
 
-def load_scenario(path: Path | str, overrides: Iterable[str] = (), *, allow_overload: bool = False) -> Scenario:
-    """Read a scenario with its motor and inverter, apply `key=value` overrides, check everything.
+def load_scenario(
+    path: Path | str, overrides: Iterable[str | Override] = (), *, allow_overload: bool = False
+) -> Scenario:
+    """Read a scenario with its motor and inverter, apply overrides (`key=value` or objects), check everything.
 
     allow_overload: the limit of the current may keep the drive from its speeds, as `[[accept]]` would say.
 
     Override keys are those of the scenario file; `motor.x` and `inverter.x` reach into those files,
     `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
     """
-    path = Path(path)
+    path = shipped(Path(path))
     source = _Source(Scenario, str(path), _read_toml(path, str(path), Scenario), "")
     parsed: list[Override] = []
     problems: list[Problem] = []
-    for text in overrides:
+    for override in overrides:
         try:
-            parsed.append(Override.parse(text))
+            parsed.append(override if isinstance(override, Override) else Override.parse(override))
         except ConfigError as error:
             problems += error.problems
     motor, motor_file = _load_part("motor", Motor, source, path.parent, parsed, problems)
     inverter, inverter_file = _load_part("inverter", Inverter, source, path.parent, parsed, problems)
-    for override in parsed:
+    # Instances pass as they are; a part with problems is left out and its absence not reported a second time.
+    source.table = {k: v for k, v in source.table.items() if k not in ("motor", "inverter")}
+    source.table |= {k: v for k, v in (("motor", motor), ("inverter", inverter)) if v is not None}
+    files = Sources(str(path), motor_file, inverter_file, tuple(o.key for o in parsed))
+    return _checked(source, parsed, files, problems, allow_overload)
+
+
+def changed(scenario: Scenario, overrides: Iterable[Override]) -> Scenario:
+    """A scenario with keys changed, checked like one that is read; `motor` and `inverter` by a whole model too.
+
+    Raises ConfigError with all problems.
+    """
+    parsed, problems = list(overrides), list[Problem]()
+    files = scenario.sources
+    source = _Source(Scenario, files.scenario, scenario.model_dump(exclude_unset=True), "")
+    for name, model, file in (("motor", Motor, files.motor), ("inverter", Inverter, files.inverter)):
+        whole = [o.value for o in parsed if o.key == (name,)]
+        if whole and not isinstance(whole[-1], model):
+            problems.append(Problem(SET_OPTION, name, f"must be a {model.__name__}, not {_shown(whole[-1])}"))
+        base = whole[-1] if whole and isinstance(whole[-1], model) else getattr(scenario, name)
+        part = _Source(model, file, base.model_dump(exclude_unset=True), f"{name}.")
+        try:
+            part.override(Override(o.key[1:], o.value) for o in parsed if o.key[0] == name and len(o.key) > 1)
+            source.table[name] = _load_plain(part)
+        except ConfigError as error:
+            problems += error.problems
+            source.table[name] = getattr(scenario, name)
+    return _checked(source, parsed, replace(files, overrides=(*files.overrides, *(o.key for o in parsed))), problems)
+
+
+def _checked(
+    source: _Source,
+    overrides: Sequence[Override],
+    files: Sources,
+    problems: list[Problem],
+    allow_overload: bool = False,
+) -> Scenario:
+    """The scenario of a table with motor and inverter in it; problems: what was found on the way here."""
+    for override in overrides:
         if override.key[0] not in ("motor", "inverter"):
             try:
                 source.override([override])
             except ConfigError as error:
                 problems += error.problems
-    # Instances pass as they are; a part with problems is left out and its absence not reported a second time.
-    source.table = {k: v for k, v in source.table.items() if k not in ("motor", "inverter")}
-    source.table |= {k: v for k, v in (("motor", motor), ("inverter", inverter)) if v is not None}
     try:
         scenario = Scenario.model_validate(source.table)
     except ValidationError as error:
@@ -368,9 +406,9 @@ def load_scenario(path: Path | str, overrides: Iterable[str] = (), *, allow_over
         raise ConfigError(problems) from None
     if allow_overload:
         scenario.accept.append(Accept(what="current", why=ALLOW_OVERLOAD))
-    scenario._sources = Sources(str(path), motor_file, inverter_file, tuple(o.key for o in parsed))
+    scenario._sources = files
     for p in check_scenario(scenario):
-        problems.append(source.problem(p.key, p.message) if p.file == str(path) else scenario.sources.charged(p))
+        problems.append(source.problem(p.key, p.message) if p.file == files.scenario else scenario.sources.charged(p))
     if problems:
         raise ConfigError(problems)
     return scenario

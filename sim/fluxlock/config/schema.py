@@ -92,8 +92,8 @@ def _default(info: FieldInfo) -> str:
 def _row(key: str, info: FieldInfo) -> str:
     extra = info.json_schema_extra
     unit, permitted = "", ", ".join(f"`{v}`" for v in _literals(info.annotation))
-    if isinstance(extra, dict) and "min" in extra:
-        low, high = extra["min"], extra["max"]
+    if isinstance(extra, dict) and "minimum" in extra:
+        low, high = extra["minimum"], extra["maximum"]
         assert isinstance(low, (int, float)) and isinstance(high, (int, float))
         unit, permitted = str(extra["unit"]), range_text(low, high, "")
     kind = _kind(info.annotation)

@@ -29,7 +29,8 @@ from fluxlock.paths import ROOT
 from fluxlock.plant import PlantParams
 from fluxlock.progress import counting_bars
 from fluxlock.regression.origin import kept, origin
-from fluxlock.regression.runner import RunFailed, Runner, side_by_side
+from fluxlock.regression.runner import RunFailed, Runner, prepare_runs
+from fluxlock.workers import side_by_side
 from fluxlock.writable import refusal
 
 SCHEMA_VERSION = 2  # 2: a row says who sets the speed, and whether it agrees
@@ -139,7 +140,9 @@ def draw_all(
             found[number] = part
             progress.update(task, advance=1, description=f"drawn {number}")
 
-        side_by_side(partial(draw, family, out), [f.number for f in entries], quick, seed, jobs, done)
+        prepare_runs(quick)
+        work = partial(draw, family, out, quick=quick, seed=seed)
+        side_by_side(work, [f.number for f in entries], jobs, done)
     return found
 
 

@@ -13,6 +13,7 @@ import typer
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
+from fluxlock.paths import needs_checkout
 from fluxlock.population.draw import POPULATIONS, Population
 
 app = typer.Typer(
@@ -28,6 +29,11 @@ MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step, vec
 
 
 EXIT_FAILED = 1
+
+
+@app.callback()
+def _population() -> None:
+    needs_checkout("population")
 
 
 def population_of(text: str) -> Population:

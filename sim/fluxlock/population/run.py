@@ -9,10 +9,8 @@ A life that has run is not run again, so a population that was interrupted goes 
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,6 @@ from typing import Any
 from fluxlock import analysis, native
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_host_library
-from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, content_hash
 from fluxlock.population.draw import Draw, Population
 from fluxlock.population.injection_draw import InjectionDraw
@@ -28,6 +25,7 @@ from fluxlock.population.injection_judge import judge_injection, row_of
 from fluxlock.population.injection_life import InjectionLife, injection_life, injection_refusals, play_injection
 from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
+from fluxlock.workers import side_by_side
 from fluxlock.writable import check_folder
 
 FOLDER = BUILD / "population"
@@ -119,21 +117,11 @@ def run_life(method: Population, seed: int, made_by: str, index: int) -> Row:
 def run_lives(method: Population, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
     """Rows of the lives by index; done: called for each as it comes."""
     check_folder(FOLDER / method)
-    work, rows = partial(run_life, method, seed, makers()), []
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (__name__,)) as pool:
-        hold_interrupts()
-        try:
-            pending = [pool.submit(work, index) for index in indices]  # begins the workers
-        finally:
-            release_interrupts()
-        try:
-            for future in as_completed(pending):
-                rows.append(future.result())
-                done()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            # SIGTERM and an error have reached this process alone.
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
+    rows: list[Row] = []
+
+    def store(_: int, row: Row) -> None:
+        rows.append(row)
+        done()
+
+    side_by_side(partial(run_life, method, seed, makers()), list(indices), jobs, store)
     return sorted(rows, key=lambda row: int(row["index"]))

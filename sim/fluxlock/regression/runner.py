@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import shutil
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from fluxlock import commission
 from fluxlock.analysis.result import tool_versions
@@ -29,12 +28,12 @@ from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import run_program, run_script
 from fluxlock.cosim.run import chip_of, image_of, run_scenario
 from fluxlock.firmware import build_commission, build_firmware, build_program
-from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
 from fluxlock.regression.case import CASES, Number, Row
 from fluxlock.regression.origin import kept, origin
 from fluxlock.regression.record import judged, read_record
+from fluxlock.workers import side_by_side
 from fluxlock.writable import check_folder, file_lock, refusal
 
 SCHEMA_VERSION = 1
@@ -45,9 +44,6 @@ MEASURED = "measured.json"
 KEYS = FOLDER / "keys"  # a file per finished run, named by its key: the folder below FOLDER that holds the run
 # Python that a run's data depend on; the metrics are computed anew from the data.
 RUN_SOURCES = ("plant", "cosim", "config", "firmware")
-
-
-Item = TypeVar("Item")
 
 
 class RunFailed(Exception):
@@ -231,7 +227,9 @@ def run_cases(
         if done is not None:
             done(name, found)
 
-    side_by_side(_rows, sorted(order, key=lambda name: not CASES[name].long), quick, seed, jobs, store)
+    prepare_runs(quick)
+    first = sorted(order, key=lambda name: not CASES[name].long)
+    side_by_side(partial(_rows, quick=quick, seed=seed), first, jobs, store)
     return {
         "schema": SCHEMA_VERSION,
         "quick": quick,
@@ -241,36 +239,13 @@ def run_cases(
     }
 
 
-def side_by_side(
-    work: Callable[[str, bool, int], Item],
-    names: Sequence[str],
-    quick: bool,
-    seed: int,
-    jobs: int,
-    done: Callable[[str, Item], None],
-) -> None:
-    """Call work(name, quick, seed) for all names in `jobs` processes; done: called with every result as it comes."""
+def prepare_runs(quick: bool) -> None:
+    """Before runs side by side: folders that can be written, and the first chip, once for all workers."""
     check_build()
     for folder in (FOLDER, FOLDER / ("quick" if quick else "full"), KEYS):
         check_folder(folder)
-    build_chip(method="six-step")  # once, before the workers ask for it
+    build_chip(method="six-step")
     build_firmware(BUILD / "firmware")
-    module = getattr(work, "func", work).__module__  # of a partial function: that of the function
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (module,)) as pool:
-        hold_interrupts()
-        try:
-            pending = {pool.submit(work, name, quick, seed): name for name in names}  # begins the workers
-        finally:
-            release_interrupts()
-        try:
-            for future in as_completed(pending):
-                done(pending[future], future.result())
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            # SIGTERM and an error have reached this process alone; the simulators end with the workers.
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
 
 
 def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -> dict[str, Any]:

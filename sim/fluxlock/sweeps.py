@@ -1,0 +1,267 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A scenario over a grid of values: every point runs by itself, the results become one table.
+
+The results of points are kept by content: equal sources, settings and seed are not run again, so that a sweep that was
+stopped goes on. All results are bit for bit those of one run after the other, whoever runs them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fluxlock.analysis.rundata import SimulationFault
+from fluxlock.api import scenario_of, simulate
+from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.paths import PACKAGE, ROOT, content_hash
+from fluxlock.workers import EXTRA, side_by_side
+from fluxlock.writable import check_folder
+
+if TYPE_CHECKING:
+    import pandas
+
+RIGHT, FAILED, BROKEN, REFUSED = "right", "failed", "broken", "refused"
+POINTS_MAX = 100_000
+SWEEP_OPTION = "--set"
+Row = dict[str, Any]
+Done = Callable[[Row], None]
+
+
+class OtherVersion(RuntimeError):
+    """A worker has another Fluxlock than the one that asks it."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One key and its values. key: dotted, as `--set` takes it. factors: the values multiply that of the file."""
+
+    key: str
+    values: tuple[Any, ...]
+    factors: bool = False
+
+    @staticmethod
+    def parse(text: str) -> Axis:
+        """Read `key=low:high:count`, `key=0.8x:1.2x:count` (of the file's) or `key=a,b,c`; else ConfigError."""
+        key, equals, stated = (part.strip() for part in text.partition("="))
+        if not equals or not key or not stated:
+            form = "must have the form KEY=LOW:HIGH:COUNT, KEY=0.8x:1.2x:COUNT or KEY=A,B,C"
+            raise ConfigError([Problem(SWEEP_OPTION, text, form)])
+        parts = stated.split(":")
+        if len(parts) == 3 and not stated.startswith(("[", "{", '"', "'")):
+            return _range(key, parts)
+        return Axis(key, tuple(_words(key, stated)))
+
+    def of(self, scenario: Scenario) -> Axis:
+        """With factors turned into values of a scenario; ConfigError if the key has no number there."""
+        if not self.factors:
+            return self
+        base: Any = scenario
+        for part in self.key.split("."):
+            base = getattr(base, part, None)
+        numbers = base if isinstance(base, tuple) else (base,)
+        if not all(isinstance(n, (int, float)) and not isinstance(n, bool) for n in numbers):
+            text = "has no number in the file that a factor could multiply: give the values themselves"
+            raise ConfigError([Problem(SWEEP_OPTION, self.key, text)])
+        scaled = [tuple(n * factor for n in numbers) for factor in self.values]
+        return Axis(self.key, tuple(s[0] if len(set(numbers)) == 1 else s for s in scaled))  # as the file states it
+
+
+def _range(key: str, parts: Sequence[str]) -> Axis:
+    relative = [part.strip().endswith("x") for part in parts[:2]]
+    try:
+        low, high = (float(part.strip().removesuffix("x")) for part in parts[:2])
+        count = int(parts[2])
+    except ValueError:
+        text = f"{':'.join(parts)} is no range of numbers LOW:HIGH:COUNT"
+        raise ConfigError([Problem(SWEEP_OPTION, key, text)]) from None
+    if relative[0] != relative[1]:
+        raise ConfigError([Problem(SWEEP_OPTION, key, "both ends are factors, 0.8x:1.2x, or none is")])
+    if not (np.isfinite(low) and np.isfinite(high) and 1 <= count <= POINTS_MAX):
+        text = f"needs finite ends and a count from 1 to {POINTS_MAX}, not {':'.join(parts)}"
+        raise ConfigError([Problem(SWEEP_OPTION, key, text)])
+    return Axis(key, tuple(float(v) for v in np.linspace(low, high, count)), relative[0])
+
+
+def _words(key: str, stated: str) -> list[Any]:
+    """Values between commas, each as TOML or, failing that, a word."""
+    try:
+        found = tomllib.loads(f"value = [{stated}]")["value"]
+    except tomllib.TOMLDecodeError:
+        found = [_word(word.strip()) for word in stated.split(",")]
+    if not found or "" in found:
+        raise ConfigError([Problem(SWEEP_OPTION, key, f"{stated!r} holds an empty value")])
+    return list(found)
+
+
+def _word(text: str) -> Any:  # noqa: ANN401 (what TOML may hold)
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+@cache
+def sources() -> str:
+    """Hash of everything that a result depends on: Python, RTL, firmware. Equal ones give equal bits."""
+    folders = (PACKAGE, ROOT / "rtl", ROOT / "sw", ROOT / "sim" / "native")
+    kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
+    return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of a sweep: its number, its keys, and the scenario that they make."""
+
+    index: int
+    keys: tuple[tuple[str, Any], ...]
+    scenario: Scenario
+
+    def key(self, seed: int | None, twin: bool, made_by: str) -> str:
+        """Under which the result is kept."""
+        settings = json.dumps(self.scenario.model_dump(mode="json"), sort_keys=True)
+        return content_hash([], made_by, settings, self.scenario.seed if seed is None else seed, twin)
+
+
+def points_of(scenario: Scenario, axes: Sequence[Axis]) -> tuple[list[Point], list[Row]]:
+    """Points of the grid, and rows of those that the checks refuse. The last axis changes fastest."""
+    axes = [axis.of(scenario) for axis in axes]
+    count = int(np.prod([len(axis.values) for axis in axes]))
+    if not axes or count > POINTS_MAX:
+        text = f"{count} points, permitted 1 to {POINTS_MAX}" if axes else f"no key to change: {SWEEP_OPTION} KEY=RANGE"
+        raise ConfigError([Problem(SWEEP_OPTION, "", text)])
+    points, refused = [], []
+    for index, values in enumerate(itertools.product(*(axis.values for axis in axes))):
+        keys = tuple(zip((axis.key for axis in axes), values, strict=True))
+        try:
+            points.append(Point(index, keys, _checked(scenario, dict(keys))))
+        except ConfigError as error:
+            reason = "; ".join(str(problem) for problem in error.problems)
+            refused.append({"point": index, **_shown(keys), "status": REFUSED, "reason": reason})
+    return points, refused
+
+
+def _checked(scenario: Scenario, keys: Mapping[str, Any]) -> Scenario:
+    from fluxlock.cosim.parameters import check_parameters
+
+    made = scenario_of(scenario, keys)
+    check_parameters(made)
+    return made
+
+
+def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
+    """Columns of a point's keys: numbers and words as they are, arrays as text."""
+    return {k: v if isinstance(v, (int, float, str, bool)) else json.dumps(v) for k, v in keys}
+
+
+def run_point(seed: int | None, twin: bool, made_by: str, point: Point) -> Row:
+    """Run one point and return its row. Raises OtherVersion where the sources are others."""
+    if sources() != made_by:
+        raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
+    head = {"point": point.index, **_shown(point.keys)}
+    try:
+        run = simulate(point.scenario, twin=twin, seed=seed)
+    except SimulationFault as error:
+        return {**head, "status": BROKEN, "reason": str(error)}
+    status = RIGHT if run.verdict.passed else FAILED
+    return {**head, "status": status, "reason": "; ".join(run.verdict.failures), **flat(run.metrics)}
+
+
+def flat(metrics: Mapping[str, Any]) -> dict[str, float]:
+    """Metrics as columns: window.metric.statistic -> number."""
+    found: dict[str, float] = {}
+    for name, value in metrics.items():
+        if isinstance(value, Mapping):
+            found |= {f"{name}.{below}": number for below, number in flat(value).items()}
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            found[name] = float(value)
+    return found
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A finished sweep. axes: keys and values; rows: one a point, in the order of the grid."""
+
+    axes: tuple[Axis, ...]
+    rows: list[Row]
+
+    def count(self, status: str) -> int:
+        """Points of a status: right, failed (verdict), broken (no result), refused (by the checks)."""
+        return sum(row["status"] == status for row in self.rows)
+
+    @property
+    def passed(self) -> bool:
+        """Whether points ran and each that did is right."""
+        return self.count(RIGHT) > 0 and self.count(FAILED) == self.count(BROKEN) == 0
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row a point: point, the keys, status, reason, then window.metric.statistic. Needs pandas."""
+        try:
+            import pandas
+        except ImportError:
+            raise ConfigError([Problem("sweep", "", f"the table needs pandas: {EXTRA}")]) from None
+        return pandas.DataFrame(self.rows).set_index("point")
+
+
+def sweep(
+    scenario: Scenario | Path | str,
+    axes: Mapping[str, Sequence[Any]] | Sequence[Axis],
+    *,
+    twin: bool = False,
+    seed: int | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    folder: Path | str | None = None,
+    done: Done | None = None,
+) -> Sweep:
+    """Run a scenario at every point of a grid.
+
+    axes: key -> values, `{"motor.resistance_ohm": [0.1, 0.2]}`, or `Axis` objects. twin, seed: see `simulate`. jobs:
+    processes of this machine. scheduler: address of a Dask scheduler in place of them, `tcp://host:8786`; its workers
+    need the same version of Fluxlock. folder: keeps the results of points, so that an equal sweep does not run them
+    again. done: called with each row as it comes.
+
+    Raises ConfigError (bad key, range or scheduler). A point that cannot run does not end the others: its row says why.
+
+    >>> made = sweep("scenarios/own-spindle.toml", {"drive.commutation": ["RSC", "NSC", "CSC"]}, jobs=2)
+    >>> made.to_dataframe()["steady.commutation_error_deg.rms"]
+    """
+    base = scenario_of(scenario)
+    grid = [Axis(k, tuple(v)) for k, v in axes.items()] if isinstance(axes, Mapping) else list(axes)
+    points, rows = points_of(base, grid)
+    store = Path(folder) / "points" if folder is not None else None
+    if store is not None:
+        check_folder(store)
+    made_by, left = sources(), []
+    for point in points:
+        kept = store / f"{point.key(seed, twin, made_by)}.json" if store is not None else None
+        if kept is not None and kept.exists():
+            rows.append(json.loads(kept.read_text(encoding="utf-8")) | {"point": point.index})
+        else:
+            left.append(point)
+    if done is not None:
+        for row in rows:
+            done(row)
+
+    def keep(point: Point, row: Row) -> None:
+        rows.append(row)
+        if store is not None and row["status"] != BROKEN:
+            part = store / f"{point.key(seed, twin, made_by)}.part"
+            part.write_text(json.dumps(row), encoding="utf-8")
+            part.replace(part.with_suffix(".json"))
+        if done is not None:
+            done(row)
+
+    if left:
+        side_by_side(partial(run_point, seed, twin, made_by), left, jobs, keep, scheduler)
+    axes_used = tuple(axis.of(base) for axis in grid)
+    return Sweep(axes_used, sorted(rows, key=lambda row: int(row["point"])))

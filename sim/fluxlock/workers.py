@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Work side by side: in processes of this machine, or on the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib import import_module
+from typing import Any, TypeVar
+
+from fluxlock.config.errors import ConfigError, Problem
+from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+ANSWER_S = 10  # a scheduler that has not answered by then is not there
+EXTRA = "pip install 'fluxlock[sweep]'"
+
+
+def side_by_side(
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    jobs: int,
+    done: Callable[[Item, Result], None],
+    scheduler: str | None = None,
+) -> None:
+    """Call work(item) for all items; done: called with every result as it comes, in this process.
+
+    jobs: processes of this machine. scheduler: address of a Dask scheduler, in place of them; a worker that is lost
+    costs its item's run, which another one repeats. An exception of `work` ends the rest and is raised. ConfigError: no
+    scheduler answers.
+    """
+    if scheduler is None:
+        _in_processes(work, items, jobs, done)
+    else:
+        _on_dask(work, items, scheduler, done)
+
+
+def _in_processes(
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int, done: Callable[[Item, Result], None]
+) -> None:
+    module = getattr(work, "func", work).__module__  # of a partial function: that of the function
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), begin_worker, (module,)) as pool:
+        hold_interrupts()
+        try:
+            pending = {pool.submit(work, item): item for item in items}  # begins the workers
+        finally:
+            release_interrupts()
+        try:
+            for future in as_completed(pending):
+                done(pending[future], future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            # SIGTERM and an error have reached this process alone; the simulators end with the workers.
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _on_dask(
+    work: Callable[[Item], Result], items: Sequence[Item], scheduler: str, done: Callable[[Item, Result], None]
+) -> None:
+    try:
+        distributed: Any = import_module("distributed")  # without types
+    except ImportError:
+        raise ConfigError([Problem("--scheduler", scheduler, f"needs Dask: {EXTRA}")]) from None
+    try:
+        client = distributed.Client(scheduler, timeout=ANSWER_S)
+    except (OSError, ValueError) as error:
+        text = f"no scheduler answers there ({error}); start one with `dask scheduler`, workers with `dask worker`"
+        raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
+    with client:
+        # pure: an equal item is not taken from the scheduler's memory, the store of results is ours.
+        pending = {client.submit(work, item, pure=False): item for item in items}
+        for future in distributed.as_completed(pending):
+            done(pending[future], future.result())

@@ -1,0 +1,211 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sweeps: ranges, grids, results kept by content, workers that are lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import fluxlock
+from fluxlock import sweeps, workers
+from fluxlock.cli import app
+from fluxlock.paths import ROOT
+from fluxlock.sweeps import Axis, points_of
+
+OWN = ROOT / "scenarios" / "own-spindle.toml"
+SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
+GRID = {"motor.resistance_ohm": [0.14, 0.15], "drive.commutation": ["RSC", "CSC"]}
+
+
+def short() -> fluxlock.Scenario:
+    return fluxlock.scenario_of(OWN, SHORT)
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "factors"),
+    [
+        ("motor.resistance_ohm=0.1:0.3:3", (0.1, 0.2, 0.3), False),
+        ("motor.resistance_ohm=0.8x:1.2x:3", (0.8, 1.0, 1.2), True),
+        ("drive.commutation=RSC,NSC,CSC", ("RSC", "NSC", "CSC"), False),
+        ("drive.carrier_hz=20_000, 40_000", (20_000, 40_000), False),
+        ("motor.resistance_ohm=[0.1, 0.1, 0.2],0.1", ([0.1, 0.1, 0.2], 0.1), False),
+        ("drive.zcd.linearity=true,false", (True, False), False),
+    ],
+)
+def test_ranges(text: str, values: tuple[Any, ...], factors: bool) -> None:
+    """Ranges, factors and lists.
+
+    Verifies: PACKAGE-8
+    """
+    axis = Axis.parse(text)
+    assert axis.values == pytest.approx(values) if isinstance(values[0], float) else axis.values == values
+    assert axis.factors == factors
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("motor.resistance_ohm", "must have the form"),
+        ("=1:2:3", "must have the form"),
+        ("motor.resistance_ohm=", "must have the form"),
+        ("motor.resistance_ohm=a:2:3", "no range of numbers"),
+        ("motor.resistance_ohm=1:2:0", "count from 1"),
+        ("motor.resistance_ohm=1:inf:3", "finite ends"),
+        ("motor.resistance_ohm=0.8x:1.2:3", "both ends are factors"),
+        ("drive.commutation=RSC,,CSC", "empty value"),
+        ("drive.commutation=0.8x:1.2x:3", "no number in the file"),
+        ("motor.no_such=0.8x:1.2x:3", "no number in the file"),
+    ],
+)
+def test_bad_ranges(text: str, message: str) -> None:
+    """What is no range is refused by key.
+
+    Verifies: PACKAGE-8
+    """
+    with pytest.raises(fluxlock.ConfigError, match=message):
+        points_of(short(), [Axis.parse(text)])
+
+
+def test_grid() -> None:
+    """The last key changes fastest; a point that the checks refuse has its reason, the others run.
+
+    Verifies: PACKAGE-8
+    """
+    points, refused = points_of(
+        short(), [Axis("motor.resistance_ohm", (0.14, -1.0)), Axis("drive.commutation", ("RSC", "CSC"))]
+    )
+    assert [dict(point.keys) for point in points] == [
+        {"motor.resistance_ohm": 0.14, "drive.commutation": "RSC"},
+        {"motor.resistance_ohm": 0.14, "drive.commutation": "CSC"},
+    ]
+    assert [row["point"] for row in refused] == [2, 3] and all("out of range" in row["reason"] for row in refused)
+    with pytest.raises(fluxlock.ConfigError, match="no key to change"):
+        points_of(short(), [])
+    with pytest.raises(fluxlock.ConfigError, match="permitted 1 to"):
+        points_of(short(), [Axis("seed", tuple(range(1000))), Axis("motor.resistance_ohm", tuple(range(1, 1000)))])
+
+
+def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results are kept by content: an equal sweep runs nothing, another seed or value does.
+
+    Verifies: PACKAGE-8
+    """
+    ran: list[int] = []
+
+    def one_by_one(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+        for point in items:
+            ran.append(point.index)
+            done(point, work(point))
+
+    monkeypatch.setattr(sweeps, "side_by_side", one_by_one)
+    first = fluxlock.sweep(short(), GRID, twin=True, folder=tmp_path)
+    assert ran == [0, 1, 2, 3] and first.passed
+    assert fluxlock.sweep(short(), GRID, twin=True, folder=tmp_path).rows == first.rows and len(ran) == 4
+    again = fluxlock.sweep(short(), {**GRID, "motor.resistance_ohm": [0.15, 0.16]}, twin=True, folder=tmp_path)
+    assert ran[4:] == [2, 3] and again.rows[0] == first.rows[2] | {"point": 0}
+    fluxlock.sweep(short(), {"drive.commutation": ["RSC"]}, twin=True, folder=tmp_path, seed=2)
+    assert ran[6:] == [0]
+
+
+def test_another_version() -> None:
+    """A worker whose sources differ is refused by name.
+
+    Verifies: PACKAGE-9
+    """
+    points, _ = points_of(short(), [Axis("drive.commutation", ("RSC",))])
+    with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
+        sweeps.run_point(1, True, "0123456789abcdef", points[0])
+
+
+def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No scheduler at the address: one line that says how to start one.
+
+    Verifies: PACKAGE-9
+    """
+    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
+    with pytest.raises(fluxlock.ConfigError, match="start one with `dask scheduler`"):
+        fluxlock.sweep(short(), GRID, twin=True, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
+        fluxlock.sweep(short(), GRID, twin=True, scheduler="nonsense://x")
+
+
+@pytest.fixture
+def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers, begun by hand."""
+    file = tmp_path / "scheduler.json"
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    scheduler = subprocess.Popen(
+        [*program, "--port", "0", "--host", "127.0.0.1", "--scheduler-file", file, "--no-dashboard"]
+    )
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
+    hands = [subprocess.Popen([*worker, "--no-dashboard", "--no-nanny"], cwd=tmp_path) for _ in range(2)]
+    try:
+        give_up = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < give_up:
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"], hands
+    finally:
+        for process in (*hands, scheduler):
+            process.kill()
+            process.wait()
+
+
+def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path) -> None:
+    """One of two workers is killed half-way: every point is there, bit for bit those of this machine's processes.
+
+    Verifies: PACKAGE-9
+    """
+    address, hands = dask
+    grid = {"motor.resistance_ohm": [0.14, 0.145, 0.15, 0.155], "drive.commutation": ["RSC", "CSC"]}
+    ended: list[int] = []
+
+    def done(row: dict[str, Any]) -> None:
+        ended.append(row["point"])
+        if len(ended) == 3:
+            os.kill(hands[0].pid, signal.SIGKILL)
+
+    lost = fluxlock.sweep(short(), grid, twin=True, scheduler=address, done=done)
+    assert sorted(ended) == list(range(8)) and hands[1].poll() is None
+    assert lost.rows == fluxlock.sweep(short(), grid, twin=True, jobs=2).rows
+
+
+def test_command(tmp_path: Path) -> None:
+    """Table, picture and a verdict in words; a refused point is named and the others run.
+
+    Verifies: PACKAGE-8
+    """
+    arguments = [
+        "sweep",
+        str(OWN),
+        "--twin",
+        "--jobs",
+        "1",
+        "--out",
+        str(tmp_path),
+        "--set",
+        "motor.resistance_ohm=0.15,-1",
+    ]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert (
+        done.stdout.startswith("ok: 1 of 1 points right")
+        and "refused (1), first at motor.resistance_ohm -1" in done.stdout
+    )
+    table = pd.read_parquet(tmp_path / "sweep.parquet")
+    assert list(table["status"]) == ["right", "refused"] and table["steady.speed_rpm.mean"][0] == pytest.approx(
+        15_000, rel=0.005
+    )
+    assert (tmp_path / "overview.png").stat().st_size > 10_000
