@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -17,7 +18,15 @@ from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupt
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 ANSWER_S = 10  # a scheduler that has not answered by then is not there
+LOST = (
+    "a worker process ended before its result: the machine has run out of memory, or a script asks for jobs > 1 "
+    'outside of `if __name__ == "__main__":`'
+)
 EXTRA = "pip install 'fluxlock[sweep]'"
+
+
+class WorkerLost(RuntimeError):
+    """A process of the pool ended without a word."""
 
 
 def side_by_side(
@@ -29,14 +38,17 @@ def side_by_side(
 ) -> None:
     """Call work(item) for all items; done: called with every result as it comes, in this process.
 
-    jobs: processes of this machine. scheduler: address of a Dask scheduler, in place of them; a worker that is lost
-    costs its item's run, which another one repeats. An exception of `work` ends the rest and is raised. ConfigError: no
-    scheduler answers.
+    jobs: processes of this machine; 1: this one alone. scheduler: address of a Dask scheduler, in place of them; a
+    worker that is lost costs its item's run, which another one repeats. An exception of `work` ends the rest and is
+    raised. WorkerLost: a process ended. ConfigError: no scheduler answers.
     """
-    if scheduler is None:
+    if scheduler is not None:
+        _on_dask(work, items, scheduler, done)
+    elif jobs > 1:
         _in_processes(work, items, jobs, done)
     else:
-        _on_dask(work, items, scheduler, done)
+        for item in items:
+            done(item, work(item))
 
 
 def _in_processes(
@@ -52,6 +64,8 @@ def _in_processes(
         try:
             for future in as_completed(pending):
                 done(pending[future], future.result())
+        except BrokenProcessPool:
+            raise WorkerLost(LOST) from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             # SIGTERM and an error have reached this process alone; the simulators end with the workers.

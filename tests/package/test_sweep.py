@@ -209,3 +209,14 @@ def test_command(tmp_path: Path) -> None:
         15_000, rel=0.005
     )
     assert (tmp_path / "overview.png").stat().st_size > 10_000
+
+
+def test_script_without_guard(tmp_path: Path) -> None:
+    """A script that asks for processes at its top level is told what to change.
+
+    Verifies: PACKAGE-9
+    """
+    script = tmp_path / "script.py"
+    script.write_text("from fluxlock.workers import side_by_side\nside_by_side(len, ['a', 'b'], 2, print)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "WorkerLost" in done.stderr and "__main__" in done.stderr.splitlines()[-1]
