@@ -14,8 +14,10 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from fluxlock.config import ConfigError, Motor, Problem, load_motor
+from fluxlock.config import ConfigError, Motor, Problem, load_inverter, load_motor
+from fluxlock.config.drive import Drive
 from fluxlock.config.info import derived_values, warnings
+from fluxlock.config.settling import settling_text
 from fluxlock.datasheet.entries import BY_OPTION, ENTRIES, Value, read_value
 from fluxlock.help import complete_toml, example
 from fluxlock.writable import check_file
@@ -29,6 +31,7 @@ app = typer.Typer(
     ),
     no_args_is_help=True,
 )
+INFO_CARRIER_HZ = 20e3  # for which `info` states what depends on a carrier
 MotorArgument = Annotated[Path, typer.Argument(help="Motor file (TOML).", autocompletion=complete_toml("motors"))]
 
 
@@ -160,9 +163,16 @@ def motor_check(file: MotorArgument) -> None:
 def motor_info(
     file: MotorArgument,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    inverter: Annotated[
+        Path | None,
+        typer.Option(
+            help="Inverter file: how long crossings wait after an edge.", autocompletion=complete_toml("inverters")
+        ),
+    ] = None,
 ) -> None:
     """Show a motor and what follows from its file, beside the machines in motors/."""
     motor = load_motor(file)
+    waited = "" if inverter is None else settling_text(Drive(carrier_hz=INFO_CARRIER_HZ), load_inverter(inverter))
     values = derived_values(motor)
     from fluxlock.config.vector_loops import loops, reference_plant
 
@@ -185,4 +195,6 @@ def motor_info(
         f"{by_rule.worst_deg:.0f}; bound by: {by_rule.reason}",
         highlight=False,
     )
+    if waited:
+        console.print(f"six-step at 20 kHz: {waited}", highlight=False)
     _warn(file, motor)

@@ -25,6 +25,7 @@ from fluxlock.analysis.angles import (
     phase_currents,
     wrap_deg,
 )
+from fluxlock.analysis.pwm_phase import PhaseBins, phase_bins, pulse_starts, pwm_phase
 from fluxlock.analysis.rundata import (
     BoolArray,
     FloatArray,
@@ -43,6 +44,8 @@ EDGE_SEARCH_CYCLES = 8
 GUARD_CYCLES = 1
 # A phase current below this fraction of the window's largest counts as no current: nothing to freewheel.
 NO_CURRENT_FRACTION = 0.02
+# From a commutation without advance to the crossing of its sector: by then the freewheeling must be over.
+CROSSING_DEG = 30.0
 # Below it a turn has no meaningful mean.
 MIN_SPEED_RAD_S = 1.0
 
@@ -179,6 +182,23 @@ class Analysis:
         return Series(cycle, sector, theta, direction, error, np.zeros(cycle.size, dtype=np.bool_))
 
     @cached_property
+    def pulses(self) -> IntArray:
+        """Cycles at which the pulses begin."""
+        rows = self.data.rows(LogKind.GATES)
+        return pulse_starts(rows[:, 0], rows[:, 2])
+
+    def commutation_phases(self, low: float, high: float) -> PhaseBins:
+        """Errors of the commutations of a span (cycles), about their mean, by their crossings' place in a carrier.
+
+        A commutation itself begins a carrier with CSC: the crossing before it is what edges disturb.
+        """
+        found = self.commutations.between(low, high)
+        error = found.error_deg - found.error_deg.mean() if found.error_deg.size else found.error_deg
+        before = np.searchsorted(self.crossings.cycle, found.cycle, side="left") - 1
+        known = before >= 0
+        return phase_bins(pwm_phase(self.crossings.cycle[before[known]], self.pulses), error[known])
+
+    @cached_property
     def angles(self) -> Series:
         """Published angle at every current sample of the vector path: that of the frame and what firmware adds.
 
@@ -239,6 +259,8 @@ class Analysis:
                 "mean": float(freewheel.mean()) if freewheel.size else None,
                 "max": float(freewheel.max()) if freewheel.size else None,
             },
+            "demagnetisation_margin_deg": CROSSING_DEG - float(freewheel.max()) if freewheel.size else None,
+            "pwm_phase_error_pp_deg": self.commutation_phases(low, high).pp_deg if commutations.cycle.size else None,
             "torque_nm": _torque(records),
             "late_crossings": int(np.count_nonzero(crossings.late)),
             "angle_error_deg": {kind: angle[kind] for kind in ("mean", "rms", "max")},

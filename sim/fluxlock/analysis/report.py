@@ -22,6 +22,8 @@ _FORMATS = {
     "commutation_interval_deg": ("deg", 2),
     "phase_current_pp_a": ("A", 2),
     "freewheel_deg": ("deg", 2),
+    "demagnetisation_margin_deg": ("deg", 2),
+    "pwm_phase_error_pp_deg": ("deg", 3),
     "torque_nm": ("mN*m", 2),
     "late_crossings": ("", 0),
     "angle_error_deg": ("deg", 3),

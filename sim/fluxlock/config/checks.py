@@ -13,6 +13,7 @@ from fluxlock.config.fields import with_unit
 from fluxlock.config.motor import OVERSPEED_RATIO
 from fluxlock.config.reach import check_reach
 from fluxlock.config.scenario import METHOD_METRICS, METRICS, Scenario
+from fluxlock.config.settling import SAMPLES_NEEDED, crossing_settling
 from fluxlock.config.vector_checks import (
     check_vector,
     other_method,
@@ -149,10 +150,15 @@ def _search_current(s: Scenario) -> list[Problem]:
 
 def _samples(s: Scenario, period_s: float) -> list[Problem]:
     """A crossing, needed without Hall sensors in six-step operation, is found if a pulse can hold settled samples."""
-    sensing = s.inverter.sensing
-    needed_s = sensing.least_pulse_s
+    sensing, zcd = s.inverter.sensing, s.drive.zcd
+    needed_s = crossing_settling(s.drive, s.inverter).least_s
     if period_s >= needed_s or s.drive.hall.mode == "sensored" or s.drive.method == "vector":
         return []
+    if zcd.settle_us is not None:
+        most_us = math.floor(1e7 * (period_s - SAMPLES_NEEDED * sensing.sample_period_s)) / 10
+        text = f"{with_unit(zcd.settle_us, 'us')} leaves no samples in a carrier of "
+        text += f"{with_unit(s.drive.carrier_hz, 'Hz')}: permitted up to {most_us:g} us, or a slower carrier"
+        return [s.sources.problem("drive.zcd.settle_us", text)]
     text = (
         f"{with_unit(s.drive.carrier_hz, 'Hz')} leaves no room for the samples of a crossing: settling and three "
         f"samples at inverter.sensing.sample_period_s = {with_unit(sensing.sample_period_s, 's')} "

@@ -44,6 +44,15 @@ class Zcd(Model, settings="zcd"):
         0.95,
         default=(0.5,) * 6,
     )
+    settle_us: float | None = quantity(
+        "Time from a change of any gate, and from a commutation, to the first sample that counts.",
+        "us",
+        0.0,
+        1000,
+        default=None,
+        absent="6 time constants of the dividers, at least 0.4, and a sample. With `[sensing.edge]` until the edges "
+        "are below 3 times the noise of a sample, at most 15 % of a carrier",
+    )
     balance_bandwidth_hz: float | None = quantity(
         "Bandwidth of that loop.", "Hz", 0.1, 500, default=None, absent="1.5 times that of the speed loop"
     )

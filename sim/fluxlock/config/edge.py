@@ -58,7 +58,7 @@ class Edge(Model):
     """What an edge of a leg leaves in the channels. Heights hold for a terminal that jumps by `reference_v`."""
 
     preset: Preset = Field(
-        default="clean", description="Named set of values; the other keys of this table go before it. `clean`: nothing."
+        default="clean", description="Named set of values. The other keys of this table go before it. `clean`: nothing."
     )
     reference_v: float | None = quantity(
         "Jump of the leg's terminal for which the heights hold; they scale with the jump.",
@@ -71,7 +71,7 @@ class Edge(Model):
     step_v: float | None = _term("Decaying step: height at the edge.", "V", -1000, 1000)
     step_tau_s: float | None = _term("Its time constant.", "s", 0.0, 1e-3)
     ring_v: float | None = _term("Ring, a damped cosine: height at the edge.", "V", -1000, 1000)
-    ring_hz: float | None = _term("Its frequency; at most half of the chip's clock.", "Hz", 0.0, 25e6)
+    ring_hz: float | None = _term("Its frequency, at most half of the chip's clock.", "Hz", 0.0, 25e6)
     ring_tau_s: float | None = _term("Its time constant.", "s", 0.0, 1e-3)
     lobe_v: float | None = _term("Lobe after an edge that turns a switch off: height of its peak.", "V", -1000, 1000)
     lobe_s: float | None = _term("Time from the edge to this peak.", "s", 0.0, 1e-3)

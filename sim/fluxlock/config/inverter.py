@@ -50,13 +50,8 @@ class Sensing(Model):
 
     @property
     def settling_s(self) -> float:
-        """Time from a gate edge until a sample counts (s): it follows one that is settled itself."""
+        """Time from a gate edge until a sample counts as far as the dividers go (s): it follows one that is settled."""
         return max(0.4e-6, 6.0 * self.divider_pole_s) + self.sample_period_s
-
-    @property
-    def least_pulse_s(self) -> float:
-        """Shortest pulse that holds the settled samples of a crossing (s)."""
-        return self.settling_s + 3.0 * self.sample_period_s
 
     @model_validator(mode="after")
     def _conversion(self) -> Self:

@@ -202,7 +202,7 @@ def _carrier(d: Design) -> dict[str, Value]:
         "carrier_longest_cycles": cycles(d.longest_s),
         "restart_carriers": RESTART_CARRIERS if d.carrier_moves_rotor else 0,
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
-        "least_on_cycles": cycles(sensing.least_pulse_s),
+        "least_on_cycles": cycles(d.settling.least_s),
         "duty_max_q30": round(drive.duty_max * Q30),
     }
 

@@ -18,6 +18,7 @@ from fluxlock.config.drive import CURRENT_BANDWIDTH_MAX_HZ, CURRENT_LOOP_LAG_RAD
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Scenario
+from fluxlock.config.settling import Settling, crossing_settling
 from fluxlock.config.vector_design import told_machine
 from fluxlock.config.vector_timing import VectorTiming, vector_timing
 
@@ -116,6 +117,11 @@ class Design:
         return min(0.35 * self.s.rated_current_a, 0.6 * self.s.current_limit_a, 0.4 * self.trip_a)
 
     # Samples of the crossing detection.
+    @cached_property
+    def settling(self) -> Settling:
+        """What the crossing detection waits after an edge."""
+        return crossing_settling(self.s.drive, self.s.inverter)
+
     @property
     def settle_s(self) -> float:
         """From an edge until a sample counts.
@@ -123,12 +129,12 @@ class Design:
         Such a sample follows one that is settled itself: a clamp shorter than the sample spacing would else go unseen
         between an unsettled sample on its rise and one on its fall.
         """
-        return self.s.inverter.sensing.settling_s
+        return self.settling.settle_s
 
     @property
     def offset_s(self) -> float:
         """The sample that comes once a carrier: settled, and inside of the shortest pulse."""
-        return self.s.inverter.sensing.least_pulse_s - self.s.inverter.sensing.sample_period_s
+        return self.settling.least_s - self.s.inverter.sensing.sample_period_s
 
     # Open-loop start.
     @cached_property
@@ -145,7 +151,7 @@ class Design:
         w = max(w_signal, HANDOVER_SPEED_SHARE * m.speed_max)
         longest_s = min(1.0 / (drive.start.carrier_hz or START_CARRIER_HZ), math.pi / (3.0 * p * w) / 6.0)
         # A pulse must hold settled samples even in the longest carrier.
-        least_v = 1.1 * self.s.inverter.sensing.least_pulse_s / longest_s * self.s.inverter.supply_v
+        least_v = 1.1 * self.settling.least_s / longest_s * self.s.inverter.supply_v
         w = min(max(w, (least_v - self.start_v) / m.k_e), 0.3 * m.speed_max)
         return w, max(longest_s, 1.0 / drive.carrier_hz)
 

@@ -45,7 +45,12 @@ def refusals(scenario: Scenario) -> list[Problem]:
         **{
             f"expect[{k}].metric": "the native program's outgoing phase does not freewheel"
             for k, expect in enumerate(scenario.expect)
-            if expect.metric.startswith("freewheel_deg")
+            if expect.metric.startswith(("freewheel_deg", "demagnetisation_margin_deg"))
+        },
+        **{
+            f"expect[{k}].metric": "the native program has no carrier"
+            for k, expect in enumerate(scenario.expect)
+            if expect.metric == "pwm_phase_error_pp_deg"
         },
         "drive.zcd.sampling": drive.zcd.sampling != "continuous" and "the native program sees crossings at any time",
     }
