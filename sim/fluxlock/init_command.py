@@ -11,10 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
+from fluxlock.analysis.six_step.output import prepare_folder
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.json_schema import MODELS, json_schema
 from fluxlock.paths import ROOT
-from fluxlock.writable import check_folder
 
 # What a new folder begins with: kind -> shipped file.
 FIRST = {
@@ -69,7 +69,8 @@ def init(folder: Annotated[Path, typer.Argument(help="Folder to make.")]) -> Non
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError([Problem(str(folder), "", "exists and is not empty: name a new folder")])
-    check_folder(folder / "schema")
+    for part in (folder, folder / "schema"):
+        prepare_folder(part)
     for name, text in files().items():
         (folder / name).write_text(text, encoding="utf-8")
     print(f"written: {folder}/{', '.join(sorted(files()))}")

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from fluxlock.analysis.six_step.output import prepare_folder
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
@@ -22,7 +23,6 @@ from fluxlock.help import complete_toml
 from fluxlock.paths import RESULTS
 from fluxlock.progress import counting_bars
 from fluxlock.workers import EXTRA
-from fluxlock.writable import check_file, check_folder
 
 if TYPE_CHECKING:
     import pandas
@@ -80,9 +80,8 @@ def sweep(
         if window not in known:
             text = f'"{window}" is no window of the scenario, it has: {", ".join(known) or "none"}'
             raise ConfigError([Problem("--metric", name, text)])
-    check_folder(folder)
-    for name in FILES:
-        check_file(folder / name)
+    sweeps.points_of(base, axes)  # a key that no point takes is told before a folder is made
+    prepare_folder(folder, *FILES)
     check_build()
     with counting_bars(Console(stderr=True)) as bars:
         task = bars.add_task("points", total=total)
@@ -158,7 +157,7 @@ def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> 
         panel.set_ylabel(name.replace(".", "\n"))
         panel.ticklabel_format(axis="y", useOffset=False)
         panel.grid(alpha=0.3)
-    if others:
+    if others and names:
         panels[0].legend(fontsize="small")
     panels[-1].set_xlabel(f"{first}; crosses: the run failed its verdict")
     save(figure, path)

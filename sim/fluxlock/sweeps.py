@@ -89,7 +89,9 @@ def _range(key: str, parts: Sequence[str]) -> Axis:
     if not (np.isfinite(low) and np.isfinite(high) and 1 <= count <= POINTS_MAX):
         text = f"needs finite ends and a count from 1 to {POINTS_MAX}, not {':'.join(parts)}"
         raise ConfigError([Problem(SWEEP_OPTION, key, text)])
-    return Axis(key, tuple(float(v) for v in np.linspace(low, high, count)), relative[0])
+    values = tuple(float(v) for v in np.linspace(low, high, count))
+    whole = not relative[0] and all(part.strip().lstrip("+-").isdecimal() for part in parts[:2])
+    return Axis(key, tuple(map(int, values)) if whole and all(v == int(v) for v in values) else values, relative[0])
 
 
 def _words(key: str, stated: str) -> list[Any]:
@@ -133,13 +135,19 @@ class Point:
 
 
 def points_of(scenario: Scenario, axes: Sequence[Axis]) -> tuple[list[Point], list[Row]]:
-    """Points of the grid, and rows of those that the checks refuse. The last axis changes fastest."""
+    """Points of the grid, and rows of those that the checks refuse. The last axis changes fastest.
+
+    Raises ConfigError for a grid that is none, and with every reason where the checks refuse all points.
+    """
     axes = [axis.of(scenario) for axis in axes]
     count = int(np.prod([len(axis.values) for axis in axes]))
     if not axes or count > POINTS_MAX:
         text = f"{count} points, permitted 1 to {POINTS_MAX}" if axes else f"no key to change: {SWEEP_OPTION} KEY=RANGE"
         raise ConfigError([Problem(SWEEP_OPTION, "", text)])
-    points, refused = [], []
+    twice = {axis.key for axis in axes if [a.key for a in axes].count(axis.key) > 1}
+    if twice:
+        raise ConfigError([Problem(SWEEP_OPTION, key, "is there twice; give it one range") for key in sorted(twice)])
+    points, refused, problems = [], [], list[Problem]()
     for index, values in enumerate(itertools.product(*(axis.values for axis in axes))):
         keys = tuple(zip((axis.key for axis in axes), values, strict=True))
         try:
@@ -147,6 +155,9 @@ def points_of(scenario: Scenario, axes: Sequence[Axis]) -> tuple[list[Point], li
         except ConfigError as error:
             reason = "; ".join(str(problem) for problem in error.problems)
             refused.append({"point": index, **_shown(keys), "status": REFUSED, "reason": reason})
+            problems += error.problems
+    if not points:
+        raise ConfigError(list(dict.fromkeys(problems)))
     return points, refused
 
 
@@ -170,6 +181,8 @@ def run_point(seed: int | None, twin: bool, made_by: str, point: Point) -> Row:
     head = {"point": point.index, **_shown(point.keys)}
     try:
         run = simulate(point.scenario, twin=twin, seed=seed)
+    except ConfigError as error:  # of the twin, which cannot do all that the chip can
+        return {**head, "status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:
         return {**head, "status": BROKEN, "reason": str(error)}
     status = RIGHT if run.verdict.passed else FAILED

@@ -39,6 +39,7 @@ def short() -> fluxlock.Scenario:
     [
         ("motor.resistance_ohm=0.1:0.3:3", (0.1, 0.2, 0.3), False),
         ("motor.resistance_ohm=0.8x:1.2x:3", (0.8, 1.0, 1.2), True),
+        ("seed=1:5:3", (1, 3, 5), False),
         ("drive.commutation=RSC,NSC,CSC", ("RSC", "NSC", "CSC"), False),
         ("drive.carrier_hz=20_000, 40_000", (20_000, 40_000), False),
         ("motor.resistance_ohm=[0.1, 0.1, 0.2],0.1", ([0.1, 0.1, 0.2], 0.1), False),
@@ -92,6 +93,10 @@ def test_grid() -> None:
         {"motor.resistance_ohm": 0.14, "drive.commutation": "CSC"},
     ]
     assert [row["point"] for row in refused] == [2, 3] and all("out of range" in row["reason"] for row in refused)
+    with pytest.raises(fluxlock.ConfigError, match=r"out of range(.|\n)*unknown key"):
+        points_of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
+    with pytest.raises(fluxlock.ConfigError, match="is there twice"):
+        points_of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
     with pytest.raises(fluxlock.ConfigError, match="no key to change"):
         points_of(short(), [])
     with pytest.raises(fluxlock.ConfigError, match="permitted 1 to"):
