@@ -33,7 +33,7 @@ LOOP = "tests/closed_loop/test_timing.py::test_commutation_latency_is_constant_a
 LONG = re.compile(
     r"\b(build_chip|chip_of|run_chip|run_on_bus|run_drive|run_scenario|fuzz\(|Runner\(|run_plan|synthesize)\b"
 )
-CHIPS = {"campaign", "closed_loop", "coverage", "formal", "mutation"}  # folders of such tests
+CHIPS = {"campaign", "closed_loop", "coverage", "drive", "formal", "mutation"}  # folders of such tests
 EVERYWHERE = ("rtl/pkg/",)  # in every block
 
 

@@ -79,6 +79,8 @@ int32_t cosim_upset_count(void);
 const char *cosim_upset_name(int32_t n);
 int32_t cosim_upset_bits(int32_t n);
 int32_t cosim_upset(int32_t n, int32_t bit);
+// Lowest 64 bits of register n as it is now.
+uint64_t cosim_upset_value(int32_t n);
 
 // A node on the chip's CAN bus from now on; its number. Times in quanta, brp in clocks per quantum; the node's clock is
 // fast by the error, the delay to the chip in clocks.

@@ -477,6 +477,11 @@ API int32_t cosim_upset(int32_t n, int32_t bit) {
     C.changed = true;
     return 0;
 }
+API uint64_t cosim_upset_value(int32_t n) {
+    uint64_t value = 0;
+    memcpy(&value, model + upsets[n].offset, std::min<size_t>(sizeof value, static_cast<size_t>(upsets[n].bits + 7) / 8));
+    return value;
+}
 API int32_t cosim_can_open(int32_t brp, int32_t prop, int32_t ps1, int32_t ps2, int32_t sjw, double error, double delay) {
     C.can_nodes.push_back(C.can.open(C.st.cycle, {brp, prop, ps1, ps2, sjw, error, delay}));
     plan();

@@ -45,10 +45,13 @@ def test_chip_of_a_scenario(
         "gate_polarity": 0,
         "method": method,
         "probe": False,
+        "signals": (),
     }
     assert run.chip_of(scenario) == expected
     assert run.chip_of(scenario, waves=True) == {**expected, "waves": True, "method": None if overrides else method}
     assert run.chip_of(scenario, native=True) == {**expected, "native": True, "can": True, "method": None}
+    shown = ("fl_trip.*",)
+    assert run.chip_of(scenario, signals=shown) == {**expected, "signals": shown}
     assert run.chip_of(scenario, can=True) == {**expected, "can": True, "method": None}
 
 

@@ -140,6 +140,8 @@ def run_block_test(
 def check_results(results: Path) -> None:
     """Raise AssertionError unless the cocotb result file holds at least one test and no failure."""
     cases = list(ElementTree.parse(results).getroot().iter("testcase"))
-    failed = [c.get("name") for c in cases if c.find("failure") is not None or c.find("error") is not None]
+    kinds = ("failure", "error")
+    failed = [(c.get("name"), found) for c in cases for kind in kinds if (found := c.find(kind)) is not None]
+    said = "\n".join(f"{name}: {found.get('message') or found.text}" for name, found in failed)
     assert cases, f"no test ran: {results}"
-    assert not failed, f"cocotb tests failed: {', '.join(map(str, failed))} (log above, results in {results})"
+    assert not failed, f"cocotb tests failed (log above, results in {results}):\n{said}"

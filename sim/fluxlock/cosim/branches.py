@@ -44,13 +44,12 @@ async def run_branches(session: Session) -> None:
     """Lead the run through its moments, the copies to their ends. Returns in the original process only."""
     plan = session.plan
     pending = sorted(plan.actions, key=lambda a: a.cycle)
-    session.begin = time.perf_counter()
     running: set[int] = set()
     for cycle in sorted({branch.cycle for branch in plan.branches}):
         while pending and pending[0].cycle <= cycle:
-            await _pass(session, pending[0].cycle)
+            await session.advance(pending[0].cycle)
             session.act(pending.pop(0))
-        await _pass(session, cycle)
+        await session.advance(cycle)
         for branch in (b for b in plan.branches if b.cycle == cycle):
             while len(running) >= plan.jobs:
                 running.remove(os.wait()[0])
@@ -63,15 +62,7 @@ async def run_branches(session: Session) -> None:
     while running:
         running.remove(os.wait()[0])
     session.planned_lines = len(session.lines.lines)
-    session.wall_s = time.perf_counter() - session.begin
-
-
-async def _pass(session: Session, cycle: int) -> None:
-    """Simulate until a cycle, draining the logs in time."""
-    while session.native.status.cycle < cycle:
-        await session.wait_until(min(cycle, session.native.status.cycle + session.plan.batch_cycles))
-        session.drain()
-        session.exchange()
+    session.wall_s = time.perf_counter() - session.begin_s
 
 
 async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> None:

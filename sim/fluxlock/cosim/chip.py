@@ -44,6 +44,7 @@ WORDS = {
     "CAN_SETUP": CAN_SETUP_ADDRESS,
     "TELEMETRY": TELEMETRY_ADDRESS,
 }  # of the memory, that the simulator's main knows
+SIGNAL = 'public_flat_rd -module "{}" -var "{}"\n'
 # That decide what the chip is made of.
 SCRIPTS = (Path(__file__), *(Path(__file__).with_name(f"{name}.py") for name in ("upsets", "registers")))
 
@@ -98,6 +99,14 @@ def _slow_source(folder: Path) -> None:
     (folder / f"{SLOW}.cpp").write_text(f"#pragma GCC optimize (0)\n{includes}")
 
 
+def _signal_access(folder: Path, signals: tuple[str, ...]) -> Path:
+    """What lets cocotb see signals of the inside."""
+    lines = (SIGNAL.format(*signal.rsplit(".", 1)) for signal in signals)
+    path = folder / "signals.vlt"
+    path.write_text("".join(("`verilator_config\n", *lines)))
+    return path
+
+
 def _constants(folder: Path, phases: int, native: bool, probe: bool) -> None:
     """What the simulator's main knows of this chip."""
     values = {"CHANNELS": 2 * phases + 3, "MEMORY_WORDS": RAM_WORDS}
@@ -118,6 +127,7 @@ def build_chip(
     gate_polarity: int = 0,
     method: str | None = None,
     probe: bool = False,
+    signals: tuple[str, ...] = (),
 ) -> Chip:
     """Build the chip's simulator below `build/chip`; does nothing when nothing it is made of has changed.
 
@@ -125,17 +135,18 @@ def build_chip(
     every run. native: without the core, for a firmware of this machine.
     gate_polarity: bit 0, 1: upper, lower gate pins are active low. waves: also able to write an FST, somewhat slower.
     probe: debugger and profile see the core; slower, with the same bits.
+    signals: `module.variable`, with * in the variable: cocotb sees these too, beside the pins; each costs some speed.
     method: "six-step" or "vector": without the path of the other one, with the same bits and faster; None: with both.
     """
     generate_registers()
     method = method if phases == PHASES else None
     paths = (method,) if method else PATHS if phases == PHASES else ("vector",)
     sources = rtl_sources(native)
-    scopes = [NATIVE / ("waves.vlt" if waves else "public.vlt"), *([CPU_HOST_ACCESS] if native else [])]
+    scopes = [NATIVE / "public.vlt", *([NATIVE / "waves.vlt"] if waves else []), *([CPU_HOST_ACCESS] if native else [])]
     scopes += [CORE_PROBE] if probe else []
     env = {**tool_environment(), "OBJCACHE": object_cache()}
     inputs = [*sources, WAIVERS, *scopes, *NATIVE.glob("c*"), *(FST.glob("*.h") if waves else ()), *SCRIPTS]
-    build = (phases, injection, can, native, gate_polarity, waves, method, probe)
+    build = (phases, injection, can, native, gate_polarity, waves, method, probe, signals)
     key = content_hash(inputs, RAM_WORDS, *build, env.get("CXX", ""))
     folder = BUILD / "chip" / content_hash([], key, ROOT)
     chip = Chip(folder / TOP, key, waves, phases, injection, paths)
@@ -150,6 +161,8 @@ def build_chip(
         exported = " ".join(
             f"-Wl,--export-dynamic-symbol={name}" for name in ("cosim_*", *(FOR_FIRMWARE if native else ()))
         )
+        if signals:
+            scopes.append(_signal_access(folder, signals))
         trace = ["--trace-fst", "--trace-structs", "--no-trace-top", "--no-trace-params", "-CFLAGS", f"-I{FST}"]
         command = [
             "verilator", "-cc", "--exe", "-Mdir", str(folder), "--top-module", TOP, "--prefix", "Vtop", "-o", TOP,

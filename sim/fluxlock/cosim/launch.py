@@ -49,7 +49,7 @@ def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
         PYTHONPATH=os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
         PATH=os.pathsep.join([env.get("PATH", ""), str(cocotb_tools.config.libs_dir)]),
         COCOTB_TOPLEVEL=TOP,
-        COCOTB_TEST_MODULES="fluxlock.cosim.session",
+        COCOTB_TEST_MODULES="fluxlock.cosim.planned",
         COCOTB_RESULTS_FILE=str(results),
         COCOTB_REWRITE_ASSERTION_FILES="test_*.py",
         COCOTB_LOG_LEVEL="WARNING",

@@ -180,6 +180,10 @@ class Native:
         if self._lib.cosim_upset(number, bit):
             raise ValueError(f"there is no bit {bit} of register {number}")
 
+    def register_value(self, number: int) -> int:
+        """Lowest 64 bits of a register of the chip, by its number in `upset_names`."""
+        return int(self._lib.cosim_upset_value(number))
+
     def upset_memory(self, address: int, bit: int) -> None:
         """Flip a bit of a word of the soft core's memory."""
         if self._lib.cosim_upset_memory(address, bit):

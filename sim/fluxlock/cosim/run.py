@@ -101,12 +101,18 @@ def prepare(
 
 
 def chip_of(
-    scenario: Scenario, waves: bool = False, native: bool = False, can: bool = False, probe: bool = False
+    scenario: Scenario,
+    waves: bool = False,
+    native: bool = False,
+    can: bool = False,
+    probe: bool = False,
+    signals: tuple[str, ...] = (),
 ) -> Chip:
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
     It has the path of its method alone; with CAN both. can: with the CAN controller even so. native: without its core,
     and one for all methods, with or without CAN. probe: with its core open to debugger and profile.
+    signals: of its inside that cocotb sees, see `build_chip`.
     """
     has_can = can or native or scenario.can is not None
     return build_chip(
@@ -118,6 +124,7 @@ def chip_of(
         gate_polarity=scenario.inverter.gate_polarity,
         method=None if has_can else scenario.drive.method,
         probe=probe,
+        signals=signals,
     )
 
 

@@ -1,51 +1,36 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The cocotb test that drives the whole chip through one plan. Runs inside the simulator's process.
+"""Chip and plant of one simulation as Python sees them: time, actions, logs, console. In the simulator's process.
 
-The clock and the plant are native; this coroutine sleeps until the next action of the plan or until the logs want
-draining (every `batch_cycles`).
+Who leads a run does it by this: a plan (`fluxlock.cosim.planned`), its branches, a user's own test (`fluxlock.drive`).
 """
 
 from __future__ import annotations
 
 import json
-import os
 import socket
 import time
 from collections.abc import Sequence
-from heapq import merge
-from pathlib import Path
 from typing import Any
 
-import cocotb
 import numpy as np
 from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
+from numpy.typing import NDArray
 
 from fluxlock.can.frame import Frame
-from fluxlock.cosim.branches import end_with_parent, run_branches
 from fluxlock.cosim.console import NO_REPLY, ConsoleLines
 from fluxlock.cosim.debugger import Debugger
 from fluxlock.cosim.native import CanNode, Core, Native
-from fluxlock.cosim.plan import (
-    META_FILE,
-    PLAN_ENV,
-    PROGRESS_FILE,
-    RAW_FILE,
-    RECORDING_FILE,
-    TRACE_FILE,
-    Action,
-    ConversationError,
-    SessionPlan,
-)
+from fluxlock.cosim.plan import META_FILE, PROGRESS_FILE, RAW_FILE, TRACE_FILE, Action, SessionPlan
 from fluxlock.plant import Plant
 
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
 REPLY_S = 0.1  # simulated time without a sign of the console after which a line is taken for unanswered
 LISTEN_CYCLES = 5_000  # between two looks for the end of a reply
-BOOT_CYCLES = 500_000  # before the first line of a dialogue
+BOOT_CYCLES = 500_000  # before the first line that somebody waits for
 NO_BUS = "there is no CAN bus: the plan has no peer on it"
 
 
@@ -77,8 +62,17 @@ class Session:
         self.upsets: list[str] = []
         self.watched: list[list[int]] = []
         self.node: CanNode | None = None  # of the plan's peer
-        self.begin = time.perf_counter()
+        self.log_end: int | None = None  # rows of the log and clocks of the run that count; None: all
+        self.end_cycle: int | None = None
+        self.wall_s: float | None = None
+        self.begin_s = time.perf_counter()
+        self.woken_s = 0.0  # processor time at the last wake-up
         self._progress_at = 0.0
+
+    @property
+    def cycle(self) -> int:
+        """Rising edges so far."""
+        return int(self.native.status.cycle)
 
     async def wait_until(self, cycle: int) -> None:
         """Sleep until the rising edge number `cycle` has been processed (edge n is at (2n - 1) half periods)."""
@@ -108,7 +102,7 @@ class Session:
             line: dict[str, float | str] = {
                 "t_s": cycle / self.plan.clock_hz,
                 "speed_rpm": self.plant.speed_rpm,
-                "rate_cycles_per_s": cycle / max(now - self.begin, 1e-9),
+                "rate_cycles_per_s": cycle / max(now - self.begin_s, 1e-9),
             }
             if self.plan.dialogue is not None:
                 line |= {"stage": self.plan.dialogue.stage, "share": self.plan.dialogue.share}
@@ -175,8 +169,8 @@ class Session:
         self.native.upset(number, bit)
         self.upsets.append(f"{name} bit {bit}")
 
-    async def run(self) -> None:
-        """Run the plan to its end, then ask the chip for its statistics."""
+    def begin(self) -> None:
+        """Join chip and plant as the plan says; before the first clock."""
         plan, native = self.plan, self.native
         native.configure(plan.conversion_cycles, plan.bit_cycles, plan.log_strobes, plan.gate_polarity)
         native.attach(self.plant.address, self.plant.state, self.plant.io)
@@ -185,84 +179,20 @@ class Session:
             native.trace_core(plan.folder / TRACE_FILE, *plan.trace)
         if plan.gdb is not None:
             self.debugger = Debugger(Core(), socket.socket(fileno=plan.gdb), plan.clock_hz)
-        if plan.dialogue is not None:
-            await self.converse()
-            return
         if plan.peer is not None:
             self.node = native.open_can(plan.peer.timing, plan.can_place)
         native.log_can(plan.log_can)
-        if plan.branches:
-            await run_branches(self)
-            return
-        end = plan.duration_cycles
-        planned = sorted({*(a.cycle for a in plan.actions), *plan.marks})
-        batches = range(plan.batch_cycles, end, plan.batch_cycles)
-        stops = merge((cycle for cycle in planned if cycle < end and cycle not in batches), batches, [end])
-        pending = sorted(plan.actions, key=lambda a: a.cycle)
-        self.begin = time.perf_counter()
-        for stop in stops:
-            await self.wait_until(stop)
-            woken = time.process_time()
+        self.begin_s = time.perf_counter()
+
+    async def advance(self, cycle: int) -> None:
+        """Simulate until a cycle, or until the plan's peer has finished; the logs are drained every `batch_cycles`."""
+        batch = self.plan.batch_cycles
+        while self.cycle < cycle and not (self.plan.peer is not None and self.plan.peer.finished):
+            await self.wait_until(min(cycle, (self.cycle // batch + 1) * batch))
+            self.woken_s = time.process_time()
             self.drain()
             self.exchange()
-            self.python_s += time.process_time() - woken
-            if stop in plan.marks:
-                self.marks[stop] = (woken, self.python_s, native.status.events)
-            while pending and pending[0].cycle <= stop:
-                self.act(pending.pop(0))
-            if plan.peer is not None and plan.peer.finished:
-                break
-        self.wall_s = time.perf_counter() - self.begin
-        if plan.peer is not None:
-            self.conclusion = plan.peer.conclusion()
-        native.record(False)
-        if plan.recording:
-            native.save_recording(plan.folder / RECORDING_FILE)
-        if plan.trace is not None:
-            self.stack = native.end_trace()
-        if self.debugger is not None:
-            self.debugger.end()
-            self.debugger = None
-        self.log_end = sum(map(len, self.logs))
-        self.end_cycle = native.status.cycle
-        await self.ask_statistics()
-
-    async def converse(self) -> None:
-        """Lead the plan's dialogue to its end."""
-        dialogue = self.plan.dialogue
-        assert dialogue is not None
-        self.begin = time.perf_counter()
-        await self.wait_until(BOOT_CYCLES)
-        talk = dialogue.conversation()
-        try:
-            line = next(talk)
-            while True:
-                line = talk.send(await self.reply_to(line))
-        except StopIteration as end:
-            self.conclusion = end.value
-        self.wall_s = time.perf_counter() - self.begin
-
-    async def reply_to(self, line: str) -> list[str]:
-        """Send a line and wait for the last one of its reply."""
-        count, begin = len(self.replies()), len(self.text)
-        self.native.send(line)
-        while len(self.replies()) == count:
-            cycle = self.native.status.cycle
-            if cycle >= self.plan.duration_cycles:
-                raise ConversationError(f"not at the end after {cycle / self.plan.clock_hz:g} s")
-            await self.wait_until(cycle + LISTEN_CYCLES)
-            self.drain()
-        return self.text[begin:].splitlines()
-
-    async def ask_statistics(self) -> None:
-        """Wait for the answers to the plan's lines, then send the final commands one by one and wait for each."""
-        await self.settle()
-        self.planned_lines = len(self.lines.lines)
-        for command in self.plan.final_commands:
-            line = self.lines.add(self.native.status.cycle, command)
-            await self.settle()
-            if line.answer in (None, NO_REPLY):
-                raise ConsoleSilent(f"the drive's console did not answer {command!r} within {2 * REPLY_S:g} s")
+            self.python_s += time.process_time() - self.woken_s
 
     async def settle(self, exchange: bool = False) -> None:
         """Wait until the console has answered every line, or none for so long that it is taken for dead.
@@ -281,17 +211,20 @@ class Session:
         lines = self.text.splitlines(keepends=True)
         return [x.strip() for x in lines if x.endswith("\n") and (x.strip() == "ok" or x.startswith("error: "))]
 
+    def log(self) -> NDArray[np.int64]:
+        """Rows [cycle, kind, a, b] so far, see `LogKind`."""
+        return np.concatenate(self.logs) if self.logs else np.zeros((0, 4), np.int64)
+
     def save(self, fault: str | None) -> None:
         """Write arrays and meta data into the plan's folder."""
-        log = np.concatenate(self.logs) if self.logs else np.zeros((0, 4), np.int64)
-        end = getattr(self, "log_end", len(log))
-        limit = min(self.plan.duration_cycles, getattr(self, "end_cycle", self.plan.duration_cycles))
+        log = self.log()
+        limit = self.plan.duration_cycles if self.end_cycle is None else min(self.plan.duration_cycles, self.end_cycle)
         records = self.plant.records()
         events = self.plant.events()
         zoom = self.plant.zoom_records()
         np.savez(
             self.plan.folder / RAW_FILE,
-            log=log[:end],
+            log=log[: self.log_end],
             records=records[records["t_cycle"] <= limit],
             plant_events=events[events["t_cycle"] <= limit],
             zoom=zoom,
@@ -303,7 +236,7 @@ class Session:
             sent = [line for line in sent if line[2] is not None]
         meta = {
             "cycles": min(int(status.cycle), limit),
-            "wall_s": getattr(self, "wall_s", time.perf_counter() - self.begin),
+            "wall_s": time.perf_counter() - self.begin_s if self.wall_s is None else self.wall_s,
             "cpu_s": time.process_time(),  # of this process; a copy begins at 0
             "uart": self.text,
             "sent": sent,
@@ -318,16 +251,3 @@ class Session:
             "edges": int(status.edges),
         }
         (self.plan.folder / META_FILE).write_text(json.dumps(meta))
-
-
-@cocotb.test()
-async def drive(dut: object) -> None:
-    """Run the plan named by the environment."""
-    end_with_parent()
-    session = Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
-    fault: str | None = None
-    try:
-        await session.run()
-    except (PlantFault, ConsoleSilent, ConversationError, BufferError) as error:
-        fault = str(error)
-    session.save(fault)

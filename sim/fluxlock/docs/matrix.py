@@ -130,7 +130,7 @@ def read_tests(root: Path, files: Iterable[Path] = ()) -> tuple[Places, list[str
         for name, node, text in _functions(tree):
             ids, place = _declared(text), f"{file}::{name}" if name else file
             decorators = _decorators(node)
-            simulated = any(d.startswith(("cocotb.test", "cocotb.parametrize")) for d in decorators)
+            simulated = any(d.startswith(("cocotb.test", "cocotb.parametrize", "drive_test")) for d in decorators)
             if (collected and node in tree.body and name.startswith("test_") and not simulated) or (
                 simulated and itself and not any("skip=True" in d for d in decorators)
             ):

@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What `fluxlock.drive` refuses before a simulator starts, and names of register fields."""
+
+from __future__ import annotations
+
+import pytest
+
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.drive import Bench
+from fluxlock.drive.bench import check_signals
+from fluxlock.drive.registers import field_name
+from fluxlock.firmware.host import register_offsets
+from fluxlock.paths import ROOT
+
+DEMO = ROOT / "scenarios" / "demo.toml"
+
+
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [
+        ("trip_o", "is no signal; write module.variable"),
+        ("fl_trap.trip_o", "there is no module fl_trap"),
+        ("fl_trip.trapped_o", "module fl_trip has no variable trapped_o"),
+        ('fl_trip.a" -var "b', "is no signal"),
+    ],
+)
+def test_wrong_signals(signal: str, said: str) -> None:
+    """A signal that the chip does not have is refused before anything is built.
+
+    Verifies: DRV-07
+    """
+    with pytest.raises(ConfigError) as error:
+        check_signals([signal])
+    assert said in str(error.value) and "\n" not in str(error.value)
+    check_signals(["fl_trip.trip_o", "fl_trip.*_o"])
+
+
+def test_wrong_scenarios() -> None:
+    """A file that is not there, a wrong override, overrides of an object.
+
+    Verifies: DRV-07
+    """
+    with pytest.raises(ConfigError, match=r"my-motor\.toml"):
+        Bench("my-motor.toml")
+    with pytest.raises(ConfigError, match="carier_hz"):
+        Bench(DEMO, "drive.carier_hz=20_000")
+    with pytest.raises(ConfigError, match="belong to a file; change the object instead"):
+        Bench(load_scenario(DEMO), "drive.carrier_hz=20_000")
+
+
+def test_names_of_fields() -> None:
+    """Fields have the names of the register reference: block, register with its index, field.
+
+    Verifies: DRV-01
+    """
+    registers = register_offsets()
+    inside = "fl_soc__DOT__g_six_step__DOT__u_six_step__DOT__u_{}__DOT__u_regs__DOT__field_storage_{}"
+    names = {
+        inside.format("pwm", "period_cycles"): "pwm.period.cycles",
+        inside.format("comm", "hall_offset_3_interval_q16"): "comm.hall_offset[3].interval_q16",
+        inside.format("hall", "map_code0"): "hall.map.code0",
+        "fl_soc__DOT__u_safety__DOT__u_regs__DOT__field_storage_brake_level_on_lsb": "safety.brake_level.on_lsb",
+        "fl_soc__DOT__u_safety__DOT__u_regs__DOT__field_storage_brake_enable": "safety.brake.enable",
+        "fl_soc__DOT__u_safety__DOT__u_trip__DOT__tripped_o": None,
+    }
+    assert {name: field_name(name, registers) for name in names} == names
