@@ -32,6 +32,27 @@ CELLS = (
 )
 
 
+TEST = '''\
+"""Closed-loop test of the whole chip with this folder's motor: python -m pytest."""
+
+from fluxlock.drive import Drive, drive_test, run_tests
+
+
+@drive_test()
+async def carries_a_load_step(drive: Drive) -> None:
+    await drive.start(15_000)
+    drive.load(constant_nm=0.01)
+    await drive.run(0.05)
+    assert abs(drive.speed_rpm - 15_000) < 300
+    assert abs(drive.angle_error_deg) < 1.0
+
+
+def test_drive() -> None:
+    # The rotor spins already, which saves the time of a start.
+    run_tests("scenario.toml", __file__, "initial.speed_rpm=14_000")
+'''
+
+
 def notebook(cells: tuple[str, ...] = CELLS) -> dict[str, Any]:
     """Notebook of format 4.5; a cell that is one comment becomes text."""
     made = []
@@ -58,12 +79,13 @@ def files() -> dict[str, str]:
         for other in ("motor", "inverter"):
             text = text.replace(f'{other} = "../{other}s/{FIRST[other].name}"', f'{other} = "{other}.toml"')
         made[f"{kind}.toml"] = f"#:schema schema/{kind}.json\n{text}"
+    made["test_drive.py"] = TEST
     made["first.ipynb"] = json.dumps(notebook(), indent=1) + "\n"
     return made
 
 
 def init(folder: Annotated[Path, typer.Argument(help="Folder to make.")]) -> None:
-    """Make a folder for your drive: motor, inverter, scenario, a notebook.
+    """Make a folder for your drive: motor, inverter, scenario, a cocotb test, a notebook.
 
     The files run as they are; write your values into them. JSON schemas beside them let an editor complete keys.
     """

@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -54,6 +57,17 @@ def test_notebook(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             exec(compile(cell["source"], "cell", "exec"), names)
     assert isinstance(names["run"], fluxlock.Run) and names["run"].verdict.passed
     assert isinstance(names["made"], fluxlock.Sweep) and names["made"].count("right") == 3
+
+
+def test_cocotb(folder: Path) -> None:
+    """The cocotb test passes in its folder by pytest alone.
+
+    Verifies: PACKAGE-10
+    """
+    env = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "COCOTB"))}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout[-3000:]
 
 
 def test_refused(folder: Path, tmp_path: Path) -> None:
