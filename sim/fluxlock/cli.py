@@ -540,7 +540,8 @@ def campaign(
     drives: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="DRIVE", help="six-step, start, vector, five-phase, hall, encoder, can, boot; all without."
+            metavar="DRIVE",
+            help="six-step, start, vector, five-phase, hall, encoder, can, board, board-vector, boot; all without.",
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a sixth of the faults.")] = False,

@@ -33,6 +33,7 @@ enum {
     LOG_STROBE = 6,       // sample strobe (only when strobe logging is on)
     LOG_PINS = 7,         // a: pins at the chip (bit 0 gate-driver fault, 1..3 Hall A, B, C), from after this edge on
     LOG_ANGLE = 8,        // instant of a current sample of the vector path; a: angle of the frame there, b: what firmware publishes beyond it, 2^32 = one turn
+    LOG_ENABLE = 10,      // driver enable of a board, on a change; a: its level
     LOG_CAN = 9,          // CAN pins, on a change (only when their logging is on); a: chip's transmit pin | bus << 1
 };
 

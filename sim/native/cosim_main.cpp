@@ -46,16 +46,25 @@ constexpr uint64_t HALF_PERIOD = 10;  // time units (ns) in half a clock
 
 uint64_t main_time = 0;
 
-// Single inputs of the chip, all but clock and reset; a force takes them by these names.
+// Single inputs of the chip, all but clock and reset; a force takes them by these names. On a board the codes come by wire,
+// and the clocks are among them: one that is forced stands. At which level is all the same to flip-flops.
+#ifdef COSIM_BOARD
+constexpr bool BOARD = true;
+constexpr const char* PIN_NAMES[] = {"fault_pin_i",  "hall_i[0]", "hall_i[1]", "hall_i[2]",  "encoder_i[0]", "encoder_i[1]",
+                                     "encoder_i[2]", "uart_rx_i", "can_rx_i",  "spi_miso_i", "-", "locked_i", "clk_i", "osc_i"};
+#else
+constexpr bool BOARD = false;
 constexpr const char* PIN_NAMES[] = {"fault_pin_i",  "hall_i[0]",    "hall_i[1]", "hall_i[2]", "encoder_i[0]", "encoder_i[1]",
                                      "encoder_i[2]", "uart_rx_i",    "can_rx_i",  "spi_miso_i", "adc_valid_i",
                                      "adc_fault_i",  "clock_fault_i"};
+#endif
 constexpr int PIN_COUNT = sizeof PIN_NAMES / sizeof PIN_NAMES[0];
-constexpr int PIN_HALL = 1, PIN_ENCODER = 4, PIN_UART = 7, PIN_CAN = 8, PIN_MISO = 9, PIN_VALID = 10,
-              PIN_ADC_FAULT = 11, PIN_CLOCK_FAULT = 12;
+constexpr int PIN_HALL = 1, PIN_ENCODER = 4, PIN_UART = 7, PIN_CAN = 8, PIN_MISO = 9, PIN_VALID = 10;
+constexpr int PIN_ADC_FAULT = 11, PIN_CLOCK_FAULT = 12;           // of the chip
+constexpr int PIN_LOCKED = 11, PIN_CLOCK = 12, PIN_OSCILLATOR = 13;  // of a board
 constexpr uint32_t PLANT_PINS = 0x7F;  // levels that the plant gives
 constexpr uint32_t LOGGED_PINS = 0xF;  // of these, without the encoder's
-constexpr uint32_t IDLE_PINS = 1u << PIN_UART | 1u << PIN_CAN;
+constexpr uint32_t IDLE_PINS = 1u << PIN_UART | 1u << PIN_CAN | (BOARD ? 1u << PIN_LOCKED : 0);
 
 // A disturbance: a pin has this level, or with level -1 the opposite one, from a cycle up to another.
 struct force_t {
@@ -93,6 +102,8 @@ struct cosim_t {
     uint32_t pins = IDLE_PINS;    // and those at the chip
     std::vector<force_t> forces;
     int64_t force_at = NEVER;  // the next start or end of one
+    bool clock_held = false, oscillator_held = false;  // clocks of a board that stand
+    int enable = 0;        // level of a board's driver enable
     int64_t conversion = 35;
     int64_t valid_at = NEVER;  // adc_valid_i rises after this edge
     int64_t valid_low_at = NEVER;  // and falls after this one
@@ -205,9 +216,13 @@ void put_pins(Vtop* t) {
     t->uart_rx_i = pins >> PIN_UART & 1;
     t->can_rx_i = pins >> PIN_CAN & 1;
     t->spi_miso_i = pins >> PIN_MISO & 1;
+#ifdef COSIM_BOARD
+    t->locked_i = pins >> PIN_LOCKED & 1;
+#else
     t->adc_valid_i = pins >> PIN_VALID & 1;
     t->adc_fault_i = pins >> PIN_ADC_FAULT & 1;
     t->clock_fault_i = pins >> PIN_CLOCK_FAULT & 1;
+#endif
     if (changed & LOGGED_PINS) log_row(LOG_PINS, pins & LOGGED_PINS, 0);
     if (C.rec.on && changed & PLANT_PINS) C.rec.inputs.push_back({C.st.cycle, 1, pins & PLANT_PINS});
 }
@@ -226,7 +241,13 @@ void force_step(Vtop* t) {
     const auto over = [](const force_t& f) { return f.end <= C.st.cycle; };
     C.forces.erase(std::remove_if(C.forces.begin(), C.forces.end(), over), C.forces.end());
     C.force_at = NEVER;
-    for (const force_t& f : C.forces) C.force_at = std::min(C.force_at, f.start > C.st.cycle ? f.start : f.end);
+    C.clock_held = C.oscillator_held = false;
+    for (const force_t& f : C.forces) {
+        C.force_at = std::min(C.force_at, f.start > C.st.cycle ? f.start : f.end);
+        if (!BOARD || f.start > C.st.cycle) continue;
+        C.clock_held |= f.pin == PIN_CLOCK;
+        C.oscillator_held |= f.pin == PIN_OSCILLATOR;
+    }
     put_pins(t);
 }
 
@@ -337,7 +358,8 @@ void log_update() {
 }
 
 void slow_step(Vtop* t) {
-    int32_t flags = t->adc_strobe_o ? 1 : 0;
+    const bool runs = !C.clock_held;  // a pulse that a clock left standing is no second one
+    int32_t flags = t->adc_strobe_o && runs ? 1 : 0;
     C.levels = gate_levels(t);
     if (const int32_t gates = switches(C.levels); gates != C.gates) {
         C.gates = gates;
@@ -352,7 +374,10 @@ void slow_step(Vtop* t) {
     C.brake = t->brake_o;
     if (flags || brake || C.st.cycle >= C.plant_at) plant_event(t, flags | C.brake << 2);
     if ((flags & 1) && C.log_strobes) log_row(LOG_STROBE, 0, 0);
-    if (t->trc_valid_o) {
+#ifdef COSIM_BOARD
+    if (t->driver_enable_o != C.enable) C.enable = t->driver_enable_o, log_row(LOG_ENABLE, C.enable, 0);
+#endif
+    if (t->trc_valid_o && runs) {
         if (t->trc_comm_valid_o) log_row(LOG_COMMUTATION, t->trc_sector_o, unwrap(t, t->trc_comm_sched_o));
         if (t->trc_zc_valid_o) log_row(LOG_CROSSING, t->trc_zc_sector_o | t->trc_zc_late_o << 4, unwrap(t, t->trc_zc_time_o));
         if (t->trc_trip_o) log_row(LOG_TRIP, t->trc_trip_cause_o, 0);
@@ -385,7 +410,8 @@ void slow_step(Vtop* t) {
 inline void after_edge(Vtop* t) {
     C.st.cycle++;
     if (__builtin_expect((gate_levels(t) != C.levels) | (t->brake_o != C.brake) | t->adc_strobe_o | t->trc_valid_o | (C.st.cycle >= C.next) |
-                             (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o), 0))
+                             (t->can_tx_o != C.can_sent) | ((C.tx_bit < 0) & !t->uart_tx_o) |
+                             (BOARD && t->driver_enable_o != C.enable), 0))
         slow_step(t);
     if (__builtin_expect(C.st.cycle == RESET_CYCLES, 0)) t->rst_i = 0, C.changed = true;
 #ifdef COSIM_CORE_PROBE
@@ -397,6 +423,7 @@ inline void after_edge(Vtop* t) {
 // again after each. This chip has one clock, and its inputs change seldom: here they are looked at when one has changed, and
 // the rising edge is what eval() makes of it, alone. plain: as eval() does it, for a debugger that wants to see the clock.
 inline void rising_edge(Vtop* t, bool plain) {
+    if (BOARD && C.clock_held) return;
     if (plain) {
         t->clk_i = 1;
         t->eval();
@@ -415,9 +442,25 @@ inline void falling_edge(Vtop* t, bool plain) {
     t->eval();
 }
 
+// The rising edges of a board's oscillator up to now, each on its own: it knows nothing of the chip's clock. What clears
+// without a clock follows here as well, if the edge before was the chip's.
+inline void oscillate(Vtop* t) {
+#ifdef COSIM_BOARD
+    static int64_t edges = 0;
+    constexpr int64_t PERIOD_NS = 1'000'000;  // by its frequency in kHz
+    for (; edges * PERIOD_NS < static_cast<int64_t>(main_time) * COSIM_OSCILLATOR_KHZ; edges++) {
+        t->rootp->__Vtrigprevexpr___TOP__osc_i__0 = t->osc_i = C.oscillator_held;
+        t->osc_i = 1;
+        t->eval();
+    }
+#else
+    (void)t;
+#endif
+}
+
 void power_up(Vtop* t) {
     model = reinterpret_cast<char*>(t->rootp);
-    memory = &t->rootp->fl_soc__DOT__u_cpu__DOT__u_ram__DOT__mem[0];
+    memory = &t->rootp->COSIM_MEMORY[0];
 #ifdef COSIM_CORE_PROBE
     probe.attach(t->rootp, memory);
 #endif
@@ -637,6 +680,7 @@ struct loop_t {
                 if (step) VerilatedVpi::callCbs(cbNextSimTime), woken = true;
                 const bool risen = rising, plain = VM_TRACE | watch | step;
                 rising = !rising;
+                oscillate(t);
                 if (risen) {
                     rising_edge(t, plain);
                     after_edge(t);

@@ -14,16 +14,23 @@ from typing import Any
 
 import pytest
 
+from cocotb_tests.board import test_fl_board
 from fluxlock.campaign import run
+from fluxlock.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
 from fluxlock.campaign.grid import DRIVES, LOOP_S, NODE_S, Drive, Fault, actions_of, plant_faults, upsets
-from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
+from fluxlock.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.run import grid, run_drive
 from fluxlock.config import ConfigError
+from fluxlock.cosim.chip import OSCILLATOR_KHZ
 from fluxlock.paths import ROOT, RTL
 from fluxlock.plant import channel_names
 from tests.docs.constants import constant
 
 SEED = 1
+
+
+# Of these every pin, sensor and part of the machine is disturbed; of the others the boot, or the clocks of a board.
+CHIPS = [drive for drive in DRIVES if not drive.moments[0].boot and not drive.board]
 
 
 def drive_of(name: str) -> Drive:
@@ -120,7 +127,7 @@ def test_every_pin_is_reached() -> None:
 
     Verifies: CAMP-07
     """
-    for drive in (d for d in DRIVES if not d.moments[0].boot):
+    for drive in CHIPS:
         faults = [fault for fault in plant_faults(drive) if fault.name.endswith("for 1 us")]
         forced = {str(x["pin"]) for x in arguments_of(faults, "pin")}
         assert forced == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}, drive.name
@@ -130,14 +137,15 @@ def test_every_pin_is_reached() -> None:
 
 
 def test_pins_of_the_simulator() -> None:
-    """The simulator's main drives and forces all of them, under the same names.
+    """The simulator's main drives and forces all of them, under the same names; on a board its clocks and the lock.
 
     Verifies: CAMP-07
     """
     text = (ROOT / "sim" / "native" / "cosim_main.cpp").read_text()
-    table = re.search(r"PIN_NAMES\[\] = \{(.*?)\};", text, re.DOTALL)
-    assert table
-    assert set(re.findall(r'"([^"]+)"', table[1])) == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}
+    board, chip = (set(re.findall(r'"([^"]+)"', x)) for x in re.findall(r"PIN_NAMES\[\] = \{(.*?)\};", text, re.DOTALL))
+    assert chip == inputs_of_the_top() - {"clk_i", "rst_i", "adc_code_i"}
+    wired = {"adc_valid_i", "adc_fault_i", "clock_fault_i"}
+    assert board - {"-"} == chip - wired | {"clk_i", "osc_i", "locked_i"}
 
 
 def run_some(monkeypatch: pytest.MonkeyPatch, drive: Drive, wanted: dict[str, tuple[str, str]]) -> None:
@@ -254,7 +262,7 @@ def test_every_drive_has_broken_firmware_and_floods() -> None:
 
     Verifies: CAMP-10, CAMP-11
     """
-    for drive in (d for d in DRIVES if not d.moments[0].boot):
+    for drive in CHIPS:
         runs = grid(drive, SEED, quick=False)
         for moment in drive.moments:
             names = {one.fault.name for one in runs if one.moment == moment}
@@ -262,6 +270,41 @@ def test_every_drive_has_broken_firmware_and_floods() -> None:
             assert sum("in the main loop" in name or "in the control interrupt" in name for name in names) == 6
             assert ("main loop hangs" in names) == moment.active
             assert ("CAN flood: SYNC" in names) == (drive.load().can is not None)
+
+
+def test_a_board_loses_its_clocks_in_every_state() -> None:
+    """Six-step operation and vector control: both clocks and the lock, by the times that the board's own test holds.
+
+    Verifies: CAMP-13
+    """
+    assert (STOP_TO_OFF, OSC_STOP_TO_OFF) == (test_fl_board.STOP_TO_OFF, test_fl_board.OSC_STOP_TO_OFF)
+    assert abs(1e6 / test_fl_board.OSC_NS - OSCILLATOR_KHZ) < 0.01 * OSCILLATOR_KHZ
+    boards = [drive for drive in DRIVES if drive.board]
+    assert {drive.load().drive.method for drive in boards} == {"six-step", "vector"}
+    for drive in boards:
+        states = {moment.name for moment in drive.moments}
+        assert states == {"ready", "starting", "accelerating", "running", "stopping", "fault"}
+        runs = grid(drive, SEED, quick=False)
+        for name in states:
+            faults = [one.fault for one in runs if one.moment.name == name]
+            assert {str(x["pin"]) for x in arguments_of(faults, "pin")} == {"clk_i", "osc_i", "locked_i", "fault_pin_i"}
+            # Of a stop that no monitor has to find nothing is asked but gates, currents and the name.
+            assert all(fault.off_s is not None for fault in faults if "200 ns" not in fault.name)
+
+
+def test_clocks_of_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a rotor is caught: a chip that lives names its clock, one that stands or begins anew has open gates.
+
+    Verifies: CAMP-13
+    """
+    wanted = {
+        "clock stops": (HALTED, ""),
+        "clock stops for 5 us": (STOPPED, "clock"),
+        "oscillator stops": (STOPPED, "clock"),
+        "lock goes for 1 clock": (HALTED, "none"),
+        "driver reports a fault for 1 clock": (STOPPED, "fault_pin"),
+    }
+    run_at(monkeypatch, "board", "starting", wanted)
 
 
 def test_a_register_by_name() -> None:
@@ -285,7 +328,7 @@ def test_the_seed_decides() -> None:
     """
     for drive in DRIVES:
         assert grid(drive, 5, quick=False) == grid(drive, 5, quick=False)
-        assert grid(drive, 5, quick=False) != grid(drive, 6, quick=False)
+        assert drive.board or grid(drive, 5, quick=False) != grid(drive, 6, quick=False)
         names = [one.folder for one in grid(drive, 5, quick=False)]
         assert len(set(names)) == len(names)
 

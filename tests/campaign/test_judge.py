@@ -12,7 +12,7 @@ import pytest
 
 from fluxlock.analysis.rundata import RECORD_DTYPE, LogKind, RunData
 from fluxlock.campaign.grid import ANY, Fault
-from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG, judge
+from fluxlock.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG, judge
 from fluxlock.config import load_scenario
 from fluxlock.paths import ROOT
 from fluxlock.plant.trajectory import wave_dtype
@@ -58,6 +58,47 @@ def test_right_ends() -> None:
     """
     assert ended(made()) == (RIDDEN, ())
     assert ended(stopped("fault_pin")) == (STOPPED, ())
+
+
+HALT = Fault("halt", (), frozenset(), off_s=2e-6, silent=True)
+
+
+def enabled(data: RunData, *edges: tuple[int, int]) -> RunData:
+    """The run with levels of the drivers' enable at clocks."""
+    rows = [[at, LogKind.ENABLE, level, 0] for at, level in edges]
+    return replace(data, log=np.concatenate([data.log, np.array(rows, np.int64)]))
+
+
+def test_halted() -> None:
+    """Gates and enable off in time for good, and no console: a right end where the chip's clock stands.
+
+    Verifies: CAMP-02, CAMP-13
+    """
+    off = replace(stopped("none"), uart=[])
+    assert ended(off, HALT) == (HALTED, ())
+    assert ended(enabled(off, (100, 1), (SINCE + 50, 0)), HALT) == (HALTED, ())
+    assert ended(replace(off, log=off.log[:0]), HALT) == (HALTED, ())
+    assert ended(off, replace(HALT, silent=False))[1] == ("console silent",)
+    # Named, in time.
+    assert ended(stopped("fault_pin"), replace(PIN, off_s=2e-6)) == (STOPPED, ())
+
+
+def test_not_off_in_time() -> None:
+    """A gate that stays on, goes off late or on again, an enable that toggles on or stays high.
+
+    Verifies: CAMP-02, CAMP-13
+    """
+    off = replace(stopped("none"), uart=[])
+    for gate in (9, 101):
+        again = np.array([[SINCE + gate, 1, 0b1001, 0], [SINCE + gate + 500, 1, 0, 0]], np.int64)
+        _, reasons = ended(replace(off, log=np.concatenate([off.log, again])), HALT)
+        assert reasons[0].startswith("a gate on"), gate
+    assert ended(replace(off, log=off.log[:1]), HALT)[1][0].startswith("a gate on")
+    assert ended(enabled(off, (100, 1), (SINCE + 101, 0)), HALT)[1] == (
+        "enable of the drivers toggles 1 times after the time for it",
+    )
+    assert ended(enabled(off, (100, 1)), HALT)[1] == ("enable of the drivers stays high",)
+    assert ended(stopped("fault_pin"), replace(PIN, off_s=1e-7))[1][0].startswith("a gate on 0.08 us")
 
 
 def five(rpm: float = 300.0) -> RunData:

@@ -42,6 +42,7 @@ class LogKind(IntEnum):
     # 2^32 = one turn.
     ANGLE = 8
     CAN = 9  # a = chip's transmit pin | level of the bus << 1; logged on request
+    ENABLE = 10  # a = level of a board's driver enable, which toggles
 
 
 class PlantEventKind(IntEnum):

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from fluxlock.campaign.grid import DRIVES, Drive
 from fluxlock.campaign.judge import WRONG
-from fluxlock.campaign.page import RESULT, kinds, score
+from fluxlock.campaign.page import RESULT, WAYS, kinds, score
 from fluxlock.campaign.run import FOLDER, ROW_FILE, chip_for, grid, mean_cpu_s, population, run_drive
 from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.run import image_of
@@ -94,7 +94,7 @@ def run(names: Sequence[str], quick: bool, every: int, seed: int, jobs: int) -> 
     RESULT.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     console = Console()
     table = Table(title=f"campaign, seed {seed}" + (", quick" if quick else ""), title_justify="left")
-    for header in ("disturbance", "runs", "ridden through", "stopped by name", "wrong"):
+    for header in ("disturbance", "runs", *WAYS):
         table.add_column(header)
     for kind, counts in kinds(rows):
         table.add_row(kind, *map(str, counts))

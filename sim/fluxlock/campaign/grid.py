@@ -63,7 +63,8 @@ class Fault:
 
     must_stop: riding through is no right end. turning: only where the machine is driven already. active: only where
     the drive starts, runs or stops. span_s: until the run is judged; one that stops is judged earlier. unchecked:
-    breaks what an assertion of the RTL takes for granted.
+    breaks what an assertion of the RTL takes for granted. off_s: within which gates and the drivers' enable are off, to
+    the end of the run. silent: the chip that could tell a name stands still or begins anew.
     """
 
     name: str
@@ -74,6 +75,8 @@ class Fault:
     active: bool = False
     span_s: float = RUN_S
     unchecked: bool = False
+    off_s: float | None = None
+    silent: bool = False
 
     @property
     def upset(self) -> bool:
@@ -86,7 +89,7 @@ class Moment:
     """An instant of a drive's scenario at which its runs part.
 
     turning: the machine is driven, with a lock. active: the drive starts, runs or stops. boot: the program has not
-    looked at its parameters yet; only these are disturbed.
+    looked at its parameters yet; only these are disturbed. names: faults that the drive has told by then.
     """
 
     name: str
@@ -94,6 +97,7 @@ class Moment:
     turning: bool = True
     active: bool = True
     boot: bool = False
+    names: frozenset[str] = frozenset()
 
     def takes(self, fault: Fault) -> bool:
         """Whether the fault can happen there."""
@@ -105,7 +109,7 @@ class Drive:
     """A scenario and its moments.
 
     can: the chip has the CAN controller although the firmware has no node. pins: only pins, firmware, lines and bits
-    are disturbed.
+    are disturbed. board: the chip is on a board, whose clocks and lock are disturbed (`fluxlock.campaign.board`).
     """
 
     name: str
@@ -113,11 +117,22 @@ class Drive:
     moments: tuple[Moment, ...]
     can: bool = False
     pins: bool = False
+    board: bool = False
 
     def load(self) -> Scenario:
         """The scenario."""
         return load_scenario(ROOT / "scenarios" / self.scenario)
 
+
+# In every state of the drive; no line of the scenario comes within a run.
+ON_A_BOARD = (
+    Moment("ready", 0.0035, turning=False, active=False),
+    Moment("starting", 0.012, turning=False),
+    Moment("accelerating", 0.018),
+    Moment("running", 0.031),
+    Moment("stopping", 0.0395),
+    Moment("fault", 0.051, turning=False, active=False, names=PIN),
+)
 
 DRIVES = (
     Drive(
@@ -146,6 +161,8 @@ DRIVES = (
     Drive("hall", "six-step/hall.toml", (Moment("ramp", 0.080), Moment("steady", 0.200)), pins=True),
     Drive("encoder", "vector/encoder.toml", (Moment("steady", 0.250), Moment("reversing", 0.410)), pins=True),
     Drive("can", "campaign/can.toml", (Moment("accelerating", 0.045), Moment("steady", 0.080)), pins=True),
+    Drive("board", "campaign/board.toml", ON_A_BOARD, board=True),
+    Drive("board-vector", "campaign/board-vector.toml", ON_A_BOARD, board=True),
     Drive("boot", "campaign/six-step.toml", (Moment("reset", 1e-6, turning=False, active=False, boot=True),)),
 )
 
@@ -169,10 +186,10 @@ def _glitch(channel: str, code: int, names: frozenset[str]) -> Fault:
     return Fault(f"{channel} at {code} for 1 us", (_stuck(channel, code), CLEAR), names)
 
 
-def _held(pins: Sequence[str], span_s: float, level: int | None = None) -> tuple[Change, ...]:
+def held(pins: Sequence[str], span_s: float, level: int | None = None, at_s: float = 0.0) -> tuple[Change, ...]:
     """Pins that have a level, None: the wrong one, for a time, or at one clock edge."""
     clocks = max(1, round(span_s * CLOCK_HZ))
-    return tuple((0.0, "pin", {"pin": pin, "cycles": clocks, "level": level}) for pin in pins)
+    return tuple((at_s, "pin", {"pin": pin, "cycles": clocks, "level": level}) for pin in pins)
 
 
 # Of the rated torque. The heavy one turns a rotor that only stands aligned backwards, faster and faster.
@@ -278,30 +295,30 @@ def _pin_faults(s: Scenario) -> list[Fault]:
         must_stop, unchecked = names in (PIN, CONVERTER, CLOCK), port == "adc_valid_i"
         for text, forced, span_s in (*((f"{pin} wrong for 1 us", [pin], 1e-6) for pin in pins),
                                      (f"{port} wrong for 1 clock", pins, 0.0)):  # fmt: skip
-            found.append(Fault(text, _held(forced, span_s), names, must_stop=must_stop, unchecked=unchecked))
+            found.append(Fault(text, held(forced, span_s), names, must_stop=must_stop, unchecked=unchecked))
     return [
         *found,
-        Fault("fault_pin_i held", _held(["fault_pin_i"], FOR_EVER_S, 1), PIN, must_stop=True),
-        Fault("clock_fault_i held", _held(["clock_fault_i"], FOR_EVER_S, 1), CLOCK, must_stop=True),
-        Fault("uart_rx_i at 0 for 2 ms", _held(["uart_rx_i"], 2e-3, 0), NONE),
+        Fault("fault_pin_i held", held(["fault_pin_i"], FOR_EVER_S, 1), PIN, must_stop=True),
+        Fault("clock_fault_i held", held(["clock_fault_i"], FOR_EVER_S, 1), CLOCK, must_stop=True),
+        Fault("uart_rx_i at 0 for 2 ms", held(["uart_rx_i"], 2e-3, 0), NONE),
         Fault("noise on the console", ((0.0, "console", {"line": "\x01\x7fU"}),), NONE),
-        Fault("adc_valid_i at 0 for 1 ms", _held(["adc_valid_i"], 1e-3, 0), frozenset({"no_samples"}), must_stop=True),
+        Fault("adc_valid_i at 0 for 1 ms", held(["adc_valid_i"], 1e-3, 0), frozenset({"no_samples"}), must_stop=True),
     ]
 
 
 def _bus_faults(s: Scenario) -> list[Fault]:
     """The CAN bus, and a chip that does not hear it: shorter and longer than the node waits for a command."""
 
-    def held(level: int, span_s: float) -> tuple[Change, ...]:
+    def forced(level: int, span_s: float) -> tuple[Change, ...]:
         return ((0.0, "bus", {"cycles": round(span_s * CLOCK_HZ), "level": level}),)
 
     return [
-        Fault("CAN bus dominant for 1 us", held(0, 1e-6), NONE),
-        Fault("CAN bus dominant for 5 ms", held(0, 5e-3), BUS),
-        Fault("CAN bus dominant for 30 ms", held(0, 30e-3), BUS, must_stop=True),
-        Fault("CAN bus recessive for 30 ms", held(1, 30e-3), BUS, must_stop=True),
-        Fault("can_rx_i at 0 for 5 ms", _held(["can_rx_i"], 5e-3, 0), BUS),
-        Fault("can_rx_i at 1 for 30 ms", _held(["can_rx_i"], 30e-3, 1), BUS, must_stop=True),
+        Fault("CAN bus dominant for 1 us", forced(0, 1e-6), NONE),
+        Fault("CAN bus dominant for 5 ms", forced(0, 5e-3), BUS),
+        Fault("CAN bus dominant for 30 ms", forced(0, 30e-3), BUS, must_stop=True),
+        Fault("CAN bus recessive for 30 ms", forced(1, 30e-3), BUS, must_stop=True),
+        Fault("can_rx_i at 0 for 5 ms", held(["can_rx_i"], 5e-3, 0), BUS),
+        Fault("can_rx_i at 1 for 30 ms", held(["can_rx_i"], 30e-3, 1), BUS, must_stop=True),
     ]
 
 

@@ -9,8 +9,10 @@ Wrong is, from the disturbance on:
   torque against the commanded direction, mean of a millisecond, for more than 10 ms while a lock drives a rotor that
   turns that way at a tenth of its highest speed or more, slower than asked for (one that is driven faster is braked);
   a stop by a name that does not belong to the fault, or by none; a drive that runs on where it had to stop.
+  a gate that is on, or an enable of the drivers that toggles, later than the fault allows.
 All phases and legs of the machine count. A drive that boot refuses, with the name of a fault, has stopped, and so has
-one whose CANopen node has told the name and opened the gates. Gates all off for a pulse's pause count as on.
+one whose CANopen node has told the name and opened the gates. Gates all off for a pulse's pause count as on. A chip
+that cannot tell a name, as its clock stands or it begins anew, has halted: gates and currents are judged.
 """
 
 from __future__ import annotations
@@ -23,12 +25,12 @@ import numpy as np
 
 from fluxlock.analysis.angles import phase_currents
 from fluxlock.analysis.gates import gate_safety
-from fluxlock.analysis.rundata import BoolArray, RecordArray, RunData
+from fluxlock.analysis.rundata import BoolArray, LogKind, RecordArray, RunData
 from fluxlock.campaign.grid import ANY, Fault
 from fluxlock.config import Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
 
-RIDDEN, STOPPED, WRONG = "ridden through", "stopped by name", "wrong"
+RIDDEN, STOPPED, HALTED, WRONG = "ridden through", "stopped by name", "halted", "wrong"
 CURRENT_S, TORQUE_S, MEAN_S, PULSE_S = 100e-6, 10e-3, 1e-3, 60e-6
 # Of the limit: converter and noise. Of the rated torque: ripple, and what friction of the diodes leaves.
 CURRENT_MARGIN, TORQUE_SHARE, SLOW_SHARE = 1.03, 0.1, 0.1
@@ -37,7 +39,7 @@ ASKED_SHARE = 0.99  # of the speed asked for: what the regulator may be off
 
 @dataclass(frozen=True)
 class Verdict:
-    """outcome: RIDDEN, STOPPED or WRONG; state and fault as the console told them last ("": it did not)."""
+    """outcome: RIDDEN, STOPPED, HALTED or WRONG; state and fault as the console told them last ("": it did not)."""
 
     outcome: str
     reasons: tuple[str, ...]
@@ -91,6 +93,22 @@ def _asked_rpm(scenario: Scenario, t_s: np.ndarray) -> np.ndarray:
     return asked
 
 
+def late(data: RunData, from_cycle: float) -> list[str]:
+    """What is energised from a cycle on: a gate that is on then or goes on later, an enable that toggles."""
+    gates, enable = data.rows(LogKind.GATES), data.rows(LogKind.ENABLE)
+    ends = np.append(gates[1:, 0], np.inf)[: len(gates)]
+    on = (gates[:, 2] != 0) & (ends > from_cycle)
+    found = []
+    if on.any():
+        ends_cycle = min(float(ends[on].max()), data.cycles)
+        found.append(f"a gate on {1e6 * (ends_cycle - from_cycle) / data.clock_hz:.2f} us after the time for it")
+    if toggles := int(np.count_nonzero(enable[:, 0] > from_cycle)):
+        found.append(f"enable of the drivers toggles {toggles} times after the time for it")
+    if enable.size and enable[-1, 2]:
+        found.append("enable of the drivers stays high")
+    return found
+
+
 def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, told: Sequence[str] = ()) -> Verdict:
     """Judge a run that was disturbed at a cycle. told: names that the CANopen node has sent since."""
     records = data.records[data.records["t_cycle"] >= since_cycle]
@@ -106,7 +124,7 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, tol
     turns = speed_rpm > SLOW_SHARE * scenario.motor.max_speed_rpm
     slower = speed_rpm < ASKED_SHARE * np.abs(asked_rpm)
     against_s = longest_s(t_s, (way * mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns & slower)
-    reasons = []
+    reasons = late(data, since_cycle + fault.off_s * data.clock_hz) if fault.off_s is not None else []
     safety = gate_safety(data)
     if safety.shoot_throughs:
         reasons.append(f"both gates of a leg on, {safety.shoot_throughs} times")
@@ -118,9 +136,9 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, tol
     stopped = state == "fault" or (state == "init" and name != "none")
     if told and not stopped and not safety.on_at_end:
         stopped, name = True, told[0]
-    if fault.names != ANY:
-        if against_s > TORQUE_S:
-            reasons.append(f"torque against the command for {1e3 * against_s:.0f} ms")
+    if fault.names != ANY and against_s > TORQUE_S:
+        reasons.append(f"torque against the command for {1e3 * against_s:.0f} ms")
+    if fault.names != ANY and not fault.silent:
         if not state:
             reasons.append("console silent")
         if state == "ready" and not stopped and gated.any():
@@ -131,5 +149,5 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, tol
             reasons.append(f"{state}, had to stop")
         if stopped and safety.on_at_end:
             reasons.append("gates on in the fault state")
-    outcome = WRONG if reasons else (STOPPED if stopped else RIDDEN)
+    outcome = WRONG if reasons else HALTED if fault.silent else STOPPED if stopped else RIDDEN
     return Verdict(outcome, tuple(reasons), state, name, over_s, against_s)

@@ -12,16 +12,19 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from fluxlock.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
 from fluxlock.campaign.grid import DRIVES, FLOOD_S, LOOP_S, NODE_S, NOISE_SEED, RUN_S, SLOW_S, UPSET_S
-from fluxlock.campaign.judge import RIDDEN, STOPPED, WRONG
+from fluxlock.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
 from fluxlock.campaign.master import COMMAND_TIMEOUT_MS
 from fluxlock.config import ConfigError, Problem
+from fluxlock.cosim.chip import BOARD_RESET_CYCLES
 from fluxlock.paths import BUILD, ROOT
 from fluxlock.sources import sources_text
 from fluxlock.writable import EXIT_BAD_INPUT, guarded
 
 RESULT = BUILD / "campaign.json"
 PAGE = ROOT / "docs" / "verification" / "campaign.md"
+WAYS = (RIDDEN, STOPPED, HALTED, WRONG)
 Rows = list[dict[str, Any]]
 Kind = TypeVar("Kind")
 
@@ -32,20 +35,18 @@ def kind_of(row: dict[str, Any]) -> str:
     return " ".join(name.split()[:2]) if "upset" in name else name
 
 
-def counted(rows: Rows, kind: Callable[[dict[str, Any]], Kind]) -> list[tuple[Kind, tuple[int, int, int, int]]]:
-    """Every kind of run with its number, and how many of them ended in each way."""
+def counted(rows: Rows, kind: Callable[[dict[str, Any]], Kind]) -> list[tuple[Kind, tuple[int, ...]]]:
+    """Every kind of run with its number, and how many of them ended in each way of `WAYS`."""
     found: dict[Kind, Rows] = {}
     for row in rows:
         found.setdefault(kind(row), []).append(row)
-    ways = (RIDDEN, STOPPED, WRONG)
-    table = []
-    for name, same in found.items():
-        ends = [sum(row["outcome"] == way for row in same) for way in ways]
-        table.append((name, (len(same), ends[0], ends[1], ends[2])))
-    return table
+    return [
+        (name, (len(same), *(sum(row["outcome"] == way for row in same) for way in WAYS)))
+        for name, same in found.items()
+    ]
 
 
-def kinds(rows: Rows) -> list[tuple[str, tuple[int, int, int, int]]]:
+def kinds(rows: Rows) -> list[tuple[str, tuple[int, ...]]]:
     """`counted` by disturbance."""
     return counted(rows, kind_of)
 
@@ -117,9 +118,13 @@ def page(document: dict[str, Any]) -> str:
         f"with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started again*: an over-current by a "
         "sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
         "",
-        "Not in the grid: the clocks and the lock of the PLL, which the chip does not see. The board's test "
-        "(`cocotb_tests/board/test_fl_board.py`) stops them in every state of a stand-in for the chip. Stores that are "
-        "damaged: `cocotb_tests/soc/test_boot_store.py`, on the chip with a flash.",
+        "The drives board and board-vector run on the chip behind `fl_board`, with its oscillator, its reset of "
+        f"{BOARD_RESET_CYCLES} clocks and its serial converters. There the chip's clock and the oscillator stop, and "
+        "the lock of the PLL goes, in every state of the drive. Gates and the drivers' enable must then be off within "
+        f"{STOP_TO_OFF} clocks of the oscillator, {OSC_STOP_TO_OFF} of the chip, or at once, and stay off.",
+        "",
+        "Not in the grid: stores that are damaged. `cocotb_tests/soc/test_boot_store.py` damages them on the chip with "
+        "a flash.",
         "",
         "Of the drives hall, encoder and can only pins, firmware, lines and bits are disturbed: Hall sensors commutate "
         "the first, an encoder gives the second its angle, a CANopen master commands the third every 0.5 ms, with a "
@@ -130,6 +135,8 @@ def page(document: dict[str, Any]) -> str:
         "| ridden through | the drive runs on, or has begun a new start by itself |",
         "| stopped by name | gates off, a fault name that belongs to the disturbance, on the console or in the CANopen "
         "node's emergency |",
+        "| halted | gates and drivers' enable off in time for good; the chip's clock stands or it has begun anew, so "
+        "it tells no name |",
         "| wrong | both gates of a leg on or the dead time cut; a phase current above the trip's limit for more than "
         "100 µs with a gate on; torque against the command for more than 10 ms below the speed asked for; a "
         "name that does not belong to the disturbance, or a stop by none; running on where only a stop is right; a "
@@ -143,14 +150,14 @@ def page(document: dict[str, Any]) -> str:
         "block before the program has looked at it, the sample period upset makes samples 83 times as rare: these must "
         "be named.",
         "",
-        "| disturbance | runs | ridden through | stopped by name | wrong | names |",
-        "|---|---|---|---|---|---|",
+        f"| disturbance | runs | {' | '.join(WAYS)} | names |",
+        "|---|---|---|---|---|---|---|",
     ]
-    for kind, (count, ridden, stopped, wrong) in kinds(rows):
+    for kind, counts in kinds(rows):
         names = sorted({r["fault"] for r in rows if kind_of(r) == kind and r["outcome"] == STOPPED})
         shown = ", ".join(f"`{name}`" for name in names)
-        lines.append(f"| {kind} | {count} | {ridden} | {stopped} | {wrong} | {shown} |")
-    lines += ["", "| drive | moment | runs | ridden through | stopped by name | wrong |", "|---|---|---|---|---|---|"]
+        lines.append(f"| {kind} | {' | '.join(map(str, counts))} | {shown} |")
+    lines += ["", f"| drive | moment | runs | {' | '.join(WAYS)} |", "|---|---|---|---|---|---|---|"]
     for (drive, moment), counts in counted(rows, lambda row: (row["drive"], row["moment"])):
         lines.append(f"| {drive} | {moment} | {' | '.join(map(str, counts))} |")
     bad = [row for row in rows if row["outcome"] == WRONG]

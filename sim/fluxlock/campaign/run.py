@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from fluxlock.campaign.board import board_faults
 from fluxlock.campaign.grid import (
     SAMPLE_PERIOD,
     Drive,
@@ -30,7 +31,7 @@ from fluxlock.campaign.judge import WRONG, judge
 from fluxlock.campaign.master import master_of, told_since
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.cosim.chip import Chip
+from fluxlock.cosim.chip import BOARD_CODE_CYCLES, Chip, build_chip
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, image_of, prepare
@@ -63,7 +64,7 @@ class Run:
 def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
     """The runs of a drive. quick: its last moment, a sixth of the faults; every: one run of so many."""
     runs = []
-    known = plant_faults(drive)
+    known = board_faults() if drive.board else plant_faults(drive)
     for moment in drive.moments[-1:] if quick else drive.moments:
         rng = random.Random(f"{seed} {drive.name} {moment.name}")
         if moment.boot:
@@ -71,7 +72,10 @@ def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
         else:
             chosen = rng.sample(range(len(known)), len(known) // (6 if quick else 1))
             faults = [known[n] for n in sorted(chosen)]
-            faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
+            if moment.names:
+                faults = [replace(fault, names=fault.names | moment.names) for fault in faults]
+            if not drive.board:
+                faults += [SAMPLE_PERIOD, *upsets(rng, *(QUICK_UPSETS if quick else FULL_UPSETS))]
         for fault in faults:
             if not moment.takes(fault):
                 continue
@@ -122,7 +126,7 @@ class Book:
     def _key(self, run: Run) -> str:
         fault = run.fault
         told = (fault.name, fault.changes, sorted(fault.names), fault.must_stop, fault.span_s, fault.unchecked)
-        return content_hash([], self.equal, run.moment, *told)
+        return content_hash([], self.equal, run.moment, *told, fault.off_s, fault.silent)
 
     def find(self, run: Run) -> dict[str, Any] | None:
         """Verdict of a finished run."""
@@ -153,7 +157,7 @@ def mean_cpu_s(runs: Iterable[Run]) -> float:
 
 def chip_for(drive: Drive) -> Chip:
     """The simulated chip of a drive."""
-    return chip_of(drive.load(), can=drive.can)
+    return build_chip(board=True) if drive.board else chip_of(drive.load(), can=drive.can)
 
 
 def open_book(drive: Drive, seed: int) -> Book:
@@ -162,6 +166,8 @@ def open_book(drive: Drive, seed: int) -> Book:
     plan = prepare(scenario, FOLDER / drive.name / "simulator", seed)
     if scenario.can is not None:
         plan = replace(plan, peer=master_of(scenario))
+    if drive.board:
+        plan = replace(plan, conversion_cycles=BOARD_CODE_CYCLES)
     settings = json.dumps(scenario.model_dump(mode="json"), sort_keys=True)
     sources = [*(Path(__file__).with_name(f"{name}.py") for name in ("judge", "master")), plan.folder / IMAGE_FILE]
     sources += [path for part in ("plant", "cosim") for path in (PACKAGE / part).glob("*.py")]

@@ -21,7 +21,7 @@ import cocotb_tools.config
 import find_libpython
 
 from fluxlock.analysis.rundata import ProgressInfo
-from fluxlock.cosim.chip import TOP, Chip
+from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
 from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
 from fluxlock.firmware import BusLibrary
@@ -35,7 +35,7 @@ class SimulatorError(Exception):
     """The simulator's process ended without a result; the message holds the end of its log."""
 
 
-def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
+def simulator_environment(plan_file: Path, results: Path, top: str) -> dict[str, str]:
     """Environment in which a Verilated executable finds this interpreter, cocotb and the plan."""
     libpython = find_libpython.find_libpython()
     if libpython is None:
@@ -48,7 +48,7 @@ def simulator_environment(plan_file: Path, results: Path) -> dict[str, str]:
         PYGPI_PYTHON_BIN=sys.executable,
         PYTHONPATH=os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
         PATH=os.pathsep.join([env.get("PATH", ""), str(cocotb_tools.config.libs_dir)]),
-        COCOTB_TOPLEVEL=TOP,
+        COCOTB_TOPLEVEL=top,
         COCOTB_TEST_MODULES="fluxlock.cosim.planned",
         COCOTB_RESULTS_FILE=str(results),
         COCOTB_REWRITE_ASSERTION_FILES="test_*.py",
@@ -96,7 +96,7 @@ def run_plan(
         first, last = plan.plant.recording.zoom[0]
         command += ["--waves-from", str(first), "--waves-to", str(last)]
     log_path = folder / LOG_FILE
-    env = simulator_environment(plan.save(), folder / "results.xml")
+    env = simulator_environment(plan.save(), folder / "results.xml", chip.top)
     if firmware is not None:
         command += ["--firmware", str(firmware.path)]
         env.update(_sanitizer_environment(firmware))
