@@ -15,7 +15,7 @@ from fluxlock.docs import mutation as mutation_page
 from fluxlock.mutation import command
 from fluxlock.mutation.blocks import BLOCKS, Block
 from fluxlock.mutation.equivalence import equal_mutants, unproved
-from fluxlock.mutation.netlist import SELECTOR, folder, make_netlist, parse_list, with_selector
+from fluxlock.mutation.netlist import SELECTOR, Netlist, folder, make_netlist, parse_list, with_selector
 from fluxlock.mutation.product import Signal, equal_at_the_outputs, read_signals
 from fluxlock.mutation.run import MutationError, run_mutants
 from fluxlock.mutation.score import measure, score_percent
@@ -134,26 +134,38 @@ DIFFERENT = {
 UNDECIDED = {"age_q != 8'd255: 14-29 A[0] inverted"}
 
 
+def named(block: Block, netlist: Netlist, text: str) -> int:
+    """Number of a mutant by a text of the source line, columns, port and kind."""
+    code, _, rest = text.partition(": ")
+    columns, port, kind = rest.split(" ", 2)
+    lines = Path(block.sources[0]).read_text().splitlines()
+    (line,) = (i for i, source in enumerate(lines, 1) if code in source)
+    place = "-".join(f"{line}.{column}" for column in columns.split("-"))
+    (found,) = (
+        m.number for m in netlist.mutants if (m.source.rpartition(":")[2], m.port, m.kind) == (place, port, kind)
+    )
+    return found
+
+
+def test_proof_without_a_reset() -> None:
+    """An input that holds the block stands for its reset, for as long as it takes: equal, and different.
+
+    Verifies: MUT-02
+    """
+    held = Block("fl_held", (str(HERE / "fl_held.sv"),), (), 0.0, reset="hold_i", reset_clocks=2)
+    netlist = make_netlist(held, 400, 1)
+    equal, different = (named(held, netlist, f"run_i && busy_q: 17-32 {port}[0] stuck at 1") for port in ("A", "B"))
+    tried = [m for m in netlist.mutants if m.number in (equal, different)]
+    assert equal_mutants(held, netlist, tried) == {equal}
+
+
 def test_proof_at_the_outputs() -> None:
     """Registers differ: equal by the registers that agree, equal while a flag is set, different, and not decided.
 
     Verifies: MUT-02
     """
-    lines = (HERE / "fl_apart.sv").read_text().splitlines()
     netlist = make_netlist(APART, 400, 1)
-
-    def named(text: str) -> int:
-        """Number of a mutant by a text of the source line, columns, port and kind."""
-        code, _, rest = text.partition(": ")
-        columns, port, kind = rest.split(" ", 2)
-        (line,) = (i for i, source in enumerate(lines, 1) if code in source)
-        place = "-".join(f"{line}.{column}" for column in columns.split("-"))
-        (found,) = (
-            m.number for m in netlist.mutants if (m.source.rpartition(":")[2], m.port, m.kind) == (place, port, kind)
-        )
-        return found
-
-    names = {named(text): text for text in EQUAL | DIFFERENT | UNDECIDED}
+    names = {named(APART, netlist, text): text for text in EQUAL | DIFFERENT | UNDECIDED}
     tried = [m for m in netlist.mutants if m.number in names]
     assert {names[number] for number in equal_mutants(APART, netlist, tried)} == EQUAL
     # Nor does a wrong guess of the registers that agree prove anything.

@@ -37,10 +37,11 @@ processor time is in the table. Assertions beside the logic are taken out: only 
 (mutants - equal).
 
 Survivors that SAT proves to be the block itself are *equal*: register by register (Yosys `equiv_induct`), or at the
-outputs alone. For that block and mutant run side by side with the same inputs, first a reset, in which each register
-holds any value, the same in both. That their outputs agree for ever is proved by induction over up to four clocks
-(`sat -tempinduct`), if need be together with the claim that registers agree, always or as long as a flag of the block
-is 0 (or 1). What is not decided within two minutes of processor time has survived.
+outputs alone. For that block and mutant run side by side with the same inputs, first a reset, or the input that a block
+has in its place for as long as that takes to act. Each register begins with any value, the same in both. That their
+outputs agree for ever is proved by induction over up to four clocks (`sat -tempinduct`), if need be together with the
+claim that registers agree, always or as long as a flag of the block is 0 (or 1). What is not decided within two minutes
+of processor time has survived.
 """
 
 

@@ -10,7 +10,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Block:
-    """One block. Paths are relative to `rtl/`, those of `bench_sources` may begin with `cocotb_tests/`."""
+    """One block. Paths are relative to `rtl/`, those of `bench_sources` may begin with `cocotb_tests/`.
+
+    reset: input that is high for the first `reset_clocks` clocks of a proof; its tests begin with it, too.
+    """
 
     name: str
     sources: tuple[str, ...]  # all of them become one flat netlist
@@ -22,6 +25,8 @@ class Block:
     parameters: dict[str, int] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()  # tests of the modules that are no tests of the block's behaviour
     environment: dict[str, str] = field(default_factory=dict)
+    reset: str = "rst_i"
+    reset_clocks: int = 1
 
 
 _PWM = ("pwm/fl_sequencer.sv", "pwm/fl_pwm_state.sv", "safety/fl_gate_guard.sv", "cocotb_tests/pwm/fl_pwm_chain.sv")
@@ -70,6 +75,8 @@ BLOCKS = {
             left_out=("bad_from_configuration_on",),  # of the first clocks of a simulation, and by name of a register
             parameters={"BeatCycles": 4, "LeastCycles": 5, "MostCycles": 9},  # intervals are run out in full
             environment={"MONITOR_SIZES": "4 5 9"},
+            reset="hold_i",
+            reset_clocks=3,  # through its synchroniser
         ),
         Block(
             name="fl_driver_enable",

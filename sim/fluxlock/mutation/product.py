@@ -3,9 +3,10 @@
 
 """Which mutants nobody outside can tell from the block: proved by SAT at the outputs.
 
-Block and mutant run side by side with the same inputs; the first clock is a reset. Each register starts with any value,
-in the block with the one that it has in the mutant. Outputs agree from the next clock on, for ever: by induction over
-at most `STEPS` clocks (Yosys `sat -tempinduct`), with what is claimed beside it until one of the claims is proved:
+Block and mutant run side by side with the same inputs; the first clock is a reset, or the first few are where the block
+has an input in its place (`Block.reset`). Each register starts with any value, in the block with the one that it has in
+the mutant. Outputs agree from the next clock on, for ever: by induction over at most `STEPS` clocks (Yosys
+`sat -tempinduct`), with what is claimed beside it until one of the claims is proved:
 
 - nothing;
 - every register of the block that did not fail the proof register by register agrees, too;
@@ -141,13 +142,14 @@ def _prepare(block: Block, netlist: Netlist, mutant: Mutant, apart: AbstractSet[
     return claims
 
 
-def _proofs(claims: list[list[str]], work: Path) -> Iterator[bool]:
+def _proofs(block: Block, claims: list[list[str]], work: Path) -> Iterator[bool]:
     """Whether each claim is proved, as long as there is time."""
     script, log = work / "product-sat.ys", work / "product-sat.log"
     left_s = LIMIT_S
+    resets = " ".join(f"-set-at {clock} {block.reset} 1" for clock in range(1, block.reset_clocks + 1))
+    start = f"-seq {block.reset_clocks} {resets} -set-at 1 alike 1"
     for claim in claims:
         wanted = " ".join(f"-prove {name} 1" for name in claim)
-        start = "-seq 1 -set-at 1 rst_i 1 -set-at 1 alike 1"
         sat = f"sat -tempinduct {start} {wanted} -maxsteps {STEPS} product"
         script.write_text(f"read_rtlil {relative(work / 'product.il')}\n{sat}\n")
         try:
@@ -166,4 +168,4 @@ def equal_at_the_outputs(block: Block, netlist: Netlist, mutant: Mutant, apart: 
     apart: registers of the block for which it could not be proved that they agree.
     """
     work = folder(block)
-    return any(_proofs(_prepare(block, netlist, mutant, apart, work), work))
+    return any(_proofs(block, _prepare(block, netlist, mutant, apart, work), work))
