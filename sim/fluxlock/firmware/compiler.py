@@ -191,6 +191,7 @@ def _machine(d: Design) -> dict[str, Value]:
         "speed_ratio": gain(Q16 / (motor.max_speed_rpm * Q8), "speed_ratio"),
         "resistance_low": low,
         "resistance_high": high,
+        "damping_q16": min(128 * Q16, round((d.damping_ohm / m.line_ohm - 1.0) * Q16)),
         "resistance_shift": shift,
     }
 
@@ -318,7 +319,7 @@ def _handover(d: Design) -> dict[str, Value]:
 
 
 def _speed(d: Design) -> dict[str, Value]:
-    """Speed regulator: its current accelerates the inertia, and the EMF line holds against it within the delay."""
+    """Speed regulator: its current accelerates the inertia, and takes the measured speed out of the EMF line."""
     m, motor = d.machine, d.s.motor
     bandwidth = min(d.bandwidth, d.current_bandwidth / 3.0)
     per_rpm = d.ampere / RPM_Q8
@@ -343,6 +344,7 @@ def _speed(d: Design) -> dict[str, Value]:
         "rectify_light": int(d.s.drive.sync_rect is None),
         "speed_bandwidth_scale": gain(scale, "speed_bandwidth_scale"),
         "accel_feed_forward_s": gain(Q8 / bandwidth, "accel_feed_forward_s"),
+        "ramp_end_q16": max(1, round(d.tick_s / (2.0 * d.lag_s) * Q16)),
         "ramp_window_rpm": max(1, round(0.05 * motor.max_speed_rpm)),
     }
 
@@ -376,6 +378,8 @@ def _current(d: Design) -> dict[str, Value]:
         "torque_to_current": gain(1e-6 / m.k_e * d.ampere, "torque_to_current"),
         "current_kp": gain(m.line_h * bandwidth * d.volt / d.ampere, "current_kp"),
         "current_wt_q16": max(1, round(bandwidth * d.tick_s * Q16)),
+        "pair_inductance": gain(m.line_h / d.tick_s * d.volt / d.ampere, "pair_inductance"),
+        "pair_spring": gain(m.k_e**2 * d.tick_s / d.s.motor.inertia_kgm2 * d.volt / d.ampere, "pair_spring"),
         "trim_kp": gain(max(d.damping_ohm - m.line_ohm, 1e-3 * m.line_ohm) * d.volt / d.ampere, "trim_kp"),
         "trim_wt_q16": max(1, round(d.damping_ohm / m.line_ohm * d.tick_s / trim_s * Q16)),
         "loop_filter_shift": LOOP_FILTER_SHIFT,

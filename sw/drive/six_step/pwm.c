@@ -73,6 +73,13 @@ HOT static int32_t discontinuous_duty(pwm_t *pwm, const six_step_view_t *view, c
   return stretch(pwm, duty_q30, demand->longest_cycles, (uint32_t)view->p->on_time_floor_cycles);
 }
 
+// What dead times take of a pulse: all where the current keeps its sign over the carrier, less and less below, as steeply as told.
+HOT static int32_t dead_share_q16(int32_t share_q16, int32_t steep) {
+  const int32_t taken_q16 = ONE_Q16 - (ONE_Q16 - abs_sat(share_q16)) * steep;
+  const int32_t some_q16 = (taken_q16 > 0) ? taken_q16 : 0;
+  return (share_q16 < 0) ? -some_q16 : some_q16;
+}
+
 HOT void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_demand_t *demand, bool sync_rect) {
   const parameters_t *p = view->p;
   const int32_t vdc_v_q25 = view->m->vdc_v_q25;
@@ -97,7 +104,7 @@ HOT void pwm_from_demand(pwm_t *pwm, const six_step_view_t *view, const pwm_dema
     }
   }
   pwm->duty_q30 = duty_q30;
-  const int32_t added_q8 = sync_rect ? p->dead_time_cycles * pwm->share_q16 / 256 : 0;
+  const int32_t added_q8 = sync_rect ? p->dead_time_cycles * dead_share_q16(pwm->share_q16, demand->dead_steep) / 256 : 0;
   const uint32_t pulse_q8 = pulse_cycles_q8(pulse_q30, pwm->period_cycles, added_q8);
   const uint32_t least_q8 = (uint32_t)p->least_on_cycles << 8;
   pwm->at_least = pulse_q8 < least_q8;

@@ -27,6 +27,7 @@ typedef struct {
   uint32_t longest_cycles;           // longest carrier period permitted
   boundary_t boundary;               // for the carrier that the settings ask for
   const csc_linearity_t *linearity;  // corrects the duty for cut pulses, 0: does not
+  int32_t dead_steep;                // at the boundary, of what dead times take over the current: 1 is evenly from none on
 } pwm_demand_t;
 
 void pwm_init(pwm_t *pwm, const parameters_t *p);

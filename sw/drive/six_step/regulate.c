@@ -15,6 +15,8 @@
 #define LEAST_DUTY_MAX_Q16 26214
 // Least share of the gains at low speed.
 #define BANDWIDTH_SCALE_MIN_Q16 4096
+// One over the phase that the delay of the speed may cost: all of the line over the parameter.
+#define WHOLE_Q16 187246
 // Share of the speed that noise may swing below the reference, of the current that the gain makes of it.
 #define SPEED_NOISE 512
 // EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
@@ -22,6 +24,12 @@
 #define ROUND_STEP_MAX_Q16 8192
 // Fewest ticks of the lag: a measured speed is taken at most every second tick.
 #define LAG_MAX_Q16 21845
+// The ramp's last steps.
+#define RAMP_STEP_MIN_Q20 4096
+// Most that the EMF may differ from the file's, and share of it that R I may be where that is looked at.
+#define FLUX_MAX_Q12 512
+#define FLUX_LOOK 8
+#define DEAD_STEEP_MAX 64
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
 #define BRAKE_ROOM 16
@@ -97,10 +105,20 @@ static void schedule_current(scheduled_t *g, const six_step_view_t *view, const 
   g->resistive_v_q25 = gain_apply(g->limit_i_q25, g->resistance);
 }
 
-// Boundary of continuous conduction.
+// Braking and driving, and with a speed that half a turn tells.
+static bool holds_firm(const six_step_view_t *view) {
+  return view->settings->sync_rect && !view->settings->current_loop && view->m->speed_short;
+}
+
+// Boundary of continuous conduction. The current's least value meets zero there: it moves by (vdc - E) t_d / L_l between a dead
+// time that takes nothing and one that takes all. A reference that swings with a late speed is better answered evenly.
 static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
-  g->boundary = boundary(view->m->emf_v_q25, view->m->vdc_v_q25, diode_v_q25(view, pwm),
-                         view->settings->carrier_period_cycles, view->p->boundary_current);
+  const int32_t period_cycles = (int32_t)view->settings->carrier_period_cycles;
+  g->boundary = boundary(view->m->emf_v_q25, view->m->vdc_v_q25, diode_v_q25(view, pwm), (uint32_t)period_cycles,
+                         view->p->boundary_current);
+  const int32_t pulse_cycles = mul_q16(g->boundary.duty_q30 >> 14, period_cycles);
+  const int32_t twice_cycles = 2 * view->p->dead_time_cycles + 1;
+  g->dead_steep = holds_firm(view) ? clamp_i32(pulse_cycles / twice_cycles, 1, DEAD_STEEP_MAX) : 1;
 }
 
 // Current of the shortest pulse in the longest carrier, where diodes end it.
@@ -131,8 +149,22 @@ static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int
   }
 }
 
+// Current over a deviation of the speed, as the EMF line holds the rotor, of k_e / R_t. With all of it the voltage follows the
+// reference alone: no delay, no noise of the measured speed. Diodes hold on one side only: what the delay of the speed costs.
+static int32_t stiffness_q16(const scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, uint32_t turns_q16) {
+  const parameters_t *p = view->p;
+  if (holds_firm(view)) {
+    // The resistance grows with speed.
+    const uint32_t now_q16 = (uint32_t)g->resistance.mant / ((uint32_t)p->resistance_low >> 16) + (uint32_t)p->damping_q16;
+    return mul_q16((int32_t)((((uint32_t)ONE_Q16 + (uint32_t)p->damping_q16) << 8) / (now_q16 >> 8)), WHOLE_Q16);
+  }
+  const int32_t delayed_q16 = (turns_q16 > ONE_Q16) ? (int32_t)(UINT32_MAX / turns_q16) : ONE_Q16;
+  return pwm->discontinuous ? mul_q16(delayed_q16, mul_q16(pwm->share_q16, p->discontinuous_q16)) : delayed_q16;
+}
+
 // Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
-// gains shrink. What the EMF line adds to the inertia grows with that delay, and less so the less current flows.
+// gains shrink. The integral cancels the rotor's time constant on the EMF line, but is no slower than a quarter of the
+// bandwidth.
 static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
   const parameters_t *p = view->p;
   const int32_t whole_q16 = clamp_i32(gain_apply(view->m->speed_rpm_q8, p->speed_bandwidth_scale), 0, PRODUCT_MAX / 2);
@@ -140,20 +172,33 @@ static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pw
   const uint32_t turns_q16 = (uint32_t)greater(view->m->speed_short ? whole_q16 / 4 * 7 : whole_q16, BANDWIDTH_SCALE_MIN_Q16);
   g->scale_q16 = (turns_q16 < ONE_Q16) ? (int32_t)turns_q16 : ONE_Q16;
   g->lag_q16 = lesser(gain_apply((int32_t)turns_q16, (gain_t){p->speed_lag_q16, 16}), LAG_MAX_Q16);
-  int32_t stiffness_q16 = (turns_q16 > ONE_Q16) ? (int32_t)(UINT32_MAX / turns_q16) : ONE_Q16;
-  if (pwm->discontinuous) {
-    stiffness_q16 = mul_q16(stiffness_q16, mul_q16(pwm->share_q16, p->discontinuous_q16));
-  }
-  const int32_t kp = mul_q16(p->speed_kp_inertia, g->scale_q16) / 2 + mul_q16(p->speed_kp_stiffness, stiffness_q16) / 2;
-  g->speed.kp = (gain_t){kp, p->speed_kp_shift - 1};
-  g->speed.ki = (gain_t){mul_q16(mul_q16(kp, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - 1};
+  const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
+  // Bits of room: the whole of the EMF line is 2.9 times its parameter, and four times that is a gain of the integral.
+  const bool firm = holds_firm(view);
+  const int32_t room = firm ? 4 : 1;
+  const int32_t moved = mul_q16(p->speed_kp_inertia, g->scale_q16) >> room;
+  const int32_t line_q16 = stiffness_q16(g, view, pwm, turns_q16);
+  const int32_t held = firm ? mul_q16(p->speed_kp_stiffness >> room, line_q16) : mul_q16(p->speed_kp_stiffness, line_q16) / 2;
+  g->speed.kp = (gain_t){moved + held, p->speed_kp_shift - room};
+  const int32_t slow = firm ? greater(moved, 4 * held) : moved + held;
+  g->speed.ki = (gain_t){mul_q16(mul_q16(slow, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - room};
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
-  const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
   g->acceleration_i_q25 = gain_apply(view->settings->accel_rpm_q8, inertia);
 }
 
-HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
+// By how much the flux of the file is wrong, from what the current regulator has added while little of it was for currents:
+// on a ramp that part grows with the speed.
+static void schedule_flux(regulate_t *r, const six_step_view_t *view) {
+  const int32_t emf_v_q25 = view->m->emf_v_q25;
+  const int32_t drop_v_q25 = gain_apply(abs_sat(view->m->line_i_q25), r->scheduled.resistance);
+  if (drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
+    const int32_t added_v_q25 = clamp_i32(r->current_pi.integral_q5 >> PI_INTEGRAL_BITS, -emf_v_q25, emf_v_q25);
+    r->scheduled.flux_q12 = clamp_i32(added_v_q25 * 16 / (emf_v_q25 / 256 + 1), -FLUX_MAX_Q12, FLUX_MAX_Q12);
+  }
+}
+
+COLD static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                          uint32_t group) {
   const parameters_t *p = view->p;
   const settings_t *settings = view->settings;
@@ -164,6 +209,7 @@ HOT static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t 
   switch (group) {
     case GROUP_DUTY:
       schedule_duty_limits(g, view, pwm, in->longest_cycles);
+      schedule_flux(r, view);
       break;
     case GROUP_RESISTANCE:
       schedule_resistance(g, view, ratio_q16);
@@ -208,14 +254,21 @@ HOT static regulator_t wanted_regulator(const six_step_view_t *view, bool revers
   return torque ? REGULATOR_TORQUE : REGULATOR_SPEED;
 }
 
+COLD static void ramp_from(regulate_t *r, int32_t speed_rpm_q8) {
+  ramp_preset(&r->ramp, speed_rpm_q8);
+  r->lagged_rpm_q8 = speed_rpm_q8;
+  for (uint32_t k = 0; k < SHORT_INTERVALS; k++) {
+    r->crossed_rpm_q8[k] = speed_rpm_q8;
+  }
+}
+
 // Set ramp and integrals so that the present voltage continues.
 COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view) {
   const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
   const int32_t emf_v_q25 = view->m->emf_v_q25;
   const scheduled_t *g = &r->scheduled;
   r->saturated = 0;
-  ramp_preset(&r->ramp, speed_rpm_q8);
-  r->lagged_rpm_q8 = speed_rpm_q8;
+  ramp_from(r, speed_rpm_q8);
   r->limiter.trim_v_q25 = 0;
   const int32_t i_q25 = clamp_i32(view->m->line_i_q25, -r->brake_i_q25, g->limit_i_q25);
   r->reference_i_q25 = i_q25;
@@ -266,7 +319,7 @@ HOT static void apply(const regulate_t *r, pwm_t *pwm, const six_step_view_t *vi
   const settings_t *settings = view->settings;
   const bool linear = settings->linearity && in->restarts;
   const pwm_demand_t demand = {u_v_q25, r->reference_i_q25, in->longest_cycles, r->scheduled.boundary,
-                               linear ? &r->scheduled.linearity : 0};
+                               linear ? &r->scheduled.linearity : 0, r->scheduled.dead_steep};
   pwm_from_demand(pwm, view, &demand, r->rectifies);
 }
 
@@ -274,6 +327,7 @@ COLD void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view,
   r->was_frozen = false;
   r->limit = LIMIT_NONE;
   r->rectifies = view->settings->sync_rect;
+  __builtin_memset(&r->pair_emf, 0, sizeof r->pair_emf);
   preset(r, pwm, view);
   apply_advance(r, view->settings);
   apply(r, pwm, view, in, pwm->u_v_q25);
@@ -310,7 +364,12 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   // speed must not let it through.
   const int32_t error = r->lagged_rpm_q8 - m->speed_rpm_q8;
   const int32_t beyond_i_q25 = g->noise_i_q25 + ((error < 0) ? gain_apply(-error, g->speed.kp) / 16 : 0);
+  const int32_t integral_q5 = r->speed_pi.integral_q5;
   const pi_result_t i = pi_step(&r->speed_pi, &g->speed, error, acceleration_i_q25, low - beyond_i_q25, high);
+  // At a bound the integral waits: what it knows is the load.
+  if (holds_firm(view) && ((i.output < i.unlimited && error > 0) || (i.output > i.unlimited && error < 0))) {
+    r->speed_pi.integral_q5 = integral_q5;
+  }
   r->reference_i_q25 = greater(i.output, low);
   r->at_least = i.output <= low;
   r->limit = (i.output < i.unlimited) ? LIMIT_CURRENT : LIMIT_NONE;
@@ -340,17 +399,23 @@ HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *vie
   return emf_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp);
 }
 
-// What the EMF of the pair has more than its mean when the voltage of this tick is applied, one to two ticks from now. Where
-// a sector has only few ticks the inductance evens that out.
+// What the EMF of a sinusoidal pair has more than its mean when the voltage of this tick is applied, one to two ticks from
+// now.
 HOT static int32_t rounding_v_q25(const six_step_view_t *view, int32_t emf_v_q25) {
   const measured_t *m = view->m;
-  if (view->p->zcd_linear != 0 || m->place_step_q16 > ROUND_STEP_MAX_Q16) {
+  if (view->p->zcd_linear != 0) {
     return 0;
   }
   int32_t y_q16 = m->place_q16 + m->place_step_q16 * 3 / 2 - ONE_Q16 / 2;
   y_q16 -= (y_q16 > ONE_Q16 / 2) ? ONE_Q16 : 0;
   y_q16 = clamp_i32(y_q16, -ONE_Q16 / 2, ONE_Q16 / 2);
   return mul_q16(emf_v_q25, mul_q16(ONE_Q16 / 12 - mul_q16(y_q16, y_q16), ROUND_Q16));
+}
+
+// The same of this pair beside the others: of unequal fluxes.
+HOT static int32_t pair_v_q25(const regulate_t *r, const measured_t *m) {
+  const bool next = m->place_q16 + m->place_step_q16 * 3 / 2 > ONE_Q16;
+  return r->pair_emf.more_v_q25[(m->commutations + (next ? 1u : 0u)) % PAIRS];
 }
 
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
@@ -363,7 +428,10 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t moved_rpm_q8 = r->ramp.value_rpm_q8 - r->lagged_rpm_q8;
   const int32_t mean_v_q25 = m->emf_v_q25 + ((moved_rpm_q8 != 0) ? gain_apply(moved_rpm_q8, p->emf) : 0);
-  const int32_t emf_v_q25 = mean_v_q25 + rounding_v_q25(view, mean_v_q25);
+  // Where a sector has only few ticks the inductance evens the EMF out.
+  const bool follows = m->place_step_q16 <= ROUND_STEP_MAX_Q16;
+  const bool by_pair = follows && holds_firm(view);
+  const int32_t emf_v_q25 = mean_v_q25 + (follows ? rounding_v_q25(view, mean_v_q25) : 0) + (by_pair ? pair_v_q25(r, m) : 0);
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
@@ -404,7 +472,17 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
+  if (by_pair) {
+    const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
+    pair_emf_step(&r->pair_emf, &pair, output, m->line_i_q25, p->loop_filter_shift, m->commutations);
+  } else {
+    pair_emf_pause(&r->pair_emf);
+  }
   return output;
+}
+
+static int32_t ending_rpm_q20(int32_t left_rpm_q8, int32_t share_q16) {
+  return sat_i32(((int64_t)abs_sat(left_rpm_q8) * share_q16) >> 4);
 }
 
 // A step of the ramp, no steeper than what the load leaves of the current can do. Returns the current that it needs.
@@ -425,14 +503,43 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
     step_rpm_q20 = most_rpm_q20;
     current_i_q25 = most_i_q25;
   }
-  return current_i_q25 * ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
+  const int32_t before_rpm_q8 = r->ramp.value_rpm_q8;
+  // The current needs its time to fall: toward its end the ramp is as slow as that.
+  const int32_t last_rpm_q20 = holds_firm(view) ? ending_rpm_q20(target_rpm_q8 - before_rpm_q8, p->ramp_end_q16) : INT32_MAX;
+  if (last_rpm_q20 < step_rpm_q20) {
+    current_i_q25 = mul_q16(current_i_q25, last_rpm_q20 / ((step_rpm_q20 >> 12) + 1) * 16);
+    step_rpm_q20 = greater(last_rpm_q20, RAMP_STEP_MIN_Q20);
+  }
+  const int32_t direction =
+      ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
+  if (direction != 0 && holds_firm(view)) {
+    const int32_t added_v_q25 = gain_apply(r->ramp.value_rpm_q8 - before_rpm_q8, p->emf);
+    pi_shift(&r->current_pi, (int32_t)(((int64_t)added_v_q25 * g->flux_q12) >> 12));
+  }
+  return current_i_q25 * direction;
 }
 
 // The shortest pulse drives the rotor ahead of the ramp: it goes on from there.
 COLD static void go_on_from_rotor(regulate_t *r, const measured_t *m) {
-  ramp_preset(&r->ramp, m->speed_rpm_q8);
-  r->lagged_rpm_q8 = m->speed_rpm_q8;
+  ramp_from(r, m->speed_rpm_q8);
   pi_preset(&r->speed_pi, r->scheduled.speed.kp, 0, 0, greater(m->line_i_q25, 0));
+}
+
+// The ramp as the measured speed shows it: its mean over the same three intervals, of its values at their ends. A lag stands
+// for a mean over the whole turn.
+HOT static void follow_ramp(regulate_t *r, const measured_t *m) {
+  const int32_t now_rpm_q8 = r->ramp.value_rpm_q8;
+  int32_t *at = r->crossed_rpm_q8;
+  if (!m->speed_short) {
+    r->lagged_rpm_q8 += mul_q16(now_rpm_q8 - r->lagged_rpm_q8, r->scheduled.lag_q16);
+  } else if (m->speed_fresh) {
+    r->lagged_rpm_q8 = at[0] + mul_q16((now_rpm_q8 - at[0]) + 2 * (at[1] - at[0]) + (at[2] - at[0]), ONE_Q16 / 6);
+  }
+  if (m->speed_fresh) {
+    at[2] = at[1];
+    at[1] = at[0];
+    at[0] = now_rpm_q8;
+  }
 }
 
 HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
@@ -462,7 +569,7 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
     go_on_from_rotor(r, m);
   }
   const int32_t acceleration_i_q25 = follow_target(r, view, target_rpm_q8);
-  r->lagged_rpm_q8 += mul_q16(r->ramp.value_rpm_q8 - r->lagged_rpm_q8, r->scheduled.lag_q16);
+  follow_ramp(r, m);
   reference_step(r, view, acceleration_i_q25, target_rpm_q8);
   r->rectifies = rectifies(r, view);
   apply(r, pwm, view, in, voltage_step(r, pwm, view));

@@ -8,13 +8,17 @@
 //   u     = k_e n + R(n) i_ref + PI(i_ref - i)
 //
 //   speed      Kp = w_b (J / k_t + t_d k_e / R_t),     Ki = Kp w_b / 4
+//              firm: Kp = w_b J / k_t + k_e / R_t,     Ki = w_b max(w_b J / (4 k_t), k_e / R_t)
 //   current    Kp = R_t - R,                           Ki = R(n) / t_trim;      R_t: damps the rotor on the EMF's spring
 //              with current_loop Kp = L w_c,           Ki = R(n) w_c, but not where the reference is at its lower bound
 //
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
 // electrical turn: w_b shrinks where that is long. The measured speed is compared with the ramp as it was t_d ago; what the
 // ramp has gone since then is added to the speed that the EMF follows from. The ramp is no steeper than the current allows.
-// The EMF of sinusoidal phases is followed within the sector. Below the boundary of continuous conduction the pulse follows from i_ref
+// Firm: with sync_rect and a speed that half a turn tells (correction B), the voltage follows the ramp alone and the EMF
+// line holds the rotor. There the reference is compared with the ramp's mean over the same intervals, the ramp ends as the
+// current can fall, and each pair has its own EMF (control/pair_emf.h). The EMF of sinusoidal phases is followed within the
+// sector. Below the boundary of continuous conduction the pulse follows from i_ref
 // alone (control/boundary.h).
 #ifndef FL_REGULATE_H
 #define FL_REGULATE_H
@@ -22,6 +26,7 @@
 #include "control/boundary.h"
 #include "control/csc_linearity.h"
 #include "control/limiter.h"
+#include "control/pair_emf.h"
 #include "control/pi.h"
 #include "control/ramp.h"
 #include "drive/six_step/pwm.h"
@@ -45,6 +50,8 @@ typedef struct {
   int32_t acceleration_i_q25;
   int32_t noise_i_q25;  // how far below its bound the reference may swing unseen
   boundary_t boundary;  // of the carrier that the settings ask for
+  int32_t dead_steep;   // of what dead times take, over the current
+  int32_t flux_q12;     // the EMF over that of the file, less 1
   int32_t least_i_q25;  // of the shortest pulse in the longest carrier, where diodes end it
   csc_linearity_t linearity;
   int32_t advance_q16;  // what speed and current add
@@ -66,10 +73,12 @@ typedef struct {
   pi_state_t speed_pi;
   pi_state_t current_pi;
   int32_t reference_i_q25;
+  pair_emf_t pair_emf;
   int32_t expected_i_q25;  // the reference behind the filter of the measured current
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
   int32_t lagged_rpm_q8;  // the ramp as the measured speed shows it
+  int32_t crossed_rpm_q8[SHORT_INTERVALS];  // the ramp at the last crossings, the last one first
   bool at_least;  // the reference is at its lower bound
   int32_t brake_i_q25;  // largest braking current now
   int32_t advance_q16;
