@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fluxlock.analysis.rundata import SimulationFault
-    from fluxlock.api import UNITS, Run, scenario_of, simulate
+    from fluxlock.api import scenario_of, simulate
     from fluxlock.config import ConfigError, Inverter, Motor, Scenario, load_inverter, load_motor, load_scenario
+    from fluxlock.cosim.outcome import UNITS, Run
     from fluxlock.sweeps import Sweep, sweep
 
 _HOMES = {
     "fluxlock.analysis.rundata": ("SimulationFault",),
-    "fluxlock.api": ("UNITS", "Run", "scenario_of", "simulate"),
+    "fluxlock.api": ("scenario_of", "simulate"),
+    "fluxlock.cosim.outcome": ("UNITS", "Run"),
     "fluxlock.config": (
         "ConfigError",
         "Inverter",

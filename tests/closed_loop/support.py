@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fluxlock.config import load_scenario
 from fluxlock.cosim.native_firmware import NativeFirmware
-from fluxlock.cosim.outcome import Outcome, write_outcome
+from fluxlock.cosim.outcome import Run, write_outcome
 from fluxlock.cosim.run import run_scenario
 from fluxlock.paths import BUILD, ROOT
 
@@ -25,7 +25,7 @@ def drive(
     seed: int = SEED,
     log_strobes: bool = False,
     native: NativeFirmware | None = None,
-) -> Outcome:
+) -> Run:
     """Run a scenario (absolute, or in scenarios/) with overrides; print the seed.
 
     Trace and result stay in build/closed_loop/<name>, without the plots of the command. native: see `run_scenario`.

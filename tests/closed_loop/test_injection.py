@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.six_step.measures import event, timeline
 from tests.closed_loop.support import drive
 
@@ -18,14 +18,14 @@ def started(end_s: float, settled_s: float, rpm: float) -> list[str]:
     return [*timeline(end_s, events, [("steady", settled_s, end_s)]), "expect=[]"]
 
 
-def turned_deg(run: Outcome, until_s: float) -> float:
+def turned_deg(run: Run, until_s: float) -> float:
     """Largest mechanical angle from where the rotor stood."""
     records = run.data.records[run.data.records["t_cycle"] < until_s * run.data.clock_hz]
     turned = np.degrees(records["theta_e"] - records["theta_e"][0]) / run.data.pole_pairs
     return float(np.abs(turned).max())
 
 
-def judged(run: Outcome, mean_deg: float, most_deg: float) -> None:
+def judged(run: Run, mean_deg: float, most_deg: float) -> None:
     """No trip, and the angle error of the window within limits."""
     assert run.result["trips"] == [] and run.data.fault is None
     error = run.metrics["steady"]["angle_error_deg"]

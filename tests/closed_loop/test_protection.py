@@ -12,7 +12,7 @@ import pytest
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.analysis.verdict import judge_run
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.paths import ROOT
 from tests.closed_loop.support import drive
 
@@ -162,7 +162,7 @@ def test_fault_pin() -> None:
     assert "fault_pin" in run.console()
 
 
-def spun_up(name: str, ohm: float, *overrides: str) -> Outcome:
+def spun_up(name: str, ohm: float, *overrides: str) -> Run:
     """A machine that feeds the link through the diodes of open gates, beside a brake resistor."""
     brake = f"{{off_v = 13, on_v = 14, resistance_ohm = {ohm:g}, longest_on_s = 2e-3}}"
     return drive(SCENARIOS / "brake.toml", name, *LOW_LINK, f"inverter.brake_chopper={brake}", *overrides)

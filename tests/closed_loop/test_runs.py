@@ -10,7 +10,7 @@ import pytest
 
 from fluxlock.analysis.scope import caption
 from fluxlock.config import load_scenario
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.paths import ROOT
 from tests.closed_loop.native_run import play
 from tests.closed_loop.support import drive
@@ -39,7 +39,7 @@ def test_demo() -> None:
     native_runs_alike(run)
 
 
-def native_runs_alike(run: Outcome) -> None:
+def native_runs_alike(run: Run) -> None:
     """The same C on averaged models starts, locks, ramps and takes the load step at the chip's times and speeds."""
     records = run.data.records
     chip_s = records["t_cycle"] / run.data.clock_hz

@@ -13,7 +13,7 @@ import pytest
 from fluxlock.analysis.metrics import run_metrics, trips
 from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Scenario
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.native.player import player
 from fluxlock.regression.case import LOCK_MAY_GO, Row
 from fluxlock.regression.runner import Runner
@@ -40,7 +40,7 @@ def _values(data: RunData, scenario: Scenario) -> dict[str, float | None]:
     return dict(found)
 
 
-def compared(name: str, chip: Outcome, drive: RunData) -> Row:
+def compared(name: str, chip: Run, drive: RunData) -> Row:
     """A row of the differences, averaged drive less chip."""
     real, ours = _values(chip.data, chip.scenario), _values(drive, chip.scenario)
     most_nm = TORQUE_SHARE * chip.scenario.motor.rated_torque_nm

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
-from tests.closed_loop.support import Outcome, drive
+from tests.closed_loop.support import Run, drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 # From the scheduled instant of a commutation to the change of the gates (docs/architecture.md).
@@ -18,7 +18,7 @@ COMMUTATION_LATENCY_CYCLES = 0
 TICK_CYCLES = 5000
 
 
-def gates_after(run: Outcome, from_s: float) -> np.ndarray:
+def gates_after(run: Run, from_s: float) -> np.ndarray:
     rows = run.gates()
     return rows[rows[:, 0] >= from_s * run.data.clock_hz]
 

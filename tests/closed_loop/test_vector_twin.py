@@ -14,7 +14,7 @@ import pytest
 from fluxlock.analysis.metrics import run_metrics, trips
 from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Scenario
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.native.vector_run import play
 from fluxlock.regression.case import LOCK_MAY_GO, Row
 from fluxlock.regression.runner import Runner
@@ -155,7 +155,7 @@ def _end(data: RunData, scenario: Scenario) -> dict[str, float | None]:
     }
 
 
-def compared(comparison: Comparison, chip: Outcome, twin: RunData) -> Row:
+def compared(comparison: Comparison, chip: Run, twin: RunData) -> Row:
     """A row of the differences, twin less chip."""
     real, ours = _end(chip.data, chip.scenario), _end(twin, chip.scenario)
     off = {name: _difference(ours[name], real[name]) for name in real}

@@ -11,7 +11,7 @@ import pytest
 
 from fluxlock.analysis.verdict import judge_run
 from fluxlock.config import load_scenario
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from tests.closed_loop.support import drive
 from tests.closed_loop.test_command import SPIN
 
@@ -27,12 +27,12 @@ FREE = (
 
 
 @pytest.fixture(scope="module")
-def over_speed() -> Outcome:
+def over_speed() -> Run:
     """The run itself."""
     return drive(SPIN, "least-duty", *FREE)
 
 
-def test_over_speed_by_the_least_duty(over_speed: Outcome) -> None:
+def test_over_speed_by_the_least_duty(over_speed: Run) -> None:
     """Nothing brakes the rotor: the run fails with the limit that was active, for how long, and what to do.
 
     Verifies: FRONT-35
@@ -48,7 +48,7 @@ def test_over_speed_by_the_least_duty(over_speed: Outcome) -> None:
     assert "set drive.sync_rect = true" in line and run.result["verdict"] == {"passed": False, "lines": [line]}
 
 
-def test_its_remedy_and_its_statement(over_speed: Outcome) -> None:
+def test_its_remedy_and_its_statement(over_speed: Run) -> None:
     """The same with synchronous rectification holds its speed; stated, the over-speed passes with its reason.
 
     Verifies: FRONT-35, FRONT-36

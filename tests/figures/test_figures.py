@@ -302,16 +302,14 @@ def test_runs_are_shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         folder: Path
         verdict: Verdict = field(default_factory=lambda: Verdict(True, []))
 
-    def run_scenario(loaded: Any, folder: Path, seed: int) -> Path:
+    def simulate(loaded: Any, folder: Path, seed: int, plots: bool) -> None:
         made.append(folder)
-        return folder
 
     monkeypatch.setattr(regression_runner, "FOLDER", tmp_path)
     monkeypatch.setattr(regression_runner, "KEYS", tmp_path / "keys")
-    monkeypatch.setattr(regression_runner, "run_scenario", run_scenario)
+    monkeypatch.setattr(regression_runner, "simulate", simulate)
     monkeypatch.setattr(regression_runner, "image_of", lambda loaded: Path())
     monkeypatch.setattr(regression_runner, "_key", lambda loaded, seed, image: f"{loaded.drive.commutation}-{seed}")
-    monkeypatch.setattr(regression_runner, "write_outcome", lambda data, loaded, folder, plots: None)
     monkeypatch.setattr(regression_runner, "read_outcome", lambda loaded, folder: Found(folder))
     scenario, other = "six-step/spectrum.toml", "drive.commutation=RSC"
     first, second = Runner("six-step/a"), Runner("figures/six-step/6.9", quick=True)

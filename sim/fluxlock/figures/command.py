@@ -21,7 +21,7 @@ from fluxlock.analysis.rundata import RunData
 from fluxlock.analysis.six_step.output import prepare_folder
 from fluxlock.config import ConfigError, Problem, load_scenario
 from fluxlock.config.errors import did_you_mean
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.figures.figure import FAMILIES, FIGURES, PRINTED, Drawing, FigureEntry, RowFault, Speed
 from fluxlock.figures.panels import save_small
@@ -82,7 +82,7 @@ class WatchedRunner(Runner):
         *overrides: str,
         seed: int | None = None,
         accept: Mapping[str, str] | None = None,
-    ) -> Outcome:
+    ) -> Run:
         """As Runner."""
         run = super().drive(scenario, name, *overrides, seed=seed, accept=accept)
         self.speeds.add(_speed(run.scenario.mechanics.mode))

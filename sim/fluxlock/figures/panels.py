@@ -21,7 +21,7 @@ from fluxlock.analysis.plots import COMMUTATION_COLOUR, PHASE_COLOURS
 from fluxlock.analysis.rundata import BoolArray, FloatArray, IntArray, LogKind, RecordArray, RunData
 from fluxlock.analysis.six_step.fourier import space_vector
 from fluxlock.analysis.six_step.plots import GREY, draw_gates, finish
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 
 DPI = 90
 COLOURS = (48, 24, 12)  # of the palette: the most that keep the file small
@@ -122,7 +122,7 @@ def pulse_on(states: IntArray) -> BoolArray:
     return np.asarray(np.abs(space_vector(states)) > 0.5)
 
 
-def trip_text(run: Outcome) -> str:
+def trip_text(run: Run) -> str:
     """When and why the run tripped, or that it did not."""
     trips = run.result["trips"]
     return f"trip ({trips[0]['cause']}) at {trips[0]['time_s']:.3f} s" if trips else "no trip"
@@ -171,7 +171,7 @@ def legend_above(axes: Axes, columns: int) -> None:
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, fontsize=SMALL, frameon=False)
 
 
-def peak_to_peak_a(run: Outcome, from_s: float, to_s: float) -> float:
+def peak_to_peak_a(run: Run, from_s: float, to_s: float) -> float:
     """Largest less smallest phase current of a span, mean of the three phases."""
     value = run.analysis.window(from_s, to_s)["phase_current_pp_a"]
     assert isinstance(value, float)

@@ -17,16 +17,17 @@ from typing import Any
 from fluxlock import commission
 from fluxlock.analysis.result import tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
+from fluxlock.api import simulate
 from fluxlock.build import check_build
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, measure
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.config.scenario import Accept
 from fluxlock.cosim.chip import build_chip
-from fluxlock.cosim.outcome import TRACE, Outcome, read_outcome, write_outcome
+from fluxlock.cosim.outcome import TRACE, Run, read_outcome
 from fluxlock.cosim.program import Row as RegisterRow
 from fluxlock.cosim.program import run_program, run_script
-from fluxlock.cosim.run import chip_of, image_of, run_scenario
+from fluxlock.cosim.run import chip_of, image_of
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
@@ -71,7 +72,7 @@ class Runner:
         *overrides: str,
         seed: int | None = None,
         accept: Mapping[str, str] | None = None,
-    ) -> Outcome:
+    ) -> Run:
         """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
 
         name: of the run within the case; a run that another case or a figure has finished is read from there. A run
@@ -85,7 +86,7 @@ class Runner:
         image = image_of(loaded)
 
         def run(folder: Path) -> None:
-            write_outcome(run_scenario(loaded, folder, used_seed), loaded, folder, self.plots)
+            simulate(loaded, folder=folder, seed=used_seed, plots=self.plots)
 
         folder = self.folder(name)
         made = _made(folder, _key(loaded, used_seed, image), f"{name}, seed {used_seed}", run)

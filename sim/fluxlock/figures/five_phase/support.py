@@ -15,7 +15,7 @@ from fluxlock.analysis.injection_plots import running_mean
 from fluxlock.analysis.plots import PHASE_COLOURS
 from fluxlock.analysis.rundata import FloatArray, LogKind
 from fluxlock.analysis.six_step.plots import GREY, finish
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures.panels import trip_text
 from fluxlock.regression.runner import RunFailed
 
@@ -44,7 +44,7 @@ class Course:
     end: str
 
     @staticmethod
-    def of(run: Outcome, from_s: float = 0.0) -> Course:
+    def of(run: Run, from_s: float = 0.0) -> Course:
         """Of a run; time from an instant."""
         data, rows = run.data, run.data.rows(LogKind.ANGLE)
         cycle = rows[:, 0].astype(np.float64)

@@ -16,7 +16,7 @@ from fluxlock.analysis.injection_plots import frequency_figure
 from fluxlock.analysis.rundata import ComplexArray, FloatArray
 from fluxlock.analysis.six_step.plots import GREY, finish
 from fluxlock.config import load_motor
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near
 from fluxlock.figures.five_phase.support import (
@@ -148,7 +148,7 @@ def least_frequency(runner: Runner) -> Drawing:
     return Drawing("Tian's machine, (28) to (30), 10.3 kHz. No run of the chip.", drawn, lines)
 
 
-def frame_currents(run: Outcome, course: Course, part: slice) -> ComplexArray:
+def frame_currents(run: Run, course: Course, part: slice) -> ComplexArray:
     """Currents at the samples in the estimated frame, d + jq (A), from the machine's own."""
     records = run.data.records
     names = phase_currents(records)
@@ -321,5 +321,5 @@ def trend(runner: Runner) -> Drawing:
     return Drawing(condition, drawn, tuple(lines))
 
 
-def _mean(run: Outcome) -> float:
+def _mean(run: Run) -> float:
     return float(run.metrics["steady"]["angle_error_deg"]["mean"])

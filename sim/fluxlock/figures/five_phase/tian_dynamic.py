@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.figures.five_phase.support import (
@@ -96,7 +96,7 @@ LOAD = Event("load-step", 1.2, SPEED_RPM, SPEED_RPM, 1.8, 0.0)
 SPEED = Event("speed-reversal", 1.4, SPEED_RPM, -SPEED_RPM, 1.5, 0.3)
 
 
-def run_of(runner: Runner, what: Event, method: str) -> Outcome:
+def run_of(runner: Runner, what: Event, method: str) -> Run:
     """A method through a step."""
     keys = what.course(runner.quick)
     own = ["inverter.dead_time_s=0"] if method == "best" else [*tian_printed.printed(method), "initial.theta_deg=0"]

@@ -12,7 +12,7 @@ import numpy as np
 from fluxlock.analysis.angles import dq_current
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.six_step.plots import GREY, finish
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.figures.five_phase.support import (
@@ -50,7 +50,7 @@ OURS = (
 )
 
 
-def q_current(run: Outcome) -> tuple[FloatArray, FloatArray]:
+def q_current(run: Run) -> tuple[FloatArray, FloatArray]:
     """Time (s) and i_q of the machine, mean over an injection period (A)."""
     records = run.data.records
     time_s = records["t_cycle"] / run.data.clock_hz
@@ -58,7 +58,7 @@ def q_current(run: Outcome) -> tuple[FloatArray, FloatArray]:
     return time_s, np.convolve(dq_current(records).imag, np.full(count, 1.0 / count), mode="same")
 
 
-def loaded_start(runner: Runner, dead_time_us: float) -> Outcome:
+def loaded_start(runner: Runner, dead_time_us: float) -> Run:
     """Target of 50 r/min at once against the rated brake."""
     end_s = START_QUICK_S if runner.quick else START_END_S
     events = [event(0.002, "speed_rpm", START_RPM), event(START_S, "command", "start")]
@@ -128,7 +128,7 @@ def measured_loaded_start(runner: Runner) -> Drawing:
     return draw_loaded_start(runner, "yu.16", 2.0, "0.23")
 
 
-def load_step(runner: Runner, curve: str) -> Outcome:
+def load_step(runner: Runner, curve: str) -> Run:
     """150 r/min, the rated brake applied and released by ramps."""
     on_s, end_s = (QUICK_ON_S, QUICK_END_S) if runner.quick else (ON_S, LOADED_END_S)
     events = [
@@ -213,7 +213,7 @@ WHY_OFF = (
 )
 
 
-def crawl(runner: Runner, brake_nm: float) -> Outcome:
+def crawl(runner: Runner, brake_nm: float) -> Run:
     """The drive itself slows from 50 to 5 r/min and holds it, free shaft, with a brake; known angle at the start."""
     end_s = CRAWL_QUICK_S if runner.quick else CRAWL_END_S
     slow = [

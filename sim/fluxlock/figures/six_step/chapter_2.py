@@ -14,7 +14,7 @@ from fluxlock.analysis.plots import CROSSING_COLOUR, PHASE_COLOURS
 from fluxlock.analysis.rundata import FloatArray, IntArray
 from fluxlock.analysis.six_step.plots import finish
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import (
@@ -51,7 +51,7 @@ def position_error_deg(relative_difference: float, speed_rpm: FloatArray, supply
     return np.asarray(np.degrees(2.0 * shift_v / emf_v))
 
 
-def driving_voltage_v(run: Outcome, from_s: float, to_s: float) -> float:
+def driving_voltage_v(run: Run, from_s: float, to_s: float) -> float:
     """Mean link voltage of a span less what the current of the conducting pair drops in phases and switches."""
     records = panels.records_between(run.data, from_s, to_s)
     current = 0.5 * sum(np.abs(records[name]) for name in panels.PHASES)
@@ -63,7 +63,7 @@ def driving_voltage_v(run: Outcome, from_s: float, to_s: float) -> float:
 class Steady:
     """A run in three parts: on with interpolation, on with the first sample, correction A off; spans in s."""
 
-    run: Outcome
+    run: Run
     interpolated: tuple[float, float]
     on: tuple[float, float]
     off: tuple[float, float]
@@ -200,7 +200,7 @@ def _reads(values: FloatArray, low: float, high: float) -> bool:
     return near(low, float(values.min()), 0.5) and near(high, float(values.max()), 0.5)
 
 
-def _third_harmonic(axes: Axes, run: Outcome, from_s: float, to_s: float) -> None:
+def _third_harmonic(axes: Axes, run: Run, from_s: float, to_s: float) -> None:
     """v_SM at the samples taken while a pulse is on, and at the others."""
     records = panels.records_between(run.data, from_s, to_s)
     signal = (records["va"] + records["vb"] + records["vc"]) / 3.0 - records["vdc"] / 2.0
@@ -264,7 +264,7 @@ def sampling(runner: Runner) -> Drawing:
     )
 
 
-def _signal_and_samples(axes: Axes, run: Outcome, from_s: float, to_s: float) -> None:
+def _signal_and_samples(axes: Axes, run: Run, from_s: float, to_s: float) -> None:
     fine = panels.records_between(run.data, from_s, to_s)
     time = panels.ms(fine["t_cycle"], run.data, from_s)
     axes.plot(time, (fine["va"] + fine["vb"] + fine["vc"]) / 3 - fine["vdc"] / 2, color=CROSSING_COLOUR, linewidth=0.7)
@@ -277,7 +277,7 @@ def _signal_and_samples(axes: Axes, run: Outcome, from_s: float, to_s: float) ->
     finish(axes, "time / ms", "$v_{SM}$ / V")
 
 
-def samples_a_pulse(run: Outcome, from_s: float, to_s: float) -> tuple[IntArray, float, float]:
+def samples_a_pulse(run: Run, from_s: float, to_s: float) -> tuple[IntArray, float, float]:
     """Samples in each usual pulse of a span; usual length of a pulse and of a carrier in s."""
     rows = panels.gate_rows(run.data, from_s, to_s)
     on = panels.pulse_on(rows[:, 1])

@@ -15,7 +15,7 @@ from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.six_step.plots import finish
 from fluxlock.config import load_motor
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import FAMILY, MOTOR_2, at_speed, drive, numbers, schedule, whole
@@ -90,12 +90,12 @@ def divider_errors(runner: Runner) -> Drawing:
     )
 
 
-def spread(run: Outcome, from_s: float, to_s: float) -> FloatArray:
+def spread(run: Run, from_s: float, to_s: float) -> FloatArray:
     """True angles between successive crossings of a span (deg)."""
     return _between(run, from_s, to_s).intervals_deg()
 
 
-def _between(run: Outcome, from_s: float, to_s: float) -> Series:
+def _between(run: Run, from_s: float, to_s: float) -> Series:
     return run.analysis.crossings.between(from_s * run.data.clock_hz, to_s * run.data.clock_hz)
 
 
@@ -173,7 +173,7 @@ def steady_54(runner: Runner) -> Drawing:
     return _comparison(runner, "3.11", 54_000, printed)
 
 
-def thresholds(run: Outcome) -> FloatArray:
+def thresholds(run: Run) -> FloatArray:
     """Replies to `get threshold_pu`: [n, 6], over vdc, sectors I to VI."""
     rows = [line.split()[1:] for line in run.data.uart if re.match(r"threshold_pu\s", line)]
     return np.array([[float(v) for v in row] for row in rows])

@@ -22,7 +22,7 @@ from fluxlock.analysis.six_step.patterns import Chopping, freewheel_mode
 from fluxlock.analysis.six_step.plots import CHOPPING_COLOURS, finish
 from fluxlock.analysis.six_step.switched import ideal_inverter, worst_commutation_deg
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near, rises
 from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, drive, motor_1, schedule, whole
@@ -356,7 +356,7 @@ def duties(runner: Runner) -> Drawing:
     )
 
 
-def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[Chopping, tuple[float, float]]]:
+def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Run, dict[Chopping, tuple[float, float]]]:
     """One run at 60 000 r/min through all four patterns; spans in which each has settled."""
     each_s = 0.02 if runner.quick else 0.04
     starts = {pattern: SETTLED_S + k * each_s for k, pattern in enumerate(PATTERNS)}
@@ -372,7 +372,7 @@ def _patterns(runner: Runner, name: str, load_nm: float) -> tuple[Outcome, dict[
     return whole(run), {pattern: (at_s + each_s / 2, at_s + each_s) for pattern, at_s in starts.items()}
 
 
-def freewheeling(run: Outcome, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def freewheeling(run: Run, from_s: float, to_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Per commutation of a span: cycle, sector entered, freewheel angle (deg), outgoing current (A)."""
     low, high = from_s * run.data.clock_hz, to_s * run.data.clock_hz
     series = run.analysis.commutations
@@ -385,7 +385,7 @@ def freewheeling(run: Outcome, from_s: float, to_s: float) -> tuple[FloatArray, 
     return series.cycle[inside], sector.astype(np.float64), angle, outgoing
 
 
-def _mode_angles(run: Outcome, pattern: Chopping, span: tuple[float, float]) -> dict[int, FloatArray]:
+def _mode_angles(run: Run, pattern: Chopping, span: tuple[float, float]) -> dict[int, FloatArray]:
     """Freewheel angles by mode."""
     _, sector, angle, _ = freewheeling(run, *span)
     mode = freewheel_mode(pattern, sector.astype(np.int64))

@@ -20,7 +20,7 @@ from fluxlock.analysis.six_step.patterns import LOWER_LEG, UPPER_LEG, Commutatio
 from fluxlock.analysis.six_step.plots import finish
 from fluxlock.analysis.six_step.spectrum import analytic_lines, line_numbers, weighted_distortion
 from fluxlock.analysis.six_step.stability import commutation_errors_deg, freewheel_limit_deg, stable_freewheel_deg
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import DRAWN, Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import FAMILY, SETTLED_S, at_speed, drive, numbers, whole
@@ -221,14 +221,14 @@ def csc_spectrum(runner: Runner) -> Drawing:
     )
 
 
-def ramp_text(runs: Sequence[Outcome]) -> str:
+def ramp_text(runs: Sequence[Run]) -> str:
     """Slope of the speed target as the runs had it: one for all, or one each."""
     slopes = list(dict.fromkeys(f"{run.scenario.accel_rpm_per_s:,.0f}".replace(",", " ") for run in runs))
     begins = list(dict.fromkeys(f"{run.scenario.initial.speed_rpm:,.0f}".replace(",", " ") for run in runs))
     return f"from {' and '.join(begins)} r/min, slope {' and '.join(slopes)} r/min/s"
 
 
-def _over_speed(axes: Axes, run: Outcome, until_s: float) -> None:
+def _over_speed(axes: Axes, run: Run, until_s: float) -> None:
     """Phase current A over the frequency of a ramp."""
     records = run.data.records
     records = records[
@@ -276,7 +276,7 @@ def failures(runner: Runner) -> Drawing:
     )
 
 
-def at_1_khz(runner: Runner, commutation: Commutation) -> Outcome:
+def at_1_khz(runner: Runner, commutation: Commutation) -> Run:
     """60 000 r/min at 20 kHz, for figures 5.14 and 5.15."""
     end_s = SETTLED_S + (0.02 if runner.quick else 0.06)
     run = drive(
@@ -328,7 +328,7 @@ def gate_signals(runner: Runner) -> Drawing:
     return Drawing(f"{BENCH}, 60 000 r/min, N = 10/3, fan 20 mN·m, crossings computed back.", drawn, tuple(rows))
 
 
-def pulses_a_sector(run: Outcome, from_s: float, to_s: float) -> FloatArray:
+def pulses_a_sector(run: Run, from_s: float, to_s: float) -> FloatArray:
     """Pulses that begin between successive commutations (a pulse that starts with the sector counts)."""
     series = run.analysis.commutations.between(from_s * run.data.clock_hz, to_s * run.data.clock_hz)
     rows = panels.gate_rows(run.data, from_s, to_s)
@@ -385,7 +385,7 @@ def currents_1_khz(runner: Runner) -> Drawing:
     )
 
 
-def turn_peaks_a(run: Outcome, from_s: float, to_s: float) -> FloatArray:
+def turn_peaks_a(run: Run, from_s: float, to_s: float) -> FloatArray:
     """Largest current of phase A in each electrical turn of a span."""
     records = run.data.records
     records = records[
@@ -451,7 +451,7 @@ def acceleration(runner: Runner) -> Drawing:
     )
 
 
-def largest_current_a(run: Outcome, frequency_hz: float) -> float | None:
+def largest_current_a(run: Run, frequency_hz: float) -> float | None:
     """Largest current of phase A within 20 Hz of a frequency, before a trip; None if the run does not pass there."""
     records = run.data.records
     near = np.abs(records["omega_e"] / (2 * np.pi) - frequency_hz) < NEAR_HZ

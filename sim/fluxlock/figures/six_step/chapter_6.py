@@ -26,7 +26,7 @@ from fluxlock.analysis.six_step.recording import (
 )
 from fluxlock.analysis.six_step.spectrum import Lines, analytic_lines, line_numbers
 from fluxlock.analysis.six_step.switched import duty_for_torque, ideal_inverter, waveforms
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures import panels
 from fluxlock.figures.figure import Drawing, Entry, figure, near
 from fluxlock.figures.six_step.support import FAMILY, drive, motor_1, schedule
@@ -207,7 +207,7 @@ def gate_spectra(runner: Runner) -> Drawing:
     )
 
 
-def delays_at_the_jump(run: Outcome, from_s: float, to_s: float) -> tuple[int, int]:
+def delays_at_the_jump(run: Run, from_s: float, to_s: float) -> tuple[int, int]:
     """Commutations of a span that wait hardly, and those that wait nearly a whole carrier."""
     part = run.analysis.commutations.between(from_s * run.data.clock_hz, to_s * run.data.clock_hz)
     carriers = part.error_deg / 60.0 * float(RATIO)
@@ -258,7 +258,7 @@ def measured_currents(runner: Runner) -> Drawing:
 SWEEP_HZ = (477.0, 1100.0)
 
 
-def _sweep(runner: Runner, commutation: Commutation) -> tuple[Outcome, float]:
+def _sweep(runner: Runner, commutation: Commutation) -> tuple[Run, float]:
     """Ramp from N = 7 to N = 3; the run and when the ramp begins."""
     slope = 300_000 if runner.quick else 90_000
     low_rpm, high_rpm = (60 * hertz for hertz in SWEEP_HZ)
@@ -278,7 +278,7 @@ def _sweep(runner: Runner, commutation: Commutation) -> tuple[Outcome, float]:
     return run, begin_s
 
 
-def spectrogram(run: Outcome, from_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def spectrogram(run: Run, from_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Short-time spectra of the current space vector: Hz [f], fundamental in Hz [t], size in A [t, f]."""
     records = run.data.records[run.data.records["t_cycle"] >= from_s * run.data.clock_hz]
     step_s = float(np.median(np.diff(records["t_cycle"]))) / run.data.clock_hz
@@ -466,7 +466,7 @@ def dynamic(runner: Runner) -> Drawing:
     )
 
 
-def peak_a(run: Outcome, from_s: float, to_s: float) -> float:
+def peak_a(run: Run, from_s: float, to_s: float) -> float:
     """Largest magnitude of a phase current in a span."""
     records = panels.records_between(run.data, from_s, to_s)
     return float(max(np.abs(records[name]).max() for name in panels.PHASES))

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Motor, load_motor
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.figures.panels import trip_text
 from fluxlock.paths import ROOT
 from fluxlock.regression.runner import RunFailed, Runner
@@ -45,9 +46,7 @@ def at_speed(speed_rpm: float, *later: tuple[float, str, float | str]) -> tuple[
     return f"initial.speed_rpm={speed_rpm:g}", schedule(speed_rpm, *later)
 
 
-def drive(
-    runner: Runner, scenario: str, name: str, *overrides: str, accept: Mapping[str, str] | None = None
-) -> Outcome:
+def drive(runner: Runner, scenario: str, name: str, *overrides: str, accept: Mapping[str, str] | None = None) -> Run:
     """Run a scenario, or read it from before; RunFailed if a console line of the schedule was not carried out.
 
     Crossings are interpolated between two samples unless the overrides say otherwise. accept: see `Runner.drive`.
@@ -58,14 +57,14 @@ def drive(
     return run
 
 
-def whole(run: Outcome) -> Outcome:
+def whole(run: Run) -> Run:
     """The run itself; RunFailed if it tripped: then its spans hold nothing to measure."""
     if run.result["trips"]:
-        raise RunFailed(f"{run.folder.name}: {trip_text(run)}")
+        raise RunFailed(f"{(run.folder or Path(run.scenario.name)).name}: {trip_text(run)}")
     return run
 
 
-def mean_by_sector(run: Outcome, from_s: float, to_s: float) -> FloatArray:
+def mean_by_sector(run: Run, from_s: float, to_s: float) -> FloatArray:
     """Mean crossing error (deg) of sectors I to VI in a span."""
     part = run.analysis.crossings.between(from_s * run.data.clock_hz, to_s * run.data.clock_hz)
     return np.array([part.error_deg[part.sector == s].mean() for s in range(6)])

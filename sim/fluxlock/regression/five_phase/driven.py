@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number
 from fluxlock.regression.six_step.measures import event, timeline
 
@@ -37,7 +37,7 @@ def driven(
     ]
 
 
-def angle_values(run: Outcome) -> dict[str, Number]:
+def angle_values(run: Run) -> dict[str, Number]:
     """Angle error, current and trips of the window."""
     found = run.metrics["steady"]
     return {
@@ -47,7 +47,7 @@ def angle_values(run: Outcome) -> dict[str, Number]:
     }
 
 
-def largest_mean_deg(run: Outcome, begin_s: float, window_s: float = 5e-3) -> Number:
+def largest_mean_deg(run: Run, begin_s: float, window_s: float = 5e-3) -> Number:
     """Largest size of the angle error's mean over a sliding window from begin_s on."""
     angles = run.analysis.angles
     time_s = angles.cycle / run.data.clock_hz

@@ -12,7 +12,7 @@ import numpy as np
 
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.firmware.vector_compiler import BACK_SHARE
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values
@@ -78,7 +78,7 @@ def means(time_s: FloatArray, values: FloatArray, from_s: float, to_s: float) ->
     return edges[there] + MEAN_S / 2, total[there] / count[there]
 
 
-def handed_over_s(run: Outcome, course: Course) -> tuple[float, float]:
+def handed_over_s(run: Run, course: Course) -> tuple[float, float]:
     """When the rotor passes the speed of the hand-over, and that of the way back."""
     records = run.data.records
     time_s = records["t_cycle"] / run.data.clock_hz
@@ -87,7 +87,7 @@ def handed_over_s(run: Outcome, course: Course) -> tuple[float, float]:
     return float(time_s[rpm > course.handover_rpm][0]), float(time_s[back][0])
 
 
-def jump_deg(run: Outcome, at_s: float) -> float:
+def jump_deg(run: Run, at_s: float) -> float:
     """Largest change of the published angle's error against its mean before the hand-over."""
     angles = run.analysis.angles
     time_s = angles.cycle / run.data.clock_hz
@@ -95,7 +95,7 @@ def jump_deg(run: Outcome, at_s: float) -> float:
     return float(np.abs(error[centre_s > at_s] - error[centre_s < at_s].mean()).max())
 
 
-def dip_percent(run: Outcome, at_s: float) -> float:
+def dip_percent(run: Run, at_s: float) -> float:
     """Largest change of the torque against the straight line from its mean before the hand-over to that after it."""
     records = run.data.records
     time_s = records["t_cycle"] / run.data.clock_hz

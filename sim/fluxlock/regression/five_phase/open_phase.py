@@ -13,7 +13,7 @@ import numpy as np
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values
 from fluxlock.regression.runner import Runner
@@ -26,7 +26,7 @@ LEAST_SHARE = 0.9  # of the speed, ridden through
 SETTLED_S = 0.02  # after the phase opened
 
 
-def found_turns(run: Outcome, first_s: float, second_s: float, rpm: float) -> tuple[Number, Number]:
+def found_turns(run: Run, first_s: float, second_s: float, rpm: float) -> tuple[Number, Number]:
     """From each phase's opening until it is in the fault log, electrical turns; the second one takes the gates off."""
     ticks = sorted(int(n) for n in re.findall(r"^fault open_phases? tick (\d+)", run.console(), re.MULTILINE))
     gates = run.data.rows(LogKind.GATES)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fluxlock.analysis.injection_cases import YU_BEST, yu
 from fluxlock.config import load_scenario
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import ParameterBlock
 from fluxlock.firmware.binding import new
@@ -91,7 +91,7 @@ def chip_trial(runner: Runner, saturation: Saturation, theta_rad: float, k: int)
     return judged(run)
 
 
-def judged(run: Outcome) -> Trial:
+def judged(run: Run) -> Trial:
     """The answer to `status`, the last angle error before it, the rotor's motion."""
     theta = run.data.records["theta_e"]
     moved = math.degrees(float(np.abs(theta - theta[0]).max())) / run.data.pole_pairs

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
 from fluxlock.regression.runner import Runner
@@ -40,7 +40,7 @@ AT_THE_LIMIT = (
 WITHIN_DEG, SETTLED_MOST_S = 5.0, 0.06
 
 
-def best_run(runner: Runner, rpm: float, i_q_a: float) -> Outcome:
+def best_run(runner: Runner, rpm: float, i_q_a: float) -> Run:
     """Driven at a speed, without dead time."""
     overrides = [*driven(rpm, i_q_a, SETTLED_S, END_S, beyond_rpm=BEYOND_RPM), *AT_THE_LIMIT, "inverter.dead_time_s=0"]
     return runner.drive(SCENARIO, f"{rpm:g}-{i_q_a:g}", *overrides)
@@ -86,7 +86,7 @@ def dead_time(runner: Runner) -> Iterator[Row]:
         )
 
 
-def settled_s(run: Outcome) -> float:
+def settled_s(run: Run) -> float:
     """From the gates' first edge until the angle error stays within the limit."""
     gates = run.data.rows(LogKind.GATES)
     begin = float(gates[gates[:, 2] != 0, 0][0])
@@ -94,7 +94,7 @@ def settled_s(run: Outcome) -> float:
     return float(angles.cycle[np.abs(angles.error_deg) > WITHIN_DEG][-1] - begin) / run.data.clock_hz
 
 
-def start_run(runner: Runner, theta_deg: float, dead_time_us: float = 0.0) -> Outcome:
+def start_run(runner: Runner, theta_deg: float, dead_time_us: float = 0.0) -> Run:
     """Free rotor at an angle that the estimate takes for 0, 2 A at once."""
     events = [event(0.002, "speed_rpm", 130.0), event(0.004, "command", "start")]
     overrides = [

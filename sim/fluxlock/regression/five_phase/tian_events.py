@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, largest_mean_deg
 from fluxlock.regression.five_phase.tian import AT_THE_LIMIT, SCENARIO
@@ -84,7 +84,7 @@ def speed_step(quick: bool) -> Step:
 STEPS = {"torque-reversal": torque_step, "load-step": load_torque_step, "speed-reversal": speed_step}
 
 
-def stepped(runner: Runner, name: str, dead_time_us: float) -> tuple[Outcome, float]:
+def stepped(runner: Runner, name: str, dead_time_us: float) -> tuple[Run, float]:
     """The run of a step of STEPS, and its instant."""
     step = STEPS[name](runner.quick)
     used = [*step.overrides, "expect=[]", f"inverter.dead_time_s={dead_time_us * 1e-6:g}"]

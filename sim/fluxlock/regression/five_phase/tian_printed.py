@@ -11,7 +11,7 @@ import numpy as np
 
 from fluxlock.analysis.injection_plots import running_mean
 from fluxlock.analysis.rundata import FloatArray
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
 from fluxlock.regression.five_phase.tian import WITHIN_DEG
@@ -39,7 +39,7 @@ def printed(method: str) -> list[str]:
     ]
 
 
-def steady_run(runner: Runner, method: str, rpm: float) -> Outcome:
+def steady_run(runner: Runner, method: str, rpm: float) -> Run:
     """Driven at a speed with 2 A until the error is steady."""
     full, short = (AT_SPEED_S, SETTLED_S, END_S), (QUICK_AT_SPEED_S, QUICK_SETTLED_S, QUICK_END_S)
     at_speed, settled, end = short if runner.quick else full
@@ -75,7 +75,7 @@ def curves(runner: Runner) -> Iterator[Row]:
         )
 
 
-def start_run(runner: Runner, method: str) -> Outcome:
+def start_run(runner: Runner, method: str) -> Run:
     """Free rotor, 2 A at once while the estimate is 30 degrees behind; the load ends at 85 r/min."""
     end_s = START_QUICK_S if runner.quick else START_END_S
     events = [event(0.002, "speed_rpm", TOP_RPM), event(START_S, "command", "start")]
@@ -90,7 +90,7 @@ def start_run(runner: Runner, method: str) -> Outcome:
     return runner.drive(SCENARIO, f"start-{method}", *overrides)
 
 
-def course_deg(run: Outcome) -> tuple[FloatArray, FloatArray]:
+def course_deg(run: Run) -> tuple[FloatArray, FloatArray]:
     """Time since the start command (s), 5 ms mean of the angle error up to it (deg)."""
     angles = run.analysis.angles
     time_s = angles.cycle / run.data.clock_hz - START_S
@@ -98,7 +98,7 @@ def course_deg(run: Outcome) -> tuple[FloatArray, FloatArray]:
     return time_s, running_mean(angles.error_deg, count)
 
 
-def within_s(run: Outcome) -> tuple[Number, Number]:
+def within_s(run: Run) -> tuple[Number, Number]:
     """From the start command until the mean error is within the limit for the first time, and for good."""
     time_s, error_deg = course_deg(run)
     inside = np.flatnonzero((np.abs(error_deg) <= WITHIN_DEG) & (time_s > MEAN_S))

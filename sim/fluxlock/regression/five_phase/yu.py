@@ -14,7 +14,7 @@ from fluxlock.analysis.injection_chain import HfMachine
 from fluxlock.analysis.injection_theory import sequence_error
 from fluxlock.config import Motor, load_scenario
 from fluxlock.config.injection import SEQUENCES, Sequence
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
@@ -54,7 +54,7 @@ def turns(sequence: Sequence, rpm: float, dead_time_us: float) -> int:
     return max(TURNS, math.ceil(NOISE_TURNS * SPEEDS_RPM[0] / rpm))
 
 
-def noise_of_mean(run: Outcome, count: int) -> float:
+def noise_of_mean(run: Run, count: int) -> float:
     """Standard error of the angle error's mean over the window (deg), from the means of its `count` turns."""
     angles = run.analysis.angles
     error = angles.error_deg[angles.cycle >= SETTLED_S * run.data.clock_hz]
@@ -62,7 +62,7 @@ def noise_of_mean(run: Outcome, count: int) -> float:
     return float(np.std(means, ddof=1)) / math.sqrt(count)
 
 
-def sequence_run(runner: Runner, sequence: Sequence, rpm: float, dead_time_us: float = 0.0) -> Outcome:
+def sequence_run(runner: Runner, sequence: Sequence, rpm: float, dead_time_us: float = 0.0) -> Run:
     """Driven at a speed without current and saturation, from a known rest."""
     motor = load_scenario(ROOT / "scenarios" / SCENARIO).motor
     end_s = round(SETTLED_S + turns(sequence, rpm, dead_time_us) * math.tau / motor.omega_e(rpm), 5)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number, Row, case
 from fluxlock.regression.five_phase.driven import angle_values, driven
 from fluxlock.regression.five_phase.yu import SCENARIO
@@ -27,7 +27,7 @@ CRAWL_END_S, CRAWL_QUICK_S = 0.4, 0.23
 CRAWL_MEAN_RAD, CRAWL_RMS_RAD, CRAWL_MOST_RAD = 0.015, 0.02, 0.05
 
 
-def frame_mean_rad(run: Outcome, window: str) -> float:
+def frame_mean_rad(run: Run, window: str) -> float:
     """Mean error of the frame's own angle, which follows the salient axis, in a window."""
     span = next(w for w in run.scenario.window if w.name == window)
     rows = run.data.rows(LogKind.ANGLE)
@@ -81,7 +81,7 @@ def compensation(runner: Runner) -> Iterator[Row]:
         )
 
 
-def crawl_run(runner: Runner, dead_time_us: float, i_q_a: float) -> Outcome:
+def crawl_run(runner: Runner, dead_time_us: float, i_q_a: float) -> Run:
     """Driven at 5 r/min with a current."""
     overrides = [
         *driven(CRAWL_RPM, i_q_a, SETTLED_S, CRAWL_QUICK_S if runner.quick else CRAWL_END_S, beyond_rpm=BEYOND_RPM),

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.analysis.six_step.recording import torque_lines, whole_turns
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
@@ -36,7 +36,7 @@ WINDOWS = {"none": (False, "none"), "a": (True, "none"), "b": (False, "both"), "
 CORRECTED_DEG = {"a": (0.4, 0.2), "b": (0.7, 0.25), "both": (0.4, 0.2)}
 
 
-def _torque_second_harmonic_nm(run: Outcome, window: str) -> float:
+def _torque_second_harmonic_nm(run: Run, window: str) -> float:
     """Amplitude of the torque at twice the electrical frequency: what unequal EMFs leave with even commutations."""
     span = next(w for w in run.scenario.window if w.name == window)
     turns = whole_turns(run.data, span.from_s, span.to_s)

@@ -13,7 +13,7 @@ from fluxlock.analysis.six_step.unequal import (
     crossing_intervals_deg,
     sector_errors_deg,
 )
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import (
@@ -73,7 +73,7 @@ def _name(stage: Stage) -> str:
     return f"{'on' if stage[0] else 'off'}-{stage[1]}"
 
 
-def _run(runner: Runner, speed_rpm: int, stages: tuple[Stage, ...], length: _Length) -> Outcome:
+def _run(runner: Runner, speed_rpm: int, stages: tuple[Stage, ...], length: _Length) -> Run:
     """One window a stage, changed on the console."""
     span_s = round(length.intervals / (6 * speed_rpm / 60), 6)
     events = [event(0.003, "speed_rpm", speed_rpm), event(0.004, "command", "start")]
@@ -93,7 +93,7 @@ def _run(runner: Runner, speed_rpm: int, stages: tuple[Stage, ...], length: _Len
     )
 
 
-def _current(run: Outcome, window: str) -> dict[str, Number]:
+def _current(run: Run, window: str) -> dict[str, Number]:
     """Peak-to-peak values of the current; none if the drive did not run in the window."""
     running = commutation_intervals(run, window).size > 0
     return {
@@ -102,7 +102,7 @@ def _current(run: Outcome, window: str) -> dict[str, Number]:
     }
 
 
-def _row(run: Outcome, speed_rpm: int, stage: Stage, least_intervals: int) -> Row:
+def _row(run: Run, speed_rpm: int, stage: Stage, least_intervals: int) -> Row:
     corrected, method = stage
     name = _name(stage)
     intervals, current_a = commutation_intervals(run, name), _current(run, name)

@@ -14,7 +14,7 @@ import numpy as np
 from fluxlock.analysis.angles import FLOATING_PHASE, thesis_angle_deg
 from fluxlock.analysis.six_step.patterns import Chopping, gate_sequence
 from fluxlock.analysis.six_step.switched import SteadyState, duty_for_torque, real_inverter, waveforms
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.firmware.compiler import FREEWHEEL_LSB
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
@@ -52,17 +52,17 @@ def _events(currents_a: tuple[int, ...]) -> tuple[str, ...]:
     return f"event=[{', '.join(events)}]", f"window=[{', '.join(windows)}]", f"duration_s={end_s:.4f}"
 
 
-def chip_angles_deg(run: Outcome) -> list[float]:
+def chip_angles_deg(run: Run) -> list[float]:
     """Means that the console has printed, in the order of the questions."""
     return [float(x) for x in re.findall(r"^freewheel_deg ([\d.]+)", run.console(), re.MULTILINE)]
 
 
-def limit_a(run: Outcome) -> float:
+def limit_a(run: Run) -> float:
     """Current below which the chip takes the outgoing phase for free: FREEWHEEL_LSB steps of its converter."""
     return FREEWHEEL_LSB * run.scenario.inverter.sensing.current_full_scale_a / 2**11
 
 
-def decayed_deg(run: Outcome, low: float, high: float) -> float:
+def decayed_deg(run: Run, low: float, high: float) -> float:
     """Median angle at which the plant's outgoing current falls below the chip's limit, of the commutations in a span.
 
     The chip cannot see less. From the records, which come with every sample.
@@ -87,7 +87,7 @@ def decayed_deg(run: Outcome, low: float, high: float) -> float:
     return float(np.median(angles))
 
 
-def limit_to_zero_deg(run: Outcome, state: SteadyState, chopping: Chopping) -> float | None:
+def limit_to_zero_deg(run: Run, state: SteadyState, chopping: Chopping) -> float | None:
     """Median angle that the switched circuit takes from the chip's limit to no current, in a periodic state of CSC.
 
     Sectors in which the current does not end are left out; None if it ends in none.
@@ -129,7 +129,7 @@ def freewheel(runner: Runner) -> Iterator[Row]:
             yield from _rows(run, chopping, speed_rpm, currents)
 
 
-def _rows(run: Outcome, chopping: Chopping, speed_rpm: int, currents_a: tuple[int, ...]) -> Iterator[Row]:
+def _rows(run: Run, chopping: Chopping, speed_rpm: int, currents_a: tuple[int, ...]) -> Iterator[Row]:
     motor, inverter = run.scenario.motor, run.scenario.inverter
     sample_deg = 360.0 * motor.electrical_hz(speed_rpm) * inverter.sensing.sample_period_s
     readings = chip_angles_deg(run)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, console_word, event, timeline
@@ -36,7 +36,7 @@ FALLBACK_NOTE = (
 CODES = (0, 1000, 2400, 4095)
 
 
-def _errors(run: Outcome, window: str) -> dict[str, Number]:
+def _errors(run: Run, window: str) -> dict[str, Number]:
     """Statistics of the commutation error in a window."""
     errors = run.metrics[window]["commutation_error_deg"]
     return {f"commutation_error_deg.{kind}": errors[kind] for kind in ("mean", "rms", "max")}
@@ -50,7 +50,7 @@ def _learnt_limits() -> Limits:
     }
 
 
-def _places(run: Outcome, direction: int = 1) -> dict[str, Number]:
+def _places(run: Run, direction: int = 1) -> dict[str, Number]:
     """Largest difference between the learnt places and the true ones."""
     found = re.findall(r"^hall_offset_deg((?: -?[\d.]+){6})$", run.console(), re.MULTILINE)
     if not found:

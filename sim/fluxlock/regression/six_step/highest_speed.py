@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -40,7 +40,7 @@ def highest_speed(runner: Runner) -> Iterator[Row]:
         yield _row("furthest", runner.drive(SCENARIO, "furthest", *FURTHEST), 15_800)
 
 
-def _row(name: str, run: Outcome, least_hz: float) -> Row:
+def _row(name: str, run: Run, least_hz: float) -> Row:
     clock_hz, window = run.data.clock_hz, run.scenario.window[0]
     # Behind the last record there is no angle.
     end = min(window.to_s * clock_hz, run.analysis.track.last_cycle)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fluxlock.analysis.gates import gate_safety
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import LOCK_MAY_GO, Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, console_word, event, timeline
@@ -137,7 +137,7 @@ QUICK: dict[str, Disturbance] = {
 }
 
 
-def _effect(run: Outcome) -> dict[str, Number]:
+def _effect(run: Run) -> dict[str, Number]:
     """What the disturbance did: `disturbed` is 1 if anything."""
     clock_hz = run.data.clock_hz
     since = DISTURBED_S * clock_hz
@@ -162,7 +162,7 @@ def endings(disturbance: Disturbance, locked: bool, stopped: bool) -> dict[str, 
     }
 
 
-def _row(run: Outcome, name: str, disturbance: Disturbance) -> Row:
+def _row(run: Run, name: str, disturbance: Disturbance) -> Row:
     window = run.metrics["end"]
     rms_deg = window["commutation_error_deg"]["rms"]
     state, fault = console_word(run, "state"), console_word(run, "now")

@@ -16,7 +16,7 @@ from fluxlock.analysis.angles import FLOATING_PHASE
 from fluxlock.analysis.metrics import Series
 from fluxlock.analysis.rundata import FloatArray
 from fluxlock.analysis.six_step.unequal import crossing_errors_deg
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Number
 
 Limits = dict[str, tuple[float | None, float | None]]
@@ -43,7 +43,7 @@ def timeline(
     return [f"duration_s={duration_s!r}", f"event=[{listed}]", f"window=[{window}]"]
 
 
-def in_window(run: Outcome, series: Series, name: str) -> Series:
+def in_window(run: Run, series: Series, name: str) -> Series:
     """Entries within a measuring window."""
     window = next(w for w in run.scenario.window if w.name == name)
     return series.between(window.from_s * run.data.clock_hz, window.to_s * run.data.clock_hz)
@@ -69,29 +69,29 @@ def extremes_about(theory_deg: Iterable[float], allowed_deg: float, name: str) -
     }
 
 
-def commutation_intervals(run: Outcome, window: str) -> FloatArray:
+def commutation_intervals(run: Run, window: str) -> FloatArray:
     """True angles between successive commutations of a window, deg."""
     return in_window(run, run.analysis.commutations, window).intervals_deg()
 
 
-def crossing_intervals(run: Outcome, window: str) -> FloatArray:
+def crossing_intervals(run: Run, window: str) -> FloatArray:
     """True angles between successive crossings of a window, deg."""
     return in_window(run, run.analysis.crossings, window).intervals_deg()
 
 
-def console_word(run: Outcome, name: str) -> str:
+def console_word(run: Run, name: str) -> str:
     """Last value of that name that the console has printed; the first word of several."""
     found = re.findall(rf"^{name} (\S+)", run.console(), re.MULTILINE)
     return found[-1] if found else ""
 
 
-def printed_thresholds(run: Outcome) -> tuple[float, ...]:
+def printed_thresholds(run: Run) -> tuple[float, ...]:
     """Last reply to `get threshold_pu`: thresholds of sectors I to VI in vdc."""
     found = re.findall(r"^threshold_pu((?: [\d.]+){6})$", run.console(), re.MULTILINE)
     return tuple(float(word) for word in found[-1].split()) if found else ()
 
 
-def line_drop_v(run: Outcome, window: str) -> float:
+def line_drop_v(run: Run, window: str) -> float:
     """What the mean current of a window loses on supply, switches and two phases, V."""
     motor, inverter = run.scenario.motor, run.scenario.inverter
     current_a = float(run.metrics[window]["torque_nm"]["mean"]) / motor.torque_per_amp_nm
@@ -99,14 +99,14 @@ def line_drop_v(run: Outcome, window: str) -> float:
     return (inverter.supply_resistance_ohm + 2 * phase_ohm) * current_a
 
 
-def theory_errors(run: Outcome, window: str, speed_rpm: float) -> dict[str, Number]:
+def theory_errors(run: Run, window: str, speed_rpm: float) -> dict[str, Number]:
     """How late the crossings of phases A, B, C come by theory at the mean current of a window, deg."""
     supply_v = run.scenario.inverter.supply_v
     errors = crossing_errors_deg(run.scenario.motor, supply_v, speed_rpm, line_drop_v(run, window))
     return {f"crossing_error_theory_deg.{x}": error for x, error in zip("ABC", errors, strict=True)}
 
 
-def phase_crossing_errors(run: Outcome, window: str) -> dict[str, Number]:
+def phase_crossing_errors(run: Run, window: str) -> dict[str, Number]:
     """Mean lateness of the crossings of phases A, B, C in a window, deg."""
     crossings = in_window(run, run.analysis.crossings, window)
     values: dict[str, Number] = {}
@@ -116,7 +116,7 @@ def phase_crossing_errors(run: Outcome, window: str) -> dict[str, Number]:
     return values
 
 
-def turn_peak_to_peak_a(run: Outcome, window: str) -> float:
+def turn_peak_to_peak_a(run: Run, window: str) -> float:
     """Largest less smallest current of a phase in a turn, mean over the turns and phases of a window.
 
     Over a whole window the extremes are those of one turn: where the ripple's beat with the rotor peaks.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, event, timeline
@@ -26,7 +26,7 @@ ADVANCE_DEG = (5.0, 9.4, 3.0)
 BRAKE_MNM = 10.0
 
 
-def _errors(run: Outcome, window: str) -> dict[str, Number]:
+def _errors(run: Run, window: str) -> dict[str, Number]:
     metrics = run.metrics[window]
     return {
         **{

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import LOCK_MAY_GO, Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, event, timeline
@@ -61,7 +61,7 @@ def _short(fails: bool) -> list[str]:
     return [f"initial.speed_rpm={from_rpm}", f"drive.accel_rpm_per_s={accel_rpm_per_s}", *times]
 
 
-def drive_ramp(runner: Runner, variant: Variant) -> Outcome:
+def drive_ramp(runner: Runner, variant: Variant) -> Run:
     """Run one ramp."""
     fails = variant.fails
     return runner.drive(
@@ -76,7 +76,7 @@ def drive_ramp(runner: Runner, variant: Variant) -> Outcome:
     )
 
 
-def _row(run: Outcome, variant: Variant) -> Row:
+def _row(run: Run, variant: Variant) -> Row:
     frequency_hz = highest_hz(run)
     carriers = CARRIER_HZ / (6 * frequency_hz)
     values: dict[str, Number] = {

@@ -19,7 +19,7 @@ from fluxlock.analysis.six_step.recording import (
     torque_lines,
     whole_turns,
 )
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 
@@ -39,7 +39,7 @@ def sideband_orders(most: float) -> FloatArray:
     return orders
 
 
-def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Outcome, tuple[float, float]]:
+def spectrum_run(runner: Runner, commutation: Commutation) -> tuple[Run, tuple[float, float]]:
     """Run at N = 25/8, and its span of held duty (s)."""
     short = ("duration_s=0.13", "window=[]") if runner.quick else ()
     run = runner.drive("six-step/spectrum.toml", commutation, f"drive.commutation={commutation}", *short)

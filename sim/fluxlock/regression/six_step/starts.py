@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fluxlock.analysis.rundata import LogKind
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.support import locked
@@ -32,7 +32,7 @@ NOTE = (
 )
 
 
-def backward_deg(run: Outcome) -> tuple[float, float]:
+def backward_deg(run: Run) -> tuple[float, float]:
     """Farthest turn back from the foremost angle so far: until the first forced commutation, and from it on."""
     records = run.data.records
     angle = np.degrees(records["theta_e"])
@@ -43,7 +43,7 @@ def backward_deg(run: Outcome) -> tuple[float, float]:
     return back[0], back[1]
 
 
-def retries(run: Outcome) -> int:
+def retries(run: Run) -> int:
     """Attempts after the first one: spans without gates between the first gate on and the last."""
     gates = run.gates()
     on = np.flatnonzero(gates[:, 1])
@@ -66,7 +66,7 @@ class _Start:
     backward_deg: tuple[float, float]
 
 
-def _start(run: Outcome) -> _Start:
+def _start(run: Run) -> _Start:
     return _Start(
         locked(run),
         len(run.result["trips"]),

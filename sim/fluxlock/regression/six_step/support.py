@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 
 LOCKED_RMS_DEG = 1.0
 
 
-def highest_hz(run: Outcome) -> float:
+def highest_hz(run: Run) -> float:
     """Highest electrical frequency that the rotor reached under control, before the first trip."""
     records = run.data.records
     trips = run.result["trips"]
@@ -22,7 +22,7 @@ def highest_hz(run: Outcome) -> float:
     return float(np.max(records["omega_e"][records["t_cycle"] < end])) / (2 * math.pi)
 
 
-def locked(run: Outcome) -> bool:
+def locked(run: Run) -> bool:
     """Whether the crossings carry the machine at the end: forward, commutations within 1 degree rms, no trip."""
     window = run.metrics["locked"]
     rms_deg = window["commutation_error_deg"]["rms"]

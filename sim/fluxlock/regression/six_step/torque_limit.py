@@ -13,7 +13,7 @@ from fluxlock.analysis.six_step.override import SampleTiming
 from fluxlock.analysis.six_step.patterns import Chopping
 from fluxlock.analysis.six_step.soa import VISIBLE_DEG, torque_limits
 from fluxlock.analysis.six_step.switched import real_inverter
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import LOCK_MAY_GO, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits
@@ -31,7 +31,7 @@ ANGLE_DEG = 0.36 + 0.3
 LATE_TURNS = 3
 
 
-def lost_at_s(run: Outcome) -> float | None:
+def lost_at_s(run: Run) -> float | None:
     """Time of the first commutation of the first turn with LOST_COUNT errors above LOST_DEG; None: never lost."""
     commutations = run.analysis.commutations
     after = commutations.cycle > RAMP_FROM_S * run.data.clock_hz
@@ -47,7 +47,7 @@ def _load_mnm(time_s: float, end_mnm: float, ramp_s: float) -> float:
     return BASE_MNM + (end_mnm - BASE_MNM) * min(1.0, (time_s - RAMP_FROM_S) / ramp_s)
 
 
-def _theory(run: Outcome, pattern: Chopping) -> dict[str, Number]:
+def _theory(run: Run, pattern: Chopping) -> dict[str, Number]:
     """Limits of the switched circuit at ideal commutations (`fluxlock soa`), mN*m."""
     limits = torque_limits(
         run.scenario.motor,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import console_word, event, timeline
@@ -22,7 +22,7 @@ START_S, LOCKED_S, END_S = 0.004, 0.024, 0.09
 RMS_DEG, MAX_DEG = 1.0, 5.0  # as in the whole sequence
 
 
-def _peak_a(run: Outcome, until_s: float) -> float:
+def _peak_a(run: Run, until_s: float) -> float:
     """Largest phase current until then."""
     records = run.data.records
     early = records[records["t_cycle"] < until_s * run.data.clock_hz]

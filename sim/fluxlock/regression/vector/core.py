@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, event, timeline
@@ -71,7 +71,7 @@ QUICK = Times(24_000, (("ramp", 0.045, 0.065), ("steady", 0.10, 0.12), ("busy", 
 QUICK_FROM_RPM = 20_000
 
 
-def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
+def _run(runner: Runner, rates: Rates) -> tuple[Run, Times]:
     """One run for both cases: the core's idle time is asked for at the borders of ramp and steady window."""
     times = QUICK if runner.quick else FULL
     events = [event(0.002, "speed_rpm", times.speed_rpm), event(0.003, "command", "start")]
@@ -96,7 +96,7 @@ def _run(runner: Runner, rates: Rates) -> tuple[Outcome, Times]:
     return run, times
 
 
-def _conditions(rates: Rates, run: Outcome, times: Times) -> dict[str, Condition]:
+def _conditions(rates: Rates, run: Run, times: Times) -> dict[str, Condition]:
     return {
         "motor": run.scenario.motor.name,
         "emf": run.scenario.motor.emf,
@@ -116,7 +116,7 @@ def load_percent(console: str, spans: int) -> list[float]:
     return [100.0 * (1.0 - ((b[0] - a[0]) % 2**32) / ((b[1] - a[1]) % 2**32)) for a, b in pairs]
 
 
-def late_commits(run: Outcome, window: str, tick_cycles: int) -> int:
+def late_commits(run: Run, window: str, tick_cycles: int) -> int:
     """Control ticks of a window at which no new settings took effect: the step before came too late."""
     span = next(w for w in run.scenario.window if w.name == window)
     cycles = run.data.rows(LogKind.UPDATE)[:, 0]
@@ -158,7 +158,7 @@ def core_load(runner: Runner) -> Iterator[Row]:
         )
 
 
-def _latencies(run: Outcome, times: Times) -> tuple[NDArray[np.int64], int]:
+def _latencies(run: Run, times: Times) -> tuple[NDArray[np.int64], int]:
     """Clocks from strobe to compares of the samples whose tick took new settings over; number of all samples."""
     instants, updates = (run.data.rows(kind)[:, 0] for kind in (LogKind.ANGLE, LogKind.UPDATE))
     begin, end = times.windows[0][1] * CLOCK_HZ, times.windows[-1][2] * CLOCK_HZ

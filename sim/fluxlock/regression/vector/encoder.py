@@ -16,7 +16,7 @@ from fluxlock.config.motor import Motor
 from fluxlock.config.vector_design import told_machine
 from fluxlock.config.vector_loops import loops_of
 from fluxlock.config.vector_modes import PLL_BANDWIDTH
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, event, timeline
@@ -58,7 +58,7 @@ def best_current_a(m: Machine, torque_nm: float) -> complex:
     return complex(half_a - math.hypot(half_a, found), math.copysign(found, torque_nm))
 
 
-def drive(runner: Runner, mounting: str) -> Outcome:
+def drive(runner: Runner, mounting: str) -> Run:
     """The run; its short version ends with the window `forward`."""
     overrides = [f'drive.vector.mounting="{mounting}"']
     if runner.quick:

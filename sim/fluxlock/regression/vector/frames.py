@@ -9,12 +9,12 @@ import numpy as np
 
 from fluxlock.analysis.angles import wrap_deg
 from fluxlock.analysis.rundata import FloatArray, LogKind
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 
 APART_S = 2e-3  # of two changes
 
 
-def frame_changes_s(run: Outcome, from_s: float, to_s: float, count: int) -> list[float]:
+def frame_changes_s(run: Run, from_s: float, to_s: float, count: int) -> list[float]:
     """Times of the `count` largest jumps of the estimated angle in a span: the frame is turned at once.
 
     A correction by the phase-locked loop is smaller than the way of the rotor's angle in the current that pulls it.
@@ -34,7 +34,7 @@ def frame_changes_s(run: Outcome, from_s: float, to_s: float, count: int) -> lis
     return sorted(found)
 
 
-def angle_errors_deg(run: Outcome, *spans_s: tuple[float, float]) -> FloatArray:
+def angle_errors_deg(run: Run, *spans_s: tuple[float, float]) -> FloatArray:
     """Angle errors at the current samples of spans."""
     clock_hz = run.data.clock_hz
     return np.concatenate([run.analysis.angles.between(a * clock_hz, b * clock_hz).error_deg for a, b in spans_s])

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import event, timeline
@@ -21,7 +21,7 @@ METHODS = (("six-step", "six-step/patterns.toml", ("drive.sync_rect=true",)), ("
 LOAD = ("load.fan_torque_nm=0.02", "load.fan_speed_rpm=60000")
 
 
-def current_rms_a(run: Outcome, window: str) -> float:
+def current_rms_a(run: Run, window: str) -> float:
     """Rms of the phase currents in a window, over the three phases."""
     span = next(w for w in run.scenario.window if w.name == window)
     records, clock_hz = run.data.records, run.data.clock_hz
@@ -29,7 +29,7 @@ def current_rms_a(run: Outcome, window: str) -> float:
     return float(np.sqrt(np.mean([np.mean(records[name][inside] ** 2) for name in ("ia", "ib", "ic")])))
 
 
-def _row(run: Outcome, method: str, speed_rpm: int) -> Row:
+def _row(run: Run, method: str, speed_rpm: int) -> Row:
     window = run.metrics["steady"]
     return Row(
         f"vector/method/{method}",

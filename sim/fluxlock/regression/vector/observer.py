@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from fluxlock.analysis.vector.model import SmoothMachine
 from fluxlock.config import load_motor
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.paths import ROOT
 from fluxlock.regression.case import Condition, Row, case
 from fluxlock.regression.runner import Runner
@@ -54,7 +54,7 @@ def conditions_of(speed_hz: float, delay: float, believed: float) -> dict[str, C
     }
 
 
-def drive_at(runner: Runner, speed_hz: float, delay: float, believed: float) -> Outcome:
+def drive_at(runner: Runner, speed_hz: float, delay: float, believed: float) -> Run:
     """The chip at an imposed electrical speed (Hz, signed) of Motor-I, one pole pair."""
     rpm = 60.0 * speed_hz
     profile = [[0.0, 0.0], [ALIGNED_S, 0.0], [ALIGNED_S + abs(rpm) / ACCEL_RPM_PER_S, rpm]]

@@ -15,7 +15,7 @@ from fluxlock.analysis.angles import dq_current
 from fluxlock.analysis.vector.model import Sampling, SmoothMachine
 from fluxlock.analysis.vector.parameters import SINGLE, WORST_PAIRS, Change, changed
 from fluxlock.analysis.vector.sensorless import Drive, rest
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import console_word, event, timeline
@@ -47,7 +47,7 @@ def _name(change: Change) -> str:
     return "-".join(change.text.replace(" %", "%").replace(" ", "").split(","))
 
 
-def points(run: Outcome, change: Change, from_s: float, top_rpm: float) -> list[Point]:
+def points(run: Run, change: Change, from_s: float, top_rpm: float) -> list[Point]:
     """Errors in bands of a tenth about each 10 000 r/min of a ramp."""
     records, motor = run.data.records, run.scenario.motor
     time_s, rpm = records["t_cycle"] / run.data.clock_hz, records["omega_e"] * 30.0 / math.pi / motor.pole_pairs

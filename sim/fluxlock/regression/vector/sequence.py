@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Condition, Number, Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import Limits, console_word, event, timeline
@@ -25,7 +25,7 @@ QUICK_END_S = 0.38
 ALIGNED_S = 0.08
 
 
-def _values(run: Outcome, *spans_s: tuple[float, float]) -> dict[str, Number]:
+def _values(run: Run, *spans_s: tuple[float, float]) -> dict[str, Number]:
     errors = angle_errors_deg(run, *spans_s)
     return {
         "angle_error_deg.mean": float(errors.mean()),

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fluxlock.config.vector_design import told_machine
-from fluxlock.cosim.outcome import Outcome
+from fluxlock.cosim.outcome import Run
 from fluxlock.regression.case import Row, case
 from fluxlock.regression.runner import Runner
 from fluxlock.regression.six_step.measures import event, timeline
@@ -27,13 +27,13 @@ RMS_DEG, MAX_DEG = 1.0, 5.0  # as in the whole sequence
 BACK_A = 0.5
 
 
-def voltage_v(run: Outcome, current_a: complex) -> float:
+def voltage_v(run: Run, current_a: complex) -> float:
     """Amplitude of the fundamental voltage that the machine needs at the speed with a current."""
     m, omega = told_machine(run.scenario), run.scenario.motor.omega_e(SPEED_RPM)
     return abs(complex(m.resistance_ohm, omega * m.inductance_h) * current_a + 1j * omega * m.psi_vs)
 
 
-def _row(run: Outcome, weakening: bool) -> Row:
+def _row(run: Run, weakening: bool) -> Row:
     weak, back = run.metrics["weak"], run.metrics["back"]
     current = complex(weak["id_a"], weak["iq_a"])
     errors = angle_errors_deg(run, WEAK)
