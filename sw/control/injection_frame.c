@@ -8,6 +8,7 @@
 #include "control/vector_speed.h"
 
 #define FILTER_BITS 16
+#define FREE_SHARE 4  // of the limit that i_q keeps beside the current that looks at the poles
 
 SMALL_CODE_BEGIN
 
@@ -20,6 +21,9 @@ void injection_frame_begin(injection_frame_t *state, const injection_frame_setti
                            int32_t speed_turn_q36) {
   *state = (injection_frame_t){.resting = resting};
   rest_position_begin(&state->rest);
+  if (!resting) {
+    rest_position_again(&state->rest, &settings->rest, false);
+  }
   injection_handover_begin(&state->handover, false);
   injection_validity_begin(&state->validity);
   pll_preset(&state->pll, 0, speed_turn_q36);
@@ -44,7 +48,11 @@ HOT static void regulate(injection_frame_t *state, const injection_frame_setting
   state->filtered_q52 += (((speed_q52 - state->filtered_q52) >> 4) * settings->speed_filter_q16) >> (FILTER_BITS - 4);
   const int32_t share_q16 = (int32_t)state->validity.share_q16;
   // Without injection its validity does not count.
-  const int32_t limit = state->handover.inject ? mul_q16(settings->limit_i_q25, share_q16) : settings->limit_i_q25;
+  int32_t limit = state->handover.inject ? mul_q16(settings->limit_i_q25, share_q16) : settings->limit_i_q25;
+  if (state->rest.current_i_q25 != 0) {
+    const int32_t beside = current_rest_i_q25(limit, state->rest.current_i_q25);
+    limit = (beside > limit / FREE_SHARE) ? beside : limit / FREE_SHARE;
+  }
   if (!in->by_speed) {
     state->wanted_i_q25 = clamp_i32(in->current_wanted_i_q25.im, -limit, limit);
     state->limited = state->wanted_i_q25 != in->current_wanted_i_q25.im;
@@ -69,6 +77,14 @@ HOT static int32_t follow_curve(injection_frame_t *state, const injection_frame_
   return settings->coupling.following ? before_q32 - state->curve_q32 : 0;
 }
 
+// i_d that looks at the poles of the frame that is held.
+COLD static int32_t test_i_q25(injection_frame_t *state, const injection_frame_settings_t *settings, int32_t d_i_q25,
+                          complex_t vector_i_q21) {
+  rest_position_again(&state->rest, &settings->rest, state->test);
+  const rest_position_input_t given = {state->judge, vector_i_q21, d_i_q25, 0, 0};
+  return rest_position_step(&state->rest, &settings->rest, &given).current_i_q25;
+}
+
 HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
                                                    const injection_frame_settings_t *settings,
                                                    const injection_frame_input_t *in) {
@@ -79,7 +95,8 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
   if (state->resting) {
     const complex_t none = {0, 0};
     const complex_t vector_i_q21 = in->fresh ? injection_vector_i_q21(&settings->error, &in->amplitude) : none;
-    const rest_position_input_t given = {in->fresh, vector_i_q21, in->current_i_q25.re, state->turned_q32};
+    const int32_t drift_q32 = (pll_speed_turn_q36(&state->pll) >> 4) * settings->tick_cycles;
+    const rest_position_input_t given = {in->fresh, vector_i_q21, in->current_i_q25.re, state->turned_q32, drift_q32};
     const rest_position_command_t rest = rest_position_step(&state->rest, &settings->rest, &given);
     state->turned_q32 = 0;
     command.turn_q32 = rest.turn_q32;
@@ -93,9 +110,14 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
   } else {
     injection_handover_step(&state->handover, &settings->handover, pll_speed_turn_q36(&state->pll), in->fresh,
                             in->emf_there);
+    complex_t vector_i_q21 = {0, 0};
     if (state->judge) {
-      const complex_t vector_i_q21 = injection_vector_i_q21(&settings->error, &state->amplitude);
+      vector_i_q21 = injection_vector_i_q21(&settings->error, &state->amplitude);
       injection_validity_step(&state->validity, &settings->validity, vector_i_q21);
+    }
+    int32_t d_i_q25 = in->current_wanted_i_q25.re;
+    if (state->test || state->rest.current_i_q25 != 0) {
+      d_i_q25 += test_i_q25(state, settings, in->current_i_q25.re, vector_i_q21);
     }
     state->judge = in->fresh;
     state->amplitude = in->amplitude;
@@ -103,7 +125,7 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     command.turn_q32 = follow(state, settings, error_q30);
     regulate(state, settings, in);
     command.turn_q32 = turned(command.turn_q32, follow_curve(state, settings, in->current_i_q25));
-    const complex_t wanted = {in->current_wanted_i_q25.re, state->wanted_i_q25};
+    const complex_t wanted = {d_i_q25, state->wanted_i_q25};
     command.reference_i_q25[0] = complex_mul_q30(wanted, state->turn_q30);
     const complex_t third = {0, mul_q16(state->wanted_i_q25, settings->third_q16)};
     command.reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);

@@ -69,6 +69,7 @@ typedef struct {
 
 typedef struct {
   bool resting;  // the rest position is being looked for
+  bool test;     // the poles are to be looked at while the frame is held
   rest_position_t rest;
   int32_t turned_q32;  // by the loop in the search's last step
   injection_handover_t handover;

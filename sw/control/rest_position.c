@@ -13,6 +13,7 @@
 #define LOCK_SHARE 4
 #define LAST_SHARE 4u
 #define CAME_SHARE 3
+#define SPARE 2  // of the difference that is sure, for a second look
 
 SMALL_CODE_BEGIN
 
@@ -54,6 +55,10 @@ static void fail(rest_position_t *state, rest_phase_t next, rest_phase_t end) {
 
 // The rotor turned, or the current did not come: half of it does less.
 static void soften(rest_position_t *state) {
+  if (state->again) {
+    enter(state, REST_FOUND);
+    return;
+  }
   state->halvings++;
   fail(state, REST_LOCK, REST_NOT_SURE);
 }
@@ -71,9 +76,10 @@ static int32_t take_angle(rest_position_t *state, const rest_position_settings_t
 }
 
 // Is it an angle that the loop holds?
-static void take_lock(rest_position_t *state, complex_t mean_i_q21) {
+static void take_lock(rest_position_t *state, complex_t mean_i_q21, int32_t drift_q32) {
   state->d_i_q21 = mean_i_q21.re;
   state->moved_q32 = 0;
+  state->drift_q32 = drift_q32;
   if (abs_sat(mean_i_q21.im) > state->saliency_i_q21 / LOCK_SHARE) {
     fail(state, REST_FIRST, REST_NO_SIGNAL);
   } else {
@@ -81,25 +87,57 @@ static void take_lock(rest_position_t *state, complex_t mean_i_q21) {
   }
 }
 
-// The amplitude at +I or -I, if that current has come.
-static void take_amplitude(rest_position_t *state, const rest_position_settings_t *settings, int32_t *amplitude_i_q21,
-                           complex_t mean_i_q21, rest_phase_t next) {
+// Of A+ - A-, which are below 2^24.
+static int32_t least_i_q21(const rest_position_t *state, const rest_position_settings_t *settings) {
+  return mul_q16(state->plus_i_q21 + state->minus_i_q21, settings->sure_q16);
+}
+
+// Which way does the magnet lie: along the frame's d axis 1, against it -1, 0 not sure.
+static int32_t pole(const rest_position_t *state, const rest_position_settings_t *settings) {
+  const int32_t difference = state->plus_i_q21 - state->minus_i_q21;
+  const int32_t least = least_i_q21(state, settings);
+  return (difference >= least) ? 1 : (-difference >= least) ? -1 : 0;
+}
+
+COLD void rest_position_again(rest_position_t *state, const rest_position_settings_t *settings, bool on) {
+  if (!state->again) {
+    const int32_t least = least_i_q21(state, settings);
+    int32_t left = abs_sat(state->plus_i_q21 - state->minus_i_q21);
+    while (least > 0 && left >= 2 * SPARE * least) {
+      left /= 2;
+      state->halvings++;
+    }
+  }
+  state->again = true;
+  state->moved_q32 = state->drift_q32 = 0;
+  if (!on) {
+    state->phase = REST_FOUND;
+  } else if (state->phase == REST_FOUND) {
+    enter(state, REST_PLUS);
+    state->plus_i_q21 = state->minus_i_q21 = state->pole = 0;
+  }
+}
+
+// The amplitude at +I or -I, if that current has come; the pole of a frame that is held.
+static void take_amplitude(rest_position_t *state, const rest_position_settings_t *settings, complex_t mean_i_q21) {
   const int32_t came_i_q25 = mean_of(state->sum_i_q25, settings->current_count);
   if (abs_sat(came_i_q25 - state->current_i_q25) > abs_sat(state->current_i_q25) / CAME_SHARE) {
     soften(state);
     return;
   }
-  *amplitude_i_q21 = mean_i_q21.re;
-  enter(state, next);
+  const bool plus = state->phase == REST_PLUS;
+  *(plus ? &state->plus_i_q21 : &state->minus_i_q21) = mean_i_q21.re;
+  enter(state, plus ? REST_MINUS : state->again ? REST_PLUS : REST_RELEASE);
+  if (state->again && state->plus_i_q21 != 0 && state->minus_i_q21 != 0) {
+    state->pole = pole(state, settings);
+  }
 }
 
-// i_d is back at 0: which way does the magnet lie?
+// i_d is back at 0.
 static int32_t take_polarity(rest_position_t *state, const rest_position_settings_t *settings) {
-  const int64_t difference = (int64_t)state->plus_i_q21 - state->minus_i_q21;
-  const int64_t least = (((int64_t)state->plus_i_q21 + state->minus_i_q21) * settings->sure_q16) >> 16;
-  const bool sure = difference >= least || -difference >= least;
-  enter(state, sure ? REST_FOUND : REST_NOT_SURE);
-  return (sure && difference < 0) ? HALF_TURN : 0;
+  const int32_t found = pole(state, settings);
+  enter(state, (found != 0) ? REST_FOUND : REST_NOT_SURE);
+  return (found < 0) ? HALF_TURN : 0;
 }
 
 static int32_t goal_i_q25(const rest_position_t *state, const rest_position_settings_t *settings) {
@@ -126,17 +164,13 @@ static int32_t result(rest_position_t *state, const rest_position_settings_t *se
       break;
     case REST_LOCK:
       if (averaged(state, settings->lock - last, last, in, &mean_i_q21)) {
-        take_lock(state, mean_i_q21);
+        take_lock(state, mean_i_q21, in->drift_q32);
       }
       break;
     case REST_PLUS:
-      if (averaged(state, settings->current_settle, settings->current_count, in, &mean_i_q21)) {
-        take_amplitude(state, settings, &state->plus_i_q21, mean_i_q21, REST_MINUS);
-      }
-      break;
     case REST_MINUS:
       if (averaged(state, settings->current_settle, settings->current_count, in, &mean_i_q21)) {
-        take_amplitude(state, settings, &state->minus_i_q21, mean_i_q21, REST_RELEASE);
+        take_amplitude(state, settings, mean_i_q21);
       }
       break;
     case REST_RELEASE:
@@ -155,7 +189,7 @@ static int32_t result(rest_position_t *state, const rest_position_settings_t *se
 
 rest_position_command_t rest_position_step(rest_position_t *state, const rest_position_settings_t *settings,
                                            const rest_position_input_t *in) {
-  state->moved_q32 = sat_i32((int64_t)state->moved_q32 + in->turned_q32);
+  state->moved_q32 = sat_i32((int64_t)state->moved_q32 + in->turned_q32 - state->drift_q32);
   const bool currents = state->phase >= REST_PLUS && state->phase <= REST_RELEASE;
   if (currents && abs_sat(state->moved_q32) > MOVED_Q32) {
     soften(state);

@@ -13,7 +13,11 @@
 // i_d goes from one to the other and back to 0 by a slope, so that the rotor, pulled along d by what the frame is off, hardly
 // moves; the loop follows it. A light rotor moves all the same: one that has turned by 1/24 turn under the current, and a
 // current that did not come, get half of it, from the lock on. After SEARCH_TRIES attempts the search ends without a
-// result. Sources: Yu 2022 (saliency); polarity by saturation: docs/theory/five-phase.md.
+// result.
+//
+// Poles of a frame that is held: +I and -I in turns, as long as it is asked for, of an I halved until the difference that
+// the search has seen is less than four times what is sure. After each of them its amplitude and the other one's tell the
+// pole, as above. Sources: Yu 2022 (saliency); polarity by saturation: docs/theory/five-phase.md.
 #ifndef FL_REST_POSITION_H
 #define FL_REST_POSITION_H
 
@@ -56,13 +60,16 @@ typedef struct {
   uint32_t halvings;   // of I
   int64_t sum_i_q21[2];  // of the amplitudes looked at, d and q
   int64_t sum_i_q25;     // of i_d with them
-  int32_t moved_q32;     // by which the frame has turned since the lock
+  int32_t moved_q32;     // by which the frame has turned since the lock, more than the rotor did then
+  int32_t drift_q32;     // that the rotor turned a step then
   int32_t first_i_q21;  // q of the first frame
   int32_t saliency_i_q21;  // K
   int32_t d_i_q21;         // d amplitude at the lock
   int32_t plus_i_q21;
   int32_t minus_i_q21;
   int32_t current_i_q25;
+  bool again;           // poles of a frame that is held
+  int32_t pole;         // found there: 1 along the frame's d axis, -1 against it, 0 not sure
 } rest_position_t;
 
 typedef struct {
@@ -73,12 +80,16 @@ typedef struct {
 
 void rest_position_begin(rest_position_t *state);
 
+// From now on the poles of a frame that is held, or no more of it. What is found is in `pole`; the frame is not turned.
+void rest_position_again(rest_position_t *state, const rest_position_settings_t *settings, bool on);
+
 // What a step has to go by.
 typedef struct {
   bool fresh;              // vector_i_q21 (injection_vector_i_q21) is a new result
   complex_t vector_i_q21;
   int32_t d_i_q25;         // i_d
   int32_t turned_q32;      // by which the loop has turned the frame since the last step
+  int32_t drift_q32;       // a step, by the loop's speed
 } rest_position_input_t;
 
 // One step, each control tick at the same interval. About 80 clocks, 700 at a change of phase.

@@ -14,7 +14,7 @@ import pytest
 from fluxlock.analysis.injection_cases import DEAD_TIMES, IPM_BEST, YU_BEST, ipm, yu
 from fluxlock.analysis.injection_loop import Loop
 from fluxlock.firmware import injection_formats as formats
-from fluxlock.firmware.binding import new, open_library
+from fluxlock.firmware.binding import names, new, open_library
 from fluxlock.firmware.vector_formats import Complex
 from fluxlock.headers import CData
 from fluxlock.regression.five_phase.injection_bench import Q25, TURN
@@ -148,3 +148,42 @@ def test_vector_of_the_amplitudes() -> None:
     settings = formats.error_settings("iq", 1e-3, 2e-3)
     got = lib.injection_vector_i_q21(settings, empty)
     assert (got.re, got.im) == (0, 0)
+
+
+@pytest.mark.parametrize("share", [0.09, 0.03, 0.004, -0.004, -0.03, -0.09])
+def test_poles_of_a_frame_that_is_held(share: float) -> None:
+    """The amplitude falls or grows with i_d: +1 along the magnet, -1 against it, 0 below what is sure; then no current.
+
+    Verifies: INJC-17
+    """
+    lib, phases = open_library(), names("rest_phase_t")
+    settings, full_i_q21 = yu_setting(0.0).firmware(), 100_000
+    state = new("rest_position_t", phase=phases.index("found"))
+    lib.rest_position_again(state, settings, True)
+    seen = []
+    for _ in range(200):
+        i_d = state.current_i_q25
+        vector = Complex(round(full_i_q21 * (1 + share * i_d / settings.current_i_q25)), 0)
+        command = lib.rest_position_step(state, settings, new("rest_position_input_t", True, vector, i_d, 0))
+        assert command.turn_q32 == 0 and abs(command.current_i_q25) <= settings.current_i_q25
+        seen.append(int(state.pole))
+    sign = 0 if abs(share) < 0.012 else round(math.copysign(1, share))
+    assert seen[-1] == sign and set(seen) <= {0, sign}
+    lib.rest_position_again(state, settings, False)
+    for _ in range(200):
+        lib.rest_position_step(state, settings, new("rest_position_input_t", False, Complex(0, 0), 0, 0))
+    assert state.current_i_q25 == 0
+
+
+def test_held_frame_takes_no_more_current_than_it_needs() -> None:
+    """A search that has seen nine times the difference that is sure: a quarter of its current is enough.
+
+    Verifies: INJC-17
+    """
+    lib, phases = open_library(), names("rest_phase_t")
+    settings = yu_setting(0.0).firmware()
+    for difference, halvings in ((0.03, 0), (0.06, 1), (0.11, 2)):
+        plus, minus = round(100_000 * (1 + difference)), round(100_000 * (1 - difference))
+        state = new("rest_position_t", phase=phases.index("found"), plus_i_q21=plus, minus_i_q21=minus)
+        lib.rest_position_again(state, settings, True)
+        assert state.halvings == halvings, difference

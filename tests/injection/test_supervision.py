@@ -19,11 +19,6 @@ REFUSED = ("five-phase-surface", "servo", "surface")
 YU, IPM = ROOT / "scenarios" / "five-phase" / "yu.toml", ROOT / "scenarios" / "vector" / "ipm-injection.toml"
 ONCE = "drive.start.restart_retries=0"
 NAMED_S, WRONG_DEG, SEARCHED_DEG, RMS_DEG, POLE_DEG = 0.05, 90.0, 10.0, 3.0, 30.0
-# The resistance may be wrong by half, and that share of its drop is more than half of the EMF while the limit's current
-# flows: the angle is denied once the rotor is faster. A resistance that the search learns would tell them apart.
-SLOW_EMF = pytest.mark.xfail(
-    strict=True, reason="the drop of the limit's current hides this machine's EMF: 147 ms, 203 degrees"
-)
 
 
 @pytest.mark.parametrize("name", RIGHT)
@@ -59,9 +54,7 @@ def test_refused_before_building(name: str) -> None:
     assert "permitted from 1.2 % on" in problem.message
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=SLOW_EMF if name == "ferrite-synrm" else ()) for name in RIGHT]
-)
+@pytest.mark.parametrize("name", RIGHT)
 def test_wrong_pole_is_named(name: str) -> None:
     """A rotor half a turn from where the drive takes it to be: named in time, before it has turned far.
 
@@ -121,6 +114,44 @@ def test_rotor_that_jumps(name: str, share: float) -> None:
             assert life.fault_s - jumped_s <= NAMED_S, jump_deg
         if share > 0.0:
             assert life.wrong_deg(jumped_s) <= WRONG_DEG, jump_deg
+
+
+@pytest.mark.parametrize("name", ["compressor", "ebike", "gimbal"])
+def test_rotor_that_is_held_jumps_by_half_a_turn(name: str) -> None:
+    """Neither wave nor EMF shows that where it stands: the current that looks at the poles does, and none too early.
+
+    Verifies: INJC-17
+    """
+    scenario = scenario_of(name, ONCE)
+    life = InjectionRun(scenario, target_rpm=0.05 * scenario.motor.max_speed_rpm)
+    assert life.start()
+    life.run(0.2)
+    life.aim(0)
+    life.run(0.5)
+    assert life.fault == "none"
+    assert life.rms_deg(life.chip.now - 0.2) <= RMS_DEG
+    jumped_s = life.chip.now
+    life.chip.turn(np.pi)
+    life.run(0.1)
+    assert life.fault == "angle_lost"
+    assert life.fault_s - jumped_s <= NAMED_S
+
+
+def test_idle_rotor_is_searched_again() -> None:
+    """A place that was known counts for the first start alone: gates off, the rotor may be elsewhere.
+
+    Verifies: INJC-17
+    """
+    life = InjectionRun(scenario_of("ebike", "drive.vector.injection.search=false"), theta_deg=0.0)
+    assert life.start()
+    life.run(0.1)
+    assert life.chip.fw.command("stop") == ["ok"]
+    life.run(0.3)
+    life.chip.turn(np.pi)
+    assert life.chip.fw.command("start") == ["ok"]
+    life.run(0.4)
+    assert life.fault == "none" and life.chip.fw.state == "running"
+    assert life.rms_deg(life.chip.now - 0.1) <= RMS_DEG
 
 
 def test_lost_angle_is_searched_again() -> None:

@@ -54,8 +54,8 @@ class Injection(Model):
     )
     search: bool = Field(
         default=True,
-        description="A start looks for the rotor and the polarity of its magnet; `false`: the rotor is taken to stand "
-        "at 0.",
+        description="A start looks for the rotor and the polarity of its magnet; `false`: the first start takes the "
+        "rotor to stand at 0, later ones look for it.",
     )
     search_current_a: float | None = quantity(
         "Current on the d axis that tells the poles apart.",

@@ -110,7 +110,8 @@ def _filters(injection: Injection, sample_s: float) -> dict[str, Value]:
 
 
 def _search(d: Design, injection: Injection, wave: _Wave, sample_s: float) -> dict[str, Value]:
-    current = search_current(d.s)
+    # Of a machine that does not saturate no current tells the poles apart.
+    current = search_current(d.s) if injection.search or d.s.motor.saturation else 0.0
     rise = injection.search_rise_a_per_s or current / SEARCH_S
     counts = SEARCH_RESULTS.get(injection.method, SEARCH_RESULTS_OTHERS)
     if injection.method in ("lock-in", "conventional"):

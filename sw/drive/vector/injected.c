@@ -14,6 +14,8 @@
 // Results until sums hold nothing from before the wave.
 #define SETTLING_Q30 107374182  // 0.1 rad
 #define SETTLE_SHARE 8u         // 40 ms
+#define DARK_SHARE 3u           // 15 ms
+#define FREE_SHARE 8            // of the limit
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
@@ -92,7 +94,9 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   if (outcome_event(refused) != EVENT_STAY) {
     return refused;
   }
-  injection_frame_begin(&j->frame, &j->settings, v->p->injection_search != 0, 0);
+  // A rotor whose place was known may have moved while the gates were off.
+  injection_frame_begin(&j->frame, &j->settings, v->p->injection_search != 0 || j->begun, 0);
+  j->begun = true;
   const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
   // A low-pass that rises would be taken for a weak signal.
   j->left_out = filtered ? j->settings.rest.settle : FIRST_RESULTS;
@@ -104,6 +108,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->contradicted = 0;
   j->settling = 0;
   j->proven = 0;
+  j->unproven = j->frame.resting ? 0u : DARK_SHARE * v->lost_checks;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
   ramp_preset(&j->ramp, 0);
@@ -164,11 +169,34 @@ HOT static bool emf_lost(vector_t *v) {
 
 static inline uint32_t less(uint32_t count) { return (count > 0u) ? count - 1u : 0u; }
 
+// Where the EMF is too small to tell the pole, the HF current tells it:
+//
+//   still     the drive holds a rotor that hardly anything turns
+//   against   a current drives the way that is wanted, the rotor turns the other way: overhauled, or at the other pole
+//   unproven  no search has found the angle, and the EMF has had its time
+COLD static void ask_poles(vector_t *v, bool dark, bool turning, bool without_emf) {
+  vector_injection_t *j = v->injection;
+  const int32_t wanted_i_q25 = j->frame.wanted_i_q25;
+  const int32_t target_rpm_q8 = j->ramp.value_rpm_q8;
+  const bool free = abs_sat(wanted_i_q25) < j->settings.limit_i_q25 / FREE_SHARE;
+  const bool still = free && target_rpm_q8 == 0 && (dark || without_emf);
+  const bool driving = !free && (wanted_i_q25 ^ target_rpm_q8) >= 0;
+  const bool against = dark && driving && (wanted_i_q25 ^ v->report.vector.speed_turn_q36) < 0;
+  if (!dark || j->frame.rest.pole > 0) {
+    j->unproven = 0;
+  } else if (j->unproven > 1u && !turning) {
+    j->unproven--;
+  }
+  const bool unproven = j->unproven == 1u && !turning;
+  j->frame.test = v->p->injection_rest.current_i_q25 > 0 && (still || against || unproven);
+}
+
 // With E the EMF of the estimated speed: what voltage and resistance leave of it, which is -E at the other pole and
 // nothing on a rotor that stands, is below E / 2 by more than T, which both may be wrong by (lost_angle.h). Not below T.
 // An angle that the EMF has confirmed keeps its trust for a while: a load step makes the speed wrong, and not the pole. While
-// the loop still turns the frame to the angle that it sees, its speed is that turning: for a while too where no search has
-// found the angle.
+// the loop still turns the frame to the angle that it sees, its speed is that turning, unless there is an EMF against it:
+// for a while too where no search has found the angle. Where it tells nothing, the poles are looked at: of a rotor whose place no search has found, that is held
+// without a load, or that turns against its torque.
 HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   vector_injection_t *j = v->injection;
   const int32_t speed_turn_q36 = (int32_t)(j->frame.filtered_q52 >> SPEED_BITS);
@@ -181,7 +209,10 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   const bool settles = abs_sat(j->frame.error_q30) > SETTLING_Q30;
   const bool unsearched = settles && v->p->injection_search == 0;
   j->settling = unsearched ? SETTLE_SHARE * v->lost_checks : less(j->settling);
-  const bool blind = size_v_q25 <= wrong_v_q25 || settles || j->settling > 0u;
+  const bool dark = size_v_q25 <= wrong_v_q25;
+  const bool turning = settles || j->settling > 0u;
+  const bool opposed = along_v_q25 < -wrong_v_q25;
+  const bool blind = dark || (turning && !opposed);
   const bool wrong = !blind && along_v_q25 + wrong_v_q25 < size_v_q25 / 2;
   j->contradicted = wrong ? j->contradicted + 1u : less(j->contradicted);
   if (blind) {
@@ -189,7 +220,8 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   } else if (!wrong && j->proven < PROVEN_MOST * v->lost_checks) {
     j->proven++;
   }
-  return j->contradicted >= v->lost_checks + j->proven;
+  ask_poles(v, dark, turning, abs_sat(along_v_q25) <= wrong_v_q25);
+  return j->frame.rest.pole < 0 || j->contradicted >= v->lost_checks + j->proven;
 }
 
 // The search has measured both axes: that counts, not the file. With D and D - 2 K the amplitudes of d and q

@@ -40,6 +40,7 @@ typedef struct {
   uint16_t results;     // of the chip, the last that were seen
   uint32_t left_out;    // results of a wave that has just begun
   bool arrived;         // separator: a result in the step before
+  bool begun;           // once before
   bool injecting;       // as the chip was told
   bool wanted;          // the frame wants a wave
   ramp_t ramp;
@@ -47,6 +48,7 @@ typedef struct {
   uint32_t contradicted;  // looks at which the voltage denied the angle, less those at which it did not
   uint32_t settling;      // looks until the loop's speed counts
   uint32_t proven;        // looks at which it confirmed it, less those at which it was too small to tell
+  uint32_t unproven;      // from 1 on: no search has found the pole; looks that the EMF has left to tell it
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there
