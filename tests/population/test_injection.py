@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from fluxlock.cli import app
 from fluxlock.config import load_motor, load_scenario
+from fluxlock.population import jumps
 from fluxlock.population.files import MACHINE, write_life
 from fluxlock.population.injection_draw import PATH, InjectionDraw, injection_ranges, parts
 from fluxlock.population.injection_judge import judge_injection, row_of
@@ -119,3 +123,18 @@ def test_judge_sees_what_goes_on_unnamed() -> None:
     assert "wrong way" in kinds(omega=np.where(late, backward, rows["omega"]))
     assert kinds() == set()
     assert row_of(judge_injection(run, life), run)["fault"] == "none"
+
+
+def test_jumps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A jump by half a turn at 20 % of base speed is named in time; a wrong one fails the command and says which.
+
+    Verifies: INJC-17
+    """
+    machines = jumps.jump_machines(1, 1)
+    (found,) = jumps.run_jumps(machines, lambda _: None, shares=(0.2,), angles_deg=(180.0,))
+    assert found.outcome == jumps.NAMED and found.after_s <= jumps.NAMED_S
+    late = replace(found, outcome=jumps.WRONG, after_s=0.06)
+    monkeypatch.setattr(jumps, "jump_machines", lambda seed: [])
+    monkeypatch.setattr(jumps, "run_jumps", lambda lives, done: [found, late])
+    done = CliRunner().invoke(app, ["population", "jumps"])
+    assert done.exit_code == 1 and "1 wrong of 2 jumps" in done.output and "after 60 ms" in done.output

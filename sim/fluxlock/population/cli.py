@@ -113,3 +113,28 @@ def plot(
         drawn = draw_injection(life, path) if isinstance(life, InjectionLife) else draw_life(life, path)
         kinds = ", ".join(dict.fromkeys(drawn)) or "right"
         print(f"{index}: {kinds}; written: {path}")
+
+
+@app.command(epilog=example("fluxlock population jumps"))
+def jumps(seed: SeedOption = 1) -> None:
+    """Let the rotor's angle jump under injected drives: followed, named within 50 ms, or wrong.
+
+    Ten machines of the injection's population, jumps of 60, 120 and 180 degrees at 0, 5 and 20 % of base speed; about
+    two minutes. Exit code 1 if a jump is wrong.
+    """
+    from fluxlock.analysis.verdict import Verdict, say
+    from fluxlock.population.jumps import OUTCOMES, WRONG, Jump, jump_machines, run_jumps
+    from fluxlock.progress import counting_bars
+
+    with counting_bars() as bars:
+        task = bars.add_task("jumps", total=None)
+
+        def done(_: Jump) -> None:
+            bars.advance(task)
+
+        found = run_jumps(jump_machines(seed), done)
+    wrong = [j for j in found if j.outcome == WRONG]
+    counts = ", ".join(f"{sum(j.outcome == name for j in found)} {name}" for name in OUTCOMES)
+    say(Verdict(not wrong, [f"{counts} of {len(found)} jumps", *map(str, wrong)]))
+    if wrong:
+        raise typer.Exit(EXIT_FAILED)

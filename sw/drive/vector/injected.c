@@ -94,8 +94,9 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   if (outcome_event(refused) != EVENT_STAY) {
     return refused;
   }
-  // A rotor whose place was known may have moved while the gates were off.
-  injection_frame_begin(&j->frame, &j->settings, v->p->injection_search != 0 || j->begun, 0);
+  // A rotor whose place was known may have moved while the gates were off; a machine without saturation keeps it.
+  const bool lost = j->begun && v->p->injection_rest.current_i_q25 > 0;
+  injection_frame_begin(&j->frame, &j->settings, v->p->injection_search != 0 || lost, 0);
   j->begun = true;
   const bool filtered = j->settings.error.method == INJECTION_LOCK_IN || j->settings.error.method == INJECTION_CONVENTIONAL;
   // A low-pass that rises would be taken for a weak signal.
@@ -195,8 +196,8 @@ COLD static void ask_poles(vector_t *v, bool dark, bool turning, bool without_em
 // nothing on a rotor that stands, is below E / 2 by more than T, which both may be wrong by (lost_angle.h). Not below T.
 // An angle that the EMF has confirmed keeps its trust for a while: a load step makes the speed wrong, and not the pole. While
 // the loop still turns the frame to the angle that it sees, its speed is that turning, unless there is an EMF against it:
-// for a while too where no search has found the angle. Where it tells nothing, the poles are looked at: of a rotor whose place no search has found, that is held
-// without a load, or that turns against its torque.
+// for a while too where no search has found the angle. Where it tells nothing, the poles are looked at: of a rotor whose
+// place no search has found, that is held without a load, or that turns against its torque.
 HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   vector_injection_t *j = v->injection;
   const int32_t speed_turn_q36 = (int32_t)(j->frame.filtered_q52 >> SPEED_BITS);
