@@ -14,6 +14,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import fluxlock.regression.sets  # noqa: F401  # registers all cases before the test adds its own
+from fluxlock.config import Scenario
+from fluxlock.cosim.outcome import write_outcome
 from fluxlock.figures import FIGURES, Drawing, Entry
 from fluxlock.figures import command as figures
 from fluxlock.figures.figure import FigureEntry
@@ -31,7 +33,11 @@ def simulator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     slow = run(speed_rpm=5_500.0, account=((0.0, RUNNING, CURRENT),))
     monkeypatch.setattr(runner, "FOLDER", tmp_path)
     monkeypatch.setattr(runner, "KEYS", tmp_path / "keys")
-    monkeypatch.setattr(runner, "run_scenario", lambda loaded, folder, seed: slow)
+
+    def simulate(loaded: Scenario, *, folder: Path, seed: int, plots: bool) -> None:
+        write_outcome(slow, loaded, folder, plots)
+
+    monkeypatch.setattr(runner, "simulate", simulate)
     monkeypatch.setattr(runner, "image_of", lambda loaded: Path(__file__))
     monkeypatch.setattr(runner, "_key", lambda loaded, seed, image: "key")
 
