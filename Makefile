@@ -48,7 +48,7 @@ synth: $(SYNTH) ## bitstreams and sizes for ECP5 by Yosys and nextpnr: build/syn
 
 ##@ Take it along
 
-wheel: $(TEST) ## the package, dist/fluxlock-VERSION-py3-none-any.whl: pip installs it without a checkout
+wheel: $(TEST) ## the package, dist/fluxlock-VERSION-py3-none-any.whl: pip installs it without a checkout; 10 s
 	@$(PY) -m hatchling build -t wheel
 
 ##@ Check a change

@@ -22,7 +22,7 @@ LOST = (
     "a worker process ended before its result: the machine has run out of memory, or a script asks for jobs > 1 "
     'outside of `if __name__ == "__main__":`'
 )
-EXTRA = "pip install 'fluxlock[sweep]'"
+EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[sweep]'"
 
 
 class WorkerLost(RuntimeError):

@@ -20,6 +20,7 @@ from fluxlock.analysis.result import build_result, write_result
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData, load_trace, save_trace
 from fluxlock.analysis.verdict import Verdict, judge_run
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.workers import EXTRA
 
 if TYPE_CHECKING:
     import pandas
@@ -89,8 +90,10 @@ class Run:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The traces as a pandas table with t_s as index; units in its `attrs["units"]`. Needs pandas."""
-        import pandas
-
+        try:
+            import pandas
+        except ImportError:
+            raise ConfigError([Problem("to_dataframe", "", f"needs pandas: {EXTRA}")]) from None
         table = pandas.DataFrame(self.traces).set_index("t_s")
         table.attrs["units"] = {name: unit for name, unit in UNITS.items() if name != "t_s"}
         return table

@@ -39,6 +39,7 @@ TESTS = (
     "flash",
     "registers",
     "regression",
+    "edge",
 )
 FILES_A_PROCESS = 6
 
