@@ -15,7 +15,7 @@ import pytest
 from fluxlock.paths import ROOT, tool_environment
 
 PAGE = ROOT / "docs" / "howto" / "cocotb-test.md"
-FILE = re.compile(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```", re.DOTALL | re.MULTILINE)
+FILE = re.compile(r"^<!-- file (\S+) -->\n```\w+\n(.*?)^```", re.DOTALL | re.MULTILINE)
 FAILS, PASSES = "56_000) < 5\n", "56_000) < 560\n"
 
 

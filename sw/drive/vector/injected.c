@@ -16,6 +16,7 @@
 #define SETTLE_SHARE 8u         // 40 ms
 #define DARK_SHARE 3u           // 15 ms
 #define FREE_SHARE 8            // of the limit
+#define MOVES_SHARE 2           // of the EMF that can deny the estimate
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
@@ -173,16 +174,17 @@ static inline uint32_t less(uint32_t count) { return (count > 0u) ? count - 1u :
 // Where the EMF is too small to tell the pole, the HF current tells it:
 //
 //   still     the drive holds a rotor that hardly anything turns
-//   against   a current drives the way that is wanted, the rotor turns the other way: overhauled, or at the other pole
+//   against   a current drives the way that is wanted, the rotor turns the other way, by more than noise makes of one that
+//             a load holds: overhauled, or at the other pole
 //   unproven  no search has found the angle, and the EMF has had its time
-COLD static void ask_poles(vector_t *v, bool dark, bool turning, bool without_emf) {
+COLD static void ask_poles(vector_t *v, bool dark, bool turning, bool without_emf, bool moves) {
   vector_injection_t *j = v->injection;
   const int32_t wanted_i_q25 = j->frame.wanted_i_q25;
   const int32_t target_rpm_q8 = j->ramp.value_rpm_q8;
   const bool free = abs_sat(wanted_i_q25) < j->settings.limit_i_q25 / FREE_SHARE;
   const bool still = free && target_rpm_q8 == 0 && (dark || without_emf);
   const bool driving = !free && (wanted_i_q25 ^ target_rpm_q8) >= 0;
-  const bool against = dark && driving && (wanted_i_q25 ^ v->report.vector.speed_turn_q36) < 0;
+  const bool against = dark && moves && driving && (wanted_i_q25 ^ v->report.vector.speed_turn_q36) < 0;
   if (!dark || j->frame.rest.pole > 0) {
     j->unproven = 0;
   } else if (j->unproven > 1u && !turning) {
@@ -221,7 +223,7 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   } else if (!wrong && j->proven < PROVEN_MOST * v->lost_checks) {
     j->proven++;
   }
-  ask_poles(v, dark, turning, abs_sat(along_v_q25) <= wrong_v_q25);
+  ask_poles(v, dark, turning, abs_sat(along_v_q25) <= wrong_v_q25, size_v_q25 > wrong_v_q25 / MOVES_SHARE);
   return j->frame.rest.pole < 0 || j->contradicted >= v->lost_checks + j->proven;
 }
 
