@@ -11,6 +11,7 @@ with it.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +63,7 @@ def _shapes(record: ScopeRecord, terms: tuple[str, ...], times: FloatArray) -> F
             # t / tau exp(1 - t / tau) as the difference of two decays that are close to each other.
             near = 1e-4
             pair = (_behind_pole(t, -(1.0 - sign * near) / tau_s, pole_s) for sign in (1, -1))
-            columns.append(np.e * (next(pair) - next(pair)) / (2.0 * near))
+            columns.append(math.e * (next(pair) - next(pair)) / (2.0 * near))
     return np.column_stack(columns)
 
 
