@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from importlib.util import find_spec
 from pathlib import Path
@@ -73,22 +72,19 @@ def sweep(
         raise ConfigError([Problem("sweep", "", f"the table needs pandas and pyarrow: {EXTRA}")])
     folder = out if out is not None else RESULTS / f"{scenario.stem}-sweep"
     base = scenario_of(scenario)
-    axes = [sweeps.Axis.parse(text).of(base) for text in set_ or ()]
-    total = math.prod(len(axis.values) for axis in axes)
+    grid = sweeps.Grid.of(base, [sweeps.Axis.parse(text) for text in set_ or ()])
     for name in metric or ():
         window, known = name.partition(".")[0], [w.name for w in base.window]
         if window not in known:
             text = f'"{window}" is no window of the scenario, it has: {", ".join(known) or "none"}'
             raise ConfigError([Problem("--metric", name, text)])
-    sweeps.points_of(base, axes)  # a key that no point takes is told before a folder is made
     prepare_folder(folder, *FILES)
     check_build()
     with counting_bars(Console(stderr=True)) as bars:
-        task = bars.add_task("points", total=total)
-        made = sweeps.sweep(
-            base, axes, twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder,
-            done=lambda _: bars.advance(task),
-        )  # fmt: skip
+        task = bars.add_task("points", total=len(grid.points) + len(grid.refused))
+        made = grid.run(
+            twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=lambda _: bars.advance(task)
+        )
     table = made.to_dataframe()
     names = metrics_of(table, metric or [])
     table.to_parquet(folder / FILES[0])

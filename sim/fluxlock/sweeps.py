@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -23,6 +25,7 @@ import numpy as np
 from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.api import scenario_of, simulate
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.config.errors import SET_OPTION
 from fluxlock.paths import PACKAGE, ROOT, content_hash
 from fluxlock.workers import EXTRA, side_by_side
 from fluxlock.writable import check_folder
@@ -32,7 +35,6 @@ if TYPE_CHECKING:
 
 RIGHT, FAILED, BROKEN, REFUSED = "right", "failed", "broken", "refused"
 POINTS_MAX = 100_000
-SWEEP_OPTION = "--set"
 Row = dict[str, Any]
 Done = Callable[[Row], None]
 
@@ -55,7 +57,7 @@ class Axis:
         key, equals, stated = (part.strip() for part in text.partition("="))
         if not equals or not key or not stated:
             form = "must have the form KEY=LOW:HIGH:COUNT, KEY=0.8x:1.2x:COUNT or KEY=A,B,C"
-            raise ConfigError([Problem(SWEEP_OPTION, text, form)])
+            raise ConfigError([Problem(SET_OPTION, text, form)])
         parts = stated.split(":")
         if len(parts) == 3 and not stated.startswith(("[", "{", '"', "'")):
             return _range(key, parts)
@@ -71,7 +73,7 @@ class Axis:
         numbers = base if isinstance(base, tuple) else (base,)
         if not all(isinstance(n, (int, float)) and not isinstance(n, bool) for n in numbers):
             text = "has no number in the file that a factor could multiply: give the values themselves"
-            raise ConfigError([Problem(SWEEP_OPTION, self.key, text)])
+            raise ConfigError([Problem(SET_OPTION, self.key, text)])
         scaled = [tuple(n * factor for n in numbers) for factor in self.values]
         return Axis(self.key, tuple(s[0] if len(set(numbers)) == 1 else s for s in scaled))  # as the file states it
 
@@ -83,12 +85,12 @@ def _range(key: str, parts: Sequence[str]) -> Axis:
         count = int(parts[2])
     except ValueError:
         text = f"{':'.join(parts)} is no range of numbers LOW:HIGH:COUNT"
-        raise ConfigError([Problem(SWEEP_OPTION, key, text)]) from None
+        raise ConfigError([Problem(SET_OPTION, key, text)]) from None
     if relative[0] != relative[1]:
-        raise ConfigError([Problem(SWEEP_OPTION, key, "both ends are factors, 0.8x:1.2x, or none is")])
+        raise ConfigError([Problem(SET_OPTION, key, "both ends are factors, 0.8x:1.2x, or none is")])
     if not (np.isfinite(low) and np.isfinite(high) and 1 <= count <= POINTS_MAX):
         text = f"needs finite ends and a count from 1 to {POINTS_MAX}, not {':'.join(parts)}"
-        raise ConfigError([Problem(SWEEP_OPTION, key, text)])
+        raise ConfigError([Problem(SET_OPTION, key, text)])
     values = tuple(float(v) for v in np.linspace(low, high, count))
     whole = not relative[0] and all(part.strip().lstrip("+-").isdecimal() for part in parts[:2])
     return Axis(key, tuple(map(int, values)) if whole and all(v == int(v) for v in values) else values, relative[0])
@@ -101,13 +103,14 @@ def _words(key: str, stated: str) -> list[Any]:
     except tomllib.TOMLDecodeError:
         found = [_word(word.strip()) for word in stated.split(",")]
     if not found or "" in found:
-        raise ConfigError([Problem(SWEEP_OPTION, key, f"{stated!r} holds an empty value")])
+        raise ConfigError([Problem(SET_OPTION, key, f"{stated!r} holds an empty value")])
     return list(found)
 
 
-def _word(text: str) -> Any:  # noqa: ANN401 (what TOML may hold)
+def _word(text: str) -> object:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value: object = tomllib.loads(f"value = {text}")["value"]
+        return value
     except tomllib.TOMLDecodeError:
         return text
 
@@ -134,31 +137,86 @@ class Point:
         return content_hash([], made_by, settings, self.scenario.seed if seed is None else seed, twin)
 
 
-def points_of(scenario: Scenario, axes: Sequence[Axis]) -> tuple[list[Point], list[Row]]:
-    """Points of the grid, and rows of those that the checks refuse. The last axis changes fastest.
+@dataclass(frozen=True)
+class Grid:
+    """Points that can run, and rows of those that the checks refuse. axes: with values in place of factors."""
 
-    Raises ConfigError for a grid that is none, and with every reason where the checks refuse all points.
-    """
-    axes = [axis.of(scenario) for axis in axes]
-    count = int(np.prod([len(axis.values) for axis in axes]))
-    if not axes or count > POINTS_MAX:
-        text = f"{count} points, permitted 1 to {POINTS_MAX}" if axes else f"no key to change: {SWEEP_OPTION} KEY=RANGE"
-        raise ConfigError([Problem(SWEEP_OPTION, "", text)])
-    twice = {axis.key for axis in axes if [a.key for a in axes].count(axis.key) > 1}
-    if twice:
-        raise ConfigError([Problem(SWEEP_OPTION, key, "is there twice; give it one range") for key in sorted(twice)])
-    points, refused, problems = [], [], list[Problem]()
-    for index, values in enumerate(itertools.product(*(axis.values for axis in axes))):
-        keys = tuple(zip((axis.key for axis in axes), values, strict=True))
-        try:
-            points.append(Point(index, keys, _checked(scenario, dict(keys))))
-        except ConfigError as error:
-            reason = "; ".join(str(problem) for problem in error.problems)
-            refused.append({"point": index, **_shown(keys), "status": REFUSED, "reason": reason})
-            problems += error.problems
-    if not points:
-        raise ConfigError(list(dict.fromkeys(problems)))
-    return points, refused
+    axes: tuple[Axis, ...]
+    points: list[Point]
+    refused: list[Row]
+
+    @staticmethod
+    def of(scenario: Scenario, axes: Sequence[Axis]) -> Grid:
+        """The grid of a scenario; the last axis changes fastest.
+
+        Raises ConfigError for a grid that is none, and with every reason where the checks refuse all points.
+        """
+        made = tuple(axis.of(scenario) for axis in axes)
+        count = math.prod(len(axis.values) for axis in made)
+        if not made or not 1 <= count <= POINTS_MAX:
+            text = (
+                f"{count} points, permitted 1 to {POINTS_MAX}" if made else f"no key to change: {SET_OPTION} KEY=RANGE"
+            )
+            raise ConfigError([Problem(SET_OPTION, "", text)])
+        twice = sorted(key for key, n in Counter(axis.key for axis in made).items() if n > 1)
+        if twice:
+            raise ConfigError([Problem(SET_OPTION, key, "is there twice; give it one range") for key in twice])
+        points, refused, problems = [], [], list[Problem]()
+        for index, values in enumerate(itertools.product(*(axis.values for axis in made))):
+            keys = tuple(zip((axis.key for axis in made), values, strict=True))
+            try:
+                points.append(Point(index, keys, _checked(scenario, dict(keys))))
+            except ConfigError as error:
+                reason = "; ".join(str(problem) for problem in error.problems)
+                refused.append({"point": index, **_shown(keys), "status": REFUSED, "reason": reason})
+                problems += error.problems
+        if not points:
+            raise ConfigError(list(dict.fromkeys(problems)))
+        return Grid(made, points, refused)
+
+    def run(
+        self,
+        *,
+        twin: bool = False,
+        seed: int | None = None,
+        jobs: int = 1,
+        scheduler: str | None = None,
+        folder: Path | str | None = None,
+        done: Done | None = None,
+    ) -> Sweep:
+        """Run the points that `folder` holds no result of; see `sweep`."""
+        store = Path(folder) / "points" if folder is not None else None
+        if store is not None:
+            check_folder(store)
+        made_by, rows, left = sources(), [], []
+
+        def kept(point: Point) -> Path | None:
+            return None if store is None else store / f"{point.key(seed, twin, made_by)}.json"
+
+        def keep(row: Row) -> None:
+            rows.append(row)
+            if done is not None:
+                done(row)
+
+        def store_row(point: Point, row: Row) -> None:
+            path = kept(point)
+            if path is not None and row["status"] != BROKEN:
+                part = path.with_suffix(".part")
+                part.write_text(json.dumps(row), encoding="utf-8")
+                part.replace(path)
+            keep(row)
+
+        for row in self.refused:
+            keep(row)
+        for point in self.points:
+            path = kept(point)
+            if path is not None and path.exists():
+                keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
+            else:
+                left.append(point)
+        if left:
+            side_by_side(partial(run_point, seed, twin, made_by), left, jobs, store_row, scheduler)
+        return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
 
 
 def _checked(scenario: Scenario, keys: Mapping[str, Any]) -> Scenario:
@@ -248,33 +306,6 @@ def sweep(
     >>> made = sweep("scenarios/own-spindle.toml", {"drive.commutation": ["RSC", "NSC", "CSC"]}, jobs=2)
     >>> made.to_dataframe()["steady.commutation_error_deg.rms"]
     """
-    base = scenario_of(scenario)
-    grid = [Axis(k, tuple(v)) for k, v in axes.items()] if isinstance(axes, Mapping) else list(axes)
-    points, rows = points_of(base, grid)
-    store = Path(folder) / "points" if folder is not None else None
-    if store is not None:
-        check_folder(store)
-    made_by, left = sources(), []
-    for point in points:
-        kept = store / f"{point.key(seed, twin, made_by)}.json" if store is not None else None
-        if kept is not None and kept.exists():
-            rows.append(json.loads(kept.read_text(encoding="utf-8")) | {"point": point.index})
-        else:
-            left.append(point)
-    if done is not None:
-        for row in rows:
-            done(row)
-
-    def keep(point: Point, row: Row) -> None:
-        rows.append(row)
-        if store is not None and row["status"] != BROKEN:
-            part = store / f"{point.key(seed, twin, made_by)}.part"
-            part.write_text(json.dumps(row), encoding="utf-8")
-            part.replace(part.with_suffix(".json"))
-        if done is not None:
-            done(row)
-
-    if left:
-        side_by_side(partial(run_point, seed, twin, made_by), left, jobs, keep, scheduler)
-    axes_used = tuple(axis.of(base) for axis in grid)
-    return Sweep(axes_used, sorted(rows, key=lambda row: int(row["point"])))
+    grid = [Axis(k, tuple(v)) for k, v in axes.items()] if isinstance(axes, Mapping) else axes
+    made = Grid.of(scenario_of(scenario), grid)
+    return made.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=done)

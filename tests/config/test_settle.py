@@ -27,9 +27,12 @@ def clocks(*overrides: str) -> dict[str, int]:
     """Parameters that follow from the settle time."""
     values = parameter_block(load_scenario(SPINDLE, overrides)).values
     names = ("zcd_settle_cycles", "zcd_blank_cycles", "least_on_cycles", "on_time_floor_cycles")
-    found = {name: values[name] for name in names}
-    assert all(isinstance(value, int) for value in found.values())
-    return found  # type: ignore[return-value]  # the assertion above, which mypy does not follow
+    found = {}
+    for name in names:
+        value = values[name]
+        assert isinstance(value, int)
+        found[name] = value
+    return found
 
 
 def test_clean_edges_wait_for_the_dividers() -> None:

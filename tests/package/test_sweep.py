@@ -23,7 +23,7 @@ import fluxlock
 from fluxlock import sweeps, workers
 from fluxlock.cli import app
 from fluxlock.paths import ROOT
-from fluxlock.sweeps import Axis, points_of
+from fluxlock.sweeps import Axis, Grid
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
@@ -77,7 +77,7 @@ def test_bad_ranges(text: str, message: str) -> None:
     Verifies: PACKAGE-8
     """
     with pytest.raises(fluxlock.ConfigError, match=message):
-        points_of(short(), [Axis.parse(text)])
+        Grid.of(short(), [Axis.parse(text)])
 
 
 def test_grid() -> None:
@@ -85,22 +85,22 @@ def test_grid() -> None:
 
     Verifies: PACKAGE-8
     """
-    points, refused = points_of(
-        short(), [Axis("motor.resistance_ohm", (0.14, -1.0)), Axis("drive.commutation", ("RSC", "CSC"))]
-    )
-    assert [dict(point.keys) for point in points] == [
+    grid = Grid.of(short(), [Axis("motor.resistance_ohm", (0.14, -1.0)), Axis("drive.commutation", ("RSC", "CSC"))])
+    assert [dict(point.keys) for point in grid.points] == [
         {"motor.resistance_ohm": 0.14, "drive.commutation": "RSC"},
         {"motor.resistance_ohm": 0.14, "drive.commutation": "CSC"},
     ]
-    assert [row["point"] for row in refused] == [2, 3] and all("out of range" in row["reason"] for row in refused)
+    assert [row["point"] for row in grid.refused] == [2, 3] and all(
+        "out of range" in row["reason"] for row in grid.refused
+    )
     with pytest.raises(fluxlock.ConfigError, match=r"out of range(.|\n)*unknown key"):
-        points_of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
+        Grid.of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
     with pytest.raises(fluxlock.ConfigError, match="is there twice"):
-        points_of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
+        Grid.of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
     with pytest.raises(fluxlock.ConfigError, match="no key to change"):
-        points_of(short(), [])
+        Grid.of(short(), [])
     with pytest.raises(fluxlock.ConfigError, match="permitted 1 to"):
-        points_of(short(), [Axis("seed", tuple(range(1000))), Axis("motor.resistance_ohm", tuple(range(1, 1000)))])
+        Grid.of(short(), [Axis("seed", tuple(range(1000))), Axis("motor.resistance_ohm", tuple(range(1, 1000)))])
 
 
 def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,9 +130,9 @@ def test_another_version() -> None:
 
     Verifies: PACKAGE-9
     """
-    points, _ = points_of(short(), [Axis("drive.commutation", ("RSC",))])
+    grid = Grid.of(short(), [Axis("drive.commutation", ("RSC",))])
     with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
-        sweeps.run_point(1, True, "0123456789abcdef", points[0])
+        sweeps.run_point(1, True, "0123456789abcdef", grid.points[0])
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

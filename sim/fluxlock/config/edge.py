@@ -50,7 +50,7 @@ NEEDS = {
 }
 
 
-def _term(description: str, unit: str, low: float, high: float) -> Any:  # noqa: ANN401 - as quantity
+def _term(description: str, unit: str, low: float, high: float) -> Any:  # noqa: ANN401 - a field takes its annotation, pydantic types its default Any
     return quantity(description, unit, low, high, default=None, absent=BY_PRESET)
 
 

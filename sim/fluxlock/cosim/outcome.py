@@ -20,6 +20,7 @@ from fluxlock.analysis.result import build_result, write_result
 from fluxlock.analysis.rundata import FloatArray, LogKind, RunData, load_trace, save_trace
 from fluxlock.analysis.verdict import Verdict, judge_run
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.workers import EXTRA
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 TRACE = "trace.npz"
 RESULT = "result.json"
 
-
-RPM_PER_RAD_S = 30.0 / np.pi
 
 # Traces and their units; all of one run have the same length.
 UNITS = {

@@ -9,7 +9,7 @@ import os
 from collections.abc import Awaitable, Callable
 from functools import wraps
 from multiprocessing import Pipe
-from typing import Any
+from typing import Any, ClassVar
 
 import cocotb
 
@@ -22,7 +22,7 @@ Body = Callable[[Drive], Awaitable[None]]
 class Holder:
     """A copy of the simulation that has made a common start, and is copied for each test that goes on from there."""
 
-    made: dict[Body, Holder] = {}  # noqa: RUF012  # of this process
+    made: ClassVar[dict[Body, Holder]] = {}  # of this process
 
     def __init__(self) -> None:
         self._ours, self._its = Pipe()

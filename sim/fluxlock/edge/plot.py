@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fluxlock.analysis.pwm_phase import BINS, PhaseBins
+from fluxlock.analysis.six_step.plots import save
 
 
 def draw_phases(bins: PhaseBins, path: Path, title: str) -> None:
@@ -28,4 +29,4 @@ def draw_phases(bins: PhaseBins, path: Path, title: str) -> None:
     lower.set_ylabel("commutations")
     lower.set_xlabel("place of the crossing in the carrier, from the beginning of a pulse")
     lower.set_xlim(0.0, 1.0)
-    figure.savefig(path, dpi=120)
+    save(figure, path)
