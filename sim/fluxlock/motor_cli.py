@@ -17,6 +17,7 @@ from rich.console import Console
 from fluxlock.config import ConfigError, Motor, Problem, load_inverter, load_motor
 from fluxlock.config.drive import Drive
 from fluxlock.config.info import derived_values, warnings
+from fluxlock.config.mistakes import mistakes
 from fluxlock.config.settling import settling_text
 from fluxlock.datasheet.entries import BY_OPTION, ENTRIES, Value, read_value
 from fluxlock.help import complete_toml, example
@@ -96,6 +97,12 @@ def motor_new(
     no_load_speed: Annotated[str | None, _option("no-load-speed")] = None,
     no_load_current: Annotated[str | None, _option("no-load-current")] = None,
     max_speed: Annotated[str | None, _option("max-speed")] = None,
+    electrical_time_constant: Annotated[str | None, _option("electrical-time-constant")] = None,
+    mechanical_time_constant: Annotated[str | None, _option("mechanical-time-constant")] = None,
+    source: Annotated[str, typer.Option(help="Maker, type and document, for the file.")] = "",
+    note: Annotated[
+        list[str] | None, typer.Option(help="Sentence for the head of the file, such as what is estimated; repeatable.")
+    ] = None,
 ) -> None:
     """Write a motor file from what a data sheet has: Kv, Ke or Kt, terminal R and L, poles, currents.
 
@@ -119,6 +126,8 @@ def motor_new(
         "no-load-speed": no_load_speed,
         "no-load-current": no_load_current,
         "max-speed": max_speed,
+        "electrical-time-constant": electrical_time_constant,
+        "mechanical-time-constant": mechanical_time_constant,
     }
     if file.suffix != ".toml":
         raise ConfigError([Problem(str(file), "", "must be a file name that ends in .toml")])
@@ -138,10 +147,12 @@ def motor_new(
         raise ConfigError(problems)
     if missing(values) and sys.stdin.isatty():
         _ask(values)
-    text = motor_text(Sheet(name or file.stem, values, emf, winding))
+    text = motor_text(Sheet(name or file.stem, values, emf, winding, source, tuple(note or ())))
     file.write_text(text, encoding="utf-8")
     try:
         motor = load_motor(file)
+        if found := mistakes(motor):
+            raise ConfigError([Problem("motor new", "", f"the values contradict each other: {line}") for line in found])
     except ConfigError:
         file.unlink()
         raise

@@ -166,6 +166,10 @@ def test_a_contradiction_is_refused_by_name(change: dict[str, str], names: list[
     [
         ("kt", "0.05 Nm/A", "does not say its kind"),
         ("kt", "0.05", "has no unit"),
+        ("kt", "0.05 Nm/Arms peak", "says rms at its unit and peak behind it"),
+        ("ke", "5 Vrms/krpm", "does not say its kind"),
+        ("resistance", "0,12 Ohm", "with a decimal point"),
+        ("kv", "1000-1100", "is no value"),
         ("kt", "5 V dc", "is not in N*m/A"),
         ("rated-current", "20 A rsm", 'did you mean "rms"'),
         ("inertia", "48", "has no unit"),
@@ -190,6 +194,56 @@ def test_what_is_no_value_is_said_with_what_would_be_one(option: str, text: str,
         read_value(BY_OPTION[option], text)
     assert says in str(caught.value)
     assert str(caught.value).startswith(f"--{option}: ")
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "number", "kind"),
+    [
+        ("rated-current", "2.6 Arms", 2.6, "rms"),
+        ("rated-current", "7.1 Apk", 7.1, "peak"),
+        ("kt", "0.49 Nm/Arms", 0.49, "rms"),
+        ("ke", "4.64 Vpk/krpm line-peak", 4.64e-3, "line-peak"),
+        ("ke", "17.4 mV/(r/min) phase-rms", 17.4e-3, "phase-rms"),
+        ("ke", "4.64 V/krpm ±10 % line-peak", 4.64e-3, "line-peak"),
+        ("resistance", "0.72 Ohm +/- 10%", 0.72, "line"),
+        ("inertia", "0.277E-4 kg-m2", 2.77e-5, ""),
+        ("inertia", "0.05 kg·cm²", 5e-6, ""),
+        ("inertia", "0.00009 oz-in-s2", 6.3554e-7, ""),
+        ("inertia", "0.00012 lb-in-s2", 1.35582e-5, ""),
+        ("rated-torque", "10 lb-in", 1.12985, ""),
+        ("rated-torque", "0.36 kgf-cm", 0.0353039, ""),
+        ("max-speed", "6000 tr/min", 6000.0, ""),
+    ],
+)
+def test_the_spellings_of_makers(option: str, text: str, number: float, kind: str) -> None:
+    """Kinds at the unit, tolerances, imperial units and squares without a sign, as sheets have them.
+
+    Verifies: FRONT-69
+    """
+    value = read_value(BY_OPTION[option], text)
+    assert (value.number, value.kind) == (pytest.approx(number, rel=1e-4), kind)
+
+
+def test_the_file_repeats_the_sheet(tmp_path: Path) -> None:
+    """`[datasheet]` has each value in the maker's terms, and the check finds a file that is edited wrongly.
+
+    Verifies: FRONT-69, FRONT-71
+    """
+    motor = made(tmp_path, sheet(**OUTRUNNER, voltage="14.8 V", no_load_speed="14500", no_load_current="0.9 A"))
+    assert motor.datasheet is not None
+    shown = {k: v for k, v in motor.datasheet.model_dump().items() if v}
+    assert shown == {
+        "poles": 14,
+        "terminal_resistance_ohm": 0.12,
+        "terminal_inductance_h": 60e-6,
+        "kv_dc_rpm_per_v": 1000.0,
+        "voltage_v": 14.8,
+        "no_load_speed_rpm": 14500.0,
+        "no_load_current_a": 0.9,
+        "rotor_inertia_gcm2": 150.0,
+    }
+    wrong = motor.model_copy(update={"psi_vs": tuple(7 * psi for psi in motor.psi_vs)})
+    assert "per mechanical rad/s (7 pole pairs)" in warnings(wrong)[0]
 
 
 def test_a_missing_inertia_is_guessed_and_says_so(tmp_path: Path) -> None:
@@ -242,6 +296,14 @@ def test_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
     assert all(
         option in err for option in ("--poles", "--resistance", "--inductance", "--rated-current", "--max-speed")
     )
+    for option, text, says in (
+        ("electrical", "1 ms", "inductance_h, resistance_ohm: electrical time constant 0.0005 s, 0.5 times"),
+        ("mechanical", "1 s", "inertia_kgm2, resistance_ohm, psi_vs: mechanical time constant"),
+    ):
+        constant = (f"--{option}-time-constant", text)
+        code, _, err = call(monkeypatch, capsys, str(tmp_path / "other.toml"), *arguments, *constant)
+        assert (code, len(err.splitlines())) == (2, 1)
+        assert f"the values contradict each other: {says}" in err
     code, _, err = call(monkeypatch, capsys, str(tmp_path / "other.toml"), *arguments, "--kt", "5 V dc", "--ke", "x")
     assert (code, len(err.splitlines())) == (2, 2)
     assert not (tmp_path / "other.toml").exists()
@@ -259,6 +321,7 @@ def test_it_asks(
     """
     # poles, kv (wrong first), ke, kt, resistance, inductance, q, inertia, rated, peak, torque, without load, speed
     told = ["14", "1000 V", "1000", "", "", "0.12 ohm", "60 uH", "", "150 gcm2", "20 A dc", "", "", "", "", "", "12000"]
+    told += ["", ""]  # time constants
     answers(told)
     code, _, err = call(monkeypatch, capsys, str(tmp_path / "asked.toml"))
     assert code == 0, err

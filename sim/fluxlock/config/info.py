@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from fluxlock.config.constants import constants
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
+from fluxlock.config.mistakes import mistakes
 from fluxlock.config.motor import COMMUTATION_LEAST, RPM_PER_RAD_S, Motor
 
 LEAST_SPEEDS = (("six_step", "six-step", least_six_step_rpm), ("vector", "vector", least_vector_rpm))
@@ -32,6 +33,7 @@ def _conventions(motor: Motor) -> list[Derived]:
         "kv_line_rms_rpm_per_v": ("Kv, rms line EMF", "r/min/V"),
         "ke_line_peak_v_per_krpm": ("Ke, line peak", "V/(1000 r/min)"),
         "ke_line_rms_v_per_krpm": ("Ke, line rms", "V/(1000 r/min)"),
+        "ke_phase_peak_v_per_krpm": ("Ke, phase peak", "V/(1000 r/min)"),
         "ke_phase_rms_v_per_krpm": ("Ke, phase rms", "V/(1000 r/min)"),
         "kt_peak_nm_per_a": ("Kt, peak phase current", "N*m/A"),
         "kt_rms_nm_per_a": ("Kt, rms phase current", "N*m/A"),
@@ -118,7 +120,7 @@ def _inertia_warning(motor: Motor) -> list[str]:
 
 def warnings(motor: Motor) -> list[str]:
     """Legal but unusual contents of a motor file."""
-    found = []
+    found = mistakes(motor)
     load_nm = motor.load.torque_nm(motor.max_speed_rpm)
     if load_nm > motor.rated_torque_nm:
         found.append(

@@ -11,6 +11,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.fields import Model, PhaseValues, Powers, conflict, quantity
+from fluxlock.config.stated import DataSheet
 from fluxlock.plant.params import (
     EncoderParams,
     HallParams,
@@ -280,6 +281,10 @@ class Motor(Model):
     third: Third | None = Field(default=None, description="Third-harmonic plane of a five-phase machine.")
     saturation: Saturation | None = Field(default=None, description="Saturation, if there is any.")
     load: Load = Field(default_factory=Load, description="Load of a scenario that states none.")
+    datasheet: DataSheet | None = Field(
+        default=None,
+        description="What the maker states, in the maker's terms, for `motor check`.",
+    )
 
     @model_validator(mode="after")
     def _salient(self) -> Self:
@@ -306,6 +311,8 @@ class Motor(Model):
             raise conflict("third", "required table is missing for phases = 5")
         if self.phases == 5 and self.hall is not None:
             raise conflict("hall", "does not go with phases = 5")
+        if self.phases == 5 and self.datasheet is not None:
+            raise conflict("datasheet", "does not go with phases = 5")
         if self.phases == 3 and self.saturation is None:
             return self
         reason = "phases = 5" if self.phases == 5 else "[saturation]"

@@ -18,6 +18,22 @@ from fluxlock.datasheet.entries import BY_OPTION, Value
 AGREE = 1.15  # largest ratio of what two values of one sheet say about the same constant: tolerances are 5 to 10 %
 SAME = 1.05  # a ratio within this says that another kind was meant
 USUAL_RUN_UP_S = 0.1  # at rated torque to the highest speed: stands in for an inertia that the sheet does not state
+# Option, key of [datasheet] with its kind, and how many of the key's unit make one of the option's.
+STATED = (
+    ("poles", "poles", 1.0),
+    ("resistance", "terminal_resistance_ohm", 1.0),
+    ("inductance", "terminal_inductance_h", 1.0),
+    ("kv", "kv_{}_rpm_per_v", 1.0),
+    ("ke", "ke_{}_v_per_krpm", 1e3),
+    ("kt", "kt_{}_nm_per_a", 1.0),
+    ("rated-torque", "rated_torque_nm", 1.0),
+    ("voltage", "voltage_v", 1.0),
+    ("no-load-speed", "no_load_speed_rpm", 1.0),
+    ("no-load-current", "no_load_current_a", 1.0),
+    ("inertia", "rotor_inertia_gcm2", 1e7),
+    ("electrical-time-constant", "electrical_time_constant_s", 1.0),
+    ("mechanical-time-constant", "mechanical_time_constant_s", 1.0),
+)
 SPEED_OVER_NO_LOAD = 1.1  # weakening aside, nothing turns faster than without load
 
 
@@ -38,12 +54,17 @@ class Claim:
 
 @dataclass(frozen=True)
 class Sheet:
-    """Values of one data sheet; each may be missing. winding: star or delta, for values of the kind phase."""
+    """Values of one data sheet; each may be missing. winding: star or delta, for values of the kind phase.
+
+    source: maker, type, document. notes: sentences for the head of the file, such as what is estimated and how.
+    """
 
     name: str
     values: Mapping[str, Value]
     emf: str = "sinusoidal"
     winding: str = "star"
+    source: str = ""
+    notes: tuple[str, ...] = ()
 
     def number(self, option: str) -> float | None:
         """A value's number in its entry's unit; None where the sheet has none."""
@@ -213,6 +234,7 @@ def _lines(sheet: Sheet, best: Claim, top: tuple[float, str], rated: tuple[float
         taken = f"GUESSED: rated torque reaches the highest speed in {USUAL_RUN_UP_S:g} s"
     poles = sheet.values.get("poles")
     lines = [
+        *(f"# {' '.join(note.split())}" for note in sheet.notes),
         f"name = {_quoted(sheet.name)}",
         f"pole_pairs = {sheet.pole_pairs}" + (f"  # half of {poles.number:g} poles" if poles else ""),
         _line("resistance_ohm", *resistance),
@@ -239,7 +261,27 @@ def _lines(sheet: Sheet, best: Claim, top: tuple[float, str], rated: tuple[float
             _line("coulomb_nm", loss / 2, f"half of the torque of {current:g} A without load, {loss:.3g} N*m"),
             _line("viscous_nm_s_per_rad", loss / 2 * RPM_PER_RAD_S / speed, f"the other half, at {speed:g} r/min"),
         ]
-    return lines
+    return lines + _datasheet(sheet)
+
+
+def _datasheet(sheet: Sheet) -> list[str]:
+    """Table of what the sheet states, which `motor check` compares with the keys above."""
+    stated: dict[str, str] = {}
+    if sheet.source:
+        stated["source"] = _quoted(sheet.source)
+    for option, key, factor in STATED:
+        value = sheet.values.get(option)
+        if value is None or (value.kind == "phase" and option in ("resistance", "inductance")):
+            continue
+        if option in ("ke", "kv") and value.kind.startswith("phase") and sheet.winding == "delta":
+            continue
+        number = float(f"{factor * value.number:.6g}")
+        stated[key.format(value.kind.replace("-", "_"))] = f"{number:g}" if option == "poles" else repr(number)
+    return [
+        "",
+        "[datasheet]  # what the sheet states; `motor check` compares",
+        *(f"{k} = {v}" for k, v in stated.items()),
+    ]
 
 
 def _quoted(text: str) -> str:

@@ -58,21 +58,27 @@ ENTRIES = (
     Entry("no-load-speed", "Speed without load at that voltage", "rpm", example="14500"),
     Entry("no-load-current", "DC current without load at that voltage", "A", example="0.9 A", positive=False),
     Entry("max-speed", "Highest speed", "rpm", example="12000"),
+    Entry("electrical-time-constant", "Electrical time constant, L/R", "s", bare=False, example="0.5 ms"),
+    Entry("mechanical-time-constant", "Mechanical time constant of the rotor", "s", bare=False, example="5 ms"),
 )
 BY_OPTION = {entry.option: entry for entry in ENTRIES}
 
 # Spellings of data sheets that a unit library does not know; hyphens between letters have become products before.
 SPELLINGS = (
-    (r"\b(r/min|U/min|min\^?-1|1/min|RPM)", "rpm"),
+    (r"\b(r/min|U/min|tr/min|min\^?-1|1/min|RPM)", "rpm"),
     (r"\b(k|1000 ?)rpm\b", "kilorpm"),
     (r"\bkRPM\b", "kilorpm"),
     (r"\bozf?[ *.]?in\b", "ozf*in"),
     (r"\b([mcµu]?)N[ .]?(c?m)\b", r"\1N*\2"),
-    (r"\b(k?g)[ .]?(c?m)\^?2\b", r"\1*\2^2"),
+    (r"\blbf?[ *.]?(in|ft)\b", r"lbf*\1"),
+    (r"\b(k?g)[ .*]?([cm]?m)\^?2\b", r"\1*\2^2"),
+    (r"\bs2\b", "s^2"),
     (r"\b(m?)[Oo]hms?\b", r"\1ohm"),
     (r"\b(m?)Vs\b", r"\1V*s"),
 )
 LETTERS = str.maketrans({"²": "^2", "·": "*", "×": "*", "⋅": "*", "Ω": "ohm", "μ": "µ"})
+TOLERANCE = r"\s*(?:±|\+/-)\s*\d+(?:\.\d+)?\s*%"
+GLUED = r"\b([AV])(rms|pk|peak|dc)\b"  # a kind at the unit, as in Arms
 NUMBER = r"[+-]?(?:\d{1,3}(?: \d{3})+|\d+)?(?:\.\d*)?(?:[eE][+-]?\d+)?"
 UNIT = r"[A-Za-zµ*/^ ().-][A-Za-zµ*/^ ()0-9.-]*"
 LONGEST = 60
@@ -104,7 +110,8 @@ def _quantity(entry: Entry, text: str) -> float:
     """A number with or without unit, in the entry's unit."""
     found = re.fullmatch(rf"({NUMBER})\s*({UNIT})?", text.translate(LETTERS)) if len(text) <= LONGEST else None
     if found is None or not re.search(r"\d", found[1]):
-        raise _wrong(entry, text, f"is no value, write {entry.hint}")
+        comma = " with a decimal point" if re.match(r"\d+,\d", text) else ""
+        raise _wrong(entry, text, f"is no value, write it{comma} {entry.hint}")
     number, unit = float(found[1].replace(" ", "")), (found[2] or "").strip()
     if not unit:
         if not entry.bare:
@@ -131,7 +138,9 @@ def _quantity(entry: Entry, text: str) -> float:
 
 def read_value(entry: Entry, text: str) -> Value:
     """A value as a person writes it: number, unit, kind. Raises ConfigError with what would be right."""
-    words = text.split()
+    stated = re.sub(TOLERANCE, "", text) if len(text) <= LONGEST else text
+    glued = re.search(GLUED, stated)
+    words = re.sub(GLUED, r"\1", stated).split()
     kind = ""
     if entry.kinds and words and re.fullmatch(r"[a-z]+(-[a-z]+)?", words[-1]) and len(words) > 1:
         last = words[-1]
@@ -140,6 +149,11 @@ def read_value(entry: Entry, text: str) -> Value:
         elif did := did_you_mean(last, entry.kinds):
             raise _wrong(entry, last, f"is no kind, permitted: {', '.join(entry.kinds)}{did}")
     number = _quantity(entry, " ".join(words))
+    if glued is not None:
+        of_unit = "peak" if glued[2] == "pk" else glued[2]
+        kind = kind or (of_unit if of_unit in entry.kinds else "")
+        if entry.kinds and kind and not kind.endswith(of_unit):
+            raise _wrong(entry, text, f"says {of_unit} at its unit and {kind} behind it")
     if not kind and entry.kinds:
         if not entry.usual:
             raise _wrong(entry, text, f"does not say its kind: add {' or '.join(entry.kinds)}")
