@@ -125,15 +125,25 @@ def test_judge_sees_what_goes_on_unnamed() -> None:
     assert row_of(judge_injection(run, life), run)["fault"] == "none"
 
 
+@pytest.mark.parametrize(("index", "share", "angle_deg"), [(2, 0.2, 180.0), (14, 0.0, 120.0), (15, 0.05, 180.0)])
+def test_jump_is_named(index: int, share: float, angle_deg: float) -> None:
+    """Light rotor that friction holds after the jump; rotor that stands, pulled in either direction; slow rotor.
+
+    Verifies: INJC-17
+    """
+    found = jumps.jump(injection_life(InjectionDraw.of(SEED, index)), share, angle_deg)
+    assert found.outcome == jumps.NAMED, str(found)
+
+
 def test_jumps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A jump by half a turn at 20 % of base speed is named in time; a wrong one fails the command and says which.
+    """A jump that ended wrong fails the command, which says which.
 
     Verifies: INJC-17
     """
     machines = jumps.jump_machines(1, 1)
-    (found,) = jumps.run_jumps(machines, lambda _: None, shares=(0.2,), angles_deg=(180.0,))
-    assert found.outcome == jumps.NAMED and found.after_s <= jumps.NAMED_S
-    late = replace(found, outcome=jumps.WRONG, after_s=0.06)
+    (found,) = jumps.run_jumps(machines, lambda _: None, shares=(0.05,), angles_deg=(60.0,))
+    assert found.outcome == jumps.FOLLOWED, str(found)
+    late = replace(found, outcome=jumps.WRONG, fault="angle_lost", after_s=0.06)
     monkeypatch.setattr(jumps, "jump_machines", lambda seed: [])
     monkeypatch.setattr(jumps, "run_jumps", lambda lives, done: [found, late])
     done = CliRunner().invoke(app, ["population", "jumps"])

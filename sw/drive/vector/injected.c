@@ -16,7 +16,8 @@
 #define SETTLE_SHARE 8u         // 40 ms
 #define DARK_SHARE 3u           // 15 ms
 #define FREE_SHARE 8            // of the limit
-#define MOVES_SHARE 2           // of the EMF that can deny the estimate
+#define BACKWARD_Q32 134217728  // 1/32 turn
+#define STALLED_SHARE 2         // of the target
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
@@ -110,6 +111,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->contradicted = 0;
   j->settling = 0;
   j->proven = 0;
+  j->backward_q32 = 0;
   j->unproven = j->frame.resting ? 0u : DARK_SHARE * v->lost_checks;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
@@ -171,27 +173,48 @@ HOT static bool emf_lost(vector_t *v) {
 
 static inline uint32_t less(uint32_t count) { return (count > 0u) ? count - 1u : 0u; }
 
+// What a look at the EMF says of the angle.
+typedef struct {
+  bool dark;     // the EMF is too small to tell the pole
+  bool without;  // there is none
+  bool turning;  // the loop still turns the frame to the angle that it sees
+  bool doubt;    // it does, or the EMF has denied the angle
+} emf_look_t;
+
 // Where the EMF is too small to tell the pole, the HF current tells it:
 //
 //   still     the drive holds a rotor that hardly anything turns
-//   against   a current drives the way that is wanted, the rotor turns the other way, by more than noise makes of one that
+//   against   a current drives the way that is wanted, the rotor has gone the other way, further than noise takes one that
 //             a load holds: overhauled, or at the other pole
-//   unproven  no search has found the angle, and the EMF has had its time
-COLD static void ask_poles(vector_t *v, bool dark, bool turning, bool without_emf, bool moves) {
+//   unproven  no search has found the angle, and the EMF has had its time; or the EMF has denied the angle before it fell
+//             silent. In both the rotor does not turn at half the speed that is asked for. A look goes on until the pole is
+//             known or the EMF tells it
+COLD static void ask_poles(vector_t *v, emf_look_t look) {
   vector_injection_t *j = v->injection;
   const int32_t wanted_i_q25 = j->frame.wanted_i_q25;
   const int32_t target_rpm_q8 = j->ramp.value_rpm_q8;
+  const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
   const bool free = abs_sat(wanted_i_q25) < j->settings.limit_i_q25 / FREE_SHARE;
-  const bool still = free && target_rpm_q8 == 0 && (dark || without_emf);
-  const bool driving = !free && (wanted_i_q25 ^ target_rpm_q8) >= 0;
-  const bool against = dark && moves && driving && (wanted_i_q25 ^ v->report.vector.speed_turn_q36) < 0;
-  if (!dark || j->frame.rest.pole > 0) {
+  const bool still = free && target_rpm_q8 == 0 && (look.dark || look.without);
+  const bool driving = !free && (target_rpm_q8 == 0 || (wanted_i_q25 ^ target_rpm_q8) >= 0);
+  const int32_t along_turn_q36 = (target_rpm_q8 < 0) ? -speed_turn_q36 : speed_turn_q36;
+  const bool stalled = along_turn_q36 < abs_sat(gain_apply(target_rpm_q8, v->p->vector_rpm_to_turn)) / STALLED_SHARE;
+  const bool against = look.dark && driving && (wanted_i_q25 ^ speed_turn_q36) < 0;
+  const int64_t turned_q32 = (int64_t)(abs_sat(speed_turn_q36) >> 4) * j->settings.tick_cycles * (int32_t)VECTOR_GROUPS;
+  j->backward_q32 = against ? clamp_i32(sat_i32(j->backward_q32 + turned_q32), 0, BACKWARD_Q32) : 0;
+  if (!look.dark && !(j->frame.test && look.doubt)) {
+    j->frame.rest.pole = 0;
+    if (j->proven >= v->lost_checks) {
+      j->unproven = (j->contradicted > 0u) ? 1u : look.turning ? j->unproven : 0u;
+    }
+  } else if (j->frame.rest.pole > 0) {
     j->unproven = 0;
-  } else if (j->unproven > 1u && !turning) {
+  } else if (j->unproven > 1u && !look.turning) {
     j->unproven--;
   }
-  const bool unproven = j->unproven == 1u && !turning;
-  j->frame.test = v->p->injection_rest.current_i_q25 > 0 && (still || against || unproven);
+  const bool unproven = j->unproven == 1u && (j->frame.test || (look.dark && stalled && !look.turning));
+  const bool asked = still || j->backward_q32 == BACKWARD_Q32 || unproven;
+  j->frame.test = v->p->injection_rest.current_i_q25 > 0 && asked;
 }
 
 // With E the EMF of the estimated speed: what voltage and resistance leave of it, which is -E at the other pole and
@@ -223,7 +246,12 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   } else if (!wrong && j->proven < PROVEN_MOST * v->lost_checks) {
     j->proven++;
   }
-  ask_poles(v, dark, turning, abs_sat(along_v_q25) <= wrong_v_q25, size_v_q25 > wrong_v_q25 / MOVES_SHARE);
+  ask_poles(v, (emf_look_t){
+                   .dark = dark,
+                   .without = abs_sat(along_v_q25) <= wrong_v_q25,
+                   .turning = turning,
+                   .doubt = settles || j->contradicted > 0u,
+               });
   return j->frame.rest.pole < 0 || j->contradicted >= v->lost_checks + j->proven;
 }
 

@@ -48,7 +48,8 @@ typedef struct {
   uint32_t contradicted;  // looks at which the voltage denied the angle, less those at which it did not
   uint32_t settling;      // looks until the loop's speed counts
   uint32_t proven;        // looks at which it confirmed it, less those at which it was too small to tell
-  uint32_t unproven;      // from 1 on: no search has found the pole; looks that the EMF has left to tell it
+  uint32_t unproven;      // from 1 on: the pole is in doubt; looks that the EMF has left to tell it
+  int32_t backward_q32;   // by which the rotor has gone against a current that drives it
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there
