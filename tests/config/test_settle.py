@@ -62,16 +62,19 @@ def test_key_is_the_register() -> None:
     }
 
 
+@pytest.mark.parametrize("own", [0.0, 0.4])
 @pytest.mark.parametrize("pole_s", [0.0, 50e-9, 200e-9, 600e-9, 4e-6])
-def test_bound_holds(pole_s: float) -> None:
+def test_bound_holds(pole_s: float, own: float) -> None:
     """The terms, integrated numerically with the pole, never exceed the bound, which is not more than twice them.
+
+    own: of a jump by half the supply of the open terminal itself, whose diode ends at the same edge.
 
     Verifies: FRONT-92
     """
-    edge = EdgeParams(48.0, 2.0, 600e-9, 1.2, 700e3, 4e-6, coupling=0.5, slew_s=100e-9)
+    edge = EdgeParams(48.0, 2.0, 600e-9, 1.2, 700e3, 4e-6, own=own, coupling=0.5, slew_s=100e-9)
     h = 2e-9
     t = h * np.arange(8000)
-    before = 0.5 * (2.0 * np.exp(-t / 600e-9) + 1.2 * np.exp(-t / 4e-6) * np.cos(2 * math.pi * 700e3 * t))
+    before = (0.5 + own / 2) * (2.0 * np.exp(-t / 600e-9) + 1.2 * np.exp(-t / 4e-6) * np.cos(2 * math.pi * 700e3 * t))
     before -= 48.0 * np.clip(1 - t / 100e-9, 0, None)
     behind, y = np.empty(t.size), 0.0
     for k, value in enumerate(before):

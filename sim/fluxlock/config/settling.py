@@ -5,7 +5,8 @@
 
 The rule knows two reasons to wait. The divider: 6 time constants of its pole, at least 0.4 us. The edge terms of
 `[sensing.edge]`: until what an edge of the whole supply leaves in the open terminal's channel is below NOISES times the
-noise of a sample. Where the latter takes more than CARRIER_SHARE of a carrier, the rule stops there: a pulse
+noise of a sample. The open terminal may have an edge of its own with it: a diode that held it at a rail lets it go to half
+the supply. Where the latter takes more than CARRIER_SHARE of a carrier, the rule stops there: a pulse
 must hold samples, and the drive stretches its carriers for them.
 """
 
@@ -21,6 +22,7 @@ from fluxlock.plant.edge_params import EdgeParams
 
 SAMPLES_NEEDED = 3  # settled samples in the shortest pulse that shows a crossing
 NOISES = 3.0  # of a sample's rms noise: what may be left of the edge terms
+OWN_JUMP = 0.5  # of the supply: an open terminal that a diode lets go, while another leg makes the whole jump
 CARRIER_SHARE = 0.15  # of a carrier, for the edge terms
 
 
@@ -50,7 +52,7 @@ def residue_v(edge: EdgeParams, pole_s: float, jump_v: float, t_s: float) -> flo
         total = 1.0
     elif edge.slew_s and pole_s:
         total = min(1.0, 0.5 * edge.slew_s / pole_s) * math.exp(-late_s / pole_s)
-    scale = abs(edge.coupling) / edge.reference_v
+    scale = (abs(edge.coupling) + OWN_JUMP * abs(edge.own)) / edge.reference_v
     if edge.step_v:
         total += scale * abs(edge.step_v) * behind(edge.step_tau_s)
     if edge.ring_v:
