@@ -21,7 +21,7 @@ from fluxlock.config.mistakes import mistakes
 from fluxlock.config.stated import DataSheet
 from fluxlock.paths import ROOT
 
-SHIPPED = sorted(path for path in (ROOT / "motors").glob("*.toml") if load_motor(path).phases == 3)
+SHIPPED = sorted(path for path in (ROOT / "motors").rglob("*.toml") if load_motor(path).phases == 3)
 SEED = 20261127
 EMF_OF_SUPPLY = 0.8
 

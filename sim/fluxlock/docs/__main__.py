@@ -9,7 +9,7 @@ import sys
 
 from fluxlock.canopen import __main__ as objects
 from fluxlock.config import schema
-from fluxlock.docs import diagram, gallery, hierarchy, matrix, parameters, readme
+from fluxlock.docs import diagram, gallery, hierarchy, library, matrix, parameters, readme
 from fluxlock.interface import __main__ as console
 
 
@@ -18,7 +18,7 @@ def main() -> int:
     diagram.main()
     codes = [
         *(schema.main([]), hierarchy.main([]), parameters.main([]), console.main([]), objects.main([])),
-        *(readme.main([]), gallery.main([]), matrix.main([])),
+        *(library.main([]), readme.main([]), gallery.main([]), matrix.main([])),
     ]
     return max(codes)
 
