@@ -38,13 +38,14 @@ from fluxlock.analysis.six_step.cli import read_trace
 from fluxlock.analysis.vector.cli import app as vector_app
 from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
-from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario, load_scenario
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.edge.cli import app as edge_app
 from fluxlock.export.command import export
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
 from fluxlock.init_command import init
+from fluxlock.live.cli import live
 from fluxlock.motor_cli import app as motor_app
 from fluxlock.paths import BUILD, INSTALLED, RESULTS, ROOT, needs_checkout
 from fluxlock.population.cli import app as population_app
@@ -108,15 +109,9 @@ OverloadOption = Annotated[
 
 
 def _checked(path: Path, set_: list[str] | None, allow_overload: bool = False) -> Scenario:
-    """A scenario that the firmware takes; what will probably not work is said."""
-    from fluxlock.cosim.cautions import cautions
-    from fluxlock.cosim.parameters import check_parameters
+    from fluxlock.cosim.cautions import checked
 
-    loaded = load_scenario(path, set_ or (), allow_overload=allow_overload)
-    check_parameters(loaded)
-    for problem in cautions(loaded):
-        print(f"warning: {problem}", file=sys.stderr, flush=True)
-    return loaded
+    return checked(path, set_ or (), allow_overload)
 
 
 def _seed(text: str) -> int:
@@ -461,6 +456,12 @@ def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
     if not outcome.verdict.passed:
         print(f"what to do: {_from_here(FAILS)}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
+
+
+app.command(
+    rich_help_panel=LIVE,
+    epilog=example("fluxlock live scenarios/own-spindle.toml", "fluxlock live my-scenario.toml --port 0 --browser"),
+)(live)
 
 
 @app.command("can", rich_help_panel=LIVE, epilog=example("fluxlock can scenarios/can.toml --can socketcan:vcan0"))

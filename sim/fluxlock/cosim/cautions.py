@@ -6,15 +6,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
-from fluxlock.config import Problem, Scenario
+from fluxlock.config import Problem, Scenario, load_scenario
 from fluxlock.config.fields import with_unit
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import COMMUTATION_USUAL
 from fluxlock.config.reach import lack, points, six_step_voltage
 from fluxlock.config.vector_design import handover_rpm
-from fluxlock.cosim.parameters import parameter_block
+from fluxlock.cosim.parameters import check_parameters, parameter_block
 
 
 def _speeds(s: Scenario) -> Iterator[tuple[str, float]]:
@@ -128,3 +130,12 @@ def cautions(s: Scenario) -> list[Problem]:
     """Each by file and key, with what to do."""
     checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised, _unchecked)
     return [problem for check in checks for problem in check(s)]
+
+
+def checked(path: Path, set_: Iterable[str] = (), allow_overload: bool = False) -> Scenario:
+    """A scenario that the firmware takes; what will probably not work is said on the error output."""
+    loaded = load_scenario(path, set_, allow_overload=allow_overload)
+    check_parameters(loaded)
+    for problem in cautions(loaded):
+        print(f"warning: {problem}", file=sys.stderr, flush=True)
+    return loaded

@@ -61,7 +61,8 @@ M_ONE_BLIND = 28  # phase whose crossings are not seen, -1: none
 M_GHOST = 29  # a crossing that is none comes so long after each commutation, 0: never
 (M_VISCOUS, M_CONSTANT) = 30, 31
 M_FLUX = 32  # three phases' fluxes over their mean
-MACHINE = 35
+M_OPEN = 35  # phase whose leg has lost the machine, -1: none
+MACHINE = 36
 
 SEQ_OFF, SEQ_MANUAL, SEQ_SIX = 0, 1, 2
 TIMER_OFF, TIMER_FORCED, TIMER_ZCD, TIMER_HALL = 0, 1, 2, 3
@@ -264,7 +265,8 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
     now = sign * (emf - crossing_level(s, c, m))
     freewheel = 3e-6 + m[M_L] * abs(s[I_LINE]) / (0.5 * m[M_VDC])
     visible = abs(omega_e) * m[M_PSI] > 5.0 * m[M_NOISE] and c[C_ZCD] > 0.0 and m[M_BLIND] == 0.0
-    visible = visible and m[M_ONE_BLIND] != OPEN[sector]
+    # Without its pair's current the star point is nowhere near half of the link.
+    visible = visible and m[M_ONE_BLIND] != OPEN[sector] and closed(sector, m)
     hall = c[C_TIMER] == TIMER_HALL
     before_found = s[FOUND]
     if s[FOUND] == 0.0 and visible and s[T] - s[T_COMM] > freewheel and c[C_DUTY] > 0.01:
@@ -322,11 +324,21 @@ def conduct(s: NDArray[np.float64], volts: float, ohms: float, henries: float, h
 
 
 @numba.njit(cache=True)
+def closed(sector: int, m: NDArray[np.float64]) -> bool:
+    """Whether both phases of a sector's pair are connected to their legs."""
+    return bool(m[M_OPEN] != HIGH[sector] and m[M_OPEN] != LOW[sector])
+
+
+@numba.njit(cache=True)
 def chop(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64], h: float) -> None:
     """Advance the pair's current by h through pulses, dead times and gaps; the link's current with it."""
     if h <= 0.0:
         return
     sector, omega_e = int(s[SECTOR]), s[OMEGA] * m[M_P]
+    if not closed(sector, m):
+        s[I_NOW] = s[IDC_MEAN] = 0.0
+        s[CARRIER_AT] = (s[CARRIER_AT] + h) % c[C_PERIOD]
+        return
     pair = phase_shape(s[THETA], HIGH[sector], m) - phase_shape(s[THETA], LOW[sector], m)
     emf = pair * m[M_PSI] * omega_e
     commutation_ohm = 3.0 / math.pi * abs(omega_e) * m[M_L]
@@ -388,6 +400,11 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         keep = math.exp(-m[M_R] * h / m[M_L])
         s[I_ALPHA] = v_alpha / m[M_R] + (s[I_ALPHA] - v_alpha / m[M_R]) * keep
         s[I_BETA] = v_beta / m[M_R] + (s[I_BETA] - v_beta / m[M_R]) * keep
+        if m[M_OPEN] >= 0.0:  # no current along the axis of a phase that is not connected
+            cosine, sine = math.cos(2.0943951023931953 * m[M_OPEN]), math.sin(2.0943951023931953 * m[M_OPEN])
+            along = s[I_ALPHA] * cosine + s[I_BETA] * sine
+            s[I_ALPHA] -= along * cosine
+            s[I_BETA] -= along * sine
         s[I_NOW] = 0.0
         return
     chop(s, c, m, h)
@@ -473,7 +490,7 @@ class AveragedMotor:
         self.m[M_UNEQUAL : M_UNEQUAL + 3] = np.array(motor.inductance_h) / np.mean(motor.inductance_h)
         self.m[M_FLUX : M_FLUX + 3] = np.array(motor.psi_vs) / np.mean(motor.psi_vs)
         self.m[M_HALL + 4 : M_HALL + 7] = -1.0
-        self.m[M_ONE_BLIND] = -1.0
+        self.m[[M_ONE_BLIND, M_OPEN]] = -1.0
         self.s[[H_CODE, H_POSITION]] = -1.0
         self.s[H_PHASE : H_PHASE + 6] = 1.0
         if motor.hall is not None:

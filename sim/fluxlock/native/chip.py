@@ -66,6 +66,7 @@ class AveragedChip:
         self.ticks = 0
         self.samples = 0
         self.trips = 0
+        self.tripped = 0  # causes of the last one, which the firmware may have cleared since
         self.sampling = True
         self.idc_offset_a = 0.0
         self.stuck: dict[int, int] = {}  # voltage channels that keep a value, q17
@@ -127,6 +128,7 @@ class AveragedChip:
         self.put("safety.trip", (old & 0xFF) | causes | (now << 8) | (first << 16))
         self.put("safety.guard", self.get("safety.guard") & ~1)
         self.trips += 1
+        self.tripped = causes
 
     def step(self) -> None:
         """One control tick, then the machine up to the next."""

@@ -11,13 +11,33 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from fluxlock.analysis.rundata import Rejection, RunData
+import numpy as np
+from numpy.typing import NDArray
+
+from fluxlock.analysis.rundata import TRIP_CAUSES, RecordArray, Rejection, RunData
 from fluxlock.config import Problem, Scenario
-from fluxlock.config.scenario import Event
+from fluxlock.config.scenario import Event, Fault
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
 
 FINAL_COMMANDS = ("status", "faults", "stats")
+
+
+# Of the gate driver, in the trip register, and where that has what is present.
+PIN, NOW = 1 << TRIP_CAUSES.index("fault_pin"), 8
+
+# Faults of the plant that both machines know: `open_phase` of one phase.
+FAULTS = ("open_phase", "fault_pin", "clear")
+PHASES = "ABC"
+
+
+def not_played(fault: Fault) -> str | bool:
+    """Why no native drive has a fault; False: it has."""
+    if fault.kind not in FAULTS:
+        return f"the native program has no {fault.kind}, it has: {', '.join(FAULTS)}"
+    if len(fault.phases or ()) > 1 or not set(fault.phases or ()) <= set(PHASES):
+        return f"the native program opens one phase of {', '.join(PHASES)}"
+    return False
 
 
 def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
@@ -32,7 +52,7 @@ def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
         and "the native program's trip opens all gates",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
         **{
-            f"event[{k}].fault": "the native program has no faults of the plant"
+            f"event[{k}].fault": not_played(event.fault)
             for k, event in enumerate(scenario.event)
             if event.fault is not None
         },
@@ -42,6 +62,16 @@ def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
 def problems_of(scenario: Scenario, found: dict[str, str | bool]) -> list[Problem]:
     """The texts as problems of the scenario's files."""
     return [scenario.sources.problem(key, text) for key, text in found.items() if isinstance(text, str)]
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Rows of a stretch of a run. more: name -> a value per record."""
+
+    records: RecordArray
+    updates: NDArray[np.int64]  # rows of the log of the kind UPDATE
+    more: dict[str, NDArray[np.float64]]
+    trips: int  # causes, bits in the order of TRIP_CAUSES
 
 
 @dataclass
@@ -91,6 +121,18 @@ class ScenarioPlay(ABC):
         """Change the supply."""
 
     @abstractmethod
+    def open_phase(self, phase: int | None) -> None:
+        """A leg, 0 to 2, loses the machine; None: no one has."""
+
+    @abstractmethod
+    def set_pin(self, on: bool) -> None:
+        """Level of the gate driver's fault output."""
+
+    @abstractmethod
+    def take(self) -> Taken:
+        """What was recorded since the last call, which is then forgotten."""
+
+    @abstractmethod
     def advance(self, until_s: float) -> None:
         """Run, and let ramps follow."""
 
@@ -125,6 +167,8 @@ class ScenarioPlay(ABC):
             self.ramps.append(Ramp(self.now, event.ramp_s, self._load_factor, event.load_factor, self._keep_load))
         elif event.supply_v is not None:
             self.ramps.append(Ramp(self.now, event.ramp_s, self.supply_v, event.supply_v, self._keep_supply))
+        elif event.fault is not None:
+            self.inject(event.fault)
         elif event.speed_rpm is not None:
             self.command(f"set speed_rpm {round(event.speed_rpm)}")
         elif event.accel_rpm_per_s is not None:
@@ -132,6 +176,16 @@ class ScenarioPlay(ABC):
         else:
             assert event.command is not None
             self.command(event.command)
+
+    def inject(self, fault: Fault) -> None:
+        """Begin a fault of the plant, or end all."""
+        if fault.kind == "open_phase":
+            self.open_phase(PHASES.index((fault.phases or ["A"])[0]))
+        elif fault.kind == "fault_pin":
+            self.set_pin(True)
+        else:
+            self.open_phase(None)
+            self.set_pin(False)
 
     def follow_ramps(self) -> None:
         """Set the values of now of everything on its way."""

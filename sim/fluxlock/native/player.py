@@ -5,13 +5,23 @@
 
 from __future__ import annotations
 
-from fluxlock.config import Scenario
+from fluxlock.config import ConfigError, Scenario
 from fluxlock.native import six_step_run, vector_run
 from fluxlock.native.play import ScenarioPlay
 
 
-def player(scenario: Scenario, seed: int) -> ScenarioPlay:
-    """Ready to run; ConfigError for what no native drive is."""
+def player(scenario: Scenario, seed: int, kept_s: float | None = None) -> ScenarioPlay:
+    """Ready to run; ConfigError for what no native drive is.
+
+    kept_s: without end; `take` comes at least so often, s.
+    """
     if scenario.drive.method == "vector":
-        return vector_run.Play(scenario, seed)
-    return six_step_run.Play(scenario, seed)
+        return vector_run.Play(scenario, seed, kept_s)
+    return six_step_run.Play(scenario, seed, kept_s)
+
+
+def check_playable(scenario: Scenario) -> None:
+    """ConfigError for what no native drive is, before anything is compiled."""
+    problems = (vector_run if scenario.drive.method == "vector" else six_step_run).refusals(scenario)
+    if problems:
+        raise ConfigError(problems)

@@ -11,6 +11,8 @@ freewheeling. `refusals` names whatever else it is not.
 from __future__ import annotations
 
 import math
+from functools import reduce
+from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +31,7 @@ from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native import averaged_motor as am
 from fluxlock.native.chip import AveragedChip
-from fluxlock.native.play import ScenarioPlay, common_refusals, problems_of
+from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 
 PHASE_ANGLES = 2 * np.pi / 3 * np.arange(3)
 
@@ -60,7 +62,7 @@ def refusals(scenario: Scenario) -> list[Problem]:
 class Play(ScenarioPlay):
     """One run of a scenario on the averaged chip."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
         super().__init__(scenario, seed)
         problems = refusals(scenario)
         if problems:
@@ -70,9 +72,10 @@ class Play(ScenarioPlay):
         model.s[am.SEED] = 1.0 + seed  # of a generator that stays at 0
         model.m[am.M_LOCKED] = float(scenario.mechanics.mode == "locked")
         model.m[am.M_DIVIDER : am.M_DIVIDER + 3] = scenario.inverter.sensing.divider_gain
-        count = math.ceil(scenario.duration_s / self.chip.tick_s) + 2
+        count = math.ceil((scenario.duration_s if kept_s is None else kept_s) / self.chip.tick_s) + 2
         self._records = np.zeros(count, RECORD_DTYPE)
         self._states = np.zeros((count, 4), np.int64)
+        self._fields = np.zeros(count)  # angle of the field that drives, rad, nan without one
         self._events: list[NDArray[np.float64]] = []
         self._trips: list[tuple[float, int]] = []
         self._rows = 0
@@ -97,6 +100,31 @@ class Play(ScenarioPlay):
     def set_supply(self, volt: float) -> None:
         """Change the supply; `_step` takes off what its resistance drops."""
 
+    def open_phase(self, phase: int | None) -> None:
+        """A leg, 0 to 2, loses the machine; None: no one has."""
+        self.chip.model.m[am.M_OPEN] = -1.0 if phase is None else phase
+
+    def set_pin(self, on: bool) -> None:
+        """Level of the gate driver's fault output."""
+        if on:
+            self.chip.trip(PIN, PIN)
+        else:
+            self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
+
+    def take(self) -> Taken:
+        """What was recorded since the last call, which is then forgotten.
+
+        angle_error_deg: the field from its best place, 90 degrees before the rotor; within 30 degrees it is right.
+        """
+        count, self._rows = self._rows, 0
+        trips = reduce(or_, (causes for _, causes in self._trips), 0)
+        self._events.clear()
+        self._trips.clear()
+        records = self._records[:count].copy()
+        best = records["theta_e"] + np.where(records["omega_e"] < 0.0, -np.pi / 2, np.pi / 2)
+        error = np.angle(np.exp(1j * (self._fields[:count] - best)))
+        return Taken(records, self._states[:count].copy(), {"angle_error_deg": np.degrees(error)}, trips)
+
     def advance(self, until_s: float) -> None:
         """Run, and let ramps follow, a control tick at a time."""
         while self.chip.now < until_s - 1e-9:
@@ -111,7 +139,7 @@ class Play(ScenarioPlay):
         trips = chip.trips
         chip.step()
         if chip.trips != trips:
-            self._trips.append((chip.now - chip.tick_s, chip.get("safety.trip") & 0xFF))
+            self._trips.append((chip.now - chip.tick_s, chip.tripped))
         notes = model.notes()
         if notes.size:
             self._events.append(notes)
@@ -129,6 +157,8 @@ class Play(ScenarioPlay):
             currents[am.HIGH[int(s[am.SECTOR])]] = s[am.I_LINE]
             currents[am.LOW[int(s[am.SECTOR])]] = -s[am.I_LINE]
         row["ia"], row["ib"], row["ic"] = currents
+        driven = chip.model.c[am.C_SEQ] == am.SEQ_SIX and chip.model.c[am.C_GATES] > 0.0
+        self._fields[self._rows] = math.radians(330.0 + 60.0 * s[am.SECTOR]) if driven else math.nan
         row["torque_nm"] = am.torque_of(s, chip.model.c, chip.model.m)
         t = chip.fw.telemetry()
         drive = t.state & 0xFF | (t.limit & 0xF) << 16 | (t.lost_locks & 0xFFF) << 20

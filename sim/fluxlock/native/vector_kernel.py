@@ -130,6 +130,7 @@ MACHINE = np.dtype(
         ("inverted", "?"),  # the position counts backward
         ("missing_lines", "i8"),  # that show no edge, before the index
         ("power_up_quarter", "i8"),
+        ("open_phase", "i8"),  # 0: none; 1, 2, 3: the leg of A, B, C has lost the machine
     ],
     align=True,
 )
@@ -518,6 +519,10 @@ def machine(r: Registers, x: Array, s: Array, m: Array, u: complex, gates: bool)
         early = k.delay * k.period_s
         electric(s, m, s[0].u_before, s[0].theta, early)
         electric(s, m, u, s[0].theta + s[0].omega * early, k.period_s - early)
+        if k.open_phase:
+            # No current along the axis of a phase that is not connected; the other axis does not know of it.
+            axis = cmath.exp(1j * (THIRD_TURN * (k.open_phase - 1) - s[0].theta - s[0].omega * k.period_s))
+            s[0].i -= axis * (s[0].i * axis.conjugate()).real
         s[0].u_before = u
         s[0].idc = (
             1.5 * (u * cmath.exp(-1j * (s[0].theta + s[0].omega * k.period_s)) * s[0].i.conjugate()).real / s[0].vdc

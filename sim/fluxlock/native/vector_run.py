@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, RecordArray, RunData
+from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, RecordArray, RunData
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
@@ -23,10 +23,11 @@ from fluxlock.config.vector_timing import vector_timing
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native.chip import without_noise
-from fluxlock.native.play import ScenarioPlay, common_refusals, problems_of
+from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.native.vector_chip import Sampling, VectorChip
 
 CHUNK_S = 0.01
+ENDLESS = 2**62  # samples
 QUANTUM_LSB = 1 / math.sqrt(12)  # rms of a converter's rounding
 
 
@@ -69,11 +70,13 @@ def vector_chip_of(scenario: Scenario, seed: int) -> VectorChip:
 class Play(ScenarioPlay):
     """One run of a scenario on the twin."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
         super().__init__(scenario, seed)
         self.chip = vector_chip_of(scenario, seed)
-        self.samples = round(scenario.duration_s / self.chip.timing.period_s)
-        self.chip.keep_rows(self.samples)
+        period_s = self.chip.timing.period_s
+        self.samples = round(scenario.duration_s / period_s) if kept_s is None else ENDLESS
+        self._kept = self.samples if kept_s is None else math.ceil(kept_s / period_s) + 1
+        self.chip.keep_rows(self._kept)
         if scenario.mechanics.profile:
             self.guide(0.0)
 
@@ -94,6 +97,27 @@ class Play(ScenarioPlay):
     def set_supply(self, volt: float) -> None:
         """Change the supply."""
         self.chip.plant.supply_v = volt
+
+    def open_phase(self, phase: int | None) -> None:
+        """A leg, 0 to 2, loses the machine; None: no one has."""
+        self.chip.plant.open_phase = 0 if phase is None else phase + 1
+
+    def set_pin(self, on: bool) -> None:
+        """Level of the gate driver's fault output."""
+        if on:
+            self.chip.trip(PIN)
+            self.chip.put("safety.trip", self.chip.get("safety.trip") | PIN << NOW)
+        else:
+            self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
+
+    def take(self) -> Taken:
+        """What was recorded since the last call, which is then forgotten."""
+        log = self.chip.log()
+        updates, error_deg = log[log[:, 1] == int(LogKind.UPDATE)].copy(), self.chip.rows()["error_deg"].copy()
+        trips = int(np.bitwise_or.reduce(log[log[:, 1] == int(LogKind.TRIP), 2]))
+        taken = Taken(self._records(), updates, {"angle_error_deg": error_deg}, trips)
+        self.chip.keep_rows(self._kept)
+        return taken
 
     def guide(self, at_s: float) -> None:
         """Speed and slope of an imposed profile from a time on."""

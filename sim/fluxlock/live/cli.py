@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Command `fluxlock live`: a page that shows a running drive."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fluxlock.analysis.six_step.output import prepare_folder
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem
+from fluxlock.help import complete_toml
+from fluxlock.paths import RESULTS
+
+EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[live]'"
+LIBRARIES = ("starlette", "uvicorn", "websockets")
+PORT = 8437
+LOOPBACK = ("127.0.0.1", "localhost")
+
+
+def live(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE", help="Scenario file (TOML); its twin runs.", autocompletion=complete_toml("scenarios")
+        ),
+    ],
+    host: Annotated[str, typer.Option(help="Address to listen at; beyond this machine a token is needed.")] = LOOPBACK[
+        0
+    ],
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0: a free one.")] = PORT,
+    token: Annotated[
+        str | None, typer.Option(help="Word that a viewer must know; beyond this machine one is made if none is given.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of exports, default build/<name of the file>-live.")] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the noise, default the scenario's.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(min=0.0, max=100.0, help="Simulated over real time at the begin; 0: paused.")
+    ] = 1.0,
+    browser: Annotated[bool, typer.Option("--browser", help="Open the page in this machine's browser.")] = False,
+    allow_overload: Annotated[
+        bool, typer.Option(ALLOW_OVERLOAD, help="Targets may need more than the current limit.")
+    ] = False,
+) -> None:
+    """Show a running drive on a page: turn its knobs, break it by a click, look at any trace.
+
+    The source is the twin: the firmware as a program on a machine model, with the true angle beside the drive's.
+    The page exports what was done as a scenario, which `fluxlock native --play` repeats. Ctrl-C ends the program.
+    """
+    if missing := [name for name in LIBRARIES if find_spec(name) is None]:
+        raise ConfigError([Problem("live", "", f"the page needs {', '.join(missing)}: {EXTRA}")])
+    from fluxlock.cosim.cautions import checked
+    from fluxlock.live.link import Link
+    from fluxlock.live.server import Server, application
+    from fluxlock.native.player import check_playable
+
+    scenario = checked(source, set_ or (), allow_overload)
+    check_playable(scenario)
+    folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
+    prepare_folder(folder)
+    if token is None:
+        token = "" if host in LOOPBACK else secrets.token_urlsafe(16)
+    elif not token.isascii() or not token.isprintable() or not 8 <= len(token) <= 64 or set(token) & set("&#?%+ "):
+        text = "must have 8 to 64 letters, digits and signs that an address may hold"
+        raise ConfigError([Problem("--token", "", text)])
+    listener = listening(host, port)
+    number = listener.getsockname()[1]
+    server = Server(folder, token)
+    link = Link(scenario, scenario.seed if seed is None else seed, speed, server.tell)
+    hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
+    shown = f"[{host}]" if ":" in host else host
+    address = f"http://{shown}:{number}/" + (f"?token={token}" if token else "")
+    print(f"page: {address}", flush=True)
+    if browser:
+        webbrowser.open(address)
+    import uvicorn
+
+    config = uvicorn.Config(
+        application(server, link, hosts), log_level="warning", ws_max_size=2**16, timeout_graceful_shutdown=1
+    )
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket that listens; ConfigError names the option that is wrong."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+    except socket.gaierror:
+        raise ConfigError([Problem("--host", host, "is no address of this machine; leave it out")]) from None
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        reason = os.strerror(error.errno or 0)
+        text = f"cannot listen at {host}: {reason}; name another --port or --host, --port 0 takes a free one"
+        raise ConfigError([Problem("--port", str(port), text)]) from None

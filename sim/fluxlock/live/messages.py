@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a page may send: one JSON object per message, checked whole before anything is done.
+
+No message names a path: exports have a word for a name, and the server puts them into its own folder.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from fluxlock.config.scenario import Fault
+
+LONGEST = 16_384  # bytes of a message
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
+Seconds = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
+Trace = Annotated[str, Field(pattern=r"^[a-z_]{1,24}$")]
+
+
+class Message(BaseModel):
+    """Base: no other keys, no numbers from texts."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Trigger(Message):
+    """A level that a trace passes. size: of the magnitude; before: part of the span that lies before it."""
+
+    trace: Trace
+    level: float = Field(allow_inf_nan=False, ge=-1e9, le=1e9)
+    rising: bool = True
+    size: bool = False
+    before: float = Field(default=0.5, ge=0.0, le=1.0)
+
+
+class View(Message):
+    """A picture is wanted: the last `span_s`, or what ends at `to_s`, or what is around the last trigger."""
+
+    kind: Literal["view"]
+    traces: list[Trace] = Field(min_length=1, max_length=32)
+    width: int = Field(ge=16, le=8192)  # pixels
+    span_s: float = Field(ge=1e-4, le=3600.0, allow_inf_nan=False)
+    to_s: Seconds | None = None
+    trigger: Trigger | None = None
+
+
+class Drive(Message):
+    """A button."""
+
+    kind: Literal["drive"]
+    do: Literal["start", "stop", "stop now", "reverse", "clear"]
+
+
+class Set(Message):
+    """A setting of the console, by name."""
+
+    kind: Literal["set"]
+    name: str = Field(pattern=r"^[a-z0-9_]{1,40}$")
+    value: str = Field(pattern=r"^(-?\d{0,12}\.?\d{1,12}|[A-Za-z][A-Za-z0-9_-]{0,23})$")  # a number or a word
+
+
+class LoadFactor(Message):
+    """Factor of the scenario's load torque."""
+
+    kind: Literal["load"]
+    factor: float = Field(ge=0.0, le=100.0, allow_inf_nan=False)
+
+
+class Supply(Message):
+    """Supply voltage; ramp_s: time in which it gets there."""
+
+    kind: Literal["supply"]
+    volt: float = Field(ge=0.0, le=1500.0, allow_inf_nan=False)
+    ramp_s: float = Field(default=0.0, ge=0.0, le=10.0, allow_inf_nan=False)
+
+
+class Break(Message):
+    """A fault of the plant, or the end of all."""
+
+    kind: Literal["fault"]
+    fault: Fault
+
+
+class Pace(Message):
+    """Simulated over real time; 0: pause."""
+
+    kind: Literal["pace"]
+    factor: float = Field(ge=0.0, le=100.0, allow_inf_nan=False)
+
+
+class Step(Message):
+    """So much simulated time, then pause."""
+
+    kind: Literal["step"]
+    seconds: float = Field(gt=0.0, le=10.0, allow_inf_nan=False)
+
+
+class Restart(Message):
+    """Begin anew at time 0."""
+
+    kind: Literal["restart"]
+
+
+class Export(Message):
+    """Write a scenario that repeats what was done until now."""
+
+    kind: Literal["export"]
+    name: str = Field(pattern=NAME)
+
+
+class Csv(Message):
+    """Write traces of a span as a table."""
+
+    kind: Literal["csv"]
+    name: str = Field(pattern=NAME)
+    traces: list[Trace] = Field(min_length=1, max_length=32)
+    from_s: Seconds
+    to_s: Seconds
+
+
+Action = Drive | Set | LoadFactor | Supply | Break
+Received = View | Action | Pace | Step | Restart | Export | Csv
+_ADAPTER: TypeAdapter[Received] = TypeAdapter(Annotated[Received, Field(discriminator="kind")])
+
+
+def parse(text: str) -> Received:
+    """A message, or ValueError with one line that says what is wrong with it."""
+    if len(text) > LONGEST:
+        raise ValueError(f"a message has at most {LONGEST} characters")
+    try:
+        return _ADAPTER.validate_json(text)
+    except ValueError as error:
+        raise ValueError(one_line(error)) from None
+
+
+def one_line(error: ValueError) -> str:
+    """The first problem of a validation in printable ASCII."""
+    problems: list[dict[str, object]] = getattr(error, "errors", list)()
+    first = problems[0] if problems else {"loc": (), "msg": str(error)}
+    loc = first["loc"]
+    where = ".".join(str(part) for part in loc) if isinstance(loc, tuple) else ""
+    text = f"{where}: {first['msg']}" if where else str(first["msg"])
+    return re.sub(r"[^ -~]+", "?", text)[:200]

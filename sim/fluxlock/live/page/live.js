@@ -1,0 +1,313 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+// @ts-check
+"use strict";
+
+// The page of `fluxlock live`. It asks for one picture at a time, draws it and asks for the next one.
+
+/** @typedef {{name: string, kind: string, text: string, choices: string[], unit: string, decimals: number,
+ *   low: number|null, high: number|null, permitted: string, value: string}} Setting */
+/** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, method: string,
+ *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, phases: string[]}} Hello */
+
+const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "vdc", "torque_nm",
+  "angle_error_deg", "state"];
+const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
+const AGAIN_MS = 1000;
+
+/** @param {string} id @returns {any} */
+const at = (id) => document.getElementById(id);
+
+/** @type {WebSocket|null} */
+let socket = null;
+/** @type {Hello|null} */
+let hello = null;
+/** @type {any} */
+let told = {};
+/** @type {{unit: string, names: string[], plot: any}[]} */
+let panels = [];
+/** @type {number|null} */
+let heldTo = null;
+/** @type {number|null} span of a part that was chosen with the mouse */
+let heldSpan = null;
+let last = { from: 0, to: 0, newest: 0 };
+/** times of drawing, ms; read by tests */
+const drawn = { count: 0, /** @type {number[]} */ times: [] };
+Object.assign(window, { fluxlockDrawn: drawn });
+
+/** @param {object} message */
+function send(message) {
+  if (socket !== null && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+/** @param {string} text @param {boolean} again whether a button begins the source anew */
+function banner(text, again = false) {
+  const place = at("banner");
+  place.hidden = text === "";
+  place.textContent = text;
+  if (again) {
+    const button = document.createElement("button");
+    button.textContent = "Start it again";
+    button.id = "again";
+    button.onclick = () => send({ kind: "restart" });
+    place.append(button);
+  }
+}
+
+function connect() {
+  const url = new URL("socket" + location.search, location.href);
+  url.protocol = url.protocol.replace("http", "ws");
+  socket = new WebSocket(url);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => banner("");
+  socket.onmessage = (event) => (event.data instanceof ArrayBuffer ? draw(event.data) : receive(JSON.parse(event.data)));
+  socket.onclose = (event) => {
+    banner(event.code === 4403 || event.code === 1006 && hello === null
+      ? "The server refuses this page: its address needs the token that `fluxlock live` printed. Trying again."
+      : "The connection is lost: `fluxlock live` has ended or is not reachable. Trying again.");
+    setTimeout(connect, AGAIN_MS);
+  };
+}
+
+/** @param {any} message */
+function receive(message) {
+  if (message.kind === "hello") build(message);
+  else if (message.kind === "status") report(message);
+  else if (message.kind === "said") journal(`${message.t_s.toFixed(4)} s  ${message.text}  ${message.answer}`, /error/.test(message.answer));
+  else if (message.kind === "error") journal(message.text, true);
+  else if (message.kind === "files") files(message);
+  else if (message.kind === "died") banner(`The source has died: ${message.text}.`, true);
+}
+
+/** @param {string} text @param {boolean} refused */
+function journal(text, refused) {
+  const entry = document.createElement("li");
+  entry.textContent = text;
+  entry.className = refused ? "refused" : "";
+  at("said").prepend(entry);
+  while (at("said").children.length > 200) at("said").lastChild.remove();
+}
+
+/** @param {{names: string[], scenario?: string, folder: string}} message */
+function files(message) {
+  at("files").replaceChildren(...message.names.map((name) => {
+    const link = document.createElement("a");
+    link.href = `files/${name}${location.search}`;
+    link.textContent = name;
+    link.style.marginRight = "0.6em";
+    return link;
+  }));
+  const text = message.scenario ? `fluxlock native ${message.folder}/${message.scenario} --play` : `in ${message.folder}`;
+  at("files").append(Object.assign(document.createElement("code"), { textContent: text }));
+}
+
+/** @param {any} message */
+function report(message) {
+  told = message;
+  if (message.state === undefined) return;
+  at("state").textContent = message.state + (message.phase !== "none" && message.state === "starting" ? `: ${message.phase}` : "");
+  at("state").className = `badge ${message.state === "running" ? "good" : message.state === "fault" ? "bad" : ""}`;
+  at("fault").textContent = message.fault === "none" ? "" : message.fault;
+  at("fault").className = "badge bad";
+  at("limit").textContent = message.limit === "none" ? "" : `limit: ${message.limit}`;
+  at("clock").textContent = `${message.t_s.toFixed(3)} s`;
+  at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${message.reached.toFixed(2)} (wanted ${message.wanted})`;
+  at("viewers").textContent = message.viewers > 1 ? `${message.viewers} viewers share this source` : "";
+  at("pause").textContent = message.wanted === 0 ? "Run" : "Pause";
+  for (const [id, value, unit] of [["speed", message.target_rpm, "r/min"], ["load", message.load_factor, "×"], ["supply", message.supply_v, "V"]]) {
+    if (document.activeElement !== at(id)) at(id).value = value;
+    at(`${id}-out`).textContent = `${Number(value).toLocaleString("en")} ${unit}`;
+  }
+  for (const [name, value] of Object.entries(message.values)) {
+    const input = at(`set-${name}`);
+    if (input && document.activeElement !== input) input.value = value;
+  }
+}
+
+/** @param {Setting} setting */
+function knob(setting) {
+  const label = document.createElement("label");
+  const range = setting.low !== null && setting.high !== null ? `${setting.low} to ${setting.high}` : setting.permitted;
+  label.title = `${setting.text}${range ? ` Permitted: ${range}` : ""}`;
+  /** @type {any} */
+  let input;
+  if (setting.kind === "number") {
+    input = document.createElement("input");
+    input.type = "number";
+    input.step = setting.decimals ? 10 ** -setting.decimals : 1;
+    if (setting.low !== null) input.min = setting.low;
+    if (setting.high !== null) input.max = setting.high;
+  } else {
+    input = document.createElement("select");
+    const words = setting.kind === "switch" ? ["0", "1"] : setting.choices;
+    input.append(...words.map((word) => new Option(setting.kind === "switch" ? (word === "1" ? "on" : "off") : word, word)));
+  }
+  input.id = `set-${setting.name}`;
+  input.value = setting.value;
+  input.onchange = () => send({ kind: "set", name: setting.name, value: String(input.value) });
+  const name = Object.assign(document.createElement("small"), { textContent: setting.name });
+  const unit = Object.assign(document.createElement("small"), { textContent: setting.unit });
+  label.append(name, input, unit);
+  return label;
+}
+
+/** @param {Hello} message */
+function build(message) {
+  const again = hello !== null && hello.name === message.name;
+  hello = message;
+  banner("");
+  at("said").replaceChildren();
+  at("name").textContent = `${message.name} — twin, ${message.method}`;
+  document.title = `${message.name} — Fluxlock live`;
+  Object.assign(at("speed"), { min: -message.max_speed_rpm, max: message.max_speed_rpm });
+  at("supply").max = Math.max(message.supply_most_v, message.supply_v);
+  at("settings").replaceChildren(...message.settings.map(knob));
+  const breaks = [...message.phases.map((p) => [`Open phase ${p}`, { kind: "open_phase", phases: [p] }]),
+    ["Driver's fault pin", { kind: "fault_pin" }], ["Mend all", { kind: "clear" }]];
+  at("faults").replaceChildren(...breaks.map(([text, fault]) => {
+    const button = document.createElement("button");
+    button.textContent = String(text);
+    button.onclick = () => send({ kind: "fault", fault });
+    return button;
+  }), sag());
+  if (again) return;
+  at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
+    const label = document.createElement("label");
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: SHOWN.includes(name) });
+    box.onchange = layout;
+    label.title = text;
+    label.append(box, ` ${name} / ${unit}`);
+    return label;
+  }));
+  at("trigger").replaceChildren(new Option("none", ""), ...message.traces.map(([name]) => new Option(name, name)));
+  layout();
+}
+
+/** A sag of the supply. */
+function sag() {
+  const button = document.createElement("button");
+  button.textContent = "Sag";
+  button.title = "the supply falls to a half; the slider brings it back";
+  button.onclick = () => send({ kind: "supply", volt: (hello ? hello.supply_v : 0) / 2, ramp_s: 0 });
+  return button;
+}
+
+/** @returns {string[]} */
+const chosen = () => [...document.querySelectorAll("#traces input:checked")].map((box) => /** @type {any} */ (box).value);
+
+/** A panel per unit for the traces that are chosen. */
+function layout() {
+  for (const panel of panels) panel.plot.destroy();
+  const wanted = hello ? hello.traces.filter(([name]) => chosen().includes(name)) : [];
+  const units = [...new Set(wanted.map(([, unit]) => unit))];
+  const width = at("plots").clientWidth;
+  const height = Math.max(110, (window.innerHeight - 130) / Math.max(units.length, 1) - 30);
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  const ink = dark ? "#ddd" : "#333", grid = dark ? "#8883" : "#8884";
+  panels = units.map((unit, k) => {
+    const names = wanted.filter(([, u]) => u === unit).map(([name]) => name);
+    const lowest = k === units.length - 1;
+    const axis = { stroke: ink, grid: { stroke: grid }, ticks: { stroke: grid } };
+    const options = {
+      width, height,
+      cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
+      hooks: { setSelect: [choose] },
+      scales: { x: { time: false } },
+      padding: [8, 16, 0, 0],
+      axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16 } : { ...axis, size: 4, values: () => [] },
+        { ...axis, label: unit, size: 64, labelSize: 18 }],
+      series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, points: { show: false } }))],
+    };
+    // @ts-ignore: uPlot comes from its own file
+    return { unit, names, plot: new uPlot(options, [[], ...names.map(() => [])], at("plots")) };
+  });
+}
+
+/** Hold the part that was chosen with the mouse. @param {any} plot */
+function choose(plot) {
+  if (plot.select.width < 3) return;
+  const from = plot.posToVal(plot.select.left, "x");
+  heldTo = plot.posToVal(plot.select.left + plot.select.width, "x");
+  heldSpan = Math.max(1e-4, heldTo - from);
+  at("hold").textContent = "Go on";
+  plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+}
+
+/** Ask for the next picture; `draw` does so again. */
+function ask() {
+  const traces = panels.flatMap((panel) => panel.names);
+  if (traces.length === 0 || socket === null || socket.readyState !== WebSocket.OPEN) {
+    setTimeout(ask, 100);
+    return;
+  }
+  const trigger = at("trigger").value;
+  const edge = at("edge").value;
+  const level = Number(at("level").value);
+  send({
+    kind: "view", traces, width: Math.max(16, Math.min(8192, at("plots").clientWidth - 64)), span_s: heldSpan === null ? Number(at("span").value) : heldSpan,
+    ...(heldTo === null ? {} : { to_s: heldTo }),
+    ...(trigger === "" || heldTo !== null ? {} : { trigger: { trace: trigger, level, rising: edge !== "down", size: edge === "size" } }),
+  });
+  waiting = setTimeout(ask, 2000);  // an answer that never comes
+}
+let waiting = 0;
+
+/** @param {ArrayBuffer} data as `server.picture` lays it out */
+function draw(data) {
+  clearTimeout(waiting);
+  const begin = performance.now();
+  const view = new DataView(data);
+  const [count, points] = [view.getUint32(0, true), view.getUint32(4, true)];
+  const [from, to, trigger, newest] = [8, 16, 24, 32].map((place) => view.getFloat64(place, true));
+  const times = new Float64Array(data, 40, points);
+  const names = panels.flatMap((panel) => panel.names);
+  last = { from, to, newest };
+  if (count === names.length) {
+    let row = 0;
+    for (const panel of panels) {
+      const rows = panel.names.map(() => {
+        const values = new Float32Array(data, 40 + 8 * points + 4 * points * row++, points);
+        return values.some(Number.isNaN) ? Array.from(values, (v) => (Number.isNaN(v) ? null : v)) : values;
+      });
+      panel.plot.batch(() => {
+        panel.plot.setData([times, ...rows], false);
+        panel.plot.setScale("x", { min: from, max: to });
+      });
+    }
+  }
+  at("triggered").textContent = at("trigger").value === "" || heldTo !== null ? "" : Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
+  requestAnimationFrame(() => {
+    drawn.count += 1;
+    drawn.times.push(performance.now() - begin);
+    if (drawn.times.length > 500) drawn.times.shift();
+    ask();
+  });
+}
+
+function wire() {
+  for (const button of document.querySelectorAll("[data-do]")) {
+    /** @type {any} */ (button).onclick = () => send({ kind: "drive", do: /** @type {any} */ (button).dataset.do });
+  }
+  at("speed").onchange = () => send({ kind: "set", name: "speed_rpm", value: String(Math.round(at("speed").value)) });
+  at("load").onchange = () => send({ kind: "load", factor: Number(at("load").value) });
+  at("supply").onchange = () => send({ kind: "supply", volt: Number(at("supply").value), ramp_s: 0.01 });
+  const pace = () => send({ kind: "pace", factor: Number(at("factor").value) });
+  at("pause").onclick = () => (told.wanted === 0 ? pace() : send({ kind: "pace", factor: 0 }));
+  at("factor").onchange = pace;
+  at("step").onclick = () => send({ kind: "step", seconds: Number(at("step-by").value) });
+  at("restart").onclick = () => send({ kind: "restart" });
+  at("export").onclick = () => send({ kind: "export", name: at("file").value });
+  at("csv").onclick = () => send({
+    kind: "csv", name: at("file").value, traces: chosen(), from_s: Math.max(0, last.from), to_s: Math.max(0, last.to),
+  });
+  at("hold").onclick = () => {
+    heldTo = heldTo === null ? last.to : null;
+    heldSpan = null;
+    at("hold").textContent = heldTo === null ? "Hold" : "Go on";
+  };
+  window.onresize = layout;
+}
+
+wire();
+connect();
+ask();

@@ -1,0 +1,257 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The server of the page: static files of the package, one websocket per viewer, downloads of what was exported.
+
+Safety: only hosts by the names that it was bound to are answered, a websocket needs the page's own origin and, beyond
+the loopback, the token. A client names no path: downloads are looked up in the list of files written by this server.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import csv
+import io
+import json
+import secrets
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from fluxlock.live import messages
+from fluxlock.live.link import Link
+from fluxlock.live.traces import NAMES, TRACES
+
+PAGE = Path(__file__).parent / "page"
+STATIC = {
+    "": ("index.html", "text/html"),
+    "live.js": ("live.js", "text/javascript"),
+    "live.css": ("live.css", "text/css"),
+    "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
+    "uPlot.css": ("vendor/uPlot.min.css", "text/css"),
+}
+POLICY = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src data:"
+STATUS_S = 0.1
+NO_ENTRY = 4403  # code with which a websocket is closed
+CSV_ROWS = 2_000_000
+WAITING = 50
+
+
+class Server:
+    """One source for any number of viewers. token: asked of every websocket and download, "" for none."""
+
+    def __init__(self, folder: Path, token: str = "") -> None:
+        self.folder, self.token = folder, token
+        self.files: dict[str, Path] = {}
+        self.viewers: set[Viewer] = set()
+        self.link: Link
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Put a message into every viewer's queue; files are written first."""
+        if message["kind"] == "files":
+            message = self._written(message)
+        for viewer in self.viewers:
+            viewer.put(message)
+
+    def _written(self, message: dict[str, Any]) -> dict[str, Any]:
+        try:
+            for name, text in message["texts"].items():
+                self.keep(name, text)
+        except OSError as error:
+            return {"kind": "error", "text": f"{error.filename}: {error.strerror}"}
+        names = list(message["texts"])
+        return {"kind": "files", "names": names, "folder": str(self.folder), "scenario": names[0]}
+
+    def keep(self, name: str, text: str) -> None:
+        """Write a file that may be downloaded; its name is made of a checked word and a suffix."""
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        self.files[name] = path
+
+    def permitted(self, request: Request | WebSocket) -> bool:
+        """Whether the token fits, if there is one."""
+        given = request.query_params.get("token", "")
+        return not self.token or secrets.compare_digest(given.encode(), self.token.encode())
+
+    async def static(self, request: Request) -> Response:
+        """A file of the page."""
+        name = request.path_params.get("name", "")
+        if name not in STATIC:
+            return PlainTextResponse("not found", 404)
+        file, kind = STATIC[name]
+        headers = {"Content-Security-Policy": POLICY, "Cache-Control": "no-cache", "Referrer-Policy": "no-referrer"}
+        return FileResponse(PAGE / file, media_type=kind, headers=headers)
+
+    async def download(self, request: Request) -> Response:
+        """A file that was exported."""
+        path = self.files.get(request.path_params["name"])
+        if path is None or not self.permitted(request):
+            return PlainTextResponse("not found", 404)
+        return FileResponse(path, filename=path.name)
+
+    async def socket(self, websocket: WebSocket) -> None:
+        """A viewer."""
+        origin, host = websocket.headers.get("origin", ""), websocket.headers.get("host", "")
+        if origin not in (f"http://{host}", f"https://{host}") or not self.permitted(websocket):
+            await websocket.close(NO_ENTRY)
+            return
+        await websocket.accept()
+        viewer = Viewer(self, websocket)
+        self.viewers.add(viewer)
+        try:
+            await viewer.run()
+        finally:
+            self.viewers.discard(viewer)
+
+
+class Viewer:
+    """One websocket."""
+
+    def __init__(self, server: Server, websocket: WebSocket) -> None:
+        self._server, self._socket = server, websocket
+        self._queue: asyncio.Queue[dict[str, Any] | bytes] = asyncio.Queue()
+        link = server.link
+        if link.hello is not None:
+            self.put(link.hello)
+            for entry in link.said:
+                self.put(entry)
+        if link.died:
+            self.put({"kind": "died", "text": link.died})
+
+    def put(self, message: dict[str, Any] | bytes) -> None:
+        """Send it when its turn comes."""
+        if isinstance(message, dict) and message["kind"] == "hello":
+            message = message | {"traces": [[name, *TRACES[name]] for name in NAMES]}
+        self._queue.put_nowait(message)
+
+    async def run(self) -> None:
+        """Until the viewer leaves."""
+        tasks = [asyncio.create_task(work()) for work in (self._send, self._report)]
+        try:
+            while True:
+                event = await self._socket.receive()
+                if event["type"] == "websocket.disconnect":
+                    return
+                self._take(event.get("text"))
+                while self._queue.qsize() > WAITING:  # who asks faster than it reads waits
+                    await asyncio.sleep(STATUS_S / 10)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _send(self) -> None:
+        try:
+            while True:
+                message = await self._queue.get()
+                if isinstance(message, bytes):
+                    await self._socket.send_bytes(message)
+                else:
+                    await self._socket.send_text(json.dumps(message))
+        except (WebSocketDisconnect, RuntimeError):
+            return
+
+    async def _report(self) -> None:
+        """The status, where something has changed."""
+        before: dict[str, Any] = {}
+        while True:
+            status = {"kind": "status", "viewers": len(self._server.viewers)} | self._server.link.status
+            if status != before and self._queue.qsize() < 20:
+                self.put(status)
+                before = status
+            await asyncio.sleep(STATUS_S)
+
+    def _take(self, text: str | None) -> None:
+        """One message; whatever it is, the viewer gets an answer and nobody else notices."""
+        link = self._server.link
+        try:
+            if text is None:
+                raise ValueError("a message is a text")
+            message = messages.parse(text)
+            if isinstance(message, messages.View):
+                self.put(picture(link, message))
+            elif isinstance(message, messages.Csv):
+                self._table(message)
+            elif link.died and isinstance(message, messages.Restart):
+                link.begin()
+            elif not link.order(message):
+                raise ValueError("the source is not running")
+        except (ValueError, OSError) as error:
+            self.put({"kind": "error", "text": str(error)})
+
+    def _table(self, message: messages.Csv) -> None:
+        names = known(message.traces)
+        time_s, rows = self._server.link.ring.cut(message.from_s, message.to_s, names)
+        if time_s.size > CSV_ROWS:
+            raise ValueError(f"a table has at most {CSV_ROWS} rows")
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["t_s", *(f"{name} [{TRACES[name][0]}]" for name in names)])
+        for k, at_s in enumerate(time_s):
+            writer.writerow([f"{at_s:.9g}", *(f"{value:.7g}" for value in rows[:, k])])
+        name = f"{message.name}.csv"
+        self._server.keep(name, text.getvalue())
+        self.put({"kind": "files", "names": [name], "folder": str(self._server.folder), "rows": int(time_s.size)})
+
+
+def known(names: list[str]) -> list[str]:
+    """The names, all of them traces; ValueError."""
+    for name in names:
+        if name not in TRACES:
+            raise ValueError(f"{name} is no trace, permitted: {', '.join(NAMES)}")
+    return names
+
+
+def picture(link: Link, view: messages.View) -> bytes:
+    """A picture as the page reads it.
+
+    Little endian: traces and points per trace, uint32; begin and end of the span, time of the trigger (nan: none),
+    newest time, float64 in s; times, float64 [points]; traces, float32 [traces][points].
+    """
+    names, ring = known(view.traces), link.ring
+    newest, at_s = ring.newest_s, float("nan")
+    to_s = newest if view.to_s is None else min(view.to_s, newest)
+    if view.trigger is not None:
+        trigger = view.trigger
+        known([trigger.trace])
+        after_s = (1.0 - trigger.before) * view.span_s
+        found = ring.last_crossing(trigger.trace, trigger.level, trigger.rising, trigger.size, to_s - after_s)
+        if found is not None:
+            at_s, to_s = found, found + after_s
+    from_s = to_s - view.span_s
+    time_s, rows = ring.picture(from_s, to_s, names, view.width)
+    head = struct.pack("<2I4d", len(names), time_s.size, from_s, to_s, at_s, newest)
+    return head + np.asarray(time_s, "<f8").tobytes() + np.ascontiguousarray(rows, "<f4").tobytes()
+
+
+def application(server: Server, link: Link, hosts: list[str]) -> Starlette:
+    """The server as an ASGI application; the source runs as long as it does. hosts: names that it answers to."""
+    server.link = link
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        link.begin()
+        try:
+            yield
+        finally:
+            link.end()
+
+    routes = [
+        Route("/", server.static),
+        Route("/{name}", server.static),
+        Route("/files/{name}", server.download),
+        WebSocketRoute("/socket", server.socket),
+    ]
+    middleware = [Middleware(TrustedHostMiddleware, allowed_hosts=hosts)]
+    return Starlette(routes=routes, middleware=middleware, lifespan=lifespan)

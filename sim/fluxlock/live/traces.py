@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The newest stretch of all traces, and what a screen shows of it: least and largest value per pixel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.native.play import Taken
+
+Floats = NDArray[np.floating[Any]]
+
+# Names, units and what each is. "true": of the machine, which no board knows.
+TRACES = {
+    "speed_rpm": ("r/min", "true speed"),
+    "measured_rpm": ("r/min", "the drive's speed"),
+    "reference_rpm": ("r/min", "the drive's ramp"),
+    "target_rpm": ("r/min", "target"),
+    "ia": ("A", "true current of phase A"),
+    "ib": ("A", "true current of phase B"),
+    "ic": ("A", "true current of phase C"),
+    "idc": ("A", "current of the DC link"),
+    "id": ("A", "true current along the rotor's flux"),
+    "iq": ("A", "true current across the rotor's flux"),
+    "vdc": ("V", "voltage of the DC link"),
+    "va": ("V", "terminal A"),
+    "vb": ("V", "terminal B"),
+    "vc": ("V", "terminal C"),
+    "torque_nm": ("N*m", "true torque of the machine"),
+    "theta_deg": ("deg", "true electrical angle"),
+    "angle_error_deg": ("deg", "the drive's angle from the true one; six-step: the field from its best place"),
+    "state": ("number", "state of the drive"),
+    "limit": ("number", "limit that is active"),
+}
+NAMES = tuple(TRACES)
+CAPACITY = 2**19  # rows; at least half of them are kept
+
+
+def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tuple[Floats, Floats]:
+    """Times and traces, float32 [len(NAMES), rows], of a stretch.
+
+    last: the drive's own values before it, which stay.
+    """
+    records, updates = taken.records, taken.updates
+    time_s = np.asarray(records["t_cycle"] / clock_hz)
+    rows = np.zeros((len(NAMES), time_s.size), np.float32)
+    place = {name: k for k, name in enumerate(NAMES)}
+    for name in ("ia", "ib", "ic", "idc", "vdc", "va", "vb", "vc", "torque_nm"):
+        rows[place[name]] = records[name]
+    rows[place["speed_rpm"]] = records["omega_e"] / pole_pairs * RPM_PER_RAD_S
+    rows[place["theta_deg"]] = np.degrees(records["theta_e"]) % 360.0
+    axes = np.exp(2j * np.pi * np.arange(3) / 3)
+    vector = 2 / 3 * (records["ia"] * axes[0] + records["ib"] * axes[1] + records["ic"] * axes[2])
+    turned = vector * np.exp(-1j * records["theta_e"])
+    rows[place["id"]], rows[place["iq"]] = turned.real, turned.imag
+    for name, values in taken.more.items():
+        rows[place[name]] = values
+    drive, command = updates[:, 2], updates[:, 3]
+    told = np.stack(
+        [
+            (drive >> 32) / 256,
+            command.astype(np.int32) / 256,
+            command >> 32,
+            drive & 0xFF,
+            drive >> 16 & 0xF,
+        ]
+    )
+    told = np.concatenate([last[:, None], told], axis=1)
+    at = np.searchsorted(updates[:, 0], records["t_cycle"], side="right")
+    for k, name in enumerate(TOLD):
+        rows[place[name]] = told[k, at]
+    last[:] = told[:, -1]
+    return time_s, rows
+
+
+TOLD = ("measured_rpm", "reference_rpm", "target_rpm", "state", "limit")
+
+
+class Ring:
+    """Traces of a source in the order of NAMES."""
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._time = np.zeros(capacity)
+        self._rows = np.zeros((len(NAMES), capacity), np.float32)
+        self._count = 0
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._count = 0
+
+    def append(self, time_s: Floats, rows: Floats) -> None:
+        """Rows that follow those before."""
+        capacity = self._time.size
+        time_s, rows = time_s[-capacity // 2 :], rows[:, -capacity // 2 :]
+        if self._count + time_s.size > capacity:
+            kept = capacity // 2
+            self._time[:kept] = self._time[self._count - kept : self._count]
+            self._rows[:, :kept] = self._rows[:, self._count - kept : self._count]
+            self._count = kept
+        end = self._count + time_s.size
+        self._time[self._count : end], self._rows[:, self._count : end] = time_s, rows
+        self._count = end
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the last row."""
+        return float(self._time[self._count - 1]) if self._count else 0.0
+
+    def cut(self, from_s: float, to_s: float, names: list[str]) -> tuple[Floats, Floats]:
+        """Times and traces of a span."""
+        low, high = np.searchsorted(self._time[: self._count], (from_s, to_s))
+        return self._time[low:high], self._rows[[NAMES.index(name) for name in names], low:high]
+
+    def picture(self, from_s: float, to_s: float, names: list[str], width: int) -> tuple[Floats, Floats]:
+        """Times and traces of a span, of more than two rows per pixel the least and the largest value."""
+        time_s, rows = self.cut(from_s, to_s, names)
+        if time_s.size <= 2 * width:
+            return time_s, rows
+        edges = np.linspace(0, time_s.size, width, endpoint=False).astype(np.int64)
+        both = np.empty((len(names), 2 * width), np.float32)
+        both[:, 0::2] = np.fmin.reduceat(rows, edges, axis=1)
+        both[:, 1::2] = np.fmax.reduceat(rows, edges, axis=1)
+        shown = np.empty(2 * width)
+        shown[0::2] = time_s[edges]
+        shown[1::2] = time_s[(edges + np.append(edges[1:], time_s.size)) // 2]
+        return shown, both
+
+    def last_crossing(self, name: str, level: float, rising: bool, size: bool, until_s: float) -> float | None:
+        """Time of the last passage of a level before an instant; None: there is none in what is kept."""
+        time_s, rows = self.cut(0.0, until_s, [name])
+        values = np.abs(rows[0]) if size else rows[0]
+        above = values >= level if rising else values <= level
+        found = np.flatnonzero(above[1:] & ~above[:-1])
+        return float(time_s[found[-1] + 1]) if found.size else None

@@ -1,0 +1,257 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a viewer may send, and that nothing else does anything."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import string
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import uvicorn
+from starlette.applications import Starlette
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+from websockets.asyncio.client import connect
+from websockets.typing import Origin
+
+from fluxlock.live import messages
+from fluxlock.live.cli import listening
+from fluxlock.live.server import Server, application
+from fluxlock.live.traces import NAMES, Ring
+
+ORIGIN = "http://127.0.0.1:8437"
+SOCKET = "ws://127.0.0.1:8437/socket"  # the client adds no host of its own
+MALFORMED = 10_000
+GOOD: list[dict[str, Any]] = [
+    {"kind": "view", "traces": ["ia", "speed_rpm"], "width": 100, "span_s": 0.5},
+    {"kind": "drive", "do": "start"},
+    {"kind": "set", "name": "speed_rpm", "value": "-3000"},
+    {"kind": "load", "factor": 1.5},
+    {"kind": "supply", "volt": 20, "ramp_s": 0.1},
+    {"kind": "fault", "fault": {"kind": "open_phase", "phases": ["A"]}},
+    {"kind": "pace", "factor": 0.5},
+    {"kind": "step", "seconds": 0.01},
+    {"kind": "restart"},
+    {"kind": "export", "name": "my-play"},
+    {"kind": "csv", "name": "my-table", "traces": ["ia"], "from_s": 0, "to_s": 1},
+]
+PATHS = (
+    "../../etc/passwd",
+    "/etc/passwd",
+    "..",
+    "a/b",
+    "a\\b",
+    "%2e%2e%2fx",
+    "x\0y",
+    "C:\\x",
+    "~",
+    "$(id)",
+    "`id`",
+    "",
+)
+
+
+class Quiet:
+    """A source that only keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.ring, self.orders = Ring(4096), list[object]()
+        self.hello: dict[str, Any] | None = {"kind": "hello", "name": "none"}
+        self.status: dict[str, Any] = {}
+        self.said: deque[dict[str, Any]] = deque()
+        self.died = ""
+        time_s = np.arange(1000) * 1e-3
+        self.ring.append(time_s, np.tile(np.sin(20 * time_s), (len(NAMES), 1)).astype(np.float32))
+
+    def begin(self) -> None: ...
+
+    def end(self) -> None: ...
+
+    def order(self, message: object) -> bool:
+        self.orders.append(message)
+        return True
+
+
+def client_of(folder: Path, token: str = "") -> tuple[TestClient, Quiet, Server]:
+    server, link = Server(folder, token), Quiet()
+    return TestClient(application_of(server, link), base_url=ORIGIN), link, server
+
+
+def application_of(server: Server, link: Quiet) -> Starlette:
+    # All that the server asks of a Link.
+    return application(server, link, ["127.0.0.1", "localhost"])  # type: ignore[arg-type]
+
+
+def answer(socket: Any) -> dict[str, Any] | bytes:
+    """The next message that is no status and no greeting."""
+    while True:
+        event = socket.receive()
+        if event.get("bytes"):
+            return bytes(event["bytes"])
+        message: dict[str, Any] = json.loads(event["text"])
+        if message["kind"] not in ("status", "hello"):
+            return message
+
+
+def spoilt(rng: random.Random) -> str:
+    """A message that is wrong in one way or another."""
+    good = json.loads(json.dumps(rng.choice(GOOD)))
+    keys = [key for key in good if key != "kind"]
+    way = rng.randrange(7)
+    if way == 0 or (way in (1, 2) and not keys):
+        return "".join(rng.choices(string.printable, k=rng.randrange(60)))
+    if way == 1:
+        good[rng.choice(keys)] = rng.choice([None, [], {}, "x" * 50, 1e400, -1e30, float("nan"), [[[]]], True, *PATHS])
+    elif way == 2:
+        good[rng.choice(keys)] = {"kind": rng.choice(PATHS), "phases": rng.choice(PATHS)}
+    elif way == 3:
+        good["kind"] = rng.choice([*PATHS, "exec", 5, None])
+    elif way == 4:
+        good["more"] = rng.choice(PATHS)
+    elif way == 5:
+        return json.dumps(good)[: rng.randrange(len(json.dumps(good)))]
+    else:
+        return "[" * rng.randrange(1, 15_000)
+    return json.dumps(good)
+
+
+def test_malformed(tmp_path: Path) -> None:
+    """10 000 malformed messages: each gets an answer that says why, no order reaches the source, no file is made.
+
+    Verifies: LIVE-03
+    """
+    rng, (_, link, server) = random.Random(37), client_of(tmp_path)
+    texts = [spoilt(rng) for _ in range(MALFORMED)]
+    for text in texts:
+        with pytest.raises(ValueError, match=r"^[ -~]+$"):
+            messages.parse(text)
+
+    async def flood() -> None:
+        listener = listening("127.0.0.1", 0)
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        running = uvicorn.Server(uvicorn.Config(application_of(server, link), log_level="warning"))
+        task = asyncio.create_task(running.serve([listener]))
+        async with connect(f"ws://{address}/socket", origin=Origin(f"http://{address}")) as socket:
+
+            async def told() -> dict[str, Any] | bytes:
+                while True:
+                    event = await socket.recv()
+                    if isinstance(event, bytes):
+                        return event
+                    message: dict[str, Any] = json.loads(event)
+                    if message["kind"] not in ("status", "hello"):
+                        return message
+
+            for text in texts:
+                await socket.send(text)
+                refused = await told()
+                assert isinstance(refused, dict) and refused["kind"] == "error", text
+            await socket.send(b"\0\1")
+            assert await told() == {"kind": "error", "text": "a message is a text"}
+            await socket.send(json.dumps(GOOD[0]))
+            assert isinstance(await told(), bytes), "it still serves"
+        running.should_exit = True
+        await task
+
+    asyncio.run(flood())
+    assert link.orders == [] and server.files == {} and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("good", GOOD, ids=lambda good: str(good["kind"]))
+def test_well_formed(good: dict[str, Any]) -> None:
+    """What the page sends is taken, and every text field refuses a path.
+
+    Verifies: LIVE-03
+    """
+    messages.parse(json.dumps(good))
+    for key, value in good.items():
+        for path in PATHS if isinstance(value, str) else ():
+            with pytest.raises(ValueError):
+                messages.parse(json.dumps(good | {key: path}))
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:9999", "null", ""])
+def test_foreign_origin(tmp_path: Path, origin: str) -> None:
+    """A websocket of another origin, or of none, is closed before a word is said.
+
+    Verifies: LIVE-02
+    """
+    client, _, _ = client_of(tmp_path)
+    with client, pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKET, headers={"origin": origin}):
+        pass
+
+
+def test_foreign_host(tmp_path: Path) -> None:
+    """A name that another party has bent to the loopback is not answered.
+
+    Verifies: LIVE-02
+    """
+    client, _, _ = client_of(tmp_path)
+    with client:
+        assert client.get("/", headers={"host": "evil.example:8437"}).status_code == 400
+        assert client.get("/").status_code == 200
+
+
+def test_token(tmp_path: Path) -> None:
+    """With a token, neither a websocket nor a download works without it.
+
+    Verifies: LIVE-02
+    """
+    client, _, server = client_of(tmp_path, token="open-sesame")
+    server.keep("my-table.csv", "t_s\n")
+    with client:
+        for query in ("", "?token=", "?token=open-sesam", "?token=ö"):
+            with (
+                pytest.raises(WebSocketDisconnect),
+                client.websocket_connect(f"{SOCKET}{query}", headers={"origin": ORIGIN}),
+            ):
+                pass
+            assert client.get(f"/files/my-table.csv{query}").status_code == 404
+        with client.websocket_connect(f"{SOCKET}?token=open-sesame", headers={"origin": ORIGIN}) as socket:
+            socket.send_text(json.dumps(GOOD[0]))
+            assert isinstance(answer(socket), bytes)
+        assert client.get("/files/my-table.csv?token=open-sesame").text == "t_s\n"
+
+
+def test_no_other_file(tmp_path: Path) -> None:
+    """Only files that this server has written can be downloaded, whatever the address says.
+
+    Verifies: LIVE-02
+    """
+    client, _, _ = client_of(tmp_path)
+    (tmp_path / "private.txt").write_text("x")
+    with client:
+        for name in (
+            "private.txt",
+            "../server.py",
+            "..%2fserver.py",
+            "%2fetc%2fpasswd",
+            "....//x",
+            "vendor/uPlot.min.css",
+        ):
+            assert client.get(f"/files/{name}").status_code == 404
+            assert client.get(f"/{name}").status_code == 404
+
+
+def test_table(tmp_path: Path) -> None:
+    """A CSV has the span and the traces that were asked for, with units; it lies in the output folder.
+
+    Verifies: LIVE-06
+    """
+    client, _, _ = client_of(tmp_path)
+    with client, client.websocket_connect(SOCKET, headers={"origin": ORIGIN}) as socket:
+        asked = {"kind": "csv", "name": "my-table", "traces": ["ia", "torque_nm"], "from_s": 0.1, "to_s": 0.2}
+        socket.send_text(json.dumps(asked))
+        told = answer(socket)
+        assert isinstance(told, dict) and told["names"] == ["my-table.csv"]
+        head, *rows = client.get("/files/my-table.csv").text.splitlines()
+    assert head == "t_s,ia [A],torque_nm [N*m]" and len(rows) == 100
+    assert (tmp_path / "my-table.csv").is_file()

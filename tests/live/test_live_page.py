@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command, its process and the page in a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect, sync_playwright
+from typer.testing import CliRunner
+
+from fluxlock.cli import app
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.cosim.outcome import finished
+from fluxlock.live import cli
+from fluxlock.live.server import PAGE
+from fluxlock.native.player import player
+
+SCENARIO = "scenarios/own-spindle.toml"
+BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
+START_MS, CHANGE_MS = 120_000, 30_000
+# Of dist/ in the package uplot 1.6.32 of the npm registry, whose sha512 begins with KIMVnG68zvu5XXUbC4LQEPnhwOxBuLyW.
+VENDORED = {
+    "uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "uPlot.min.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+}
+
+
+def browser_path() -> str | None:
+    """A Chromium of this machine."""
+    return next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)
+
+
+@contextlib.contextmanager
+def running(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The command on a free port; its address, and its process."""
+    command = [sys.executable, "-m", "fluxlock", "live", SCENARIO, "--port", "0", "--out", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().removeprefix("page: ").strip(), process
+        finally:
+            process.send_signal(signal.SIGINT)
+            code = process.wait(20)
+    assert code == 130, "Ctrl-C ends it"
+
+
+def children(pid: int) -> list[int]:
+    """Processes below one, with the source of the twin among them."""
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [int(child) for child in found if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    """A page of a browser that takes no error in silence."""
+    path = browser_path()
+    if path is None and not os.environ.get("CI"):
+        pytest.skip("no Chromium here: apt install chromium-headless-shell")
+    assert path is not None, "CI has no Chromium: apt install chromium-headless-shell"
+    errors: list[str] = []
+    with sync_playwright() as playwright, playwright.chromium.launch(executable_path=path, args=["--no-sandbox"]) as b:
+        made = b.new_context(viewport={"width": 1400, "height": 900}).new_page()
+        made.on("pageerror", lambda error: errors.append(str(error)))
+        yield made
+    assert errors == []
+
+
+def wait_for(page: Page, element: str, text: str, within_ms: float = CHANGE_MS) -> None:
+    """Until an element of the page shows a text."""
+    expect(page.locator(f"#{element}")).to_contain_text(text, timeout=within_ms)
+
+
+def test_page(page: Page, tmp_path: Path) -> None:
+    """A play in the browser: run, load, speed, an open phase, its fault by name, export; the export repeats the fault.
+
+    Then the source dies and a second viewer comes: both are told, a button begins it anew; a reload shows the journal.
+
+    Verifies: LIVE-01, LIVE-04, LIVE-08
+    """
+    with running(tmp_path) as (address, process):
+        page.goto(address)
+        wait_for(page, "state", "running", START_MS)
+        assert page.locator("#plots .uplot").count() >= 5 and page.locator("#traces input:checked").count() >= 12
+        page.fill("#set-accel_rpm_s", "40000")
+        page.dispatch_event("#set-accel_rpm_s", "change")
+        wait_for(page, "said", "set accel_rpm_s 40000 ok")
+        page.evaluate("at('speed').value = 12000; at('speed').onchange()")
+        wait_for(page, "said", "set speed_rpm 12000 ok")
+        page.select_option("#trigger", "angle_error_deg")
+        page.select_option("#edge", "size")
+        page.click("text=Open phase A")
+        wait_for(page, "state", "fault")
+        fault = page.inner_text("#fault")
+        wait_for(page, "triggered", "at ")
+        page.click("#export")
+        wait_for(page, "files", "my-play.toml")
+        assert page.evaluate("fluxlockDrawn.count") > 5
+
+        page.reload()
+        wait_for(page, "said", "set speed_rpm 12000 ok")
+        second = page.context.new_page()
+        second.goto(address)
+        wait_for(second, "viewers", "2 viewers")
+        (source,) = children(process.pid)
+        os.kill(source, signal.SIGKILL)
+        for viewer in (page, second):
+            wait_for(viewer, "banner", "The source has died: its process ended with signal 9")
+        second.click("#again")
+        page.locator("#banner").wait_for(state="hidden", timeout=START_MS)
+        wait_for(page, "state", "running", START_MS)
+    scenario = load_scenario(tmp_path / "my-play.toml")
+    outcome = finished(player(scenario, scenario.seed).run(), scenario)
+    assert outcome.result["fault"] == fault and outcome.verdict.passed, outcome.verdict.lines
+    wait_for(page, "banner", "The connection is lost")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["my-none.toml"], "my-none.toml: file not found"),
+        (["scenarios/five-phase/tian.toml"], "native program"),
+        ([SCENARIO, "--host", "no.such.host.invalid"], "--host: no.such.host.invalid"),
+        ([SCENARIO, "--token", "a b"], "--token: must have 8 to 64"),
+        ([SCENARIO, "--set", "drive.nothing=1"], "--set: drive.nothing: unknown key"),
+    ],
+)
+def test_bad_input(arguments: list[str], text: str) -> None:
+    """Each is one line that names the option or file.
+
+    Verifies: LIVE-09
+    """
+    result = CliRunner().invoke(app, ["live", *arguments])
+    assert isinstance(result.exception, ConfigError) and text in str(result.exception)
+
+
+def test_port_in_use() -> None:
+    """Another program has the port: the line says what to do.
+
+    Verifies: LIVE-09
+    """
+    with cli.listening("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="--port 0 takes a free one"):
+        cli.listening("127.0.0.1", taken.getsockname()[1])
+
+
+def test_missing_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the extra: what is missing, and how to get it.
+
+    Verifies: LIVE-09
+    """
+    monkeypatch.setattr(cli, "find_spec", lambda name: None if name == "uvicorn" else object())
+    result = CliRunner().invoke(app, ["live", SCENARIO])
+    assert isinstance(result.exception, ConfigError)
+    assert re.search(r"needs uvicorn: .*fluxlock\[live\]", str(result.exception))
+
+
+def test_vendored() -> None:
+    """The plotting library is that of the registry's package, unchanged, and the page asks no other host for anything.
+
+    Verifies: LIVE-02
+    """
+    for name, digest in VENDORED.items():
+        assert hashlib.sha256((PAGE / "vendor" / name).read_bytes()).hexdigest() == digest
+    for name in ("index.html", "live.js", "live.css"):
+        text = (PAGE / name).read_text(encoding="utf-8")
+        assert "//" not in re.sub(r"^\s*//.*$|  //.*$", "", text, flags=re.MULTILINE)
