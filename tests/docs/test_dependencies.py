@@ -9,6 +9,7 @@ import ast
 import re
 import sys
 import tomllib
+from itertools import chain
 
 from fluxlock.paths import ROOT
 
@@ -26,12 +27,12 @@ SHIPPED_WITH = {
 def test_modules_import_only_what_make_demo_installs() -> None:
     """Every command but the tests' own works after `make demo`; what only the tests need is not imported.
 
-    Packages of the extra count as there: where they are imported, their absence says what to install.
+    Packages of the extras count as there: where they are imported, their absence says what to install.
 
     Verifies: FRONT-33
     """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    texts = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["sweep"]]
+    texts = [*project["project"]["dependencies"], *chain(*project["project"]["optional-dependencies"].values())]
     installed = {re.split(r"[^\w-]", text)[0].lower().replace("-", "_") for text in texts}
     wrong = []
     for path in sorted((ROOT / "sim" / "fluxlock").rglob("*.py")):

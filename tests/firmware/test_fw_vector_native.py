@@ -86,7 +86,7 @@ def test_same_seed_same_run() -> None:
         ("vector/start.toml", ("drive.vector.dead_time_compensation=false",), ["dead_time_compensation"]),
         (
             "vector/start.toml",
-            ('event=[{at_s=0.1, fault={kind="fault_pin"}}]', "window=[]", "expect=[]"),
+            ('event=[{at_s=0.1, fault={kind="stuck_high", phases=["A"]}}]', "window=[]", "expect=[]"),
             ["event[0].fault"],
         ),
     ],
