@@ -9,6 +9,7 @@ The public names are loaded when they are first used, so that `import fluxlock` 
 from __future__ import annotations
 
 from importlib import import_module
+from os.path import realpath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from fluxlock.config import ConfigError, Inverter, Motor, Scenario, load_inverter, load_motor, load_scenario
     from fluxlock.cosim.outcome import UNITS, Run
     from fluxlock.sweeps import Sweep, sweep
+
+# Through a link to the checkout its files have the names they have without: what was built is found, not built again.
+__path__ = [realpath(folder) for folder in __path__]
 
 _HOMES = {
     "fluxlock.analysis.rundata": ("SimulationFault",),

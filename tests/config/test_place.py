@@ -91,6 +91,19 @@ def test_copy_simulates_its_own(copied: Path) -> None:
     assert code == 1 and f"{source}:" in error and "syntax error" in error, error
 
 
+def test_link_is_the_checkout(tmp_path: Path) -> None:
+    """Through a link the sources have the names that keys and caches are made of.
+
+    Verifies: PLACE-04
+    """
+    (tmp_path / "link").symlink_to(ROOT)
+    shown = "from fluxlock.cosim import chip; from fluxlock.plant import kernel as k; "
+    shown += "print(*chip.SCRIPTS, k.take_event.__code__.co_filename)"
+    code, out, error = call(tmp_path / "link" / Path(sys.prefix).relative_to(ROOT) / "bin" / "python", "-c", shown)
+    assert (code, error) == (0, "")
+    assert all(Path(name) == Path(name).resolve() for name in out.split()), out
+
+
 class Stopped(Exception):
     """What a build would have begun with."""
 

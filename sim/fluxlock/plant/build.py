@@ -132,14 +132,14 @@ def compiled(variant: Variant) -> Any:  # noqa: ANN401 - numba has no types
     numba.config.CACHE_DIR = str(folder)
     try:
         options = {"cache": True, "fastmath": False, "error_model": "numpy"}
-        take_event = clones(variant, numba.njit(**options))[kernel.take_event]
+        inner = numba.njit(**options)
+        # Compiled as what native code calls itself: a function around it would have it in a closure, whose hash is
+        # another one in each process, and would be compiled in each.
+        functions = clones(
+            variant, lambda clone: clone if clone.__name__ == kernel.take_event.__name__ else inner(clone)
+        )
         signature = nt.int32(nt.int64, nt.int32, nt.int32, nt.CPointer(nt.double), nt.CPointer(nt.int32))
-
-        def step(t_cycle: Any, gates: Any, flags: Any, s: Any, io: Any) -> Any:  # noqa: ANN401
-            return take_event(t_cycle, gates, flags, s, io)
-
-        step.__qualname__ += variant.suffix
-        return numba.cfunc(signature, **options)(step)
+        return numba.cfunc(signature, **options)(functions[kernel.take_event])
     finally:
         numba.config.CACHE_DIR = before
 
