@@ -50,6 +50,7 @@ from fluxlock.motor_cli import app as motor_app
 from fluxlock.paths import BUILD, INSTALLED, RESULTS, ROOT, needs_checkout
 from fluxlock.population.cli import app as population_app
 from fluxlock.progress import ProgressBar
+from fluxlock.prove.command import prove
 from fluxlock.sweep_cli import sweep
 from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
 
@@ -350,6 +351,13 @@ app.command(
         "fluxlock sweep scenarios/own-spindle.toml --set drive.commutation=RSC,NSC,CSC",
     ),
 )(sweep)
+app.command(
+    rich_help_panel=RUN,
+    epilog=example(
+        "fluxlock prove motors/spindle-2pp.toml inverters/drive-48v.toml",
+        "fluxlock prove motors/pump-4pp.toml inverters/drive-24v.toml --method six-step --step-deg 30",
+    ),
+)(prove)
 
 
 @app.command(
