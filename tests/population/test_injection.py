@@ -28,6 +28,7 @@ SEED, LIVES = 1, 300
 DRAWS = [InjectionDraw.of(SEED, index) for index in range(LIVES)]
 RIGHT, BLOCKED, TURNING, UNSURE, REFUSED = 15, 3, 16, 0, 1
 LITTLE_SALIENCY, LIGHT = 42, 44  # L_q / L_d - 1 is a third of the file's; the inertia is a fifth
+STUCK = 71  # friction of a fifth of the rated torque, and a loop that noise makes slow
 
 
 def test_ranges_are_frozen() -> None:
@@ -74,9 +75,9 @@ def test_machine_differs_from_its_file(tmp_path: Path) -> None:
     assert load_motor(tmp_path / MACHINE).model_dump() == life.machine.model_dump()
 
 
-@pytest.mark.parametrize("index", [RIGHT, BLOCKED, TURNING, LITTLE_SALIENCY, LIGHT])
+@pytest.mark.parametrize("index", [RIGHT, BLOCKED, TURNING, LITTLE_SALIENCY, LIGHT, STUCK])
 def test_lives_that_are_right(index: int) -> None:
-    """A rotor at rest, a blocked one, one that turns already; little saliency and little inertia for the file.
+    """A rotor at rest, a blocked one, one that turns already; little saliency, little inertia for the file, much friction.
 
     Verifies: POP-09
     """

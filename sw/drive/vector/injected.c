@@ -18,6 +18,8 @@
 #define FREE_SHARE 8            // of the limit
 #define BACKWARD_Q32 134217728  // 1/32 turn
 #define STALLED_SHARE 2         // of the target
+#define STANDS_SHARE 8          // of the target
+#define BREAK_AWAY_SHARE 100u   // 0.5 s
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
 #define STOPPED_SHARE_SHIFT 4  // of the lowest speed asked for
@@ -179,6 +181,8 @@ typedef struct {
   bool without;  // there is none
   bool turning;  // the loop still turns the frame to the angle that it sees
   bool doubt;    // it does, or the EMF has denied the angle
+  int32_t target_turn_q36;  // amount of the wanted speed
+  int32_t along_turn_q36;   // speed in its direction
 } emf_look_t;
 
 // Where the EMF is too small to tell the pole, the HF current tells it:
@@ -197,8 +201,7 @@ COLD static void ask_poles(vector_t *v, emf_look_t look) {
   const bool free = abs_sat(wanted_i_q25) < j->settings.limit_i_q25 / FREE_SHARE;
   const bool still = free && target_rpm_q8 == 0 && (look.dark || look.without);
   const bool driving = !free && (target_rpm_q8 == 0 || (wanted_i_q25 ^ target_rpm_q8) >= 0);
-  const int32_t along_turn_q36 = (target_rpm_q8 < 0) ? -speed_turn_q36 : speed_turn_q36;
-  const bool stalled = along_turn_q36 < abs_sat(gain_apply(target_rpm_q8, v->p->vector_rpm_to_turn)) / STALLED_SHARE;
+  const bool stalled = look.along_turn_q36 < look.target_turn_q36 / STALLED_SHARE;
   const bool against = look.dark && driving && (wanted_i_q25 ^ speed_turn_q36) < 0;
   const int64_t turned_q32 = (int64_t)(abs_sat(speed_turn_q36) >> 4) * j->settings.tick_cycles * (int32_t)VECTOR_GROUPS;
   j->backward_q32 = against ? clamp_i32(sat_i32(j->backward_q32 + turned_q32), 0, BACKWARD_Q32) : 0;
@@ -215,6 +218,17 @@ COLD static void ask_poles(vector_t *v, emf_look_t look) {
   const bool unproven = j->unproven == 1u && (j->frame.test || (look.dark && stalled && !look.turning));
   const bool asked = still || j->backward_q32 == BACKWARD_Q32 || unproven;
   j->frame.test = v->p->injection_rest.current_i_q25 > 0 && asked;
+}
+
+// Friction holds the rotor. A loop that noise makes slow would take seconds to the current that it needs: half a second to
+// the limit is enough.
+COLD static void break_away(vector_t *v, emf_look_t look) {
+  vector_injection_t *j = v->injection;
+  const bool stands = abs_sat(look.along_turn_q36) < look.target_turn_q36 / STANDS_SHARE;
+  if (look.dark && stands && !look.turning && !j->frame.test && !j->frame.limited) {
+    const int32_t step_i_q25 = j->settings.limit_i_q25 / (int32_t)(BREAK_AWAY_SHARE * v->lost_checks);
+    pi_shift(&j->frame.speed, (j->ramp.value_rpm_q8 < 0) ? -step_i_q25 : step_i_q25);
+  }
 }
 
 // With E the EMF of the estimated speed: what voltage and resistance leave of it, which is -E at the other pole and
@@ -246,12 +260,17 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   } else if (!wrong && j->proven < PROVEN_MOST * v->lost_checks) {
     j->proven++;
   }
-  ask_poles(v, (emf_look_t){
-                   .dark = dark,
-                   .without = abs_sat(along_v_q25) <= wrong_v_q25,
-                   .turning = turning,
-                   .doubt = settles || j->contradicted > 0u,
-               });
+  const int32_t speed_now_turn_q36 = v->report.vector.speed_turn_q36;
+  const emf_look_t look = {
+      .dark = dark,
+      .without = abs_sat(along_v_q25) <= wrong_v_q25,
+      .turning = turning,
+      .doubt = settles || j->contradicted > 0u,
+      .target_turn_q36 = abs_sat(gain_apply(j->ramp.value_rpm_q8, v->p->vector_rpm_to_turn)),
+      .along_turn_q36 = (j->ramp.value_rpm_q8 < 0) ? -speed_now_turn_q36 : speed_now_turn_q36,
+  };
+  ask_poles(v, look);
+  break_away(v, look);
   return j->frame.rest.pole < 0 || j->contradicted >= v->lost_checks + j->proven;
 }
 
