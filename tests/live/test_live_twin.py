@@ -14,7 +14,8 @@ from fluxlock.config.scenario import Fault
 from fluxlock.cosim.outcome import Run, finished
 from fluxlock.interface.settings import load_settings
 from fluxlock.live import messages
-from fluxlock.live.twin import RefusedError, Twin
+from fluxlock.live.source import RefusedError
+from fluxlock.live.twin import Twin
 from fluxlock.native import averaged_motor as am
 from fluxlock.native import six_step_run, vector_run
 from fluxlock.native.play import ScenarioPlay

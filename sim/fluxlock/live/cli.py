@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from fluxlock.analysis.six_step.output import prepare_folder
-from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.help import complete_toml
 from fluxlock.paths import RESULTS
 
@@ -30,7 +30,9 @@ def live(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="SOURCE", help="Scenario file (TOML); its twin runs.", autocompletion=complete_toml("scenarios")
+            metavar="SOURCE",
+            help="Scenario file (TOML), whose twin runs, or folder of a finished run, which is shown again.",
+            autocompletion=complete_toml("scenarios"),
         ),
     ],
     host: Annotated[str, typer.Option(help="Address to listen at; beyond this machine a token is needed.")] = LOOPBACK[
@@ -58,18 +60,28 @@ def live(
 ) -> None:
     """Show a running drive on a page: turn its knobs, break it by a click, look at any trace.
 
-    The source is the twin: the firmware as a program on a machine model, with the true angle beside the drive's.
+    A scenario runs as the twin: the firmware as a program on a machine model, which knows the true angle.
     The page exports what was done as a scenario, which `fluxlock native --play` repeats. Ctrl-C ends the program.
     """
     if missing := [name for name in LIBRARIES if find_spec(name) is None]:
         raise ConfigError([Problem("live", "", f"the page needs {', '.join(missing)}: {EXTRA}")])
     from fluxlock.cosim.cautions import checked
     from fluxlock.live.link import Link
+    from fluxlock.live.replay import read_run
     from fluxlock.live.server import Server, application
     from fluxlock.native.player import check_playable
 
-    scenario = checked(source, set_ or (), allow_overload)
-    check_playable(scenario)
+    shown: Scenario | Path
+    if source.is_dir():
+        if set_ or seed is not None or allow_overload:
+            text = "a finished run is shown as it was; leave out --set, --seed and --allow-overload"
+            raise ConfigError([Problem("live", str(source), text)])
+        read_run(source)
+        shown, used_seed = source.resolve(), 0
+    else:
+        shown = checked(source, set_ or (), allow_overload)
+        check_playable(shown)
+        used_seed = shown.seed if seed is None else seed
     folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
     prepare_folder(folder)
     if token is None:
@@ -80,10 +92,10 @@ def live(
     listener = listening(host, port)
     number = listener.getsockname()[1]
     server = Server(folder, token)
-    link = Link(scenario, scenario.seed if seed is None else seed, speed, server.tell)
+    link = Link(shown, used_seed, speed, server.tell)
     hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
-    shown = f"[{host}]" if ":" in host else host
-    address = f"http://{shown}:{number}/" + (f"?token={token}" if token else "")
+    place = f"[{host}]" if ":" in host else host
+    address = f"http://{place}:{number}/" + (f"?token={token}" if token else "")
     print(f"page: {address}", flush=True)
     if browser:
         webbrowser.open(address)

@@ -10,6 +10,7 @@ import multiprocessing
 import threading
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from fluxlock.config import Scenario
@@ -23,8 +24,10 @@ END_S = 2.0
 class Link:
     """One source. tell: called in the event loop with each message for all viewers."""
 
-    def __init__(self, scenario: Scenario, seed: int, factor: float, tell: Callable[[dict[str, Any]], None]) -> None:
-        self._arguments, self._tell = (scenario, seed, factor), tell
+    def __init__(
+        self, shown: Scenario | Path, seed: int, factor: float, tell: Callable[[dict[str, Any]], None]
+    ) -> None:
+        self._arguments, self._tell = (shown, seed, factor), tell
         self.ring = Ring()
         self.hello: dict[str, Any] | None = None
         self.status: dict[str, Any] = {}

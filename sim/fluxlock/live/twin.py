@@ -23,17 +23,13 @@ from fluxlock.config.write import scenario_texts
 from fluxlock.firmware.binding import names
 from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.live import messages
+from fluxlock.live.source import SLICE_S, RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats, columns
 from fluxlock.native.player import player
 
-SLICE_S = 0.005  # simulated without a look at the clock
 KEPT_S = 0.5  # simulated between two calls of `take`
 END_S = 0.05  # window of an exported scenario
 SPEED_SHARE = 0.01  # of the mean speed there, to its limits
-
-
-class RefusedError(ValueError):
-    """An action that the drive or the tools do not take; the text is for the page."""
 
 
 @dataclass
@@ -75,6 +71,7 @@ class Twin:
         s = self.scenario
         return {
             "name": s.name,
+            "source": "twin",
             "method": s.drive.method,
             "max_speed_rpm": s.motor.max_speed_rpm,
             "supply_v": s.inverter.supply_v,
@@ -83,6 +80,7 @@ class Twin:
             "settings": self.settings,
             "states": names("drive_state_t"),
             "phases": ["A", "B", "C"],
+            "without": [],
         }
 
     def advance(self, seconds: float) -> None:

@@ -12,11 +12,14 @@ from __future__ import annotations
 import signal
 import time
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.live import messages
-from fluxlock.live.twin import KEPT_S, SLICE_S, RefusedError, Twin
+from fluxlock.live.replay import Replay
+from fluxlock.live.source import SLICE_S, RefusedError, Source
+from fluxlock.live.twin import KEPT_S, Twin
 
 ROUND_S = 0.03  # between two looks at the pipe
 LAG_S = 0.2  # what the clock is ahead by at most
@@ -26,15 +29,16 @@ SHARE = 0.3  # of the time factor's mean, that a round adds
 class Worker:
     """One source and its clock."""
 
-    def __init__(self, pipe: Connection, scenario: Scenario, seed: int, factor: float) -> None:
-        self._pipe, self._scenario, self._seed = pipe, scenario, seed
+    def __init__(self, pipe: Connection, shown: Scenario | Path, seed: int, factor: float) -> None:
+        self._pipe, self._shown, self._seed = pipe, shown, seed
         self.wanted, self.reached = factor, 0.0
         self._step_s = 0.0  # still to go of a step
         self._begin()
 
     def _begin(self) -> None:
-        self.twin = Twin(self._scenario, self._seed)
-        self._send({"kind": "hello"} | self.twin.hello())
+        shown = self._shown
+        self.source: Source = Replay(shown) if isinstance(shown, Path) else Twin(shown, self._seed)
+        self._send({"kind": "hello"} | self.source.hello())
         self._due = time.monotonic()
         self._told = 0
 
@@ -60,20 +64,20 @@ class Worker:
             elif isinstance(order, messages.Step):
                 self.wanted, self._step_s = 0.0, order.seconds
             elif isinstance(order, messages.Export):
-                self._send({"kind": "files", "name": order.name, "texts": self.twin.export(order.name)})
+                self._send({"kind": "files", "name": order.name, "texts": self.source.export(order.name)})
             else:
-                self.twin.act(order)
+                self.source.act(order)
         except RefusedError as error:
             self._send({"kind": "error", "text": str(error)})
 
     def _advance(self) -> None:
         """What the clock has come on by; a source that is too slow for it does not race to catch up."""
-        begin, from_s = time.monotonic(), self.twin.now
+        begin, from_s = time.monotonic(), self.source.now
         if self._step_s > 0.0:
             while self._step_s > 0.0 and time.monotonic() < begin + ROUND_S:
-                before = self.twin.now
-                self.twin.advance(min(SLICE_S, self._step_s))
-                self._step_s = max(0.0, self._step_s - (self.twin.now - before))
+                before = self.source.now
+                self.source.advance(min(SLICE_S, self._step_s))
+                self._step_s = max(0.0, self._step_s - (self.source.now - before))
                 if self._step_s < 1e-9:
                     self._step_s = 0.0
             self.reached = 0.0
@@ -83,29 +87,32 @@ class Worker:
             return
         self._due = max(self._due, begin - LAG_S)
         goal_s = from_s + min((begin - self._due) * self.wanted, KEPT_S - 2 * SLICE_S)
-        while self.twin.now < goal_s - 1e-9 and time.monotonic() < begin + ROUND_S:
-            self.twin.advance(goal_s - self.twin.now)
-        self._due += (self.twin.now - from_s) / self.wanted
+        while self.source.now < goal_s - 1e-9 and time.monotonic() < begin + ROUND_S:
+            self.source.advance(goal_s - self.source.now)
+        self._due += (self.source.now - from_s) / self.wanted
         rest = begin + ROUND_S - time.monotonic()
         if rest > 0.0:
             self._pipe.poll(rest)
-        factor = (self.twin.now - from_s) / max(time.monotonic() - begin, 1e-6)
+        factor = (self.source.now - from_s) / max(time.monotonic() - begin, 1e-6)
         self.reached += SHARE * (factor - self.reached)
 
     def _tell(self) -> None:
-        time_s, rows = self.twin.take()
-        for entry in self.twin.said[self._told :]:
+        time_s, rows = self.source.take()
+        for entry in self.source.said[self._told :]:
             self._send(entry)
-        self._told = len(self.twin.said)
-        status = self.twin.status() | {"wanted": self.wanted, "reached": self.reached}
+        self._told = len(self.source.said)
+        status = self.source.status() | {"wanted": self.wanted, "reached": self.reached}
         self._send({"kind": "rows", "time_s": time_s, "rows": rows, "status": status})
 
 
-def work(pipe: Connection, scenario: Scenario, seed: int, factor: float) -> None:
-    """Run in a process of its own until the other end of the pipe closes; Ctrl-C is the parent's."""
+def work(pipe: Connection, shown: Scenario | Path, seed: int, factor: float) -> None:
+    """Run in a process of its own until the other end of the pipe closes; Ctrl-C is the parent's.
+
+    shown: a scenario, whose twin runs, or the folder of a finished run, which is shown again.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        Worker(pipe, scenario, seed, factor).run()
+        Worker(pipe, shown, seed, factor).run()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
     except ConfigError as error:

@@ -7,8 +7,8 @@
 
 /** @typedef {{name: string, kind: string, text: string, choices: string[], unit: string, decimals: number,
  *   low: number|null, high: number|null, permitted: string, value: string}} Setting */
-/** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, method: string,
- *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, phases: string[]}} Hello */
+/** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, source: string, method: string,
+ *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, phases: string[], without: string[]}} Hello */
 
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "vdc", "torque_nm",
   "angle_error_deg", "state"];
@@ -157,8 +157,9 @@ function build(message) {
   hello = message;
   banner("");
   at("said").replaceChildren();
-  at("name").textContent = `${message.name} — twin, ${message.method}`;
+  at("name").textContent = `${message.name} — ${message.source}${message.method ? `, ${message.method}` : ""}`;
   document.title = `${message.name} — Fluxlock live`;
+  for (const id of ["knobs", "breaks", "table", "export"]) at(id).hidden = message.source !== "twin";
   Object.assign(at("speed"), { min: -message.max_speed_rpm, max: message.max_speed_rpm });
   at("supply").max = Math.max(message.supply_most_v, message.supply_v);
   at("settings").replaceChildren(...message.settings.map(knob));
@@ -173,7 +174,7 @@ function build(message) {
   if (again) return;
   at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
     const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: SHOWN.includes(name) });
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: SHOWN.includes(name) && !message.without.includes(name) });
     box.onchange = layout;
     label.title = text;
     label.append(box, ` ${name} / ${unit}`);
