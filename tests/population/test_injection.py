@@ -77,7 +77,7 @@ def test_machine_differs_from_its_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("index", [RIGHT, BLOCKED, TURNING, LITTLE_SALIENCY, LIGHT, STUCK])
 def test_lives_that_are_right(index: int) -> None:
-    """A rotor at rest, a blocked one, one that turns already; little saliency, little inertia for the file, much friction.
+    """A rotor at rest, a blocked one, one that turns already; little saliency, little inertia, much friction.
 
     Verifies: POP-09
     """

@@ -5,9 +5,9 @@
 
 The rule knows two reasons to wait. The divider: 6 time constants of its pole, at least 0.4 us. The edge terms of
 `[sensing.edge]`: until what an edge of the whole supply leaves in the open terminal's channel is below NOISES times the
-noise of a sample. The open terminal may have an edge of its own with it: a diode that held it at a rail lets it go to half
-the supply. Where the latter takes more than CARRIER_SHARE of a carrier, the rule stops there: a pulse
-must hold samples, and the drive stretches its carriers for them.
+noise of a sample. The open terminal may have an edge of its own with it: a diode that held it at a rail lets it go to
+half the supply. Where the edges take more than CARRIER_SHARE of a carrier, the rule stops there: a pulse must hold
+samples, and the drive stretches its carriers for them.
 """
 
 from __future__ import annotations
