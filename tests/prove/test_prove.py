@@ -15,8 +15,10 @@ import pytest
 from fluxlock import cli
 from fluxlock.config import load_inverter, load_motor
 from fluxlock.config.drive import MotorError
+from fluxlock.datasheet.library import machines
 from fluxlock.paths import ROOT
 from fluxlock.prove.cases import FAILS, HOLDS, REFUSED, SHARES, VALUES, Case, Row, cases, least_rpm, run_case
+from fluxlock.prove.library import library_life
 from fluxlock.prove.life import Machine, fitting_carrier_hz, life
 from fluxlock.prove.page import Proof, draw
 
@@ -26,7 +28,7 @@ PUMP, DRIVE = ROOT / "motors" / "pump-4pp.toml", ROOT / "inverters" / "drive-24v
 def pump() -> Machine:
     """The shipped pump, vector control."""
     motor, inverter = load_motor(PUMP), load_inverter(DRIVE)
-    machine = Machine(motor, inverter, "vector", fitting_carrier_hz(motor, inverter, "vector"))
+    machine = Machine(motor, inverter, "vector", fitting_carrier_hz(motor, inverter.supply_v, "vector"))
     return replace(machine, least_rpm=least_rpm(machine))
 
 
@@ -130,3 +132,25 @@ def test_bad_input(
     err = capsys.readouterr().err
     assert (caught.value.code, len(err.splitlines())) == (2, 1), err
     assert says in err
+
+
+OVERSPEED = "a light servo without friction loses its angle in this life: fault overspeed"
+
+
+@pytest.mark.parametrize(
+    "stem",
+    [
+        "maxon-ec-4pole-30-200w",
+        "hoverboard-hub-6-5in",
+        "shinano-la052-080e3nl1",
+        pytest.param("delta-ecma-c20604", marks=pytest.mark.xfail(strict=True, reason=OVERSPEED)),
+    ],
+)
+def test_a_machine_of_the_library(stem: str) -> None:
+    """Some of the library hold their life; the page has all (`python -m fluxlock.docs.library --run`).
+
+    Verifies: FRONT-72
+    """
+    entry = next(machine for machine in machines() if machine.stem == stem)
+    _, row = library_life(entry)
+    assert row.holds, row.reasons

@@ -51,7 +51,7 @@ def prove(
         raise ConfigError([Problem(str(motor), "phases", "the twin has three phases; `fluxlock run` has five")])
     folder = out if out is not None else RESULTS / f"{motor.stem}-prove"
     prepare_folder(folder, *FILES)
-    machine = Machine(loaded, stage, method, carrier_hz or fitting_carrier_hz(loaded, stage, method))
+    machine = Machine(loaded, stage, method, carrier_hz or fitting_carrier_hz(loaded, stage.supply_v, method))
     machine = replace(machine, least_rpm=least_rpm(machine))
     todo = cases(step_deg)
     with counting_bars(Console(stderr=True)) as bars:

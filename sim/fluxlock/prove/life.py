@@ -62,9 +62,9 @@ class Machine:
         return max(LOW_SHARE * self.motor.max_speed_rpm, LEAST_MARGIN * max(least, self.least_rpm))
 
 
-def fitting_carrier_hz(motor: Motor, inverter: Inverter, method: Method) -> float:
+def fitting_carrier_hz(motor: Motor, supply_v: float, method: Method) -> float:
     """Carrier with enough periods a turn at the highest speed, and a ripple below the rated current where it can be."""
-    quiet_hz = inverter.supply_v / (8 * min(motor.inductance_h) * motor.rated_current_a)
+    quiet_hz = supply_v / (8 * min(motor.inductance_h) * motor.rated_current_a)
     turns_hz = CARRIERS_A_TURN[method] * motor.electrical_hz(motor.max_speed_rpm)
     return float(1000 * math.ceil(max(turns_hz, min(max(quiet_hz, CARRIER_HZ[0]), CARRIER_HZ[1])) / 1000))
 
