@@ -71,6 +71,7 @@ def page() -> Iterator[Page]:
     errors: list[str] = []
     with sync_playwright() as playwright, playwright.chromium.launch(executable_path=path, args=["--no-sandbox"]) as b:
         made = b.new_context(viewport={"width": 1400, "height": 900}).new_page()
+        made.context.set_default_timeout(CHANGE_MS)
         made.on("pageerror", lambda error: errors.append(str(error)))
         yield made
     assert errors == []
@@ -91,7 +92,8 @@ def test_page(page: Page, tmp_path: Path) -> None:
     with running(tmp_path) as (address, process):
         page.goto(address)
         wait_for(page, "state", "running", START_MS)
-        assert page.locator("#plots .uplot").count() >= 5 and page.locator("#traces input:checked").count() >= 12
+        page.wait_for_function("document.querySelectorAll('#plots .uplot').length >= 5")
+        assert page.locator("#traces input:checked").count() >= 12
         page.fill("#set-accel_rpm_s", "40000")
         page.dispatch_event("#set-accel_rpm_s", "change")
         wait_for(page, "said", "set accel_rpm_s 40000 ok")
@@ -105,7 +107,7 @@ def test_page(page: Page, tmp_path: Path) -> None:
         wait_for(page, "triggered", "at ")
         page.click("#export")
         wait_for(page, "files", "my-play.toml")
-        assert page.evaluate("fluxlockDrawn.count") > 5
+        page.wait_for_function("fluxlockDrawn.count > 5")
 
         page.reload()
         wait_for(page, "said", "set speed_rpm 12000 ok")
