@@ -28,6 +28,7 @@ COMMANDS = {
     "timing/*.svg": "make diagrams",
     "identify.png": "fluxlock identify --plant motors/motor-2.toml --inverter inverters/bench-25v.toml"
     " --out motors/my-motor.toml",
+    "live.png": "fluxlock live scenarios/vector/start.toml",
     "six-step-soa.png": "fluxlock soa",
     "six-step-stability.png": "fluxlock stability",
     "six-step-spectrum.png": "fluxlock spectrum",

@@ -20,7 +20,7 @@ TWIN = """
 ## On the twin
 
 `python -m fluxlock.docs.library --run` gives each machine an inverter that fits, and one life of
-[prove](../howto/prove.md) under vector control, from rest at 0 degrees. The load is a fan with 80 % of the rated torque
+[prove](../start/prove.md) under vector control, from rest at 0 degrees. The load is a fan with 80 % of the rated torque
 at the highest speed. Lowest and highest speed are those that the life demands.
 
 | file | outcome | lowest, r/min | highest, r/min | speed error, % | angle error, deg rms | why not |
