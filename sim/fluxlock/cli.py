@@ -468,7 +468,7 @@ def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
 
 app.command(
     rich_help_panel=LIVE,
-    epilog=example("fluxlock live scenarios/own-spindle.toml", "fluxlock live my-scenario.toml --port 0 --browser"),
+    epilog=example("fluxlock live scenarios/own-spindle.toml", "fluxlock live my-drive.toml --port 0 --browser"),
 )(live)
 
 

@@ -46,7 +46,13 @@ def browser_path() -> str | None:
 def running(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """The command on a free port; its address, and its process."""
     command = [sys.executable, "-m", "fluxlock", "live", SCENARIO, "--port", "0", "--out", str(folder)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+
+    def hear() -> None:
+        """A test that runs in the background of a shell has been told to ignore Ctrl-C."""
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, text=True, start_new_session=True, preexec_fn=hear) as process:
         assert process.stdout is not None
         try:
             yield process.stdout.readline().removeprefix("page: ").strip(), process

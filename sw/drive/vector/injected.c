@@ -19,6 +19,7 @@
 #define BACKWARD_Q32 134217728  // 1/32 turn
 #define STALLED_SHARE 2         // of the target
 #define STANDS_SHARE 8          // of the target
+#define STANDS_LOOKS 20u        // 0.1 s
 #define BREAK_AWAY_SHARE 100u   // 0.5 s
 #define FIRST_RESULTS 3u
 #define WAVE_AFTER 2u  // steps after the one whose set presets the state
@@ -114,6 +115,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->settling = 0;
   j->proven = 0;
   j->backward_q32 = 0;
+  j->standing = 0;
   j->unproven = j->frame.resting ? 0u : DARK_SHARE * v->lost_checks;
   j->command = (injection_frame_command_t){.inject = true};
   current_wave_anew(&v->command);
@@ -220,12 +222,16 @@ COLD static void ask_poles(vector_t *v, emf_look_t look) {
   j->frame.test = v->p->injection_rest.current_i_q25 > 0 && asked;
 }
 
-// Friction holds the rotor. A loop that noise makes slow would take seconds to the current that it needs: half a second to
-// the limit is enough.
+// A rotor that has stood for 0.1 s: friction holds it. A loop that noise makes slow would take seconds to the current that it
+// needs; half a second to the limit is enough.
 COLD static void break_away(vector_t *v, emf_look_t look) {
   vector_injection_t *j = v->injection;
-  const bool stands = abs_sat(look.along_turn_q36) < look.target_turn_q36 / STANDS_SHARE;
-  if (look.dark && stands && !look.turning && !j->frame.test && !j->frame.limited) {
+  const bool slow = abs_sat(look.along_turn_q36) < look.target_turn_q36 / STANDS_SHARE;
+  if (!look.dark || !slow || look.turning || j->frame.test) {
+    j->standing = less(j->standing);
+  } else if (j->standing < STANDS_LOOKS * v->lost_checks) {
+    j->standing++;
+  } else if (!j->frame.limited) {
     const int32_t step_i_q25 = j->settings.limit_i_q25 / (int32_t)(BREAK_AWAY_SHARE * v->lost_checks);
     pi_shift(&j->frame.speed, (j->ramp.value_rpm_q8 < 0) ? -step_i_q25 : step_i_q25);
   }

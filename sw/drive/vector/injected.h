@@ -50,6 +50,7 @@ typedef struct {
   uint32_t proven;        // looks at which it confirmed it, less those at which it was too small to tell
   uint32_t unproven;      // from 1 on: the pole is in doubt; looks that the EMF has left to tell it
   int32_t backward_q32;   // by which the rotor has gone against a current that drives it
+  uint32_t standing;      // looks at which the rotor stood though it was to turn
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there
