@@ -9,7 +9,6 @@ import asyncio
 import json
 import random
 import string
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from websockets.typing import Origin
 
 from fluxlock.live import messages
 from fluxlock.live.cli import listening
+from fluxlock.live.link import Link
 from fluxlock.live.server import Server, application
 from fluxlock.live.traces import NAMES, Ring
 
@@ -59,15 +59,13 @@ PATHS = (
 )
 
 
-class Quiet:
+class Quiet(Link):
     """A source that only keeps what it is told."""
 
     def __init__(self) -> None:
+        super().__init__(Path(), 1, 1.0, lambda _: None)
         self.ring, self.orders = Ring(4096), list[object]()
-        self.hello: dict[str, Any] | None = {"kind": "hello", "name": "none"}
-        self.status: dict[str, Any] = {}
-        self.said: deque[dict[str, Any]] = deque()
-        self.died = ""
+        self.hello = {"kind": "hello", "name": "none"}
         time_s = np.arange(1000) * 1e-3
         self.ring.append(time_s, np.tile(np.sin(20 * time_s), (len(NAMES), 1)).astype(np.float32))
 
@@ -86,8 +84,7 @@ def client_of(folder: Path, token: str = "") -> tuple[TestClient, Quiet, Server]
 
 
 def application_of(server: Server, link: Quiet) -> Starlette:
-    # All that the server asks of a Link.
-    return application(server, link, ["127.0.0.1", "localhost"])  # type: ignore[arg-type]
+    return application(server, link, ["127.0.0.1", "localhost"])
 
 
 def answer(socket: Any) -> dict[str, Any] | bytes:

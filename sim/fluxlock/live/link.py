@@ -10,6 +10,7 @@ import multiprocessing
 import threading
 from collections import deque
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ class Link:
             return False
         return True
 
-    def _listen(self, pipe: Any, process: multiprocessing.process.BaseProcess) -> None:  # noqa: ANN401 - a Connection
+    def _listen(self, pipe: Connection, process: multiprocessing.process.BaseProcess) -> None:
         why = ""
         try:
             while True:

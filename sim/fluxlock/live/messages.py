@@ -123,7 +123,8 @@ class Csv(Message):
 
 
 Action = Drive | Set | LoadFactor | Supply | Break
-Received = View | Action | Pace | Step | Restart | Export | Csv
+Order = Action | Pace | Step | Restart | Export  # to the source
+Received = View | Csv | Order
 _ADAPTER: TypeAdapter[Received] = TypeAdapter(Annotated[Received, Field(discriminator="kind")])
 
 

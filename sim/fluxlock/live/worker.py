@@ -55,7 +55,7 @@ class Worker:
             self._advance()
             self._tell()
 
-    def _take(self, order: Any) -> None:  # noqa: ANN401 - any message of `messages`
+    def _take(self, order: messages.Order) -> None:
         try:
             if isinstance(order, messages.Restart):
                 self._begin()
