@@ -155,11 +155,33 @@ def _carrier_hz(d: Draw, method: Method) -> float:
     return float(round(max(least_hz, min(wanted_hz, CARRIER_HZ[1]))))
 
 
+def usual_dead_time_s(carrier_hz: float) -> float:
+    """A share of the carrier, within what gate drivers have; whole clocks of 50 MHz."""
+    return math.ceil(min(max(DEAD_TIME_SHARE / carrier_hz, DEAD_TIME_S[0]), DEAD_TIME_S[1]) * 50e6) / 50e6
+
+
+def stage(name: str, supply_v: float, switch_ohm: float, dead_s: float, trip_a: float) -> Inverter:
+    """An inverter with full scales just above its supply and its trips."""
+    return Inverter(
+        name=name,
+        supply_v=supply_v,
+        on_resistance_ohm=six_digits(switch_ohm),
+        dead_time_s=dead_s,
+        min_pulse_s=2 * dead_s,
+        sensing=Sensing(
+            sample_period_s=1e-6,
+            voltage_full_scale_v=six_digits(1.3 * supply_v),
+            current_full_scale_a=six_digits(1.1 * trip_a),
+            divider_pole_s=100e-9,
+        ),
+        protection=Protection(phase_current_a=six_digits(trip_a), dc_current_a=six_digits(trip_a)),
+    )
+
+
 def parts(d: Draw, method: Method) -> Parts:
     """Machine, inverter and load in SI units, for a method: it decides how much EMF the supply's voltage allows."""
     carrier_hz = _carrier_hz(d, method)
-    dead_s = min(max(DEAD_TIME_SHARE / carrier_hz, DEAD_TIME_S[0]), DEAD_TIME_S[1])
-    dead_s = math.ceil(dead_s * 50e6) / 50e6
+    dead_s = usual_dead_time_s(carrier_hz)
     omega = 2 * math.pi * d.base_hz
     fundamental = 4 * math.sin(math.pi / 6) / (math.pi * math.pi / 6) if d.emf == "trapezoidal" else 1.0
     l_d = 2 * d.inductance_pu / (1 + d.saliency)
@@ -203,20 +225,7 @@ def parts(d: Draw, method: Method) -> Parts:
     ripple_a = d.supply_v / (8 * min(motor.inductance_h) * carrier_hz)
     trip_a = TRIP_SHARE * limit_a + ripple_a / 2
     supply_v = six_digits(d.supply_v)
-    inverter = Inverter(
-        name=f"Inverter {d.name}",
-        supply_v=supply_v,
-        on_resistance_ohm=six_digits(ohm * SWITCH_SHARE),
-        dead_time_s=dead_s,
-        min_pulse_s=2 * dead_s,
-        sensing=Sensing(
-            sample_period_s=1e-6,
-            voltage_full_scale_v=six_digits(1.3 * supply_v),
-            current_full_scale_a=six_digits(1.1 * trip_a),
-            divider_pole_s=100e-9,
-        ),
-        protection=Protection(phase_current_a=six_digits(trip_a), dc_current_a=six_digits(trip_a)),
-    )
+    inverter = stage(f"Inverter {d.name}", supply_v, ohm * SWITCH_SHARE, dead_s, trip_a)
     fan, viscous, coulomb = (share * d.light * torque_nm for share in d.load)
     load = Load(
         fan_torque_nm=six_digits(fan),
