@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from fluxlock.config import Inverter, Load, Motor
 from fluxlock.config.machine import Machine
+from fluxlock.plant.emf import THIRD_TURN
 
 STEP_S = 5e-6
 
@@ -80,7 +81,7 @@ HALL_MAP = np.array([7, 0, 2, 1, 4, 5, 3, 7])
 @numba.njit(cache=True)
 def emf_shape(theta: float, phase: int, trapezoid: float) -> float:
     """EMF of a phase over psi*omega_e: -sin, or a trapezoid with a flat top of 120 degrees."""
-    angle = (theta - phase * 2.0943951023931953) % 6.283185307179586
+    angle = (theta - phase * THIRD_TURN) % 6.283185307179586
     if trapezoid == 0.0:
         return -math.sin(angle)
     sixths = angle / 1.0471975511965976
@@ -303,7 +304,7 @@ def torque_of(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.floa
         return float(k * pair * s[I_NOW])
     total = 0.0
     for x in range(3):
-        a = 2.0943951023931953 * x
+        a = THIRD_TURN * x
         current = s[I_ALPHA] * math.cos(a) + s[I_BETA] * math.sin(a)
         total += current * phase_shape(s[THETA], x, m)
     return float(k * total)
@@ -389,11 +390,11 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         v_alpha, v_beta = 0.0, 0.0
         for x in range(3):
             if c[C_LEG + x] == LEG_PWM_HIGH:
-                a = 2.0943951023931953 * x
+                a = THIRD_TURN * x
                 v_alpha += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.cos(a)
                 v_beta += 2.0 / 3.0 * c[C_DUTY] * m[M_VDC] * math.sin(a)
         for x in range(3):
-            a = 2.0943951023931953 * x
+            a = THIRD_TURN * x
             e = phase_shape(s[THETA], x, m) * m[M_PSI] * omega_e
             v_alpha -= 2.0 / 3.0 * e * math.cos(a)
             v_beta -= 2.0 / 3.0 * e * math.sin(a)
@@ -401,7 +402,7 @@ def currents(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float
         s[I_ALPHA] = v_alpha / m[M_R] + (s[I_ALPHA] - v_alpha / m[M_R]) * keep
         s[I_BETA] = v_beta / m[M_R] + (s[I_BETA] - v_beta / m[M_R]) * keep
         if m[M_OPEN] >= 0.0:  # no current along the axis of a phase that is not connected
-            cosine, sine = math.cos(2.0943951023931953 * m[M_OPEN]), math.sin(2.0943951023931953 * m[M_OPEN])
+            cosine, sine = math.cos(THIRD_TURN * m[M_OPEN]), math.sin(THIRD_TURN * m[M_OPEN])
             along = s[I_ALPHA] * cosine + s[I_BETA] * sine
             s[I_ALPHA] -= along * cosine
             s[I_BETA] -= along * sine

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.firmware.binding import types as c_types
 from fluxlock.headers import CData
+from fluxlock.plant.emf import THIRD_TURN
 
 Registers = NDArray[np.uint32]
 Array = Any  # of one record, or of rows, whose fields mypy does not know
@@ -39,7 +40,6 @@ Whole = Any  # int, or a number of a register
 Q17, Q32, Q36 = 2**17, 2**32, 2**36
 PENDING = 2
 STEPS = 2  # of Runge and Kutta's rule, a voltage
-THIRD_TURN = 2 * math.pi / 3
 AXIS_B, AXIS_C = cmath.exp(1j * THIRD_TURN), cmath.exp(-1j * THIRD_TURN)
 SEEN_CYCLES = 20 + 3  # filter and synchronisers of the encoder's inputs
 LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.analysis.rundata.LogKind
