@@ -208,7 +208,7 @@ COLD static void ask_poles(vector_t *v, emf_look_t look) {
   const int64_t turned_q32 = (int64_t)(abs_sat(speed_turn_q36) >> 4) * j->settings.tick_cycles * (int32_t)VECTOR_GROUPS;
   j->backward_q32 = against ? clamp_i32(sat_i32(j->backward_q32 + turned_q32), 0, BACKWARD_Q32) : 0;
   if (!look.dark && !(j->frame.test && look.doubt)) {
-    j->frame.rest.pole = 0;
+    j->frame.rest.pole = (j->frame.rest.pole < 0) ? j->frame.rest.pole : 0;
     if (j->proven >= v->lost_checks) {
       j->unproven = (j->contradicted > 0u) ? 1u : look.turning ? j->unproven : 0u;
     }
