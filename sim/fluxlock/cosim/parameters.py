@@ -8,6 +8,7 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.config.checks import check_scenario
 from fluxlock.config.console import number_of_line
 from fluxlock.config.fields import with_unit
 from fluxlock.firmware import ParameterBlock, ParameterError, compile_parameters
@@ -71,6 +72,17 @@ def check_parameters(scenario: Scenario) -> None:
     problems = _carriers(scenario, parameter_block(scenario))
     if problems:
         raise ConfigError(problems)
+
+
+def refusals(scenario: Scenario) -> list[str]:
+    """Why file checks and firmware refuse a scenario that was made from objects, a line each; empty: they do not."""
+    problems = check_scenario(scenario)
+    if not problems:
+        try:
+            check_parameters(scenario)
+        except ConfigError as error:
+            problems = error.problems
+    return [f"{problem.key}: {problem.message}" for problem in problems]
 
 
 def _problem(s: Scenario, error: ParameterError) -> Problem:

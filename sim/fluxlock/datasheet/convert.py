@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.constants import CURRENT_KINDS, EMF_KINDS, emf_factors, torque_factors
+from fluxlock.config.mistakes import AGREE
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.datasheet.entries import BY_OPTION, Value
 
-AGREE = 1.15  # largest ratio of what two values of one sheet say about the same constant: tolerances are 5 to 10 %
 SAME = 1.05  # a ratio within this says that another kind was meant
 USUAL_RUN_UP_S = 0.1  # at rated torque to the highest speed: stands in for an inertia that the sheet does not state
 # Option, key of [datasheet] with its kind, and how many of the key's unit make one of the option's.

@@ -16,13 +16,11 @@ from typing import Any
 from fluxlock.analysis.injection_choice import best, choices
 from fluxlock.analysis.injection_frequency import Rule, feasible
 from fluxlock.config import Load, Motor, Scenario
-from fluxlock.config.checks import check_scenario
 from fluxlock.config.drive import Drive
-from fluxlock.config.errors import ConfigError
 from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.scenario import Event
-from fluxlock.cosim.parameters import check_parameters
+from fluxlock.cosim.parameters import refusals
 from fluxlock.native.injection_run import InjectionRun
 from fluxlock.population.injection_draw import InjectionDraw, injection_ranges, parts
 
@@ -96,13 +94,7 @@ def injection_refusals(life: InjectionLife) -> list[str]:
     """Why the life is refused before the start, as the file checks name it; empty if it is not."""
     if life.unsettled:
         return [life.unsettled]
-    problems = check_scenario(life.scenario)
-    if not problems:
-        try:
-            check_parameters(life.scenario)
-        except ConfigError as error:
-            problems = error.problems
-    return [f"{p.key}: {p.message}" for p in problems]
+    return refusals(life.scenario)
 
 
 def play_injection(life: InjectionLife) -> InjectionRun:

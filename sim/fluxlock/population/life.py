@@ -14,14 +14,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from fluxlock.config.checks import check_scenario
 from fluxlock.config.drive import Drive, MotorError, Zcd
-from fluxlock.config.errors import ConfigError
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import RPM_PER_RAD_S, Motor
 from fluxlock.config.scenario import Event, Expect, Initial, Scenario, Window
 from fluxlock.config.vector_loops import loops_of
-from fluxlock.cosim.parameters import check_parameters
+from fluxlock.cosim import parameters
 from fluxlock.firmware.design import Design
 from fluxlock.population.draw import Draw, Method, Parts, parts
 
@@ -273,11 +271,4 @@ def refusals(life: Life) -> list[str]:
     """Why the life is refused before the start, as the file checks name it; empty if it is not."""
     if life.lowest_rpm > REFUSED_SHARE * life.scenario.motor.max_speed_rpm:
         return [_too_fast(life)]
-    s = told_scenario(life.scenario)
-    problems = check_scenario(s)
-    if not problems:
-        try:
-            check_parameters(s)
-        except ConfigError as error:
-            problems = error.problems
-    return [f"{p.key}: {p.message}" for p in problems]
+    return parameters.refusals(told_scenario(life.scenario))

@@ -12,10 +12,10 @@ from typing import Any
 
 from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.api import simulate
-from fluxlock.config import ConfigError, Scenario
-from fluxlock.config.checks import check_scenario
+from fluxlock.config import ConfigError
 from fluxlock.config.drive import MotorError
 from fluxlock.config.vector_design import handover_rpm
+from fluxlock.cosim.parameters import refusals
 from fluxlock.prove.life import LIGHT, Machine, life
 from fluxlock.workers import side_by_side
 
@@ -71,19 +71,6 @@ class Row:
             "speed_off": self.off,
             "angle_deg": self.angle_deg,
         }
-
-
-def refusals(scenario: Scenario) -> list[str]:
-    """Why the file checks refuse a scenario."""
-    from fluxlock.cosim.parameters import check_parameters
-
-    problems = check_scenario(scenario)
-    if not problems:
-        try:
-            check_parameters(scenario)
-        except ConfigError as error:
-            problems = error.problems
-    return [f"{problem.key}: {problem.message}" for problem in problems]
 
 
 def run_case(machine: Machine, case: Case) -> Row:
