@@ -25,6 +25,7 @@ from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.live import messages
 from fluxlock.live.source import SLICE_S, RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats, columns
+from fluxlock.native.play import not_played
 from fluxlock.native.player import player
 
 KEPT_S = 0.5  # simulated between two calls of `take`
@@ -118,8 +119,8 @@ class Twin:
         if isinstance(action, messages.Supply):
             return {"supply_v": action.volt, "ramp_s": action.ramp_s}
         if isinstance(action, messages.Break):
-            if (problem := not_broken(action)) is not None:
-                raise RefusedError(problem)
+            if isinstance(why := not_played(action.fault), str):
+                raise RefusedError(why)
             return {"fault": action.fault.model_dump(exclude_unset=True)}
         if isinstance(action, messages.Set):
             line = f"set {action.name} {action.value}"
@@ -174,7 +175,7 @@ class Twin:
             "lost_locks": int(told.lost_locks),
             "target_rpm": int(told.target_rpm),
             "speed_rpm": told.speed_rpm_q8 / 256,
-            "load_factor": self.play._load_factor,
+            "load_factor": self.play.load_factor,
             "supply_v": self.play.supply_v,
             "values": {entry["name"]: entry["value"] for entry in self.settings},
         }
@@ -211,14 +212,6 @@ class Twin:
         kinds = ("duty_min", "voltage", "current", "speed", "lost_angle", "lost_lock", "end_state", "rejected")
         kept = [accept for accept in self.scenario.accept if accept.what in ("trip", "fault")]
         return kept + [Accept.model_validate({"what": kind, "why": why}) for kind in kinds]
-
-
-def not_broken(action: messages.Break) -> str | None:
-    """Why the twin does not take a fault."""
-    from fluxlock.native.play import not_played
-
-    found = not_played(action.fault)
-    return found if isinstance(found, str) else None
 
 
 def shown_setting(setting: Setting, scenario: Scenario, value: str) -> dict[str, Any]:

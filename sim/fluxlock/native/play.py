@@ -99,7 +99,7 @@ class ScenarioPlay(ABC):
         self.uart: list[str] = []
         self.rejected: list[Rejection] = []
         self.ramps: list[Ramp] = []
-        self._load_factor = 1.0
+        self.load_factor = 1.0
         self.supply_v = scenario.inverter.supply_v
 
     @property
@@ -154,7 +154,7 @@ class ScenarioPlay(ABC):
             self.rejected.append(Rejection(self.now, line, answer.removeprefix("error: ")))
 
     def _keep_load(self, factor: float) -> None:
-        self._load_factor = factor
+        self.load_factor = factor
         self.set_load(factor)
 
     def _keep_supply(self, volt: float) -> None:
@@ -164,7 +164,7 @@ class ScenarioPlay(ABC):
     def act(self, event: Event) -> None:
         """Carry out an event."""
         if event.load_factor is not None:
-            self.ramps.append(Ramp(self.now, event.ramp_s, self._load_factor, event.load_factor, self._keep_load))
+            self.ramps.append(Ramp(self.now, event.ramp_s, self.load_factor, event.load_factor, self._keep_load))
         elif event.supply_v is not None:
             self.ramps.append(Ramp(self.now, event.ramp_s, self.supply_v, event.supply_v, self._keep_supply))
         elif event.fault is not None:
