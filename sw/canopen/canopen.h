@@ -30,6 +30,7 @@ typedef struct canopen {
   uint32_t bit_rate_kbit_s;  // of the driver
   uint32_t resets;           // of the whole node; wraps. The driver takes the bit rate over when it changes
   bool wanted_fresh;         // canopen_wanted has changed; the driver clears it
+  bool written;              // an object has been, a step is due; the driver clears it
   uint32_t now_us;
   uint32_t value[OD_COUNT];  // two's complement, extended to 32 bits
   uint8_t label[OD_STRING_MAX];

@@ -13,7 +13,7 @@
 
 // That wait are taken together, before the console has its turn again.
 #define FRAMES_A_ROUND 4u
-// Between two steps of the node while no frame comes.
+// Between two steps of the node while no object is written.
 #define STEP_US 500u
 
 static canopen_t node;
@@ -122,7 +122,9 @@ static bool poll(void) {
   if (came) {
     canopen_receive(&node, &frame);
   }
-  if (came || driver.now_us - driver.stepped_us >= STEP_US) {
+  // A frame that is read, refused or passed over leaves the time to those behind it.
+  if (node.written || driver.now_us - driver.stepped_us >= STEP_US) {
+    node.written = false;
     driver.stepped_us = driver.now_us;
     tell_state();
     canopen_step(&node, driver.now_us);

@@ -100,6 +100,7 @@ uint32_t objects_check(canopen_t *node, uint32_t number, uint32_t value) {
 
 uint32_t objects_write(canopen_t *node, uint32_t number, uint32_t value) {
   const od_entry_t *entry = od_entry(number);
+  node->written = true;
   if ((entry->flags & OD_LIVE) != 0u) {
     return link_write(node->app, number, value) ? SDO_OK : SDO_VALUE;
   }
