@@ -243,6 +243,23 @@ def nominal(time: int, rel: int, sector: int = 1, **changes: Any) -> Sample:
 
 
 @cocotb.test()
+@cocotb.parametrize(need_previous=[0, 1, 3, 4, 6, 15])
+async def a_diode_lets_go(dut: Any, need_previous: int) -> None:
+    """After a clamped sample so many are passed over, though each lies past the threshold as a filter's answer would.
+
+    Verifies: ZCD-02
+    """
+    tb = TB(dut)
+    await tb.start(Settings(need_previous=need_previous, method=FIRST))
+    assert await tb.sample(nominal(0, 49000, comm_age=1000)) is None
+    for k in range(1, need_previous + 1):
+        assert await tb.sample(nominal(50 * k, 1000, comm_age=1000 + 50 * k)) is None, f"sample {k}"
+    last = 50 * (need_previous + 1)
+    got = await tb.sample(nominal(last, 1000, comm_age=1000 + last))
+    assert got == Crossing(last, True, 1, 1000, 0)
+
+
+@cocotb.test()
 async def six_thresholds(dut: Any) -> None:
     """Each sector has its own threshold and direction; rel is exact; wrong slopes give no crossing.
 
@@ -490,7 +507,7 @@ async def rules_on_random_streams(dut: Any, seed: int) -> None:
     rng = random.Random(100 + seed)
     settings = Settings(
         method=FIRST if seed % 4 == 3 else INTERPOLATED,
-        need_previous=seed % 4,
+        need_previous=(0, 1, 2, 5)[seed % 4],
         settle=rng.choice([0, 30, 100]),
         blank=rng.choice([0, 60, 200]),
         margin=rng.choice([0, 4096, 20000]),

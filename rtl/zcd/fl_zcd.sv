@@ -17,7 +17,7 @@
 //   - the last commutation lies cfg_blank_i or more clocks back,
 //   - no diode clamps the sample,
 //   - the cfg_need_previous_i samples before it were unclamped and from the same on-state: same sector, no gate change
-//     in between.
+//     in between. The filter of the terminal settles in them once a diode has let it go.
 // So no clamped or chopped-off sample takes part, on either side of the zero crossing.
 // Clamped: v < margin or v > vdc - margin. Third harmonic: a clamped phase gives |v_SM| = vdc/6, so the test is
 // |v_SM| > vdc/6 - margin, exactly 3 * (v - margin) < vdc or 3 * (v + margin) > 2 * vdc.
@@ -64,7 +64,7 @@ module fl_zcd
     input logic                    cfg_linear_i,         // flank: 0 sine, 1 straight line
     input logic                    cfg_use_mean_i,       // 0: interval_i, 1: mean_i
     input zc_source_e              cfg_source_i,         // 3 counts as terminal
-    input logic       [ 1:0]       cfg_need_previous_i,  // samples
+    input logic       [ 3:0]       cfg_need_previous_i,  // samples
     input logic       [15:0]       cfg_settle_i,         // clocks
     input logic       [15:0]       cfg_blank_i,          // clocks
     input logic       [16:0]       cfg_margin_i,         // 2^17 = full scale
@@ -108,7 +108,7 @@ module fl_zcd
   logic enable_q, compute_back_q, linear_q, use_mean_q, reverse_q;
   zc_method_e method_q;
   zc_source_e source_q;
-  logic [1:0] need_q;
+  logic [3:0] need_q;
   logic [15:0] settle_q, blank_q;
   logic [16:0] margin_q, peak_q;
   logic [7:0] wait_q8_q;
@@ -255,7 +255,7 @@ module fl_zcd
   end
 
   // Stage 4: decide.
-  logic [1:0] run_before, run_q;  // unclamped samples in a row in this on-state, up to 3
+  logic [3:0] run_before, run_q;  // unclamped samples in a row in this on-state, up to 15
   logic rising, counts, past, open, have_before, count, crossing;
   logic done_q, have_before_q;  // of this visit
 
@@ -272,7 +272,7 @@ module fl_zcd
 
   always_ff @(posedge clk_i) begin
     if (valid3_q) begin
-      run_q <= (!pwm_q.on || clamped_q) ? '0 : (run_before == '1) ? '1 : run_before + 2'd1;
+      run_q <= (!pwm_q.on || clamped_q) ? '0 : (run_before == '1) ? '1 : run_before + 4'd1;
       done_q <= !open || crossing;
       have_before_q <= have_before;
       if (counts && open && !past) begin

@@ -40,6 +40,7 @@ from fluxlock.analysis.verdict import Verdict, say
 from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.edge.cli import app as edge_app
+from fluxlock.edge.inverter_cli import app as inverter_app
 from fluxlock.export.command import export
 from fluxlock.flash.command import flash
 from fluxlock.generated import SourceError
@@ -84,6 +85,7 @@ app = typer.Typer(
 )
 app.add_typer(motor_app, name="motor", rich_help_panel=MOTOR)
 app.add_typer(edge_app, name="edge", rich_help_panel=MOTOR)
+app.add_typer(inverter_app, name="inverter", rich_help_panel=MOTOR)
 app.add_typer(six_step_app)  # soa, stability, spectrum, ...
 app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)

@@ -14,7 +14,8 @@
 #define ALL_TRIPS 0xFFu
 #define AUTO_ZERO_LOG2_SAMPLES 6u
 // Unclamped samples in the same on-state that a crossing's sample must follow.
-#define SAMPLES_BEFORE 1u
+#define SAMPLES_BEFORE_MIN 1u
+#define SAMPLES_BEFORE_MAX 15u
 // From the crossing to the commutation, over the interval, before advance.
 #define COMMUTATION_DELAY_Q16 0x8000
 // Updates in a row without new voltages that trip.
@@ -327,12 +328,23 @@ COLD static void write_thresholds(const threshold_command_t *command) {
   }
 }
 
+// A diode that lets the terminal go is an edge that no gate tells: after it the samples wait as long as after one of a gate.
+// The settle time holds a sample, that of the clamp. One sample a pulse has none before it.
+COLD static uint32_t samples_before(uint32_t sampling, const parameters_t *p) {
+  if (sampling == SAMPLING_ONCE) {
+    return 0;
+  }
+  const uint32_t waits = (uint32_t)p->zcd_settle_cycles / (uint32_t)p->sample_period_cycles;
+  if (waits <= SAMPLES_BEFORE_MIN) {
+    return SAMPLES_BEFORE_MIN;
+  }
+  return (waits > SAMPLES_BEFORE_MAX) ? SAMPLES_BEFORE_MAX : waits - 1u;
+}
+
 // What stays as it is while the drive runs. Averaging and computing back use the mean interval: the last one alternates
 // with every asymmetry and closes a loop through crossings that are computed back.
 COLD static void write_sequence(const sequence_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
-  // One sample a pulse has none before it.
-  const uint32_t need_previous = (command->sampling == SAMPLING_ONCE) ? 0u : SAMPLES_BEFORE;
   write_scheduler(command->sampling, p);
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
@@ -347,7 +359,7 @@ COLD static void write_sequence(const sequence_command_t *command, const paramet
   reg_write(REG(zcd.control), FIELD(FL_ZCD_REGS__CONTROL__ENABLE, command->zcd_enable ? 1 : 0) |
                                   FIELD(FL_ZCD_REGS__CONTROL__METHOD, crossing.zcd_method) |
                                   FIELD(FL_ZCD_REGS__CONTROL__COMPUTE_BACK, crossing.compute_back ? 1 : 0) |
-                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, need_previous) |
+                                  FIELD(FL_ZCD_REGS__CONTROL__NEED_PREVIOUS, samples_before(command->sampling, p)) |
                                   FIELD(FL_ZCD_REGS__CONTROL__LINEAR, p->zcd_linear) |
                                   FIELD(FL_ZCD_REGS__CONTROL__USE_MEAN, 1) |
                                   FIELD(FL_ZCD_REGS__CONTROL__SOURCE, crossing.zcd_source));

@@ -157,6 +157,11 @@ class Inverter(Model):
         """Gate pins that are active low: bit 0 the upper ones, bit 1 the lower ones."""
         return int(self.gate_high_active_low) | int(self.gate_low_active_low) << 1
 
+    def with_pole(self, pole_s: float) -> Self:
+        """The same one with another time constant of its dividers (s)."""
+        sensing = self.sensing.model_copy(update={"divider_pole_s": pole_s})
+        return self.model_copy(update={"sensing": sensing})
+
     @property
     def over_voltage_v(self) -> float:
         """Trip of the link, below the converter's full scale, which could never be exceeded."""

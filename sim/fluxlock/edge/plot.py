@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plot of commutation errors over the carrier."""
+"""Plots: commutation errors over the carrier, and what the dividers' filter does to them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 
 from fluxlock.analysis.pwm_phase import BINS, PhaseBins
 from fluxlock.analysis.six_step.plots import save
+from fluxlock.edge.advice import Budget, Choice
 
 
 def draw_phases(bins: PhaseBins, path: Path, title: str) -> None:
@@ -30,3 +32,43 @@ def draw_phases(bins: PhaseBins, path: Path, title: str) -> None:
     lower.set_xlabel("place of the crossing in the carrier, from the beginning of a pulse")
     lower.set_xlim(0.0, 1.0)
     save(figure, path)
+
+
+TERMS = (("noise", "noise_deg"), ("edges", "edges_deg"), ("lag", "lag_deg"), ("all three", "total_deg"))
+
+
+def _worst(choice: Choice) -> Budget:
+    return max(choice.budgets, key=lambda b: b.total_deg)
+
+
+def advice_figure(title: str, now: Choice, best: Choice, runs: Sequence[Choice], over: Mapping[str, Choice]) -> Figure:
+    """Error over the pole at the worst speed of each, and over the speed of the present and the advised pole.
+
+    over: choices with many speeds, by name.
+    """
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    poles_us = [c.pole_s * 1e6 for c in runs]
+    for label, key in TERMS:
+        values = [getattr(_worst(c), key) for c in runs]
+        left.loglog(poles_us, values, label=label, linewidth=2 if key == "total_deg" else 1)
+    left.axvline(best.pole_s * 1e6, color="C2", linestyle=":", label="advised")
+    if now.pole_s:
+        left.axvline(now.pole_s * 1e6, color="0.5", linestyle="--", label="now")
+    left.set_xlabel("pole of the dividers / us")
+    left.set_ylabel("commutation error at the worst speed, rms / deg el.")
+    total = [c.worst_deg for c in runs]
+    left.set_ylim(max(min(total) / 300, 1e-5), 3 * max(total))
+    for name, choice in over.items():
+        speeds = [b.speed_rpm for b in choice.budgets]
+        right.plot(speeds, [b.total_deg for b in choice.budgets], label=f"{name}, {choice.pole_s * 1e9:.0f} ns")
+        right.plot(speeds, [b.dividers_deg for b in choice.budgets], ":", color="0.6", linewidth=1)
+    right.plot([], [], ":", color="0.6", label="dividers, until learnt")
+    right.set_xlabel("r/min")
+    right.set_ylabel("commutation error, rms / deg el.")
+    right.set_ylim(bottom=0.0)
+    for axes in (left, right):
+        axes.grid(True, alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.suptitle(title)
+    return figure
