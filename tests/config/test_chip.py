@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import subprocess
+from pathlib import Path
+
 import pytest
 
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim import run
-from fluxlock.paths import ROOT
+from fluxlock.cosim.chip import compiler_words
+from fluxlock.paths import ROOT, tool_environment
 
 
 @pytest.mark.parametrize(
@@ -76,3 +80,20 @@ def test_can_and_injection() -> None:
         load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml", ("can={}",))
     with pytest.raises(ConfigError, match=r"can\.bit_rate_kbit_per_s: 800 is none of"):
         load_scenario(ROOT / "scenarios" / "demo.toml", ("can={bit_rate_kbit_per_s=800}",))
+
+
+def test_the_compiler_is_the_one_of_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Verilator's rules set compiler and linker: the environment's variable reaches them through make's words."""
+    monkeypatch.setenv("CXX", "my-c++ -m64")
+    env = tool_environment()
+    rules = f"include {env['VERILATOR_ROOT']}/include/verilated.mk\nshow:\n\t@echo '$(CXX)|$(LINK)'\n"
+    (tmp_path / "Makefile").write_text(rules)
+
+    def shown(words: list[str]) -> str:
+        line = ["make", "-s", "-C", str(tmp_path), "show", *words]
+        return subprocess.run(line, env=env, capture_output=True, text=True, check=True).stdout.strip()
+
+    assert shown(compiler_words(env)) == "my-c++ -m64|my-c++ -m64"
+    assert "my-c++" not in shown([])
+    monkeypatch.delenv("CXX")
+    assert compiler_words(tool_environment()) == []

@@ -10,6 +10,7 @@ import os
 import shutil
 import signal
 import subprocess
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -106,6 +107,11 @@ def _run(command: list[str], log: Path, env: dict[str, str]) -> None:
         lines = log.read_text().splitlines()
         shown = [line for line in lines if "rror" in line][:20] or lines[-20:]
         raise RuntimeError(f"building the chip failed; from {log}:\n" + "\n".join(shown))
+
+
+def compiler_words(env: Mapping[str, str]) -> list[str]:
+    """Words for make: Verilator's rules set compiler and linker, so that the environment's CXX alone has no effect."""
+    return [f"{name}={env['CXX']}" for name in ("CXX", "LINK") if env.get("CXX")]
 
 
 def _slow_source(folder: Path) -> None:
@@ -208,7 +214,7 @@ def build_chip(
         brief = waves or native or probe or board
         count = str(jobs or min(os.cpu_count() or 1, 4))
         make = ["make", "-j", count, "-C", str(folder), "-f", "Vtop.mk", f"VM_GLOBAL_SLOW={SLOW}"]
-        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_BRIEF if brief else OPT)]
+        make += ["VM_CLASSES_SLOW=", "VM_SUPPORT_SLOW=", *(OPT_BRIEF if brief else OPT), *compiler_words(env)]
         if waves:  # LDLIBS: Verilator's, without zlib and LZ4
             make += ["LDLIBS=$(VM_USER_LDLIBS) $(CFG_LDLIBS_THREADS)"]
         _run(make, log, env)
