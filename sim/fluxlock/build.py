@@ -95,17 +95,13 @@ def generate_html() -> Path:
 def main() -> int:
     """Command line of this module."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("step", choices=["regs", "rtl", "python", "html", "chip"])
+    parser.add_argument("step", choices=["regs", "rtl", "python", "html"])
     parser.add_argument("--force", action="store_true", help="generate again even if nothing changed")
     options = parser.parse_args()
     if options.step == "html":
         print(generate_html())
     elif options.step == "python":
         print(generate_python())
-    elif options.step == "chip":
-        from fluxlock.cosim.chip import build_chip
-
-        print(build_chip(method="six-step").executable)
     else:
         print(generate_registers(options.force))
         if options.step == "rtl":

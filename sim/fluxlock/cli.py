@@ -32,7 +32,7 @@ import typer
 from rich.console import Console
 
 from fluxlock.analysis.injection_cli import app as injection_app
-from fluxlock.analysis.rundata import PLOTTING, ProgressInfo, SimulationFault
+from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.analysis.six_step.cli import app as six_step_app
 from fluxlock.analysis.six_step.cli import read_trace
 from fluxlock.analysis.vector.cli import app as vector_app
@@ -52,6 +52,7 @@ from fluxlock.paths import BUILD, INSTALLED, RESULTS, ROOT, needs_checkout
 from fluxlock.population.cli import app as population_app
 from fluxlock.progress import ProgressBar
 from fluxlock.prove.command import prove
+from fluxlock.stage import PLOTTING, ProgressInfo
 from fluxlock.sweep_cli import sweep
 from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
 

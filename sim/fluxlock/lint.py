@@ -218,6 +218,12 @@ def mypy() -> list[Part]:
     return [partial(_run, [sys.executable, "-m", "mypy"])]
 
 
+def imports() -> list[Part]:
+    """No circle among the packages, nor among the modules of one; imports for types alone do not count."""
+    tool = str(Path(sys.executable).with_name("lint-imports"))
+    return [partial(_run, [tool, "pyproject.toml", "--no-cache", "--no-logo"])]
+
+
 def matrix() -> list[Part]:
     """Requirements and what verifies them: nothing gone, nothing unknown, every requirement verified."""
     return [partial(_run, [sys.executable, "-m", "fluxlock.docs.matrix", "--check", "--strict"])]
@@ -236,6 +242,7 @@ def readable() -> list[Part]:
 CHECKS: dict[str, Callable[[], list[Part]]] = {
     "c": c_code,  # what takes longest in one piece is begun first
     "mypy": mypy,
+    "imports": imports,
     "licences": licences,
     "matrix": matrix,
     "ruff": ruff,

@@ -19,7 +19,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from fluxlock.analysis.rundata import BUILDING, ProgressInfo
+from fluxlock.stage import BUILDING, ProgressInfo
 
 
 class Bars(Progress):

@@ -19,8 +19,9 @@ from fluxlock.cosim.outcome import write_outcome
 from fluxlock.figures import FIGURES, Drawing, Entry
 from fluxlock.figures import command as figures
 from fluxlock.figures.figure import FigureEntry
-from fluxlock.regression import CASES, Row, runner
-from fluxlock.regression.case import Case
+from fluxlock.regression import run as regression_run
+from fluxlock.regression import runner
+from fluxlock.regression.case import CASES, Case, Row
 from fluxlock.regression.runner import Runner
 from tests.analysis.test_verdict import BASE, CURRENT, RUNNING, run
 
@@ -57,7 +58,7 @@ def test_rows(simulator: None, monkeypatch: pytest.MonkeyPatch, accept: dict[str
     Verifies: FRONT-37
     """
     monkeypatch.setitem(CASES, "vouched", Case("vouched", _case(accept)))
-    first, *others = runner._rows("vouched", False, 1)
+    first, *others = regression_run._rows("vouched", False, 1)
     assert first["id"] == "vouched/row" and first["pass"]
     if passed:
         assert others == []

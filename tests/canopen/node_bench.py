@@ -10,9 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 from fluxlock.canopen.dictionary import Entry
-from fluxlock.canopen.host import Frame
 from fluxlock.firmware import build_canopen_library
 from fluxlock.native.drive import STEP_US, NativeDrive
+from fluxlock.native.node import Frame
 from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from fluxlock.canopen.dictionary import Dictionary
-from fluxlock.canopen.host import EXTENDED, REMOTE, Frame
+from fluxlock.native.node import EXTENDED, REMOTE, Frame
 from tests.canopen.node_bench import NODE, NodeBench
 
 # Abort codes of the standard that the server may send.

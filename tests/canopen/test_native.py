@@ -17,10 +17,10 @@ import pytest
 
 from fluxlock.analysis.verdict import Verdict
 from fluxlock.can_bus import open_bus
-from fluxlock.canopen.host import Frame
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.native.averaged_motor import M_CONSTANT, M_COULOMB, M_FAN, M_P, M_VISCOUS
 from fluxlock.native.drive import drive_of_scenario
+from fluxlock.native.node import Frame
 from fluxlock.native.program import MemoryFile, verdict_of
 from fluxlock.native.recorder import Recorder
 from fluxlock.native.serve import FRAMES_A_STEP, serve

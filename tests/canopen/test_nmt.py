@@ -9,7 +9,7 @@ import struct
 
 import pytest
 
-from fluxlock.canopen.host import EXTENDED, REMOTE
+from fluxlock.native.node import EXTENDED, REMOTE
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 HEARTBEAT, EMCY, SYNC = 0x700 + NODE, 0x80 + NODE, 0x80

@@ -13,7 +13,7 @@ import pytest
 
 from fluxlock.canopen.dictionary import Entry
 from fluxlock.canopen.eds import eds
-from fluxlock.canopen.host import Frame
+from fluxlock.native.node import Frame
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 # Objects whose writes act, or need more than their range.

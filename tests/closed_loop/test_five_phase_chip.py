@@ -12,7 +12,6 @@ import numpy as np
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.config import load_inverter, load_motor
 from fluxlock.paths import ROOT
-from fluxlock.regression import Runner
 from fluxlock.regression.five_phase.modulation import (
     CARRIERS,
     FIELD_HZ,
@@ -25,6 +24,7 @@ from fluxlock.regression.five_phase.modulation import (
     THIRD_PERCENT,
     modulated,
 )
+from fluxlock.regression.runner import Runner
 
 
 def test_modulator_drives_the_five_phase_plant() -> None:

@@ -27,7 +27,7 @@ import typer.rich_utils
 from rich.console import Console
 
 from fluxlock import cli
-from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault, load_trace
+from fluxlock.analysis.rundata import Rejection, RunData, SimulationFault, load_trace
 from fluxlock.campaign import command as campaign
 from fluxlock.campaign.grid import DRIVES
 from fluxlock.config import Scenario
@@ -36,6 +36,7 @@ from fluxlock.cosim.run import rejected_lines
 from fluxlock.interface.settings import SettingsError
 from fluxlock.paths import ROOT
 from fluxlock.progress import ProgressBar, counting_bars
+from fluxlock.stage import BUILDING, ProgressInfo
 from tests.analysis.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]

@@ -70,11 +70,11 @@ def test_interrupted_while_workers_load(seen: str) -> None:
     Verifies: FRONT-18
     """
     program = """
-from fluxlock.regression import runner
+from fluxlock.regression import run
 
 print("workers begin", file=sys.stderr, flush=True)
 try:
-    runner.side_by_side(runner._rows, ["a", "b"], 2, print)
+    run.side_by_side(run._rows, ["a", "b"], 2, print)
 except KeyboardInterrupt:
     sys.exit(130)
 """

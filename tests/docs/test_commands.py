@@ -21,7 +21,7 @@ from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.config.loader import keys_of
 from fluxlock.drive import Drive
 from fluxlock.paths import ROOT
-from fluxlock.regression.runner import select
+from fluxlock.regression.run import select
 from fluxlock.synth.blocks import ALL_BLOCKS, block_files, load_settings
 from fluxlock.synth.configurations import load_configurations
 

@@ -17,7 +17,7 @@ import pytest
 import fluxlock.regression.sets  # noqa: F401  (registers the cases)
 from fluxlock.docs.parameter_map import parameter_map
 from fluxlock.docs.regression import PAGE, page
-from fluxlock.regression import origin, runner
+from fluxlock.regression import origin, run
 from fluxlock.regression.case import CASES
 from fluxlock.regression.record import read_record
 
@@ -49,7 +49,7 @@ def row(name: str, revision: str | None = "aaa", seed: int = 1) -> dict[str, Any
 
 
 def document(*rows: dict[str, Any]) -> dict[str, Any]:
-    return {"schema": runner.SCHEMA_VERSION, "quick": False, "seed": 2, "git_revision": "bbb", "rows": list(rows)}
+    return {"schema": run.SCHEMA_VERSION, "quick": False, "seed": 2, "git_revision": "bbb", "rows": list(rows)}
 
 
 def test_rows_keep_their_revision(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +66,7 @@ def test_rows_keep_their_revision(tmp_path: Path, capsys: pytest.CaptureFixture[
         row("six-step/lost-lock/1", None),
     ]
     path.write_text(json.dumps(document(*stored)), encoding="utf-8")
-    merged = runner.merge(document(row("six-step/hall/before", "bbb", 2)), ["six-step/hall"], path)
+    merged = run.merge(document(row("six-step/hall/before", "bbb", 2)), ["six-step/hall"], path)
     assert [(r["id"], r["git_revision"], r["seed"]) for r in merged["rows"]] == [
         ("six-step/hall/before", "bbb", 2),
         ("six-step/patterns", "aaa", 1),
@@ -89,9 +89,9 @@ def test_rows_are_made_with_their_revision(monkeypatch: pytest.MonkeyPatch) -> N
         for name in names:
             done(name, [row(name)])
 
-    monkeypatch.setattr(runner, "side_by_side", side_by_side)
-    monkeypatch.setattr(runner, "prepare_runs", lambda quick: None)
-    made = runner.run_cases(["six-step/hall", "six-step/patterns"], seed=7)
+    monkeypatch.setattr(run, "side_by_side", side_by_side)
+    monkeypatch.setattr(run, "prepare_runs", lambda quick: None)
+    made = run.run_cases(["six-step/hall", "six-step/patterns"], seed=7)
     assert [(r["id"], r["git_revision"], r["seed"]) for r in made["rows"]] == [
         ("six-step/hall", "at the beginning", 7),
         ("six-step/patterns", "at the beginning", 7),

@@ -15,7 +15,6 @@ import pytest
 
 from fluxlock.analysis.rundata import LogKind
 from fluxlock.analysis.verdict import STATES
-from fluxlock.canopen.host import EXTENDED, REMOTE
 from fluxlock.config.injection import InjectionMethod, Sequence
 from fluxlock.config.vector import InversePark, Regulator
 from fluxlock.cosim import branches, native
@@ -25,6 +24,7 @@ from fluxlock.firmware.toolchain import SW
 from fluxlock.firmware.vector_formats import Complex
 from fluxlock.headers import CData, HeaderError, bind
 from fluxlock.memory import PUBLISHED_ADDRESS, TELEMETRY_ADDRESS
+from fluxlock.native.node import EXTENDED, REMOTE
 from fluxlock.plant import layout
 
 Bound = Callable[[str, str], CData]

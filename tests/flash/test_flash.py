@@ -26,7 +26,7 @@ from fluxlock.firmware import build_firmware
 from fluxlock.flash import loader
 from fluxlock.flash.command import CONVERSION_S, SPACING_S, flash
 from fluxlock.flash.image import IMAGE_MAX_BYTES, Plan, pack_can_setup, pack_image, plan
-from fluxlock.flash.loader import Loader, LoaderError, SerialLine, frame, read_frame
+from fluxlock.flash.loader import START, Loader, LoaderError, SerialLine, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
 from fluxlock.memory import (
     BLOCK_MAX_BYTES,
@@ -67,7 +67,7 @@ def test_header() -> None:
     code = bytes(range(256)) + b"\x01"
     image = pack_image(code, 3)
     magic, form, registers, phases, _, length, crc, header_crc = struct.unpack_from("<8I", image)
-    assert (image[:4], form, registers, phases) == (b"FLXI", 1, 2, 3) and magic == 0x49584C46
+    assert (image[:4], form, registers, phases) == (b"FLXI", 1, 3, 3) and magic == 0x49584C46
     assert length == 260 and image[FLASH_PAGE_BYTES:] == code + bytes(3)
     assert crc == zlib.crc32(code + bytes(3)) and header_crc == zlib.crc32(image[:28])
     for wrong in (bytes(0x80), bytes(IMAGE_MAX_BYTES + 1)):
@@ -129,6 +129,34 @@ def test_frames() -> None:
     assert port.sent == 3 * frame(4)
     with pytest.raises(LoaderError, match="reset the board"):
         Loader(SerialLine(port)).find(0.01)
+
+
+class Late:
+    """A line on which the answers of a loader that was held up come behind those of the commands after them."""
+
+    def __init__(self, *answers: bytes) -> None:
+        self.answers = [(0, answer) for answer in answers]
+        self.asked: list[int] = []
+
+    def send(self, code: int, payload: bytes) -> None:
+        self.asked.append(code)
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        return self.answers.pop(0) if self.answers else None
+
+    def trouble(self) -> str:
+        return ""
+
+
+def test_a_late_answer_is_none_to_another_command() -> None:
+    """A greeting that comes behind the order to start is passed over, not called an unknown answer.
+
+    Verifies: BOOT-04
+    """
+    greeting, good = struct.pack("<2I", 1, 0xEF4016), struct.pack("<I", 0)
+    line = Late(greeting, b"", greeting, good)
+    assert Loader(line).start() == "good"
+    assert line.asked == [START]
 
 
 def test_serial_port() -> None:

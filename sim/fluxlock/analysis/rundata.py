@@ -88,21 +88,6 @@ STATE_DTYPE = np.dtype(
 PLANT_EVENT_DTYPE = np.dtype([("t_cycle", "f8"), ("kind", "i8"), ("phase", "i8"), ("theta_e", "f8")])
 
 
-BUILDING = "building"  # what the phases before a simulation begin with, followed by what is built
-PLOTTING = "plotting"  # the one after it
-
-
-@dataclass(frozen=True)
-class ProgressInfo:
-    """State of a running simulation, for the progress bar."""
-
-    t_s: float
-    duration_s: float
-    speed_rpm: float
-    rate_cycles_per_s: float
-    phase: str
-
-
 @dataclass(frozen=True)
 class Rejection:
     """A console line of the scenario that the drive refused: when it was sent, and the reason."""

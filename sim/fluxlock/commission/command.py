@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.six_step.plots import save
 from fluxlock.analysis.verdict import say
 from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, verdict, write_motor
@@ -22,6 +21,7 @@ from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.paths import RESULTS
 from fluxlock.progress import Bars
+from fluxlock.stage import ProgressInfo
 
 
 def _table(found: list[Quantity]) -> Table:

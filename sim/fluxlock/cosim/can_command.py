@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fluxlock.analysis.rundata import ProgressInfo
 from fluxlock.analysis.verdict import say
 from fluxlock.build import check_build
 from fluxlock.can_bus import open_bus
@@ -22,6 +21,7 @@ from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
 from fluxlock.cosim.outcome import write_outcome
+from fluxlock.stage import ProgressInfo
 
 if TYPE_CHECKING:
     import can

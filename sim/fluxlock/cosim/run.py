@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import BUILDING, ProgressInfo, Rejection, RunData, SimulationFault
+from fluxlock.analysis.rundata import Rejection, RunData, SimulationFault
 from fluxlock.build import generate_registers
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
@@ -36,6 +36,7 @@ from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD
+from fluxlock.stage import BUILDING, ProgressInfo
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
 IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads

@@ -23,7 +23,7 @@ from fluxlock.paths import BUILD, ROOT
 from fluxlock.regression.case import CASES, limit_text
 from fluxlock.regression.origin import origin_text
 from fluxlock.regression.record import Record, band_text, read_record
-from fluxlock.regression.runner import case_of
+from fluxlock.regression.run import case_of
 
 PAGE = ROOT / "docs" / "verification" / "regression.md"
 PARAMETER_MAP = ROOT / "docs" / "images" / "vector-parameters-chip.png"

@@ -135,13 +135,16 @@ class Loader:
         trouble = self.line.trouble()
         return LoaderError(f"{text}; {trouble}" if trouble else text)
 
-    def _ask(self, code: int, payload: bytes = b"") -> tuple[int, bytes]:
-        """Answer to a command, which is repeated if there is none: all commands may be done twice."""
+    def _ask(self, code: int, payload: bytes = b"", length: int = 0) -> tuple[int, bytes]:
+        """Answer to a command, which is repeated if there is none: all commands may be done twice.
+
+        length: payload of the answer in bytes if nothing is wrong. Another one is a late answer to another command.
+        """
         for _ in range(TRIES):
             self.line.send(code, payload)
-            answer = self.line.receive(ANSWER_S)
-            if answer:
-                return answer
+            while answer := self.line.receive(ANSWER_S):
+                if answer[0] or len(answer[1]) == length:
+                    return answer
         raise self._silence("the loader stopped answering: reset the board and run the command again")
 
     def _do(self, what: str, code: int, payload: bytes) -> None:
@@ -174,7 +177,7 @@ class Loader:
         progress(total, total)
 
     def _judge(self, code: int) -> str:
-        _, payload = self._ask(code)
+        _, payload = self._ask(code, length=4)
         (reason,) = struct.unpack("<I", payload) if len(payload) == 4 else (-1,)
         return REASONS[reason] if 0 <= reason < len(REASONS) else f"unknown answer {payload.hex()}"
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from fluxlock.canopen.host import HostNode
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.firmware import build_canopen_library
 from fluxlock.native.chip import AveragedChip
+from fluxlock.native.node import HostNode
 
 STEP_US = 1000
 

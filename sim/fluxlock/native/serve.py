@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import can
 
-from fluxlock.canopen.host import EXTENDED, REMOTE, Frame
 from fluxlock.native.drive import STEP_US, NativeDrive
+from fluxlock.native.node import EXTENDED, REMOTE, Frame
 
 STEP_S = STEP_US / 1e6
 # Of a bus at 1 Mbit/s in a millisecond; more wait, as they would on wires.

@@ -26,7 +26,7 @@ from fluxlock.regression.record import (
     vanished,
     write_record,
 )
-from fluxlock.regression.runner import RESULT, case_of, merge, run_cases, select
+from fluxlock.regression.run import RESULT, case_of, merge, run_cases, select
 from fluxlock.writable import check_file
 
 

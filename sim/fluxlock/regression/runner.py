@@ -7,15 +7,11 @@ from __future__ import annotations
 
 import json
 import shutil
-import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fluxlock import commission
-from fluxlock.analysis.result import tool_versions
 from fluxlock.analysis.rundata import RunData, SimulationFault, load_trace, save_trace
 from fluxlock.api import simulate
 from fluxlock.build import check_build
@@ -31,15 +27,9 @@ from fluxlock.cosim.run import chip_of, image_of
 from fluxlock.firmware import build_commission, build_firmware, build_program
 from fluxlock.paths import BUILD, ROOT, content_hash
 from fluxlock.plant import PlantParams
-from fluxlock.regression.case import CASES, Number, Row
-from fluxlock.regression.origin import kept, origin
-from fluxlock.regression.record import judged, read_record
-from fluxlock.workers import side_by_side
-from fluxlock.writable import check_folder, file_lock, refusal
+from fluxlock.writable import check_folder, file_lock
 
-SCHEMA_VERSION = 1
 FOLDER = BUILD / "regression"
-RESULT = BUILD / "regression.json"
 KEY = "key.txt"
 MEASURED = "measured.json"
 KEYS = FOLDER / "keys"  # a file per finished run, named by its key: the folder below FOLDER that holds the run
@@ -174,72 +164,6 @@ def _sources(image: Path) -> list[Path]:
     return [*(path for name in RUN_SOURCES for path in (package / name).rglob("*.py")), image]
 
 
-def _rows(case_id: str, quick: bool, seed: int) -> list[dict[str, Any]]:
-    """All rows of a case; a case that breaks off gives one failed row that says why."""
-    import fluxlock.regression.sets  # noqa: F401  (registers the cases, also in a worker process)
-
-    rows: list[Row] = []
-    runner = Runner(case_id, quick, seed)
-    try:
-        rows.extend(CASES[case_id].body(runner))
-    except RunFailed as error:
-        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, str(error)))
-    except Exception as error:
-        reason = refusal(error) or traceback.format_exc()
-        rows.append(Row(case_id, {}, {"completed": 0}, {"completed": (1, 1)}, reason))
-    rows.extend(vouching(case_id, runner))
-    return [row.as_json() for row in rows]
-
-
-def vouching(case_id: str, runner: Runner) -> list[Row]:
-    """A row that fails and says why, if a run of the case cannot be vouched for."""
-    if not runner.unvouched:
-        return []
-    values: dict[str, Number] = {"unvouched": len(runner.unvouched)}
-    return [Row(f"{case_id}/vouched", {}, values, {"unvouched": (0, 0)}, "; ".join(runner.unvouched))]
-
-
-def select(patterns: Sequence[str]) -> list[str]:
-    """Ids of the cases that begin with one of the patterns; all without a pattern."""
-    import fluxlock.regression.sets  # noqa: F401
-
-    return [name for name in CASES if not patterns or any(name.startswith(p) for p in patterns)]
-
-
-def run_cases(
-    names: Iterable[str],
-    quick: bool = False,
-    seed: int = 1,
-    jobs: int = 2,
-    done: Callable[[str, list[dict[str, Any]]], None] | None = None,
-) -> dict[str, Any]:
-    """Run cases in `jobs` processes and return the document; done: called with every finished case's rows.
-
-    Rows of full length are judged against the record too.
-    """
-    order = list(names)
-    record = {} if quick else read_record()
-    made = origin(seed)  # before the runs: the checkout may change while they last
-    rows: dict[str, list[dict[str, Any]]] = {}
-
-    def store(name: str, found: list[dict[str, Any]]) -> None:
-        found = found if quick else [judged(row, record) for row in found]
-        rows[name] = found
-        if done is not None:
-            done(name, found)
-
-    prepare_runs(quick)
-    first = sorted(order, key=lambda name: not CASES[name].long)
-    side_by_side(partial(_rows, quick=quick, seed=seed), first, jobs, store)
-    return {
-        "schema": SCHEMA_VERSION,
-        "quick": quick,
-        **made,
-        "tool_versions": tool_versions(),
-        "rows": [{**row, **made} for name in order for row in rows[name]],
-    }
-
-
 def prepare_runs(quick: bool) -> None:
     """Before runs side by side: folders that can be written, and the first chip, once for all workers."""
     check_build()
@@ -247,20 +171,3 @@ def prepare_runs(quick: bool) -> None:
         check_folder(folder)
     build_chip(method="six-step")
     build_firmware(BUILD / "firmware")
-
-
-def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -> dict[str, Any]:
-    """Keep the rows of cases other than `names` that stand in the file already (same length of run)."""
-    if path.exists():
-        before = json.loads(path.read_text(encoding="utf-8"))
-        if before.get("schema") == SCHEMA_VERSION and before.get("quick") == document["quick"]:
-            others = [row for row in before["rows"] if case_of(row["id"]) not in names]
-            document["rows"] += kept(others, "id", lambda name: case_of(name) in CASES, "case", path)
-            order = list(CASES)
-            document["rows"].sort(key=lambda row: order.index(case_of(row["id"])))
-    return document
-
-
-def case_of(row_id: str) -> str:
-    """Case that a row belongs to: the longest one whose name begins its id; empty if there is none."""
-    return max((name for name in CASES if f"{row_id}/".startswith(f"{name}/")), key=len, default="")

@@ -6,7 +6,7 @@
 from fluxlock.regression import five_phase, six_step, vector
 from fluxlock.regression.case import CASES
 
-__all__ = ["five_phase", "six_step", "vector"]
+__all__ = ["CASES", "five_phase", "six_step", "vector"]
 
 FAMILIES = ("six-step", "five-phase", "vector")
 

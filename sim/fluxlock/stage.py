@@ -1,0 +1,22 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""How far a run is, as those who run it tell those who show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+BUILDING = "building"  # what the phases before a simulation begin with, followed by what is built
+PLOTTING = "plotting"  # the one after it
+
+
+@dataclass(frozen=True)
+class ProgressInfo:
+    """State of a running simulation, for the progress bar."""
+
+    t_s: float
+    duration_s: float
+    speed_rpm: float
+    rate_cycles_per_s: float
+    phase: str
