@@ -26,6 +26,7 @@ from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Inverter, Motor, Scenario, load_scenario
 from fluxlock.config.loader import Override, changed
 from fluxlock.cosim.outcome import Run, finished, write_outcome
+from fluxlock.python_load import LoadFunction, PythonLoad, check_rotor
 
 
 def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object] | None = None) -> Scenario:
@@ -51,6 +52,7 @@ def simulate(
     folder: Path | str | None = None,
     plots: bool = True,
     progress: bool = False,
+    load_nm: LoadFunction | None = None,
     **overrides: object,
 ) -> Run:
     """Run a scenario and return what was measured.
@@ -58,27 +60,32 @@ def simulate(
     scenario: a file (also a shipped one by its name, "scenarios/demo.toml") or a `Scenario`. twin: the firmware as a
     program of this machine on an averaged motor, faster than real time, in place of the chip clock by clock. seed: of
     the noise, default the scenario's. folder: keeps trace, result and, unless told otherwise, plots there. progress:
-    draw a bar on the error output. overrides: keys to change, `drive__commutation="CSC"` or
-    `**{"motor.resistance_ohm": 0.2}`.
+    draw a bar on the error output. load_nm: a function of the shaft's speed_rad_s, angle_rad (mechanical, unwrapped)
+    and time_s that returns a torque, N m, on top of the scenario's load; positive brakes a positive speed. overrides:
+    keys to change, `drive__commutation="CSC"` or `**{"motor.resistance_ohm": 0.2}`.
 
-    Raises ConfigError (bad input), SimulationFault (the run broke off). A run that fails its verdict is returned: look
-    at `run.verdict`.
+    Raises ConfigError (bad input), SimulationFault (the run broke off, or `load_nm` did). A run that fails its verdict
+    is returned: look at `run.verdict`.
 
     >>> run = simulate("scenarios/own-spindle.toml", twin=True)
     >>> run.metrics["steady"]["speed_rpm"]["mean"]  # r/min
+    >>> simulate("scenarios/own-spindle.toml", twin=True, load_nm=lambda speed, angle, time: 2e-6 * speed)
     """
     from fluxlock.cosim.parameters import check_parameters
 
     loaded = scenario_of(scenario, overrides)
     check_parameters(loaded)
+    load = PythonLoad(load_nm) if load_nm is not None else None
+    if load is not None:
+        check_rotor(loaded)
     used_seed = loaded.seed if seed is None else seed
     with ExitStack() as stack:
         out = Path(folder) if folder is not None else Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        data = _on_twin(loaded, used_seed) if twin else _on_chip(loaded, out, used_seed, progress)
+        data = _on_twin(loaded, used_seed, load) if twin else _on_chip(loaded, out, used_seed, progress, load)
         return finished(data, loaded) if folder is None else write_outcome(data, loaded, out, plots)
 
 
-def _on_chip(scenario: Scenario, folder: Path, seed: int, progress: bool) -> RunData:
+def _on_chip(scenario: Scenario, folder: Path, seed: int, progress: bool, load: PythonLoad | None) -> RunData:
     from rich.console import Console
 
     from fluxlock.build import check_build
@@ -87,12 +94,12 @@ def _on_chip(scenario: Scenario, folder: Path, seed: int, progress: bool) -> Run
 
     check_build()
     if not progress:
-        return run_scenario(scenario, folder, seed)
+        return run_scenario(scenario, folder, seed, load=load)
     with ProgressBar(Console(stderr=True), scenario.duration_s) as bar:
-        return run_scenario(scenario, folder, seed, progress=bar)
+        return run_scenario(scenario, folder, seed, progress=bar, load=load)
 
 
-def _on_twin(scenario: Scenario, seed: int) -> RunData:
+def _on_twin(scenario: Scenario, seed: int, load: PythonLoad | None) -> RunData:
     from fluxlock.native.player import player
 
-    return player(scenario, seed).run()
+    return player(scenario, seed).run(load)

@@ -27,6 +27,7 @@ from fluxlock.api import scenario_of, simulate
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
 from fluxlock.paths import PACKAGE, ROOT, content_hash
+from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.workers import EXTRA, side_by_side
 from fluxlock.writable import check_folder
 
@@ -183,8 +184,13 @@ class Grid:
         scheduler: str | None = None,
         folder: Path | str | None = None,
         done: Done | None = None,
+        load_nm: LoadFunction | None = None,
     ) -> Sweep:
         """Run the points that `folder` holds no result of; see `sweep`."""
+        load = PythonLoad(load_nm) if load_nm is not None else None
+        if load is not None and folder is not None:
+            text = f"results are kept by content, and what {load_nm!r} does is none: leave out folder, or the function"
+            raise ConfigError([Problem(NAME, "", text)])
         store = Path(folder) / "points" if folder is not None else None
         if store is not None:
             check_folder(store)
@@ -215,7 +221,7 @@ class Grid:
             else:
                 left.append(point)
         if left:
-            side_by_side(partial(run_point, seed, twin, made_by), left, jobs, store_row, scheduler)
+            side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row, scheduler)
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
 
 
@@ -232,13 +238,13 @@ def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
     return {k: v if isinstance(v, (int, float, str, bool)) else json.dumps(v) for k, v in keys}
 
 
-def run_point(seed: int | None, twin: bool, made_by: str, point: Point) -> Row:
+def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | None, point: Point) -> Row:
     """Run one point and return its row. Raises OtherVersion where the sources are others."""
     if sources() != made_by:
         raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
     head = {"point": point.index, **_shown(point.keys)}
     try:
-        run = simulate(point.scenario, twin=twin, seed=seed)
+        run = simulate(point.scenario, twin=twin, seed=seed, load_nm=load.function if load is not None else None)
     except ConfigError as error:  # of the twin, which cannot do all that the chip can
         return {**head, "status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:
@@ -293,13 +299,15 @@ def sweep(
     scheduler: str | None = None,
     folder: Path | str | None = None,
     done: Done | None = None,
+    load_nm: LoadFunction | None = None,
 ) -> Sweep:
     """Run a scenario at every point of a grid.
 
     axes: key -> values, `{"motor.resistance_ohm": [0.1, 0.2]}`, or `Axis` objects. twin, seed: see `simulate`. jobs:
     processes of this machine. scheduler: address of a Dask scheduler in place of them, `tcp://host:8786`; its workers
     need the same version of Fluxlock. folder: keeps the results of points, so that an equal sweep does not run them
-    again. done: called with each row as it comes.
+    again. done: called with each row as it comes. load_nm: see `simulate`; the function goes to the workers with what
+    it uses of its module. It has no content that a result could be kept by, so a folder is refused.
 
     Raises ConfigError (bad key, range or scheduler). A point that cannot run does not end the others: its row says why.
 
@@ -308,4 +316,4 @@ def sweep(
     """
     grid = [Axis(k, tuple(v)) for k, v in axes.items()] if isinstance(axes, Mapping) else axes
     made = Grid.of(scenario_of(scenario), grid)
-    return made.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=done)
+    return made.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=done, load_nm=load_nm)

@@ -99,14 +99,21 @@ bool catch_step(catch_t *rotor, const int32_t v_q17[3], int32_t *mean_step) {
   return rotor->agreeing >= CATCH_TICKS;
 }
 
+// Since the entry of sector index 0: theta' - 30 = arg + 60 degrees forward, 270 - theta' = -arg backward.
+static uint32_t travelled_to(uint32_t arg, bool backward) { return backward ? 0u - arg : arg + CATCH_SIXTH; }
+
 uint32_t catch_sector(uint32_t arg, bool backward) {
-  // Since the entry of sector index 0: theta' - 30 = arg + 60 degrees forward, 270 - theta' = -arg backward.
-  const uint32_t travelled = backward ? 0u - arg : arg + CATCH_SIXTH;
+  const uint32_t travelled = travelled_to(arg, backward);
   uint32_t count = travelled / CATCH_SIXTH;
   if (travelled - count * CATCH_SIXTH > CATCH_MARGIN) {
     count++;
   }
   return (backward ? 12u - count : count) % 6u;
+}
+
+bool catch_begins(uint32_t arg, bool backward) {
+  const uint32_t part = travelled_to(arg, backward) % CATCH_SIXTH;
+  return part <= CATCH_MARGIN || part >= CATCH_SIXTH - CATCH_EARLY;
 }
 
 uint32_t catch_sector_cycles(int32_t mean_step, uint32_t tick_cycles) {

@@ -13,7 +13,9 @@
 //
 // Entry: the sector for the angle at the next update event. Its crossing, in its middle, must still be ahead: past
 // CATCH_MARGIN of a sector the next one is taken, whose crossing comes at most 75 degrees later. The crossings then
-// commutate; no instant depends on the precision of the angle.
+// commutate; no instant depends on the precision of the angle. So long before a sector its pair has as little as a third
+// of the EMF that the voltage stands for: with little inductance a multiple of the rated current. An entry waits for the
+// beginning of a sector.
 #ifndef FL_CATCH_H
 #define FL_CATCH_H
 
@@ -25,6 +27,8 @@
 #define CATCH_SIXTH 715827883u  // 60 degrees
 // 15 degrees: as far before the crossing.
 #define CATCH_MARGIN 178956971u
+// 10 degrees: as far before the sector its pair has 0.8 of its EMF, and the voltage drives no more than rated current.
+#define CATCH_EARLY 119304647u
 
 typedef struct {
   uint32_t angle;     // last arg, 2^32 = one turn
@@ -48,6 +52,9 @@ bool catch_step(catch_t *rotor, const int32_t v_q17[3], int32_t *mean_step);
 
 // Sector index to enter at an arg of the EMF, for the direction.
 uint32_t catch_sector(uint32_t arg, bool backward);
+
+// The angle lies where that sector begins.
+bool catch_begins(uint32_t arg, bool backward);
 
 // Length of a sector in clocks at |mean_step| a tick; saturates at 24 bits.
 uint32_t catch_sector_cycles(int32_t mean_step, uint32_t tick_cycles);

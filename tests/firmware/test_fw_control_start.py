@@ -183,6 +183,8 @@ def test_catch_measures_and_chooses_the_sector(lib: CData, degrees_a_tick: float
         crossing = 60 + 60 * sector if sign > 0 else 240 + 60 * sector
         ahead = sign * (crossing - (update + 180)) % 360
         assert 5.0 < ahead < 85.0, (sector, update)
+        if lib.catch_begins((rotor.angle + mean[0]) % 2**32, degrees_a_tick < 0):
+            assert 4.0 < ahead < 51.0, (sector, update)
         cycles = lib.catch_sector_cycles(mean[0], 5000)
         assert cycles == pytest.approx(5000 * 60 / abs(degrees_a_tick), rel=0.6 if abs(degrees_a_tick) < 5 else 0.08)
 

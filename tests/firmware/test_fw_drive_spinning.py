@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from fluxlock.config import Load
@@ -72,6 +74,66 @@ def test_wrong_flux_is_no_jolt(flux: float) -> None:
     assert bench.until_state("running", 0.04)
     assert bench.fw.command("get catches") == ["catches 1", "ok"]
     assert bench.model.s[am.I_PEAK] < 15.0 and bench.trips == 0
+
+
+@pytest.mark.parametrize("theta_deg", range(0, 60, 10))
+@pytest.mark.parametrize("hz", [80, 1_525])
+def test_machine_with_little_inductance_is_caught_at_a_sector(theta_deg: int, hz: int) -> None:
+    """0.05 per unit of inductance, trapezoidal: wherever the rotor stands, no tick's mean exceeds the rated current.
+
+    Verifies: FW-30
+    """
+    emf_v, amplitude_a = 8.0, 10.0
+    omega = 2 * math.pi * hz
+    ohm = 0.04 * emf_v / amplitude_a
+    machine = small_motor(2, ohm, 0.05 * emf_v / amplitude_a / omega, emf_v / omega, 1e-3, amplitude_a, 40.0 * hz)
+    machine = machine.model_copy(update={"emf": "trapezoidal"})
+    bench = Bench(
+        machine,
+        stage(30.0, 40.0, 40.0, 38.0, on_resistance_ohm=1e-3, noise_lsb=0.0),
+        machines.drive(carrier_hz=45e3, sync_rect=True),
+        Load(coulomb_nm=1e-3),
+        math.radians(theta_deg),
+        30.0 * hz,
+    )
+    bench.until_state("ready", 0.1)
+    bench.fw.command(f"set speed_rpm {30 * hz}")
+    bench.fw.command("start")
+    means: list[float] = []
+
+    def running() -> bool:
+        means.append(abs(bench.model.s[am.I_LINE]))
+        return bench.fw.state == "running"
+
+    assert bench.run(0.1, running) and bench.trips == 0
+    assert max(means) < amplitude_a
+
+
+@pytest.mark.parametrize("theta_deg", [0, 120, 240])
+def test_fast_machine_runs_on_prepared_gains(theta_deg: int) -> None:
+    """A sector a tick, with `linearity`: the lock lasts until the gains know a speed, and no tick brakes hard.
+
+    Verifies: FW-30
+    """
+    omega, emf_v, amplitude_a = 2 * math.pi * 1_750, 16.0, 1.0
+    henry = 0.35 * emf_v / amplitude_a / omega
+    machine = small_motor(8, 0.3, henry, emf_v / omega, 1e-5, amplitude_a, 20_000)
+    bench = Bench(
+        machine,
+        stage(64.0, 80.0, 5.0, 4.0),
+        machines.drive(carrier_hz=45e3, sync_rect=True, linearity=True),
+        Load(coulomb_nm=1e-3),
+        math.radians(theta_deg),
+        13_125.0,
+        cut_pulses=True,
+    )
+    bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 13125")
+    bench.fw.command("start")
+    assert bench.until_state("running", 0.1)
+    means = []
+    bench.run(2e-3, lambda: bool(means.append(bench.model.s[am.I_LINE])))
+    assert bench.trips == 0 and min(means) > -0.5 * amplitude_a, min(means)
 
 
 def test_lost_lock_is_caught_again() -> None:

@@ -132,7 +132,7 @@ def test_another_version() -> None:
     """
     grid = Grid.of(short(), [Axis("drive.commutation", ("RSC",))])
     with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
-        sweeps.run_point(1, True, "0123456789abcdef", grid.points[0])
+        sweeps.run_point(1, True, "0123456789abcdef", None, grid.points[0])
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming
 from fluxlock.plant import PlantParams
+from fluxlock.python_load import PythonLoad
 
 PLAN_ENV = "FLUXLOCK_PLAN"
 PLAN_FILE = "plan.pickle"
@@ -128,7 +129,7 @@ class SessionPlan:
     branches: copies of the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch:
     words of the soft core's memory that a copy looks at. trace: clocks from..to whose instructions the
     simulator writes down. gdb: file number of the socket at which the core waits for a debugger. Both need a chip that
-    shows its core.
+    shows its core. own_load: written in Python, asked until the plan's end; not with a dialogue or branches.
     """
 
     plant: PlantParams
@@ -154,6 +155,7 @@ class SessionPlan:
     watch: tuple[int, ...] = ()
     trace: tuple[int, int] | None = None
     gdb: int | None = None
+    own_load: PythonLoad | None = None
     folder: Path = field(default_factory=Path)
 
     def save(self) -> Path:

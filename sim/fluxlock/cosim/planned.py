@@ -15,6 +15,7 @@ from pathlib import Path
 
 import cocotb
 
+from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.cosim.branches import end_with_parent, run_branches
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.plan import PLAN_ENV, RECORDING_FILE, ConversationError, Dialogue, SessionPlan
@@ -106,6 +107,6 @@ async def drive(dut: object) -> None:
     fault: str | None = None
     try:
         await run(session)
-    except (PlantFault, ConsoleSilent, ConversationError, BufferError) as error:
+    except (PlantFault, ConsoleSilent, ConversationError, BufferError, SimulationFault) as error:
         fault = str(error)
     session.save(fault)

@@ -36,6 +36,7 @@ from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD
+from fluxlock.python_load import PythonLoad
 from fluxlock.stage import BUILDING, ProgressInfo
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
@@ -68,11 +69,12 @@ def prepare(
     image: Path | None = None,
     trace: tuple[int, int] | None = None,
     gdb: int | None = None,
+    load: PythonLoad | None = None,
 ) -> SessionPlan:
     """Write the firmware image with the scenario's parameter block into `folder` and return the plan of the run.
 
-    recording, log_strobes, marks, trace, gdb: see `SessionPlan`. stop_cycle: end there instead of at the scenario's
-    duration. block: parameters in place of the scenario's. image: program in place of the firmware.
+    recording, log_strobes, marks, trace, gdb: see `SessionPlan`; load: its own_load. stop_cycle: end there instead of
+    at the scenario's duration. block: parameters in place of the scenario's. image: program in place of the firmware.
     """
     folder.mkdir(parents=True, exist_ok=True)
     bus = scenario.can
@@ -97,6 +99,7 @@ def prepare(
         gate_polarity=scenario.inverter.gate_polarity,
         trace=trace,
         gdb=gdb,
+        own_load=load,
         folder=folder.resolve(),
     )
 
@@ -177,11 +180,13 @@ def run_scenario(
     log_strobes: bool = False,
     native: NativeFirmware | None = None,
     gdb: GdbServer | None = None,
+    load: PythonLoad | None = None,
 ) -> RunData:
     """Build what is missing, run, and return what was measured. Raises SimulationFault if the run broke off.
 
     The simulator's files (log, image) stay in `out_dir/simulator`; waves: among them an FST of the zoom window. native:
     how the firmware runs in place of the chip's core. gdb: where the core waits for a debugger.
+    load: written in Python, on top of the scenario's.
     """
 
     def build(what: str) -> None:
@@ -195,7 +200,7 @@ def run_scenario(
         chip = chip_of(scenario, waves, native is not None, probe=gdb is not None)
         build("firmware")
         port = gdb.listener.fileno() if gdb is not None else None
-        plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes, gdb=port)
+        plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes, gdb=port, load=load)
         if gdb is not None:
             gdb.announce(image_of(scenario).with_suffix(".elf"))
         if native is None:

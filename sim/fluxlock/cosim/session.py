@@ -25,6 +25,7 @@ from fluxlock.cosim.debugger import Debugger
 from fluxlock.cosim.native import CanNode, Core, Native
 from fluxlock.cosim.plan import META_FILE, PROGRESS_FILE, RAW_FILE, TRACE_FILE, Action, SessionPlan
 from fluxlock.plant import Plant
+from fluxlock.python_load import PERIOD_CYCLES
 
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
@@ -188,11 +189,23 @@ class Session:
         """Simulate until a cycle, or until the plan's peer has finished; the logs are drained every `batch_cycles`."""
         batch = self.plan.batch_cycles
         while self.cycle < cycle and not (self.plan.peer is not None and self.plan.peer.finished):
-            await self.wait_until(min(cycle, (self.cycle // batch + 1) * batch))
+            await self._reach(min(cycle, (self.cycle // batch + 1) * batch))
             self.woken_s = time.process_time()
             self.drain()
             self.exchange()
             self.python_s += time.process_time() - self.woken_s
+
+    async def _reach(self, cycle: int) -> None:
+        """Wait until a cycle; meanwhile the plan's load is asked once a period."""
+        load, plant = self.plan.own_load, self.plant
+        while load is not None and self.cycle < cycle:
+            if self.cycle % PERIOD_CYCLES == 0:
+                plant.advance(max(self.cycle, plant.t_cycle))
+                poles, clock_hz = plant.params.machine.pole_pairs, self.plan.clock_hz
+                speed, angle = plant.omega_e_rad_s / poles, plant.theta_e_rad / poles
+                plant.hold_load(load.torque_nm(plant.t_cycle / clock_hz, speed, angle, PERIOD_CYCLES / clock_hz))
+            await self.wait_until(min(cycle, (self.cycle // PERIOD_CYCLES + 1) * PERIOD_CYCLES))
+        await self.wait_until(cycle)
 
     async def settle(self, exchange: bool = False) -> None:
         """Wait until the console has answered every line, or none for so long that it is taken for dead.

@@ -19,6 +19,7 @@ from fluxlock.config import Problem, Scenario
 from fluxlock.config.scenario import Event, Fault
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
+from fluxlock.python_load import PythonLoad
 
 FINAL_COMMANDS = ("status", "faults", "stats")
 
@@ -100,6 +101,8 @@ class ScenarioPlay(ABC):
         self.rejected: list[Rejection] = []
         self.ramps: list[Ramp] = []
         self.load_factor = 1.0
+        self.load: PythonLoad | None = None
+        self.held_nm = 0.0  # its torque
         self.supply_v = scenario.inverter.supply_v
 
     @property
@@ -112,9 +115,14 @@ class ScenarioPlay(ABC):
     def now(self) -> float:
         """Simulated time, s."""
 
+    @property
+    @abstractmethod
+    def shaft(self) -> tuple[float, float]:
+        """Mechanical speed, rad/s, and angle, rad, unwrapped."""
+
     @abstractmethod
     def set_load(self, factor: float) -> None:
-        """Scale the scenario's load."""
+        """Scale the scenario's load; `held_nm` comes on top."""
 
     @abstractmethod
     def set_supply(self, volt: float) -> None:
@@ -187,12 +195,16 @@ class ScenarioPlay(ABC):
             self.open_phase(None)
             self.set_pin(False)
 
-    def follow_ramps(self) -> None:
-        """Set the values of now of everything on its way."""
+    def follow(self, tick_s: float) -> None:
+        """Set the values of now of everything on its way, and for a tick the load that is written in Python."""
         self.ramps = [ramp for ramp in self.ramps if ramp.follow(self.now)]
+        if self.load is not None:
+            self.held_nm = self.load.torque_nm(self.now, *self.shaft, tick_s)
+            self.set_load(self.load_factor)
 
-    def run(self) -> RunData:
-        """The scenario from its begin to its end."""
+    def run(self, load: PythonLoad | None = None) -> RunData:
+        """The scenario from its begin to its end; load: on top of the scenario's."""
+        self.load = load
         begin = time.perf_counter()
         for at_s, act in sorted(self.agenda(), key=lambda entry: entry[0]):
             self.advance(min(self.scenario.duration_s, at_s))

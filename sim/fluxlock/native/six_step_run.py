@@ -90,12 +90,18 @@ class Play(ScenarioPlay):
         """Simulated time, s."""
         return self.chip.now
 
+    @property
+    def shaft(self) -> tuple[float, float]:
+        """Mechanical speed, rad/s, and angle, rad, unwrapped."""
+        s = self.chip.model.s
+        return float(s[am.OMEGA]), float(s[am.THETA]) / self.scenario.motor.pole_pairs
+
     def set_load(self, factor: float) -> None:
-        """Scale the scenario's load."""
+        """Scale the scenario's load; `held_nm` comes on top."""
         m, load = self.chip.model.m, self.scenario.shaft_load
         m[am.M_FAN] = factor * load.fan_nm_s2_per_rad2
         m[am.M_VISCOUS] = factor * load.viscous_nm_s_per_rad
-        m[[am.M_COULOMB, am.M_CONSTANT]] = factor * load.coulomb_nm, factor * load.constant_nm
+        m[[am.M_COULOMB, am.M_CONSTANT]] = factor * load.coulomb_nm, factor * load.constant_nm + self.held_nm
 
     def set_supply(self, volt: float) -> None:
         """Change the supply; `_step` takes off what its resistance drops."""
@@ -128,7 +134,7 @@ class Play(ScenarioPlay):
     def advance(self, until_s: float) -> None:
         """Run, and let ramps follow, a control tick at a time."""
         while self.chip.now < until_s - 1e-9:
-            self.follow_ramps()
+            self.follow(self.chip.tick_s)
             self._step()
 
     def _step(self) -> None:

@@ -90,9 +90,16 @@ class Play(ScenarioPlay):
         """Simulated time, s."""
         return self.chip.now
 
+    @property
+    def shaft(self) -> tuple[float, float]:
+        """Mechanical speed, rad/s, and angle, rad, unwrapped."""
+        state, poles = self.chip.state, self.scenario.motor.pole_pairs
+        return float(state.omega[0]) / poles, float(state.theta[0]) / poles
+
     def set_load(self, factor: float) -> None:
-        """Scale the scenario's load."""
+        """Scale the scenario's load; `held_nm` comes on top."""
         self.chip.set_load(self.scenario.shaft_load, factor)
+        self.chip.plant.constant_nm += self.held_nm
 
     def set_supply(self, volt: float) -> None:
         """Change the supply."""
@@ -136,11 +143,11 @@ class Play(ScenarioPlay):
 
     def advance(self, until_s: float) -> None:
         """Run, and let ramps follow, a control tick at a time."""
-        period_s = self.chip.timing.period_s
+        period_s, tick = self.chip.timing.period_s, self.chip.timing.tick_samples
         end = min(self.samples, math.ceil(until_s / period_s - 1e-9))
         while (rest := end - int(self.chip.state.samples[0])) > 0:
-            self.follow_ramps()
-            chunk = self.chip.timing.tick_samples if self.ramps else max(1, round(CHUNK_S / period_s))
+            self.follow(tick * period_s)
+            chunk = tick if self.ramps or self.load is not None else max(1, round(CHUNK_S / period_s))
             self.chip.advance(min(rest, chunk))
 
     def _records(self) -> RecordArray:

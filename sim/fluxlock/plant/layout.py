@@ -80,6 +80,7 @@ LEG_FAULT = _take(LEGS)  # WHOLE .. STUCK_LOW
 MECHANICS = _take()  # FREE, IMPOSED, LOCKED
 INERTIA = _take()
 STICTION_RATIO = _take()  # breakaway / sliding friction
+OUTER_NM = _take()  # load torque that whoever leads the run sets
 STEP_MAX_S = _take()  # longest step of the electro-mechanical splitting
 PROFILE_N = _take()
 PROFILE_AT = _take()  # index of the segment in force

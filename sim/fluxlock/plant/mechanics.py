@@ -3,8 +3,9 @@
 
 """Rotor: loads, free motion, imposed speed. Kernel code: see `build.py` for its rules.
 
-J d(omega_m)/dt = T - constant - viscous omega_m - fan omega_m |omega_m| - friction. Friction is Coulomb's: it
-opposes motion, and at standstill it holds against anything up to its breakaway value and never drives.
+J d(omega_m)/dt = T - constant - outer - viscous omega_m - fan omega_m |omega_m| - friction. Friction is Coulomb's: it
+opposes motion, and at standstill it holds against anything up to its breakaway value and never drives. Outer: the
+torque that whoever leads the run holds on the shaft.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def ramps(s: Vector, now_s: float) -> None:
 def driving_torque(s: Vector, omega_m: float) -> float:
     """Torque on the rotor without friction, N*m."""
     drag = (s[L.VALUE + L.VISCOUS] + s[L.VALUE + L.FAN] * abs(omega_m)) * omega_m
-    return s[L.TORQUE] - s[L.VALUE + L.CONSTANT] - drag
+    return s[L.TORQUE] - s[L.VALUE + L.CONSTANT] - s[L.OUTER_NM] - drag
 
 
 def direction(s: Vector, omega_m: float, drive: float) -> float:

@@ -232,6 +232,11 @@ class Plant:
             if value is not None:
                 self._ramp(index, value, ramp_s, at_cycle)
 
+    def hold_load(self, torque_nm: float) -> None:
+        """Put one more load torque on the shaft from the last event on, in place of the one held before."""
+        require(math.isfinite(torque_nm), "torque_nm", torque_nm, "finite")
+        self.state[L.OUTER_NM] = torque_nm
+
     def set_supply(self, supply_v: float, ramp_s: float = 0.0, at_cycle: int | None = None) -> None:
         """Change the supply voltage, as `set_load` does a load."""
         require(supply_v >= 0.0, "supply_v", supply_v, "at least 0")

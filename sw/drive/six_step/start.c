@@ -19,6 +19,8 @@
 #define INTERVAL_MAX 0xFFFFFFu
 #define LOCK_TIMEOUT_Q12 0xFFFFu
 #define CAUGHT_TICKS 2u
+// A rotor that turns by nearly a whole number of sectors a tick shows few angles: it is taken over at any of them then.
+#define SECTOR_WAIT_TICKS 64u
 // Beside two sectors at the hand-over speed.
 #define PROOF_TICKS 32u
 // Hand-over: clean crossings in a row that suffice at once, commutations at its speed after which plausible ones that are
@@ -59,6 +61,7 @@ static void direct(start_t *s, hall_t *h, six_step_command_t *command, const par
 
 static void begin_coast(start_t *s) {
   coast_begin(&s->coast);
+  s->caught_ticks = 0;
   s->edge_ticks = 0;
   s->gates = false;
   enter_phase(s, START_COAST);
@@ -121,6 +124,14 @@ static void take_over(const work_t *w) {
   s->longest_cycles =
       clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
   apply_voltage(w, s->coast.pair_emf_q17 * 256, w->view->settings->sync_rect);
+}
+
+// A caught rotor whose next tick comes where a sector begins, or that has waited long enough for it.
+static bool may_take_over(start_t *s, bool caught) {
+  s->caught_ticks = caught ? s->caught_ticks + 1u : 0u;
+  const int32_t step_q32 = s->coast.mean_step_q32;
+  const bool begins = catch_begins(s->coast.rotor.angle + (uint32_t)step_q32, step_q32 < 0);
+  return caught && (begins || s->caught_ticks > SECTOR_WAIT_TICKS);
 }
 
 // The same by the edges, which are being measured. True: done.
@@ -216,9 +227,14 @@ static outcome_t coast(const work_t *w) {
   if (w->h->driving) {
     return coast_by_edges(w);
   }
-  if (w->s->ticks > COAST_SETTLE_TICKS && coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25)) {
-    take_over(w);
-    return stay;
+  if (w->s->ticks > COAST_SETTLE_TICKS) {
+    const bool caught = coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25);
+    if (may_take_over(w->s, caught)) {
+      take_over(w);
+    }
+    if (caught) {
+      return stay;
+    }
   }
   if (coast_stuck(c, view->p, view->in)) {
     return outcome_fault(FAULT_VOLTAGE_CHANNEL);
@@ -335,7 +351,9 @@ static outcome_t lock(const work_t *w) {
   if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, m->emf_v_q25, 0)) {
     return outcome_of(EVENT_START_FAILED);
   }
-  const bool enough = m->crossings - s->locked_from >= LOCK_CROSSINGS && s->ticks > START_PREPARE_TICKS;
+  // Gains that were prepared before the first speed are those of a standing rotor.
+  s->valid_ticks = m->speed_valid ? s->valid_ticks + 1u : 0u;
+  const bool enough = m->crossings - s->locked_from >= LOCK_CROSSINGS && s->valid_ticks > START_PREPARE_TICKS;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
     return outcome_of(EVENT_STARTED);
   }

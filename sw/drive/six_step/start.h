@@ -22,6 +22,7 @@ typedef struct {
   bool reverse;    // direction of the drive
   bool gates;
   coast_t coast;
+  uint32_t caught_ticks;  // consecutive, of a rotor that may be caught: waits for the beginning of a sector
   uint32_t edge_ticks;    // consecutive, of a rotor that may be caught by its edges
   uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   handover_t handover;
@@ -30,6 +31,7 @@ typedef struct {
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;  // of this attempt's ramp
   int32_t accel_rpm_q20;
+  uint32_t valid_ticks;     // of the lock, in which the gains are prepared for a measured speed
   uint32_t locked_from;     // crossing count at hand-over; edge count at the beginning of a start by Hall
   uint32_t longest_cycles;  // carrier period of a caught rotor until its speed is measured
   uint32_t catches;         // rotors caught since boot
