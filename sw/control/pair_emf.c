@@ -7,7 +7,7 @@
 
 // After a commutation the filter shows the pair before it; fewer ticks tell too little.
 #define TICKS_LEFT_OUT 4u
-#define TICKS_MIN 8u
+#define TICKS_MIN 7u
 
 // The sector that ended.
 static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {

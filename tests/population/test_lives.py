@@ -28,7 +28,7 @@ from fluxlock.population.table import deciles, groups
 
 SEED = 1
 RIGHT_VECTOR, REFUSED_VECTOR = (3, 5), 80
-RIGHT_SIX_STEP = (3, 7, 14, 20, 22)
+RIGHT_SIX_STEP = (3, 7, 14, 20, 22, 33)
 
 
 @pytest.fixture(scope="module")

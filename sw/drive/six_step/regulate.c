@@ -29,6 +29,8 @@
 // Most that the EMF may differ from the file's, and share of it that R I may be where that is looked at.
 #define FLUX_MAX_Q12 512
 #define FLUX_LOOK 8
+// Share of the speed that the ramp may have gone since the measured one.
+#define FLUX_REST 64
 #define DEAD_STEEP_MAX 64
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
@@ -88,14 +90,36 @@ static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *p
   return sat_i32(((int64_t)per_carrier_i_q25 * (int32_t)time_cycles) >> (BOUNDARY_CYCLES_SHIFT - 2));
 }
 
+// Braking and driving.
+static bool holds_firm(const six_step_view_t *view) {
+  return view->settings->sync_rect && !view->settings->current_loop && view->settings->balance != BALANCE_NONE;
+}
+
+// The measured speed is a mean over the last intervals: since their middle the rotor has followed the ramp.
+HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
+  return m->speed_rpm_q8 + r->rotor_rpm_q8 - r->lagged_rpm_q8;
+}
+
+// What the gains and the measured current follow from.
+static int32_t scheduled_rpm_q8(const regulate_t *r, const six_step_view_t *view) {
+  return holds_firm(view) ? speed_now_rpm_q8(r, view->m) : view->m->speed_rpm_q8;
+}
+
+HOT static int32_t emf_now_v_q25(const regulate_t *r, const six_step_view_t *view) {
+  const int32_t moved_rpm_q8 = r->rotor_rpm_q8 - r->lagged_rpm_q8;
+  return view->m->emf_v_q25 + ((moved_rpm_q8 != 0) ? gain_apply(moved_rpm_q8, view->p->emf) : 0);
+}
+
 // Current of the conducting pair per DC-link current, and the limit that follows from both limits.
-static void schedule_current(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
+static void schedule_current(regulate_t *r, const six_step_view_t *view, const pwm_t *pwm) {
+  scheduled_t *g = &r->scheduled;
   const parameters_t *p = view->p;
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
   // A sample in the pulse shows the pair's current itself.
   const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
+  const int32_t emf_v_q25 = holds_firm(view) ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
   g->line_ratio_q16 =
-      !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, view->m->emf_v_q25,
+      !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, emf_v_q25,
                              gain_apply(view->m->line_i_q25, copper), diode_v_q25(view, pwm), pwm->duty_q30);
   const int32_t dc_as_line_q25 = line_current_limit_q25(view->settings->dc_limit_q17, g->line_ratio_q16);
   g->limit_i_q25 = lesser(view->settings->current_limit_q17 * 256, dc_as_line_q25);
@@ -103,11 +127,6 @@ static void schedule_current(scheduled_t *g, const six_step_view_t *view, const 
     g->limit_i_q25 = lesser(g->limit_i_q25, freewheel_limit_i_q25(view, pwm));
   }
   g->resistive_v_q25 = gain_apply(g->limit_i_q25, g->resistance);
-}
-
-// Braking and driving, and with a speed that half a turn tells.
-static bool holds_firm(const six_step_view_t *view) {
-  return view->settings->sync_rect && !view->settings->current_loop && view->m->speed_short;
 }
 
 // Boundary of continuous conduction. The current's least value meets zero there: it moves by (vdc - E) t_d / L_l between a dead
@@ -165,9 +184,11 @@ static int32_t stiffness_q16(const scheduled_t *g, const six_step_view_t *view, 
 // Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
 // gains shrink. The integral cancels the rotor's time constant on the EMF line, but is no slower than a quarter of the
 // bandwidth.
-static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm) {
+static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm_t *pwm) {
   const parameters_t *p = view->p;
-  const int32_t whole_q16 = clamp_i32(gain_apply(view->m->speed_rpm_q8, p->speed_bandwidth_scale), 0, PRODUCT_MAX / 2);
+  scheduled_t *g = &r->scheduled;
+  const int32_t now_rpm_q8 = scheduled_rpm_q8(r, view);
+  const int32_t whole_q16 = clamp_i32(gain_apply(now_rpm_q8, p->speed_bandwidth_scale), 0, PRODUCT_MAX / 2);
   // A mean over three intervals is late by 2 of them, over six by 3.5.
   const uint32_t turns_q16 = (uint32_t)greater(view->m->speed_short ? whole_q16 / 4 * 7 : whole_q16, BANDWIDTH_SCALE_MIN_Q16);
   g->scale_q16 = (turns_q16 < ONE_Q16) ? (int32_t)turns_q16 : ONE_Q16;
@@ -187,12 +208,13 @@ static void schedule_speed(scheduled_t *g, const six_step_view_t *view, const pw
   g->acceleration_i_q25 = gain_apply(view->settings->accel_rpm_q8, inertia);
 }
 
-// By how much the flux of the file is wrong, from what the current regulator has added while little of it was for currents:
-// on a ramp that part grows with the speed.
+// By how much the flux of the file is wrong, from what the current regulator has added while the speed rests and little of it was
+// for currents: on a ramp that part grows with the speed.
 static void schedule_flux(regulate_t *r, const six_step_view_t *view) {
   const int32_t emf_v_q25 = view->m->emf_v_q25;
   const int32_t drop_v_q25 = gain_apply(abs_sat(view->m->line_i_q25), r->scheduled.resistance);
-  if (drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
+  const bool rests = abs_sat(r->rotor_rpm_q8 - r->lagged_rpm_q8) < view->m->speed_rpm_q8 / FLUX_REST;
+  if (rests && drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
     const int32_t added_v_q25 = clamp_i32(r->current_pi.integral_q5 >> PI_INTEGRAL_BITS, -emf_v_q25, emf_v_q25);
     r->scheduled.flux_q12 = clamp_i32(added_v_q25 * 16 / (emf_v_q25 / 256 + 1), -FLUX_MAX_Q12, FLUX_MAX_Q12);
   }
@@ -203,7 +225,7 @@ COLD static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t
   const parameters_t *p = view->p;
   const settings_t *settings = view->settings;
   scheduled_t *g = &r->scheduled;
-  const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
+  const int32_t speed_rpm_q8 = scheduled_rpm_q8(r, view);
   const bool by_speed = group == GROUP_RESISTANCE || group == GROUP_ADVANCE;
   const int32_t ratio_q16 = by_speed ? clamp_i32(gain_apply(speed_rpm_q8, p->speed_ratio), 0, ONE_Q16) : 0;
   switch (group) {
@@ -215,10 +237,10 @@ COLD static void schedule(regulate_t *r, const pwm_t *pwm, const six_step_view_t
       schedule_resistance(g, view, ratio_q16);
       break;
     case GROUP_CURRENT:
-      schedule_current(g, view, pwm);
+      schedule_current(r, view, pwm);
       break;
     case GROUP_SPEED:
-      schedule_speed(g, view, pwm);
+      schedule_speed(r, view, pwm);
       break;
     case GROUP_BOUNDARY:
       schedule_boundary(g, view, pwm);
@@ -256,6 +278,7 @@ HOT static regulator_t wanted_regulator(const six_step_view_t *view, bool revers
 
 COLD static void ramp_from(regulate_t *r, int32_t speed_rpm_q8) {
   ramp_preset(&r->ramp, speed_rpm_q8);
+  r->rotor_rpm_q8 = speed_rpm_q8;
   r->lagged_rpm_q8 = speed_rpm_q8;
   for (uint32_t k = 0; k < SHORT_INTERVALS; k++) {
     r->crossed_rpm_q8[k] = speed_rpm_q8;
@@ -273,13 +296,9 @@ COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *
   const int32_t i_q25 = clamp_i32(view->m->line_i_q25, -r->brake_i_q25, g->limit_i_q25);
   r->reference_i_q25 = i_q25;
   r->expected_i_q25 = i_q25;
+  r->flowing_i_q25 = i_q25;
   pi_preset(&r->speed_pi, g->speed.kp, 0, 0, i_q25);
   pi_preset(&r->current_pi, g->current.kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
-}
-
-// The measured speed is a mean over the last intervals: since their middle the rotor has followed the ramp.
-HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
-  return m->speed_rpm_q8 + r->ramp.value_rpm_q8 - r->lagged_rpm_q8;
 }
 
 void regulate_init(regulate_t *r, const settings_t *settings) { r->advance_q16 = settings->advance_q16; }
@@ -292,6 +311,7 @@ static void choose_regulator(regulate_t *r, const six_step_view_t *view, bool re
 COLD void regulate_prepare(regulate_t *r, const pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,
                            uint32_t ticks) {
   choose_regulator(r, view, in->reverse);
+  ramp_from(r, view->m->speed_rpm_q8);
   // The groups build on each other in their order.
   schedule(r, pwm, view, in, ticks % SCHEDULE_GROUPS);
 }
@@ -353,6 +373,7 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   if (r->regulator == REGULATOR_TORQUE) {
     const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
     r->ramp.value_rpm_q8 = m->speed_rpm_q8;
+    r->rotor_rpm_q8 = m->speed_rpm_q8;
     r->lagged_rpm_q8 = m->speed_rpm_q8;
     r->at_least = false;
     r->reference_i_q25 = torque_reference(view->settings->target_i_q25, inertia, m->speed_rpm_q8, p->stop_rpm * 256,
@@ -426,8 +447,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const settings_t *s = view->settings;
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
-  const int32_t moved_rpm_q8 = r->ramp.value_rpm_q8 - r->lagged_rpm_q8;
-  const int32_t mean_v_q25 = m->emf_v_q25 + ((moved_rpm_q8 != 0) ? gain_apply(moved_rpm_q8, p->emf) : 0);
+  const int32_t mean_v_q25 = emf_now_v_q25(r, view);
   // Where a sector has only few ticks the inductance evens the EMF out.
   const bool follows = m->place_step_q16 <= ROUND_STEP_MAX_Q16;
   const bool by_pair = follows && holds_firm(view);
@@ -446,12 +466,16 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const int32_t low = clamp_i32(pwm->u_v_q25 - p->slew_v_q25, least, high);
   // At its lower bound the reference does not answer to the speed.
   const pi_gains_t *current = (r->at_least && r->rectifies) ? &g->trim : &g->current;
-  // The reference as the filter of the measured current would show it: else the integral takes its lag for an error.
+  // The reference as the filter of the measured current would show it, and as the inductance lets it rise: else the integral
+  // takes their lags for an error.
   r->expected_i_q25 += (r->reference_i_q25 - r->expected_i_q25) >> p->loop_filter_shift;
-  const int32_t error = pwm->discontinuous ? 0 : r->expected_i_q25 - m->line_i_q25;
+  const int32_t follows_q16 = holds_firm(view) ? lesser(2 * p->ramp_end_q16, ONE_Q16) : ONE_Q16;
+  r->flowing_i_q25 += mul_q16(r->expected_i_q25 - r->flowing_i_q25, follows_q16);
+  const int32_t error = pwm->discontinuous ? 0 : r->flowing_i_q25 - m->line_i_q25;
+  const int32_t ahead_i_q25 = pwm->discontinuous ? 0 : r->expected_i_q25 - r->flowing_i_q25;
   const int32_t integral_q5 = r->current_pi.integral_q5;
-  const pi_result_t u = pi_step(&r->current_pi, current, error, emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance),
-                                floor_v_q25, g->high_v_q25);
+  const int32_t forward_v_q25 = emf_v_q25 + gain_apply(r->reference_i_q25, g->resistance) + gain_apply(ahead_i_q25, current->kp);
+  const pi_result_t u = pi_step(&r->current_pi, current, error, forward_v_q25, floor_v_q25, g->high_v_q25);
   const int32_t output = clamp_i32(u.output, low, high);
   const bool above = output < u.unlimited && high == most;
   const bool below = output > u.unlimited && low == least;
@@ -512,10 +536,6 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
   }
   const int32_t direction =
       ramp_step(&r->ramp, target_rpm_q8, step_rpm_q20, speed_now_rpm_q8(r, view->m), p->ramp_window_rpm * 256);
-  if (direction != 0 && holds_firm(view)) {
-    const int32_t added_v_q25 = gain_apply(r->ramp.value_rpm_q8 - before_rpm_q8, p->emf);
-    pi_shift(&r->current_pi, (int32_t)(((int64_t)added_v_q25 * g->flux_q12) >> 12));
-  }
   return current_i_q25 * direction;
 }
 
@@ -525,10 +545,25 @@ COLD static void go_on_from_rotor(regulate_t *r, const measured_t *m) {
   pi_preset(&r->speed_pi, r->scheduled.speed.kp, 0, 0, greater(m->line_i_q25, 0));
 }
 
+// The current needs its time to rise: the rotor follows the ramp by so much later. What the trim has found of a wrong flux goes
+// along with it.
+HOT static void lead_rotor(regulate_t *r, const six_step_view_t *view) {
+  const int32_t behind_rpm_q8 = r->ramp.value_rpm_q8 - r->rotor_rpm_q8;
+  if (behind_rpm_q8 == 0 || !holds_firm(view)) {
+    r->rotor_rpm_q8 = r->ramp.value_rpm_q8;
+    return;
+  }
+  const int32_t share_rpm_q8 = mul_q16(behind_rpm_q8, lesser(2 * view->p->ramp_end_q16, ONE_Q16));
+  const int32_t step_rpm_q8 = (share_rpm_q8 != 0) ? share_rpm_q8 : (behind_rpm_q8 > 0) ? 1 : -1;
+  r->rotor_rpm_q8 += step_rpm_q8;
+  const int32_t added_v_q25 = gain_apply(step_rpm_q8, view->p->emf);
+  pi_shift(&r->current_pi, (int32_t)(((int64_t)added_v_q25 * r->scheduled.flux_q12) >> 12));
+}
+
 // The ramp as the measured speed shows it: its mean over the same three intervals, of its values at their ends. A lag stands
 // for a mean over the whole turn.
 HOT static void follow_ramp(regulate_t *r, const measured_t *m) {
-  const int32_t now_rpm_q8 = r->ramp.value_rpm_q8;
+  const int32_t now_rpm_q8 = r->rotor_rpm_q8;
   int32_t *at = r->crossed_rpm_q8;
   if (!m->speed_short) {
     r->lagged_rpm_q8 += mul_q16(now_rpm_q8 - r->lagged_rpm_q8, r->scheduled.lag_q16);
@@ -569,6 +604,7 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
     go_on_from_rotor(r, m);
   }
   const int32_t acceleration_i_q25 = follow_target(r, view, target_rpm_q8);
+  lead_rotor(r, view);
   follow_ramp(r, m);
   reference_step(r, view, acceleration_i_q25, target_rpm_q8);
   r->rectifies = rectifies(r, view);

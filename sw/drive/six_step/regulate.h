@@ -15,10 +15,10 @@
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
 // electrical turn: w_b shrinks where that is long. The measured speed is compared with the ramp as it was t_d ago; what the
 // ramp has gone since then is added to the speed that the EMF follows from. The ramp is no steeper than the current allows.
-// Firm: with sync_rect and a speed that half a turn tells (correction B), the voltage follows the ramp alone and the EMF
-// line holds the rotor. There the reference is compared with the ramp's mean over the same intervals, the ramp ends as the
-// current can fall, and each pair has its own EMF (control/pair_emf.h). The EMF of sinusoidal phases is followed within the
-// sector. Below the boundary of continuous conduction the pulse follows from i_ref
+// Firm: with sync_rect and correction B the voltage follows the ramp alone and the EMF line holds the rotor. There the
+// rotor is expected behind the ramp by the lag of the current, and the measured speed is compared with that, as it was t_d
+// ago. The ramp ends as the current can fall, and each pair has its own EMF (control/pair_emf.h). The EMF of sinusoidal
+// phases is followed within the sector. The trim compares the current with i_ref behind that lag. Below the boundary of continuous conduction the pulse follows from i_ref
 // alone (control/boundary.h).
 #ifndef FL_REGULATE_H
 #define FL_REGULATE_H
@@ -75,9 +75,11 @@ typedef struct {
   int32_t reference_i_q25;
   pair_emf_t pair_emf;
   int32_t expected_i_q25;  // the reference behind the filter of the measured current
+  int32_t flowing_i_q25;   // the same behind the lag of the current
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
-  int32_t lagged_rpm_q8;  // the ramp as the measured speed shows it
+  int32_t rotor_rpm_q8;   // the ramp behind the lag of the current
+  int32_t lagged_rpm_q8;  // the same as the measured speed shows it
   int32_t crossed_rpm_q8[SHORT_INTERVALS];  // the ramp at the last crossings, the last one first
   bool at_least;  // the reference is at its lower bound
   int32_t brake_i_q25;  // largest braking current now
