@@ -24,11 +24,11 @@ import numpy as np
 
 from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.api import scenario_of, simulate
-from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
 from fluxlock.paths import PACKAGE, ROOT, content_hash
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
-from fluxlock.workers import EXTRA, side_by_side
+from fluxlock.workers import EXTRA, WorkerLost, side_by_side
 from fluxlock.writable import check_folder
 
 if TYPE_CHECKING:
@@ -152,6 +152,9 @@ class Grid:
 
         Raises ConfigError for a grid that is none, and with every reason where the checks refuse all points.
         """
+        empty = [axis.key for axis in axes if not axis.values]
+        if empty:
+            raise ConfigError([Problem(SET_OPTION, key, "has no value: give it one at least") for key in empty])
         made = tuple(axis.of(scenario) for axis in axes)
         count = math.prod(len(axis.values) for axis in made)
         if not made or not 1 <= count <= POINTS_MAX:
@@ -221,7 +224,11 @@ class Grid:
             else:
                 left.append(point)
         if left:
-            side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row, scheduler)
+            try:
+                side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row, scheduler)
+            except (OtherVersion, WorkerLost) as error:
+                place = ("--scheduler", scheduler) if scheduler is not None else ("--jobs", str(jobs))
+                raise ConfigError([Problem(*place, str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
 
 
@@ -234,8 +241,9 @@ def _checked(scenario: Scenario, keys: Mapping[str, Any]) -> Scenario:
 
 
 def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
-    """Columns of a point's keys: numbers and words as they are, arrays as text."""
-    return {k: v if isinstance(v, (int, float, str, bool)) else json.dumps(v) for k, v in keys}
+    """Columns of a point's keys: numbers and words as they are, motors and inverters by name, arrays as text."""
+    named = ((k, v.name if isinstance(v, (Motor, Inverter)) else v) for k, v in keys)
+    return {k: v if isinstance(v, (int, float, str, bool)) else json.dumps(v) for k, v in named}
 
 
 def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | None, point: Point) -> Row:
@@ -309,7 +317,8 @@ def sweep(
     again. done: called with each row as it comes. load_nm: see `simulate`; the function goes to the workers with what
     it uses of its module. It has no content that a result could be kept by, so a folder is refused.
 
-    Raises ConfigError (bad key, range or scheduler). A point that cannot run does not end the others: its row says why.
+    Raises ConfigError (bad key, range or scheduler, a worker of another version, a process that was lost). A point that
+    cannot run does not end the others: its row says why.
 
     >>> made = sweep("scenarios/own-spindle.toml", {"drive.commutation": ["RSC", "NSC", "CSC"]}, jobs=2)
     >>> made.to_dataframe()["steady.commutation_error_deg.rms"]

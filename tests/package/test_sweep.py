@@ -97,10 +97,24 @@ def test_grid() -> None:
         Grid.of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
     with pytest.raises(fluxlock.ConfigError, match="is there twice"):
         Grid.of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
+    with pytest.raises(fluxlock.ConfigError, match=r"motor\.resistance_ohm: has no value(.|\n)*seed: has no value"):
+        fluxlock.sweep(short(), {"motor.resistance_ohm": [], "drive.commutation": ["RSC"], "seed": []})
     with pytest.raises(fluxlock.ConfigError, match="no key to change"):
         Grid.of(short(), [])
     with pytest.raises(fluxlock.ConfigError, match="permitted 1 to"):
         Grid.of(short(), [Axis("seed", tuple(range(1000))), Axis("motor.resistance_ohm", tuple(range(1, 1000)))])
+
+
+def test_machine_that_cannot_run() -> None:
+    """A machine that the twin is not, inside a grid: its row says why, in words of its key, and the others run.
+
+    Verifies: PACKAGE-8
+    """
+    motors = [fluxlock.load_motor(ROOT / "motors" / f"{name}.toml") for name in ("spindle-2pp", "five-phase-yu")]
+    made = fluxlock.sweep(short(), {"motor": motors}, twin=True)
+    assert [row["status"] for row in made.rows] == ["right", "refused"]
+    assert "phases" in made.rows[1]["reason"]
+    assert [row["motor"] for row in made.rows] == [motor.name for motor in motors]
 
 
 def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,7 +139,7 @@ def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ran[6:] == [0]
 
 
-def test_another_version() -> None:
+def test_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
     """A worker whose sources differ is refused by name.
 
     Verifies: PACKAGE-9
@@ -133,6 +147,20 @@ def test_another_version() -> None:
     grid = Grid.of(short(), [Axis("drive.commutation", ("RSC",))])
     with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
         sweeps.run_point(1, True, "0123456789abcdef", None, grid.points[0])
+
+    def on_another(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+        sweeps.run_point(1, True, "0123456789abcdef", None, items[0])
+
+    monkeypatch.setattr(sweeps, "side_by_side", on_another)
+    with pytest.raises(fluxlock.ConfigError, match=r"^--scheduler: tcp://there:8786: a worker has another version"):
+        grid.run(twin=True, scheduler="tcp://there:8786")
+
+    def loses(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+        raise workers.WorkerLost(workers.LOST)
+
+    monkeypatch.setattr(sweeps, "side_by_side", loses)
+    with pytest.raises(fluxlock.ConfigError, match=r"^--jobs: 2: a worker process ended"):
+        grid.run(twin=True, jobs=2)
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
