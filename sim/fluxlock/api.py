@@ -35,6 +35,9 @@ def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object]
     overrides: key -> value. Keys are those of the file, `drive.carrier_hz`, `motor.resistance_ohm`,
     `window.steady.to_s`; two underscores may stand for a dot. `motor` and `inverter` take a whole `Motor` and
     `Inverter` too. Raises ConfigError with all problems.
+
+    >>> scenario_of("scenarios/own-spindle.toml", {"motor.resistance_ohm": 0.2}).motor.resistance_ohm  # Ohm, phases
+    (0.2, 0.2, 0.2)
     """
     changes = [Override(tuple(key.replace("__", ".").split(".")), value) for key, value in (overrides or {}).items()]
     if isinstance(scenario, Scenario):

@@ -274,7 +274,11 @@ def flat(metrics: Mapping[str, Any]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A finished sweep. axes: keys and values; rows: one a point, in the order of the grid."""
+    """A finished sweep. axes: keys and values; rows: one a point, in the order of the grid.
+
+    >>> Sweep((), [{"point": 0, "status": "right"}]).count("right")
+    1
+    """
 
     axes: tuple[Axis, ...]
     rows: list[Row]

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import doctest
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -33,6 +35,29 @@ def test_public_names() -> None:
     assert set(fluxlock.__all__) == set(fluxlock._HOME)
     with pytest.raises(AttributeError, match="no_such"):
         _ = fluxlock.no_such
+
+
+@pytest.mark.parametrize("name", fluxlock.__all__)
+def test_public_name_on_the_site(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Docstring with errors, where a function raises them, and an example, which runs if it is quick; on the site.
+
+    Verifies: PACKAGE-7
+    """
+    public = getattr(fluxlock, name)
+    module = fluxlock._HOME[name]
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    assert f"[`{module}`]" in page
+    assert f"`{name}" in (ROOT / "docs" / "howto" / "python-and-sweeps.md").read_text(encoding="utf-8")
+    if name in ("UNITS", "Motor", "Inverter", "Scenario"):  # each key of a file is on the page of the files
+        return
+    text = public.__doc__
+    assert ">>> " in text and (isinstance(public, type) or "Raises ConfigError" in text)
+    if "+SKIP" in text or name in ("simulate", "sweep"):
+        return
+    monkeypatch.chdir(ROOT)
+    home = sys.modules[module]
+    example = doctest.DocTestParser().get_doctest(text, vars(home).copy(), name, None, 0)
+    assert doctest.DocTestRunner(verbose=False).run(example).failed == 0
 
 
 def test_traces(run: fluxlock.Run) -> None:

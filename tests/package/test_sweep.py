@@ -20,7 +20,7 @@ import pytest
 from typer.testing import CliRunner
 
 import fluxlock
-from fluxlock import sweeps, workers
+from fluxlock import sweep_bench, sweeps, workers
 from fluxlock.cli import app
 from fluxlock.paths import ROOT
 from fluxlock.sweeps import Axis, Grid
@@ -242,6 +242,20 @@ def test_command(tmp_path: Path) -> None:
         15_000, rel=0.005
     )
     assert (tmp_path / "overview.png").stat().st_size > 10_000
+
+
+def test_bench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The measurement of memory, time and overhead runs: a line for the pairs, one for each stretch of runs.
+
+    Verifies: PACKAGE-8
+    """
+    monkeypatch.setattr(sweep_bench, "POINT", SHORT)
+    monkeypatch.setattr(sweep_bench, "EVERY", 2)
+    monkeypatch.setattr(sys, "argv", ["sweep_bench", "--runs", "4", "--pairs", "2"])
+    assert sweep_bench.main() == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("overhead of a point: median ") and lines[0].endswith("% of 2 pairs")
+    assert [line.split(":")[0] for line in lines[1:]] == ["2 runs", "4 runs"] and "ms per run" in lines[2]
 
 
 def test_script_without_guard(tmp_path: Path) -> None:

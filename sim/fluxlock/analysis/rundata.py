@@ -155,6 +155,9 @@ class SimulationFault(Exception):
     """The run could not be completed: fault of the plant, the chip or the simulator.
 
     data: what was recorded until then, if anything.
+
+    >>> str(SimulationFault("plant fault 2 at cycle 1000"))
+    'plant fault 2 at cycle 1000'
     """
 
     def __init__(self, message: str, data: RunData | None = None) -> None:

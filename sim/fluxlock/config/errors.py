@@ -25,7 +25,17 @@ class Problem:
 
 
 class ConfigError(Exception):
-    """All problems found in the input of one command."""
+    """All problems found in the input of one command.
+
+    problems: each with its file, its key and a message; the text has a line for each.
+
+    >>> from fluxlock import load_motor
+    >>> try:
+    ...     load_motor("my-motor.toml")
+    ... except ConfigError as error:
+    ...     print(error)
+    my-motor.toml: file not found
+    """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = list(problems)

@@ -286,7 +286,11 @@ def _load_plain(source: _Source) -> Model:
 
 
 def load_motor(path: Path | str) -> Motor:
-    """Read and check a motor file."""
+    """Read and check a motor file: SI units, arrays of one value per phase. Raises ConfigError with all problems.
+
+    >>> load_motor("motors/spindle-2pp.toml").mean_inductance_h  # H
+    0.00012
+    """
     path = shipped(Path(path))
     motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path), Motor), ""))
     assert isinstance(motor, Motor)
@@ -294,7 +298,11 @@ def load_motor(path: Path | str) -> Motor:
 
 
 def load_inverter(path: Path | str) -> Inverter:
-    """Read and check an inverter file."""
+    """Read and check an inverter file, in SI units. Raises ConfigError with all problems.
+
+    >>> load_inverter("inverters/drive-48v.toml").supply_v  # V
+    48.0
+    """
     path = shipped(Path(path))
     inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path), Inverter), ""))
     assert isinstance(inverter, Inverter)
@@ -343,6 +351,9 @@ def load_scenario(
 
     Override keys are those of the scenario file; `motor.x` and `inverter.x` reach into those files,
     `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
+
+    >>> load_scenario("scenarios/own-spindle.toml", ["drive.carrier_hz=40_000"]).drive.carrier_hz  # Hz
+    40000.0
     """
     path = shipped(Path(path))
     source = _Source(Scenario, str(path), _read_toml(path, str(path), Scenario), "")

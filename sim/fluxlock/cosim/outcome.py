@@ -54,6 +54,10 @@ class Run:
     scenario: what ran. data: everything recorded. metrics: window -> metric -> statistic -> value; result: the
     document of `result.json`, see docs/reference/result.md. verdict: `passed`, and in `failures` why not. folder: where
     trace, result and plots lie; None: nowhere.
+
+    >>> from fluxlock import simulate
+    >>> run = simulate("scenarios/own-spindle.toml", twin=True)  # doctest: +SKIP
+    >>> run.traces["ia"].max(), run.verdict.passed  # A  # doctest: +SKIP
     """
 
     scenario: Scenario
