@@ -236,7 +236,7 @@ def test_ready_only_when_steady_and_within_reach(lib: CData) -> None:
 
 
 def test_swing_is_damped_by_the_emf_across_the_current(lib: CData) -> None:
-    """Against the EMF beyond that of the frame's speed, at most 0.4 of the current; on -q in the first half of the alignment.
+    """Against the EMF beyond that of the frame's speed, at most 0.4 of the current; on -q when the alignment begins.
 
     Verifies: VC-50
     """

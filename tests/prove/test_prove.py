@@ -159,7 +159,7 @@ def test_a_machine_of_the_library(stem: str) -> None:
 @pytest.mark.parametrize("load", [LIGHT, 1.0])
 @pytest.mark.parametrize("inertia", [0.5, 1.0, 2.0])
 def test_starts_from_the_worst_rest_angles(inertia: float, load: float) -> None:
-    """A spindle next to without friction starts from across and opposite to the currents of its alignment, light and loaded.
+    """A spindle with hardly any friction starts from across and opposite to the currents of its alignment.
 
     Verifies: VC-50
     """

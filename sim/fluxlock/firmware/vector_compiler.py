@@ -43,8 +43,8 @@ PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/contro
 
 BACK_SHARE = 0.6  # way back to the forced frame, over the hand-over's speed
 EMF_SHARE = 0.5  # EMF that counts, over that of the way back
-# The rotor swings about the forced current like a pendulum. Alignment in its periods; the hand-over takes a swing that for
-# a tenth of a period leads no further than the fastest tenth of one with an amplitude of 0.15 rad.
+# The rotor swings about the forced current like a pendulum. Alignment in its periods; the hand-over takes a swing that
+# for a tenth of a period leads no further than the fastest tenth of one with an amplitude of 0.15 rad.
 ALIGN_PERIODS = 2.0
 ALIGN_S = (0.02, 1.0)
 STEADY_AMPLITUDE_RAD = 0.15
