@@ -19,6 +19,7 @@ from fluxlock.build import generate_registers
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
+from fluxlock.flash.image import map_version
 from fluxlock.memory import RAM_WORDS
 from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
 from fluxlock.writable import file_lock
@@ -136,7 +137,8 @@ async def program_sees_the_chip(dut: Any) -> None:
     await chip.until_done()
     found = [chip.mailbox(i) for i in range(24)]
     assert found[0] == 0x464C5558 and found[2] == 50_000_000, f"identity {found[0]:#x}, clock {found[2]}"
-    assert found[1] & 0xFFFF == 2 and found[1] >> 16 == chip.phases | chip.channels << 8, f"build {found[1]:#x}"
+    build = map_version() | chip.phases << 16 | chip.channels << 24
+    assert found[1] == build, f"build {found[1]:#x}"
     five, vector = chip.phases == 5, bool(dut.Vector.value)
     six_step = [0, 0, 0] if five else [4096, 0xFFFFFF, 1250]
     assert found[3:12] == [3, 0, 50, 50, *six_step, 50, 0x06020100], [hex(x) for x in found[3:12]]

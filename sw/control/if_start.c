@@ -19,7 +19,7 @@ HOT int32_t fade(int32_t from, int32_t to, int32_t step) {
   return ((int64_t)from - to > step) ? from - step : to;
 }
 
-void if_begin(if_start_t *state) { *state = (if_start_t){0}; }
+void if_begin(if_start_t *state) { *state = (if_start_t){.share_q16 = IF_WHOLE_Q16}; }
 
 void if_resume(if_start_t *state, const if_settings_t *settings, int32_t speed_turn_q36, uint32_t amplitude_i_q25,
                int32_t due_v_q25) {
@@ -28,6 +28,7 @@ void if_resume(if_start_t *state, const if_settings_t *settings, int32_t speed_t
       .current_i_q25 = (int32_t)amplitude_i_q25,
       .emf_v_q25 = {0, due_v_q25},
       .aligned_ticks = settings->align_ticks,
+      .share_q16 = IF_WHOLE_Q16,
   };
 }
 
@@ -40,7 +41,7 @@ HOT bool if_step(if_start_t *state, const if_settings_t *settings, int32_t targe
   }
   const int64_t target = (int64_t)target_turn_q36 * (1 << SPEED_BITS);
   const int64_t gap = target - state->speed_turn_q44;
-  const int64_t step = settings->acceleration_turn_q44;
+  const int64_t step = mul_q16(settings->acceleration_turn_q44, state->share_q16);
   const bool there = gap <= step && gap >= -step;
   if (there) {
     state->speed_turn_q44 = target;
@@ -66,7 +67,7 @@ HOT int32_t if_share_q16(int32_t emf_v_q25, uint32_t due_v_q25) {
   if (over_v_q25 <= 0) {
     return 0;
   }
-  return clamp_i32((int32_t)div_sat_u32((uint64_t)(uint32_t)over_v_q25 << 16, due_v_q25 / 20u * 7u), 0, 65536);
+  return clamp_i32((int32_t)div_sat_u32((uint64_t)(uint32_t)over_v_q25 << 16, due_v_q25 / 20u * 7u), 0, IF_WHOLE_Q16);
 }
 
 int32_t if_speed_turn_q36(const if_start_t *state) { return (int32_t)(state->speed_turn_q44 >> SPEED_BITS); }

@@ -37,7 +37,7 @@ typedef struct {
   int32_t current_i_q25;          // amplitude, > 0
   int32_t rise_i_q25;             // its change a tick, > 0
   uint32_t align_ticks;           // at rest with the whole current
-  int32_t acceleration_turn_q44;  // change of the speed a tick
+  int32_t acceleration_turn_q44;  // change of the speed a tick, > 0
   uint32_t turned_ticks;          // of those, with the current on -q
   gain_t damping;                 // EMF across the current -> current there
   int32_t smooth_q16;             // share a tick of the low pass before it, and before the angle
@@ -46,10 +46,13 @@ typedef struct {
   uint32_t steady_ticks;          // so many ticks within it, for the hand-over
 } if_settings_t;
 
+#define IF_WHOLE_Q16 65536
+
 typedef struct {
   int64_t speed_turn_q44;
   int32_t current_i_q25;
   int32_t damping_i_q25;  // across it
+  int32_t share_q16;      // of the acceleration, 0..1: the caller follows the load angle with it
   complex_t emf_v_q25;    // smoothed
   uint32_t aligned_ticks;
   int32_t turn_q32;        // the rotor ahead of the frame
