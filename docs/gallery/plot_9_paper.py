@@ -12,8 +12,6 @@ rule is a function of the package, so the figure takes three lines. The second p
 speeds. The third one has another machine.
 """
 
-import math
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -25,7 +23,7 @@ from fluxlock.paths import ROOT
 def rule_and_speed(name: str, rpm: float) -> tuple[Rule, float]:
     """Rule of a shipped motor, and its electrical speed in rad/s."""
     motor = fluxlock.load_motor(ROOT / "motors" / f"{name}.toml")
-    return Rule.from_motor(motor), rpm / 60.0 * 2.0 * math.pi * motor.pole_pairs
+    return Rule.from_motor(motor), motor.omega_e(rpm)
 
 
 # %%

@@ -11,14 +11,13 @@ The design gives the steady angle error of a wrong inductance in closed form. He
 value, in fixed point, at the same operating point, on the twin. Without `twin` the same call runs on the chip.
 """
 
-import math
-
 import matplotlib.pyplot as plt
 import numpy as np
 
 import fluxlock
 from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients
 from fluxlock.analysis.vector.observer import steady_state
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.vector_timing import vector_timing
 
 # A servo motor holds 3000 r/min when its rated load comes.
@@ -40,8 +39,8 @@ print(made[["status", "rated.angle_error_deg.mean"]])
 # %%
 # Design: the observer believes an inductance that is wrong by a factor. The current lies on the q axis.
 machine, timing = SmoothMachine.from_motor(scenario.motor), vector_timing(scenario.drive, scenario.inverter)
-sampling = Sampling.at(50e6 / timing.sample_cycles, min(timing.delay, 1.0))
-omega = 3_000.0 / 60.0 * 2.0 * math.pi * scenario.motor.pole_pairs
+sampling = Sampling.at(CLOCK_HZ / timing.sample_cycles, min(timing.delay, 1.0))
+omega = scenario.motor.omega_e(3_000.0)
 factors = np.linspace(0.8, 1.2, 41)
 pairs = [[coefficients(one, omega, sampling) for one in (machine, machine.changed(l=f))] for f in factors]
 design = [float(steady_state(machine, *pair, omega, 1j * current_a).error_deg) for pair in pairs]

@@ -17,9 +17,12 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
+import fluxlock
 from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, Pll, Separator, settled_error, track
+from fluxlock.paths import ROOT
 
-yu = HfMachine(r_ohm=0.5, ld_h=11.8e-3, lq_h=13.7e-3)
+motor = fluxlock.load_motor(ROOT / "motors" / "five-phase-yu.toml")
+yu = HfMachine(motor.resistance_ohm[0], motor.inductance_h[0], motor.inductance_q_h)
 wave, pll = Injection(u_v=60.0, period=4, ts_s=125e-6), Pll(kp=115.0, ki=3306.0)
 rpm = np.linspace(10.0, 1_200.0, 120)
 saliency = np.linspace(1.05, 2.0, 96)
@@ -27,7 +30,7 @@ saliency = np.linspace(1.05, 2.0, 96)
 
 def held_deg(speed_rpm: float, ratio: float) -> float:
     """Error of the sequence `held` in electrical deg, nan where the loop does not settle; ratio: L_q over L_d."""
-    omega = speed_rpm / 60.0 * 2.0 * math.pi * 9
+    omega = motor.omega_e(speed_rpm)
     try:
         return math.degrees(settled_error(HfMachine(yu.r_ohm, yu.ld_h, ratio * yu.ld_h), omega * wave.ts_s, "held"))
     except ValueError:
@@ -47,7 +50,7 @@ left.set(xlabel="speed / (r/min)", ylabel="L_q / L_d")
 right.plot(rpm, [held_deg(speed, yu.lq_h / yu.ld_h) for speed in rpm], label="closed form")
 tried = (100.0, 300.0, 600.0, 900.0, 1_150.0)
 for speed in tried:
-    omega = speed / 60.0 * 2.0 * math.pi * 9
+    omega = motor.omega_e(speed)
     current, separator = ExactHfCurrent(yu, omega, wave.ts_s), Separator(yu, wave)
     found = track(current, separator, wave, pll, omega=omega, sequence="held", seconds=0.4)
     right.plot(speed, math.degrees(found.mean), "ko", label="simulation" if speed == tried[0] else None)

@@ -15,7 +15,7 @@
 #define AUTO_ZERO_LOG2_SAMPLES 6u
 // Unclamped samples in the same on-state that a crossing's sample must follow.
 #define SAMPLES_BEFORE_MIN 1u
-#define SAMPLES_BEFORE_MAX 15u
+#define SAMPLES_BEFORE_MAX (FL_ZCD_REGS__CONTROL__NEED_PREVIOUS_bm >> FL_ZCD_REGS__CONTROL__NEED_PREVIOUS_bp)
 // From the crossing to the commutation, over the interval, before advance.
 #define COMMUTATION_DELAY_Q16 0x8000
 // Updates in a row without new voltages that trip.

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from typer.testing import CliRunner
 from fluxlock.cli import app
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.config.settling import NOISES, crossing_settling, edge_settling_s, residue_v
+from fluxlock.config.settling import NOISES, SAMPLES_AFTER_CLAMP, crossing_settling, edge_settling_s, residue_v
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.paths import ROOT
 from fluxlock.plant import EdgeParams
@@ -47,6 +48,17 @@ def test_clean_edges_wait_for_the_dividers() -> None:
         "on_time_floor_cycles": 310,
     }
     assert clocks(f"{EDGE}=clean") == clocks()
+
+
+def test_samples_after_a_clamp_are_those_of_the_register() -> None:
+    """The warning's number is what the chip's field holds: so many are passed over, and the next one counts.
+
+    Verifies: FRONT-95
+    """
+    text = (ROOT / "rtl" / "regs" / "fl_zcd_regs.rdl").read_text(encoding="utf-8")
+    field = re.search(r"need_previous\[(\d+):(\d+)\]", text)
+    assert field is not None
+    assert 1 << (int(field[1]) - int(field[2]) + 1) == SAMPLES_AFTER_CLAMP
 
 
 def test_key_is_the_register() -> None:

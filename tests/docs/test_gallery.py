@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scripts of the gallery: each draws, fast, a figure that can be read."""
+"""Scripts of the gallery: each draws a figure that can be read."""
 
 from __future__ import annotations
 
 import ast
 import re
 import runpy
-import time
 from pathlib import Path
 
 import matplotlib as mpl
@@ -20,13 +19,12 @@ from fluxlock.docs import gallery, hierarchy
 from fluxlock.paths import ROOT
 
 SCRIPTS = sorted((ROOT / "docs" / "gallery").glob("plot_*.py"))
-LONGEST_S = 10.0  # processor time
 MIN_WORDS = 10  # characters of an image's alternative text
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
 def test_script_draws(script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A script draws lines with finite points, names both axes, says for whom it is, and takes seconds.
+    """A script draws lines with finite points, names both axes, and says for whom it is.
 
     Verifies: DOC-15
     """
@@ -35,13 +33,7 @@ def test_script_draws(script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plt.close("all")
     text = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8")))
     assert text is not None and text.split("\n\n")[1].startswith("For ")
-    start = time.process_time()
     runpy.run_path(str(script))
-    if time.process_time() - start >= LONGEST_S:  # it has compiled what it runs, and the next one need not
-        plt.close("all")
-        start = time.process_time()
-        runpy.run_path(str(script))
-        assert time.process_time() - start < LONGEST_S
     figures = [plt.figure(number) for number in plt.get_fignums()]
     assert figures
     for figure in figures:

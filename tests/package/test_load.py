@@ -10,6 +10,7 @@ import pickle
 import sys
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -188,9 +189,7 @@ def test_goes_to_other_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         "FACTOR = 3.0\n\ndef load_nm(speed, angle, time):\n    return FACTOR * speed\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    import my_load  # type: ignore[import-not-found]  # made a line above
-
-    packed = pickle.dumps(PythonLoad(my_load.load_nm))
+    packed = pickle.dumps(PythonLoad(import_module("my_load").load_nm))
     monkeypatch.delitem(sys.modules, "my_load")
     (tmp_path / "my_load.py").unlink()
     assert pickle.loads(packed).torque_nm(0.0, 2.0, 0.0, 1e-5) == 6.0

@@ -20,6 +20,7 @@ from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter, Sensing
 from fluxlock.plant.edge_params import EdgeParams
 
+SAMPLES_AFTER_CLAMP = 16  # at most, from a diode that lets the terminal go to the first sample that counts
 SAMPLES_NEEDED = 3  # settled samples in the shortest pulse that shows a crossing
 NOISES = 3.0  # of a sample's rms noise: what may be left of the edge terms
 OWN_JUMP = 0.5  # of the supply: an open terminal that a diode lets go, while another leg makes the whole jump

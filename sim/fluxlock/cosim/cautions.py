@@ -15,6 +15,7 @@ from fluxlock.config.fields import with_unit
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import COMMUTATION_USUAL
 from fluxlock.config.reach import lack, points, six_step_voltage
+from fluxlock.config.settling import SAMPLES_AFTER_CLAMP, crossing_settling
 from fluxlock.config.vector_design import handover_rpm
 from fluxlock.cosim.parameters import check_parameters, parameter_block
 
@@ -126,9 +127,23 @@ def _unchecked(s: Scenario) -> Iterator[Problem]:
             return
 
 
+def _slow_filter(s: Scenario) -> Iterator[Problem]:
+    """Where a diode lets the open terminal go, the chip counts a few samples in place of the settle time."""
+    if s.drive.method != "six-step" or s.drive.hall.mode == "sensored" or s.drive.zcd.sampling != "continuous":
+        return
+    settling, most_s = crossing_settling(s.drive, s.inverter), SAMPLES_AFTER_CLAMP * s.inverter.sensing.sample_period_s
+    if settling.settle_s > most_s:
+        text = (
+            f"samples of a crossing count from {settling.settle_s * 1e6:.3g} us after an edge, but from "
+            f"{most_s * 1e6:.3g} us on after a diode lets the terminal go: crossings may come early there; take a "
+            "quicker filter (fluxlock inverter advise) or slower samples"
+        )
+        yield s.sources.problem("inverter.sensing.divider_pole_s", text)
+
+
 def cautions(s: Scenario) -> list[Problem]:
     """Each by file and key, with what to do."""
-    checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised, _unchecked)
+    checks = (_little_voltage, _emf_beyond_the_link, _poles_alike, _slow, _raised, _unchecked, _slow_filter)
     return [problem for check in checks for problem in check(s)]
 
 

@@ -18,8 +18,8 @@
 // Firm: with sync_rect and correction B the voltage follows the ramp alone and the EMF line holds the rotor. There the
 // rotor is expected behind the ramp by the lag of the current, and the measured speed is compared with that, as it was t_d
 // ago. The ramp ends as the current can fall, and each pair has its own EMF (control/pair_emf.h). The EMF of sinusoidal
-// phases is followed within the sector. The trim compares the current with i_ref behind that lag. Below the boundary of continuous conduction the pulse follows from i_ref
-// alone (control/boundary.h).
+// phases is followed within the sector. The trim compares the current with i_ref behind that lag. Below the boundary of
+// continuous conduction the pulse follows from i_ref alone (control/boundary.h).
 #ifndef FL_REGULATE_H
 #define FL_REGULATE_H
 
