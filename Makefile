@@ -54,13 +54,13 @@ wheel: $(TEST) ## the package, dist/fluxlock-VERSION-py3-none-any.whl: pip insta
 ##@ Check a change
 
 check: $(TEST) $(LINT) $(FORMAL) ## before a commit: lint, units, what has changed, a short closed loop; minutes (SINCE=revision)
-	@$(PY) -m fluxlock.check --jobs $(JOBS) $(if $(SINCE),--since $(SINCE))
+	@$(PY) -m fluxverify.check --jobs $(JOBS) $(if $(SINCE),--since $(SINCE))
 
 test: $(TEST) $(FORMAL) $(COVERAGE) $(SYNTH) ## every test and proof: units, blocks, firmware, closed loops; 30 min to 1 h (JOBS=n)
 	@FLUXLOCK_TEST_TIMES=build/test-times.json $(PY) -m pytest -n $(JOBS) --dist worksteal
 
 lint: $(TEST) $(LINT) ## Verilator, Verible, Yosys, C warnings, ruff, mypy, licences, requirement matrix; 20 s to minutes
-	@$(PY) -m fluxlock.lint --jobs $(JOBS)
+	@$(PY) -m fluxverify.lint --jobs $(JOBS)
 
 ##@ One part of the tests
 
@@ -85,42 +85,42 @@ test-socketcan: $(TEST) ## master, candump, cansend and cangen on a real vcan0; 
 
 regression: $(TEST) ## long sets with their limits: build/regression.json; 2 h (QUICK=1, CASES=six-step/starts)
 	@$(if $(QUICK)$(CASES),,FLUXLOCK_BOOT_FIRMWARE=1 $(PY) -m pytest -q -n $(JOBS) cocotb_tests/soc/test_boot_firmware.py)
-	@.venv/bin/fluxlock regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
+	@.venv/bin/fluxverify regression $(CASES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
 
 campaign: $(TEST) ## faults at many moments, each ending judged: build/campaign.json; hours (QUICK=1, DRIVES=vector)
-	@.venv/bin/fluxlock campaign $(DRIVES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
-	@$(if $(QUICK)$(DRIVES),echo "docs/verification/campaign.md stays as it is: it shows the whole grid only",$(PY) -m fluxlock.campaign.page)
+	@.venv/bin/fluxverify campaign $(DRIVES) $(if $(QUICK),--quick) --jobs $(JOBS) --seed $(SEED)
+	@$(if $(QUICK)$(DRIVES),echo "docs/verification/campaign.md stays as it is: it shows the whole grid only",$(PY) -m fluxverify.campaign.page)
 
 population: $(TEST) ## random machines that nobody tuned for, each life judged: build/population; 1 h (METHOD=vector LIVES=n SEED=n)
 	@.venv/bin/fluxlock population run $(if $(METHOD),--method $(METHOD)) $(if $(LIVES),--lives $(LIVES)) --jobs $(JOBS) --seed $(SEED)
 
 bench: $(TEST) ## speed of the closed loop against a bare simulation: build/bench.json; minutes
-	@$(PY) -m fluxlock.bench
+	@$(PY) -m fluxverify.bench
 
 mutation: $(TEST) $(FORMAL) ## defects put into RTL blocks, found or not: build/mutate; hours (BLOCKS=fl_trip)
-	@.venv/bin/fluxlock mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
-	@$(PY) -m fluxlock.docs.mutation
+	@.venv/bin/fluxverify mutate $(BLOCKS) --jobs $(JOBS) --seed $(SEED)
+	@$(PY) -m fluxverify.docs.mutation
 
 coverage: $(TEST) $(COVERAGE) ## RTL, C and Python that the tests reach: build/coverage/report.md; hours (BLOCKS=safety)
-	@$(PY) -m fluxlock.coverage $(BLOCKS) --jobs $(JOBS)
+	@$(PY) -m fluxverify.coverage $(BLOCKS) --jobs $(JOBS)
 
 ##@ Pages
 
 site: $(RUN) .venv/.group-docs ## documentation as a site with search: build/site/html; minutes
-	@$(PY) -m fluxlock.docs.site
+	@$(PY) -m fluxverify.docs.site
 
 diagrams: $(TEST) .venv/.group-docs ## timing and block diagrams of the pages from the RTL; 2 min
 	@FLUXLOCK_WRITE_DIAGRAMS=1 $(PY) -m pytest -q cocotb_tests/timing
 	@$(PY) docs/site/timing.py
-	@$(PY) -m fluxlock.docs.hierarchy
-	@$(PY) -m fluxlock.docs.gallery
+	@$(PY) -m fluxverify.docs.hierarchy
+	@$(PY) -m fluxverify.docs.gallery
 
 docs: $(TEST) ## register reference, schema pages, README tables, verification matrix; 1 min
-	@$(PY) -m fluxlock.build html
-	@$(PY) -m fluxlock.docs
+	@$(PY) -m fluxlock.generate.registers html
+	@$(PY) -m fluxverify.docs
 
 release-check: $(RUN) ## refuses pages that were made from other sources than this tree; seconds
-	@$(PY) -m fluxlock.docs.release
+	@$(PY) -m fluxverify.docs.release
 
 ##@ The environment
 

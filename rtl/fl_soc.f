@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
 // Sources of the chip, top fl_soc, in compile order. Every build reads this list. Paths count from this file: -F fl_soc.f.
-// `python -m fluxlock.build rtl` writes what lies in build/generated: register blocks from regs/*.rdl, and the core.
+// `python -m fluxlock.generate.registers rtl` writes what lies in build/generated: register blocks from regs/*.rdl, and the core.
 
 // Packages and register blocks.
 pkg/fl_pkg.sv

@@ -8,8 +8,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.drive import Bench, BranchError, Drive, DriveError, drive_test
-from fluxlock.paths import ROOT
 
 SCENARIO = ROOT / "scenarios" / "campaign" / "six-step.toml"
 LOADS_NM = (0.0, 0.004, 0.008)

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from fluxlock.base.paths import ROOT
 from fluxlock.drive import Drive, drive_test, run_tests
-from fluxlock.paths import ROOT
 
 
 @drive_test()

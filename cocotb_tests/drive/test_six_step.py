@@ -11,9 +11,9 @@ import numpy as np
 from cocotb.simtime import get_sim_time
 from cocotb.triggers import FallingEdge, RisingEdge, ValueChange
 
-from fluxlock.analysis.rundata import LogKind
+from fluxlock.base.paths import ROOT
 from fluxlock.drive import Drive, DriveError, drive_test, run_tests
-from fluxlock.paths import ROOT
+from fluxlock.results.rundata import LogKind
 
 SCENARIO = ROOT / "scenarios" / "campaign" / "six-step.toml"
 RPM = 56_000

@@ -20,8 +20,8 @@ import cocotb
 import pytest
 
 from cocotb_tests.foc.foc_bench import FULL_SCALE, SOURCES, TB, TURN, Pair, Regulator, park, phases_of
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 MOTOR = tomllib.loads((ROOT / "motors" / "motor-1.toml").read_text())
 R, L = float(MOTOR["resistance_ohm"]), float(MOTOR["inductance_h"])

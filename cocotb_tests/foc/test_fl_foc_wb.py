@@ -28,9 +28,9 @@ from cocotb_tests.foc.test_fl_modulator import Settings, widths
 from cocotb_tests.injection.test_fl_injection_path import PATH_SOURCES
 from cocotb_tests.sense.test_fl_current_window import mean
 from cocotb_tests.soc.bench import request
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.host import register_offsets
-from fluxlock.paths import ROOT
 
 CLOCK_NS = 20
 # From the codes of a window's only sample to the compares in the shadow registers: sensing, window, regulators,

@@ -15,8 +15,8 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 
 from cocotb_tests.measured import measured
-from fluxlock import tables
 from fluxlock.cosim.block import run_block_test
+from fluxlock.generate import tables
 
 CLOCK_NS = 20
 LATENCY = 4  # clocks, published by the module
@@ -137,4 +137,4 @@ def test_fl_sincos(width: int, scale: tuple[int, int]) -> None:
 
 def test_table_is_current() -> None:
     """The table in the RTL is the one that the script writes."""
-    assert tables.SINE_FILE.read_text() == tables.sine_package(), "run `python -m fluxlock.tables`"
+    assert tables.SINE_FILE.read_text() == tables.sine_package(), "run `python -m fluxlock.generate.tables`"

@@ -15,8 +15,8 @@ import pytest
 
 from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import FULL_SCALE, SOURCES, TURN, Filter, pack, unpack
-from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine
 from fluxlock.cosim.block import run_block_test
+from fluxlock.theory.injection.chain import ExactHfCurrent, HfMachine
 
 SPACING = 110  # clocks from update to update
 SAMPLE_CLOCKS = 3  # strobe to sample

@@ -15,8 +15,8 @@ import cocotb
 from cocotb_tests.injection.bench import Bench
 from cocotb_tests.injection.models import BENCHES, FULL_SCALE, SOURCES, Filter, LockInBits, Pair, pack, unpack
 from cocotb_tests.measured import measured
-from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, LockIn
 from fluxlock.cosim.block import run_block_test
+from fluxlock.theory.injection.chain import ExactHfCurrent, HfMachine, Injection, LockIn
 
 HF_LATENCY = 18
 REFERENCE_LATENCY = 18

@@ -16,7 +16,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly, Timer
 from numpy.typing import NDArray
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 Dut: TypeAlias = Any  # handles are found by name at run time
 

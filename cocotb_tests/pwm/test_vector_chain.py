@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from cocotb_tests.foc.test_fl_modulator import FULL, Settings, pack
 from cocotb_tests.measured import measured
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 RESET_WAIT = 1023  # clocks for which the guard holds everything off after a reset
 Vector = Callable[[float], list[int]]  # clock to numbers of the phases

@@ -19,8 +19,8 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
 from cocotb_tests.safety.test_fl_gate_guard import LegReference
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 Dut: TypeAlias = Any  # handles are found by name at run time
 PHASE, DC, PIN, LOST, OVER, UNDER, SOFT, DEADLINE = (1 << i for i in range(8))

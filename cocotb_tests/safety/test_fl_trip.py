@@ -15,8 +15,8 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 Dut: TypeAlias = Any  # handles are found by name at run time
 PHASE, DC, PIN, LOST, OVER, UNDER, SOFT, DEADLINE = (1 << i for i in range(8))

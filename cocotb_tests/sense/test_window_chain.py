@@ -17,8 +17,8 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
 
 from cocotb_tests.sense.test_fl_current_window import mean
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 CARRIER, ONCE = 2, 3  # fl_pkg::sched_mode_e
 CONVERSION = 11  # clocks from the strobe to the codes

@@ -18,10 +18,10 @@ from cocotb.task import resume
 from cocotb.triggers import FallingEdge, First, Timer
 
 from cocotb_tests.soc.bench import CLOCK_NS, Bench
+from fluxlock.base.paths import BUILD, content_hash
+from fluxlock.base.writable import file_lock
 from fluxlock.firmware.schema import MAGIC, load_schema
 from fluxlock.firmware.toolchain import TARGET_FLAGS
-from fluxlock.paths import BUILD, content_hash
-from fluxlock.writable import file_lock
 
 HERE = Path(__file__).parent
 BIT_NS = 50 * CLOCK_NS

@@ -19,13 +19,13 @@ from cocotb.task import bridge
 from cocotb.triggers import Timer
 
 from cocotb_tests.soc.boot_bench import BootBench, Line, build_program, make_block
+from fluxlock.base.paths import REGISTER_BLOCKS, ROOT
 from fluxlock.cosim.block import run_block_test
 from fluxlock.firmware.toolchain import build_loader
 from fluxlock.flash.image import IMAGE_MAX_BYTES, map_version, pack_image, plan
 from fluxlock.flash.loader import HELLO, WRITE, Loader, LoaderError, SerialLine, frame
-from fluxlock.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES
-from fluxlock.paths import REGISTER_BLOCKS, ROOT
-from fluxlock.soft_core import soft_core
+from fluxlock.generate.memory import FLASH_BLOCK, FLASH_END, FLASH_IMAGE, FLASH_PAGE_BYTES
+from fluxlock.generate.soft_core import soft_core
 
 PHASES = 3
 LISTEN_MS = 1

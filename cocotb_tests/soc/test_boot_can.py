@@ -23,6 +23,7 @@ from cocotb_tests.can.bench import BSP_SOURCES
 from cocotb_tests.can.link import Wire
 from cocotb_tests.soc.boot_bench import BootBench, build_program, make_block
 from cocotb_tests.soc.test_boot import LISTEN_MS, PHASES, RUNNING, SOURCES, with_word
+from fluxlock.base.paths import REGISTER_BLOCKS, ROOT
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
 from fluxlock.clock import CLOCK_HZ
@@ -31,8 +32,7 @@ from fluxlock.firmware.toolchain import build_loader
 from fluxlock.flash.can_line import ID_TO_HOST, ID_TO_LOADER, CanLine, segments
 from fluxlock.flash.image import pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import HELLO, START, WRITE, Loader, LoaderError, frame
-from fluxlock.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_END, FLASH_IMAGE
-from fluxlock.paths import REGISTER_BLOCKS, ROOT
+from fluxlock.generate.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_END, FLASH_IMAGE
 
 NODE, KBIT_PER_S = 5, 1000
 IDENTITY = 0xEF4016

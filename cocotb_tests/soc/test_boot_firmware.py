@@ -18,14 +18,14 @@ from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
 from cocotb_tests.soc.boot_bench import BootBench
+from fluxlock.base.paths import REGISTER_BLOCKS, ROOT, RTL
 from fluxlock.config import load_scenario
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.toolchain import build_firmware, build_loader
 from fluxlock.flash.image import pack_image
-from fluxlock.memory import FLASH_BLOCK, FLASH_IMAGE, RAM_WORDS
-from fluxlock.paths import REGISTER_BLOCKS, ROOT, RTL
+from fluxlock.generate.memory import FLASH_BLOCK, FLASH_IMAGE, RAM_WORDS
 
 PHASES = 3
 SMALL_WORDS = 18432  # of a chip for six-step operation only

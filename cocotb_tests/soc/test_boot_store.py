@@ -19,6 +19,7 @@ from cocotb.triggers import FallingEdge, Timer
 
 from cocotb_tests.can.link import Wire
 from cocotb_tests.soc.boot_bench import BootBench
+from fluxlock.base.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
 from fluxlock.canopen.dictionary import load_dictionary
@@ -30,8 +31,7 @@ from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import write_image
 from fluxlock.firmware.toolchain import build_firmware
 from fluxlock.flash.image import pack_can_setup
-from fluxlock.memory import BOOT_BYTES, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES, FLASH_STORE
-from fluxlock.paths import BUILD, REGISTER_BLOCKS, ROOT, RTL
+from fluxlock.generate.memory import BOOT_BYTES, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES, FLASH_STORE
 
 NODE, KBIT_PER_S = 5, 1000
 FOLDER = BUILD / "block" / "boot_store"

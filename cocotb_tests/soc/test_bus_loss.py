@@ -16,7 +16,7 @@ from cocotb_tests.soc.boot_bench import BootBench
 from cocotb_tests.soc.test_boot_store import KBIT_PER_S, NODE, Master, run_boot_soc
 from fluxlock.can.frame import Frame
 from fluxlock.flash.image import pack_can_setup
-from fluxlock.memory import FLASH_CAN_SETUP
+from fluxlock.generate.memory import FLASH_CAN_SETUP
 
 HEARTBEAT_MS = 5
 EMERGENCY, ALIVE = 0x80 + NODE, 0x700 + NODE

@@ -13,8 +13,8 @@ from typing import Any
 import cocotb
 
 from cocotb_tests.soc.bench import Bench
+from fluxlock.base.paths import BUILD
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import BUILD
 
 WORDS = 64
 

@@ -15,14 +15,14 @@ import cocotb
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
 
 from cocotb_tests.soc.bench import Bench
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
+from fluxlock.base.writable import file_lock
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
 from fluxlock.firmware.toolchain import TARGET_FLAGS
 from fluxlock.flash.image import map_version
-from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_hash
-from fluxlock.writable import file_lock
+from fluxlock.generate.memory import RAM_WORDS
+from fluxlock.generate.registers import generate_registers
 
 HERE = Path(__file__).parent
 MAILBOX, MAILBOX_WORDS = 0x1E000 // 4, 41
@@ -151,7 +151,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     assert found[14] == 0, f"unmapped addresses read {found[14]:#x}"
     assert found[15] == 0x600DF00D and found[16] == found[0], "a write to an unmapped address landed somewhere"
     whole = chip.ram_words == RAM_WORDS
-    assert whole or chip.ram_words == SMALL_WORDS, "the default of the RTL is not that of fluxlock.memory"
+    assert whole or chip.ram_words == SMALL_WORDS, "the default of the RTL is not that of fluxlock.generate.memory"
     first = (0x600DBA2E, int(dut.u_cpu.u_ram.mem[0x80 // 4].value))
     assert (chip.mailbox(38), chip.mailbox(39), chip.mailbox(40)) == (2 if whole else 0, *first), "banks of the RAM"
     assert found[17] == 0, f"{found[17]} wrong words in RAM"

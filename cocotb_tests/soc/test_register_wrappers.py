@@ -25,8 +25,8 @@ from cocotb_tests.injection.test_fl_injection_path import PATH_SOURCES as INJECT
 from cocotb_tests.pwm.chain import SOURCES as PWM_SOURCES
 from cocotb_tests.soc.bench import CLOCK_NS, Bench, request
 from cocotb_tests.zcd.zcd_bench import ZCD_SOURCES
+from fluxlock.base.paths import RTL
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import RTL
 
 FOC_TYPES = ["foc/fl_foc_pkg.sv", "foc/fl_vector_pkg.sv"]
 SOURCES = {

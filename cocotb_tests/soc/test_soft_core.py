@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.paths import package_dir
-from fluxlock.soft_core import SoftCoreError, derive
+from fluxlock.base.paths import package_dir
+from fluxlock.generate.soft_core import SoftCoreError, derive
 
 
 def package_core() -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import cocotb
 from cocotb.triggers import RisingEdge
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 FOLDER = ROOT / "docs" / "images" / "timing"
 WRITE = "FLUXLOCK_WRITE_DIAGRAMS"  # in the environment: write the diagrams instead of comparing

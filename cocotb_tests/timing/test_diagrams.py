@@ -21,8 +21,8 @@ from cocotb_tests.soc.test_fl_safety_wb import build_arguments
 from cocotb_tests.timing.recorder import FOLDER, shown
 from cocotb_tests.zcd.timer_bench import TIMER_SOURCES
 from cocotb_tests.zcd.zcd_bench import ZCD_SOURCES
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.block import run_block_test
-from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "architecture.md"
 SAFETY, SIX_STEP, VECTOR = (f"cocotb_tests.timing.{name}_traces" for name in ("safety", "six_step", "vector"))

@@ -14,8 +14,8 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 
-from fluxlock import tables
 from fluxlock.cosim.block import run_block_test
+from fluxlock.generate import tables
 
 CLOCK_NS = 20
 LATENCY, SATURATED_LATENCY = 25, 6  # clocks, published by the module
@@ -135,4 +135,4 @@ def test_fl_angle_time() -> None:
 
 def test_tables_are_current() -> None:
     """The table in the RTL is the one that the script writes."""
-    assert tables.ASIN_FILE.read_text() == tables.asin_package(), "run `python -m fluxlock.tables`"
+    assert tables.ASIN_FILE.read_text() == tables.asin_package(), "run `python -m fluxlock.generate.tables`"

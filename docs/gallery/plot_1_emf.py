@@ -14,9 +14,9 @@ middle of its sector. This *zero crossing* is what the chip measures; the commut
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.six_step.machine import Machine
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor
-from fluxlock.paths import ROOT
+from fluxlock.theory.six_step.machine import Machine
 
 motor = load_motor(ROOT / "motors" / "motor-1.toml")
 machine = Machine.from_motor(motor)

@@ -15,7 +15,7 @@ still. Below a limit the error stays small; above the limit it grows without end
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.six_step.stability import commutation_errors_deg, freewheel_limit_deg
+from fluxlock.theory.six_step.stability import commutation_errors_deg, freewheel_limit_deg
 
 carriers_per_sector = 2.7
 limit_deg = float(freewheel_limit_deg(carriers_per_sector))

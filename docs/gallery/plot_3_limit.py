@@ -15,7 +15,7 @@ degrees.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.six_step.stability import freewheel_limit_deg
+from fluxlock.theory.six_step.stability import freewheel_limit_deg
 
 carriers = np.linspace(1.0, 8.0, 1401)
 

@@ -17,7 +17,7 @@ from fractions import Fraction
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.six_step.spectrum import analytic_lines, line_numbers, weighted_distortion
+from fluxlock.theory.six_step.spectrum import analytic_lines, line_numbers, weighted_distortion
 
 ratio, duty = Fraction(25, 8), 0.6
 numbers = line_numbers(ratio, 25.0)

@@ -16,10 +16,10 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.vector.controllers import KINDS, gains, step_response
-from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor
-from fluxlock.paths import ROOT
+from fluxlock.theory.vector.controllers import KINDS, gains, step_response
+from fluxlock.theory.vector.model import Sampling, SmoothMachine, coefficients
 
 machine = SmoothMachine.from_motor(load_motor(ROOT / "motors" / "motor-1.toml"))
 sampling = Sampling.at(20_000.0, 1.0)

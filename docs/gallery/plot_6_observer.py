@@ -17,10 +17,10 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
-from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients
-from fluxlock.analysis.vector.observer import steady_state
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor
-from fluxlock.paths import ROOT
+from fluxlock.theory.vector.model import Sampling, SmoothMachine, coefficients
+from fluxlock.theory.vector.observer import steady_state
 
 motor = load_motor(ROOT / "motors" / "motor-1.toml")
 machine = SmoothMachine.from_motor(motor)

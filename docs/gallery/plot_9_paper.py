@@ -16,8 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fluxlock
-from fluxlock.analysis.injection_frequency import Rule, bound_map
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxlock.theory.injection.frequency import Rule, bound_map
 
 
 def rule_and_speed(name: str, rpm: float) -> tuple[Rule, float]:

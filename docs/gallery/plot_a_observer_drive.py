@@ -15,10 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fluxlock
-from fluxlock.analysis.vector.model import Sampling, SmoothMachine, coefficients
-from fluxlock.analysis.vector.observer import steady_state
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.vector_timing import vector_timing
+from fluxlock.theory.vector.model import Sampling, SmoothMachine, coefficients
+from fluxlock.theory.vector.observer import steady_state
 
 # A servo motor holds 3000 r/min when its rated load comes.
 short = {

@@ -18,8 +18,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fluxlock
-from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, Pll, Separator, settled_error, track
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxlock.theory.injection.chain import ExactHfCurrent, HfMachine, Injection, Pll, Separator, settled_error, track
 
 motor = fluxlock.load_motor(ROOT / "motors" / "five-phase-yu.toml")
 yu = HfMachine(motor.resistance_ohm[0], motor.inductance_h[0], motor.inductance_q_h)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sphinx configuration of `make site`; the sources are those that `fluxlock.docs.site` writes."""
+"""Sphinx configuration of `make site`; the sources are those that `fluxverify.docs.site` writes."""
 
 import sys
 import tomllib

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
 // Quarter sine as 512 straight lines, 2^22 = 1: each chord shifted up by half its sagitta.
-// Written by `python -m fluxlock.tables`; a test checks it.
+// Written by `python -m fluxlock.generate.tables`; a test checks it.
 package fl_sine_pkg;
 
   typedef struct packed {

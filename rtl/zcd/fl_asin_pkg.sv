@@ -3,7 +3,7 @@
 
 // Arc sine in intervals of 60 degrees, 2^16 = 1: lines from asin(i / 128) / (pi / 3) to
 // the next; the last has no rise.
-// Written by `python -m fluxlock.tables`; a test checks it.
+// Written by `python -m fluxlock.generate.tables`; a test checks it.
 package fl_asin_pkg;
 
   typedef struct packed {

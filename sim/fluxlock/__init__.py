@@ -13,17 +13,17 @@ from os.path import realpath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fluxlock.analysis.rundata import SimulationFault
     from fluxlock.api import scenario_of, simulate
     from fluxlock.config import ConfigError, Inverter, Motor, Scenario, load_inverter, load_motor, load_scenario
     from fluxlock.cosim.outcome import UNITS, Run
+    from fluxlock.results.rundata import SimulationFault
     from fluxlock.sweeps import Sweep, sweep
 
 # Through a link to the checkout its files have the names they have without: what was built is found, not built again.
 __path__ = [realpath(folder) for folder in __path__]
 
 _HOMES = {
-    "fluxlock.analysis.rundata": ("SimulationFault",),
+    "fluxlock.results.rundata": ("SimulationFault",),
     "fluxlock.api": ("scenario_of", "simulate"),
     "fluxlock.cosim.outcome": ("UNITS", "Run"),
     "fluxlock.config": (

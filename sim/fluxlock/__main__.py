@@ -8,8 +8,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from fluxlock.interrupts import leave_when_interrupted, raise_when_interrupted
-from fluxlock.paths import BUILD, ROOT
+from fluxlock.base.interrupts import leave_when_interrupted, raise_when_interrupted
+from fluxlock.base.paths import BUILD, ROOT
 
 
 def refuse_place() -> None:

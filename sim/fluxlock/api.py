@@ -22,11 +22,11 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Inverter, Motor, Scenario, load_scenario
 from fluxlock.config.loader import Override, changed
 from fluxlock.cosim.outcome import Run, finished, write_outcome
 from fluxlock.python_load import LoadFunction, PythonLoad, check_rotor
+from fluxlock.results.rundata import RunData
 
 
 def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object] | None = None) -> Scenario:
@@ -91,9 +91,9 @@ def simulate(
 def _on_chip(scenario: Scenario, folder: Path, seed: int, progress: bool, load: PythonLoad | None) -> RunData:
     from rich.console import Console
 
-    from fluxlock.build import check_build
+    from fluxlock.base.progress import ProgressBar
     from fluxlock.cosim.run import run_scenario
-    from fluxlock.progress import ProgressBar
+    from fluxlock.generate.registers import check_build
 
     check_build()
     if not progress:

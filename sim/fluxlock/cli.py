@@ -6,21 +6,13 @@
 Each command is one function; its docstring is the help text. Heavy packages are imported inside the functions, so that
 `--help` answers at once. Bad input raises `ConfigError`; `main` prints each problem on one line, without a traceback.
 
-Exit codes:
-
-* 0: done and passed
-* 1: the run failed (`fluxlock.analysis.verdict`), or the simulation broke off
-* 2: bad input
-* 130: interrupted
-* 141: the reader of the output is gone (`| head`)
-* 143: terminated
+Exit codes: `fluxlock.command_line`.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -31,40 +23,34 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
-from fluxlock.analysis.injection_cli import app as injection_app
-from fluxlock.analysis.rundata import SimulationFault
-from fluxlock.analysis.six_step.cli import app as six_step_app
-from fluxlock.analysis.six_step.cli import read_trace
-from fluxlock.analysis.vector.cli import app as vector_app
-from fluxlock.analysis.verdict import Verdict, say
-from fluxlock.can_bus import DEFAULT as DEFAULT_BUS
+from fluxlock.base.paths import BUILD, INSTALLED, RESULTS, ROOT
+from fluxlock.base.progress import ProgressBar
+from fluxlock.base.stage import PLOTTING, ProgressInfo
+from fluxlock.base.writable import InUseError, alone, check_file
+from fluxlock.can.can_bus import DEFAULT as DEFAULT_BUS
+from fluxlock.command_line import EXIT_FAILED, SeedOption, run_command_line
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.edge.cli import app as edge_app
 from fluxlock.edge.inverter_cli import app as inverter_app
 from fluxlock.export.command import export
 from fluxlock.flash.command import flash
-from fluxlock.generated import SourceError
-from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example, fit_help
+from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example
 from fluxlock.init_command import init
 from fluxlock.live.cli import live
 from fluxlock.motor_cli import app as motor_app
-from fluxlock.paths import BUILD, INSTALLED, RESULTS, ROOT, needs_checkout
 from fluxlock.population.cli import app as population_app
-from fluxlock.progress import ProgressBar
 from fluxlock.prove.command import prove
-from fluxlock.stage import PLOTTING, ProgressInfo
+from fluxlock.results.rundata import SimulationFault
+from fluxlock.results.verdict import Verdict, say
 from fluxlock.sweep_cli import sweep
-from fluxlock.writable import EXIT_READER_GONE, InUseError, alone, check_file, reader_gone, refusal
+from fluxlock.theory.injection.cli import app as injection_app
+from fluxlock.theory.six_step.cli import app as six_step_app
+from fluxlock.theory.six_step.cli import read_trace
+from fluxlock.theory.vector.cli import app as vector_app
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
 
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 128 + signal.SIGINT
-EXIT_TERMINATED = 128 + signal.SIGTERM
-
-SEED_MAX = 2**31 - 1
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 WAVES = "simulator/waves.fst"
 DEMO = (RESULTS if INSTALLED else BUILD) / "demo"
@@ -99,9 +85,6 @@ app.command(
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario file (TOML).", autocompletion=complete_toml("scenarios"))
 ]
-SeedOption = Annotated[
-    int | None, typer.Option(parser=lambda text: _seed(text), metavar="NUMBER", help="Seed of the noise.")
-]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
@@ -116,13 +99,6 @@ def _checked(path: Path, set_: list[str] | None, allow_overload: bool = False) -
     from fluxlock.cosim.cautions import checked
 
     return checked(path, set_ or (), allow_overload)
-
-
-def _seed(text: str) -> int:
-    """Value of `--seed`."""
-    if not (text.isascii() and text.isdigit() and int(text) <= SEED_MAX):
-        raise ConfigError([Problem("--seed", "", f"must be a whole number from 0 to {SEED_MAX}, not {text!r}")])
-    return int(text)
 
 
 @contextmanager
@@ -162,7 +138,7 @@ def _unwritable(path: Path, reason: str) -> ConfigError:
 
 
 def _report(console: Console, result: dict[str, Any], out_dir: Path) -> None:
-    from fluxlock.analysis.report import handlers_table, metrics_table, run_line
+    from fluxlock.results.report import handlers_table, metrics_table, run_line
 
     if result["metrics"]:
         console.print(metrics_table(result))
@@ -240,10 +216,10 @@ def _run(
 ) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
-    from fluxlock.build import check_build
     from fluxlock.cosim.debugger import gdb_server
     from fluxlock.cosim.outcome import write_outcome
     from fluxlock.cosim.run import run_scenario
+    from fluxlock.generate.registers import check_build
 
     server = gdb_server(gdb) if gdb else None
     check_build()
@@ -337,7 +313,7 @@ def scope_command(
         raise ConfigError([Problem("--out", str(path), "must be a file name that ends in .svg")])
     data = read_trace(folder / "trace.npz")
     check_file(path)
-    from fluxlock.analysis import scope
+    from fluxlock.results import scope
 
     still = path.with_name(f"{path.stem}-still.svg")
     for file, moving in ((path, True), (still, False)):
@@ -506,220 +482,9 @@ def can_command(
         raise typer.Exit(EXIT_FAILED)
 
 
-@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock regression six-step --quick"))
-def regression(
-    cases: Annotated[list[str] | None, typer.Argument(help="Cases, or beginnings of their names; all without.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
-    list_: Annotated[bool, typer.Option("--list", help="Only list the cases.")] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Cases run side by side.")] = os.cpu_count() or 1,
-    seed: SeedOption = None,
-    record: Annotated[
-        bool, typer.Option("--record", help="Run with many seeds; record means, scatters, bands.")
-    ] = False,
-    seeds: Annotated[int, typer.Option(min=5, help="With --record: seeds 1 to this.")] = 5,
-    accept: Annotated[
-        list[str] | None,
-        typer.Option("--accept", metavar="ROW", help="Run nothing: record the last run's row, or rows that begin so."),
-    ] = None,
-    why: Annotated[str, typer.Option("--why", help="With --accept: the reason, which the record keeps.")] = "",
-) -> None:
-    """Run the long sets with their limits: build/regression.json.
-
-    The command keeps finished runs and does not repeat them.
-    A row fails when it misses a limit or leaves the bands of docs/verification/record.json.
-    """
-    needs_checkout("regression")
-    from fluxlock.regression.command import accept_rows, list_cases, record_regression, run_regression
-
-    if (accept or record) and (quick or list_ or seed is not None or (accept and (record or cases))):
-        text = "stand alone: full length, seeds of their own, one of them at a time"
-        raise ConfigError([Problem("regression", "--accept, --record", text)])
-    if why and not accept:
-        raise ConfigError([Problem("regression", "--why", "belongs to --accept")])
-    if list_:
-        list_cases(cases or [])
-    elif accept:
-        accept_rows(accept, why)
-    elif record:
-        if not record_regression(cases or [], seeds, jobs):
-            raise typer.Exit(EXIT_FAILED)
-    elif not run_regression(cases or [], quick, 1 if seed is None else seed, jobs):
-        raise typer.Exit(EXIT_FAILED)
-
-
-@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock campaign six-step --quick"))
-def campaign(
-    drives: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DRIVE",
-            help="six-step, start, vector, five-phase, hall, encoder, can, board, board-vector, boot; all without.",
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="One moment a drive, a sixth of the faults.")] = False,
-    every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,
-    show: Annotated[bool, typer.Option("--show", help="Run nothing: the runs that have finished.")] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and upsets.")] = None,
-) -> None:
-    """Put faults into plant, sensors and chip, judge how each run ends.
-
-    The results go to build/campaign.json.
-    Runs finished before with equal inputs are not repeated.
-    `python -m fluxlock.campaign.page` makes the page of the documentation from it.
-    """
-    needs_checkout("campaign")
-    from fluxlock.campaign.command import run as run_campaign
-
-    if not run_campaign(drives or [], quick, every, 1 if seed is None else seed, 0 if show else jobs):
-        raise typer.Exit(EXIT_FAILED)
-
-
-@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock fuzz six-step --runs 2"))
-def fuzz(
-    drives: Annotated[
-        list[str] | None, typer.Argument(metavar="DRIVE", help="six-step, vector, five-phase; all without.")
-    ] = None,
-    runs: Annotated[int, typer.Option(min=1, help="Runs a drive, each with a seed of its own.")] = 10,
-    ms: Annotated[float, typer.Option(min=1.0, max=100.0, help="Length of a run, ms.")] = 10.0,
-    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of noise and runs.")] = None,
-) -> None:
-    """Write random registers while the machine runs: the gates must stay safe.
-
-    Every access must be answered too.
-    """
-    needs_checkout("fuzz")
-    from fluxlock.campaign.fuzz import fuzz_drives
-
-    if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
-        raise typer.Exit(EXIT_FAILED)
-
-
-@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock figures six-step 2.11"))
-def figures(
-    family: Annotated[
-        str,
-        typer.Argument(
-            help="Whose: six-step (Yang 2020, chapters 2 to 6), blac (chapter 7), five-phase (Tian 2019, Yu 2022)."
-        ),
-    ],
-    numbers: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="FIGURE", help="Numbers (2.11, tian.4), chapters (2) or papers (yu); all without."),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder; PNG and figures.json go to FOLDER/FAMILY.")] = Path(
-        "build/figures"
-    ),
-    quick: Annotated[
-        bool,
-        typer.Option(
-            "--quick",
-            help="Short runs, fewer points; what needs the chip's long runs is left out and the caption says so.",
-        ),
-    ] = False,
-    list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
-    seed: SeedOption = None,
-) -> None:
-    """Draw a thesis's and two papers' figures from our own runs.
-
-    Each has a table: printed, measured.
-    Runs finished before with the same chip, firmware, scenario and plant are read, also those of the regression.
-    `python -m fluxlock.docs.figures` makes the page of the documentation from what stands in build/figures.
-    """
-    needs_checkout("figures")
-    from fluxlock.figures.command import list_figures, run_figures
-
-    if list_:
-        list_figures(family, numbers or [])
-    elif not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
-        raise typer.Exit(EXIT_FAILED)
-
-
-@app.command(rich_help_panel=VERIFY, epilog=example("fluxlock mutate fl_zcd --count 10"))
-def mutate(
-    blocks: Annotated[list[str] | None, typer.Argument(metavar="BLOCK", help="RTL blocks; all without.")] = None,
-    count: Annotated[int, typer.Option(min=1, help="Mutants a block.")] = 300,
-    seed: Annotated[int | None, typer.Option(parser=_seed, metavar="NUMBER", help="Seed of choice and tests.")] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
-) -> None:
-    """Put defects into RTL blocks, count how many the block tests find.
-
-    The results go to build/mutate/BLOCK.json.
-    A run that was stopped goes on from there if block, tests and seed are the same.
-
-    `python -m fluxlock.docs.mutation` makes the page of the documentation from these files.
-    """
-    needs_checkout("mutate")
-    from fluxlock.mutation.command import mutate as run_mutate
-
-    if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
-        raise typer.Exit(EXIT_FAILED)
-
-
-def _report_usage(error: typer.TyperException) -> None:
-    """Wrong usage in one line; without any argument the help text is the answer."""
-    context = getattr(error, "ctx", None)
-    command = context.command_path if context else "fluxlock"
-    text = error.format_message().rstrip(".")
-    if text:
-        print(f"error: {command}: {text[:1].lower()}{text[1:]}; see {command} --help", file=sys.stderr)
-
-
-# What to do about problems that do not say it themselves, by the end of their message.
-ADVICE = {
-    "file not found": "; see `ls scenarios motors inverters`",
-    "required key is missing": "; add it: docs/reference/files.md explains every key",
-    "is a folder, not a file": "; name a file in it",
-}
-
-
-def _advice(problem: Problem) -> str:
-    return next((advice for end, advice in ADVICE.items() if problem.message.endswith(end)), "")
-
-
-def _terminate(*_: object) -> NoReturn:
-    """SIGTERM unwinds like Ctrl-C: the simulator's process ends with this one."""
-    sys.exit(EXIT_TERMINATED)
-
-
 def main() -> None:
-    """Entry point: bad input becomes one line a problem and exit code 2, never a traceback."""
-    before = signal.signal(signal.SIGTERM, _terminate)
-    fit_help()
-    try:
-        code = app(prog_name="fluxlock", standalone_mode=False) or 0
-        sys.stdout.flush()
-    except ConfigError as error:
-        for problem in error.problems:
-            print(f"error: {problem}{_advice(problem)}", file=sys.stderr)
-        code = EXIT_BAD_INPUT
-    except SourceError as error:
-        print(f"error: {error}", file=sys.stderr)
-        code = EXIT_BAD_INPUT
-    except typer.TyperException as error:
-        _report_usage(error)
-        code = EXIT_BAD_INPUT
-    except BrokenPipeError:
-        code = reader_gone()
-    except OSError as error:
-        text = refusal(error)
-        if text is None:
-            raise
-        print(f"error: {text}", file=sys.stderr)
-        code = EXIT_BAD_INPUT
-    except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except SystemExit as error:
-        # Rich ends the program itself when the reader is gone.
-        gone = isinstance(error.__context__, BrokenPipeError)
-        code = EXIT_READER_GONE if gone else error.code if isinstance(error.code, int) else EXIT_FAILED
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    if code in (EXIT_INTERRUPTED, EXIT_TERMINATED):
-        print("interrupted" if code == EXIT_INTERRUPTED else "terminated", file=sys.stderr)
-    sys.exit(code)
+    """Entry point."""
+    run_command_line(app, "fluxlock")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fluxlock.paths import BUILD, ROOT, RTL
+from fluxlock.base.paths import BUILD, ROOT, RTL
 
 CHIP_LIST = RTL / "fl_soc.f"
 BOARD_FOLDER = RTL / "board"

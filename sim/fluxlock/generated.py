@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 
 class SourceError(ValueError):

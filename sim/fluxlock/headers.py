@@ -21,8 +21,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
-from fluxlock.paths import BUILD, GENERATED, content_hash
-from fluxlock.writable import file_lock
+from fluxlock.base.paths import BUILD, GENERATED, content_hash
+from fluxlock.base.writable import file_lock
 
 # Data, functions, libraries and type tables of C: a type checker knows none of their members.
 CData: TypeAlias = Any

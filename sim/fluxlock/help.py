@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from fluxlock.paths import shipped
+from fluxlock.base.paths import shipped
 
 RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY = "Run", "Motor", "Live bus", "Board", "Theory", "Verify"
 GROUPS = (RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY)

@@ -11,10 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
-from fluxlock.analysis.six_step.output import prepare_folder
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.json_schema import MODELS, json_schema
-from fluxlock.paths import ROOT
+from fluxlock.theory.six_step.output import prepare_folder
 
 # What a new folder begins with: kind -> shipped file.
 FIRST = {

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
+from fluxlock.base.writable import check_file
 from fluxlock.config import ConfigError, Motor, Problem, load_inverter, load_motor
 from fluxlock.config.drive import Drive
 from fluxlock.config.info import derived_values, warnings
@@ -21,7 +22,6 @@ from fluxlock.config.mistakes import mistakes
 from fluxlock.config.settling import settling_text
 from fluxlock.datasheet.entries import BY_OPTION, ENTRIES, Value, read_value
 from fluxlock.help import complete_toml, example
-from fluxlock.writable import check_file
 
 app = typer.Typer(
     help="Write a motor file from a data sheet, check one, show what follows from it.",

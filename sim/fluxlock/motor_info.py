@@ -14,9 +14,9 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import Motor, load_motor
 from fluxlock.config.info import derived_values, warnings
-from fluxlock.paths import ROOT
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 # Units that take a prefix; the others, as r/min, are read better without.

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.results.rundata import SimulationFault
 
 NAME = "load_nm"
 PERIOD_CYCLES = 1_000  # of the chip's clock, 20 us

@@ -18,7 +18,7 @@ import subprocess
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 DIGITS = 12
 PARTS = {

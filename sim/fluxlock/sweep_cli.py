@@ -14,13 +14,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from fluxlock.analysis.six_step.output import prepare_folder
-from fluxlock.analysis.verdict import Verdict, say
+from fluxlock.base.paths import RESULTS
+from fluxlock.base.progress import counting_bars
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
 from fluxlock.help import complete_toml
-from fluxlock.paths import RESULTS
-from fluxlock.progress import counting_bars
+from fluxlock.results.verdict import Verdict, say
+from fluxlock.theory.six_step.output import prepare_folder
 from fluxlock.workers import EXTRA
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def sweep(
     """
     from fluxlock import sweeps
     from fluxlock.api import scenario_of
-    from fluxlock.build import check_build
+    from fluxlock.generate.registers import check_build
 
     if find_spec("pandas") is None or find_spec("pyarrow") is None:
         raise ConfigError([Problem("sweep", "", f"the table needs pandas and pyarrow: {EXTRA}")])
@@ -138,7 +138,7 @@ def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> 
     """A panel per metric over the first key, a line per value of the others; what is not right is marked."""
     from matplotlib.figure import Figure
 
-    from fluxlock.analysis.six_step.plots import save
+    from fluxlock.theory.six_step.plots import save
 
     first, *others = (axis.key for axis in made.axes)
     figure = Figure(figsize=(8.0, 1.0 + 2.4 * max(1, len(names))), layout="constrained")

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.api import scenario_of, simulate
+from fluxlock.base.paths import PACKAGE, ROOT, content_hash
+from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
-from fluxlock.paths import PACKAGE, ROOT, content_hash
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
+from fluxlock.results.rundata import SimulationFault
 from fluxlock.workers import EXTRA, WorkerLost, side_by_side
-from fluxlock.writable import check_folder
 
 if TYPE_CHECKING:
     import pandas

@@ -12,8 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from typing import Any, TypeVar
 
+from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.config.errors import ConfigError, Problem
-from fluxlock.interrupts import begin_worker, hold_interrupts, release_interrupts
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -259,7 +259,7 @@ static uint32_t split(char *line, char **word) {
 }
 
 // Not part of the main loop's frame, which lies above those of all interrupts: the deeper the stack, the more of its lines
-// in the data cache are those of the telemetry (sim/fluxlock/memory.py).
+// in the data cache are those of the telemetry (sim/fluxlock/generate/memory.py).
 COLD static void run_line(app_t *app) {
   char *word[WORDS_MAX];
   const char *error = line_check(&console.line);

@@ -6,7 +6,7 @@
 // brings the drive back: drive and registers as they were when it was told the seed, trips cleared with the key.
 //
 // At RAM_FUZZ: the seed, 0 before; the number of accesses made; a bit for each window that was accessed.
-// Host side: fluxlock/campaign/fuzz.py.
+// Host side: fluxverify/campaign/fuzz.py.
 #include <assert.h>
 #include <stdbool.h>
 

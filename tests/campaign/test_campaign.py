@@ -15,15 +15,15 @@ from typing import Any
 import pytest
 
 from cocotb_tests.board import test_fl_board
-from fluxlock.campaign import run
-from fluxlock.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
-from fluxlock.campaign.grid import DRIVES, LOOP_S, NODE_S, Drive, Fault, actions_of, plant_faults, upsets
-from fluxlock.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
-from fluxlock.campaign.run import grid, run_drive
+from fluxlock.base.paths import ROOT, RTL
 from fluxlock.config import ConfigError
 from fluxlock.cosim.chip import OSCILLATOR_KHZ
-from fluxlock.paths import ROOT, RTL
 from fluxlock.plant import channel_names
+from fluxverify.campaign import run
+from fluxverify.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
+from fluxverify.campaign.grid import DRIVES, LOOP_S, NODE_S, Drive, Fault, actions_of, plant_faults, upsets
+from fluxverify.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
+from fluxverify.campaign.run import grid, run_drive
 from tests.docs.constants import constant
 
 SEED = 1

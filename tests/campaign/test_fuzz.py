@@ -12,11 +12,11 @@ from operator import or_
 import numpy as np
 import pytest
 
-from fluxlock.campaign import fuzz as fuzzer
-from fluxlock.campaign.fuzz import COPIES, DRIVES, FuzzRun, fuzz, fuzz_drives
-from fluxlock.campaign.judge import CURRENT_S
+from fluxlock.base.paths import REGISTER_BLOCKS
 from fluxlock.config import ConfigError
-from fluxlock.paths import REGISTER_BLOCKS
+from fluxverify.campaign import fuzz as fuzzer
+from fluxverify.campaign.fuzz import COPIES, DRIVES, FuzzRun, fuzz, fuzz_drives
+from fluxverify.campaign.judge import CURRENT_S
 
 SEED = 1
 DEAD_TIME_S = 2e-6  # the longest of the drives

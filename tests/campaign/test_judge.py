@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import RECORD_DTYPE, LogKind, RunData
-from fluxlock.campaign.grid import ANY, Fault
-from fluxlock.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG, judge
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
-from fluxlock.paths import ROOT
 from fluxlock.plant.trajectory import wave_dtype
+from fluxlock.results.rundata import RECORD_DTYPE, LogKind, RunData
+from fluxverify.campaign.grid import ANY, Fault
+from fluxverify.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG, judge
 
 FIVE = load_scenario(ROOT / "scenarios" / "campaign" / "five-phase.toml")
 SCENARIO = load_scenario(ROOT / "scenarios" / "campaign" / "six-step.toml")

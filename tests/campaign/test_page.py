@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from fluxlock.campaign import page
-from fluxlock.campaign.grid import DRIVES
+from fluxverify.campaign import page
+from fluxverify.campaign.grid import DRIVES
 
 ROWS = [
     {"drive": d.name, "moment": "m", "disturbance": "x", "upsets": [], "outcome": "ridden through", "reasons": []}
@@ -100,4 +100,4 @@ def test_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path, told in ((tmp_path / "no.json", "No such file or directory"), (tmp_path, "Is a directory")):
         assert page.main([str(path)]) == 2
         error = capsys.readouterr().err
-        assert error == f"error: {path}: cannot be read: {told}; fluxlock campaign writes build/campaign.json\n"
+        assert error == f"error: {path}: cannot be read: {told}; fluxverify campaign writes build/campaign.json\n"

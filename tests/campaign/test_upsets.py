@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fluxlock.base.paths import RTL
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.registers import helper_places, modules
 from fluxlock.cosim.upsets import read_upset_table, registers_of
-from fluxlock.paths import RTL
 
 INNER = """
 module fl_inner #(parameter int unsigned N = 1) (input logic clk_i, a_i, output logic b_o, c_o, d_o);

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from cocotb_tests.can.bench import told_apart
+from fluxlock.base.paths import ROOT
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming
 from fluxlock.clock import CLOCK_HZ
@@ -22,7 +23,6 @@ from fluxlock.cosim.convert import inverter_params, sensing_params
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import CanPlace, CanSide
 from fluxlock.cosim.program import Row, script_plan, wait
-from fluxlock.paths import ROOT
 from fluxlock.plant import MechanicsParams, PlantParams, RecordingParams
 
 MEGABIT = BitTiming(2, 9, 7, 8, 4)

@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 
 from cocotb_tests.can.bench import told_apart
+from fluxlock.base.paths import BUILD, ROOT, content_hash
 from fluxlock.can.bus import Bus
 from fluxlock.can.frame import Frame
 from fluxlock.can.mac import Fault, Mac
 from fluxlock.can.timing import BitTiming
 from fluxlock.headers import CData, bind
-from fluxlock.paths import BUILD, ROOT, content_hash
 
 NATIVE = ROOT / "sim" / "native"
 HEADER = Path(__file__).with_name("native_node.h")

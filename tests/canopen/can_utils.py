@@ -19,9 +19,9 @@ from pathlib import Path
 
 import cantools
 
+from fluxlock.base.paths import ROOT
 from fluxlock.canopen.dbc import dbc
 from fluxlock.canopen.dictionary import load_dictionary
-from fluxlock.paths import ROOT
 from tests.canopen.node_bench import NODE
 
 CHANNEL = os.environ.get("FLUXLOCK_SOCKETCAN", "vcan0")

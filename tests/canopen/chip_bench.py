@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import RunData
+from fluxlock.base.paths import ROOT
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming, chip_timing
 from fluxlock.clock import CLOCK_HZ
@@ -24,8 +24,8 @@ from fluxlock.cosim.plan import Action, CanPeer, CanSide
 from fluxlock.cosim.run import collect, prepare
 from fluxlock.firmware import build_bus_library
 from fluxlock.firmware.binding import types
-from fluxlock.memory import STACK_ADDRESS, STACK_BYTES, STACK_PAINT, TELEMETRY_ADDRESS
-from fluxlock.paths import ROOT
+from fluxlock.generate.memory import STACK_ADDRESS, STACK_BYTES, STACK_PAINT, TELEMETRY_ADDRESS
+from fluxlock.results.rundata import RunData
 from tests.canopen.node_bench import NODE
 
 MEGABIT = chip_timing(CLOCK_HZ, 1000)

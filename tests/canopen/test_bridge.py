@@ -20,13 +20,13 @@ from pathlib import Path
 import can
 import pytest
 
+from fluxlock.base.paths import ROOT
+from fluxlock.can.can_bus import FULL
 from fluxlock.can.frame import Frame
-from fluxlock.can_bus import FULL
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.can_bridge import Bridge, frame_of, message_of
 from fluxlock.cosim.can_command import join
 from fluxlock.cosim.can_link import QUEUE, LinkPeer
-from fluxlock.paths import ROOT
 from tests.canopen.chip_bench import MEGABIT
 
 CHANNELS = itertools.count()

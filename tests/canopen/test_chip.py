@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.clock import CLOCK_HZ
-from fluxlock.memory import STACK_BYTES
+from fluxlock.generate.memory import STACK_BYTES
+from fluxlock.results.metrics import Analysis
+from fluxlock.results.rundata import LogKind
 from tests.canopen.chip_bench import CAN, NODE, SPINNING, Flood, Listener, Talker, run_chip
 from tests.canopen.test_fuzz import nonsense
 

@@ -9,13 +9,13 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.broken_code import TO_ITSELF, rewrite, symbols
 from fluxlock.cosim.plan import CanSide
 from fluxlock.firmware import build_firmware
 from fluxlock.firmware.binding import names
+from fluxlock.results.rundata import LogKind
 from tests.canopen.chip_bench import CAN, SPINNING, Listener, run_chip
 from tests.canopen.node_bench import NODE
 

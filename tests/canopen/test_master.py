@@ -25,6 +25,7 @@ import cantools
 import pytest
 from canopen.profiles.p402 import BaseNode402
 
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.canopen.dbc import dbc
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.canopen.eds import eds
@@ -34,7 +35,6 @@ from fluxlock.cosim.outcome import write_outcome
 from fluxlock.firmware import build_canopen_library
 from fluxlock.native.drive import NativeDrive
 from fluxlock.native.serve import serve
-from fluxlock.paths import BUILD, ROOT
 from tests.canopen.node_bench import DRIVE, NODE
 from tests.firmware.firmware_bench import Bench
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import can
 import pytest
 
-from fluxlock.analysis.verdict import Verdict
-from fluxlock.can_bus import open_bus
+from fluxlock.base.paths import ROOT
+from fluxlock.can.can_bus import open_bus
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.native.averaged_motor import M_CONSTANT, M_COULOMB, M_FAN, M_P, M_VISCOUS
 from fluxlock.native.drive import drive_of_scenario
@@ -24,7 +24,7 @@ from fluxlock.native.node import Frame
 from fluxlock.native.program import MemoryFile, verdict_of
 from fluxlock.native.recorder import Recorder
 from fluxlock.native.serve import FRAMES_A_STEP, serve
-from fluxlock.paths import ROOT
+from fluxlock.results.verdict import Verdict
 from tests.canopen.node_bench import NODE, NodeBench
 
 DEMO = ROOT / "scenarios" / "demo.toml"

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fluxlock.analysis.rundata import LogKind
 from fluxlock.can.frame import Frame
+from fluxlock.results.rundata import LogKind
 from tests.canopen.chip_bench import CAN, NODE, Talker, run_chip, sdo
 
 SECONDS = 0.02

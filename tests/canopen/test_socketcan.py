@@ -11,9 +11,9 @@ import sys
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.run import chip_of
-from fluxlock.paths import ROOT
 
 WITH_VCAN = str(ROOT / "tools" / "socketcan.sh")
 NOT_TO_BE_HAD = (3, 125)  # exit codes of the script: nothing is installed; User-Mode Linux does not start

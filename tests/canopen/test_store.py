@@ -14,7 +14,7 @@ import pytest
 
 from fluxlock.firmware.binding import new, types
 from fluxlock.flash.image import pack_can_setup
-from fluxlock.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES
+from fluxlock.generate.memory import FLASH_BLOCK, FLASH_CAN_SETUP, FLASH_SECTOR_BYTES
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
 SAVE, LOAD = 0x65766173, 0x64616F6C

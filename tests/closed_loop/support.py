@@ -9,11 +9,11 @@ import json
 import shutil
 from pathlib import Path
 
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.outcome import Run, write_outcome
 from fluxlock.cosim.run import run_scenario
-from fluxlock.paths import BUILD, ROOT
 
 SEED = 1
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import LogKind
-from fluxlock.bench import replay
+from fluxlock.base.paths import ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE
 from fluxlock.cosim.run import chip_of, prepare
-from fluxlock.paths import ROOT
+from fluxlock.results.rundata import LogKind
+from fluxverify.bench import replay
 
 SEED = 1
 SPIN = ROOT / "tests" / "closed_loop" / "scenarios" / "spin.toml"

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.chip import build_chip
-from fluxlock.paths import ROOT
 from tests.closed_loop.support import drive
 
 SPIN = ROOT / "tests" / "closed_loop" / "scenarios" / "spin.toml"

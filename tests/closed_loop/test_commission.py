@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.commission.bench import bench_of
 from fluxlock.commission.simulate import known_of
@@ -15,7 +16,6 @@ from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.run import IMAGE_FILE, prepare
 from fluxlock.firmware import build_commission, write_image
-from fluxlock.paths import ROOT
 
 MOTOR, INVERTER = ROOT / "motors" / "motor-1.toml", ROOT / "inverters" / "bench-25v.toml"
 TIME_S = 0.03  # 10 ms of it the boot

@@ -9,12 +9,12 @@ import re
 from dataclasses import replace
 from typing import Any
 
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import Action
 from fluxlock.cosim.run import BIT_CYCLES, chip_of, parse_statistics, prepare
-from fluxlock.paths import BUILD, ROOT
 
 BYTE_CYCLES = 10 * BIT_CYCLES
 LINE_BYTES = 80  # LINE_LENGTH of sw/app/console.c

@@ -9,11 +9,11 @@ import random
 import struct
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.program import run_program
 from fluxlock.firmware import build_program_library
 from fluxlock.firmware.binding import open_library
-from fluxlock.paths import ROOT
 
 PROGRAM = "control_digest"
 ROUNDS = {"arithmetic": 60, "angles": 60, "vector": 12, "speed": 20, "six-step": 60, "injection": 60, "coupling": 10}

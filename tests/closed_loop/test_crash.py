@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.analysis.rundata import LogKind, RunData
+from fluxlock.base.paths import ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
 from fluxlock.cosim.broken_code import ILLEGAL, MISALIGNED, OUTSIDE, TO_ITSELF, idle_place, rewrite
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import Action
 from fluxlock.cosim.run import chip_of, collect, image_of, prepare
-from fluxlock.memory import STACK_ADDRESS, STACK_BYTES
-from fluxlock.paths import ROOT
+from fluxlock.generate.memory import STACK_ADDRESS, STACK_BYTES
+from fluxlock.results.rundata import LogKind, RunData
 
 SPINNING = ("initial.speed_rpm=40000", "window=[]", "expect=[]")
 BREAK_S = 0.05

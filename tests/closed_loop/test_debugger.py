@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import LogKind, load_trace
-from fluxlock.build import IO_BASE
+from fluxlock.base.paths import BUILD
 from fluxlock.config import ConfigError
 from fluxlock.cosim.branches import STATE_ADDRESS
 from fluxlock.cosim.debugger import Debugger, open_port
-from fluxlock.memory import TELEMETRY_ADDRESS
-from fluxlock.paths import BUILD
+from fluxlock.generate.memory import TELEMETRY_ADDRESS
+from fluxlock.generate.registers import IO_BASE
 from fluxlock.profile.elf import Program, read_program
+from fluxlock.results.rundata import LogKind, load_trace
 from tests.closed_loop.gdb_client import GdbClient, Refused
 
 SPIN = Path(__file__).parent / "scenarios" / "spin.toml"

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.figures.blac.controllers import draw_steps
-from fluxlock.figures.blac.observer import SAMPLES, draw_sensorless
-from fluxlock.figures.command import run_figures
-from fluxlock.figures.five_phase.yu import separation
-from fluxlock.regression.runner import Runner
+from fluxverify.figures.blac.controllers import draw_steps
+from fluxverify.figures.blac.observer import SAMPLES, draw_sensorless
+from fluxverify.figures.command import run_figures
+from fluxverify.figures.five_phase.yu import separation
+from fluxverify.regression.runner import Runner
 
 
 def test_figure_from_a_run(tmp_path: Path) -> None:

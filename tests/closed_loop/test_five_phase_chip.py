@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from fluxlock.analysis.rundata import LogKind
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_inverter, load_motor
-from fluxlock.paths import ROOT
-from fluxlock.regression.five_phase.modulation import (
+from fluxlock.results.rundata import LogKind
+from fluxverify.regression.five_phase.modulation import (
     CARRIERS,
     FIELD_HZ,
     FIRST_CLOCKS,
@@ -24,7 +24,7 @@ from fluxlock.regression.five_phase.modulation import (
     THIRD_PERCENT,
     modulated,
 )
-from fluxlock.regression.runner import Runner
+from fluxverify.regression.runner import Runner
 
 
 def test_modulator_drives_the_five_phase_plant() -> None:

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import LogKind
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, load_inverter, load_motor
 from fluxlock.cosim.program import Row, read, reads, run_script, wait
-from fluxlock.paths import BUILD, ROOT
-from fluxlock.regression.five_phase.register_bench import bypassed, locked_plant, voltage_q17
+from fluxlock.results.rundata import LogKind
+from fluxverify.regression.five_phase.register_bench import bypassed, locked_plant, voltage_q17
 
 IQ, SEPARATOR = 2, 3
 PERIOD, OFFSET = 6250, 20  # clocks

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from fluxlock.cosim.outcome import Run
-from fluxlock.regression.six_step.measures import event, timeline
+from fluxverify.regression.six_step.measures import event, timeline
 from tests.closed_loop.support import drive
 
 

@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import RunData
+from fluxlock.base.paths import BUILD, GENERATED, ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.firmware import BusLibrary, build_bus_library
 from fluxlock.firmware.toolchain import HOST_FLAGS, SANITIZER_FLAGS, SW, WARNINGS
-from fluxlock.paths import BUILD, GENERATED, ROOT
+from fluxlock.results.rundata import RunData
 from tests.closed_loop.support import SEED, drive
 
 YU = ROOT / "scenarios" / "five-phase" / "yu.toml"

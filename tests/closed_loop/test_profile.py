@@ -17,11 +17,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from fluxlock.analysis.rundata import RunData
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import load_scenario
-from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD, ROOT
+from fluxlock.generate.memory import RAM_WORDS
 from fluxlock.profile.command import (
     ALL,
     CONTROL,
@@ -33,7 +32,8 @@ from fluxlock.profile.command import (
 )
 from fluxlock.profile.elf import Program, read_program
 from fluxlock.profile.fold import ROW, fold
-from fluxlock.regression.vector import core
+from fluxlock.results.rundata import RunData
+from fluxverify.regression.vector import core
 from tests.closed_loop.support import SEED
 
 CALL, RETURN, MRET, NOP = 0x000000EF, 0x00008067, 0x30200073, 0x00000013  # jal ra; ret

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.analysis.rundata import LogKind
-from fluxlock.analysis.verdict import judge_run
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.outcome import Run
-from fluxlock.paths import ROOT
+from fluxlock.results.rundata import LogKind
+from fluxlock.results.verdict import judge_run
 from tests.closed_loop.support import drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"

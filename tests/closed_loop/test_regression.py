@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import pytest
 
-from fluxlock.regression import sets
-from fluxlock.regression.case import CASES, Row
-from fluxlock.regression.runner import Runner
+from fluxverify.regression import sets
+from fluxverify.regression.case import CASES, Row
+from fluxverify.regression.runner import Runner
 
 
 @pytest.mark.parametrize("name", [case.id for case in CASES.values() if case.tested])

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fluxlock.analysis.scope import caption
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import Run
-from fluxlock.paths import ROOT
+from fluxlock.results.scope import caption
 from tests.closed_loop.native_run import play
 from tests.closed_loop.support import drive
 

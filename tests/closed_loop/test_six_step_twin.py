@@ -10,13 +10,13 @@ import os
 import numpy as np
 import pytest
 
-from fluxlock.analysis.metrics import run_metrics, trips
-from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Scenario
 from fluxlock.cosim.outcome import Run
 from fluxlock.native.player import player
-from fluxlock.regression.case import LOCK_MAY_GO, Row
-from fluxlock.regression.runner import Runner
+from fluxlock.results.metrics import run_metrics, trips
+from fluxlock.results.rundata import RunData
+from fluxverify.regression.case import LOCK_MAY_GO, Row
+from fluxverify.regression.runner import Runner
 
 EVERY_VARIABLE = "FLUXLOCK_SIX_STEP_TWIN"
 EVERY = EVERY_VARIABLE in os.environ

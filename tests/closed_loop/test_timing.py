@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fluxlock.analysis.rundata import LogKind
+from fluxlock.results.rundata import LogKind
 from tests.closed_loop.support import Run, drive
 
 SCENARIOS = Path(__file__).parent / "scenarios"

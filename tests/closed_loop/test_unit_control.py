@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.program import run_program
 from fluxlock.firmware import build_program_library
 from fluxlock.firmware.binding import open_library, types
 from fluxlock.firmware.toolchain import SW, _host_library
-from fluxlock.paths import ROOT
 
 PROGRAM = "unit_control"
 SUMMARY = r"(\d+) tests, (\d+) failed"

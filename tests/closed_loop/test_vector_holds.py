@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.analysis.metrics import run_metrics
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import write_outcome
 from fluxlock.firmware import vector_compiler
 from fluxlock.native.vector_run import Play
-from fluxlock.paths import ROOT
+from fluxlock.results.metrics import run_metrics
 
 LOAD_STEP = ROOT / "scenarios/vector/load-step.toml"
 DECELERATION = ROOT / "scenarios/vector/deceleration.toml"

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from fluxlock.analysis.metrics import run_metrics, trips
-from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Scenario
 from fluxlock.cosim.outcome import Run
 from fluxlock.native.vector_run import play
-from fluxlock.regression.case import LOCK_MAY_GO, Row
-from fluxlock.regression.runner import Runner
-from fluxlock.regression.six_step.measures import event, timeline
-from fluxlock.regression.vector.observer import ASKED_RPM, ROTOR
+from fluxlock.results.metrics import run_metrics, trips
+from fluxlock.results.rundata import RunData
+from fluxverify.regression.case import LOCK_MAY_GO, Row
+from fluxverify.regression.runner import Runner
+from fluxverify.regression.six_step.measures import event, timeline
+from fluxverify.regression.vector.observer import ASKED_RPM, ROTOR
 
 EVERY_VARIABLE = "FLUXLOCK_VECTOR_TWIN"
 START, ENCODER, OBSERVER = "vector/start.toml", "vector/encoder.toml", "vector/observer.toml"

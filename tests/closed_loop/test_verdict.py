@@ -9,9 +9,9 @@ import re
 
 import pytest
 
-from fluxlock.analysis.verdict import judge_run
 from fluxlock.config import load_scenario
 from fluxlock.cosim.outcome import Run
+from fluxlock.results.verdict import judge_run
 from tests.closed_loop.support import drive
 from tests.closed_loop.test_command import SPIN
 

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import pywellen
 
-from fluxlock.analysis.rundata import LogKind, RunData, load_trace
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.cosim.chip import FST
 from fluxlock.cosim.waves import GTKWAVE_FILE, SIX_STEP, SURFER_FILE, WAVE_FILE, groups
 from fluxlock.headers import bind
-from fluxlock.paths import BUILD, ROOT
+from fluxlock.results.rundata import LogKind, RunData, load_trace
 
 SCENARIO = ROOT / "scenarios" / "six-step" / "start.toml"
 # The first carriers after the start command.

@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 
 from fluxlock import cli
+from fluxlock.base.paths import ROOT
+from fluxlock.base.stage import ProgressInfo
 from fluxlock.commission import bench as bench_module
 from fluxlock.commission import command
 from fluxlock.commission.protocol import MeasurementError
 from fluxlock.commission.simulate import Measured, known_of
 from fluxlock.config import Scenario, load_motor
-from fluxlock.paths import ROOT
-from fluxlock.stage import ProgressInfo
 from tests.commission.averaged_bench import AveragedBench, Machine, converse
 
 Invoke = Callable[..., tuple[int, str, str]]

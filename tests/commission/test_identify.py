@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.commission.bench import bench_of
 from fluxlock.commission.estimate import phase_resistances, triangle_inductance
 from fluxlock.commission.plate import NamePlate
@@ -21,8 +22,7 @@ from fluxlock.commission.report import figure, gains, motor_file, quantities, wr
 from fluxlock.commission.simulate import known_of
 from fluxlock.config import load_inverter
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.paths import ROOT
-from fluxlock.regression.vector.identify import generated_motor
+from fluxverify.regression.vector.identify import generated_motor
 from tests.commission.averaged_bench import AveragedBench, Machine, converse
 
 CLOCK_HZ, CARRIER, TICK = 50e6, 2500, 5000

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.six_step.switched import real_inverter, steady_operation
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.config.motor import COMMUTATION_LEAST, COMMUTATION_USUAL
 from fluxlock.config.reach import required_voltage
 from fluxlock.cosim.cautions import cautions
-from fluxlock.paths import ROOT
+from fluxlock.theory.six_step.switched import real_inverter, steady_operation
 from tests.firmware import machines
 
 SCENARIOS = ROOT / "scenarios"

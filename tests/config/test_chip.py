@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT, tool_environment
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim import run
 from fluxlock.cosim.chip import compiler_words
-from fluxlock.paths import ROOT, tool_environment
 
 
 @pytest.mark.parametrize(

@@ -27,17 +27,17 @@ import typer.rich_utils
 from rich.console import Console
 
 from fluxlock import cli
-from fluxlock.analysis.rundata import Rejection, RunData, SimulationFault, load_trace
-from fluxlock.campaign import command as campaign
-from fluxlock.campaign.grid import DRIVES
+from fluxlock.base.paths import ROOT
+from fluxlock.base.progress import ProgressBar, counting_bars
+from fluxlock.base.stage import BUILDING, ProgressInfo
 from fluxlock.config import Scenario
 from fluxlock.cosim import outcome
 from fluxlock.cosim.run import rejected_lines
 from fluxlock.interface.settings import SettingsError
-from fluxlock.paths import ROOT
-from fluxlock.progress import ProgressBar, counting_bars
-from fluxlock.stage import BUILDING, ProgressInfo
-from tests.analysis.synthetic import Drive, make_run
+from fluxlock.results.rundata import Rejection, RunData, SimulationFault, load_trace
+from fluxverify.campaign import command as campaign
+from fluxverify.campaign.grid import DRIVES
+from tests.results.synthetic import Drive, make_run
 
 Invoke = Callable[..., tuple[int, str, str]]
 

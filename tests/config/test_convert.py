@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.config.vector_design import told_machine
 from fluxlock.cosim.convert import plant_params
 from fluxlock.cosim.parameters import check_parameters, parameter_block
-from fluxlock.paths import ROOT
 from fluxlock.plant import EncoderParams
 
 DEMO = ROOT / "scenarios" / "demo.toml"

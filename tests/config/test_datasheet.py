@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 from fluxlock import cli
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Motor, load_motor
 from fluxlock.config.constants import constants, emf_factors, torque_factors
 from fluxlock.config.info import warnings
 from fluxlock.datasheet.convert import Sheet, motor_text
 from fluxlock.datasheet.entries import BY_OPTION, Value, read_value
-from fluxlock.paths import ROOT
 
 # EMF over p psi Omega and torque over p psi I, by hand: of a sine, and of a trapezoid with a flat top of 120 degrees.
 SINE = {

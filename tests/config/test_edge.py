@@ -11,10 +11,10 @@ from typing import get_args
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_inverter, load_scenario
 from fluxlock.config.edge import PRESETS, Preset
 from fluxlock.cosim.convert import plant_params
-from fluxlock.paths import ROOT
 from fluxlock.plant import EdgeParams
 
 SPINDLE = ROOT / "scenarios" / "own-spindle.toml"

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 SIGNALS = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
 
@@ -70,7 +70,7 @@ def test_interrupted_while_workers_load(seen: str) -> None:
     Verifies: FRONT-18
     """
     program = """
-from fluxlock.regression import run
+from fluxverify.regression import run
 
 print("workers begin", file=sys.stderr, flush=True)
 try:

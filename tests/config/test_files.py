@@ -13,7 +13,7 @@ from typing import get_args
 
 import pytest
 
-from fluxlock.analysis.rundata import TRIP_CAUSES
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.console import COMMAND_LENGTH, COMMANDS
 from fluxlock.config.info import derived_values, warnings
@@ -21,8 +21,8 @@ from fluxlock.config.reach import overloads, required_voltage
 from fluxlock.config.scenario import Channel, DriveFault, TripCause
 from fluxlock.config.schema import PAGE, page
 from fluxlock.interface.names import fault_names
-from fluxlock.paths import ROOT
 from fluxlock.plant.params import CHANNEL_NAMES
+from fluxlock.results.rundata import TRIP_CAUSES
 
 DEMO = ROOT / "scenarios" / "demo.toml"
 BRAKE = "{off_v = %g, on_v = %g, resistance_ohm = 1, longest_on_s = 0.1}"

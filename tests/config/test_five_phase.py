@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.info import derived_values
 from fluxlock.config.motor import machine_params
 from fluxlock.cosim.convert import action_of, plant_params
-from fluxlock.paths import ROOT
 from fluxlock.plant import SaturationParams, ThirdParams
 from tests.config.test_files import DEMO, copy, edit, errors
 

@@ -18,9 +18,9 @@ import typer
 import typer.core
 
 from fluxlock import cli
+from fluxlock.base.paths import ROOT
 from fluxlock.help import GROUPS, complete_toml
 from fluxlock.motor_info import number, scale
-from fluxlock.paths import ROOT
 from tests.docs.test_commands import check_fluxlock
 
 EXAMPLE = re.compile(r"^fluxlock (.+)$", re.MULTILINE)

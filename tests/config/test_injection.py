@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.schema import HEADER_WORDS
-from fluxlock.memory import BLOCK_MAX_BYTES, STATE_OFFSET
-from fluxlock.paths import ROOT
+from fluxlock.generate.memory import BLOCK_MAX_BYTES, STATE_OFFSET
 
 SCENARIOS = ROOT / "scenarios"
 TIAN, YU = SCENARIOS / "five-phase" / "tian.toml", SCENARIOS / "five-phase" / "yu.toml"

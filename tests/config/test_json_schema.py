@@ -11,8 +11,8 @@ from typing import Any
 import jsonschema
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config.json_schema import MODELS, json_schema
-from fluxlock.paths import ROOT
 
 FILES = [(kind, path) for kind in MODELS for path in sorted((ROOT / f"{kind}s").rglob("*.toml"))]
 MOTOR = tomllib.loads((ROOT / "motors" / "spindle-2pp.toml").read_text(encoding="utf-8"))

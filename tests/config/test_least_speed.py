@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor
 from fluxlock.config.info import derived_values
 from fluxlock.config.least_speed import BLIND_SHARE, RESISTANCE_IN_DOUBT, least_six_step_rpm, least_vector_rpm
 from fluxlock.config.motor import RPM_PER_RAD_S
-from fluxlock.paths import ROOT
 
 MOTOR = load_motor(ROOT / "motors" / "outrunner-7pp.toml")
 

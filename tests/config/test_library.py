@@ -11,7 +11,7 @@ from fluxlock.config import load_motor
 from fluxlock.config.info import warnings
 from fluxlock.datasheet.convert import SPEED_OVER_NO_LOAD
 from fluxlock.datasheet.library import FOLDER, Machine, machines
-from fluxlock.docs.library import PAGE, page
+from fluxverify.docs.library import PAGE, page
 
 LEAST_MACHINES = 20
 

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 from fluxlock import cli
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Motor, load_motor
 from fluxlock.config.constants import constants, torque_factors
 from fluxlock.config.info import warnings
 from fluxlock.config.mistakes import mistakes
 from fluxlock.config.stated import DataSheet
-from fluxlock.paths import ROOT
 
 SHIPPED = sorted(path for path in (ROOT / "motors").rglob("*.toml") if load_motor(path).phases == 3)
 SEED = 20261127

@@ -16,10 +16,10 @@ from typing import Any, NoReturn
 
 import pytest
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import ROOT, package_dir
 from fluxlock.cosim import block, chip
-from fluxlock.paths import ROOT, package_dir
-from fluxlock.regression import runner
+from fluxlock.generate.registers import generate_registers
+from fluxverify.regression import runner
 
 PLACE = ROOT / "tools" / "place.sh"
 

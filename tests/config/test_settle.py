@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.config.settling import NOISES, SAMPLES_AFTER_CLAMP, crossing_settling, edge_settling_s, residue_v
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.paths import ROOT
 from fluxlock.plant import EdgeParams
 
 SPINDLE = ROOT / "scenarios" / "own-spindle.toml"

@@ -12,14 +12,14 @@ from random import Random
 
 import pytest
 
-from fluxlock.analysis.vector.pll import pll_gains
+from fluxlock.base.paths import ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Inverter, Motor, Scenario, load_scenario
 from fluxlock.config.vector_timing import default_delay, shortest_delay, update_hz, update_hz_max, vector_timing
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import ParameterBlock, compile_parameters
-from fluxlock.memory import BLOCK_MAX_BYTES
-from fluxlock.paths import ROOT
+from fluxlock.generate.memory import BLOCK_MAX_BYTES
+from fluxlock.theory.vector.pll import pll_gains
 from tests.firmware import machines
 from tests.firmware.test_fw_parameters import INVERTERS, MOTORS, told
 from tests.firmware.vector_float import Subspace

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor, load_scenario
 from fluxlock.config.vector_loops import (
     ACCELERATION_RATIO,
@@ -25,7 +26,6 @@ from fluxlock.config.vector_loops import (
 )
 from fluxlock.config.vector_modes import Plant, Point, growth
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.paths import ROOT
 
 SCENARIOS = ROOT / "scenarios/vector"
 SERVO, MOTOR_I = SCENARIOS / "load-step.toml", SCENARIOS / "id-step.toml"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 DROP_BOUNDING, MAY_WRITE_ALL = 24, 1  # PR_CAPBSET_DROP, CAP_DAC_OVERRIDE
 ADVICE = "Permission denied; let this user write there, or work in a checkout of your own\n"

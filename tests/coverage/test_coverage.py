@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.coverage import __main__ as command
-from fluxlock.coverage import rtl, software
-from fluxlock.coverage.report import by_folder, details, page
-from fluxlock.coverage.rtl import Point, explain, merge, read_points, summary
+from fluxlock.base.paths import ROOT
 from fluxlock.firmware.toolchain import COVERAGE_VARIABLE, build_host_library
-from fluxlock.paths import ROOT
 from fluxlock.sources import named, source_hashes
+from fluxverify.coverage import __main__ as command
+from fluxverify.coverage import rtl, software
+from fluxverify.coverage.report import by_folder, details, page
+from fluxverify.coverage.rtl import Point, explain, merge, read_points, summary
 
 FILE = "rtl/safety/a.sv"
 

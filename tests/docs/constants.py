@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from fluxlock.paths import ROOT, RTL, tool_environment
+from fluxlock.base.paths import ROOT, RTL, tool_environment
 
 MARK = re.compile(r"<!--\s*([\w./]+)\s*:\s*([A-Za-z_][^>]*?)\s*-->")
 MARKED = re.compile(r"(0x[0-9A-F]+|[−-]?\d[\d  ]*(?:\.\d+)?)\s*" + MARK.pattern)

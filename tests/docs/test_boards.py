@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT, RTL
+from fluxlock.base.paths import ROOT, RTL
 
 BOARDS = {"fl_board_ulx3s": "ulx3s.lpf", "fl_board_arty": "arty-a7-35.xdc"}
 # Ball of the package: row, column.

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock import check
-from fluxlock.docs import tests as times
+from fluxverify import check
+from fluxverify.docs import tests as times
 
 TEXTS = {
     "cocotb_tests/zcd/test_fl_zcd.py": 'from cocotb_tests.zcd.zcd_bench import TB\nSOURCES = ["zcd/fl_zcd.sv"]',
@@ -111,7 +111,7 @@ def test_unknown_revision() -> None:
 
     Verifies: CHK-01
     """
-    command = [sys.executable, "-m", "fluxlock.check", "--list", "--since", "no-such-revision"]
+    command = [sys.executable, "-m", "fluxverify.check", "--list", "--since", "no-such-revision"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "--since" in done.stderr
 

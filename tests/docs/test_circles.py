@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""No circle of imports, and the check that says so notices one."""
+"""No circle of imports, none from the product to its verification, and the check that says so notices one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 
 def lint(folder: Path) -> subprocess.CompletedProcess[str]:
@@ -32,27 +32,34 @@ def test_no_circles() -> None:
     done = lint(ROOT / "sim")
     assert done.returncode == 0, done.stdout
     assert "No circles KEPT" in done.stdout
+    assert "The product does not know its verification KEPT" in done.stdout
 
 
 @pytest.mark.parametrize(
     ("module", "line", "named"),
     [
-        ("plant/emf.py", "import fluxlock.cosim.run", "No cycles are allowed in fluxlock."),
+        ("fluxlock/plant/emf.py", "import fluxlock.cosim.run", "No cycles are allowed in fluxlock."),
         (
-            "regression/runner.py",
-            "from fluxlock.regression import sets",
-            "No cycles are allowed in fluxlock.regression.",
+            "fluxverify/regression/runner.py",
+            "from fluxverify.regression import sets",
+            "No cycles are allowed in fluxverify.regression.",
         ),
-        ("progress.py", "def late():\n    from fluxlock.analysis import metrics", "No cycles are allowed in fluxlock."),
+        (
+            "fluxlock/base/progress.py",
+            "def late():\n    from fluxlock.results import metrics",
+            "No cycles are allowed in fluxlock.",
+        ),
+        ("fluxlock/api.py", "import fluxverify.regression.case", "The product does not know its verification BROKEN"),
     ],
 )
-def test_a_planted_circle_is_found(module: str, line: str, named: str, tmp_path: Path) -> None:
-    """Between packages, within one, and inside a function: each fails the check by name.
+def test_a_planted_breach_is_found(module: str, line: str, named: str, tmp_path: Path) -> None:
+    """A circle between packages, within one, inside a function, and the product that asks its verification: by name.
 
     Verifies: CHK-03
     """
-    shutil.copytree(ROOT / "sim" / "fluxlock", tmp_path / "fluxlock", ignore=shutil.ignore_patterns("*.pyc", "page"))
-    planted = tmp_path / "fluxlock" / module
+    for package in ("fluxlock", "fluxverify"):
+        shutil.copytree(ROOT / "sim" / package, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc", "page"))
+    planted = tmp_path / module
     planted.write_text(planted.read_text(encoding="utf-8") + f"\n\n{line}\n", encoding="utf-8")
     done = lint(tmp_path)
     assert done.returncode == 1 and named in done.stdout, done.stdout

@@ -10,24 +10,26 @@ import inspect
 import re
 import shlex
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 
+from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.config.loader import keys_of
 from fluxlock.drive import Drive
-from fluxlock.paths import ROOT
-from fluxlock.regression.run import select
 from fluxlock.synth.blocks import ALL_BLOCKS, block_files, load_settings
 from fluxlock.synth.configurations import load_configurations
+from fluxverify.cli import app as verify_app
+from fluxverify.regression.run import select
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
-LINE = re.compile(r"(?:[A-Z]+=\w+ +)*(?:\.venv/bin/)?(fluxlock|make|python -m|pytest) +(.*)")
+LINE = re.compile(r"(?:[A-Z]+=\w+ +)*(?:\.venv/bin/)?(fluxlock|fluxverify|make|python -m|pytest) +(.*)")
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.DOTALL | re.MULTILINE)
 # Made or filled in by the reader.
 OWN = re.compile(r"my-motor|my-drive|[A-Z]{4}|…")
@@ -42,7 +44,7 @@ def command_lines(text: str) -> list[tuple[str, list[str]]]:
     return [(match[1], shlex.split(match[2], comments=True)) for match in found if match]
 
 
-def check_fluxlock(words: list[str]) -> None:
+def check_fluxlock(words: list[str], app: typer.Typer = app) -> None:
     """Command, options and arguments are accepted; the files that it reads are there and their keys too."""
     command: Any = typer.main.get_command(app)
     while hasattr(command, "commands"):
@@ -87,6 +89,7 @@ def check_pytest(words: list[str]) -> None:
 
 CHECKS: dict[str, Callable[[list[str]], None]] = {
     "fluxlock": check_fluxlock,
+    "fluxverify": partial(check_fluxlock, app=verify_app),
     "make": check_make,
     "python -m": check_module,
     "pytest": check_pytest,
@@ -122,7 +125,7 @@ def test_command_lines(page: Path) -> None:
         "fluxlock soa Motor-I, 25 V",
         "make regression CASES=six-step/none",
         "make tests",
-        "python -m fluxlock.docs.none",
+        "python -m fluxverify.docs.none",
         "pytest tests/none.py -q",
     ],
 )

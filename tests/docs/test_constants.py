@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 from tests.docs.constants import (
     MARK,
     MARKED,

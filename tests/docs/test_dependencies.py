@@ -11,7 +11,7 @@ import sys
 import tomllib
 from itertools import chain
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 # Packages that come with one of the group, and modules named otherwise than their package.
 SHIPPED_WITH = {

@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 
-from fluxlock.analysis import verdict
+from fluxlock.base.paths import ROOT
 from fluxlock.config import Scenario
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.loader import keys_of
@@ -19,7 +19,7 @@ from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Accept, TripCause
 from fluxlock.flash.loader import RESULTS
 from fluxlock.interface.names import fault_names
-from fluxlock.paths import ROOT
+from fluxlock.results import verdict
 
 FOLDER = ROOT / "docs" / "fails"
 PAGES = sorted(FOLDER.rglob("*.md"))

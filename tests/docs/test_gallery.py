@@ -15,8 +15,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from fluxlock.docs import gallery, hierarchy
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxverify.docs import gallery, hierarchy
 
 SCRIPTS = sorted((ROOT / "docs" / "gallery").glob("plot_*.py"))
 MIN_WORDS = 10  # characters of an image's alternative text
@@ -50,7 +50,7 @@ def test_every_image_has_its_command() -> None:
     Verifies: DOC-15
     """
     assert gallery.main(["--check"]) == 0
-    assert gallery.command_of("six-step/fig-2-10.png", "Figure 2.10: x") == "fluxlock figures six-step 2.10"
+    assert gallery.command_of("six-step/fig-2-10.png", "Figure 2.10: x") == "fluxverify figures six-step 2.10"
     assert gallery.command_of("unknown.png", "a picture") is None
 
 

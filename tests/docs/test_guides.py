@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.build import generate_registers
-from fluxlock.paths import GENERATED, ROOT
+from fluxlock.base.paths import GENERATED, ROOT
+from fluxlock.generate.registers import generate_registers
 
 FOLDERS = ("sw", "sim", "rtl/regs", "docs", "motors", "inverters", "scenarios")
 STEP = re.compile(r"(?:[^\n]*`([\w./-]+)`[^\n]*:\n\n)?```(\w+)\n(.*?)```\n", re.DOTALL)

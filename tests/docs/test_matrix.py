@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.docs.matrix import (
+from fluxlock.base.paths import ROOT
+from fluxverify.docs.matrix import (
     PROOF_TEST,
     VERIFICATION,
     Places,
@@ -27,7 +28,6 @@ from fluxlock.docs.matrix import (
     read_tests,
     recorded_places,
 )
-from fluxlock.paths import ROOT
 
 # Assembled so that this file's own text makes no claim.
 VERIFIES = "Veri" + "fies:"
@@ -195,7 +195,7 @@ def test_what_is_gone_is_named(checkout: Path, capsys: pytest.CaptureFixture[str
             "formal/guard.sv:a_other: gone",
             "formal/guard.sv:a_two: gone; it verified PART-03",
             "tests/a/test_x.py::test_one: verifies PART-02 no more",
-            "on purpose? then: python -m fluxlock.docs.matrix --accept",
+            "on purpose? then: python -m fluxverify.docs.matrix --accept",
         ]
     assert run(checkout, "--accept") == 0
     assert run(checkout, "--check") == 0
@@ -221,12 +221,12 @@ def test_this_checkout(this_checkout: Places) -> None:
     assert {r.id for r in requirements} == {i for ids in this_checkout.values() for i in ids}
     recorded = recorded_places((ROOT / VERIFICATION / "places.txt").read_text(encoding="utf-8"))
     assert lost(recorded, this_checkout) == []
-    assert sorted(set(this_checkout) - set(recorded)) == [], "new: run python -m fluxlock.docs.matrix"
+    assert sorted(set(this_checkout) - set(recorded)) == [], "new: run python -m fluxverify.docs.matrix"
 
 
 def copied(target: Path) -> Path:
     """What the matrix reads of this checkout."""
-    for folder in ("tests", "cocotb_tests", "formal", "sim/fluxlock/regression", "docs/verification"):
+    for folder in ("tests", "cocotb_tests", "formal", "sim/fluxverify/regression", "docs/verification"):
         shutil.copytree(ROOT / folder, target / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return target
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.docs import parameters
+from fluxlock.base.paths import ROOT, RTL
 from fluxlock.interface import __main__ as console
-from fluxlock.paths import ROOT, RTL
+from fluxverify.docs import parameters
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCKS = ROOT / "docs" / "blocks"

@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 
 import fluxlock
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 NAMES = ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "CITATION.cff", "LICENSE")
 

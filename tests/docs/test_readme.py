@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fluxlock.docs import diagram, readme
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxverify.docs import diagram, readme
 
 TEXT = readme.README.read_text(encoding="utf-8")
 MOST_WORDS = 450

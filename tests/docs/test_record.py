@@ -11,8 +11,8 @@ from decimal import ROUND_HALF_UP, Decimal
 
 import pytest
 
-from fluxlock.docs.regression import PAGE
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxverify.docs.regression import PAGE
 
 LIMITS, SIX_STEP = "docs/theory/six-step-limits.md", "docs/theory/six-step.md"
 ERROR, FREEWHEEL, INTERVAL = "commutation_error_deg", "freewheel_deg", "commutation_interval_deg"

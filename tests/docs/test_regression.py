@@ -14,16 +14,16 @@ from typing import Any
 
 import pytest
 
-import fluxlock.regression.sets  # noqa: F401  (registers the cases)
-from fluxlock.docs.parameter_map import parameter_map
-from fluxlock.docs.regression import PAGE, page
-from fluxlock.regression import origin, run
-from fluxlock.regression.case import CASES
-from fluxlock.regression.record import read_record
+import fluxverify.regression.sets  # noqa: F401  (registers the cases)
+from fluxverify.docs.parameter_map import parameter_map
+from fluxverify.docs.regression import PAGE, page
+from fluxverify.regression import origin, run
+from fluxverify.regression.case import CASES
+from fluxverify.regression.record import read_record
 
 
 def test_table_holds_every_case() -> None:
-    """Rows of each case that `fluxlock regression --list` names, and of no other.
+    """Rows of each case that `fluxverify regression --list` names, and of no other.
 
     Verifies: DOC-05
     """
@@ -37,7 +37,7 @@ def test_order_does_not_depend_on_imports() -> None:
 
     Verifies: DOC-05
     """
-    script = "import fluxlock.regression.vector, fluxlock.regression.sets as s; print(*s.CASES)"
+    script = "import fluxverify.regression.vector, fluxverify.regression.sets as s; print(*s.CASES)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == list(CASES)
 
@@ -159,7 +159,7 @@ def test_page_is_that_of_the_record() -> None:
     Verifies: DOC-05, REC-01
     """
     text = PAGE.read_text(encoding="utf-8")
-    assert page(document(), read_record(), text) == text, "run python -m fluxlock.docs.regression"
+    assert page(document(), read_record(), text) == text, "run python -m fluxverify.docs.regression"
 
 
 def test_parameter_map_has_a_line_a_change() -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.docs.release import PAGES, main, page_problems, stale
-from fluxlock.paths import ROOT
-from fluxlock.regression.origin import origin, origin_text
+from fluxlock.base.paths import ROOT
 from fluxlock.sources import PARTS, UNKNOWN, hashes_of_revision, named, source_hashes, sources_text
+from fluxverify.docs.release import PAGES, main, page_problems, stale
+from fluxverify.regression.origin import origin, origin_text
 
 TREE = {"chip": "aaaaaaaaaaaa", "firmware": "bbbbbbbbbbbb", "plant": "cccccccccccc"}
 OLD = {**TREE, "firmware": "000000000000"}

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.docs import navigation, site, site_pages
-from fluxlock.docs.navigation import Entry
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxverify.docs import navigation, site, site_pages
+from fluxverify.docs.navigation import Entry
 
 TREE = navigation.tree(ROOT)
 MOST_ENTRIES = 9

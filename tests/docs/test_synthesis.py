@@ -17,8 +17,9 @@ from typing import Any
 
 import pytest
 
+from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import alone
 from fluxlock.digits import thousands
-from fluxlock.paths import ROOT
 from fluxlock.synth import __main__ as command
 from fluxlock.synth import blocks, configurations, report, timing
 from fluxlock.synth.blocks import AREAS, BlockPlacement, BlockResult, BlockSet, block_files, load_settings
@@ -26,7 +27,6 @@ from fluxlock.synth.configurations import Configuration, Placement, limits_misse
 from fluxlock.synth.timing import PadDelays
 from fluxlock.synth.tools import WORK, SynthesisError, TimeLimitError, pack, place_and_route, run_tool, synthesize
 from fluxlock.synth.xilinx import XilinxCells, cells_of
-from fluxlock.writable import alone
 
 CLOCK, PADS = "posedge clk", timing.PAD
 CONFIG = Configuration(

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock import words
-from fluxlock.lint import CHECKS
-from fluxlock.paths import ROOT
-from fluxlock.writable import EXIT_READER_GONE
+from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import EXIT_READER_GONE
+from fluxverify import words
+from fluxverify.lint import CHECKS
 
 BEFORE = [
     ("A chip is built once and kept.", ["passive"]),
@@ -121,7 +121,7 @@ def test_reader_that_goes() -> None:
 
     Verifies: FRONT-61
     """
-    command = f"{sys.executable} -m fluxlock.words --list semicolon | true"
+    command = f"{sys.executable} -m fluxverify.words --list semicolon | true"
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
     )

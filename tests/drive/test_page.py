@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT, tool_environment
+from fluxlock.base.paths import ROOT, tool_environment
 
 PAGE = ROOT / "docs" / "howto" / "cocotb-test.md"
 FILE = re.compile(r"^<!-- file (\S+) -->\n```\w+\n(.*?)^```", re.DOTALL | re.MULTILINE)

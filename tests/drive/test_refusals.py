@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.drive import Bench
 from fluxlock.drive.bench import check_signals
 from fluxlock.drive.registers import field_name
 from fluxlock.firmware.host import register_offsets
-from fluxlock.paths import ROOT
 
 DEMO = ROOT / "scenarios" / "demo.toml"
 

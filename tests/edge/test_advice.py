@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_inverter, load_motor, load_scenario
 from fluxlock.config.drive import Drive
 from fluxlock.edge.advice import AGREED, Parts, advised, budget, choose, left_v, slope_v_per_rad
-from fluxlock.paths import ROOT
 from fluxlock.plant.edge_params import EdgeParams
 
 MOTOR = ROOT / "motors" / "spindle-2pp.toml"

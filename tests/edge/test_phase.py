@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fluxlock.analysis.rundata import LogKind, save_trace
 from fluxlock.cli import app
 from fluxlock.config import ConfigError
-from tests.analysis.synthetic import Drive, make_run
+from fluxlock.results.rundata import LogKind, save_trace
+from tests.results.synthetic import Drive, make_run
 
 
 def run_in(folder: Path) -> Path:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
-from fluxlock.analysis.rundata import LogKind
+from fluxlock.base.paths import ROOT, RTL, package_dir, tool_environment
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE
 from fluxlock.cosim.run import prepare
@@ -26,7 +26,7 @@ from fluxlock.export.flows import BOARDS, own_files, top
 from fluxlock.export.recording import Recording, read_recording
 from fluxlock.file_lists import board_lists, read_list
 from fluxlock.firmware.toolchain import build_loader
-from fluxlock.paths import ROOT, RTL, package_dir, tool_environment
+from fluxlock.results.rundata import LogKind
 from tests.export.test_file_lists import slang
 
 CLOCKS = 1_000_000

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import GENERATED, REGISTER_BLOCKS, RTL
 from fluxlock.cosim.block import register_sources
 from fluxlock.cosim.chip import CPU_HOST, rtl_sources
 from fluxlock.file_lists import CHIP_LIST, board_lists, chip_files, read_list
-from fluxlock.paths import GENERATED, REGISTER_BLOCKS, RTL
-from fluxlock.soft_core import CORE, soft_core
+from fluxlock.generate.registers import generate_registers
+from fluxlock.generate.soft_core import CORE, soft_core
 from fluxlock.synth.tools import sources
 
 # Command line of slang: complains of what the standard forbids, and says which files it has read.

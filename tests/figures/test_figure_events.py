@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.figures.five_phase import tian_dynamic
-from fluxlock.figures.five_phase.tian_dynamic import LOAD, SPEED, TORQUE, Event, run_of
-from fluxlock.paths import ROOT
+from fluxverify.figures.five_phase import tian_dynamic
+from fluxverify.figures.five_phase.tian_dynamic import LOAD, SPEED, TORQUE, Event, run_of
 
 METHODS = ("conventional", "lock-in", "best")
 

@@ -14,15 +14,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fluxlock.docs import figure_page
-from fluxlock.docs import figures as docs_page
-from fluxlock.figures import Drawing, Entry, command
-from fluxlock.figures.command import check_speeds, draw, of_family
-from fluxlock.figures.figure import FAMILIES, RowFault, near, rises
-from fluxlock.figures.five_phase.support import Course, took_place
-from fluxlock.figures.five_phase.tian_dynamic import SPEED, outcome
-from fluxlock.figures.panels import page
-from fluxlock.regression.runner import RunFailed, Runner
+from fluxverify.docs import figure_page
+from fluxverify.docs import figures as docs_page
+from fluxverify.figures import Drawing, Entry, command
+from fluxverify.figures.command import check_speeds, draw, of_family
+from fluxverify.figures.figure import FAMILIES, RowFault, near, rises
+from fluxverify.figures.five_phase.support import Course, took_place
+from fluxverify.figures.five_phase.tian_dynamic import SPEED, outcome
+from fluxverify.figures.panels import page
+from fluxverify.regression.runner import RunFailed, Runner
 
 
 @pytest.mark.parametrize(
@@ -266,7 +266,7 @@ def test_a_stated_failure_has_to_take_place(monkeypatch: pytest.MonkeyPatch) -> 
     Verifies: FIG-11
     """
     monkeypatch.setattr(
-        "fluxlock.figures.five_phase.tian_dynamic.FAILS", {("speed-reversal", "conventional"): "loses the angle"}
+        "fluxverify.figures.five_phase.tian_dynamic.FAILS", {("speed-reversal", "conventional"): "loses the angle"}
     )
     assert outcome(_course([60.0] * 14), SPEED, "conventional") == "loses the angle"
     with pytest.raises(RunFailed, match="said to fail"):

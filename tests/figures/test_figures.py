@@ -20,22 +20,22 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from fluxlock import cli
-from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.six_step.patterns import gate_sequence
-from fluxlock.analysis.six_step.switched import ideal_inverter, steady_operation, waveforms
-from fluxlock.analysis.verdict import Verdict
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.docs import figures as docs_page
-from fluxlock.figures import FIGURES, Drawing, Entry, command, figure
-from fluxlock.figures.command import draw, of_family, run_figures, select
-from fluxlock.figures.panels import page, save_small
-from fluxlock.figures.six_step import chapter_2, chapter_3, chapter_5, chapter_6, support
-from fluxlock.figures.six_step.support import motor_1
-from fluxlock.paths import ROOT
-from fluxlock.regression import origin
-from fluxlock.regression import runner as regression_runner
-from fluxlock.regression.runner import RunFailed, Runner
-from tests.analysis.synthetic import Drive, make_run
+from fluxlock.results.metrics import Analysis
+from fluxlock.results.verdict import Verdict
+from fluxlock.theory.six_step.patterns import gate_sequence
+from fluxlock.theory.six_step.switched import ideal_inverter, steady_operation, waveforms
+from fluxverify.docs import figures as docs_page
+from fluxverify.figures import FIGURES, Drawing, Entry, command, figure
+from fluxverify.figures.command import draw, of_family, run_figures, select
+from fluxverify.figures.panels import page, save_small
+from fluxverify.figures.six_step import chapter_2, chapter_3, chapter_5, chapter_6, support
+from fluxverify.figures.six_step.support import motor_1
+from fluxverify.regression import origin
+from fluxverify.regression import runner as regression_runner
+from fluxverify.regression.runner import RunFailed, Runner
+from tests.results.synthetic import Drive, make_run
 
 # Issue: 2.5, 2.10-2.14, 3.3, 3.10-3.13, 4.8-4.17, 5.4, 5.7, 5.10, 5.12, 5.14-5.16, 6.9-6.14.
 ASKED = [

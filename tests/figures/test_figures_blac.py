@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.vector.model import coefficients
-from fluxlock.figures.blac import support
-from fluxlock.figures.command import of_family, select
-from fluxlock.figures.figure import Drawing
-from fluxlock.figures.panels import save_small
-from fluxlock.paths import ROOT
-from fluxlock.regression.runner import Runner
+from fluxlock.base.paths import ROOT
+from fluxlock.theory.vector.model import coefficients
+from fluxverify.figures.blac import support
+from fluxverify.figures.command import of_family, select
+from fluxverify.figures.figure import Drawing
+from fluxverify.figures.panels import save_small
+from fluxverify.regression.runner import Runner
 
 ASKED = ["7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.13", "7.14", "7.15"]
 PAGE = ROOT / "docs" / "verification" / "figures-blac.md"

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.figures.command import of_family, select
-from fluxlock.figures.figure import Drawing
-from fluxlock.figures.five_phase.support import wrapped_deg
-from fluxlock.figures.panels import save_small
-from fluxlock.paths import ROOT
-from fluxlock.regression.runner import Runner
+from fluxlock.base.paths import ROOT
+from fluxverify.figures.command import of_family, select
+from fluxverify.figures.figure import Drawing
+from fluxverify.figures.five_phase.support import wrapped_deg
+from fluxverify.figures.panels import save_small
+from fluxverify.regression.runner import Runner
 
 # Issue: Tian's 3, 4, 7 to 13, Yu's 9 to 11, 13 to 17.
 ASKED = [f"tian.{k}" for k in (3, 4, 7, 8, 9, 10, 11, 12, 13)] + [f"yu.{k}" for k in (9, 10, 11, 13, 14, 15, 16, 17)]

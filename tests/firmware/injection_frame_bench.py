@@ -11,20 +11,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fluxlock.analysis.injection_cases import IPM_BEST, TIAN_BEST, YU_BEST, ipm, tian, yu
-from fluxlock.analysis.injection_chain import HfMachine
-from fluxlock.analysis.injection_loop import CURVE_REACH
-from fluxlock.analysis.injection_machine import TORQUE_AT
-from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
-from fluxlock.analysis.injection_theory import with_third_plane
-from fluxlock.analysis.rundata import FloatArray
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import constant, new, open_library
 from fluxlock.firmware.block import gain
 from fluxlock.firmware.vector_compiler import PI_INTEGRAL
 from fluxlock.firmware.vector_formats import from_complex, observer_gains, vector_machine
 from fluxlock.headers import CData
-from fluxlock.regression.five_phase.injection_bench import (
+from fluxlock.results.rundata import FloatArray
+from fluxlock.theory.injection.cases import IPM_BEST, TIAN_BEST, YU_BEST, ipm, tian, yu
+from fluxlock.theory.injection.chain import HfMachine
+from fluxlock.theory.injection.loop import CURVE_REACH
+from fluxlock.theory.injection.machine import TORQUE_AT
+from fluxlock.theory.injection.theory import amplitude as hf_amplitude
+from fluxlock.theory.injection.theory import with_third_plane
+from fluxverify.regression.five_phase.injection_bench import (
     CLOCK_HZ,
     Q25,
     Q32,

@@ -13,8 +13,6 @@ from typing import get_args
 
 import pytest
 
-from fluxlock.analysis.rundata import LogKind
-from fluxlock.analysis.verdict import STATES
 from fluxlock.config.injection import InjectionMethod, Sequence
 from fluxlock.config.vector import InversePark, Regulator
 from fluxlock.cosim import branches, native
@@ -22,10 +20,12 @@ from fluxlock.firmware import build_host_library
 from fluxlock.firmware.binding import names, new, open_library, types
 from fluxlock.firmware.toolchain import SW
 from fluxlock.firmware.vector_formats import Complex
+from fluxlock.generate.memory import PUBLISHED_ADDRESS, TELEMETRY_ADDRESS
 from fluxlock.headers import CData, HeaderError, bind
-from fluxlock.memory import PUBLISHED_ADDRESS, TELEMETRY_ADDRESS
 from fluxlock.native.node import EXTENDED, REMOTE
 from fluxlock.plant import layout
+from fluxlock.results.rundata import LogKind
+from fluxlock.results.verdict import STATES
 
 Bound = Callable[[str, str], CData]
 

@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 from tests.firmware import machines
 from tests.firmware.firmware_bench import Bench
 

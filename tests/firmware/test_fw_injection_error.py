@@ -11,13 +11,13 @@ from random import Random
 
 import pytest
 
-from fluxlock.analysis.injection_chain import ExactHfCurrent, HfMachine, Injection, IqDemodulator, LockIn, Separator
-from fluxlock.analysis.injection_theory import LEAD_AND_REPORT, LoopSequence, sequence_error
 from fluxlock.config.injection import SEQUENCES
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import constant, names, new
 from fluxlock.firmware.vector_formats import Complex, from_complex, pll_gains, vector_machine
 from fluxlock.headers import CData
+from fluxlock.theory.injection.chain import ExactHfCurrent, HfMachine, Injection, IqDemodulator, LockIn, Separator
+from fluxlock.theory.injection.theory import LEAD_AND_REPORT, LoopSequence, sequence_error
 
 SEED = 77
 Q29, Q30, Q32, Q36 = 2**29, 2**30, 2**32, 2**36

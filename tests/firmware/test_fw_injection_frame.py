@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fluxlock.analysis.injection_cases import DEAD_TIMES
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import names
-from fluxlock.regression.five_phase.injection_bench import Q25
+from fluxlock.theory.injection.cases import DEAD_TIMES
+from fluxverify.regression.five_phase.injection_bench import Q25
 from tests.firmware.injection_frame_bench import (
     HERTZ,
     SEED,

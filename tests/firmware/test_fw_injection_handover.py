@@ -10,14 +10,14 @@ from random import Random
 
 import pytest
 
-from fluxlock.analysis.injection_cases import YU_BEST, yu
-from fluxlock.analysis.injection_chain import HfMachine
-from fluxlock.analysis.injection_theory import amplitude as hf_amplitude
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import names, new, types
 from fluxlock.firmware.vector_formats import Complex
 from fluxlock.headers import CData
-from fluxlock.regression.five_phase.injection_bench import CLOCK_HZ, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
+from fluxlock.theory.injection.cases import YU_BEST, yu
+from fluxlock.theory.injection.chain import HfMachine
+from fluxlock.theory.injection.theory import amplitude as hf_amplitude
+from fluxverify.regression.five_phase.injection_bench import CLOCK_HZ, Q30, Q32, Q36, TURN, InjectionBench, firmware_pll
 
 SEED = 41
 Q16, Q21 = 2**16, 2**21

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import REGISTER_BLOCKS, ROOT
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Motor, Scenario, load_scenario
 from fluxlock.config.drive import TICK_HZ
@@ -33,8 +34,7 @@ from fluxlock.firmware import (
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.firmware.schema import HEADER_WORDS, SCHEMA_FILE, Schema, c_header, markdown_table
 from fluxlock.firmware.toolchain import IMAGE_LIMIT_BYTES, SW
-from fluxlock.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
-from fluxlock.paths import REGISTER_BLOCKS, ROOT
+from fluxlock.generate.memory import BLOCK_ADDRESS, RAM_WORDS, STACK_BYTES, TELEMETRY_ADDRESS
 from tests.firmware import machines
 from tests.firmware.firmware_bench import INVERTER_1, MOTOR_1, OTHERS, small_motor
 

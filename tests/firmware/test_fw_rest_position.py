@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from fluxlock.analysis.injection_cases import DEAD_TIMES, IPM_BEST, YU_BEST, ipm, yu
-from fluxlock.analysis.injection_loop import Loop
 from fluxlock.firmware import injection_formats as formats
 from fluxlock.firmware.binding import names, new, open_library
 from fluxlock.firmware.vector_formats import Complex
 from fluxlock.headers import CData
-from fluxlock.regression.five_phase.injection_bench import Q25, TURN
-from fluxlock.regression.five_phase.rest_trial import RIGHT_RAD, Trial, saturated, trials
+from fluxlock.theory.injection.cases import DEAD_TIMES, IPM_BEST, YU_BEST, ipm, yu
+from fluxlock.theory.injection.loop import Loop
+from fluxverify.regression.five_phase.injection_bench import Q25, TURN
+from fluxverify.regression.five_phase.rest_trial import RIGHT_RAD, Trial, saturated, trials
 
 SEED = 5
 TRIALS = 25  # a case

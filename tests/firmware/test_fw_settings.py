@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import GENERATED
 from fluxlock.firmware.toolchain import SW, WARNINGS, generate_headers
 from fluxlock.interface.settings import Setting, SettingsError, c_header, check_uses, load_settings
 from fluxlock.interface.values import load_values
-from fluxlock.paths import GENERATED
 from tests.firmware.firmware_bench import Bench
 
 SWITCH = Setting("planted", "switch", "Planted.", min=0, max=1)

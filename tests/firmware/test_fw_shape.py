@@ -9,8 +9,8 @@ import shutil
 
 import pytest
 
-from fluxlock.c_shape import circles, complaints, read_shape
 from fluxlock.firmware.toolchain import SW
+from fluxverify.c_shape import circles, complaints, read_shape
 
 # Source, the text before which something is planted, what is planted, what the check says.
 PLANTED = {

@@ -11,12 +11,12 @@ import math
 
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_scenario
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.binding import open_library
 from fluxlock.firmware.block import Value, gain
 from fluxlock.firmware.vector_formats import model_at, to_complex
-from fluxlock.paths import ROOT
 from tests.firmware.firmware_bench import INVERTER_1
 from tests.firmware.machines import inverter
 from tests.firmware.vector_bench import Sample, VectorBench, VectorSettings

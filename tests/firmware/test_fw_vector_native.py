@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.metrics import run_metrics
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.native.player import player
-from fluxlock.paths import ROOT
+from fluxlock.results.metrics import run_metrics
 
 VECTOR = ROOT / "scenarios" / "vector"
 START = VECTOR / "start.toml"

@@ -21,12 +21,12 @@ from typing import Any
 import can
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError
 from fluxlock.flash.can_line import CanLine, PythonCan
 from fluxlock.flash.command import flash
 from fluxlock.flash.image import pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import ERASE, HELLO, START, WRITE, Loader, LoaderError
-from fluxlock.paths import ROOT
 from tests.flash.link_bench import EXTENDED, REMOTE, TO_HOST, TO_LOADER, Chip, Link, Received
 
 CHANNELS = itertools.count()

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.paths import ROOT, RTL
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError
 from fluxlock.firmware import build_firmware
@@ -28,7 +29,7 @@ from fluxlock.flash.command import CONVERSION_S, SPACING_S, flash
 from fluxlock.flash.image import IMAGE_MAX_BYTES, Plan, pack_can_setup, pack_image, plan
 from fluxlock.flash.loader import START, Loader, LoaderError, SerialLine, frame, read_frame
 from fluxlock.flash.serial_port import SerialPort
-from fluxlock.memory import (
+from fluxlock.generate.memory import (
     BLOCK_MAX_BYTES,
     FLASH_BLOCK,
     FLASH_CAN_SETUP,
@@ -38,7 +39,6 @@ from fluxlock.memory import (
     FLASH_SECTOR_BYTES,
     FLASH_STORE,
 )
-from fluxlock.paths import ROOT, RTL
 
 BLOCK = bytes(range(256)) * 3
 CONVERSION = "inverter.sensing.conversion_s=0.68e-6"  # of the boards

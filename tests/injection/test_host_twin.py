@@ -11,9 +11,9 @@ import math
 import numpy as np
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor, load_scenario
 from fluxlock.native.injection_run import InjectionRun
-from fluxlock.paths import ROOT
 from tests.injection.injection_bench import MACHINES, SCENARIOS, scenario_of
 
 RECORD = ROOT / "docs" / "verification" / "record.json"

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.config.vector_timing import vector_timing
 from fluxlock.native.injection_run import InjectionRun
-from fluxlock.paths import ROOT
 from tests.injection.injection_bench import SCENARIOS, scenario_of
 
 RIGHT = ("compressor", "ebike", "ferrite-synrm", "five-phase-ipm", "gimbal", "traction")

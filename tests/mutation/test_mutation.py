@@ -11,16 +11,16 @@ from typing import Any
 
 import pytest
 
-from fluxlock.docs import mutation as mutation_page
-from fluxlock.mutation import command
-from fluxlock.mutation.blocks import BLOCKS, Block
-from fluxlock.mutation.equivalence import equal_mutants, unproved
-from fluxlock.mutation.netlist import SELECTOR, Netlist, folder, make_netlist, parse_list, with_selector
-from fluxlock.mutation.product import Signal, equal_at_the_outputs, read_signals
-from fluxlock.mutation.run import MutationError, run_mutants
-from fluxlock.mutation.score import measure, score_percent
-from fluxlock.mutation.simulation import OTHER_ENDS, still_known
-from fluxlock.paths import ROOT, RTL
+from fluxlock.base.paths import ROOT, RTL
+from fluxverify.docs import mutation as mutation_page
+from fluxverify.mutation import command
+from fluxverify.mutation.blocks import BLOCKS, Block
+from fluxverify.mutation.equivalence import equal_mutants, unproved
+from fluxverify.mutation.netlist import SELECTOR, Netlist, folder, make_netlist, parse_list, with_selector
+from fluxverify.mutation.product import Signal, equal_at_the_outputs, read_signals
+from fluxverify.mutation.run import MutationError, run_mutants
+from fluxverify.mutation.score import measure, score_percent
+from fluxverify.mutation.simulation import OTHER_ENDS, still_known
 
 HERE = Path(__file__).parent
 SMALL = Block(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import fluxlock
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.3, "window": [{"name": "end", "from_s": 0.25, "to_s": 0.3}], "expect": []}

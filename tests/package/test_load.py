@@ -20,7 +20,7 @@ import pytest
 
 import fluxlock
 from fluxlock import sweeps
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 from fluxlock.python_load import PythonLoad
 
 SPINNING = ROOT / "scenarios" / "spinning.toml"

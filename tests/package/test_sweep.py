@@ -20,10 +20,11 @@ import pytest
 from typer.testing import CliRunner
 
 import fluxlock
-from fluxlock import sweep_bench, sweeps, workers
+from fluxlock import sweeps, workers
+from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
-from fluxlock.paths import ROOT
 from fluxlock.sweeps import Axis, Grid
+from fluxverify import sweep_bench
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}

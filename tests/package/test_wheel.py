@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 
 
 class Installed:
@@ -52,7 +52,7 @@ def test_place(installed: Installed) -> None:
 
     Verifies: PACKAGE-1
     """
-    done = installed.python("-c", "import fluxlock.paths as p; print(p.ROOT); print(p.BUILD)")
+    done = installed.python("-c", "import fluxlock.base.paths as p; print(p.ROOT); print(p.BUILD)")
     root, build = done.stdout.splitlines()
     assert Path(root) == installed.site / "fluxlock" / "share"
     assert Path(build).parent == installed.home / ".cache" / "fluxlock"

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluxlock.analysis.rundata import LogKind, RunData
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
 from fluxlock.population import page as page_module
 from fluxlock.population import run as run_module
 from fluxlock.population.draw import Draw, Method
@@ -25,6 +24,7 @@ from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
 from fluxlock.population.run import makers, run_life
 from fluxlock.population.table import deciles, groups
+from fluxlock.results.rundata import LogKind, RunData
 
 SEED = 1
 RIGHT_VECTOR, REFUSED_VECTOR = (3, 5), 80

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from fluxlock import cli
+from fluxlock.base.paths import ROOT
 from fluxlock.config import load_inverter, load_motor
 from fluxlock.config.drive import MotorError
 from fluxlock.datasheet.library import machines
-from fluxlock.paths import ROOT
 from fluxlock.prove.cases import FAILS, HOLDS, REFUSED, SHARES, VALUES, Case, Row, cases, least_rpm, run_case
 from fluxlock.prove.library import library_life
 from fluxlock.prove.life import Machine, fitting_carrier_hz, life
@@ -147,7 +147,7 @@ OVERSPEED = "a light servo without friction loses its angle in this life: fault 
     ],
 )
 def test_a_machine_of_the_library(stem: str) -> None:
-    """Some of the library hold their life; the page has all (`python -m fluxlock.docs.library --run`).
+    """Some of the library hold their life; the page has all (`python -m fluxverify.docs.library --run`).
 
     Verifies: FRONT-72
     """

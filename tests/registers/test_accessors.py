@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from fluxlock.build import IO_BASE, generate_python
 from fluxlock.firmware.host import register_offsets
+from fluxlock.generate.registers import IO_BASE, generate_python
 
 
 class Memory:

@@ -9,9 +9,9 @@ import re
 
 import pytest
 
-from fluxlock.build import generate_registers
-from fluxlock.paths import REGISTER_BLOCKS
-from fluxlock.regblock import gate_with_request
+from fluxlock.base.paths import REGISTER_BLOCKS
+from fluxlock.generate.regblock import gate_with_request
+from fluxlock.generate.registers import generate_registers
 
 
 @pytest.mark.parametrize("block", REGISTER_BLOCKS)

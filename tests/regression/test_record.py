@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from fluxlock.config import ConfigError
-from fluxlock.regression import command
-from fluxlock.regression.record import (
+from fluxverify.regression import command
+from fluxverify.regression.record import (
     ERROR,
     FACTOR,
     LEAST_SEEDS,
@@ -229,7 +229,7 @@ def test_accept(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) ->
     command.accept_rows(["six-step/hall"], "the estimator is new")
     assert capsys.readouterr().out.splitlines() == [
         "accepted: six-step/hall/after: error.rms 1 → 2",
-        f"written: {record}; the page follows with python -m fluxlock.docs.regression",
+        f"written: {record}; the page follows with python -m fluxverify.docs.regression",
     ]
     after = read_record(record)
     entry = after.pop("six-step/hall/after")
@@ -341,7 +341,7 @@ def test_record_refuses_unvouched_runs(files: tuple[Path, Path], monkeypatch: py
 def test_run_judges(
     files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`fluxlock regression` fails for a row outside of its band and for a recorded row that is made no more.
+    """`fluxverify regression` fails for a row outside of its band and for a recorded row that is made no more.
 
     Verifies: REC-01
     """

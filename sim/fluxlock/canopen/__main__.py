@@ -13,13 +13,13 @@ import sys
 from pathlib import Path
 
 from fluxlock import generated
+from fluxlock.base.paths import BUILD
+from fluxlock.base.writable import check_folder, guarded
 from fluxlock.canopen.accessors import accessors
 from fluxlock.canopen.dbc import dbc
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.canopen.eds import eds
 from fluxlock.canopen.page import PAGE, page_text
-from fluxlock.paths import BUILD
-from fluxlock.writable import check_folder, guarded
 
 OUT = BUILD / "canopen"
 NODE = 1

@@ -12,10 +12,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fluxlock.base.paths import ROOT
 from fluxlock.generated import SourceError
 from fluxlock.interface import settings
 from fluxlock.interface.settings import Setting
-from fluxlock.paths import ROOT
 
 OBJECTS_FILE = ROOT / "sw" / "canopen" / "objects.toml"
 STRING_MAX_BYTES = 32

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+from fluxlock.base.paths import ROOT
 from fluxlock.canopen.dbc import PDOS, mapped
 from fluxlock.canopen.dictionary import NODE_PREFIX, Dictionary, Entry
 from fluxlock.interface.names import load_faults
-from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "objects.md"
 MARKER = "<!-- From here on generated: python -m fluxlock.canopen. -->\n"

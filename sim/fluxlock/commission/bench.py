@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.commission.procedure import CURRENT_SHARE
 from fluxlock.config import Scenario, load_inverter, load_motor, load_scenario
-from fluxlock.paths import ROOT
 
 SCENARIO = ROOT / "scenarios" / "vector" / "identify.toml"
 

@@ -14,14 +14,14 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fluxlock.analysis.six_step.plots import save
-from fluxlock.analysis.verdict import say
+from fluxlock.base.paths import RESULTS
+from fluxlock.base.progress import Bars
+from fluxlock.base.stage import ProgressInfo
 from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, verdict, write_motor
 from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.paths import RESULTS
-from fluxlock.progress import Bars
-from fluxlock.stage import ProgressInfo
+from fluxlock.results.verdict import say
+from fluxlock.theory.six_step.plots import save
 
 
 def _table(found: list[Quantity]) -> Table:

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.six_step.plots import finish
-from fluxlock.analysis.verdict import Verdict
 from fluxlock.commission.plate import NamePlate
 from fluxlock.config import Inverter, Motor
 from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.results.verdict import Verdict
+from fluxlock.theory.six_step.plots import finish
 
 # Below this difference over the mean the file states one number: for the phases, for the axes.
 PHASE_SPREAD, SALIENCY = 0.03, 0.05

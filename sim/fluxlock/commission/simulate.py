@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fluxlock.analysis.rundata import SimulationFault
+from fluxlock.base.stage import BUILDING, ProgressInfo
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.commission.plate import NamePlate, first_guess
 from fluxlock.commission.procedure import Commissioning
@@ -21,7 +21,7 @@ from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.run import IMAGE_FILE, prepare
 from fluxlock.firmware import ParameterBlock, build_commission, write_image
-from fluxlock.stage import BUILDING, ProgressInfo
+from fluxlock.results.rundata import SimulationFault
 
 
 @dataclass(frozen=True)

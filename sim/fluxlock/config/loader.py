@@ -17,13 +17,13 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from fluxlock.base.paths import shipped
 from fluxlock.config.checks import check_scenario
 from fluxlock.config.errors import SET_OPTION, ConfigError, Problem, closest, did_you_mean
 from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Accept, Scenario, Sources
-from fluxlock.paths import shipped
 
 _TYPE_WORDS = {
     "float_type": "a number",

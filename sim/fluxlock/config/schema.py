@@ -13,12 +13,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from fluxlock import generated
+from fluxlock.base.paths import ROOT
 from fluxlock.config.fields import Model, plain, range_text
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.loader import model_in
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import METRICS, Scenario
-from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "files.md"
 

@@ -19,9 +19,9 @@ from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_runner
 
-from fluxlock.build import generate_registers
-from fluxlock.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
-from fluxlock.writable import file_lock
+from fluxlock.base.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
+from fluxlock.base.writable import file_lock
+from fluxlock.generate.registers import generate_registers
 
 PACKAGES = (RTL / "pkg" / "fl_pkg.sv",)
 COVERAGE_VARIABLE = "FLUXLOCK_RTL_COVERAGE"

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import Action, Branch
-from fluxlock.memory import TELEMETRY_ADDRESS
+from fluxlock.generate.memory import TELEMETRY_ADDRESS
 
 if TYPE_CHECKING:
     from fluxlock.cosim.session import Session

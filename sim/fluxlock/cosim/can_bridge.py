@@ -19,15 +19,15 @@ from pathlib import Path
 
 import can
 
-from fluxlock.analysis.rundata import RunData, SimulationFault
+from fluxlock.can.can_bus import has_taken
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
-from fluxlock.can_bus import has_taken
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.can_link import CanLink, LinkPeer
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.run import chip_of, collect, prepare
+from fluxlock.results.rundata import RunData, SimulationFault
 
 # Between two exchanges with the simulated bus: a tenth of a millisecond, about one frame.
 BATCH_CYCLES = 5_000

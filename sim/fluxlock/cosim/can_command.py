@@ -14,14 +14,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fluxlock.analysis.verdict import say
-from fluxlock.build import check_build
-from fluxlock.can_bus import open_bus
+from fluxlock.base.stage import ProgressInfo
+from fluxlock.can.can_bus import open_bus
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.cosim.can_bridge import Bridge, run_on_bus
 from fluxlock.cosim.outcome import write_outcome
-from fluxlock.stage import ProgressInfo
+from fluxlock.generate.registers import check_build
+from fluxlock.results.verdict import say
 
 if TYPE_CHECKING:
     import can

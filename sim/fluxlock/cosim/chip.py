@@ -16,14 +16,14 @@ from pathlib import Path
 
 import cocotb_tools.config
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD, ROOT, RTL, content_hash, tool_environment
+from fluxlock.base.writable import file_lock
 from fluxlock.cosim.block import WAIVERS, object_cache
 from fluxlock.cosim.upsets import write_upset_table
 from fluxlock.file_lists import chip_files
-from fluxlock.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
-from fluxlock.paths import BUILD, ROOT, RTL, content_hash, tool_environment
-from fluxlock.soft_core import CORE, soft_core
-from fluxlock.writable import file_lock
+from fluxlock.generate.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
+from fluxlock.generate.registers import generate_registers
+from fluxlock.generate.soft_core import CORE, soft_core
 
 TOP = "fl_soc"
 BOARD_TOP = "fl_board_bench"  # the chip on a board

@@ -20,12 +20,12 @@ from typing import Any
 import cocotb_tools.config
 import find_libpython
 
+from fluxlock.base.paths import BUILD, ROOT
+from fluxlock.base.stage import ProgressInfo
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
 from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
 from fluxlock.firmware import BusLibrary
-from fluxlock.paths import BUILD, ROOT
-from fluxlock.stage import ProgressInfo
 
 Progress = Callable[[ProgressInfo], None]
 LOG_FILE = "simulator.log"  # in the plan's folder

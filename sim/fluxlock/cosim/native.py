@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fluxlock.base.paths import ROOT
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import BitTiming
 from fluxlock.cosim.plan import CanPlace
 from fluxlock.headers import CData, bind
-from fluxlock.paths import ROOT
 
 CONSOLE_BYTES = 1 << 16
 HEADER = ROOT / "sim" / "native" / "cosim.h"

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from fluxlock.analysis.metrics import Analysis, run_metrics
-from fluxlock.analysis.plots import write_plots
-from fluxlock.analysis.result import build_result, write_result
-from fluxlock.analysis.rundata import FloatArray, LogKind, RunData, load_trace, save_trace
-from fluxlock.analysis.verdict import Verdict, judge_run
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.results.metrics import Analysis, run_metrics
+from fluxlock.results.plots import write_plots
+from fluxlock.results.result import build_result, write_result
+from fluxlock.results.rundata import FloatArray, LogKind, RunData, load_trace, save_trace
+from fluxlock.results.verdict import Verdict, judge_run
 from fluxlock.workers import EXTRA
 
 if TYPE_CHECKING:

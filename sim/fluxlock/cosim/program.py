@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from fluxlock.analysis.rundata import RunData, SimulationFault
-from fluxlock.build import IO_BASE
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.chip import Chip, build_chip
@@ -22,7 +20,9 @@ from fluxlock.cosim.plan import SessionPlan
 from fluxlock.cosim.run import BIT_CYCLES, IMAGE_FILE, chip_of, collect, prepare
 from fluxlock.firmware import build_program, write_image
 from fluxlock.firmware.host import register_offsets
+from fluxlock.generate.registers import IO_BASE
 from fluxlock.plant import PlantParams
+from fluxlock.results.rundata import RunData, SimulationFault
 
 
 def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed: int) -> RunData:

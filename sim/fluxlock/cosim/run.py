@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import Rejection, RunData, SimulationFault
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD
+from fluxlock.base.stage import BUILDING, ProgressInfo
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.chip import Chip, build_chip
@@ -34,10 +34,10 @@ from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
-from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD
+from fluxlock.generate.memory import RAM_WORDS
+from fluxlock.generate.registers import generate_registers
 from fluxlock.python_load import PythonLoad
-from fluxlock.stage import BUILDING, ProgressInfo
+from fluxlock.results.rundata import Rejection, RunData, SimulationFault
 
 BIT_CYCLES = 50  # console: 1 Mbaud at 50 MHz
 IMAGE_FILE = "firmware.hex"  # what `fl_ram` reads

@@ -13,8 +13,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from fluxlock.base.paths import RTL
 from fluxlock.cosim.registers import Place, helper_places, modules, output_places
-from fluxlock.paths import RTL
 
 HEADER = "Vtop___024root.h"
 TABLE = "upsets.inc"

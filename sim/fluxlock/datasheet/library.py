@@ -10,9 +10,9 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.datasheet.convert import Sheet, motor_text
 from fluxlock.datasheet.entries import BY_OPTION, read_value
-from fluxlock.paths import ROOT
 
 TABLE = Path(__file__).with_name("library.toml")
 FOLDER = ROOT / "motors" / "library"
@@ -20,7 +20,7 @@ HEADER = """\
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-# Made by `python -m fluxlock.docs.library` from sim/fluxlock/datasheet/library.toml; edit that.
+# Made by `python -m fluxverify.docs.library` from sim/fluxlock/datasheet/library.toml; edit that.
 """
 
 

@@ -16,13 +16,13 @@ from typing import Any
 
 from cocotb_tools.runner import get_runner
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD, content_hash
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.cosim.block import check_results
 from fluxlock.cosim.chip import TOP, rtl_sources
 from fluxlock.cosim.plan import PLAN_ENV, SessionPlan
 from fluxlock.cosim.run import chip_of, prepare
-from fluxlock.paths import BUILD, content_hash
+from fluxlock.generate.registers import generate_registers
 
 SCENARIO_FILE = "scenario.pickle"  # in the plan's folder
 MODULE = re.compile(r"^\s*module\s+(\w+)", re.MULTILINE)

@@ -17,8 +17,6 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.metrics import Advance, Analysis
-from fluxlock.analysis.rundata import RunData
 from fluxlock.config import Scenario
 from fluxlock.cosim.branches import end_with_parent
 from fluxlock.cosim.native import peek
@@ -29,8 +27,10 @@ from fluxlock.drive.can import CanMaster
 from fluxlock.drive.copies import Branch
 from fluxlock.drive.registers import Registers
 from fluxlock.firmware.binding import names, types
-from fluxlock.memory import TELEMETRY_ADDRESS
+from fluxlock.generate.memory import TELEMETRY_ADDRESS
 from fluxlock.plant import Plant
+from fluxlock.results.metrics import Advance, Analysis
+from fluxlock.results.rundata import RunData
 
 Value = TypeVar("Value")
 AT_SPEED = 0.01  # of the target

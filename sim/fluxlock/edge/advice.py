@@ -26,11 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config import Inverter, Motor
 from fluxlock.config.drive import Drive
 from fluxlock.config.settling import OWN_JUMP, Settling, crossing_settling
 from fluxlock.plant.edge_params import EdgeParams
+from fluxlock.results.rundata import FloatArray
 
 HALF_INTERVAL = math.sqrt(2.5)  # of a crossing's error: 1.5 of the last one less 0.5 of the one before
 AGREED = 1.1  # of the least error: any pole within this is as good, the longest filters most that no file knows

@@ -59,10 +59,10 @@ def phase(
 
     Errors are about their mean and without the scenario's advance. Edges that reach the crossings show as a wave.
     """
-    from fluxlock.analysis.metrics import Analysis
-    from fluxlock.analysis.rundata import load_trace
+    from fluxlock.base.writable import check_file
     from fluxlock.edge.plot import draw_phases
-    from fluxlock.writable import check_file
+    from fluxlock.results.metrics import Analysis
+    from fluxlock.results.rundata import load_trace
 
     trace, picture = folder / "trace.npz", folder / "pwm-phase.png"
     if not trace.is_file():

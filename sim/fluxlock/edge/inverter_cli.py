@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from fluxlock.analysis.six_step.output import prepare_folder, print_table, write_figure
+from fluxlock.base.paths import RESULTS
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, load_inverter, load_motor
 from fluxlock.config.fields import with_unit
 from fluxlock.help import complete_toml, example
-from fluxlock.paths import RESULTS
+from fluxlock.theory.six_step.output import prepare_folder, print_table, write_figure
 
 if TYPE_CHECKING:
     from fluxlock.edge.advice import Choice, Parts

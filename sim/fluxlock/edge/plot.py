@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.pwm_phase import BINS, PhaseBins
-from fluxlock.analysis.six_step.plots import save
 from fluxlock.edge.advice import Budget, Choice
+from fluxlock.results.pwm_phase import BINS, PhaseBins
+from fluxlock.theory.six_step.plots import save
 
 
 def draw_phases(bins: PhaseBins, path: Path, title: str) -> None:

@@ -11,10 +11,10 @@ from typing import Annotated
 
 import typer
 
+from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Problem, load_scenario
 from fluxlock.help import complete_toml
-from fluxlock.paths import ROOT
-from fluxlock.writable import check_folder
 
 SCENARIO = ROOT / "scenarios" / "spinning.toml"
 EXIT_FAILED = 1

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import GENERATED, ROOT, package_dir
 from fluxlock.config import Scenario
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.run import IMAGE_FILE
@@ -18,8 +18,8 @@ from fluxlock.export import flows
 from fluxlock.export.recording import Recording, package, record, text
 from fluxlock.file_lists import BOARD_FOLDER, CHIP_LIST, read_list
 from fluxlock.firmware.toolchain import build_loader
-from fluxlock.paths import GENERATED, ROOT, package_dir
-from fluxlock.soft_core import soft_core
+from fluxlock.generate.registers import generate_registers
+from fluxlock.generate.soft_core import soft_core
 
 BENCH = ROOT / "sim" / "export" / "fl_replay.sv"
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fluxlock.analysis.rundata import IntArray, LogKind
 from fluxlock.config import Scenario
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
 from fluxlock.cosim.run import chip_of, prepare
+from fluxlock.results.rundata import IntArray, LogKind
 
 CODE_BITS = 12
 # Bits of the pin word below the codes: `word_t` of the bench.

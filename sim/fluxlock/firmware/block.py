@@ -12,7 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fluxlock.firmware.schema import HEADER_WORDS, MAGIC, SHIFT_MAX, SHIFT_MIN, Parameter, Schema, load_schema
-from fluxlock.memory import BLOCK_ADDRESS, BLOCK_MAX_BYTES, CAN_SETUP_ADDRESS, RAM_WORDS, TABLE_ADDRESS, TABLE_END
+from fluxlock.generate.memory import (
+    BLOCK_ADDRESS,
+    BLOCK_MAX_BYTES,
+    CAN_SETUP_ADDRESS,
+    RAM_WORDS,
+    TABLE_ADDRESS,
+    TABLE_END,
+)
 
 Value = int | tuple[int, ...]
 

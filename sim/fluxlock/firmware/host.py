@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from fluxlock.firmware.binding import names, new, open_library, types, view
 from fluxlock.firmware.block import ParameterBlock
+from fluxlock.generate.memory import BLOCK_MAX_BYTES
 from fluxlock.headers import CData
-from fluxlock.memory import BLOCK_MAX_BYTES
 
 REGISTER_WORDS = 0x4000
 OFFSETS = 13  # channels of the auto-zero

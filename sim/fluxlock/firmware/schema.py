@@ -14,8 +14,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from fluxlock.base.paths import ROOT
 from fluxlock.interface.settings import Setting, load_settings
-from fluxlock.paths import ROOT
 
 SCHEMA_FILE = ROOT / "sw" / "params.toml"
 MAGIC = 0x464C5850  # "FLXP"

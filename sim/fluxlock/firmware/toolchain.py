@@ -14,15 +14,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from fluxlock import memory
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD, GENERATED, ROOT, content_hash
+from fluxlock.base.writable import file_lock
 from fluxlock.canopen import c_tables
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.firmware.schema import SCHEMA_FILE, c_header, load_schema
+from fluxlock.generate import memory
+from fluxlock.generate.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
+from fluxlock.generate.registers import generate_registers
 from fluxlock.interface import names, settings, values
-from fluxlock.memory import BOOT_ADDRESS, BOOT_BYTES, CACHE_BYTES, RAM_WORDS, STATE_OFFSET, image_end
-from fluxlock.paths import BUILD, GENERATED, ROOT, content_hash
-from fluxlock.writable import file_lock
 
 SW = ROOT / "sw"
 # link.ld puts the state into the lines of the cache behind it and asserts that both end in time.

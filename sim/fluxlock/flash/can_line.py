@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Protocol
 
-from fluxlock.can_bus import has_taken
+from fluxlock.can.can_bus import has_taken
 from fluxlock.flash.loader import LoaderError, pack, unpack
 
 if TYPE_CHECKING:

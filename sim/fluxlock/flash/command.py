@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from fluxlock.can_bus import OPTION as CAN_OPTION
-from fluxlock.can_bus import open_bus
+from fluxlock.base.progress import counting_bars
+from fluxlock.can.can_bus import OPTION as CAN_OPTION
+from fluxlock.can.can_bus import open_bus
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.drive import MotorError
-from fluxlock.memory import RAM_BYTES
-from fluxlock.progress import counting_bars
+from fluxlock.generate.memory import RAM_BYTES
 
 if TYPE_CHECKING:
     from fluxlock.flash.loader import Line

@@ -14,8 +14,9 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+from fluxlock.base.paths import RTL
 from fluxlock.firmware.schema import HEADER_WORDS, load_schema
-from fluxlock.memory import (
+from fluxlock.generate.memory import (
     BLOCK_MAX_BYTES,
     FLASH_BLOCK,
     FLASH_CAN_SETUP,
@@ -24,7 +25,6 @@ from fluxlock.memory import (
     FLASH_SECTOR_BYTES,
     image_end,
 )
-from fluxlock.paths import RTL
 
 MAGIC = 0x49584C46
 FORMAT = 1

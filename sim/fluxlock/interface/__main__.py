@@ -9,8 +9,8 @@ import sys
 from collections.abc import Sequence
 
 from fluxlock import generated
+from fluxlock.base.writable import guarded
 from fluxlock.interface.page import PAGE, page_text
-from fluxlock.writable import guarded
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

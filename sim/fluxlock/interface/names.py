@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from fluxlock.base.paths import ROOT
 from fluxlock.generated import SourceError
-from fluxlock.paths import ROOT
 
 NAMES_FILE = ROOT / "sw" / "drive" / "names.toml"
 FAULTS_FILE = ROOT / "sw" / "drive" / "faults.toml"

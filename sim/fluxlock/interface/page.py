@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+from fluxlock.base.paths import ROOT
 from fluxlock.interface.names import load_faults
 from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.interface.values import load_values
-from fluxlock.paths import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "console.md"
 

@@ -14,9 +14,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fluxlock.base.paths import ROOT
 from fluxlock.generated import SourceError
 from fluxlock.interface.names import c_strings, constant, words
-from fluxlock.paths import ROOT
 
 SETTINGS_FILE = ROOT / "sw" / "drive" / "settings.toml"
 KINDS = ("switch", "choice", "number")

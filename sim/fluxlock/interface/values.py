@@ -9,8 +9,8 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 
+from fluxlock.base.paths import ROOT
 from fluxlock.interface.names import c_strings, words
-from fluxlock.paths import ROOT
 
 VALUES_FILE = ROOT / "sw" / "app" / "values.toml"
 

@@ -15,10 +15,10 @@ from typing import Annotated
 
 import typer
 
-from fluxlock.analysis.six_step.output import prepare_folder
+from fluxlock.base.paths import RESULTS
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.help import complete_toml
-from fluxlock.paths import RESULTS
+from fluxlock.theory.six_step.output import prepare_folder
 
 EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[live]'"
 LIBRARIES = ("starlette", "uvicorn", "websockets")

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.rundata import LogKind, RunData, load_trace
 from fluxlock.config import ConfigError, Problem
 from fluxlock.firmware.binding import names
 from fluxlock.live import messages
 from fluxlock.live.source import SLICE_S, RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats, columns
 from fluxlock.native.play import Taken
+from fluxlock.results.rundata import LogKind, RunData, load_trace
 
 NOTHING = "this is a recording: nothing in it can be changed; `fluxlock live SCENARIO` has a drive"
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from fluxlock.analysis.rundata import trip_cause_names
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.config.console import line_problem
@@ -27,6 +26,7 @@ from fluxlock.live.source import SLICE_S, RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats, columns
 from fluxlock.native.play import not_played
 from fluxlock.native.player import player
+from fluxlock.results.rundata import trip_cause_names
 
 KEPT_S = 0.5  # simulated between two calls of `take`
 END_S = 0.05  # window of an exported scenario

@@ -5,7 +5,7 @@
 
 import os
 
-from fluxlock.paths import BUILD
+from fluxlock.base.paths import BUILD
 
 # Before numba is imported: where it keeps compiled code.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(BUILD / "firmware" / "numba"))

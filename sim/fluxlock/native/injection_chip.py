@@ -11,14 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.injection_loop import Inverter as Converter
-from fluxlock.analysis.injection_machine import (
-    OMEGA_AT,
-    THETA_AT,
-    axis_tables,
-    machine_set,
-    scratch,
-)
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Load, Motor, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
@@ -33,6 +25,14 @@ from fluxlock.native import injection_kernel as kernel
 from fluxlock.native.chip import without_noise
 from fluxlock.native.vector_chip import LOGGED_A_SAMPLE
 from fluxlock.native.vector_kernel import Q17, WORDS, calls
+from fluxlock.theory.injection.loop import Inverter as Converter
+from fluxlock.theory.injection.machine import (
+    OMEGA_AT,
+    THETA_AT,
+    axis_tables,
+    machine_set,
+    scratch,
+)
 
 PLACES = np.dtype(
     [(name.replace(".", "_"), "i8") for name in (*kernel.REGISTERS, *WORDS, "machine_timer", "phase_trip")]

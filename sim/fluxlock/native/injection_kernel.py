@@ -21,21 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.injection_kernel import biquad
-from fluxlock.analysis.injection_machine import (
-    OMEGA_AT,
-    THETA_AT,
-    TORQUE_AT,
-    InverterSet,
-    MachineSet,
-    advance,
-    compiled,
-    converted,
-    leg_voltages,
-    phase_current,
-    triangle,
-)
-from fluxlock.analysis.rundata import FloatArray
 from fluxlock.native.vector_kernel import (
     LOG_ANGLE,
     LOG_TRIP,
@@ -53,6 +38,21 @@ from fluxlock.native.vector_kernel import (
     put,
     signed,
     turned,
+)
+from fluxlock.results.rundata import FloatArray
+from fluxlock.theory.injection.kernel import biquad
+from fluxlock.theory.injection.machine import (
+    OMEGA_AT,
+    THETA_AT,
+    TORQUE_AT,
+    InverterSet,
+    MachineSet,
+    advance,
+    compiled,
+    converted,
+    leg_voltages,
+    phase_current,
+    triangle,
 )
 
 SUBSTEPS = 8  # Runge-Kutta steps a sample period

@@ -14,12 +14,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.rundata import TRIP_CAUSES, RecordArray, Rejection, RunData
 from fluxlock.config import Problem, Scenario
 from fluxlock.config.scenario import Event, Fault
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.python_load import PythonLoad
+from fluxlock.results.rundata import TRIP_CAUSES, RecordArray, Rejection, RunData
 
 FINAL_COMMANDS = ("status", "faults", "stats")
 

@@ -11,14 +11,14 @@ import sys
 import time
 from pathlib import Path
 
-from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.verdict import Verdict, judge_run, say
-from fluxlock.can_bus import open_bus
+from fluxlock.base.writable import check_file
+from fluxlock.can.can_bus import open_bus
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.native.drive import NativeDrive, drive_of_scenario
 from fluxlock.native.recorder import Recorder
 from fluxlock.native.serve import serve
-from fluxlock.writable import check_file
+from fluxlock.results.metrics import Analysis
+from fluxlock.results.verdict import Verdict, judge_run, say
 
 
 class Terminal:

@@ -12,10 +12,10 @@ from collections import deque
 
 import numpy as np
 
-from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, Rejection, RunData
 from fluxlock.headers import CData
 from fluxlock.native.averaged_motor import OMEGA, THETA
 from fluxlock.native.drive import NativeDrive
+from fluxlock.results.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, Rejection, RunData
 
 # A program that runs for days is judged by its last time, s, and by the lock it lost ever.
 KEPT_S = 20.0

@@ -17,9 +17,14 @@ from operator import or_
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.angles import FLOATING_PHASE
-from fluxlock.analysis.metrics import GUARD_CYCLES
-from fluxlock.analysis.rundata import (
+from fluxlock.config import ConfigError, Problem, Scenario
+from fluxlock.firmware.host import HostFirmware
+from fluxlock.native import averaged_motor as am
+from fluxlock.native.chip import AveragedChip
+from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.results.angles import FLOATING_PHASE
+from fluxlock.results.metrics import GUARD_CYCLES
+from fluxlock.results.rundata import (
     PLANT_EVENT_DTYPE,
     RECORD_DTYPE,
     LogKind,
@@ -27,11 +32,6 @@ from fluxlock.analysis.rundata import (
     RecordArray,
     RunData,
 )
-from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.firmware.host import HostFirmware
-from fluxlock.native import averaged_motor as am
-from fluxlock.native.chip import AveragedChip
-from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 
 PHASE_ANGLES = 2 * np.pi / 3 * np.arange(3)
 

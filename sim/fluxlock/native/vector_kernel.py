@@ -42,7 +42,7 @@ PENDING = 2
 STEPS = 2  # of Runge and Kutta's rule, a voltage
 AXIS_B, AXIS_C = cmath.exp(1j * THIRD_TURN), cmath.exp(-1j * THIRD_TURN)
 SEEN_CYCLES = 20 + 3  # filter and synchronisers of the encoder's inputs
-LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.analysis.rundata.LogKind
+LOG_TRIP, LOG_UPDATE, LOG_ANGLE = 4, 5, 8  # fluxlock.results.rundata.LogKind
 
 STATE = np.dtype(
     [

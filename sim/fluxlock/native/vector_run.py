@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 
-from fluxlock.analysis.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, RecordArray, RunData
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
@@ -25,6 +24,7 @@ from fluxlock.firmware.host import HostFirmware
 from fluxlock.native.chip import without_noise
 from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.native.vector_chip import Sampling, VectorChip
+from fluxlock.results.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, RecordArray, RunData
 
 CHUNK_S = 0.01
 ENDLESS = 2**62  # samples

@@ -25,7 +25,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from fluxlock.paths import BUILD
+from fluxlock.base.paths import BUILD
 
 from . import circuit, edge, emf, encoder, events, flux, kernel, mechanics, record, sensing, series
 from . import layout as L

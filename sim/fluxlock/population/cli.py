@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
+from fluxlock.base.paths import needs_checkout
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
-from fluxlock.paths import needs_checkout
 from fluxlock.population.draw import POPULATIONS, Population
 
 app = typer.Typer(
@@ -33,7 +33,7 @@ EXIT_FAILED = 1
 
 @app.callback()
 def _population() -> None:
-    needs_checkout("population")
+    needs_checkout("fluxlock population")
 
 
 def population_of(text: str) -> Population:
@@ -100,10 +100,10 @@ def plot(
     seed: SeedOption = 1,
 ) -> None:
     """Run lives anew and draw speed, current and angle error of each: PNG."""
+    from fluxlock.base.writable import check_file
     from fluxlock.population.injection_life import InjectionLife
     from fluxlock.population.plots import draw_injection, draw_life
     from fluxlock.population.run import any_life
-    from fluxlock.writable import check_file
 
     name = population_of(method)
     for index in indices:
@@ -122,9 +122,9 @@ def jumps(seed: SeedOption = 1) -> None:
     Ten machines of the injection's population, jumps of 60, 120 and 180 degrees at 0, 5 and 20 % of base speed; about
     two minutes. Exit code 1 if a jump is wrong.
     """
-    from fluxlock.analysis.verdict import Verdict, say
+    from fluxlock.base.progress import counting_bars
     from fluxlock.population.jumps import OUTCOMES, WRONG, Jump, jump_machines, run_jumps
-    from fluxlock.progress import counting_bars
+    from fluxlock.results.verdict import Verdict, say
 
     with counting_bars() as bars:
         task = bars.add_task("jumps", total=None)

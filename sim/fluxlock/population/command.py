@@ -12,12 +12,12 @@ from functools import partial
 from rich.console import Console
 from rich.table import Table
 
+from fluxlock.base.progress import counting_bars
+from fluxlock.base.writable import check_file
 from fluxlock.population.draw import Population
 from fluxlock.population.run import FOLDER, OUTCOMES, WRONG, Row, outcomes, run_lives
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
-from fluxlock.progress import counting_bars
 from fluxlock.sources import source_hashes
-from fluxlock.writable import check_file
 
 
 def _tables(rows: Sequence[Row], title: str) -> list[Table]:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fluxlock.base.writable import check_file
 from fluxlock.config.write import file_text, scenario_texts
 from fluxlock.population.injection_life import InjectionLife
 from fluxlock.population.life import Life
-from fluxlock.writable import check_file
 
 SCENARIO, MOTOR, INVERTER, MACHINE = "scenario.toml", "motor.toml", "inverter.toml", "machine.toml"
 

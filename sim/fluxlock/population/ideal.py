@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from fluxlock.analysis.rundata import FloatArray
 from fluxlock.config.motor import RPM_PER_RAD_S, Motor
 from fluxlock.population.draw import Method
+from fluxlock.results.rundata import FloatArray
 
 POINTS = 720  # of an electrical turn
 AXES = 2 * np.pi / 3 * np.arange(3)

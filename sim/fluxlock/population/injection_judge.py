@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.analysis.rundata import FloatArray
 from fluxlock.firmware.binding import names
 from fluxlock.native.injection_run import READY_S, InjectionRun
 from fluxlock.population.injection_life import InjectionLife
+from fluxlock.results.rundata import FloatArray
 
 LOST_DEG, NAMED_S = 60.0, 0.05
 WRONG_WAY_DEG = 90.0

@@ -13,8 +13,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from fluxlock.analysis.injection_choice import best, choices
-from fluxlock.analysis.injection_frequency import Rule, feasible
 from fluxlock.config import Load, Motor, Scenario
 from fluxlock.config.drive import Drive
 from fluxlock.config.injection_rules import injection_loops
@@ -23,6 +21,8 @@ from fluxlock.config.scenario import Event
 from fluxlock.cosim.parameters import refusals
 from fluxlock.native.injection_run import InjectionRun
 from fluxlock.population.injection_draw import InjectionDraw, injection_ranges, parts
+from fluxlock.theory.injection.choice import best, choices
+from fluxlock.theory.injection.frequency import Rule, feasible
 
 SEARCH_S = 0.5  # within which the search ends or says why not
 RUN_S, RUN_CONSTANTS = 0.5, 25.0  # before the friction and after it, at least each; time constants of the speed loop

@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.analysis.angles import dq_current
-from fluxlock.analysis.metrics import Analysis, trips
-from fluxlock.analysis.rundata import ComplexArray, FloatArray, RunData
-from fluxlock.analysis.verdict import LOST_COMMUTATIONS, LOST_DEG, LOST_S, RUNNING, STATES
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.population.ideal import ideal_ripple_rpm
 from fluxlock.population.life import SPEED_TOLERANCE, Change, Hold, Life
+from fluxlock.results.angles import dq_current
+from fluxlock.results.metrics import Analysis, trips
+from fluxlock.results.rundata import ComplexArray, FloatArray, RunData
+from fluxlock.results.verdict import LOST_COMMUTATIONS, LOST_DEG, LOST_S, RUNNING, STATES
 
 CURRENT_SHARE, CURRENT_MEAN_S = 1.15, 1e-3
 ANGLE_RMS_DEG, COMMUTATION_RMS_DEG = 3.0, 1.0

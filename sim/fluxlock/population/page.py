@@ -11,8 +11,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import EXIT_BAD_INPUT, guarded
 from fluxlock.config import ConfigError, Problem
-from fluxlock.paths import ROOT
 from fluxlock.population import injection_judge, injection_life, judge, life
 from fluxlock.population.draw import POPULATIONS
 from fluxlock.population.injection_draw import injection_ranges
@@ -20,7 +21,6 @@ from fluxlock.population.ranges import ranges
 from fluxlock.population.run import FOLDER, NAMED, OUTCOMES, outcomes
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
 from fluxlock.sources import sources_text
-from fluxlock.writable import EXIT_BAD_INPUT, guarded
 
 PAGE = ROOT / "docs" / "verification" / "population.md"
 UNITS = {

@@ -12,15 +12,15 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.angles import dq_current
-from fluxlock.analysis.metrics import Analysis
-from fluxlock.analysis.plots import ANGLE_COLOUR, DPI, PHASE_COLOURS
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.population.injection_judge import judge_injection, row_of
 from fluxlock.population.injection_life import InjectionLife, play_injection
 from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life
+from fluxlock.results.angles import dq_current
+from fluxlock.results.metrics import Analysis
+from fluxlock.results.plots import ANGLE_COLOUR, DPI, PHASE_COLOURS
 
 POINTS = 6000  # of a line: more than the picture has columns
 REASONS = 4  # that the title names

@@ -15,10 +15,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fluxlock import analysis, native
+from fluxlock import native, results
+from fluxlock.base.paths import BUILD, content_hash
+from fluxlock.base.writable import check_folder
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_host_library
-from fluxlock.paths import BUILD, content_hash
 from fluxlock.population.draw import Draw, Population
 from fluxlock.population.injection_draw import InjectionDraw
 from fluxlock.population.injection_judge import judge_injection, row_of
@@ -26,7 +27,6 @@ from fluxlock.population.injection_life import InjectionLife, injection_life, in
 from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
 from fluxlock.workers import side_by_side
-from fluxlock.writable import check_folder
 
 FOLDER = BUILD / "population"
 RIGHT, NAMED, REFUSED, WRONG = "right", "named", "refused", "wrong"
@@ -52,7 +52,7 @@ def makers() -> str:
     own, shared = MEASURING
     sources = [*Path(native.__file__).parent.glob("*.py"), build_host_library()]
     sources += [Path(__file__).with_name(f"{name}.py") for name in own]
-    sources += [Path(analysis.__file__).with_name(f"{name}.py") for name in shared]
+    sources += [Path(results.__file__).with_name(f"{name}.py") for name in shared]
     return content_hash(sources)
 
 

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from fluxlock.analysis.rundata import RunData, SimulationFault
-from fluxlock.build import check_build, generate_registers
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.plan import TRACE_FILE
 from fluxlock.cosim.run import chip_of, collect, image_of, prepare
-from fluxlock.memory import BLOCK_ADDRESS, STACK_BYTES
+from fluxlock.generate.memory import BLOCK_ADDRESS, STACK_BYTES
+from fluxlock.generate.registers import check_build, generate_registers
 from fluxlock.profile.elf import Program, read_program
 from fluxlock.profile.flame import Stacks, flame_graph, folded
 from fluxlock.profile.fold import ROW, Folded, fold
+from fluxlock.results.rundata import RunData, SimulationFault
 
 CONTROL = "trap_control"  # sw/hal/soc/trap.S calls the control step by this name
 MAIN, POLL = "main", "app_poll"  # the main loop, and with what a round of it begins

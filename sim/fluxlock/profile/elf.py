@@ -18,7 +18,7 @@ from elftools.elf.elffile import ELFFile
 from elftools.elf.sections import SymbolTableSection
 from numpy.typing import NDArray
 
-from fluxlock.memory import RAM_WORDS
+from fluxlock.generate.memory import RAM_WORDS
 
 UNKNOWN = "unknown"
 

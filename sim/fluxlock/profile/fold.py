@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.paths import BUILD, content_hash
+from fluxlock.base.paths import BUILD, content_hash
 from fluxlock.profile.elf import Program
 
 ROW = np.dtype([("cycle", "<i8"), ("pc", "<u4"), ("count", "<u4")])

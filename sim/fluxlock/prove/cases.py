@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from fluxlock.analysis.rundata import SimulationFault
 from fluxlock.api import simulate
 from fluxlock.config import ConfigError
 from fluxlock.config.drive import MotorError
 from fluxlock.config.vector_design import handover_rpm
 from fluxlock.cosim.parameters import refusals
 from fluxlock.prove.life import LIGHT, Machine, life
+from fluxlock.results.rundata import SimulationFault
 from fluxlock.workers import side_by_side
 
 VALUES = {"resistance": "R", "inductance": "L", "flux": "flux", "inertia": "J"}

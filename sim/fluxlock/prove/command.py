@@ -13,13 +13,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from fluxlock.analysis.six_step.output import prepare_folder
-from fluxlock.analysis.verdict import say
+from fluxlock.base.paths import RESULTS
+from fluxlock.base.progress import counting_bars
 from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.help import complete_toml
 from fluxlock.interface.kinds import Method
-from fluxlock.paths import RESULTS
-from fluxlock.progress import counting_bars
+from fluxlock.results.verdict import say
+from fluxlock.theory.six_step.output import prepare_folder
 
 EXIT_FAILED = 1
 FILES = ("prove.png", "prove.json")

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from fluxlock.analysis.verdict import Verdict
 from fluxlock.prove.cases import HOLDS, REFUSED, SHARES, VALUES, Row
 from fluxlock.prove.life import FULL_SHARE, LIGHT, SAG_SHARE, SPEED_TOLERANCE, Machine
+from fluxlock.results.verdict import Verdict
 
 COLOURS = {"holds": "#009E73", "fails": "#D55E00", "refused": "#999999", "broken": "#000000"}
 LEFT_OUT = (
@@ -109,7 +109,7 @@ def write_json(proof: Proof, path: Path) -> None:
 
 def draw(proof: Proof, path: Path) -> None:
     """One page: rest angles, errors of the file, and what was demanded."""
-    from fluxlock.analysis.six_step.plots import save
+    from fluxlock.theory.six_step.plots import save
 
     m, verdict = proof.machine, proof.verdict()
     figure = Figure(figsize=(11, 8.5), layout="constrained")

@@ -8,7 +8,7 @@ the RTL, one by one or as the sets of `constraints/blocks.toml`, go through Yosy
 latch is inferred, if the clock is not reached, if a way between pad and flip-flop is too long or if nextpnr does not
 end in time, and prints which, with the critical path. Results, failed or not, go to `build/synth.json`, into the tables
 of `docs/reference/synthesis.md` and of `docs/verification/measured.md`; there a row stays as it is until its
-configuration or block is built again. `python -m fluxlock.docs.readme` brings the sizes to the README.
+configuration or block is built again. `python -m fluxverify.docs.readme` brings the sizes to the README.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
-from fluxlock.paths import BUILD
+from fluxlock.base.paths import BUILD
+from fluxlock.base.writable import alone, guarded
 from fluxlock.sources import Hashes, source_hashes
 from fluxlock.synth import report
 from fluxlock.synth.blocks import (
@@ -37,7 +38,6 @@ from fluxlock.synth.blocks import (
 from fluxlock.synth.configurations import CONFIGURATIONS, Configuration, Result, build, load_configurations
 from fluxlock.synth.report import Results
 from fluxlock.synth.tools import WORK, SynthesisError, relative, sources
-from fluxlock.writable import alone, guarded
 
 RESULTS = BUILD / "synth.json"
 

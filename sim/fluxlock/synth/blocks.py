@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from fluxlock.paths import ROOT, RTL
+from fluxlock.base.paths import ROOT, RTL
+from fluxlock.base.writable import alone
 from fluxlock.synth import timing
 from fluxlock.synth.tools import (
     WORK,
@@ -23,7 +24,6 @@ from fluxlock.synth.tools import (
     relative,
     synthesize,
 )
-from fluxlock.writable import alone
 
 BLOCKS = ROOT / "constraints" / "blocks.toml"
 ALL_BLOCKS = "blocks"  # name of all of them on the command line

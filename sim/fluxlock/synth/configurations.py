@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fluxlock.paths import ROOT
+from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import InUseError, alone
 from fluxlock.synth import timing
 from fluxlock.synth.timing import PadDelays
 from fluxlock.synth.tools import (
@@ -28,7 +29,6 @@ from fluxlock.synth.tools import (
     tool_version,
 )
 from fluxlock.synth.xilinx import XilinxCells, count_xilinx
-from fluxlock.writable import InUseError, alone
 
 CONFIGURATIONS = ROOT / "constraints" / "configurations.toml"
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from typing import Any
 
+from fluxlock.base.paths import ROOT
 from fluxlock.digits import thousands
-from fluxlock.paths import ROOT
 from fluxlock.sources import sources_text
 from fluxlock.synth.blocks import BlockSet
 from fluxlock.synth.configurations import Configuration

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fluxlock.build import generate_registers
+from fluxlock.base.paths import BUILD, ROOT, tool_environment
 from fluxlock.file_lists import board_lists, read_list
 from fluxlock.firmware.toolchain import build_loader
-from fluxlock.memory import RAM_WORDS
-from fluxlock.paths import BUILD, ROOT, tool_environment
-from fluxlock.soft_core import soft_core
+from fluxlock.generate.memory import RAM_WORDS
+from fluxlock.generate.registers import generate_registers
+from fluxlock.generate.soft_core import soft_core
 
 WORK = BUILD / "synth"
 

@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The soft core: VexRiscv of the package, fetching from a tightly coupled memory instead of an instruction cache.
+
+The RAM of the chip answers in one clock, so a cache in front of it only costs time: a line that misses takes eleven
+clocks, and the control step is larger than the package's 4 KiB. `derive` takes the cache out of the generated Verilog
+and brings its place to ports of the core:
+
+    instructionMemory_EN    read; without it the data stay
+    instructionMemory_ADR   word address
+    instructionMemory_DAT   data, one clock later
+    instructionMemory_ERR   with the data: nothing there, the core takes an access fault
+
+Accesses to registers are never bursts. A port beside the data bus shows the low bits of their address before they pass
+the burst counter, which would stand in the longest way of the chip:
+
+    dBusWishbone_WORD       low bits of the command's word address, from a register; dBusWishbone_ADR differs in a burst
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from fluxlock.base.paths import GENERATED, package_dir
+
+PORTS = """\
+  output              instructionMemory_EN,
+  output     [29:0]   instructionMemory_ADR,
+  input      [31:0]   instructionMemory_DAT,
+  input               instructionMemory_ERR,
+"""
+
+# Stage 0 addresses, stage 1 has the data, stage 2 (decode) registers them; never a miss, a refill or a halt.
+FETCH = """\
+  reg        [31:0]   instructionMemory_decodeData;
+  reg                 instructionMemory_decodeError;
+  assign instructionMemory_EN = (! IBusCachedPlugin_cache_io_cpu_fetch_isStuck);
+  assign instructionMemory_ADR = IBusCachedPlugin_iBusRsp_stages_0_input_payload[31 : 2];
+  assign IBusCachedPlugin_cache_io_cpu_prefetch_haltIt = 1'b0;
+  assign IBusCachedPlugin_cache_io_cpu_fetch_data = instructionMemory_DAT;
+  assign IBusCachedPlugin_cache_io_cpu_fetch_physicalAddress = IBusCachedPlugin_mmuBus_rsp_physicalAddress;
+  assign IBusCachedPlugin_cache_io_cpu_decode_physicalAddress = 32'h0;
+  assign IBusCachedPlugin_cache_io_cpu_decode_data = instructionMemory_decodeData;
+  assign IBusCachedPlugin_cache_io_cpu_decode_cacheMiss = 1'b0;
+  assign IBusCachedPlugin_cache_io_cpu_decode_error = instructionMemory_decodeError;
+  assign IBusCachedPlugin_cache_io_cpu_decode_mmuRefilling = 1'b0;
+  assign IBusCachedPlugin_cache_io_cpu_decode_mmuException = 1'b0;
+  assign IBusCachedPlugin_cache_io_mem_cmd_valid = 1'b0;
+  assign IBusCachedPlugin_cache_io_mem_cmd_payload_address = 32'h0;
+  assign IBusCachedPlugin_cache_io_mem_cmd_payload_size = 3'b000;
+  always @(posedge clk) begin
+    if(! IBusCachedPlugin_cache_io_cpu_decode_isStuck) begin
+      instructionMemory_decodeData <= instructionMemory_DAT;
+      instructionMemory_decodeError <= instructionMemory_ERR;
+    end
+  end
+"""
+
+COMMAND_PORT = "  output     [2:0]    dBusWishbone_WORD,\n"
+COMMAND = "  assign dBusWishbone_WORD = dBus_cmd_payload_address[4 : 2];\n"
+
+# Pattern and what takes its place; each occurs exactly once.
+CHANGES = (
+    (r"(?m)^(?=  output reg          iBusWishbone_CYC,$)", PORTS),
+    (r"(?ms)^  InstructionCache IBusCachedPlugin_cache \(\n.*?^  \);\n", FETCH),
+    (r"(?m)^(?=  output     \[29:0\]   dBusWishbone_ADR,$)", COMMAND_PORT),
+    (r"(?m)^(?=  assign dBusWishbone_ADR = )", COMMAND),
+    (r"(?ms)^module InstructionCache \(\n.*?^endmodule\n", ""),
+)
+
+
+CORE = GENERATED / "VexRiscv.v"
+
+
+class SoftCoreError(RuntimeError):
+    """The package's Verilog is not the one that the changes were written for."""
+
+
+def derive(verilog: str) -> str:
+    """The core without its instruction cache, with the address of its data commands."""
+    for pattern, replacement in CHANGES:
+        verilog, count = re.subn(pattern, replacement, verilog)
+        if count != 1:
+            raise SoftCoreError(f"VexRiscv.v of the package: {count} matches of {pattern!r} instead of one")
+    return verilog
+
+
+def soft_core() -> Path:
+    """`build/generated/VexRiscv.v`, written when the package's core or the changes to it are new."""
+    text = derive((package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v").read_text(encoding="utf-8"))
+    if not CORE.exists() or CORE.read_text(encoding="utf-8") != text:
+        CORE.parent.mkdir(parents=True, exist_ok=True)
+        partial = CORE.with_suffix(".part")
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(CORE)
+    return CORE

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Crossings and commutations under switching edges of a board: presets of `[sensing.edge]`, the settle time by rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fluxlock.config.settling import crossing_settling
+from fluxverify.regression.case import Row, case
+from fluxverify.regression.runner import Runner
+from fluxverify.regression.six_step.measures import event, timeline
+
+SCENARIO = "own-spindle.toml"
+PRESETS = ("clean", "T", "G", "cable", "divider")
+# Speed, window (s) and largest rms error of the commutations. Caught at speed: the window begins when it is held.
+POINTS = ((6_000, 0.06, 0.09, 0.25), (13_000, 0.03, 0.05, 0.1))
+QUICK = ("T-13000",)
+
+
+@case("six-step/edges")
+def edges(runner: Runner) -> Iterator[Row]:
+    """Own-spindle with every preset at 6 000 and 13 000 r/min: errors, margin, wave over the carrier."""
+    for preset in PRESETS:
+        for speed_rpm, from_s, to_s, limit_deg in POINTS:
+            if runner.quick and f"{preset}-{speed_rpm}" not in QUICK:
+                continue
+            yield _row(runner, preset, speed_rpm, (from_s, to_s), limit_deg)
+
+
+def _row(runner: Runner, preset: str, speed_rpm: int, window: tuple[float, float], limit_deg: float) -> Row:
+    events = [event(0.003, "command", f"set speed_rpm {speed_rpm}"), event(0.004, "command", "start")]
+    run = runner.drive(
+        SCENARIO,
+        f"{preset}-{speed_rpm}",
+        f"inverter.sensing.edge.preset={preset}",
+        f"initial.speed_rpm={speed_rpm}",
+        "expect=[]",
+        *timeline(window[1], events, [("steady", *window)]),
+    )
+    metrics = run.metrics["steady"]
+    crossing, commutation = metrics["zcp_error_deg"], metrics["commutation_error_deg"]
+    clock_hz, end = run.data.clock_hz, run.analysis.track.last_cycle
+    bins = run.analysis.commutation_phases(window[0] * clock_hz, min(window[1] * clock_hz, end))
+    # A faster rotor's crossings fall into one or two parts of the carrier, and may leave no wave to measure.
+    wave = {"pwm_phase_error_pp_deg": metrics["pwm_phase_error_pp_deg"]} if speed_rpm == POINTS[0][0] else {}
+    return Row(
+        f"six-step/edges/{preset}-{speed_rpm}",
+        {"scenario": SCENARIO, "edges": preset, "speed_rpm": speed_rpm},
+        {
+            "settle_us": 1e6 * crossing_settling(run.scenario.drive, run.scenario.inverter).settle_s,
+            **{f"crossing_error_deg.{kind}": crossing[kind] for kind in ("mean", "rms", "max")},
+            **{f"commutation_error_deg.{kind}": commutation[kind] for kind in ("mean", "rms", "max")},
+            **wave,
+            "carrier_parts_with_errors": int(np.count_nonzero(bins.count)),
+            "demagnetisation_margin_deg": metrics["demagnetisation_margin_deg"],
+            "late_crossings": metrics["late_crossings"],
+            "speed_rpm.mean": metrics["speed_rpm"]["mean"],
+            "trips": len(run.result["trips"]),
+        },
+        {
+            "commutation_error_deg.rms": (None, limit_deg),
+            "late_crossings": (0, 0),
+            "speed_rpm.mean": (0.99 * speed_rpm, 1.01 * speed_rpm),
+            "trips": (0, 0),
+        },
+    )
