@@ -55,6 +55,8 @@ class Target:
     interface: str
     channel: str
     node: int
+    timeout_ms: int  # of what a test waits for in vain, in the drive's time, which is fast or slow beside the master's
+    speeds_rpm: tuple[int, int]
 
 
 def bus_of(name: str) -> tuple[str, str]:
@@ -65,7 +67,7 @@ def bus_of(name: str) -> tuple[str, str]:
 @pytest.fixture(scope="module")
 def native() -> Iterator[Target]:
     """The native program in a thread, as fast as it goes; over before the chip's tests."""
-    found = Target(*bus_of("native"), NATIVE_NODE)
+    found = Target(*bus_of("native"), NATIVE_NODE, 100, (20_000, 30_000))
     drive = NativeDrive(Bench(drive=DRIVE, library=build_canopen_library()), NATIVE_NODE)
     end = threading.Event()
     with can.Bus(interface=found.interface, channel=found.channel) as bus:
@@ -79,7 +81,7 @@ def native() -> Iterator[Target]:
 @pytest.fixture(scope="module")
 def chip(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     """The chip with its bridge, one run for all tests."""
-    found = Target(*bus_of("chip"), NODE)
+    found = Target(*bus_of("chip"), NODE, 20, (10_000, 12_000))
     scenario = load_scenario(ROOT / "scenarios" / "can.toml")
     folder = tmp_path_factory.mktemp("chip")
     bridges: list[Bridge] = []
@@ -191,11 +193,11 @@ def test_from_boot_up_to_a_turning_motor(network: canopen.Network, node: BaseNod
         assert node.sdo["device_name"].raw == "Fluxlock"
         enable(node)
         node.rpdo[3]["controlword"].raw = 0x0F
-        for rpm in (20_000, 30_000):
+        for rpm in target.speeds_rpm:
             node.rpdo[3]["target_velocity"].raw = rpm
             node.rpdo[3].transmit()
             wait(lambda rpm=rpm: abs(velocity(node) - rpm) < 0.01 * rpm, f"{rpm} r/min")
-        assert node.sdo["velocity_actual"].raw == pytest.approx(30_000, rel=0.02)
+        assert node.sdo["velocity_actual"].raw == pytest.approx(target.speeds_rpm[1], rel=0.02)
         assert node.tpdo[4]["torque_actual"].raw > 0
         node.rpdo[3]["target_velocity"].raw = 0
         node.rpdo[3].transmit()
@@ -262,14 +264,14 @@ def test_abort_codes(node: BaseNode402) -> None:
     assert node.sdo["device"]["label"].raw == text
 
 
-def test_fault_and_reset(node: BaseNode402) -> None:
+def test_fault_and_reset(node: BaseNode402, target: Target) -> None:
     """A master that falls silent: fault by the command timeout, told by EMCY, cleared by the fault reset.
 
     Verifies: CO-17
     """
     node.sdo["command_timeout"]["reaction"].raw = 1
     enable(node)
-    node.sdo["command_timeout"]["time"].raw = 100
+    node.sdo["command_timeout"]["time"].raw = target.timeout_ms
     assert told(node, 0x8100) == 0x11
     wait(lambda: node.state == "FAULT", "fault")
     assert node.sdo["error_code"].raw == 0x8100
@@ -280,13 +282,13 @@ def test_fault_and_reset(node: BaseNode402) -> None:
     assert node.sdo["error_code"].raw == 0
 
 
-def test_master_is_watched(network: canopen.Network, node: BaseNode402) -> None:
+def test_master_is_watched(network: canopen.Network, node: BaseNode402, target: Target) -> None:
     """The drive watches a heartbeat of the master; when it ends, the drive leaves operational with a fault.
 
     Verifies: CO-17
     """
     master = 0x7E
-    node.sdo["heartbeat_consumer"]["node_1"].raw = master << 16 | 200
+    node.sdo["heartbeat_consumer"]["node_1"].raw = master << 16 | 2 * target.timeout_ms
     enable(node)
     for _ in range(5):
         network.send_message(0x700 + master, b"\x05")
