@@ -206,6 +206,9 @@ def run(
     if gdb and native:
         raise ConfigError([Problem("--gdb", gdb, 'is for the core; with --native use --debugger "gdb --args"')])
     loaded = _checked(scenario, set_, allow_overload)
+    for k, event in enumerate(loaded.event if native else ()):
+        if event.fault is not None and event.fault.kind == "dead_core":
+            raise ConfigError([loaded.sources.problem(f"event[{k}].fault", "with --native there is no core to hang")])
     out_dir = out if out is not None else RESULTS / scenario.stem
     with _output(out_dir):
         _run(loaded, out_dir, loaded.seed if seed is None else seed, waves, firmware, gdb)

@@ -12,9 +12,12 @@ import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
+from fluxlock.config.scenario import Event
 from fluxlock.config.vector_design import told_machine
+from fluxlock.cosim import convert
 from fluxlock.cosim.convert import plant_params
 from fluxlock.cosim.parameters import check_parameters, parameter_block
+from fluxlock.cosim.plan import Action
 from fluxlock.plant import EncoderParams
 
 DEMO = ROOT / "scenarios" / "demo.toml"
@@ -159,3 +162,19 @@ def test_salient_machine() -> None:
     )
     assert compiled == parameter_block(mean).values
     assert compiled != parameter_block(other).values
+
+
+def test_a_hall_glitch_and_a_dead_core_are_made_of_pins_and_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The glitch inverts an input for 1 ms; the core's first instruction of its interrupt is another one for 5 ms.
+
+    Verifies: FRONT-30
+    """
+    scenario = load_scenario(DEMO)
+    monkeypatch.setattr(convert, "entry", lambda image, function: 0x100)
+    monkeypatch.setattr(convert, "rewrite", lambda image, at, word, cycle: (Action(cycle, "memory", {"address": at}),))
+    event = Event.model_validate({"at_s": 0.1, "fault": {"kind": "hall_glitch"}})
+    (glitch,) = convert.actions_of(scenario, event, Path())
+    assert glitch == Action(5_000_000, "pin", {"pin": "hall_i[0]", "cycles": 50_000, "level": None})
+    event = Event.model_validate({"at_s": 0.1, "fault": {"kind": "dead_core"}})
+    cycles = [action.cycle for action in convert.actions_of(scenario, event, Path())]
+    assert cycles == [5_000_000, 5_250_000]

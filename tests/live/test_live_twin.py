@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,73 @@ def test_open_phase(tmp_path: Path, file: str, target: int) -> None:
     again, outcome = repeated(twin, tmp_path)
     assert machine(again) == played
     assert outcome.result["fault"] == told["fault"] and outcome.verdict.passed, outcome.verdict.lines
+
+
+@pytest.mark.parametrize(
+    ("file", "button", "named"),
+    [
+        (SPINDLE, "Stuck rotor", "phase_over_current"),
+        (SPINDLE, "Supply loss", "phase_over_current"),
+        (VECTOR, "Stuck rotor", "stalled"),
+    ],
+)
+def test_buttons(tmp_path: Path, file: str, button: str, named: str) -> None:
+    """A click ends in the drive's fault by its name, and the exported play ends in the same state.
+
+    A link at 0 V is no end of the source.
+
+    Verifies: LIVE-04, LIVE-07
+    """
+    scenario = load_scenario(file)
+    twin = Twin(scenario, scenario.seed)
+    run(twin, START_S)
+    (order,) = (entry["order"] for entry in twin.hello()["faults"] if entry["name"] == button)
+    message = messages.parse(json.dumps(order))
+    assert isinstance(message, messages.Break | messages.Supply)
+    twin.act(message)
+    while (told := twin.status())["fault"] == "none" and twin.now < START_S + 1.0:
+        run(twin, 0.01)
+    assert told["fault"] == named
+    played = machine(twin.play)
+    again, outcome = repeated(twin, tmp_path)
+    assert machine(again) == played and outcome.verdict.passed, outcome.verdict.lines
+
+
+def test_every_button_has_an_order_or_a_reason() -> None:
+    """No button is without effect in silence; a click that the source does not have is refused with the same words.
+
+    Verifies: LIVE-07
+    """
+    for file in (SPINDLE, VECTOR):
+        twin = Twin(load_scenario(file), 1)
+        for entry in twin.hello()["faults"]:
+            assert (entry["order"] is None) == bool(entry["why"]) and entry["text"], entry
+        with pytest.raises(RefusedError, match=r"no Hall sensors|has no hall_glitch"):
+            twin.act(messages.Break(kind="fault", fault=Fault(kind="hall_glitch")))
+
+
+@pytest.mark.parametrize(("file", "noise"), [(SPINDLE, "M_NOISE"), (VECTOR, "noise_a")])
+def test_mended(file: str, noise: str) -> None:
+    """Noise and a rotor that stands end with `Mend all`; the rotor turns on from where it stood.
+
+    Verifies: LIVE-07
+    """
+    twin = Twin(load_scenario(file), 1)
+
+    def level() -> float:
+        chip = twin.play.chip  # type: ignore[attr-defined]  # both machines have one
+        return float(chip.model.m[am.M_NOISE]) if noise == "M_NOISE" else float(chip.plant.noise_a[0])
+
+    run(twin, 0.05)
+    before = level()
+    twin.act(messages.Break(kind="fault", fault=Fault(kind="noisy_channels", noise_lsb=50.0)))
+    twin.act(messages.Break(kind="fault", fault=Fault(kind="stuck_rotor")))
+    assert level() > 10.0 * before
+    run(twin, 0.01)
+    assert twin.play.shaft[0] == 0.0
+    twin.act(messages.Break(kind="fault", fault=Fault(kind="clear")))
+    run(twin, 0.05)
+    assert level() == before and twin.play.shaft[0] != 0.0
 
 
 @pytest.mark.parametrize(("file", "target"), PLAYS)

@@ -175,3 +175,20 @@ def test_wrong_parameters(key: str, value: object) -> None:
     """
     with pytest.raises(ValueError, match="must be"):
         motor_1(**{key: value})
+
+
+def test_stuck_rotor_and_noise_clear() -> None:
+    """The rotor stands at once and turns again after "clear"; so ends the noise.
+
+    Verifies: PLANT-12
+    """
+    plant = Plant(motor_1(), seed=1, mode="jit")
+    drive(plant, 500)
+    noise = plant.state[L.NOISE_LSB]
+    mode = plant.state[L.MECHANICS]
+    plant.inject_fault("stuck_rotor")
+    plant.inject_fault("noisy_channels", noise_lsb=40.0)
+    drive(plant, 100)
+    assert plant.speed_rpm == 0.0 and plant.state[L.NOISE_LSB] == 40.0
+    plant.inject_fault("clear")
+    assert plant.state[L.NOISE_LSB] == noise and plant.state[L.MECHANICS] == mode

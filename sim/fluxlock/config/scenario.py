@@ -123,14 +123,26 @@ class Mechanics(Model):
 class Fault(Model):
     """A fault of the plant."""
 
-    kind: Literal["shorted_winding", "open_phase", "stuck_high", "stuck_low", "fault_pin", "stuck_channel", "clear"] = (
-        Field(
-            description="`shorted_winding`: a part of the turns of `phases` is bridged (two phases: a short "
-            "between terminals); `open_phase`: the legs of `phases` lose the machine, whose terminals float; "
-            "`stuck_high`, `stuck_low`: the upper or lower switch of their legs conducts for ever, and where the other "
-            "one is asked for the driver holds it off and reports a fault; `fault_pin`: the gate driver reports a "
-            "fault; `stuck_channel`: a converter channel keeps one code; `clear`: all faults end."
-        )
+    kind: Literal[
+        "shorted_winding",
+        "open_phase",
+        "stuck_high",
+        "stuck_low",
+        "fault_pin",
+        "stuck_channel",
+        "noisy_channels",
+        "stuck_rotor",
+        "hall_glitch",
+        "dead_core",
+        "clear",
+    ] = Field(
+        description="`shorted_winding`: a part of the turns of `phases` is bridged (two phases: a short "
+        "between terminals); `open_phase`: the legs of `phases` lose the machine, whose terminals float; "
+        "`stuck_high`, `stuck_low`: the upper or lower switch of their legs conducts for ever, and where the other "
+        "one is asked for the driver holds it off and reports a fault; `fault_pin`: the gate driver reports a "
+        "fault; `stuck_channel`: a converter channel keeps one code; `noisy_channels`: all of them have more noise; "
+        "`stuck_rotor`: the rotor stands at once; `hall_glitch`: Hall sensor A shows the wrong level for 1 ms; "
+        "`dead_core`: the soft core hangs in its control interrupt for 5 ms; `clear`: all faults end."
     )
     phases: list[Literal["A", "B", "C", "D", "E"]] | None = Field(
         default=None, min_length=1, max_length=5, description="Phases that have the fault."
@@ -144,14 +156,23 @@ class Fault(Model):
         absent="0.05 for a shorted winding",
     )
     channel: Channel | None = Field(default=None, description="Channel that is stuck.")
+    noise_lsb: float | None = quantity(
+        "Noise of the converter's codes, rms.",
+        "LSB",
+        0.0,
+        2048,
+        default=None,
+        absent="100 for noisy channels",
+    )
     code: int | None = quantity("Code of the stuck channel.", "", 0, 4095, default=None, absent="the code at that time")
 
     @model_validator(mode="after")
     def _belongs(self) -> Self:
         legs = ("open_phase", "stuck_high", "stuck_low")
         allowed = {"shorted_winding": {"phases", "turns_fraction"}, "stuck_channel": {"channel", "code"}}
+        allowed["noisy_channels"] = {"noise_lsb"}
         allowed |= {kind: {"phases"} for kind in legs}
-        for key in ("phases", "turns_fraction", "channel", "code"):
+        for key in ("phases", "turns_fraction", "channel", "code", "noise_lsb"):
             if getattr(self, key) is not None and key not in allowed.get(self.kind, set()):
                 raise conflict(key, f'does not belong to kind = "{self.kind}"')
         for kind, key in (*((k, "phases") for k in ("shorted_winding", *legs)), ("stuck_channel", "channel")):

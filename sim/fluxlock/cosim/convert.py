@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S, machine_params
 from fluxlock.config.scenario import Event
+from fluxlock.cosim.broken_code import TO_ITSELF, entry, rewrite
 from fluxlock.cosim.plan import Action
 from fluxlock.plant import (
     InverterParams,
@@ -21,6 +23,8 @@ from fluxlock.plant import (
     SensingParams,
     channel_names,
 )
+
+HALL_GLITCH_S, DEAD_CORE_S = 1e-3, 5e-3
 
 
 def inverter_params(i: Inverter) -> InverterParams:
@@ -113,6 +117,19 @@ def action_of(s: Scenario, event: Event) -> Action:
         value = {"phases": tuple("ABCDE".index(p) for p in fault.phases)}
     elif fault.kind == "stuck_channel":
         value = {"channel": fault.channel, "code": fault.code}
+    elif fault.kind == "noisy_channels":
+        value = {} if fault.noise_lsb is None else {"noise_lsb": fault.noise_lsb}
+    elif fault.kind == "hall_glitch":
+        return Action(cycle, "pin", {"pin": "hall_i[0]", "cycles": round(HALL_GLITCH_S * CLOCK_HZ), "level": None})
     else:
         value = {}
     return Action(cycle, "fault", {"kind": fault.kind, **value})
+
+
+def actions_of(s: Scenario, event: Event, image: Path) -> tuple[Action, ...]:
+    """One event of a scenario with the firmware's image, whose code a dead core has not."""
+    if event.fault is None or event.fault.kind != "dead_core":
+        return (action_of(s, event),)
+    begin, end = (max(1, round((event.at_s + after_s) * CLOCK_HZ)) for after_s in (0.0, DEAD_CORE_S))
+    at = entry(image, "trap_control")
+    return rewrite(image, at, TO_ITSELF, begin) + rewrite(image, at, TO_ITSELF, end)

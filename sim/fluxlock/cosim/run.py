@@ -27,7 +27,7 @@ from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
-from fluxlock.cosim.convert import action_of, plant_params
+from fluxlock.cosim.convert import actions_of, plant_params
 from fluxlock.cosim.debugger import GdbServer
 from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
@@ -92,7 +92,7 @@ def prepare(
         duration_cycles=min(duration, stop_cycle or duration),
         conversion_cycles=max(1, round(sensing.conversion_s * CLOCK_HZ)),
         bit_cycles=BIT_CYCLES,
-        actions=tuple(action_of(scenario, event) for event in scenario.events_in_order()),
+        actions=tuple(a for event in scenario.events_in_order() for a in actions_of(scenario, event, program)),
         marks=marks,
         recording=recording,
         log_strobes=log_strobes,

@@ -17,11 +17,12 @@ from pydantic import ValidationError
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.config.console import line_problem
-from fluxlock.config.scenario import BOOT_S, Accept, Event, Expect, Window
+from fluxlock.config.scenario import BOOT_S, Accept, Event, Expect, Fault, Window
 from fluxlock.config.write import scenario_texts
 from fluxlock.firmware.binding import names
 from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.live import messages
+from fluxlock.live.faults import catalogue, without
 from fluxlock.live.source import SLICE_S, RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats, columns
 from fluxlock.native.play import not_played
@@ -80,7 +81,7 @@ class Twin:
             "rated_torque_nm": s.motor.rated_torque_nm,
             "settings": self.settings,
             "states": names("drive_state_t"),
-            "phases": ["A", "B", "C"],
+            "faults": catalogue(s, self._missing),
             "without": [],
         }
 
@@ -112,6 +113,11 @@ class Twin:
         """The console takes no line before the drive has booted."""
         return BOOT_S if isinstance(action, (messages.Drive, messages.Set)) else 0.0
 
+    def _missing(self, fault: Fault) -> str | bool:
+        """Why the twin does not have a fault."""
+        why = not_played(fault, self.scenario.mechanics)
+        return f"{why}; on the chip, `fluxlock run` has it as an event of the scenario" if why else False
+
     def _keys(self, action: messages.Action) -> dict[str, Any]:
         """Keys of the event that an action is."""
         if isinstance(action, messages.LoadFactor):
@@ -119,7 +125,7 @@ class Twin:
         if isinstance(action, messages.Supply):
             return {"supply_v": action.volt, "ramp_s": action.ramp_s}
         if isinstance(action, messages.Break):
-            if isinstance(why := not_played(action.fault), str):
+            if isinstance(why := self._missing(action.fault) or without(self.scenario, action.fault), str) and why:
                 raise RefusedError(why)
             return {"fault": action.fault.model_dump(exclude_unset=True)}
         if isinstance(action, messages.Set):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.config import Problem, Scenario
-from fluxlock.config.scenario import Event, Fault
+from fluxlock.config.scenario import Event, Fault, Mechanics
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.python_load import PythonLoad
@@ -27,17 +27,23 @@ FINAL_COMMANDS = ("status", "faults", "stats")
 # Of the gate driver, in the trip register, and where that has what is present.
 PIN, NOW = 1 << TRIP_CAUSES.index("fault_pin"), 8
 
-# Faults of the plant that both machines know: `open_phase` of one phase.
-FAULTS = ("open_phase", "fault_pin", "clear")
+# Of the link: with less the models, which divide by it, have no number.
+LEAST_LINK_V = 1e-3
+
+# Faults of the plant that both machines know: `open_phase` of one phase, `stuck_rotor` of a free one.
+FAULTS = ("open_phase", "fault_pin", "stuck_rotor", "noisy_channels", "clear")
 PHASES = "ABC"
+NOISE_LSB = 100.0  # of noisy channels
 
 
-def not_played(fault: Fault) -> str | bool:
+def not_played(fault: Fault, mechanics: Mechanics) -> str | bool:
     """Why no native drive has a fault; False: it has."""
     if fault.kind not in FAULTS:
         return f"the native program has no {fault.kind}, it has: {', '.join(FAULTS)}"
     if len(fault.phases or ()) > 1 or not set(fault.phases or ()) <= set(PHASES):
         return f"the native program opens one phase of {', '.join(PHASES)}"
+    if fault.kind == "stuck_rotor" and mechanics.mode != "free":
+        return f"the rotor is not free: mechanics.mode is {mechanics.mode}"
     return False
 
 
@@ -53,7 +59,7 @@ def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
         and "the native program's trip opens all gates",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
         **{
-            f"event[{k}].fault": not_played(event.fault)
+            f"event[{k}].fault": not_played(event.fault, scenario.mechanics)
             for k, event in enumerate(scenario.event)
             if event.fault is not None
         },
@@ -137,6 +143,14 @@ class ScenarioPlay(ABC):
         """Level of the gate driver's fault output."""
 
     @abstractmethod
+    def set_locked(self, on: bool) -> None:
+        """The rotor, a free one, stands at once and stays, or turns again."""
+
+    @abstractmethod
+    def set_noise(self, lsb: float | None) -> None:
+        """Noise of the converter's codes, rms; None: as it was at the begin."""
+
+    @abstractmethod
     def take(self) -> Taken:
         """What was recorded since the last call, which is then forgotten."""
 
@@ -191,9 +205,16 @@ class ScenarioPlay(ABC):
             self.open_phase(PHASES.index((fault.phases or ["A"])[0]))
         elif fault.kind == "fault_pin":
             self.set_pin(True)
+        elif fault.kind == "stuck_rotor":
+            self.set_locked(True)
+        elif fault.kind == "noisy_channels":
+            self.set_noise(NOISE_LSB if fault.noise_lsb is None else fault.noise_lsb)
         else:
             self.open_phase(None)
             self.set_pin(False)
+            self.set_noise(None)
+            if self.scenario.mechanics.mode == "free":
+                self.set_locked(False)
 
     def follow(self, tick_s: float) -> None:
         """Set the values of now of everything on its way, and for a tick the load that is written in Python."""

@@ -21,7 +21,7 @@ from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native import averaged_motor as am
 from fluxlock.native.chip import AveragedChip
-from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.native.play import LEAST_LINK_V, NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.results.angles import FLOATING_PHASE
 from fluxlock.results.metrics import GUARD_CYCLES
 from fluxlock.results.rundata import (
@@ -117,6 +117,14 @@ class Play(ScenarioPlay):
         else:
             self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
 
+    def set_locked(self, on: bool) -> None:
+        """The rotor, a free one, stands at once and stays, or turns again."""
+        self.chip.model.m[am.M_LOCKED] = float(on)
+
+    def set_noise(self, lsb: float | None) -> None:
+        """Noise of the converter's codes, rms, which moves crossings; None: as at the begin, that of a code."""
+        self.chip.model.m[am.M_NOISE] = (1.0 if lsb is None else lsb) * self.scenario.inverter.sensing.step_v
+
     def take(self) -> Taken:
         """What was recorded since the last call, which is then forgotten.
 
@@ -140,7 +148,7 @@ class Play(ScenarioPlay):
     def _step(self) -> None:
         chip, model = self.chip, self.chip.model
         drop_v = self.scenario.inverter.supply_resistance_ohm * model.s[am.IDC_MEAN]
-        model.m[am.M_VDC] = max(self.supply_v - drop_v, 0.0)
+        model.m[am.M_VDC] = max(self.supply_v - drop_v, LEAST_LINK_V)
         self._note_records()
         trips = chip.trips
         chip.step()

@@ -22,7 +22,7 @@ from fluxlock.config.vector_timing import vector_timing
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.native.chip import without_noise
-from fluxlock.native.play import NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.native.play import LEAST_LINK_V, NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.native.vector_chip import Sampling, VectorChip
 from fluxlock.results.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, RecordArray, RunData
 
@@ -103,7 +103,7 @@ class Play(ScenarioPlay):
 
     def set_supply(self, volt: float) -> None:
         """Change the supply."""
-        self.chip.plant.supply_v = volt
+        self.chip.plant.supply_v = max(volt, LEAST_LINK_V)
 
     def open_phase(self, phase: int | None) -> None:
         """A leg, 0 to 2, loses the machine; None: no one has."""
@@ -116,6 +116,17 @@ class Play(ScenarioPlay):
             self.chip.put("safety.trip", self.chip.get("safety.trip") | PIN << NOW)
         else:
             self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
+
+    def set_locked(self, on: bool) -> None:
+        """The rotor, a free one, stands at once and stays, or turns again."""
+        self.chip.plant.guided = on
+        if on:
+            self.chip.state.omega = self.chip.plant.guided_rad_s2 = 0.0
+
+    def set_noise(self, lsb: float | None) -> None:
+        """Noise of the converter's codes, rms; None: as it was at the begin."""
+        own = self.scenario.inverter.sensing.noise_lsb
+        self.chip.set_noise(math.hypot(own if lsb is None else lsb, QUANTUM_LSB))
 
     def take(self) -> Taken:
         """What was recorded since the last call, which is then forgotten."""

@@ -50,6 +50,8 @@ FAULT_KINDS = (
     "stuck_low",
     "supply",
     "stuck_channel",
+    "noisy_channels",
+    "stuck_rotor",
     "fault_pin",
     "clear",
 )
@@ -89,6 +91,7 @@ class Plant:
         self._zoom = zoom_buffer(self.state, self.phases)
         self._events = event_buffer(self.state)
         self._turns = [1.0] * self.phases
+        self._stuck = False  # the rotor, by a fault
 
     @property
     def address(self) -> int:
@@ -282,6 +285,7 @@ class Plant:
         channel: str = "ia",
         code: int | None = None,
         level: bool = True,
+        noise_lsb: float = 100.0,
     ) -> None:
         """Break something, now.
 
@@ -295,8 +299,9 @@ class Plant:
         "stuck_high", "stuck_low": the upper or lower switch of the legs of `phases` conducts for ever. Where the other
         switch of a leg is asked for, the driver sees the short, does not turn it on and sets its fault output.
         "supply": the supply goes to supply_v within ramp_s. "stuck_channel": the converter channel stays at
-        `code` (None: at its present one). "fault_pin": the gate driver's fault output goes to `level`.
-        "clear": windings, legs, channels and pin are whole again (not the supply).
+        `code` (None: at its present one). "noisy_channels": the noise of all of them is noise_lsb, rms. "stuck_rotor":
+        it stands at once, and stays. "fault_pin": the gate driver's fault output goes to `level`.
+        "clear": windings, legs, channels, rotor and pin are whole again (not the supply).
         """
         s = self.state
         if kind == "shorted_winding":
@@ -320,6 +325,11 @@ class Plant:
             stuck = int(self.io[index]) if code is None else code
             require(0 <= stuck <= s[L.ADC_MAX], "code", stuck, f"0 to {s[L.ADC_MAX]:.0f}")
             s[L.STUCK + index] = stuck
+        elif kind == "noisy_channels":
+            self.disturb(noise_lsb=noise_lsb)
+        elif kind == "stuck_rotor":
+            self.set_mechanics("locked")
+            self._stuck = True
         elif kind == "fault_pin":
             s[L.FAULT_PIN] = float(level)
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1 | int(level)
@@ -329,6 +339,10 @@ class Plant:
             s[L.LEG_FAULT : L.LEG_FAULT + L.LEGS] = L.WHOLE
             s[L.STUCK : L.STUCK + L.CHANNELS] = -1.0
             s[L.FAULT_PIN] = 0.0
+            self.disturb(noise_lsb=self.params.sensing.noise_lsb_rms)
+            if self._stuck:
+                self.set_mechanics(self.params.mechanics.mode)
+                self._stuck = False
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1
         else:
             require(False, "kind", kind, ", ".join(FAULT_KINDS[:-1]) + f" or {FAULT_KINDS[-1]}")

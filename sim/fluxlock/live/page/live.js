@@ -8,7 +8,8 @@
 /** @typedef {{name: string, kind: string, text: string, choices: string[], unit: string, decimals: number,
  *   low: number|null, high: number|null, permitted: string, value: string}} Setting */
 /** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, source: string, method: string,
- *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, phases: string[], without: string[]}} Hello */
+ *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, faults: {name: string, text: string, order: object|null, why: string}[],
+ *   without: string[]}} Hello */
 
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "vdc", "torque_nm",
   "angle_error_deg", "state"];
@@ -163,14 +164,14 @@ function build(message) {
   Object.assign(at("speed"), { min: -message.max_speed_rpm, max: message.max_speed_rpm });
   at("supply").max = Math.max(message.supply_most_v, message.supply_v);
   at("settings").replaceChildren(...message.settings.map(knob));
-  const breaks = [...message.phases.map((p) => [`Open phase ${p}`, { kind: "open_phase", phases: [p] }]),
-    ["Driver's fault pin", { kind: "fault_pin" }], ["Mend all", { kind: "clear" }]];
-  at("faults").replaceChildren(...breaks.map(([text, fault]) => {
+  at("faults").replaceChildren(...message.faults.map((fault) => {
     const button = document.createElement("button");
-    button.textContent = String(text);
-    button.onclick = () => send({ kind: "fault", fault });
+    button.textContent = fault.name;
+    button.title = fault.why || fault.text;
+    button.className = fault.order === null ? "without" : "";
+    button.onclick = () => (fault.order === null ? journal(`${fault.name}: ${fault.why}`, true) : send(fault.order));
     return button;
-  }), sag());
+  }));
   if (again) return;
   at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
     const label = document.createElement("label");
@@ -182,15 +183,6 @@ function build(message) {
   }));
   at("trigger").replaceChildren(new Option("none", ""), ...message.traces.map(([name]) => new Option(name, name)));
   layout();
-}
-
-/** A sag of the supply. */
-function sag() {
-  const button = document.createElement("button");
-  button.textContent = "Sag";
-  button.title = "the supply falls to a half; the slider brings it back";
-  button.onclick = () => send({ kind: "supply", volt: (hello ? hello.supply_v : 0) / 2, ramp_s: 0 });
-  return button;
 }
 
 /** @returns {string[]} */

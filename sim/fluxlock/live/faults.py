@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The faults that a page has buttons for: what each one orders, or why a source does not have it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fluxlock.config import Scenario
+from fluxlock.config.scenario import Fault
+
+SHORT_TURNS = 0.1  # that still act
+
+
+def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> list[dict[str, Any]]:
+    """Buttons in their order: name, explanation, and the message that a click sends or the reason why there is none.
+
+    missing: why a source does not have a fault; False: it has.
+    """
+    supply_v = scenario.inverter.supply_v
+    faults: list[tuple[str, str, Fault]] = [
+        *(
+            (f"Open phase {phase}", "the leg has lost the machine", Fault(kind="open_phase", phases=[phase]))
+            for phase in "ABCDE"[: scenario.motor.phases]
+        ),
+        (
+            "Short A to B",
+            "a tenth of the turns of both windings is left",
+            Fault(kind="shorted_winding", phases=["A", "B"], turns_fraction=SHORT_TURNS),
+        ),
+        ("Upper switch A stuck", "it conducts for ever", Fault(kind="stuck_high", phases=["A"])),
+        ("Stuck sensor ia", "the converter keeps its code", Fault(kind="stuck_channel", channel="ia")),
+        ("Stuck sensor vdc", "the converter keeps its code", Fault(kind="stuck_channel", channel="vdc")),
+        ("Noisy sensors", "100 LSB on all channels", Fault(kind="noisy_channels")),
+        ("Hall glitch", "sensor A shows the wrong level for 1 ms", Fault(kind="hall_glitch")),
+        ("Stuck rotor", "it stands at once", Fault(kind="stuck_rotor")),
+        ("Dead core", "it hangs in its control interrupt for 5 ms", Fault(kind="dead_core")),
+        ("Driver's fault pin", "the gate driver reports a fault", Fault(kind="fault_pin")),
+    ]
+    shown: list[dict[str, Any]] = []
+    for name, text, fault in faults:
+        why = missing(fault) or without(scenario, fault)
+        order = {"kind": "fault", "fault": fault.model_dump(exclude_unset=True)}
+        shown.append({"name": name, "text": text, "order": None if why else order, "why": why or ""})
+    for name, text, volt in (
+        ("Sag", "the supply falls to a half; the slider brings it back", supply_v / 2),
+        ("Supply loss", "the link is shorted; the slider brings it back", 0.0),
+    ):
+        order = {"kind": "supply", "volt": volt, "ramp_s": 0.0}
+        shown.append({"name": name, "text": text, "order": order, "why": ""})
+    shown += [{"name": name, "text": why, "order": None, "why": why} for name, why in never(scenario).items()]
+    mend = {"kind": "fault", "fault": {"kind": "clear"}}
+    return [*shown, {"name": "Mend all", "text": "but the supply", "order": mend, "why": ""}]
+
+
+def without(scenario: Scenario, fault: Fault) -> str:
+    """Why a fault means nothing to a scenario's drive; "": it does."""
+    if fault.kind == "hall_glitch" and scenario.drive.hall.mode == "off":
+        return "this drive has no Hall sensors (drive.hall.mode)"
+    return ""
+
+
+def never(scenario: Scenario) -> dict[str, str]:
+    """Faults that no running drive shows here, and why."""
+    order = (
+        "wires do not change places in a running drive; to begin with them changed, restart with "
+        "--set motor.encoder.inverted=true"
+        if scenario.motor.encoder is not None
+        else "a drive without an encoder or Hall sensors cannot tell: the shaft turns the other way, and nothing trips"
+    )
+    if scenario.drive.hall.mode != "off":
+        order = "wires do not change places in a running drive; to begin with them changed, change motor.hall"
+    bus = "this drive has no bus: its commands come from the page"
+    return {"Wrong phase order": order, "Silent bus": bus}
