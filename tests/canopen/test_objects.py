@@ -17,6 +17,7 @@ import pytest
 
 from fluxlock.canopen import __main__ as command
 from fluxlock.canopen.accessors import accessors
+from fluxlock.canopen.c_tables import READER, check_reads
 from fluxlock.canopen.dbc import PDOS, dbc
 from fluxlock.canopen.dictionary import OBJECTS_FILE, Dictionary, DictionaryError, Entry, load_dictionary
 from fluxlock.canopen.eds import eds
@@ -162,3 +163,23 @@ def test_contradictions(tmp_path: Path, old: str, new: str, message: str) -> Non
     broken.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(DictionaryError, match=message):
         load_dictionary(broken)
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("    case OD_OBSERVER_ANGLE:\n", "observer_angle"),
+        ("  if (number == OD_FAULT_TOTAL) {\n", "fault_total"),
+        ("number <= OD_RESTART_VALUE", "restart_number, restart_reason, restart_cause, restart_address, restart_value"),
+    ],
+)
+def test_a_live_object_that_nothing_reads_is_named(dictionary: Dictionary, line: str, name: str) -> None:
+    """Of a case, of a comparison, of a range: the build says which object would always answer 0.
+
+    Verifies: CO-01
+    """
+    reader = READER.read_text(encoding="utf-8")
+    check_reads(dictionary, reader)
+    assert reader.count(line) == 1
+    with pytest.raises(DictionaryError, match=f"link_read does not read the object {name}$"):
+        check_reads(dictionary, reader.replace(line, ""))

@@ -68,8 +68,10 @@ class Tree:
                     file.write(f"\n{block}")
             elif kind == "diff":
                 self._replace(name, block)
+            elif kind == "python":
+                (self.root / name).write_text(block, encoding="utf-8")
             elif kind == "text":
-                done = self.run("-c", "from fluxlock.firmware import build_host_library; build_host_library()")
+                done = self.run("-c", "from fluxlock.firmware import build_canopen_library as build; build()")
                 assert done.returncode and block.strip() in done.stderr, done.stderr
                 said.append(block.strip())
             else:
@@ -88,6 +90,13 @@ class Tree:
 
 
 @pytest.fixture(scope="module")
+def said(tree: Tree) -> dict[str, list[str]]:
+    """All guides followed, one after the other, so that their firmware is built once; by page what its builds said."""
+    pages = sorted((ROOT / "docs" / "develop").glob("add-*.md"))
+    return {page.stem: tree.follow(f"docs/develop/{page.name}") for page in pages}
+
+
+@pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Tree:
     """The copy, with the registers' headers that it would generate."""
     root = tmp_path_factory.mktemp("guides")
@@ -98,12 +107,12 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Tree:
     return Tree(root)
 
 
-def test_add_a_setting(tree: Tree) -> None:
+def test_add_a_setting(tree: Tree, said: dict[str, list[str]]) -> None:
     """The setting answers on the console, begins as the scenario says, and is in objects, keys and pages.
 
     Verifies: DOC-16
     """
-    assert tree.follow("docs/develop/add-a-setting.md") == ["no C source uses the setting coast_stop"]
+    assert said["add-a-setting"] == ["no C source uses the setting coast_stop"]
     answers = """
 from fluxlock.canopen.dictionary import load_dictionary
 drive = booted()
@@ -121,13 +130,13 @@ print((entry.index, entry.sub, entry.type, entry.choices))
         assert f"| `{name}coast_stop` |" in tree.text(f"docs/reference/{page}.md"), page
 
 
-def test_add_a_fault(tree: Tree) -> None:
+def test_add_a_fault(tree: Tree, said: dict[str, list[str]]) -> None:
     """The drive stops in the fault by its name, which has an EMCY code, and scenario and pages know it.
 
     Verifies: DOC-16
     """
     name = "parameter_dead_time"
-    assert tree.follow("docs/develop/add-a-fault.md") == [f"no C source reports the fault {name}"]
+    assert said["add-a-fault"] == [f"no C source reports the fault {name}"]
     answers = f"""
 from fluxlock.interface.names import load_faults
 print(booted(dead_time_cycles=20, min_pulse_cycles=19).command("get fault"))
@@ -143,3 +152,56 @@ print([load_scenario("scenarios/demo.toml", ["expect_fault={name}"]).expect_faul
     ]
     for page in ("console", "objects", "files"):
         assert f"`{name}`" in tree.text(f"docs/reference/{page}.md"), page
+
+
+def test_add_a_value(tree: Tree, said: dict[str, list[str]]) -> None:
+    """The value answers on the console, alone and among all, and the page has it.
+
+    Verifies: DOC-16
+    """
+    assert not said["add-a-value"]
+    answers = """
+drive = booted()
+print((drive.command("get faults_total"), "faults_total 0" in drive.command("get")))
+"""
+    assert tree.printed(BOOT + answers) == [(["faults_total 0", "ok"], True)]
+    assert "| `faults_total` |" in tree.text("docs/reference/console.md")
+
+
+def test_add_an_object(tree: Tree, said: dict[str, list[str]]) -> None:
+    """The node reads the drive for it; EDS and page have it.
+
+    Verifies: DOC-16
+    """
+    assert said["add-an-object"] == ["link_read does not read the object observer_limit"]
+    answers = """
+from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.canopen.eds import eds
+entry = load_dictionary()["observer_limit"]
+print(((entry.index, entry.sub, entry.type, entry.live), "[2022sub8]" in eds(load_dictionary())))
+"""
+    assert tree.printed(answers) == [((0x2022, 8, "u8", True), True)]
+    assert "observer_limit" in tree.text("docs/reference/objects.md")
+
+
+def test_add_a_case(tree: Tree, said: dict[str, list[str]]) -> None:
+    """The case is in its set; a speed that is held keeps the limits, one that is not misses them.
+
+    Verifies: DOC-16
+    """
+    assert not said["add-a-case"]
+    answers = """
+from types import SimpleNamespace as Space
+from fluxverify.regression.sets import CASES
+found = CASES["six-step/light-load"]
+print(found.title)
+for rpm in (60_100.0, 60_130.0):
+    run = Space(metrics={"steady": {"speed_rpm": {"mean": rpm}}})
+    rows = list(found.body(Space(quick=False, drive=lambda *_: run)))
+    print(len(rows), [bool(list(row.misses())) for row in rows])
+"""
+    assert tree.run("-c", answers).stdout.splitlines() == [
+        "A tenth and a hundredth of the fan's torque: speed held.",
+        "2 [False, False]",
+        "2 [True, True]",
+    ]

@@ -89,16 +89,24 @@ def test_runs(installed: Installed) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [["regression"], ["campaign"], ["fuzz"], ["figures", "six-step"], ["mutate"], ["population", "run"]]
+    ("package", "command"),
+    [
+        ("fluxverify", ["regression"]),
+        ("fluxverify", ["campaign"]),
+        ("fluxverify", ["fuzz"]),
+        ("fluxverify", ["figures", "six-step"]),
+        ("fluxverify", ["mutate"]),
+        ("fluxlock", ["population", "run"]),
+    ],
 )
-def test_commands_of_the_checkout(installed: Installed, command: list[str]) -> None:
+def test_commands_of_the_checkout(installed: Installed, package: str, command: list[str]) -> None:
     """Commands that need tests, records or pages are refused by name in one line.
 
     Verifies: PACKAGE-4
     """
-    done = installed(*command)
+    done = installed.python("-m", package, *command)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith(f"error: fluxlock {command[0]}: needs a checkout")
+    assert done.stderr.startswith(f"error: {package} {command[0]}: needs a checkout")
 
 
 def test_no_compiler(installed: Installed, tmp_path: Path) -> None:

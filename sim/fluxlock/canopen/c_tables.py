@@ -5,8 +5,13 @@
 
 from __future__ import annotations
 
-from fluxlock.canopen.dictionary import STRING_MAX_BYTES, Dictionary, Entry
+import re
+
+from fluxlock.base.paths import ROOT
+from fluxlock.canopen.dictionary import STRING_MAX_BYTES, Dictionary, DictionaryError, Entry
 from fluxlock.interface import settings
+
+READER = ROOT / "sw" / "canopen" / "drive_link.c"  # of the live objects: link_read
 
 FLAG_NAMES = (
     "OD_READ",
@@ -41,6 +46,24 @@ def _row(entry: Entry) -> str:
     choices = sum(1 << choice for choice in entry.choices)
     place = f"0x{entry.index:04X}u, {entry.sub}u, OD_{entry.type.upper()}"
     return f"  {{{place}, {_flags(entry)}, 0x{choices:X}u, {words}}}, \\"
+
+
+def check_reads(dictionary: Dictionary, reader: str) -> None:
+    """DictionaryError names the live objects that the C function does not read. The compiler names the reverse.
+
+    reader: text of the C source. An object is read if the text names its number, or a range that holds it. The objects
+    of the settings are read by their table.
+    """
+    numbers = {f"OD_{entry.name.upper()}": number for number, entry in enumerate(dictionary.entries)}
+    read = {numbers[name] for name in re.findall(r"\b(?:case|number ==) (OD_\w+)", reader) if name in numbers}
+    for first, last in re.findall(r"number >= (OD_\w+) && number <= (OD_\w+)", reader):
+        if first in numbers and last in numbers:
+            read |= set(range(numbers[first], numbers[last] + 1))
+    by_table = {f"setting_{setting.name}" for setting in settings.objects()}
+    entries = enumerate(dictionary.entries)
+    left = [e.name for number, e in entries if e.live and number not in read and e.name not in by_table]
+    if left:
+        raise DictionaryError(f"{READER}: link_read does not read the object {', '.join(left)}")
 
 
 def c_header(dictionary: Dictionary) -> str:

@@ -114,7 +114,9 @@ def generate_headers() -> tuple[Path, ...]:
 
 def generate_canopen() -> Path:
     """Write the node's table of objects beside them."""
-    return _generate("canopen_objects.h", c_tables.c_header(load_dictionary()))
+    dictionary = load_dictionary()
+    c_tables.check_reads(dictionary, c_tables.READER.read_text(encoding="utf-8"))
+    return _generate("canopen_objects.h", c_tables.c_header(dictionary))
 
 
 def _run(command: list[str]) -> str:

@@ -112,7 +112,7 @@ def modulated(runner: Runner) -> tuple[RunData, dict[float, Seen]]:
     return data, found
 
 
-@case("five-phase/modulation", tested=True)
+@case("five-phase/modulation")
 def modulation(runner: Runner) -> Iterator[Row]:
     """NFV-SVPWM from the gates over a turn at four lengths: third subspace, vector, on-times of the active vectors."""
     data, found = modulated(runner)

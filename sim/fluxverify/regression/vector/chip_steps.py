@@ -89,7 +89,7 @@ def chip_steps(runner: Runner) -> Iterator[Row]:
         )
 
 
-@case("vector/averaging", tested=True)
+@case("vector/averaging")
 def averaging(runner: Runner) -> Iterator[Row]:
     """What the mean over the carrier gains: ripple that the regulators see, and the step of i_d with C."""
     for speed in (0.1,) if runner.quick else (0.05, 0.1):
