@@ -92,8 +92,8 @@ class Tree:
 @pytest.fixture(scope="module")
 def said(tree: Tree) -> dict[str, list[str]]:
     """All guides followed, one after the other, so that their firmware is built once; by page what its builds said."""
-    pages = sorted((ROOT / "docs" / "develop").glob("add-*.md"))
-    return {page.stem: tree.follow(f"docs/develop/{page.name}") for page in pages}
+    pages = sorted((ROOT / "docs" / "develop" / "add").glob("a*-*.md"))
+    return {page.stem: tree.follow(f"docs/develop/add/{page.name}") for page in pages}
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_add_a_setting(tree: Tree, said: dict[str, list[str]]) -> None:
 
     Verifies: DOC-16
     """
-    assert said["add-a-setting"] == ["no C source uses the setting coast_stop"]
+    assert said["a-setting"] == ["no C source uses the setting coast_stop"]
     answers = """
 from fluxlock.canopen.dictionary import load_dictionary
 drive = booted()
@@ -136,7 +136,7 @@ def test_add_a_fault(tree: Tree, said: dict[str, list[str]]) -> None:
     Verifies: DOC-16
     """
     name = "parameter_dead_time"
-    assert said["add-a-fault"] == [f"no C source reports the fault {name}"]
+    assert said["a-fault"] == [f"no C source reports the fault {name}"]
     answers = f"""
 from fluxlock.interface.names import load_faults
 print(booted(dead_time_cycles=20, min_pulse_cycles=19).command("get fault"))
@@ -159,7 +159,7 @@ def test_add_a_value(tree: Tree, said: dict[str, list[str]]) -> None:
 
     Verifies: DOC-16
     """
-    assert not said["add-a-value"]
+    assert not said["a-value"]
     answers = """
 drive = booted()
 print((drive.command("get faults_total"), "faults_total 0" in drive.command("get")))
@@ -173,7 +173,7 @@ def test_add_an_object(tree: Tree, said: dict[str, list[str]]) -> None:
 
     Verifies: DOC-16
     """
-    assert said["add-an-object"] == ["link_read does not read the object observer_limit"]
+    assert said["an-object"] == ["link_read does not read the object observer_limit"]
     answers = """
 from fluxlock.canopen.dictionary import load_dictionary
 from fluxlock.canopen.eds import eds
@@ -189,7 +189,7 @@ def test_add_a_case(tree: Tree, said: dict[str, list[str]]) -> None:
 
     Verifies: DOC-16
     """
-    assert not said["add-a-case"]
+    assert not said["a-case"]
     answers = """
 from types import SimpleNamespace as Space
 from fluxverify.regression.sets import CASES
