@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import json
 import random
 import string
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import uvicorn
+from pyarrow import parquet
 from starlette.applications import Starlette
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
@@ -41,6 +43,8 @@ GOOD: list[dict[str, Any]] = [
     {"kind": "step", "seconds": 0.01},
     {"kind": "restart"},
     {"kind": "export", "name": "my-play"},
+    {"kind": "planes", "span_s": 0.02},
+    {"kind": "parquet", "name": "my-table", "traces": ["ia"], "from_s": 0, "to_s": 1},
     {"kind": "csv", "name": "my-table", "traces": ["ia"], "from_s": 0, "to_s": 1},
 ]
 PATHS = (
@@ -252,3 +256,45 @@ def test_table(tmp_path: Path) -> None:
         head, *rows = client.get("/files/my-table.csv").text.splitlines()
     assert head == "t_s,ia [A],torque_nm [N*m]" and len(rows) == 100
     assert (tmp_path / "my-table.csv").is_file()
+
+
+def test_parquet(tmp_path: Path) -> None:
+    """The same table as Parquet: names with units, every value of the span.
+
+    Verifies: LIVE-12
+    """
+    client, link, _ = client_of(tmp_path)
+    with client, client.websocket_connect(SOCKET, headers={"origin": ORIGIN}) as socket:
+        asked = {"kind": "parquet", "name": "my-table", "traces": ["ia", "torque_nm"], "from_s": 0.1, "to_s": 0.2}
+        socket.send_text(json.dumps(asked))
+        told = answer(socket)
+        assert isinstance(told, dict) and told["names"] == ["my-table.parquet"]
+        content = client.get("/files/my-table.parquet").content
+    table = parquet.read_table(io.BytesIO(content))
+    assert table.column_names == ["t_s", "ia [A]", "torque_nm [N*m]"]
+    _, rows = link.ring.cut(0.1, 0.2, ["ia"])
+    assert np.array_equal(table.column("ia [A]").to_numpy(), rows[0])
+
+
+def test_planes(tmp_path: Path) -> None:
+    """Balanced currents are a circle in the stationary plane and a point in the rotor's; an unknown angle is none.
+
+    Verifies: LIVE-12
+    """
+    client, link, _ = client_of(tmp_path)
+    time_s = np.arange(2000) * 5e-5
+    rows = np.zeros((len(NAMES), time_s.size), np.float32)
+    angle = 2 * np.pi * 50 * time_s
+    for k, name in enumerate(("ia", "ib", "ic")):
+        rows[NAMES.index(name)] = 3.0 * np.cos(angle - 2 * np.pi * k / 3)
+    rows[NAMES.index("id")] = 3.0
+    rows[NAMES.index("theta_deg")] = np.degrees(angle) % 360.0
+    rows[NAMES.index("angle_error_deg")] = np.nan
+    link.ring = Ring(4096)
+    link.ring.append(time_s, rows)
+    with client, client.websocket_connect(SOCKET, headers={"origin": ORIGIN}) as socket:
+        socket.send_text(json.dumps({"kind": "planes", "span_s": 0.05}))
+        told = answer(socket)
+    assert isinstance(told, dict) and 100 < len(told["alpha"]) <= 400
+    assert np.allclose(np.hypot(told["alpha"], told["beta"]), 3.0, atol=1e-4) and set(told["id"]) == {3.0}
+    assert told["error_deg"] is None and told["theta_deg"] == pytest.approx(rows[NAMES.index("theta_deg"), -1])

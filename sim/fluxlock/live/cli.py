@@ -9,16 +9,20 @@ import os
 import secrets
 import socket
 import webbrowser
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fluxlock.base.paths import RESULTS
-from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
+from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem
 from fluxlock.help import complete_toml
 from fluxlock.theory.six_step.output import prepare_folder
+
+if TYPE_CHECKING:
+    from fluxlock.live.worker import Shown
 
 EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[live]'"
 LIBRARIES = ("starlette", "uvicorn", "websockets")
@@ -53,6 +57,10 @@ def live(
     speed: Annotated[
         float, typer.Option(min=0.0, max=100.0, help="Simulated over real time at the begin; 0: paused.")
     ] = 1.0,
+    port_of_board: Annotated[
+        Path | None,
+        typer.Option("--board", metavar="PORT", help="Serial port of a board that runs the scenario's firmware."),
+    ] = None,
     browser: Annotated[bool, typer.Option("--browser", help="Open the page in this machine's browser.")] = False,
     allow_overload: Annotated[
         bool, typer.Option(ALLOW_OVERLOAD, help="Targets may need more than the current limit.")
@@ -65,23 +73,10 @@ def live(
     """
     if missing := [name for name in LIBRARIES if find_spec(name) is None]:
         raise ConfigError([Problem("live", "", f"the page needs {', '.join(missing)}: {EXTRA}")])
-    from fluxlock.cosim.cautions import checked
     from fluxlock.live.link import Link
-    from fluxlock.live.replay import read_run
     from fluxlock.live.server import Server, application
-    from fluxlock.native.player import check_playable
 
-    shown: Scenario | Path
-    if source.is_dir():
-        if set_ or seed is not None or allow_overload:
-            text = "a finished run is shown as it was; leave out --set, --seed and --allow-overload"
-            raise ConfigError([Problem("live", str(source), text)])
-        read_run(source)
-        shown, used_seed = source.resolve(), 0
-    else:
-        shown = checked(source, set_ or (), allow_overload)
-        check_playable(shown)
-        used_seed = shown.seed if seed is None else seed
+    shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload)
     folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
     prepare_folder(folder)
     if token is None:
@@ -105,6 +100,39 @@ def live(
         application(server, link, hosts), log_level="warning", ws_max_size=2**16, timeout_graceful_shutdown=1
     )
     uvicorn.Server(config).run(sockets=[listener])
+
+
+def shown_of(
+    source: Path, board: Path | None, set_: Sequence[str], seed: int | None, allow_overload: bool
+) -> tuple[Shown, int]:
+    """What the page shows, and the seed of its noise; ConfigError."""
+    from fluxlock.cosim.cautions import checked
+    from fluxlock.live.board import BoardPlan
+    from fluxlock.live.replay import read_run
+    from fluxlock.native.player import check_playable
+
+    if board is not None:
+        if source.is_dir() or seed is not None:
+            text = "goes with the scenario that the board's firmware was made from, and without --seed"
+            raise ConfigError([Problem("--board", str(board), text)])
+        check_port(board)
+        return BoardPlan(board, checked(source, set_, allow_overload)), 0
+    if source.is_dir():
+        if set_ or seed is not None or allow_overload:
+            text = "a finished run is shown as it was; leave out --set, --seed and --allow-overload"
+            raise ConfigError([Problem("live", str(source), text)])
+        read_run(source)
+        return source.resolve(), 0
+    scenario = checked(source, set_, allow_overload)
+    check_playable(scenario)
+    return scenario, scenario.seed if seed is None else seed
+
+
+def check_port(port: Path) -> None:
+    """ConfigError for what is no serial port."""
+    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
+        text = "is not a serial port that you may read and write; `ls /dev/ttyUSB*` shows those that are there"
+        raise ConfigError([Problem("--board", str(port), text)])
 
 
 def listening(host: str, port: int) -> socket.socket:

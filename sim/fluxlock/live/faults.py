@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Fault
 
 SHORT_TURNS = 0.1  # that still act
+PHASES: tuple[Literal["A", "B", "C", "D", "E"], ...] = ("A", "B", "C", "D", "E")
 
 
 def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> list[dict[str, Any]]:
@@ -23,7 +24,7 @@ def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> lis
     faults: list[tuple[str, str, Fault]] = [
         *(
             (f"Open phase {phase}", "the leg has lost the machine", Fault(kind="open_phase", phases=[phase]))
-            for phase in "ABCDE"[: scenario.motor.phases]
+            for phase in PHASES[: scenario.motor.phases]
         ),
         (
             "Short A to B",
@@ -42,7 +43,7 @@ def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> lis
     shown: list[dict[str, Any]] = []
     for name, text, fault in faults:
         why = missing(fault) or without(scenario, fault)
-        order = {"kind": "fault", "fault": fault.model_dump(exclude_unset=True)}
+        order: dict[str, Any] = {"kind": "fault", "fault": fault.model_dump(exclude_unset=True)}
         shown.append({"name": name, "text": text, "order": None if why else order, "why": why or ""})
     for name, text, volt in (
         ("Sag", "the supply falls to a half; the slider brings it back", supply_v / 2),

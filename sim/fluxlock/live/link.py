@@ -11,12 +11,10 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
-from fluxlock.config import Scenario
 from fluxlock.live.traces import Ring
-from fluxlock.live.worker import work
+from fluxlock.live.worker import Shown, work
 
 SAID = 200  # newest entries of the journal that a new viewer sees
 END_S = 2.0
@@ -25,9 +23,7 @@ END_S = 2.0
 class Link:
     """One source. tell: called in the event loop with each message for all viewers."""
 
-    def __init__(
-        self, shown: Scenario | Path, seed: int, factor: float, tell: Callable[[dict[str, Any]], None]
-    ) -> None:
+    def __init__(self, shown: Shown, seed: int, factor: float, tell: Callable[[dict[str, Any]], None]) -> None:
         self._arguments, self._tell = (shown, seed, factor), tell
         self.ring = Ring()
         self.hello: dict[str, Any] | None = None

@@ -48,6 +48,14 @@ class View(Message):
     trigger: Trigger | None = None
 
 
+class Planes(Message):
+    """Currents in the stationary plane and the rotor's, and the angles at the end, of a short span."""
+
+    kind: Literal["planes"]
+    span_s: float = Field(ge=1e-5, le=1.0, allow_inf_nan=False)
+    to_s: Seconds | None = None
+
+
 class Drive(Message):
     """A button."""
 
@@ -112,10 +120,10 @@ class Export(Message):
     name: str = Field(pattern=NAME)
 
 
-class Csv(Message):
+class Table(Message):
     """Write traces of a span as a table."""
 
-    kind: Literal["csv"]
+    kind: Literal["csv", "parquet"]
     name: str = Field(pattern=NAME)
     traces: list[Trace] = Field(min_length=1, max_length=32)
     from_s: Seconds
@@ -124,7 +132,7 @@ class Csv(Message):
 
 Action = Drive | Set | LoadFactor | Supply | Break
 Order = Action | Pace | Step | Restart | Export  # to the source
-Received = View | Csv | Order
+Received = View | Planes | Table | Order
 _ADAPTER: TypeAdapter[Received] = TypeAdapter(Annotated[Received, Field(discriminator="kind")])
 
 

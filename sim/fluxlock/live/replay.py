@@ -55,7 +55,13 @@ class Replay:
 
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from: no knobs."""
-        return {"name": self._name, "source": "recording", "settings": [], "faults": [], "without": ["angle_error_deg"]}
+        return {
+            "name": self._name,
+            "source": "recording",
+            "settings": [],
+            "faults": [],
+            "without": ["angle_error_deg", "motor_a"],
+        }
 
     def advance(self, seconds: float) -> None:
         """So much of the recording at most; at its end nothing."""

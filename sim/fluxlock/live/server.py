@@ -17,6 +17,7 @@ import secrets
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from fluxlock.live import messages
 from fluxlock.live.link import Link
-from fluxlock.live.traces import NAMES, TRACES
+from fluxlock.live.traces import NAMES, TRACES, Floats
 
 PAGE = Path(__file__).parent / "page"
 STATIC = {
     "": ("index.html", "text/html"),
     "live.js": ("live.js", "text/javascript"),
+    "pictures.js": ("pictures.js", "text/javascript"),
     "live.css": ("live.css", "text/css"),
     "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
     "uPlot.css": ("vendor/uPlot.min.css", "text/css"),
@@ -73,10 +75,10 @@ class Server:
         names = list(message["texts"])
         return {"kind": "files", "names": names, "folder": str(self.folder), "scenario": names[0]}
 
-    def keep(self, name: str, text: str) -> None:
+    def keep(self, name: str, content: str | bytes) -> None:
         """Write a file that may be downloaded; its name is made of a checked word and a suffix."""
         path = self.folder / name
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
         self.files[name] = path
 
     def permitted(self, request: Request | WebSocket) -> bool:
@@ -181,7 +183,9 @@ class Viewer:
             message = messages.parse(text)
             if isinstance(message, messages.View):
                 self.put(picture(link, message))
-            elif isinstance(message, messages.Csv):
+            elif isinstance(message, messages.Planes):
+                self.put(planes(link, message))
+            elif isinstance(message, messages.Table):
                 self._table(message)
             elif link.died and isinstance(message, messages.Restart):
                 link.begin()
@@ -190,19 +194,44 @@ class Viewer:
         except (ValueError, OSError) as error:
             self.put({"kind": "error", "text": str(error)})
 
-    def _table(self, message: messages.Csv) -> None:
+    def _table(self, message: messages.Table) -> None:
         names = known(message.traces)
         time_s, rows = self._server.link.ring.cut(message.from_s, message.to_s, names)
         if time_s.size > CSV_ROWS:
             raise ValueError(f"a table has at most {CSV_ROWS} rows")
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["t_s", *(f"{name} [{TRACES[name][0]}]" for name in names)])
-        for k, at_s in enumerate(time_s):
-            writer.writerow([f"{at_s:.9g}", *(f"{value:.7g}" for value in rows[:, k])])
-        name = f"{message.name}.csv"
-        self._server.keep(name, text.getvalue())
+        head = ["t_s", *(f"{name} [{TRACES[name][0]}]" for name in names)]
+        name = f"{message.name}.{message.kind}"
+        self._server.keep(name, (csv_of if message.kind == "csv" else parquet_of)(head, time_s, rows))
         self.put({"kind": "files", "names": [name], "folder": str(self._server.folder), "rows": int(time_s.size)})
+
+
+def csv_of(head: list[str], time_s: Floats, rows: Floats) -> str:
+    """A table as text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for k, at_s in enumerate(time_s):
+        writer.writerow([f"{at_s:.9g}", *(f"{value:.7g}" for value in rows[:, k])])
+    return text.getvalue()
+
+
+def parquet_of(head: list[str], time_s: Floats, rows: Floats) -> bytes:
+    """A table as Parquet: time in float64, traces in float32; ValueError without its library."""
+    if find_spec("pyarrow") is None:
+        raise ValueError("Parquet needs pyarrow: `make setup` in a checkout, else pip install 'fluxlock[live]'")
+    from pyarrow import BufferOutputStream, table
+    from pyarrow.parquet import write_table
+
+    out = BufferOutputStream()
+    write_table(table([time_s, *rows], names=head), out)
+    return bytes(out.getvalue())
+
+
+def planes(link: Link, message: messages.Planes) -> dict[str, Any]:
+    """What the page draws planes and dial from."""
+    newest = link.ring.newest_s
+    to_s = newest if message.to_s is None else min(message.to_s, newest)
+    return {"kind": "planes"} | link.ring.planes(to_s - message.span_s, np.nextafter(to_s, np.inf))
 
 
 def known(names: list[str]) -> list[str]:

@@ -27,6 +27,7 @@ TRACES = {
     "idc": ("A", "current of the DC link"),
     "id": ("A", "true current along the rotor's flux"),
     "iq": ("A", "true current across the rotor's flux"),
+    "motor_a": ("A", "current of the machine by the drive's account"),
     "vdc": ("V", "voltage of the DC link"),
     "va": ("V", "terminal A"),
     "vb": ("V", "terminal B"),
@@ -60,6 +61,7 @@ def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tup
     rows[place["id"]], rows[place["iq"]] = turned.real, turned.imag
     for name, values in taken.more.items():
         rows[place[name]] = values
+    rows[place["motor_a"]] = np.nan
     drive, command = updates[:, 2], updates[:, 3]
     told = np.stack(
         [
@@ -79,6 +81,9 @@ def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tup
 
 
 TOLD = ("measured_rpm", "reference_rpm", "target_rpm", "state", "limit")
+
+
+PLANE_POINTS = 400
 
 
 class Ring:
@@ -115,6 +120,20 @@ class Ring:
         """Times and traces of a span."""
         low, high = np.searchsorted(self._time[: self._count], (from_s, to_s))
         return self._time[low:high], self._rows[[NAMES.index(name) for name in names], low:high]
+
+    def planes(self, from_s: float, to_s: float) -> dict[str, list[float] | float | None]:
+        """Current vector in both frames, PLANE_POINTS at most, A; true angle and the drive's error at the end, deg."""
+        time_s, rows = self.cut(from_s, to_s, ["ia", "ib", "ic", "id", "iq", "theta_deg", "angle_error_deg"])
+        if time_s.size == 0:
+            return {"alpha": [], "beta": [], "id": [], "iq": [], "theta_deg": None, "error_deg": None}
+        ia, ib, ic, d, q = rows[:5, :: max(1, -(-time_s.size // PLANE_POINTS))].astype(float)
+        theta, error = (float(value) for value in rows[5:, -1])
+        shown: dict[str, list[float] | float | None] = {"alpha": ((2 * ia - ib - ic) / 3).tolist()}
+        shown |= {"beta": ((ib - ic) / np.sqrt(3)).tolist(), "id": d.tolist(), "iq": q.tolist()}
+        known = {
+            name: value if np.isfinite(value) else None for name, value in (("theta_deg", theta), ("error_deg", error))
+        }
+        return shown | known
 
     def picture(self, from_s: float, to_s: float, names: list[str], width: int) -> tuple[Floats, Floats]:
         """Times and traces of a span, of more than two rows per pixel the least and the largest value."""

@@ -82,7 +82,7 @@ class Twin:
             "settings": self.settings,
             "states": names("drive_state_t"),
             "faults": catalogue(s, self._missing),
-            "without": [],
+            "without": ["motor_a"],
         }
 
     def advance(self, seconds: float) -> None:

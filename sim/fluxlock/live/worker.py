@@ -15,21 +15,29 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fluxlock.config import ConfigError, Scenario
+from fluxlock.firmware.binding import names
+from fluxlock.flash.serial_port import PortError
 from fluxlock.live import messages
+from fluxlock.live.board import Board, BoardPlan, SilentError
 from fluxlock.live.replay import Replay
 from fluxlock.live.source import SLICE_S, RefusedError, Source
+from fluxlock.live.traces import NAMES
 from fluxlock.live.twin import KEPT_S, Twin
 
+STATES = names("drive_state_t")
 ROUND_S = 0.03  # between two looks at the pipe
 LAG_S = 0.2  # what the clock is ahead by at most
 SHARE = 0.3  # of the time factor's mean, that a round adds
+Shown = Scenario | Path | BoardPlan
 
 
 class Worker:
     """One source and its clock."""
 
-    def __init__(self, pipe: Connection, shown: Scenario | Path, seed: int, factor: float) -> None:
+    def __init__(self, pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
         self._pipe, self._shown, self._seed = pipe, shown, seed
         self.wanted, self.reached = factor, 0.0
         self._step_s = 0.0  # still to go of a step
@@ -37,10 +45,17 @@ class Worker:
 
     def _begin(self) -> None:
         shown = self._shown
-        self.source: Source = Replay(shown) if isinstance(shown, Path) else Twin(shown, self._seed)
+        self.source: Source
+        if isinstance(shown, Path):
+            self.source = Replay(shown)
+        elif isinstance(shown, BoardPlan):
+            self.source = Board(shown)
+        else:
+            self.source = Twin(shown, self._seed)
         self._send({"kind": "hello"} | self.source.hello())
         self._due = time.monotonic()
         self._told = 0
+        self._before = 0  # state of the drive before its fault
 
     def _send(self, what: dict[str, Any]) -> None:
         self._pipe.send(what)
@@ -101,19 +116,24 @@ class Worker:
         for entry in self.source.said[self._told :]:
             self._send(entry)
         self._told = len(self.source.said)
+        states = rows[NAMES.index("state")]
+        whole = states[np.isfinite(states) & (states != STATES.index("fault"))]
+        if whole.size:
+            self._before = int(whole[-1])
         status = self.source.status() | {"wanted": self.wanted, "reached": self.reached}
+        status["failed_in"] = STATES[self._before] if status["state"] == "fault" else ""
         self._send({"kind": "rows", "time_s": time_s, "rows": rows, "status": status})
 
 
-def work(pipe: Connection, shown: Scenario | Path, seed: int, factor: float) -> None:
+def work(pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
     """Run in a process of its own until the other end of the pipe closes; Ctrl-C is the parent's.
 
-    shown: a scenario, whose twin runs, or the folder of a finished run, which is shown again.
+    shown: a scenario, whose twin runs, the folder of a finished run, which is shown again, or a board's port.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         Worker(pipe, shown, seed, factor).run()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
-    except ConfigError as error:
+    except (ConfigError, SilentError, PortError, OSError) as error:
         pipe.send({"kind": "died", "text": str(error)})

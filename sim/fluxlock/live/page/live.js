@@ -11,10 +11,10 @@
  *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, faults: {name: string, text: string, order: object|null, why: string}[],
  *   without: string[]}} Hello */
 
-const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "vdc", "torque_nm",
+const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
   "angle_error_deg", "state"];
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
-const AGAIN_MS = 1000;
+const AGAIN_MS = 1000, PLANES_MS = 200;
 
 /** @param {string} id @returns {any} */
 const at = (id) => document.getElementById(id);
@@ -77,6 +77,7 @@ function receive(message) {
   else if (message.kind === "said") journal(`${message.t_s.toFixed(4)} s  ${message.text}  ${message.answer}`, /error/.test(message.answer));
   else if (message.kind === "error") journal(message.text, true);
   else if (message.kind === "files") files(message);
+  else if (message.kind === "planes") vectors(message);
   else if (message.kind === "died") banner(`The source has died: ${message.text}.`, true);
 }
 
@@ -110,6 +111,7 @@ function report(message) {
   at("state").className = `badge ${message.state === "running" ? "good" : message.state === "fault" ? "bad" : ""}`;
   at("fault").textContent = message.fault === "none" ? "" : message.fault;
   at("fault").className = "badge bad";
+  stateGraph(message.state, message.failed_in || "", message.fault);
   at("limit").textContent = message.limit === "none" ? "" : `limit: ${message.limit}`;
   at("clock").textContent = `${message.t_s.toFixed(3)} s`;
   at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${message.reached.toFixed(2)} (wanted ${message.wanted})`;
@@ -160,7 +162,10 @@ function build(message) {
   at("said").replaceChildren();
   at("name").textContent = `${message.name} — ${message.source}${message.method ? `, ${message.method}` : ""}`;
   document.title = `${message.name} — Fluxlock live`;
-  for (const id of ["knobs", "breaks", "table", "export"]) at(id).hidden = message.source !== "twin";
+  const [drive, model] = [message.source !== "recording", message.source === "twin"];
+  for (const id of ["knobs", "breaks", "table"]) at(id).hidden = !drive;
+  at("export").hidden = !model;
+  for (const id of ["load", "supply"]) at(id).disabled = !model;
   Object.assign(at("speed"), { min: -message.max_speed_rpm, max: message.max_speed_rpm });
   at("supply").max = Math.max(message.supply_most_v, message.supply_v);
   at("settings").replaceChildren(...message.settings.map(knob));
@@ -194,7 +199,7 @@ function layout() {
   const wanted = hello ? hello.traces.filter(([name]) => chosen().includes(name)) : [];
   const units = [...new Set(wanted.map(([, unit]) => unit))];
   const width = at("plots").clientWidth;
-  const height = Math.max(110, (window.innerHeight - 130) / Math.max(units.length, 1) - 30);
+  const height = Math.max(110, (window.innerHeight - 320) / Math.max(units.length, 1) - 30);
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
   const ink = dark ? "#ddd" : "#333", grid = dark ? "#8883" : "#8884";
   panels = units.map((unit, k) => {
@@ -204,7 +209,7 @@ function layout() {
     const options = {
       width, height,
       cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
-      hooks: { setSelect: [choose] },
+      hooks: { setSelect: [choose], draw: [drawCursors] },
       scales: { x: { time: false } },
       padding: [8, 16, 0, 0],
       axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16 } : { ...axis, size: 4, values: () => [] },
@@ -267,6 +272,7 @@ function draw(data) {
         panel.plot.setScale("x", { min: from, max: to });
       });
     }
+    tellCursors(panels);
   }
   at("triggered").textContent = at("trigger").value === "" || heldTo !== null ? "" : Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
   requestAnimationFrame(() => {
@@ -290,9 +296,16 @@ function wire() {
   at("step").onclick = () => send({ kind: "step", seconds: Number(at("step-by").value) });
   at("restart").onclick = () => send({ kind: "restart" });
   at("export").onclick = () => send({ kind: "export", name: at("file").value });
-  at("csv").onclick = () => send({
-    kind: "csv", name: at("file").value, traces: chosen(), from_s: Math.max(0, last.from), to_s: Math.max(0, last.to),
-  });
+  for (const kind of ["csv", "parquet"]) {
+    at(kind).onclick = () => send({
+      kind, name: at("file").value, traces: chosen(), from_s: Math.max(0, last.from), to_s: Math.max(0, last.to),
+    });
+  }
+  at("png").onclick = () => savePng(panels, at("file").value);
+  window.onkeydown = (event) => setCursor(event, panels);
+  setInterval(() => {
+    if (hello !== null && !document.hidden) send({ kind: "planes", span_s: Math.min(1, heldSpan || Number(at("span").value)), ...(heldTo === null ? {} : { to_s: heldTo }) });
+  }, PLANES_MS);
   at("hold").onclick = () => {
     heldTo = heldTo === null ? last.to : null;
     heldSpan = null;

@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A board as a source: its console over a serial port, asked for all values again and again.
+
+What the console tells is all that is known: there is no true angle, and a row is a reply, some 20 to 50 a second.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from fluxlock.config import Scenario
+from fluxlock.config.console import line_problem
+from fluxlock.firmware.binding import names
+from fluxlock.flash.serial_port import SerialPort
+from fluxlock.interface.settings import load_settings
+from fluxlock.live import messages
+from fluxlock.live.faults import catalogue
+from fluxlock.live.source import RefusedError
+from fluxlock.live.traces import NAMES, Floats
+from fluxlock.live.twin import shown_setting
+
+REPLY_S = 1.0  # after which a board is taken for gone
+TRIES = 3
+# Trace: value of the console and its factor.
+TOLD = {
+    "measured_rpm": ("measured_rpm", 1.0),
+    "reference_rpm": ("reference_rpm", 1.0),
+    "target_rpm": ("speed_rpm", 1.0),
+    "vdc": ("vdc_v", 1.0),
+    "idc": ("idc_a", 1.0),
+    "motor_a": ("motor_a", 1.0),
+    "id": ("id_ma", 1e-3),
+    "iq": ("iq_ma", 1e-3),
+}
+STATES, LIMITS = names("drive_state_t"), names("limit_t")
+
+
+class SilentError(RuntimeError):
+    """The board does not answer."""
+
+
+class Port(Protocol):
+    """Of `fluxlock.flash.serial_port.SerialPort`."""
+
+    def write(self, data: bytes) -> None:
+        """Send all of it."""
+
+    def read(self, count: int, timeout_s: float) -> bytes:
+        """Bytes that came, less than `count` of them if the time is over."""
+
+
+class Console:
+    """Lines to the console of a drive, and its replies."""
+
+    def __init__(self, port: Port) -> None:
+        self._port = port
+        self._port.write(b"\n")  # ends what it may have got; has no answer
+        self._port.read(4096, 0.02)
+
+    def ask(self, line: str) -> list[str]:
+        """The reply's lines, the last one `ok` or `error: TEXT`; SilentError."""
+        self._port.write(f"{line}\n".encode("ascii"))
+        text, end = "", time.monotonic() + REPLY_S
+        while time.monotonic() < end:
+            text += (self._port.read(1, 0.05) + self._port.read(4096, 0.0)).decode("ascii", errors="replace")
+            whole, _, _ = text.rpartition("\n")
+            lines = whole.splitlines()
+            if lines and (lines[-1].strip() == "ok" or lines[-1].startswith("error: ")):
+                return [found.strip() for found in lines if found.strip()]
+        raise SilentError(f"no answer to {line!r} within {REPLY_S:g} s: is the drive on, is its firmware running?")
+
+
+@dataclass(frozen=True)
+class BoardPlan:
+    """What a board's process needs to know. scenario: of the firmware that is on it."""
+
+    port: Path
+    scenario: Scenario
+
+
+class Board:
+    """A drive that is really there; time is the clock's."""
+
+    def __init__(self, plan: BoardPlan, port: Port | None = None) -> None:
+        self.scenario = plan.scenario
+        self._name = str(plan.port)
+        self._console = Console(port if port is not None else SerialPort(plan.port))
+        self.said: list[dict[str, Any]] = []
+        self._begin = time.monotonic()
+        self._values: dict[str, str] = {}
+        self._rows: list[tuple[float, list[float]]] = []
+        self._poll()
+        self._settings = [
+            shown_setting(setting, self.scenario, self._values[setting.name])
+            for setting in load_settings()
+            if setting.name in self._values
+        ]
+
+    @property
+    def now(self) -> float:
+        """Time since it was opened, s."""
+        return time.monotonic() - self._begin
+
+    def hello(self) -> dict[str, Any]:
+        """What a page draws itself from."""
+        s = self.scenario
+        known = {*TOLD, "state", "limit"}
+        return {
+            "name": self._name,
+            "source": "board",
+            "method": s.drive.method,
+            "max_speed_rpm": s.motor.max_speed_rpm,
+            "supply_v": s.inverter.supply_v,
+            "supply_most_v": s.inverter.protection.over_voltage_v,
+            "rated_torque_nm": s.motor.rated_torque_nm,
+            "settings": self._settings,
+            "states": STATES,
+            "faults": [
+                entry | {"order": None, "why": "a board is broken by hand: this page has no hold of its wires"}
+                for entry in catalogue(s, lambda fault: True)
+                if entry["name"] != "Mend all"
+            ],
+            "without": [name for name in NAMES if name not in known],
+        }
+
+    def advance(self, seconds: float) -> None:
+        """One look at all values, however long it takes."""
+        self._poll()
+
+    def _poll(self) -> None:
+        for attempt in range(TRIES):
+            try:
+                reply = self._console.ask("get")
+                break
+            except SilentError:
+                if attempt == TRIES - 1:
+                    raise
+        self._values = dict(line.split(maxsplit=1) for line in reply[:-1] if " " in line)
+        row = [np.nan] * len(NAMES)
+        for name, (value, factor) in TOLD.items():
+            try:
+                row[NAMES.index(name)] = factor * float(self._values[value])
+            except (KeyError, ValueError):
+                continue
+        for name, words in (("state", STATES), ("limit", LIMITS)):
+            word = self._values.get(name, "")
+            row[NAMES.index(name)] = float(words.index(word)) if word in words else np.nan
+        self._rows.append((self.now, row))
+
+    def act(self, action: messages.Action) -> None:
+        """What a page asks for, now; RefusedError for what only a model has."""
+        if isinstance(action, messages.Set):
+            line = f"set {action.name} {action.value}"
+        elif isinstance(action, messages.Drive):
+            line = action.do
+            if line == "reverse":
+                line = f"set speed_rpm {-round(float(self._values.get('speed_rpm', '0')))}"
+        else:
+            raise RefusedError("a board has its own load, supply and faults: this page has no hold of them")
+        if (problem := line_problem(line)) is not None:
+            raise RefusedError(problem)
+        answer = self._console.ask(line)[-1]
+        self.said.append({"kind": "said", "t_s": self.now, "text": line, "answer": answer})
+
+    def take(self) -> tuple[Floats, Floats]:
+        """Times and traces since the last call."""
+        rows, self._rows = self._rows, []
+        times = np.array([at_s for at_s, _ in rows], np.float64)
+        return times, np.array([row for _, row in rows], np.float32).reshape(-1, len(NAMES)).T
+
+    def status(self) -> dict[str, Any]:
+        """The drive by its own account."""
+        told = self._values
+
+        def number(name: str) -> float:
+            try:
+                return float(told.get(name, "0"))
+            except ValueError:
+                return 0.0
+
+        return {
+            "t_s": self.now,
+            "state": told.get("state", "init"),
+            "phase": told.get("phase", "none"),
+            "fault": told.get("fault", "none"),
+            "limit": told.get("limit", "none"),
+            "lost_locks": int(number("lost_locks")),
+            "target_rpm": number("speed_rpm"),
+            "speed_rpm": number("measured_rpm"),
+            "load_factor": 1.0,
+            "supply_v": number("vdc_v"),
+            "values": {entry["name"]: told.get(entry["name"], entry["value"]) for entry in self._settings},
+        }
+
+    def export(self, name: str) -> dict[str, str]:
+        """RefusedError."""
+        raise RefusedError("what a board has done cannot be repeated exactly; `fluxlock live SCENARIO` exports plays")

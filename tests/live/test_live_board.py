@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A board on the page: here the firmware as a program, behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fluxlock.cli import app
+from fluxlock.config import ConfigError, load_scenario
+from fluxlock.live import board, messages
+from fluxlock.live.board import Board, BoardPlan, SilentError
+from fluxlock.live.source import RefusedError
+from fluxlock.live.traces import NAMES
+from fluxlock.native.player import player
+
+SPINDLE = "scenarios/own-spindle.toml"
+STEP_S = 0.02  # simulated for each line
+
+
+@contextmanager
+def behind_a_terminal() -> Iterator[Path]:
+    """A drive that answers on a terminal, and goes on a little with every line."""
+    host, end = pty.openpty()
+    play = player(load_scenario(SPINDLE), 1, 0.5)
+    play.advance(0.01)
+
+    def serve() -> None:
+        text = b""
+        while True:
+            try:
+                data = os.read(host, 4096)
+            except OSError:
+                return
+            text += data
+            *lines, text = text.split(b"\n")
+            for line in filter(None, (line.strip() for line in lines)):
+                play.advance(play.now + STEP_S)
+                play.take()
+                replies = play.firmware.command(line.decode())
+                os.write(host, "".join(f"{reply}\r\n" for reply in replies).encode())
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    try:
+        yield Path(os.ttyname(end))
+    finally:
+        os.close(end)
+        os.close(host)
+
+
+def test_a_board_is_led_by_its_console() -> None:
+    """Values become traces and settings; start and speed go to the console; what a wire needs is refused.
+
+    Verifies: LIVE-11
+    """
+    scenario = load_scenario(SPINDLE)
+    with behind_a_terminal() as port:
+        source = Board(BoardPlan(port, scenario))
+        told = source.hello()
+        assert {entry["name"] for entry in told["settings"]} >= {"speed_rpm", "accel_rpm_s", "current_limit_a"}
+        assert all(entry["order"] is None and entry["why"] for entry in told["faults"])
+        source.act(messages.Set(kind="set", name="accel_rpm_s", value="40000"))
+        source.act(messages.Set(kind="set", name="speed_rpm", value="9000"))
+        source.act(messages.Drive(kind="drive", do="start"))
+        assert [entry["answer"] for entry in source.said] == ["ok"] * 3
+        for _ in range(60):
+            source.advance(0.01)
+            if source.status()["state"] == "running":
+                break
+        times, rows = source.take()
+        status = source.status()
+        assert status["state"] == "running" and status["target_rpm"] == 9000
+        assert rows.shape == (len(NAMES), times.size) and (times[1:] > times[:-1]).all()
+        assert rows[NAMES.index("target_rpm"), -1] == 9000 and rows[NAMES.index("vdc"), -1] > 1.0
+        for action in (
+            messages.LoadFactor(kind="load", factor=2.0),
+            messages.Supply(kind="supply", volt=1.0),
+            messages.Set(kind="set", name="no_such", value="1"),
+        ):
+            with pytest.raises(RefusedError, match=r"^[^\n]+$"):
+                source.act(action)
+        with pytest.raises(RefusedError, match="exports plays"):
+            source.export("my-play")
+
+
+def test_a_silent_board_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A port behind which nobody answers ends the source with one line.
+
+    Verifies: LIVE-11
+    """
+    monkeypatch.setattr(board, "REPLY_S", 0.1)
+    host, end = pty.openpty()
+    with pytest.raises(SilentError, match="is the drive on"):
+        Board(BoardPlan(Path(os.ttyname(end)), load_scenario(SPINDLE)))
+    os.close(end)
+    os.close(host)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([SPINDLE, "--board", "my-none"], "--board: my-none: is not a serial port"),
+        (["docs", "--board", "/dev/null"], "goes with the scenario"),
+    ],
+)
+def test_bad_board(arguments: list[str], text: str) -> None:
+    """Each is one line that names the option.
+
+    Verifies: LIVE-09, LIVE-11
+    """
+    result = CliRunner().invoke(app, ["live", *arguments])
+    assert isinstance(result.exception, ConfigError) and text in str(result.exception)
