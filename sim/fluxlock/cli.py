@@ -40,6 +40,7 @@ from fluxlock.live.cli import live
 from fluxlock.motor_cli import app as motor_app
 from fluxlock.population.cli import app as population_app
 from fluxlock.prove.command import prove
+from fluxlock.replay.cli import replay
 from fluxlock.results.rundata import SimulationFault
 from fluxlock.results.verdict import Verdict, say
 from fluxlock.sweep_cli import sweep
@@ -452,6 +453,10 @@ app.command(
     rich_help_panel=LIVE,
     epilog=example("fluxlock live scenarios/own-spindle.toml", "fluxlock live my-drive.toml --port 0 --browser"),
 )(live)
+app.command(
+    rich_help_panel=LIVE,
+    epilog=example("fluxlock replay my-log.csv scenarios/vector/start.toml"),
+)(replay)
 
 
 @app.command("can", rich_help_panel=LIVE, epilog=example("fluxlock can scenarios/can.toml --can socketcan:vcan0"))
