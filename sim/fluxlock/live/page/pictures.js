@@ -129,7 +129,7 @@ function tellCursors(panels) {
     parts.push(`b - a ${(1e3 * (b - a)).toFixed(4)} ms (${b === a ? "-" : (1 / Math.abs(b - a)).toPrecision(5)} Hz)`);
     for (const { names, plot } of panels) {
       const times = plot.data[0];
-      if (!times.length) continue;
+      if (!times.length || Math.min(a, b) < times[0] || Math.max(a, b) > times[times.length - 1]) continue;  // not in the picture
       const [from, to] = [nearest(a, times), nearest(b, times)];
       names.forEach((name, k) => {
         const [first, second] = [plot.data[k + 1][from], plot.data[k + 1][to]];
