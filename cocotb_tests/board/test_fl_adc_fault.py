@@ -17,10 +17,12 @@ from fluxlock.cosim.block import run_block_test
 
 def expected(history: list[tuple[int, int, int]]) -> int:
     """Causes after these clocks of (valid, bad, missed)."""
-    frames = [i for i, (valid, *_) in enumerate(history) if valid]
-    bad = bool(frames) and history[frames[-1]][1] != 0
-    good = [i for i in frames if history[i][1] == 0]
-    missed = any(m for _, _, m in history[good[-1] if good else 0 :])
+    bad = next((bits != 0 for valid, bits, _ in reversed(history) if valid), False)
+    missed = False
+    for valid, bits, miss in reversed(history):
+        missed |= bool(miss)
+        if valid and bits == 0:
+            break
     return bad | missed << 1
 
 

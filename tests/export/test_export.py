@@ -29,12 +29,13 @@ from fluxlock.firmware.toolchain import build_loader
 from fluxlock.results.rundata import LogKind
 from tests.export.test_file_lists import slang
 
-CLOCKS = 1_000_000
+CLOCKS = 1_000_000  # as the page says
+SHORT = 600_000  # boot and start
 PAGE = ROOT / "docs" / "howto" / "take-the-rtl.md"
 BLOCK = re.compile(r"^```\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TOPS = ["fl_soc", *(top(board) for board in BOARDS)]
-# Compiles faster, runs slower.
-BRIEF = "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0"
+# What runs in every clock optimized a little, the rest not at all: the least sum of compiling and running.
+BRIEF = "OPT_FAST=-O1 OPT_SLOW=-O0 OPT_GLOBAL=-O0"
 
 
 def environment() -> dict[str, str]:
@@ -56,7 +57,7 @@ def run(command: str, folder: Path) -> str:
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder as the page's first command writes it, moved to another place."""
     base = tmp_path_factory.mktemp("export")
-    export(base / "first", clocks=CLOCKS)
+    export(base / "first", clocks=SHORT)
     return Path(shutil.move(base / "first", base / "moved"))
 
 
@@ -267,12 +268,12 @@ def test_gates_agree(exported: Path) -> None:
     first, *blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
     assert first == ".venv/bin/fluxlock export ../my-chip\ncd ../my-chip\n"
     said = "".join(run(block, exported) for block in blocks)
-    found = re.search(rf"ok: {CLOCKS} clocks, (\d+) changes of the gates, all as recorded", said)
+    found = re.search(rf"ok: {SHORT} clocks, (\d+) changes of the gates, all as recorded", said)
     gates = exported / "sim" / "gates.txt"
     lines = gates.read_text().splitlines(keepends=True)
-    assert found and int(found[1]) == len(lines) > 1000
-    clock, word = lines[500].split()
-    gates.write_text("".join([*lines[:500], f"{int(clock) + 1} {word}\n", *lines[501:]]))
+    assert found and int(found[1]) == len(lines) > 400
+    clock, word = lines[300].split()
+    gates.write_text("".join([*lines[:300], f"{int(clock) + 1} {word}\n", *lines[301:]]))
     done = subprocess.run(["obj_dir/Vfl_replay"], cwd=exported, capture_output=True, text=True, check=False)
     assert done.returncode != 0 and f"clock {clock}: gates {int(word, 16):02x}, recorded" in done.stdout + done.stderr
     gates.write_text("".join(lines))

@@ -198,21 +198,21 @@ def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path) -> None:
-    """One of two workers is killed half-way: every point is there, bit for bit those of this machine's processes.
+    """One of two workers is killed after the first point: every point is there, bit for bit those of this machine's processes.
 
     Verifies: PACKAGE-9
     """
     address, hands = dask
-    grid = {"motor.resistance_ohm": [0.14, 0.145, 0.15, 0.155], "drive.commutation": ["RSC", "CSC"]}
+    grid = {"motor.resistance_ohm": [0.14, 0.15], "drive.commutation": ["RSC", "CSC"]}
     ended: list[int] = []
 
     def done(row: dict[str, Any]) -> None:
         ended.append(row["point"])
-        if len(ended) == 3:
+        if len(ended) == 1:
             os.kill(hands[0].pid, signal.SIGKILL)
 
     lost = fluxlock.sweep(short(), grid, twin=True, scheduler=address, done=done)
-    assert sorted(ended) == list(range(8)) and hands[1].poll() is None
+    assert sorted(ended) == list(range(4)) and hands[1].poll() is None
     assert lost.rows == fluxlock.sweep(short(), grid, twin=True, jobs=2).rows
 
 
