@@ -19,7 +19,6 @@ from fluxlock.results.rundata import RunData
 from fluxverify.regression.case import LOCK_MAY_GO, Row
 from fluxverify.regression.runner import Runner
 from fluxverify.regression.six_step.measures import event, timeline
-from fluxverify.regression.vector.observer import ASKED_RPM, ROTOR
 
 EVERY_VARIABLE = "FLUXLOCK_VECTOR_TWIN"
 START, ENCODER, OBSERVER = "vector/start.toml", "vector/encoder.toml", "vector/observer.toml"
@@ -110,13 +109,7 @@ COMPARISONS = (
     ),
     Comparison("encoder", ENCODER, 0.60),
     Comparison("encoder-load", ENCODER, 0.40, events=[*_started(1_500), event(0.25, "load_factor", 2.0)]),
-    Comparison(
-        "imposed",
-        OBSERVER,
-        0.09,
-        events=[event(0.003, "command", f"set speed_rpm {ASKED_RPM}"), event(0.004, "command", "start")],
-        overrides=ROTOR,
-    ),
+    Comparison("imposed", OBSERVER, 0.06, 0.012),
 )
 QUICK = ("caught",)
 EVERY = EVERY_VARIABLE in os.environ
