@@ -33,7 +33,6 @@ UNITS = {"R": "ohm", "L": "H", "psi": "V*s", "J": "kg*m2"}
 LEAST, MOST = 0.3, 3.0  # factors of the scenario's values between which the machine is looked for
 STEP = 0.01  # of a factor, for the slopes: wide, since the twin has noise and a start that is counted in ticks
 MOST_STEPS = 15
-ROBUST = 0.05  # error of a bin, relative to the rms, beyond which it counts less
 SUPPLY_S = 5e-4  # between two values of the link
 STILL_RPM = 100.0
 AXES = np.exp(2j * np.pi * np.arange(3) / 3)
@@ -175,9 +174,8 @@ class Replay:
         start = np.ones(count)
         before = errors(start)
         found = least_squares(
-            errors, start, bounds=(LEAST, MOST), diff_step=STEP, xtol=1e-3, ftol=1e-4, max_nfev=MOST_STEPS,
-            loss="soft_l1", f_scale=ROBUST,
-        )  # fmt: skip
+            errors, start, bounds=(LEAST, MOST), diff_step=STEP, xtol=3e-3, ftol=1e-3, max_nfev=MOST_STEPS
+        )
         factors = one | dict(zip(self.fitted, found.x.tolist(), strict=True))
         motor = self.scenario.motor
         nominal = {
