@@ -19,6 +19,7 @@ import typer.core
 
 from fluxlock import cli
 from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import EXIT_READER_GONE
 from fluxlock.help import GROUPS, complete_toml
 from fluxlock.motor_info import number, scale
 from tests.docs.test_commands import check_fluxlock
@@ -123,7 +124,7 @@ def test_reader_that_goes(words: tuple[str, ...]) -> None:
     Verifies: FRONT-61
     """
     done = run_command(*words, shell="| true")
-    assert done.stderr == "" and done.returncode == cli.EXIT_READER_GONE
+    assert done.stderr == "" and done.returncode == EXIT_READER_GONE
     first = run_command(*words, shell="| head -n 1")
     assert first.stderr == "" and len(first.stdout.splitlines()) == 1
 
