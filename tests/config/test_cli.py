@@ -35,6 +35,7 @@ from fluxlock.cosim import outcome
 from fluxlock.cosim.run import rejected_lines
 from fluxlock.interface.settings import SettingsError
 from fluxlock.results.rundata import Rejection, RunData, SimulationFault, load_trace
+from fluxverify import cli as verify_cli
 from fluxverify.campaign import command as campaign
 from fluxverify.campaign.grid import DRIVES
 from tests.results.synthetic import Drive, make_run
@@ -65,11 +66,11 @@ SHORT = [
 def invoke(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Invoke:
     """Call main() with arguments; returns exit code, stdout, stderr."""
 
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["fluxlock", *arguments])
+    def call(*arguments: str, command: ModuleType = cli) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", [command.__name__.partition(".")[0], *arguments])
         monkeypatch.setenv("COLUMNS", "120")
         with pytest.raises(SystemExit) as caught:
-            cli.main()
+            command.main()
         out, err = capsys.readouterr()
         return int(caught.value.code or 0), out, err
 
@@ -365,7 +366,7 @@ def test_help_names_every_drive_of_the_campaign(invoke: Invoke, monkeypatch: pyt
     """
     monkeypatch.setattr(typer.rich_utils, "MAX_WIDTH", 400)  # the names in one line
     names = ", ".join(drive.name for drive in DRIVES)
-    assert f"{names}; all without" in invoke("campaign", "--help")[1]
+    assert f"{names}; all without" in invoke("campaign", "--help", command=verify_cli)[1]
 
 
 def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -376,14 +377,14 @@ def test_nothing_to_show(invoke: Invoke, monkeypatch: pytest.MonkeyPatch, tmp_pa
     monkeypatch.setattr(campaign, "RESULT", tmp_path / "campaign.json")
     monkeypatch.setattr(campaign, "FOLDER", tmp_path / "runs")
     expected = "error: --show: no run has finished with this seed on this chip and firmware; run it without --show"
-    assert invoke("campaign", "--show") == (2, "", f"{expected}\n")
+    assert invoke("campaign", "--show", command=verify_cli) == (2, "", f"{expected}\n")
     assert not list(tmp_path.iterdir())
     # Runs of another firmware.
     monkeypatch.setattr(campaign, "run_drive", lambda *_: [])
     row = tmp_path / "runs" / DRIVES[0].name / "moment" / campaign.ROW_FILE
     row.parent.mkdir(parents=True)
     row.touch()
-    assert invoke("campaign", "--show") == (2, "", f"{expected}\n")
+    assert invoke("campaign", "--show", command=verify_cli) == (2, "", f"{expected}\n")
     assert not (tmp_path / "campaign.json").exists()
 
 

@@ -33,7 +33,9 @@ def without_rights() -> None:
 
 def call(build: Path, program: str) -> tuple[int, str]:
     """Exit code and error output of a program with its build folder elsewhere."""
-    begin = f"import sys; from pathlib import Path; from fluxlock import paths; paths.BUILD = Path({str(build)!r}); "
+    begin = (
+        f"import sys; from pathlib import Path; from fluxlock.base import paths; paths.BUILD = Path({str(build)!r}); "
+    )
     done = subprocess.run(
         [sys.executable, "-c", f"{begin}paths.GENERATED = paths.BUILD / 'generated'; {program}"],
         cwd=build.parent,
@@ -73,7 +75,8 @@ def test_commands(tmp_path: Path, command: str, refused: str) -> None:
     """
     folder = locked(tmp_path / "build" / refused)
     words = [str(tmp_path / "out") if word == "OUT" else word for word in COMMANDS[command]]
-    program = f"sys.argv[1:] = {words}; from fluxlock.cli import main; main()"
+    package = "fluxlock" if command == "run" else "fluxverify"
+    program = f"sys.argv[1:] = {words}; from {package}.cli import main; main()"
     code, error = call(tmp_path / "build", program)
     last = error.splitlines(keepends=True)[-1]
     assert code == 2 and last.startswith(f"error: {folder.resolve()}") and last.endswith(f": {ADVICE}"), error
@@ -89,19 +92,19 @@ def test_results_of_another_user(tmp_path: Path) -> None:
     result.parent.mkdir()
     result.touch()
     result.chmod(0o444)
-    program = "sys.argv[1:] = ['regression', 'six-step/patterns', '--quick']; from fluxlock.cli import main; main()"
+    program = "sys.argv[1:] = ['regression', 'six-step/patterns', '--quick']; from fluxverify.cli import main; main()"
     assert call(tmp_path / "build", program) == (2, f"error: {result}: {ADVICE}")
 
 
-@pytest.mark.parametrize("module", ["build", "bench", "lint"])
+@pytest.mark.parametrize("module", ["fluxlock.generate.registers", "fluxverify.bench", "fluxverify.lint"])
 def test_modules(tmp_path: Path, module: str) -> None:
     """The same from the modules that the targets of make call.
 
     Verifies: FRONT-32
     """
-    arguments = {"build": ["regs"], "bench": [], "lint": ["c"]}[module]
+    arguments = {"registers": ["regs"], "bench": [], "lint": ["c"]}[module.rpartition(".")[2]]
     build = locked(tmp_path / "build")
-    program = f"import runpy; sys.argv[1:] = {arguments}; runpy.run_module('fluxlock.{module}', run_name='__main__')"
+    program = f"import runpy; sys.argv[1:] = {arguments}; runpy.run_module('{module}', run_name='__main__')"
     code, error = call(build, program)
     assert code == 2 and error.endswith(f": {ADVICE}") and error.count("\n") == 1 and str(build) in error, error
 
@@ -116,6 +119,7 @@ def test_folder_of_results(tmp_path: Path, command: str) -> None:
     words = {"soa": ["soa", "--no-simulate"], "figures": ["figures", "six-step", "5.10"]}[command]
     words += ["--out", str(tmp_path / "out")]
     (tmp_path / "build").mkdir()
-    program = f"sys.argv[1:] = {words}; from fluxlock.cli import main; main()"
+    package = {"soa": "fluxlock", "figures": "fluxverify"}[command]
+    program = f"sys.argv[1:] = {words}; from {package}.cli import main; main()"
     code, error = call(tmp_path / "build", program)
     assert code == 2 and error == f"error: --out: {out}: cannot be written: Permission denied; name another folder\n"

@@ -19,13 +19,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from fluxlock import cli
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.results.metrics import Analysis
 from fluxlock.results.verdict import Verdict
 from fluxlock.theory.six_step.patterns import gate_sequence
 from fluxlock.theory.six_step.switched import ideal_inverter, steady_operation, waveforms
+from fluxverify import cli
 from fluxverify.docs import figures as docs_page
 from fluxverify.figures import FIGURES, Drawing, Entry, command, figure
 from fluxverify.figures.command import draw, of_family, run_figures, select
@@ -93,7 +93,7 @@ def test_wrong_usage(
     Verifies: FIG-02
     """
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(sys, "argv", ["fluxlock", *arguments])
+    monkeypatch.setattr(sys, "argv", ["fluxverify", *arguments])
     with pytest.raises(SystemExit) as caught:
         cli.main()
     err = capsys.readouterr().err.strip()

@@ -198,7 +198,7 @@ def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path) -> None:
-    """One of two workers is killed after the first point: every point is there, bit for bit those of this machine's processes.
+    """One of two workers is killed after a point: every point is there, bit for bit those of this machine's processes.
 
     Verifies: PACKAGE-9
     """

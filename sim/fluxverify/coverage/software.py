@@ -41,6 +41,7 @@ TESTS = (
     "registers",
     "regression",
     "edge",
+    "replay",
 )
 FILES_A_PROCESS = 6
 
