@@ -19,13 +19,16 @@ HOT int32_t fade(int32_t from, int32_t to, int32_t step) {
   return ((int64_t)from - to > step) ? from - step : to;
 }
 
-void if_begin(if_start_t *state) { *state = (if_start_t){0}; }
+void if_begin(if_start_t *state) { *state = (if_start_t){.share_q16 = IF_WHOLE_Q16}; }
 
-void if_resume(if_start_t *state, const if_settings_t *settings, int32_t speed_turn_q36, uint32_t amplitude_i_q25) {
+void if_resume(if_start_t *state, const if_settings_t *settings, int32_t speed_turn_q36, uint32_t amplitude_i_q25,
+               int32_t due_v_q25) {
   *state = (if_start_t){
       .speed_turn_q44 = (int64_t)speed_turn_q36 * (1 << SPEED_BITS),
       .current_i_q25 = (int32_t)amplitude_i_q25,
+      .emf_v_q25 = {0, due_v_q25},
       .aligned_ticks = settings->align_ticks,
+      .share_q16 = IF_WHOLE_Q16,
   };
 }
 
@@ -38,7 +41,7 @@ HOT bool if_step(if_start_t *state, const if_settings_t *settings, int32_t targe
   }
   const int64_t target = (int64_t)target_turn_q36 * (1 << SPEED_BITS);
   const int64_t gap = target - state->speed_turn_q44;
-  const int64_t step = settings->acceleration_turn_q44;
+  const int64_t step = mul_q16(settings->acceleration_turn_q44, state->share_q16);
   const bool there = gap <= step && gap >= -step;
   if (there) {
     state->speed_turn_q44 = target;
@@ -48,16 +51,39 @@ HOT bool if_step(if_start_t *state, const if_settings_t *settings, int32_t targe
   return there && whole;
 }
 
+HOT complex_t if_current_i_q25(if_start_t *state, const if_settings_t *settings, complex_t emf_v_q25, int32_t due_v_q25) {
+  state->emf_v_q25.re += mul_q16(emf_v_q25.re - state->emf_v_q25.re, settings->smooth_q16);
+  state->emf_v_q25.im += mul_q16(emf_v_q25.im - state->emf_v_q25.im, settings->smooth_q16);
+  const int32_t most_i_q25 = state->current_i_q25 / 5 * 2;
+  const bool turned = state->aligned_ticks < settings->turned_ticks;
+  const int32_t across_v_q25 = turned ? state->emf_v_q25.re : state->emf_v_q25.im;
+  const int32_t across_i_q25 = clamp_i32(gain_apply(due_v_q25 - across_v_q25, settings->damping), -most_i_q25, most_i_q25);
+  state->damping_i_q25 = across_i_q25;
+  return turned ? (complex_t){across_i_q25, -state->current_i_q25} : (complex_t){state->current_i_q25, across_i_q25};
+}
+
+HOT int32_t if_share_q16(int32_t emf_v_q25, uint32_t due_v_q25) {
+  const int32_t over_v_q25 = emf_v_q25 - (int32_t)(due_v_q25 / 2u);
+  if (over_v_q25 <= 0) {
+    return 0;
+  }
+  return clamp_i32((int32_t)div_sat_u32((uint64_t)(uint32_t)over_v_q25 << 16, due_v_q25 / 20u * 7u), 0, IF_WHOLE_Q16);
+}
+
 int32_t if_speed_turn_q36(const if_start_t *state) { return (int32_t)(state->speed_turn_q44 >> SPEED_BITS); }
 
-HOT bool if_ready(if_start_t *state, const if_settings_t *settings, complex_t emf_v_q25) {
+HOT bool if_ready(if_start_t *state, const if_settings_t *settings) {
   const int32_t quarter = (state->speed_turn_q44 < 0) ? -QUARTER_TURN : QUARTER_TURN;
-  const int32_t last = state->turn_q32;
-  state->turn_q32 = (int32_t)(complex_angle_turn_q32(emf_v_q25) - (uint32_t)quarter);
-  const int32_t change = (int32_t)((uint32_t)state->turn_q32 - (uint32_t)last);
-  const bool steady = complex_abs(emf_v_q25) >= settings->minimum_v_q25 &&
-                      abs_sat(change) <= settings->tolerance_turn_q32 && abs_sat(state->turn_q32) < QUARTER_TURN;
+  state->turn_q32 = (int32_t)(complex_angle_turn_q32(state->emf_v_q25) - (uint32_t)quarter);
+  const int32_t change = (int32_t)((uint32_t)state->turn_q32 - (uint32_t)state->turn_from_q32);
+  const bool seen = complex_abs(state->emf_v_q25) >= settings->minimum_v_q25 && abs_sat(state->turn_q32) < QUARTER_TURN;
+  const bool steady = seen && abs_sat(change) <= settings->tolerance_turn_q32;
   state->steady_ticks = steady ? state->steady_ticks + 1u : 0u;
+  if (!steady) {
+    state->turn_from_q32 = state->turn_q32;
+  } else if (state->steady_ticks == settings->steady_ticks / 2u) {
+    state->turn_middle_q32 = state->turn_q32;
+  }
   return state->steady_ticks >= settings->steady_ticks;
 }
 

@@ -89,7 +89,9 @@ class Drive:
             align_ticks=400,
             acceleration_turn_q44=round(slope),
             minimum_v_q25=round(0.5 * self.unit_v),
-            tolerance_turn_q32=round(Q32 / 360),
+            damping=gain(1.4 * math.sqrt(10.0 * INERTIA_KGM2 / (1.5 * m.psi_vs)) / m.psi_vs * amp / self.unit_v),
+            smooth_q16=round(4.0 * math.sqrt(15.0 * m.psi_vs / INERTIA_KGM2) * m.period_s * 65536),
+            tolerance_turn_q32=round(Q32 / 60),
             steady_ticks=60,
         )
         self.loop = pll_gains(0.95, m.period_cycles, order=3)
@@ -116,17 +118,22 @@ class Drive:
     def hand_over(self, target_q36: int) -> None:
         """From the forced frame to the observed angle."""
         turn = self.start.turn_q32
-        i = self.start.current_i_q25 * cmath.exp(-2j * math.pi * turn / Q32)
+        forced = complex(self.start.current_i_q25, self.start.damping_i_q25)
+        i = forced * cmath.exp(-2j * math.pi * turn / Q32)
         self.turn_frame(turn)
         self.i_d_q25 = round(i.real)
         self.lib.vector_speed_preset(self.speed, self.gains, target_q36, self.speed_q36, round(i.imag))
         self.forced = False
 
+    def due_v_q25(self, speed_q36: int) -> int:
+        """EMF of a speed."""
+        return round(2 * math.pi * self.plant.m.psi_vs * speed_q36 / self.unit_turn * self.unit_v)
+
     def hand_back(self, i: Complex) -> None:
         """From the observed angle to the forced frame."""
         speed = self.speed_q36
         self.turn_frame(self.lib.if_turn_back_q32(i))
-        self.lib.if_resume(self.start, self.settings, speed, self.lib.complex_abs(i))
+        self.lib.if_resume(self.start, self.settings, speed, self.lib.complex_abs(i), self.due_v_q25(speed))
         self.forced = True
 
     def step(self, target_hz: float, i_d_a: float = 0.0) -> bool:
@@ -139,7 +146,8 @@ class Drive:
         measured = from_complex(plant.current / frame, self.unit_a)
         if self.forced:
             lib.if_step(self.start, self.settings, target)
-            self.wanted = Complex(self.start.current_i_q25, 0)
+            due = self.due_v_q25(self.speed_q36)
+            self.wanted = lib.if_current_i_q25(self.start, self.settings, self.observer.emf_v_q25, due)
         else:
             goal = round(i_d_a * 256 * self.unit_a)
             self.i_d_q25 = lib.fade(self.i_d_q25, goal, self.settings.rise_i_q25)
@@ -158,7 +166,7 @@ class Drive:
         lib.emf_observer_voltage(self.observer, gains, u)
         emf = self.observer.emf_v_q25
         if self.forced:
-            ready = bool(lib.if_ready(self.start, self.settings, emf))
+            ready = bool(lib.if_ready(self.start, self.settings))
             lib.pll_preset(self.pll, angle, speed)
             lib.pll_step(self.pll, self.loop, m.period_cycles, 0)
         else:

@@ -200,25 +200,67 @@ def test_forced_start_aligns_then_accelerates(lib: CData) -> None:
 
 
 def test_ready_only_when_steady_and_within_reach(lib: CData) -> None:
-    """The rotor's angle in the frame from the EMF, both directions; small EMF, movement and 90 degrees reset the count.
+    """The rotor's angle in the frame from the EMF, both directions; small EMF, movement and 90 degrees begin anew.
 
     Verifies: VC-13
     """
-    settings = new("if_settings_t", minimum_v_q25=10_000, tolerance_turn_q32=round(0.01 * Q32), steady_ticks=5)
+    none = (0, 31)
+    tolerance = round(0.01 * Q32)
+    settings = new(
+        "if_settings_t",
+        damping=none,
+        smooth_q16=65536,
+        minimum_v_q25=10_000,
+        tolerance_turn_q32=tolerance,
+        steady_ticks=5,
+    )
     for sign in (1, -1):
         state = new("if_start_t", speed_turn_q44=sign * 10**6)
 
         def ready(degrees: float, length: float = 1e6, state: CData = state, sign: int = sign) -> bool:
             """One tick with the rotor so many degrees ahead of the frame."""
             emf = from_complex(1j * sign * length * cmath.exp(1j * math.radians(degrees)))
-            return bool(lib.if_ready(state, settings, emf))
+            lib.if_current_i_q25(state, settings, emf, 0)
+            return bool(lib.if_ready(state, settings))
 
         assert [ready(-40.0 * sign) for _ in range(6)] == [False] * 5 + [True]
         assert state.turn_q32 / Q32 * 360 == pytest.approx(-40.0 * sign, abs=1e-3)
         assert not ready(-60.0 * sign)
         assert [ready(-60.0 * sign) for _ in range(5)][-1]
+        assert not ready(-64.0 * sign)
+        assert not any(ready((-60.0 + creeping) * sign) for creeping in range(12))
+        assert not ready(-60.0 * sign)
+        assert [ready(-60.0 * sign) for _ in range(5)][-1]
         assert not ready(-60.0 * sign, length=5000.0)
         assert not any(ready(-100.0 * sign) for _ in range(10))
+
+
+def test_swing_is_damped_by_the_emf_across_the_current(lib: CData) -> None:
+    """Against the EMF beyond that of the frame's speed, at most 0.4 of the current; on -q when the alignment begins.
+
+    Verifies: VC-50
+    """
+    settings = new("if_settings_t", damping=(2**30, 31), smooth_q16=2**14, align_ticks=100, turned_ticks=50)
+    due, current = 40_000, 100_000
+    state = new("if_start_t", current_i_q25=current, aligned_ticks=100)
+    for emf, across in ((30_000, 5_000), (60_000, -10_000), (400_000, -40_000), (-400_000, 40_000)):
+        for _ in range(100):
+            wanted = lib.if_current_i_q25(state, settings, Complex(7_000, emf), due)
+        assert wanted.re == current
+        assert wanted.im == pytest.approx(across, abs=4)
+        assert state.damping_i_q25 == wanted.im
+    first = new("if_start_t", current_i_q25=current, aligned_ticks=49)
+    assert lib.if_current_i_q25(first, settings, Complex(40_000, 9), 0).im == -current
+    assert lib.if_current_i_q25(first, settings, Complex(40_000, 9), 0).re == pytest.approx(-8_750, abs=4)
+
+
+def test_acceleration_is_what_the_load_angle_leaves(lib: CData) -> None:
+    """Whole from cos x = 0.85 on, none below 0.5.
+
+    Verifies: VC-50
+    """
+    for cosine, share in ((1.0, 1.0), (0.85, 1.0), (0.675, 0.5), (0.5, 0.0), (0.1, 0.0), (-1.0, 0.0)):
+        assert lib.if_share_q16(round(cosine * 10**6), 10**6) / 65536 == pytest.approx(share, abs=1e-3)
 
 
 def test_turning_the_frame_keeps_the_vectors(lib: CData) -> None:

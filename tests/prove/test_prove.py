@@ -19,7 +19,7 @@ from fluxlock.config.drive import MotorError
 from fluxlock.datasheet.library import machines
 from fluxlock.prove.cases import FAILS, HOLDS, REFUSED, SHARES, VALUES, Case, Row, cases, least_rpm, run_case
 from fluxlock.prove.library import library_life
-from fluxlock.prove.life import Machine, fitting_carrier_hz, life
+from fluxlock.prove.life import LIGHT, Machine, fitting_carrier_hz, life
 from fluxlock.prove.page import Proof, draw
 
 PUMP, DRIVE = ROOT / "motors" / "pump-4pp.toml", ROOT / "inverters" / "drive-24v.toml"
@@ -154,3 +154,17 @@ def test_a_machine_of_the_library(stem: str) -> None:
     entry = next(machine for machine in machines() if machine.stem == stem)
     _, row = library_life(entry)
     assert row.holds, row.reasons
+
+
+@pytest.mark.parametrize("load", [LIGHT, 1.0])
+@pytest.mark.parametrize("inertia", [0.5, 1.0, 2.0])
+def test_starts_from_the_worst_rest_angles(inertia: float, load: float) -> None:
+    """A spindle with hardly any friction starts from across and opposite to the currents of its alignment.
+
+    Verifies: VC-50
+    """
+    motor = load_motor(ROOT / "motors" / "spindle-2pp.toml")
+    machine = Machine(motor, load_inverter(ROOT / "inverters" / "drive-48v.toml"), "vector", 20e3)
+    for theta_deg in (90.0, 130.0, 180.0, 230.0):
+        row = run_case(machine, Case("rest", "a start", MotorError(inertia=inertia), theta_deg, load))
+        assert row.holds, (theta_deg, row.reasons)

@@ -43,15 +43,17 @@ PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/contro
 
 BACK_SHARE = 0.6  # way back to the forced frame, over the hand-over's speed
 EMF_SHARE = 0.5  # EMF that counts, over that of the way back
-# The rotor swings about the forced current like a pendulum. Alignment in its periods; the hand-over takes a swing whose
-# fastest change is below that of an amplitude of 0.5 rad, for a tenth of a period.
+# The rotor swings about the forced current like a pendulum. Alignment in its periods; the hand-over takes a swing that
+# for a tenth of a period leads no further than the fastest tenth of one with an amplitude of 0.15 rad.
 ALIGN_PERIODS = 2.0
 ALIGN_S = (0.02, 1.0)
-STEADY_AMPLITUDE_RAD = 0.5
+STEADY_AMPLITUDE_RAD = 0.15
 STEADY_PERIODS = 0.1
 STEADY_TICKS_MIN = 20
-TOLERANCE_MIN_TURN = 0.5 / 360.0
 CURRENT_RISE_S = 0.02
+# Of that swing: twice the share of the damping that lets it creep; low pass of what damps it, over its frequency.
+DAMPING = 1.4
+SMOOTH_RATIO = 4.0
 APPROACH_SHARE = 0.5  # bandwidth of the ramp before its end, over the speed regulator's
 SPEED_LIMIT_RATIO = 1.2  # of the estimate, over the over-speed limit
 TURN_A_TICK_MAX = 0.45
@@ -100,6 +102,11 @@ def _pll(vector: Vector, timing: VectorTiming, pll_hz: float) -> dict[str, Value
     )
 
 
+def _has_encoder(d: Design) -> bool:
+    """Whether the drive has one that is fine enough."""
+    return told_lines(d.s) * 4 >= ENCODER_QUARTERS_MIN * d.s.motor.pole_pairs
+
+
 def _start(d: Design) -> dict[str, Value]:
     """I/f start and hand-over (sw/control/if_start.h)."""
     m, motor, tick_s, p = d.machine, d.s.motor, d.tick_s, d.s.motor.pole_pairs
@@ -108,16 +115,23 @@ def _start(d: Design) -> dict[str, Value]:
     # Stiffness p T_max of the angle over J: J d2(theta)/dt2 = -3/2 p^2 psi I theta.
     pendulum = math.sqrt(p * m.torque_nm_per_a * current / motor.inertia_kgm2)
     period_s = 2.0 * math.pi / pendulum
+    align_ticks = max(1, round(min(max(ALIGN_PERIODS * period_s, ALIGN_S[0]), ALIGN_S[1]) / tick_s))
     accel = start_accel_rpm_per_s(d.s) / 60.0 * p  # turn/s^2
     over = handover_rpm(d.s) / 60.0 * p  # turn/s
-    tolerance = STEADY_AMPLITUDE_RAD * pendulum / (2 * math.pi) * tick_s
+    # i_q of k (psi omega_rotor) damps by K_t k psi omega_rotor; beyond 1 / R an R told too large would feed itself.
+    creeping_a_per_v = DAMPING * pendulum * motor.inertia_kgm2 / (p * m.torque_nm_per_a * m.fundamental_vs)
+    damping_a_per_v = min(creeping_a_per_v, 1.0 / m.resistance_ohm)
+    encoder = _has_encoder(d)
     emf_v = EMF_SHARE * BACK_SHARE * 2 * math.pi * over * m.fundamental_vs
     return {
         "vector_start_i_q25": max(1, round(current * d.ampere)),
         "vector_start_rise_i_q25": per_tick,
-        "vector_start_align_ticks": max(1, round(min(max(ALIGN_PERIODS * period_s, ALIGN_S[0]), ALIGN_S[1]) / tick_s)),
+        "vector_start_align_ticks": align_ticks,
+        "vector_start_turned_ticks": 0 if encoder else align_ticks // 2,
         "vector_start_accel_turn_q44": max(1, round(accel * tick_s / CLOCK_HZ * Q44)),
-        "vector_start_tolerance_q32": round(min(max(tolerance, TOLERANCE_MIN_TURN), 0.25) * Q32),
+        **_gains(vector_start_damping=0.0 if encoder else damping_a_per_v * d.ampere / d.volt),
+        "vector_start_smooth_q16": max(1, round(-math.expm1(-SMOOTH_RATIO * pendulum * tick_s) * Q16)),
+        "vector_start_tolerance_q32": round(STEADY_AMPLITUDE_RAD * STEADY_PERIODS * Q32),
         "vector_start_steady_ticks": max(STEADY_TICKS_MIN, round(STEADY_PERIODS * period_s / tick_s)),
         "vector_handover_turn_q36": max(1, round(over / CLOCK_HZ * Q36)),
         "vector_back_turn_q36": max(1, round(BACK_SHARE * over / CLOCK_HZ * Q36)),
@@ -143,7 +157,7 @@ def _encoder(d: Design) -> dict[str, Value]:
     """Encoder (sw/control/encoder.h)."""
     vector, motor, encoder = d.s.drive.vector, d.s.motor, d.s.motor.encoder
     quarters = 4 * told_lines(d.s)
-    if encoder is None or quarters < ENCODER_QUARTERS_MIN * motor.pole_pairs:
+    if encoder is None or not _has_encoder(d):
         return {
             "vector_angle": 0,
             "encoder_quarters": 1,

@@ -140,7 +140,7 @@ COLD static complex_t turn_frame(vector_t *v, const chip_snapshot_t *in, int32_t
 }
 
 COLD static complex_t hand_over(vector_t *v, const chip_snapshot_t *in) {
-  const complex_t reference_i_q25 = turn_frame(v, in, v->start.turn_q32, (complex_t){v->start.current_i_q25, 0});
+  const complex_t reference_i_q25 = turn_frame(v, in, v->start.turn_q32, (complex_t){v->start.current_i_q25, v->start.damping_i_q25});
   v->frame = FRAME_OBSERVED;
   // The rotor swings in the forced frame: its speed is that of the frame and of the swing. From the turns in the two
   // halves of the steady time, h ticks each: (3 second - first) / 2h at its end, (second - first) / h^2 more a tick. By the
@@ -148,8 +148,8 @@ COLD static complex_t hand_over(vector_t *v, const chip_snapshot_t *in) {
   const int32_t half = (int32_t)v->start.steady_ticks / 2;
   int32_t change_q32 = 0;
   if (half > 0) {
-    const int32_t first_q32 = (int32_t)((uint32_t)v->turn_middle_q32 - (uint32_t)v->turn_from_q32);
-    const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->turn_middle_q32);
+    const int32_t first_q32 = (int32_t)((uint32_t)v->start.turn_middle_q32 - (uint32_t)v->start.turn_from_q32);
+    const int32_t second_q32 = (int32_t)((uint32_t)v->start.turn_q32 - (uint32_t)v->start.turn_middle_q32);
     const int32_t cycles = half * (int32_t)v->per_tick.period_cycles;
     vector_lead(v, v->report.vector.speed_turn_q36 + ((second_q32 + (second_q32 - first_q32) / 2) / cycles) * 16);
     change_q32 = (second_q32 - first_q32) / (half * half);
@@ -163,7 +163,8 @@ COLD static complex_t hand_over(vector_t *v, const chip_snapshot_t *in) {
 COLD complex_t vector_hand_back(vector_t *v, const chip_snapshot_t *in) {
   const complex_t current = v->reference_i_q25;
   const complex_t reference_i_q25 = turn_frame(v, in, if_turn_back_q32(current), current);
-  if_resume(&v->start, &v->start_settings, v->report.vector.speed_turn_q36, complex_abs(current));
+  const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
+  if_resume(&v->start, &v->start_settings, speed_turn_q36, complex_abs(current), gain_apply(speed_turn_q36, v->p->vector_flux));
   v->waiting_ticks = 0;
   v->slip_checks = 0;
   v->frame = FRAME_FORCED;
@@ -183,6 +184,8 @@ COLD static bool slips(vector_t *v) {
   const uint32_t amplitude_v_q25 = complex_abs(emf_v_q25);
   const bool follows = ((speed_turn_q36 < 0) ? -emf_v_q25.im : emf_v_q25.im) > (int32_t)(due_v_q25 / 10u * 3u);
   const int32_t frame_rpm_q8 = rpm_q8(v, speed_turn_q36);
+  const int32_t smooth_v_q25 = (speed_turn_q36 < 0) ? -v->start.emf_v_q25.im : v->start.emf_v_q25.im;
+  v->start.share_q16 = (due_v_q25 < wrong_v_q25) ? IF_WHOLE_Q16 : if_share_q16(smooth_v_q25, due_v_q25);
   const bool known = follows && amplitude_v_q25 >= wrong_v_q25;
   const uint64_t product = (uint64_t)(uint32_t)abs_sat(frame_rpm_q8) * amplitude_v_q25;
   const int32_t speed_rpm_q8 = known ? (int32_t)div_sat_u32(product, due_v_q25) : 0;
@@ -220,7 +223,8 @@ HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex
   const int32_t target = (v->settings->target_rpm < 0) ? -p->vector_handover_turn_q36 : p->vector_handover_turn_q36;
   const bool there = if_step(&v->start, &v->start_settings, stopping ? 0 : target);
   vector_lead(v, if_speed_turn_q36(&v->start));
-  *reference_i_q25 = (complex_t){v->start.current_i_q25, 0};
+  const int32_t due_v_q25 = gain_apply(v->report.vector.speed_turn_q36, p->vector_flux);
+  *reference_i_q25 = if_current_i_q25(&v->start, &v->start_settings, v->observer.emf_v_q25, due_v_q25);
   if (v->order->tick % VECTOR_GROUPS == GROUP_SUPERVISION && slips(v)) {
     return stopping ? outcome_of(EVENT_STOPPED) : outcome_because(EVENT_START_FAILED, FAULT_STALLED);
   }
@@ -245,13 +249,7 @@ HOT outcome_t vector_forced_step(vector_t *v, const chip_snapshot_t *in, complex
   if (stopping) {
     return outcome_of(EVENT_STOPPED);
   }
-  const bool ready = if_ready(&v->start, &v->start_settings, v->observer.emf_v_q25);
-  if (v->start.steady_ticks <= 1u) {
-    v->turn_from_q32 = v->start.turn_q32;
-  } else if (v->start.steady_ticks == v->start_settings.steady_ticks / 2u + 1u) {
-    v->turn_middle_q32 = v->start.turn_q32;
-  }
-  if (ready) {
+  if (if_ready(&v->start, &v->start_settings)) {
     *reference_i_q25 = hand_over(v, in);
     return outcome_of(EVENT_STAY);
   }

@@ -176,8 +176,6 @@ typedef struct vector {
   uint32_t waiting_ticks;  // for the hand-over, at its speed
   uint32_t slip_checks;    // in a row in which the rotor did not follow the forced frame
   uint32_t slip_turn_q32;  // of the frame meanwhile
-  int32_t turn_from_q32;   // of the rotor ahead of the frame, when it began to be steady
-  int32_t turn_middle_q32; // half the time later
   pi_state_t speed;
   ripple_t ripple;
   slope_t slope;
