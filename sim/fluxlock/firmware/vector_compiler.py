@@ -44,7 +44,7 @@ PI_INTEGRAL = 2.0**5  # fraction bits of an integral below its output (sw/contro
 BACK_SHARE = 0.6  # way back to the forced frame, over the hand-over's speed
 EMF_SHARE = 0.5  # EMF that counts, over that of the way back
 # The rotor swings about the forced current like a pendulum. Alignment in its periods; the hand-over takes a swing that
-# for a tenth of a period leads no further than the fastest tenth of one with an amplitude of 0.15 rad.
+# for a tenth of a period or more leads no further than the same time at most does of one with an amplitude of 0.15 rad.
 ALIGN_PERIODS = 2.0
 ALIGN_S = (0.02, 1.0)
 STEADY_AMPLITUDE_RAD = 0.15
@@ -122,6 +122,8 @@ def _start(d: Design) -> dict[str, Value]:
     creeping_a_per_v = DAMPING * pendulum * motor.inertia_kgm2 / (p * m.torque_nm_per_a * m.fundamental_vs)
     damping_a_per_v = min(creeping_a_per_v, 1.0 / m.resistance_ohm)
     encoder = _has_encoder(d)
+    steady_ticks = max(STEADY_TICKS_MIN, round(STEADY_PERIODS * period_s / tick_s))
+    half_swing = math.pi * min(steady_ticks * tick_s / period_s, 0.5)  # of the steady time
     emf_v = EMF_SHARE * BACK_SHARE * 2 * math.pi * over * m.fundamental_vs
     return {
         "vector_start_i_q25": max(1, round(current * d.ampere)),
@@ -131,8 +133,8 @@ def _start(d: Design) -> dict[str, Value]:
         "vector_start_accel_turn_q44": max(1, round(accel * tick_s / CLOCK_HZ * Q44)),
         **_gains(vector_start_damping=0.0 if encoder else damping_a_per_v * d.ampere / d.volt),
         "vector_start_smooth_q16": max(1, round(-math.expm1(-SMOOTH_RATIO * pendulum * tick_s) * Q16)),
-        "vector_start_tolerance_q32": round(STEADY_AMPLITUDE_RAD * STEADY_PERIODS * Q32),
-        "vector_start_steady_ticks": max(STEADY_TICKS_MIN, round(STEADY_PERIODS * period_s / tick_s)),
+        "vector_start_tolerance_q32": round(STEADY_AMPLITUDE_RAD / math.pi * math.sin(half_swing) * Q32),
+        "vector_start_steady_ticks": steady_ticks,
         "vector_handover_turn_q36": max(1, round(over / CLOCK_HZ * Q36)),
         "vector_back_turn_q36": max(1, round(BACK_SHARE * over / CLOCK_HZ * Q36)),
         "vector_fade_i_q25": per_tick,

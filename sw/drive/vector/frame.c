@@ -185,7 +185,7 @@ COLD static bool slips(vector_t *v) {
   const bool follows = ((speed_turn_q36 < 0) ? -emf_v_q25.im : emf_v_q25.im) > (int32_t)(due_v_q25 / 10u * 3u);
   const int32_t frame_rpm_q8 = rpm_q8(v, speed_turn_q36);
   const int32_t smooth_v_q25 = (speed_turn_q36 < 0) ? -v->start.emf_v_q25.im : v->start.emf_v_q25.im;
-  v->start.share_q16 = (due_v_q25 < wrong_v_q25) ? IF_WHOLE_Q16 : if_share_q16(smooth_v_q25, due_v_q25);
+  v->start.share_q16 = (v->sensored || due_v_q25 < wrong_v_q25) ? IF_WHOLE_Q16 : if_share_q16(smooth_v_q25, due_v_q25);
   const bool known = follows && amplitude_v_q25 >= wrong_v_q25;
   const uint64_t product = (uint64_t)(uint32_t)abs_sat(frame_rpm_q8) * amplitude_v_q25;
   const int32_t speed_rpm_q8 = known ? (int32_t)div_sat_u32(product, due_v_q25) : 0;
