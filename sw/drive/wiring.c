@@ -7,22 +7,21 @@
 #include "control/placement.h"
 #include "hal/capture.h"
 
-#define SLOT_TICKS 12u
+#define SLOT_TICKS 16u
 #define REPEATS 4u
-// What is set at a tick acts between the samples one and two ticks later, or up to one tick after that: so much of the peak
-// is in two samples in either case.
-#define PEAKS (3 * (int32_t)REPEATS)
+// What is set at a tick acts from between one and a half and three ticks later on: at these ticks, if three in a row are
+// alike, the current is on its way to a peak, or has long been there in a machine whose current is quick.
+#define UPPER_TICK 4u
+#define LOWER_TICK 10u
 // Records a tick: about 800 clocks.
 #define RECORDS 8u
 
 SMALL_CODE_BEGIN
 void wiring_begin(wiring_t *w) { *w = (wiring_t){0}; }
 
-static int32_t pulse_sign(uint32_t at) { return (at < 2u || at == 6u || at == 7u) ? 1 : ((at < 6u) ? -1 : 0); }
+static int32_t pulse_sign(uint32_t at) { return (at >= 12u) ? 0 : ((at < 3u || at >= 9u) ? 1 : -1); }
 
-static int32_t weight(uint32_t at) {
-  return (at == 3u || at == 4u) ? 1 : ((at == 7u || at == 8u) ? -1 : 0);
-}
+static int32_t weight(uint32_t at) { return (at == UPPER_TICK) ? 1 : ((at == LOWER_TICK) ? -1 : 0); }
 
 static int32_t largest(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
   int32_t most = 0;
@@ -100,8 +99,8 @@ static bool look_at_currents(wiring_t *w, const chip_snapshot_t *in, int32_t pea
     return false;
   }
   w->ticks = 0;
-  scale(w->current_q17, 1, PEAKS);
-  if (largest(w->current_q17) > peak_i_q17 / 2 || w->level + 1u == WIRING_LEVELS) {
+  scale(w->current_q17, 1, 2 * (int32_t)REPEATS);
+  if (largest(w->current_q17) > peak_i_q17 / 4 || w->level + 1u == WIRING_LEVELS) {
     return true;
   }
   const uint32_t level = w->level + 1u;

@@ -3,9 +3,9 @@
 
 // Whether legs, current sensors and voltage dividers belong together, before the first turn.
 //
-// Each leg in turn gets small pulses against the others, + + - - - - + + in control ticks: the current is a triangle up and
-// one down, whose impulses cancel, and the rotor stays. Of a current sensor counts what it sees at the upper peak less what it
-// sees at the lower one, so offsets do not; of a divider, in a capture at full rate, by how much it stands out of the other
+// Each leg in turn gets small pulses against the others, three control ticks up, six down, three up: the current is a triangle
+// up and one down, whose impulses cancel, and the rotor stays. Of a current sensor counts what it sees in the upper one less
+// what it sees in the lower one, so offsets do not; of a divider, in a capture at full rate, by how much it stands out of the other
 // two: it does while its leg alone has switched. The voltage rises until a sensor sees the current.
 //
 // The test only says right or wrong; what is wrong follows from the two tables (sim/fluxlock/wiring).
@@ -18,13 +18,14 @@
 #include "hal/chip_io.h"
 
 #define WIRING_LEGS 3u
-// Levels of the voltage: the first is meant to do.
-#define WIRING_LEVELS 4u
+// Levels of the voltage, each one and a half times the one before: the first is meant to do.
+#define WIRING_LEVELS 5u
+#define WIRING_PULSE_TICKS 3
 
 typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
 
 typedef struct {
-  int32_t current_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and sensor, the peak
+  int32_t current_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and sensor, half of upper less lower
   int32_t voltage_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and divider, mean over a capture
   uint32_t ticks;   // of the level, or of the leg whose voltages are looked at
   uint32_t level;   // of the voltage, 0 ..

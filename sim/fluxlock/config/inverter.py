@@ -44,8 +44,8 @@ class Sensing(Model):
     )
     current_order: PhaseOrder = Field(
         default="ABC",
-        description='Phases whose current sensors are at the inputs A, B, C of the chip. The drive takes them for `"ABC"`: '
-        "another order is a wrong wiring, which `fluxlock check-wiring` names.",
+        description="Phases whose current sensors are at the inputs A, B, C of the chip. The drive takes them for "
+        '`"ABC"`: another order is a wrong wiring, which `fluxlock check-wiring` names.',
     )
     current_inverted: list[Literal["A", "B", "C"]] = Field(
         default_factory=list,

@@ -68,15 +68,16 @@ COLD static bool check_insulation(vector_t *v) {
   return leg >= PHASES;
 }
 
-// Voltage of the wiring's test: two ticks of it make the wanted current in the file's machine. Each level adds half as much,
-// and half of what the dead time may take.
+// Voltage of the wiring's test: a pulse of it makes the wanted current in the file's machine.
 COLD static int32_t wiring_v_q25(const vector_t *v, int32_t peak_i_q17) {
   const parameters_t *p = v->p;
-  const int32_t samples = 2 * p->vector_tick_samples;
   const int32_t step_v_q25 = gain_apply(peak_i_q17 * 256, p->vector_impedance);
-  const int32_t first_v_q25 = step_v_q25 / samples + (int32_t)(((int64_t)step_v_q25 * p->vector_resistance_q30) >> 30);
-  const int32_t lost_q16 = (int32_t)(((uint32_t)p->dead_time_cycles << 17) / v->report.period_cycles);
-  return first_v_q25 + (int32_t)v->wiring.level * ((first_v_q25 + mul_q16(v->report.vdc_v_q25, lost_q16)) / 2);
+  int32_t voltage_v_q25 = step_v_q25 / (WIRING_PULSE_TICKS * p->vector_tick_samples);
+  voltage_v_q25 += (int32_t)(((int64_t)step_v_q25 * p->vector_resistance_q30) >> 30);
+  for (uint32_t level = 0; level < v->wiring.level; level++) {
+    voltage_v_q25 += voltage_v_q25 / 2;
+  }
+  return voltage_v_q25;
 }
 
 // A tick of the wiring's test.
