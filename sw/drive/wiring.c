@@ -36,19 +36,17 @@ static int32_t largest(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
 // Every leg is seen by its own sensor, with its own sign, and the sum over the legs is larger so than in any other order:
 // a saliency makes one leg's share small, never the sum.
 static bool in_order(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
+  static const uint8_t wrong[][WIRING_LEGS] = {{0, 2, 1}, {1, 0, 2}, {2, 1, 0}, {1, 2, 0}, {2, 0, 1}};
   const int32_t own = m[0][0] + m[1][1] + m[2][2];
-  for (uint32_t k = 0; k < WIRING_LEGS; k++) {
-    if (m[k][k] <= own / 12) {
-      return false;
+  for (uint32_t order = 0; order < sizeof wrong / sizeof wrong[0]; order++) {
+    int32_t other = 0;
+    for (uint32_t k = 0; k < WIRING_LEGS; k++) {
+      other += abs_sat(m[k][wrong[order][k]]);
+      if (m[k][k] <= own / 12) {
+        return false;
+      }
     }
-    int32_t turned = 0;
-    int32_t mirrored = 0;
-    for (uint32_t j = 0; j < WIRING_LEGS; j++) {
-      turned += abs_sat(m[j][(j + k) % WIRING_LEGS]);
-      mirrored += abs_sat(m[j][(k + WIRING_LEGS - j) % WIRING_LEGS]);
-    }
-    const int32_t most = own - own / 16;
-    if (mirrored > most || (k > 0u && turned > most)) {
+    if (other > own - own / 16) {
       return false;
     }
   }
