@@ -137,10 +137,9 @@ def convert(s: Vector, io: IntVector) -> None:
     if edges:
         edge_advance(s)
     for channel in range(2 * PHASES + 3):
-        source = int(s[L.SOURCE + channel])
-        value = channel_value(s, source)
+        value = channel_value(s, channel)
         if edges:
-            value += edge_value(s, source)
+            value += edge_value(s, channel)
         value = value * s[L.CODES_PER_UNIT + channel] + s[L.CODE_ZERO + channel]
         if noisy:
             value += s[L.NOISE_LSB] * noise(s, channel, bits)
