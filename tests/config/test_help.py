@@ -22,6 +22,7 @@ from fluxlock.base.paths import ROOT
 from fluxlock.base.writable import EXIT_READER_GONE
 from fluxlock.help import GROUPS, complete_toml
 from fluxlock.motor_info import number, scale
+from fluxverify import cli as verify_cli
 from tests.docs.test_commands import check_fluxlock
 
 EXAMPLE = re.compile(r"^fluxlock (.+)$", re.MULTILINE)
@@ -83,6 +84,19 @@ def test_examples(words: tuple[str, ...], command: Any) -> None:
     for line in lines:
         assert line.split()[: len(words)] == list(words)
         check_fluxlock(shlex.split(line))
+
+
+@pytest.mark.parametrize("name", ["regression", "campaign", "fuzz", "figures", "mutate"])
+def test_examples_of_verification(name: str) -> None:
+    """The same for the commands of `fluxverify`.
+
+    Verifies: FRONT-60, DOC-04
+    """
+    command: Any = typer.main.get_command(verify_cli.app)
+    assert len(command.commands) == 5
+    (line,) = re.findall(r"^fluxverify (.+)$", command.commands[name].epilog or "", re.MULTILINE)
+    assert line.split()[0] == name
+    check_fluxlock(shlex.split(line), verify_cli.app)
 
 
 @pytest.mark.parametrize("words", [("--help",), RUN, ("motor",), INFO], ids=["help", "run", "motor", "info"])

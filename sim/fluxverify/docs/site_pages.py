@@ -92,11 +92,16 @@ def _python(text: str, audience: str) -> tuple[Extra, dict[str, str]]:
 
 def commands_page(audience: str) -> str:
     """All commands with their options, as the command line itself describes them."""
-    command = [sys.executable, "-m", "typer", "fluxlock.cli", "utils", "docs", "--name", "fluxlock"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    text = done.stdout.replace("```console\n$ ", "```\n")
-    text = re.sub(r"^(#+) `fluxlock (.+)`$", r"\1 fluxlock \2", text, flags=re.MULTILINE)
-    return re.sub(r"\A# .*\n", f"# Commands\n\n{audience}\n", text, count=1)
+    texts = []
+    for name in ("fluxlock", "fluxverify"):
+        command = [sys.executable, "-m", "typer", f"{name}.cli", "utils", "docs", "--name", name]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+        text = done.stdout.replace("```console\n$ ", "```\n")
+        texts.append(re.sub(rf"^(#+) `{name} (.+)`$", rf"\1 {name} \2", text, flags=re.MULTILINE))
+    product, verification = texts
+    # Its commands go on where those of the product end.
+    head = re.sub(r"\A# .*\n", f"# Commands\n\n{audience}\n", product, count=1)
+    return head + verification[verification.index("## ") :]
 
 
 def words_of(key: str) -> str:
