@@ -28,7 +28,7 @@ from fluxlock.base.progress import ProgressBar
 from fluxlock.base.stage import PLOTTING, ProgressInfo
 from fluxlock.base.writable import InUseError, alone, check_file
 from fluxlock.can.can_bus import DEFAULT as DEFAULT_BUS
-from fluxlock.command_line import EXIT_FAILED, SeedOption, run_command_line
+from fluxlock.command_line import EXIT_FAILED, SeedOption, SetOption, run_command_line
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.edge.cli import app as edge_app
 from fluxlock.edge.inverter_cli import app as inverter_app
@@ -85,10 +85,6 @@ app.command(
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario file (TOML).", autocompletion=complete_toml("scenarios"))
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
 ]
 OverloadOption = Annotated[
     bool,

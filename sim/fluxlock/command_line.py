@@ -21,17 +21,15 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from fluxlock.base.writable import EXIT_READER_GONE, reader_gone, refusal
+from fluxlock.base.interrupts import EXIT_INTERRUPTED
+from fluxlock.base.writable import EXIT_BAD_INPUT, EXIT_READER_GONE, reader_gone, refusal
 from fluxlock.config import ConfigError, Problem
+from fluxlock.config.scenario import SEED_MAX
 from fluxlock.generated import SourceError
 from fluxlock.help import fit_help
 
 EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 128 + signal.SIGINT
 EXIT_TERMINATED = 128 + signal.SIGTERM
-
-SEED_MAX = 2**31 - 1
 
 
 def read_seed(text: str) -> int:
@@ -42,6 +40,10 @@ def read_seed(text: str) -> int:
 
 
 SeedOption = Annotated[int | None, typer.Option(parser=read_seed, metavar="NUMBER", help="Seed of the noise.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
+]
 
 
 def _report_usage(error: typer.TyperException, program: str) -> None:

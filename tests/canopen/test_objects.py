@@ -169,6 +169,7 @@ def test_contradictions(tmp_path: Path, old: str, new: str, message: str) -> Non
     ("line", "name"),
     [
         ("    case OD_OBSERVER_ANGLE:\n", "observer_angle"),
+        ("    case OD_CAPTURE_LANES:\n", "capture_lanes"),  # which link_write names too
         ("  if (number == OD_FAULT_TOTAL) {\n", "fault_total"),
         ("number <= OD_RESTART_VALUE", "restart_number, restart_reason, restart_cause, restart_address, restart_value"),
     ],

@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.outcome import finished
+from fluxlock.firmware.binding import names
 from fluxlock.live import cli
 from fluxlock.live.server import PAGE
 from fluxlock.native.player import player
@@ -197,3 +198,14 @@ def test_vendored() -> None:
     for name in ("index.html", "live.js", "pictures.js", "live.css"):
         text = (PAGE / name).read_text(encoding="utf-8")
         assert "//" not in re.sub(r"^\s*//.*$|  //.*$", "", text, flags=re.MULTILINE)
+
+
+def test_the_graph_has_every_state_of_the_drive() -> None:
+    """A state that the page could not draw would end its drawing.
+
+    Verifies: LIVE-07
+    """
+    (nodes,) = re.findall(
+        r"^const NODES = (\{.*\});$", (PAGE / "pictures.js").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert re.findall(r"(\w+): \[", nodes) == list(names("drive_state_t"))

@@ -15,11 +15,12 @@ from fluxlock.cli import app
 from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.native.vector_chip import set_machine
 from fluxlock.native.vector_run import Play
-from fluxlock.replay.fit import PARAMETERS, Replay, scaled
+from fluxlock.replay.fit import PARAMETERS, Replay
 from fluxlock.replay.table import NEEDED, read_table
 
 VECTOR = "scenarios/vector/start.toml"
 TRUE = {"R": 1.15, "L": 0.88, "psi": 1.07, "J": 1.25}  # of the motor file
+KEYS = {"R": "resistance_ohm", "L": "inductance_h", "psi": "psi_vs", "J": "inertia_kgm2"}
 WITHIN = 0.03
 BEGIN_S, END_S, EVERY = 0.01, 0.35, 10
 HEAD = "t [s],target [r/min],speed [r/min],vdc [V],ia [A],ib [A],ic [A],idc [A],va [V],vb [V],vc [V]"
@@ -33,8 +34,15 @@ def scenario() -> Scenario:
 @pytest.fixture(scope="module")
 def log(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a machine that no file names, with another seed of the noise."""
+    motor = scenario.motor
+    assert not any(motor.mutual_h) and motor.inductance_q_h is None  # else these would have to be changed too
+    own = {name: getattr(motor, key) for name, key in KEYS.items()}
+    changed = [
+        f"motor.{KEYS[name]}={[factor * x for x in own[name]] if name != 'J' else factor * own[name]}"
+        for name, factor in TRUE.items()
+    ]
     play = Play(scenario, 7)
-    set_machine(play.chip.plant, scaled(scenario.motor, TRUE), scenario.inverter.on_resistance_ohm)
+    set_machine(play.chip.plant, load_scenario(VECTOR, changed).motor, scenario.inverter.on_resistance_ohm)
     play.advance(BEGIN_S)
     play.command("set speed_rpm 30000")
     play.command("start")

@@ -51,12 +51,13 @@ def _row(entry: Entry) -> str:
 def check_reads(dictionary: Dictionary, reader: str) -> None:
     """DictionaryError names the live objects that the C function does not read. The compiler names the reverse.
 
-    reader: text of the C source. An object is read if the text names its number, or a range that holds it. The objects
-    of the settings are read by their table.
+    reader: text of the C source. An object is read if the function names its number, or a range that holds it. The
+    objects of the settings are read by their table.
     """
+    body = reader[reader.index("uint32_t link_read(") :].partition("\n}\n")[0]
     numbers = {f"OD_{entry.name.upper()}": number for number, entry in enumerate(dictionary.entries)}
-    read = {numbers[name] for name in re.findall(r"\b(?:case|number ==) (OD_\w+)", reader) if name in numbers}
-    for first, last in re.findall(r"number >= (OD_\w+) && number <= (OD_\w+)", reader):
+    read = {numbers[name] for name in re.findall(r"\b(?:case|number ==) (OD_\w+)", body) if name in numbers}
+    for first, last in re.findall(r"number >= (OD_\w+) && number <= (OD_\w+)", body):
         if first in numbers and last in numbers:
             read |= set(range(numbers[first], numbers[last] + 1))
     by_table = {f"setting_{setting.name}" for setting in settings.objects()}

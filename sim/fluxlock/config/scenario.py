@@ -38,6 +38,8 @@ from fluxlock.interface.kinds import DriveFault, TripCause
 Channel = Literal["va", "vb", "vc", "ia", "ib", "ic", "vdc", "idc", "vsm"]
 
 # Metrics of a measuring window, dotted. The analysis computes exactly these.
+SEED_MAX = 2**31 - 1
+
 METRICS = (
     "speed_rpm.mean",
     "speed_rpm.min",
@@ -120,6 +122,10 @@ class Mechanics(Model):
         return self
 
 
+HALL_GLITCH_S, DEAD_CORE_S = 1e-3, 5e-3
+NOISY_LSB = 100.0
+
+
 class Fault(Model):
     """A fault of the plant."""
 
@@ -141,8 +147,9 @@ class Fault(Model):
         "`stuck_high`, `stuck_low`: the upper or lower switch of their legs conducts for ever, and where the other "
         "one is asked for the driver holds it off and reports a fault; `fault_pin`: the gate driver reports a "
         "fault; `stuck_channel`: a converter channel keeps one code; `noisy_channels`: all of them have more noise; "
-        "`stuck_rotor`: the rotor stands at once; `hall_glitch`: Hall sensor A shows the wrong level for 1 ms; "
-        "`dead_core`: the soft core hangs in its control interrupt for 5 ms; `clear`: all faults end."
+        "`stuck_rotor`: the rotor stands at once; `hall_glitch`: Hall sensor A shows the wrong level for "
+        f"{1e3 * HALL_GLITCH_S:g} ms; `dead_core`: the soft core hangs in its control interrupt for "
+        f"{1e3 * DEAD_CORE_S:g} ms; `clear`: all faults end."
     )
     phases: list[Literal["A", "B", "C", "D", "E"]] | None = Field(
         default=None, min_length=1, max_length=5, description="Phases that have the fault."
@@ -162,7 +169,7 @@ class Fault(Model):
         0.0,
         2048,
         default=None,
-        absent="100 for noisy channels",
+        absent=f"{NOISY_LSB:g} for noisy channels",
     )
     code: int | None = quantity("Code of the stuck channel.", "", 0, 4095, default=None, absent="the code at that time")
 
@@ -359,7 +366,7 @@ class Scenario(Model):
     motor: Motor = Field(description="Motor file, relative to this file.")
     inverter: Inverter = Field(description="Inverter file, relative to this file.")
     duration_s: float = quantity("Simulated time.", "s", 1e-4, 3600)
-    seed: int = quantity("Seed of the noise; `--seed` overrides it.", "", 0, 2**31 - 1, default=1)
+    seed: int = quantity("Seed of the noise; `--seed` overrides it.", "", 0, SEED_MAX, default=1)
     expect_trip: list[TripCause] = Field(
         default_factory=list, description="Trips that must happen, all others fail the run."
     )

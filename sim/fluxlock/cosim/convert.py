@@ -12,7 +12,7 @@ from typing import Any
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Inverter, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S, machine_params
-from fluxlock.config.scenario import Event
+from fluxlock.config.scenario import DEAD_CORE_S, HALL_GLITCH_S, NOISY_LSB, Event
 from fluxlock.cosim.broken_code import TO_ITSELF, entry, rewrite
 from fluxlock.cosim.plan import Action
 from fluxlock.plant import (
@@ -23,8 +23,6 @@ from fluxlock.plant import (
     SensingParams,
     channel_names,
 )
-
-HALL_GLITCH_S, DEAD_CORE_S = 1e-3, 5e-3
 
 
 def inverter_params(i: Inverter) -> InverterParams:
@@ -118,7 +116,7 @@ def action_of(s: Scenario, event: Event) -> Action:
     elif fault.kind == "stuck_channel":
         value = {"channel": fault.channel, "code": fault.code}
     elif fault.kind == "noisy_channels":
-        value = {} if fault.noise_lsb is None else {"noise_lsb": fault.noise_lsb}
+        value = {"noise_lsb": NOISY_LSB if fault.noise_lsb is None else fault.noise_lsb}
     elif fault.kind == "hall_glitch":
         return Action(cycle, "pin", {"pin": "hall_i[0]", "cycles": round(HALL_GLITCH_S * CLOCK_HZ), "level": None})
     else:

@@ -13,6 +13,7 @@ import typer
 
 from fluxlock.base.paths import ROOT
 from fluxlock.base.writable import check_folder
+from fluxlock.command_line import SetOption
 from fluxlock.config import ConfigError, Problem, load_scenario
 from fluxlock.help import complete_toml
 
@@ -46,10 +47,7 @@ def export(
             autocompletion=complete_toml("scenarios"),
         ),
     ] = SCENARIO,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
+    set_: SetOption = None,
     clocks: Annotated[
         int,
         typer.Option(

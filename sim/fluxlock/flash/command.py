@@ -19,6 +19,7 @@ from fluxlock.base.progress import counting_bars
 from fluxlock.can.can_bus import OPTION as CAN_OPTION
 from fluxlock.can.can_bus import open_bus
 from fluxlock.clock import CLOCK_HZ
+from fluxlock.command_line import SetOption
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.config.drive import MotorError
 from fluxlock.generate.memory import RAM_BYTES
@@ -130,10 +131,7 @@ def flash(
             help="With --can: what is stored in the board's flash, default 500; socketcan has the kernel's.",
         ),
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
+    set_: SetOption = None,
     ram_kib: Annotated[
         int,
         typer.Option(metavar="KIB", help="RAM of the board's chip; with less than 128 one method is held only."),

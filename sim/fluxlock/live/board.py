@@ -28,6 +28,7 @@ from fluxlock.live.twin import shown_setting
 
 REPLY_S = 1.0  # after which a board is taken for gone
 TRIES = 3
+BY_HAND = "a board is broken by hand: this page has no hold of its wires"
 # Trace: value of the console and its factor.
 TOLD = {
     "measured_rpm": ("measured_rpm", 1.0),
@@ -123,8 +124,8 @@ class Board:
             "settings": self._settings,
             "states": STATES,
             "faults": [
-                entry | {"order": None, "why": "a board is broken by hand: this page has no hold of its wires"}
-                for entry in catalogue(s, lambda fault: True)
+                entry | {"order": None, "why": BY_HAND}
+                for entry in catalogue(s, lambda fault: BY_HAND)
                 if entry["name"] != "Mend all"
             ],
             "without": [name for name in NAMES if name not in known],

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fluxlock.base.paths import RESULTS
+from fluxlock.command_line import SEED_MAX, SetOption
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem
 from fluxlock.help import complete_toml
 from fluxlock.theory.six_step.output import prepare_folder
@@ -47,12 +48,9 @@ def live(
         str | None, typer.Option(help="Word that a viewer must know; beyond this machine one is made if none is given.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of exports, default build/<name of the file>-live.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
+    set_: SetOption = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, max=2**31 - 1, help="Seed of the noise, default the scenario's.")
+        int | None, typer.Option(min=0, max=SEED_MAX, help="Seed of the noise, default the scenario's.")
     ] = None,
     speed: Annotated[
         float, typer.Option(min=0.0, max=100.0, help="Simulated over real time at the begin; 0: paused.")

@@ -9,16 +9,16 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from fluxlock.config import Scenario
-from fluxlock.config.scenario import Fault
+from fluxlock.config.scenario import DEAD_CORE_S, HALL_GLITCH_S, NOISY_LSB, Fault
 
 SHORT_TURNS = 0.1  # that still act
 PHASES: tuple[Literal["A", "B", "C", "D", "E"], ...] = ("A", "B", "C", "D", "E")
 
 
-def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> list[dict[str, Any]]:
+def catalogue(scenario: Scenario, missing: Callable[[Fault], str]) -> list[dict[str, Any]]:
     """Buttons in their order: name, explanation, and the message that a click sends or the reason why there is none.
 
-    missing: why a source does not have a fault; False: it has.
+    missing: why a source does not have a fault; "": it has.
     """
     supply_v = scenario.inverter.supply_v
     faults: list[tuple[str, str, Fault]] = [
@@ -34,17 +34,17 @@ def catalogue(scenario: Scenario, missing: Callable[[Fault], str | bool]) -> lis
         ("Upper switch A stuck", "it conducts for ever", Fault(kind="stuck_high", phases=["A"])),
         ("Stuck sensor ia", "the converter keeps its code", Fault(kind="stuck_channel", channel="ia")),
         ("Stuck sensor vdc", "the converter keeps its code", Fault(kind="stuck_channel", channel="vdc")),
-        ("Noisy sensors", "100 LSB on all channels", Fault(kind="noisy_channels")),
-        ("Hall glitch", "sensor A shows the wrong level for 1 ms", Fault(kind="hall_glitch")),
+        ("Noisy sensors", f"{NOISY_LSB:g} LSB on all channels", Fault(kind="noisy_channels")),
+        ("Hall glitch", f"sensor A shows the wrong level for {1e3 * HALL_GLITCH_S:g} ms", Fault(kind="hall_glitch")),
         ("Stuck rotor", "it stands at once", Fault(kind="stuck_rotor")),
-        ("Dead core", "it hangs in its control interrupt for 5 ms", Fault(kind="dead_core")),
+        ("Dead core", f"it hangs in its control interrupt for {1e3 * DEAD_CORE_S:g} ms", Fault(kind="dead_core")),
         ("Driver's fault pin", "the gate driver reports a fault", Fault(kind="fault_pin")),
     ]
     shown: list[dict[str, Any]] = []
     for name, text, fault in faults:
         why = missing(fault) or without(scenario, fault)
         order: dict[str, Any] = {"kind": "fault", "fault": fault.model_dump(exclude_unset=True)}
-        shown.append({"name": name, "text": text, "order": None if why else order, "why": why or ""})
+        shown.append({"name": name, "text": text, "order": None if why else order, "why": why})
     for name, text, volt in (
         ("Sag", "the supply falls to a half; the slider brings it back", supply_v / 2),
         ("Supply loss", "the link is shorted; the slider brings it back", 0.0),

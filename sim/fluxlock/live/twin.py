@@ -113,10 +113,10 @@ class Twin:
         """The console takes no line before the drive has booted."""
         return BOOT_S if isinstance(action, (messages.Drive, messages.Set)) else 0.0
 
-    def _missing(self, fault: Fault) -> str | bool:
-        """Why the twin does not have a fault."""
+    def _missing(self, fault: Fault) -> str:
+        """Why the twin does not have a fault; "": it has."""
         why = not_played(fault, self.scenario.mechanics)
-        return f"{why}; on the chip, `fluxlock run` has it as an event of the scenario" if why else False
+        return f"{why}; on the chip, `fluxlock run` has it as an event of the scenario" if why else ""
 
     def _keys(self, action: messages.Action) -> dict[str, Any]:
         """Keys of the event that an action is."""
@@ -125,7 +125,7 @@ class Twin:
         if isinstance(action, messages.Supply):
             return {"supply_v": action.volt, "ramp_s": action.ramp_s}
         if isinstance(action, messages.Break):
-            if isinstance(why := self._missing(action.fault) or without(self.scenario, action.fault), str) and why:
+            if why := self._missing(action.fault) or without(self.scenario, action.fault):
                 raise RefusedError(why)
             return {"fault": action.fault.model_dump(exclude_unset=True)}
         if isinstance(action, messages.Set):

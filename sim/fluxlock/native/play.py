@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.config import Problem, Scenario
-from fluxlock.config.scenario import Event, Fault, Mechanics
+from fluxlock.config.scenario import NOISY_LSB, Event, Fault, Mechanics
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
 from fluxlock.python_load import PythonLoad
@@ -33,7 +33,6 @@ LEAST_LINK_V = 1e-3
 # Faults of the plant that both machines know: `open_phase` of one phase, `stuck_rotor` of a free one.
 FAULTS = ("open_phase", "fault_pin", "stuck_rotor", "noisy_channels", "clear")
 PHASES = "ABC"
-NOISE_LSB = 100.0  # of noisy channels
 
 
 def not_played(fault: Fault, mechanics: Mechanics) -> str | bool:
@@ -208,7 +207,7 @@ class ScenarioPlay(ABC):
         elif fault.kind == "stuck_rotor":
             self.set_locked(True)
         elif fault.kind == "noisy_channels":
-            self.set_noise(NOISE_LSB if fault.noise_lsb is None else fault.noise_lsb)
+            self.set_noise(NOISY_LSB if fault.noise_lsb is None else fault.noise_lsb)
         else:
             self.open_phase(None)
             self.set_pin(False)

@@ -91,7 +91,7 @@ class Plant:
         self._zoom = zoom_buffer(self.state, self.phases)
         self._events = event_buffer(self.state)
         self._turns = [1.0] * self.phases
-        self._stuck = False  # the rotor, by a fault
+        self._broken: set[str] = set()  # by a fault: `stuck_rotor`, `noisy_channels`
 
     @property
     def address(self) -> int:
@@ -285,7 +285,7 @@ class Plant:
         channel: str = "ia",
         code: int | None = None,
         level: bool = True,
-        noise_lsb: float = 100.0,
+        noise_lsb: float = 0.0,
     ) -> None:
         """Break something, now.
 
@@ -327,9 +327,10 @@ class Plant:
             s[L.STUCK + index] = stuck
         elif kind == "noisy_channels":
             self.disturb(noise_lsb=noise_lsb)
+            self._broken.add(kind)
         elif kind == "stuck_rotor":
             self.set_mechanics("locked")
-            self._stuck = True
+            self._broken.add(kind)
         elif kind == "fault_pin":
             s[L.FAULT_PIN] = float(level)
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1 | int(level)
@@ -339,10 +340,11 @@ class Plant:
             s[L.LEG_FAULT : L.LEG_FAULT + L.LEGS] = L.WHOLE
             s[L.STUCK : L.STUCK + L.CHANNELS] = -1.0
             s[L.FAULT_PIN] = 0.0
-            self.disturb(noise_lsb=self.params.sensing.noise_lsb_rms)
-            if self._stuck:
+            if "noisy_channels" in self._broken:
+                self.disturb(noise_lsb=self.params.sensing.noise_lsb_rms)
+            if "stuck_rotor" in self._broken:
                 self.set_mechanics(self.params.mechanics.mode)
-                self._stuck = False
+            self._broken.clear()
             self.io[L.IO_PINS] = int(self.io[L.IO_PINS]) & ~1
         else:
             require(False, "kind", kind, ", ".join(FAULT_KINDS[:-1]) + f" or {FAULT_KINDS[-1]}")

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from fluxlock.base.paths import needs_checkout
+from fluxlock.command_line import SEED_MAX
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
 from fluxlock.population.draw import POPULATIONS, Population
@@ -24,7 +25,7 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
-SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the population.")]
+SeedOption = Annotated[int, typer.Option(min=0, max=SEED_MAX, help="Seed of the population.")]
 MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step, vector or injection.")]
 
 

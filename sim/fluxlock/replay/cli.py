@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from fluxlock.command_line import SeedOption, SetOption
 from fluxlock.help import complete_toml
 
 
@@ -19,11 +20,8 @@ def replay(
         Path,
         typer.Argument(help="Scenario file (TOML) of the drive.", autocompletion=complete_toml("scenarios")),
     ],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the twin's noise.")] = 1,
+    set_: SetOption = None,
+    seed: SeedOption = None,
 ) -> None:
     """Drive the twin with a log's demand and link voltage, and find R, L, flux and inertia of the machine in the log.
 
@@ -34,7 +32,8 @@ def replay(
     from fluxlock.replay.table import read_table
 
     table = read_table(log)
-    run = Replay(checked(scenario, set_ or ()), table, seed)
+    loaded = checked(scenario, set_ or ())
+    run = Replay(loaded, table, loaded.seed if seed is None else seed)
     print(f"{log}: {table['time'].size} rows, {run.end_s:.3f} s; fitting {', '.join(run.fitted)}", flush=True)
     found = run.fit()
     for name in PARAMETERS:

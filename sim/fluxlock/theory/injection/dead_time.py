@@ -5,7 +5,7 @@
 
     python -m fluxlock.theory.injection.dead_time
 
-prints the rows of docs/theory/five-phase.md. Mean voltages, as in `injection_cases`, do not show it: the ripple of the
+prints the rows of docs/theory/five-phase.md. Mean voltages, as in `cases`, do not show it: the ripple of the
 carrier turns the sign of the currents at the edges.
 """
 

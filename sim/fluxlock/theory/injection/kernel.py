@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole injection drive, a control period a step, compiled by numba: converter and control on `injection_machine`.
+"""The whole injection drive, a control period a step, compiled by numba: converter and control on `machine`.
 
-Called by `injection_loop`, which makes the arguments and says what the settings mean. Angles electrical, rad; SI units.
+Called by `loop`, which makes the arguments and says what the settings mean. Angles electrical, rad; SI units.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ COLUMNS = 13
 
 
 class ControlSet(NamedTuple):
-    """See `injection_loop.Settings`."""
+    """See `loop.Settings`."""
 
     ts: float
     substeps: int

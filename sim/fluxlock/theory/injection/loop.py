@@ -5,7 +5,7 @@
 
 Machine in two planes with saturation, injection on the estimated axis, current regulators, inverter as mean voltages a
 sample period with dead time, converter with noise, demodulators, angle sequences, phase-locked loop of second or third
-order, cross-coupling curve, speed loop, mechanics. The kernel stands in `injection_kernel`. Errors are theta_hat -
+order, cross-coupling curve, speed loop, mechanics. The kernel stands in `kernel`. Errors are theta_hat -
 theta; sequences are stated by `lead` and `report`, in sample periods of rotation:
 
     Park at the estimate of the sample; inverse Park `lead` omega T_s further; reported angle `report` omega T_s further
