@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -18,6 +20,7 @@ from fluxlock.config.errors import ConfigError, Problem
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 ANSWER_S = 10  # a scheduler that has not answered by then is not there
+LOOK_S = 0.2
 LOST = (
     "a worker process ended before its result: the machine has run out of memory, or a script asks for jobs > 1 "
     'outside of `if __name__ == "__main__":`'
@@ -35,20 +38,53 @@ def side_by_side(
     jobs: int,
     done: Callable[[Item, Result], None],
     scheduler: str | None = None,
+    look: Callable[[], None] | None = None,
 ) -> None:
     """Call work(item) for all items; done: called with every result as it comes, in this process.
 
     jobs: processes of this machine; 1: this one alone. scheduler: address of a Dask scheduler, in place of them; a
-    worker that is lost costs its item's run, which another one repeats. An exception of `work` ends the rest and is
+    worker that is lost costs its item's run, which another one repeats. look: called a few times a second meanwhile, in
+    a thread of this process, for items that leave files as they go on. An exception of `work` ends the rest and is
     raised. WorkerLost: a process ended. ConfigError: no scheduler answers.
     """
-    if scheduler is not None:
-        _on_dask(work, items, scheduler, done)
-    elif jobs > 1:
-        _in_processes(work, items, jobs, done)
-    else:
-        for item in items:
-            done(item, work(item))
+    with _looking(look):
+        if scheduler is not None:
+            _on_dask(work, items, scheduler, done)
+        elif jobs > 1:
+            _in_processes(work, items, jobs, done)
+        else:
+            for item in items:
+                done(item, work(item))
+
+
+def shares(items: Sequence[Item], most: int) -> list[tuple[Item, ...]]:
+    """Items dealt out, at most so many to a share, for work that begins with something which all of a share use.
+
+    >>> shares("abcde", 2)
+    [('a', 'd'), ('b', 'e'), ('c',)]
+    """
+    count = -(-len(items) // most)
+    return [tuple(items[k::count]) for k in range(count)]
+
+
+@contextmanager
+def _looking(look: Callable[[], None] | None) -> Iterator[None]:
+    stop = threading.Event()
+
+    def watch(seen: Callable[[], None]) -> None:
+        while not stop.wait(LOOK_S):
+            seen()
+
+    if look is None:
+        yield
+        return
+    watcher = threading.Thread(target=watch, args=(look,), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        watcher.join()
 
 
 def _in_processes(

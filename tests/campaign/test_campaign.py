@@ -58,7 +58,7 @@ def test_upsets_before_boot() -> None:
     """
     print(f"seed {SEED}")
     (drive,) = (d for d in DRIVES if d.moments[0].boot)
-    rows = run_drive(drive, SEED, quick=True, jobs=1)
+    rows = run_drive(drive, SEED, quick=True, jobs=2)
     assert rows
     for row in rows:
         print(row)

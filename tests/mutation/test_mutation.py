@@ -37,7 +37,7 @@ COUNT = 16
 @pytest.fixture(scope="module")
 def result() -> dict[str, Any]:
     (folder(SMALL) / "outcomes.jsonl").unlink(missing_ok=True)  # of an earlier run of these tests
-    return measure(SMALL, COUNT, 1, 1, lambda _: None)
+    return measure(SMALL, COUNT, 1, 2, lambda _: None)
 
 
 def test_outcome_of_each_mutant(result: dict[str, Any]) -> None:

@@ -3,21 +3,21 @@
 
 """Many ends of one run: the simulator's process is copied where they part, each copy goes on with actions of its own.
 
-A copy needs neither start-up nor the time until the moment that is looked at.
+A copy needs neither start-up nor the time until the moment that is looked at. One copy runs at a time; who wants more
+side by side runs more simulators (`fluxlock.workers`).
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 import re
-import signal
 import sys
 import time
 import traceback
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from fluxlock.base.processes import end_with_parent
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import Action, Branch
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
@@ -25,7 +25,6 @@ from fluxlock.generate.memory import TELEMETRY_ADDRESS
 if TYPE_CHECKING:
     from fluxlock.cosim.session import Session
 
-PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
 STATE_ADDRESS = TELEMETRY_ADDRESS + 16  # telemetry.h
 STATE_STARTING, STATE_FAULT = 2, 5  # drive.h
 LOOK_CYCLES = 25_000
@@ -34,33 +33,22 @@ QUESTIONS, ANSWER_LOOKS = 3, 20
 PATIENCE = 3
 
 
-def end_with_parent() -> None:
-    """Have the kernel end this process with the one that started it, however that one ends (Linux only)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # noqa: TID251  # of the system, not the firmware
-
-
 async def run_branches(session: Session) -> None:
     """Lead the run through its moments, the copies to their ends. Returns in the original process only."""
     plan = session.plan
     pending = sorted(plan.actions, key=lambda a: a.cycle)
-    running: set[int] = set()
     for cycle in sorted({branch.cycle for branch in plan.branches}):
         while pending and pending[0].cycle <= cycle:
             await session.advance(pending[0].cycle)
             session.act(pending.pop(0))
         await session.advance(cycle)
         for branch in (b for b in plan.branches if b.cycle == cycle):
-            while len(running) >= plan.jobs:
-                running.remove(os.wait()[0])
             sys.stdout.flush()
             sys.stderr.flush()
             pid = os.fork()
             if pid == 0:
                 await _end_of(session, branch, pending)
-            running.add(pid)
-    while running:
-        running.remove(os.wait()[0])
+            os.waitpid(pid, 0)
     session.planned_lines = len(session.lines.lines)
     session.wall_s = time.perf_counter() - session.begin_s
 

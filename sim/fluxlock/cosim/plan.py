@@ -126,9 +126,9 @@ class SessionPlan:
     level; a recording is replayed with 0. recording: also record the chip's inputs for a replay. dialogue: talks to the
     chip in place of the actions; the run ends with it, with a fault if that is not before `duration_cycles`.
     peer: is on the chip's CAN bus, at can_place; not with a dialogue. log_can: log the levels of chip and bus.
-    branches: copies of the process from a cycle on, `jobs` at a time; the run itself ends with the last of them. watch:
-    words of the soft core's memory that a copy looks at. trace: clocks from..to whose instructions the
-    simulator writes down. gdb: file number of the socket at which the core waits for a debugger. Both need a chip that
+    branches: copies of the process from a cycle on, one after the other; the run itself ends with the last of them.
+    watch: words of the soft core's memory that a copy looks at. trace: clocks from..to whose instructions the simulator
+    writes down. gdb: file number of the socket at which the core waits for a debugger. Both need a chip that
     shows its core. own_load: written in Python, asked until the plan's end; not with a dialogue or branches.
     """
 
@@ -151,7 +151,6 @@ class SessionPlan:
     can_place: CanPlace = CanPlace()
     log_can: bool = False
     branches: tuple[Branch, ...] = ()
-    jobs: int = 1
     watch: tuple[int, ...] = ()
     trace: tuple[int, int] | None = None
     gdb: int | None = None

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import cocotb
 
-from fluxlock.cosim.branches import end_with_parent, run_branches
+from fluxlock.base.processes import end_with_parent
+from fluxlock.cosim.branches import run_branches
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.plan import PLAN_ENV, RECORDING_FILE, ConversationError, Dialogue, SessionPlan
 from fluxlock.cosim.session import BOOT_CYCLES, LISTEN_CYCLES, REPLY_S, ConsoleSilent, PlantFault, Session

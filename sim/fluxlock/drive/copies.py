@@ -16,7 +16,7 @@ from typing import IO, Any, Generic, TypeVar
 
 from cocotb.task import Task, current_task
 
-from fluxlock.cosim.branches import end_with_parent
+from fluxlock.base.processes import end_with_parent
 
 Value = TypeVar("Value")
 FAILED = "failed"

@@ -17,8 +17,8 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
+from fluxlock.base.processes import end_with_parent
 from fluxlock.config import Scenario
-from fluxlock.cosim.branches import end_with_parent
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import PLAN_ENV, Action, SessionPlan
 from fluxlock.cosim.session import BOOT_CYCLES, LISTEN_CYCLES, PlantFault, Session

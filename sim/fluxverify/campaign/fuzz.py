@@ -16,6 +16,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from fluxlock.firmware.toolchain import build_fuzz
 from fluxlock.generate.memory import FUZZ_ADDRESS
 from fluxlock.results.gates import gate_safety
 from fluxlock.results.rundata import LogKind, RunData
+from fluxlock.workers import shares, side_by_side
 from fluxverify.campaign.judge import CURRENT_S, PULSE_S, over_current_s
 
 FOLDER = BUILD / "fuzz"
@@ -156,31 +158,40 @@ def _run_of(seed: int, data: RunData, meta: dict[str, Any], limit_a: float, sinc
 
 def fuzz(name: str, seed: int, count: int = COPIES, span_s: float = SPAN_S, jobs: int = 1) -> list[FuzzRun]:
     """`count` copies of a drive that go astray and are looked at for span_s."""
-    drive = DRIVES[name]
-    scenario = drive.load()
-    seeds = _seeds(seed, count)
-    cycle, span = round(drive.at_s * CLOCK_HZ), round(span_s * CLOCK_HZ)
+    seeds, found = _seeds(seed, count), dict[int, FuzzRun]()
     with alone(FOLDER / name, wait=True):
-        folder = FOLDER / name / "runs"
-        shutil.rmtree(folder, ignore_errors=True)
-        branches = tuple(Branch(cycle, _told(s, cycle), span, span, folder / str(s)) for s in seeds)
-        phases, injects = scenario.motor.phases, scenario.drive.vector.injection is not None
-        plan = prepare(scenario, folder / "simulator", seed, image=build_fuzz(phases, scenario.drive.method))
-        watch = (COUNT_ADDRESS, WINDOWS_ADDRESS)
-        plan = replace(plan, branches=branches, jobs=jobs, watch=watch, final_commands=())
-        meta = run_plan(plan, build_chip(phases=phases, injection=injects, can=drive.can))
-        if meta["fault"]:
-            raise SimulatorError(f"the run before the writes broke off: {meta['fault']}")
-        limit_a = scenario.inverter.protection.phase_current_a
-        runs = []
-        for own, branch in zip(seeds, branches, strict=True):
-            path = branch.folder / META_FILE
-            if not path.exists():
-                runs.append(FuzzRun(own, broke_off=f"see {plan.folder / LOG_FILE}"))
-                continue
-            meta = json.loads(path.read_text())
-            data = collect(replace(plan, folder=branch.folder), meta, scenario.motor.pole_pairs)
-            runs.append(_run_of(own, data, meta, limit_a, cycle, span))
+        shutil.rmtree(FOLDER / name / "runs", ignore_errors=True)
+
+        def store(_: tuple[int, ...], runs: list[FuzzRun]) -> None:
+            found.update((run.seed, run) for run in runs)
+
+        side_by_side(partial(fuzz_share, name, seed, span_s), shares(seeds, -(-count // jobs)), jobs, store)
+    return [found[own] for own in seeds]
+
+
+def fuzz_share(name: str, seed: int, span_s: float, seeds: tuple[int, ...]) -> list[FuzzRun]:
+    """Copies of one simulator, one for each of the seeds. seed: of the drive itself."""
+    drive = DRIVES[name]
+    scenario, folder = drive.load(), FOLDER / name / "runs"
+    cycle, span = round(drive.at_s * CLOCK_HZ), round(span_s * CLOCK_HZ)
+    branches = tuple(Branch(cycle, _told(s, cycle), span, span, folder / str(s)) for s in seeds)
+    phases, injects = scenario.motor.phases, scenario.drive.vector.injection is not None
+    program = build_fuzz(phases, scenario.drive.method)
+    plan = prepare(scenario, folder / f"simulator-{seeds[0]}", seed, image=program)
+    plan = replace(plan, branches=branches, watch=(COUNT_ADDRESS, WINDOWS_ADDRESS), final_commands=())
+    meta = run_plan(plan, build_chip(phases=phases, injection=injects, can=drive.can))
+    if meta["fault"]:
+        raise SimulatorError(f"the run before the writes broke off: {meta['fault']}")
+    limit_a = scenario.inverter.protection.phase_current_a
+    runs = []
+    for own, branch in zip(seeds, branches, strict=True):
+        path = branch.folder / META_FILE
+        if not path.exists():
+            runs.append(FuzzRun(own, broke_off=f"see {plan.folder / LOG_FILE}"))
+            continue
+        meta = json.loads(path.read_text())
+        data = collect(replace(plan, folder=branch.folder), meta, scenario.motor.pole_pairs)
+        runs.append(_run_of(own, data, meta, limit_a, cycle, span))
     return runs
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run a campaign: one simulator a drive, a copy of it a run; every run judged, its trace kept if it ended wrong."""
+"""Run a campaign: a copy of a simulator for each run; every run judged, its trace kept if it ended wrong."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import json
 import random
 import re
 import shutil
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import META_FILE, RAW_FILE, Branch, SessionPlan
 from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, image_of, prepare
 from fluxlock.cosim.upsets import read_upset_table
+from fluxlock.workers import shares, side_by_side
 from fluxverify.campaign.board import board_faults
 from fluxverify.campaign.grid import (
     SAMPLE_PERIOD,
@@ -46,7 +47,7 @@ SETTLE_S = 2e-3  # in the fault state
 FULL_UPSETS, QUICK_UPSETS = (20, 8, 3), (3, 1, 1)
 # Upsets of the parameters, of which the block has more bytes.
 FULL_PARAMETERS, QUICK_PARAMETERS, PARAMETER_BYTES = 20, 2, 960
-POLL_S = 0.2
+SHARE_RUNS = 50  # of a simulator: what it needs to reach their moment is little beside them
 
 Done = Callable[[int, int], None]  # runs that have ended, of all
 
@@ -59,6 +60,11 @@ class Run:
     moment: Moment
     fault: Fault
     folder: Path
+
+    @property
+    def unchecked(self) -> bool:
+        """Whether it runs without the RTL's assertions."""
+        return self.fault.upset or self.fault.unchecked
 
 
 def grid(drive: Drive, seed: int, quick: bool, every: int = 1) -> list[Run]:
@@ -182,16 +188,16 @@ def _unchecked(chip: Chip, folder: Path) -> Chip:
     return replace(chip, executable=script)
 
 
-def _run_all(book: Book, runs: list[Run], chip: Chip, jobs: int, unchecked: bool) -> None:
-    """One simulator, copied for each of the runs. unchecked: without assertions."""
-    if not runs:
-        return
-    registers = list(population(chip))
-    image = image_of(book.scenario)
-    plan = replace(book.plan, branches=tuple(_branch(run, registers, image) for run in runs), jobs=jobs)
-    meta = run_plan(plan, _unchecked(chip, plan.folder) if unchecked else chip)
+def run_share(book: Book, chip: Chip, share: tuple[Run, ...]) -> None:
+    """Runs of one moment in one simulator, which is copied for each; all with the RTL's assertions, or all without."""
+    registers, image, first = list(population(chip)), image_of(book.scenario), share[0]
+    folder = book.plan.folder / first.moment.name / first.folder.name
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(book.plan.folder / IMAGE_FILE, folder)
+    plan = replace(book.plan, folder=folder, branches=tuple(_branch(run, registers, image) for run in share))
+    meta = run_plan(plan, _unchecked(chip, folder) if first.unchecked else chip)
     if meta["fault"]:
-        raise SimulatorError(f"the undisturbed run of {runs[0].drive} broke off: {meta['fault']}")
+        raise SimulatorError(f"the undisturbed run of {first.drive} broke off: {meta['fault']}")
 
 
 @contextlib.contextmanager
@@ -224,32 +230,20 @@ def _run_left(book: Book, runs: list[Run], jobs: int, done: Done | None) -> list
     left = [run for run in runs if book.find(run) is None]
     for run in left:
         shutil.rmtree(run.folder, ignore_errors=True)
-    stop = threading.Event()
 
-    def enter_ended() -> None:
+    def look() -> None:
         for run in [r for r in left if (r.folder / META_FILE).exists() and not (r.folder / ROW_FILE).exists()]:
             with contextlib.suppress(json.JSONDecodeError):  # half written
                 book.enter(run)
-
-    def report() -> None:
         if done is not None:
             done(len(runs) - sum(not (run.folder / ROW_FILE).exists() for run in left), len(runs))
 
-    def watch() -> None:
-        while not stop.wait(POLL_S):
-            enter_ended()
-            report()
-
-    report()
+    look()
+    alike: dict[tuple[str, bool], list[Run]] = {}
+    for run in left:
+        alike.setdefault((run.moment.name, run.unchecked), []).append(run)
+    most = min(SHARE_RUNS, max(1, -(-len(left) // jobs)))
+    items = [share for some in alike.values() for share in shares(some, most)]
     if left:
-        chip = chip_for(book.drive)
-        watcher = threading.Thread(target=watch, daemon=True)
-        watcher.start()
-        try:
-            for unchecked in (False, True):
-                some = [run for run in left if (run.fault.upset or run.fault.unchecked) == unchecked]
-                _run_all(book, some, chip, jobs, unchecked)
-        finally:
-            stop.set()
-            watcher.join()
+        side_by_side(partial(run_share, book, chip_for(book.drive)), items, jobs, lambda *_: None, look=look)
     return [book.find(run) or book.enter(run) for run in runs]

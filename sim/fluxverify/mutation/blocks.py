@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+NONE = 0  # the selector's value for the block as it is
+
 
 @dataclass(frozen=True)
 class Block:

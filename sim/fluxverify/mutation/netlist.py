@@ -17,10 +17,9 @@ from pathlib import Path
 from fluxlock.base.paths import BUILD, RTL
 from fluxlock.cosim.block import PACKAGES
 from fluxlock.synth.tools import YOSYS_LIMIT_S, read_slang, relative, run_tool
-from fluxverify.mutation.blocks import Block
+from fluxverify.mutation.blocks import NONE, Block
 
 SELECTOR = "mutant_select"
-NONE = 0  # the selector's value for the block as it is
 
 KINDS = {
     "inv": "inverted",

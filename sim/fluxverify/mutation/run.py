@@ -6,27 +6,54 @@
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from fluxlock.base.paths import ROOT, RTL
 from fluxlock.cosim.block import run_block_test
-from fluxverify.mutation.blocks import Block
+from fluxlock.workers import shares, side_by_side
+from fluxverify.mutation.blocks import NONE, Block
 from fluxverify.mutation.netlist import SELECTOR, Netlist, folder
-from fluxverify.mutation.simulation import JOB_VARIABLE, read_outcomes
+from fluxverify.mutation.simulation import JOB_VARIABLE, has_ended, read_outcomes
 
-POLL_S = 0.5
+OUTCOMES = "outcomes.jsonl"
+SHARE_MUTANTS = 50  # of a simulator: its start is little beside them
 
 
 class MutationError(RuntimeError):
     """The tests cannot be run on the block's netlist."""
 
 
-def _watch(path: Path, progress: Callable[[int], None], done: threading.Event) -> None:
-    while not done.wait(POLL_S):
-        progress(max(0, len(read_outcomes(path)) - 1))
+def run_share(block: Block, sources: list[str], seed: int, mutants: tuple[int, ...]) -> None:
+    """Run the tests on mutants, or on the block as it is (0), in one simulator that is copied for each."""
+    work = folder(block)
+    path = work / f"job-{mutants[0]}.json"
+    job = {
+        "selector": [*([block.instance] if block.instance else []), SELECTOR],
+        "modules": block.test_modules,
+        "left_out": block.left_out,
+        "mutants": mutants,
+        "folder": str(work),
+        "out": str(work / OUTCOMES),
+        "sources": sources,
+        "environment": {**block.environment, "COCOTB_RANDOM_SEED": str(seed)},
+    }
+    path.write_text(json.dumps(job))
+    run_block_test(
+        block.bench or block.name,
+        sources,
+        "fluxverify.mutation.simulation",
+        extra_env={
+            **block.environment,
+            JOB_VARIABLE: str(path),
+            "COCOTB_MAX_FAILURES": "1",
+            "COCOTB_REWRITE_ASSERTION_FILES": "",
+        },
+        seed=seed,
+        log=work / f"simulation-{mutants[0]}.log",
+        seen=["*"],
+    )
 
 
 def run_mutants(
@@ -37,49 +64,19 @@ def run_mutants(
     Outcomes of a run before with the same inputs are kept. progress: called now and then with the number of mutants
     that are through.
     """
-    work = folder(block)
-    out, job = work / "outcomes.jsonl", work / "job.json"
     bench = [ROOT / name if name.startswith("cocotb_tests/") else name for name in block.bench_sources]
-    environment = {**block.environment, "COCOTB_RANDOM_SEED": str(seed)}
-    job.write_text(
-        json.dumps(
-            {
-                "selector": [*([block.instance] if block.instance else []), SELECTOR],
-                "modules": block.test_modules,
-                "left_out": block.left_out,
-                "mutants": numbers,
-                "folder": str(work),
-                "out": str(out),
-                "jobs": jobs,
-                "sources": [str(RTL / name) for name in (netlist.verilog, *bench)],
-                "environment": environment,
-            }
-        )
-    )
-    done = threading.Event()
-    watcher = threading.Thread(target=_watch, args=(out, progress, done), daemon=True)
-    watcher.start()
-    try:
-        run_block_test(
-            block.bench or block.name,
-            [netlist.verilog, *bench],
-            "fluxverify.mutation.simulation",
-            extra_env={
-                **block.environment,
-                JOB_VARIABLE: str(job),
-                "COCOTB_MAX_FAILURES": "1",
-                "COCOTB_REWRITE_ASSERTION_FILES": "",
-            },
-            seed=seed,
-            log=work / "simulation.log",
-            seen=["*"],
-        )
-    finally:
-        done.set()
-        watcher.join()
+    sources, out = [str(RTL / name) for name in (netlist.verilog, *bench)], folder(block) / OUTCOMES
+    run_share(block, sources, seed, (NONE,))  # builds the simulator, and says what is known already
     outcomes = read_outcomes(out)
-    if outcomes[0]["killed_by"]:
-        raise MutationError(
-            f"{block.name}: the netlist without a mutation fails {outcomes[0]['killed_by']}: {work / 'baseline.log'}"
-        )
-    return outcomes
+    if killed_by := outcomes[NONE]["killed_by"]:
+        log = folder(block) / "baseline.log"
+        raise MutationError(f"{block.name}: the netlist without a mutation fails {killed_by}: {log}")
+    left = [n for n in numbers if not has_ended(outcomes.get(n), outcomes[NONE])]
+
+    def look() -> None:
+        known = read_outcomes(out)
+        progress(sum(has_ended(known.get(n), known[NONE]) for n in numbers))
+
+    items = shares(left, min(SHARE_MUTANTS, max(1, -(-len(left) // jobs))))
+    side_by_side(partial(run_share, block, sources, seed), items, jobs, lambda *_: None, look=look)
+    return read_outcomes(out)

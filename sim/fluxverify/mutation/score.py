@@ -13,9 +13,9 @@ from typing import Any
 from fluxlock.base.paths import BUILD
 from fluxlock.sources import source_hashes
 from fluxlock.synth.tools import tool_version
-from fluxverify.mutation.blocks import BLOCKS, Block
+from fluxverify.mutation.blocks import BLOCKS, NONE, Block
 from fluxverify.mutation.equivalence import equal_mutants
-from fluxverify.mutation.netlist import NONE, Mutant, make_netlist
+from fluxverify.mutation.netlist import Mutant, make_netlist
 from fluxverify.mutation.run import run_mutants
 
 RESULTS = BUILD / "mutate"

@@ -3,10 +3,10 @@
 
 """Runs inside the simulator as its cocotb test module: one start, then a forked process for every mutant.
 
-Started by `fluxverify.mutation.run`, which names the job file in the environment. While cocotb imports this module, at
-simulation time 0, the process forks once a mutant. The child sets the selector, and this module then holds the block's
-tests, so that cocotb runs them; the first that fails ends it. The parent only waits, writes one JSON line a mutant and
-in the end holds a single empty test.
+Started by `fluxverify.mutation.run`, which names the job file in the environment: first for the block as it is, then
+for each share of the mutants, side by side. While cocotb imports this module, at simulation time 0, the process forks
+once a mutant. The child sets the selector, and this module then holds the block's tests, so that cocotb runs them; the
+first that fails ends it. The parent only waits, writes one JSON line a mutant and in the end holds a single empty test.
 
 What an earlier start with the same netlist, bench and seed found with test modules that have not changed is kept: a run
 that was stopped goes on, and where a test module was added, only its tests are run on the mutants that survived.
@@ -23,6 +23,7 @@ import json
 import os
 import resource
 import sys
+from collections import Counter
 from collections.abc import Iterable, Set
 from importlib import import_module
 from pathlib import Path
@@ -34,6 +35,8 @@ from cocotb.handle import Immediate
 from cocotb.regression import Test, TestGenerator
 
 from fluxlock.base.paths import ROOT, content_hash
+from fluxlock.base.processes import end_with_parent
+from fluxverify.mutation.blocks import NONE
 
 JOB_VARIABLE = "FLUXLOCK_MUTATION_JOB"
 TIME_LIMIT_FACTOR, TIME_LIMIT_EXTRA_S = 2.0, 5.0  # of the CPU time that the block as it is needs
@@ -69,6 +72,11 @@ def read_outcomes(path: Path) -> dict[int, dict[str, Any]]:
     lines = path.read_text().splitlines(keepends=True) if path.exists() else []
     found = [json.loads(line) for line in lines if line.endswith("\n")]
     return {entry.pop("mutant"): entry for entry in found}
+
+
+def has_ended(found: dict[str, Any] | None, unchanged: dict[str, Any]) -> bool:
+    """Whether a mutant's outcome is one of all tests. unchanged: outcome of the block as it is, which passes all."""
+    return found is not None and bool(found["killed_by"] or found["times"].keys() >= unchanged["times"].keys())
 
 
 def outcome(results: Path, status: int) -> dict[str, Any]:
@@ -112,23 +120,26 @@ class Server:
         self.job = job
         self.folder = Path(job["folder"])
         self.tests = find_tests(job["modules"], job["left_out"])
-        self.kills = {test.fullname: 0 for test in self.tests}
+        self.kills = Counter[str]()
         self.times = {test.fullname: 1.0 for test in self.tests}
         self.cpu_limit_s = 0
-        self.running: dict[int, int] = {}  # process to mutant
         self.out = Path(job["out"])
+        self.before: dict[int, dict[str, Any]] = {}  # tests that mutants have passed in an earlier start
+        self.mutant = NONE  # of a child
+
+    def inputs(self) -> dict[str, Any]:
+        """Hashes of what outcomes depend on: of each test module, and of the rest."""
+        job = self.job
         sources = [*map(Path, job["sources"]), *source_files()]
         tests = {name: Path(str(sys.modules[name].__file__)) for name in job["modules"]}
         rest = [path for path in sources if path not in tests.values()]
-        self.inputs: dict[str, Any] = {
+        return {
             "bench": content_hash(rest, job["environment"]),
             "modules": {
                 name: content_hash([path], [test.fullname for test in self.tests if module_of(test.fullname, [name])])
                 for name, path in tests.items()
             },
         }
-        self.before: dict[int, dict[str, Any]] = {}  # tests that mutants have passed in an earlier start
-        self.mutant = 0  # of a child
 
     def results(self, mutant: int) -> Path:
         """Result file of one mutant's tests."""
@@ -141,14 +152,15 @@ class Server:
         return sorted(tests, key=lambda t: -(self.kills[t.fullname] + 0.1) / (self.times[t.fullname] + 0.01))
 
     def start(self, mutant: int) -> bool:
-        """Fork; True in the child, which is then ready to run the tests."""
+        """Fork and wait; True in the child, which is then ready to run the tests."""
         self.results(mutant).unlink(missing_ok=True)
         sys.stdout.flush()
         sys.stderr.flush()
         process = os.fork()
         if process:
-            self.running[process] = mutant
+            self.wait(process, mutant)
             return False
+        end_with_parent()
         self.mutant = mutant
         # The results are written by then; the simulator's own end waits for threads that a fork does not copy.
         atexit.register(os._exit, 0)
@@ -164,50 +176,40 @@ class Server:
         handle.set(Immediate(mutant))
         return True
 
-    def wait(self) -> tuple[int, dict[str, Any]]:
-        """End of one mutant."""
-        process, status, usage = os.wait4(-1, 0)
-        mutant = self.running.pop(process)
+    def wait(self, process: int, mutant: int) -> None:
+        """Until the end of a mutant, whose outcome is written then."""
+        _, status, usage = os.wait4(process, 0)
         found = outcome(self.results(mutant), status) | {"cpu_s": round(usage.ru_utime + usage.ru_stime, 2)}
         if (before := self.before.get(mutant)) and not found["killed_by"]:
             found |= {key: before[key] | found[key] for key in ("times", "simulated_ns")}
         self.results(mutant).unlink(missing_ok=True)
-        if found["killed_by"] in self.kills:
-            self.kills[found["killed_by"]] += 1
-        with self.out.open("a") as out:
-            out.write(json.dumps({"mutant": mutant, **found}) + "\n")
-        return mutant, found
+        self.kills[found["killed_by"]] += 1
+        out = os.open(self.out, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        os.write(out, (json.dumps({"mutant": mutant, **found}) + "\n").encode())  # at once: other shares write too
+        os.close(out)
 
-    def left(self) -> list[int]:
-        """Mutants without an outcome for these inputs; of outcomes for others what still holds is taken over."""
-        written_for = self.folder / "inputs.json"
+    def take_over(self) -> None:
+        """Leave of the outcomes of earlier starts what still holds, none of the block as it is."""
+        written_for, inputs = self.folder / "inputs.json", self.inputs()
         then = json.loads(written_for.read_text()) if written_for.exists() else {}
-        now = self.inputs["modules"]
+        now = inputs["modules"]
         unchanged: set[str] = set()
-        if then.get("bench") == self.inputs["bench"]:
+        if then.get("bench") == inputs["bench"]:
             unchanged = {name for name, key in then["modules"].items() if now.get(name) == key}
         kept = {}
         for mutant, found in read_outcomes(self.out).items():
             known = still_known(found, unchanged, all_unchanged=len(unchanged) == len(then.get("modules", {})))
-            if known and (known["killed_by"] or known["times"].keys() >= self.kills.keys()):
+            if known and mutant != NONE:
                 kept[mutant] = known
-            elif known:
-                self.before[mutant] = known
-        self.before.pop(0, None)
         # Without a line that was being written when a run was stopped.
-        known_lines = {**kept, **self.before}.items()
-        self.out.write_text("".join(json.dumps({"mutant": n, **found}) + "\n" for n, found in known_lines))
-        written_for.write_text(json.dumps(self.inputs))
-        return [mutant for mutant in self.job["mutants"] if mutant not in kept]
+        self.out.write_text("".join(json.dumps({"mutant": n, **found}) + "\n" for n, found in kept.items()))
+        written_for.write_text(json.dumps(inputs))
 
-    def run(self) -> bool:
-        """Run the block as it is, then every mutant that is left; True in a child."""
-        left = self.left()
-        if self.start(0):
-            return True
-        _, baseline = self.wait()
-        if baseline["killed_by"]:
-            return False
+    def set_limits(self) -> None:
+        """By what the block as it is has needed, and by the mutants that are through."""
+        self.before = read_outcomes(self.out)
+        baseline = self.before.pop(NONE)
+        self.kills.update(found["killed_by"] for found in self.before.values())
         self.times |= baseline["times"]
         for test in self.tests:
             test.timeout = (
@@ -215,17 +217,19 @@ class Server:
                 "ns",
             )
         self.cpu_limit_s = round(TIME_LIMIT_FACTOR * baseline["cpu_s"] + TIME_LIMIT_EXTRA_S)
-        for mutant in left:
-            if len(self.running) >= self.job["jobs"]:
-                self.wait()
-            if self.start(mutant):
-                return True
-        while self.running:
-            self.wait()
-        return False
+
+    def run(self) -> bool:
+        """Run the mutants of the job; True in a child."""
+        mutants = self.job["mutants"]
+        if mutants == [NONE]:
+            self.take_over()
+        else:
+            self.set_limits()
+        return any(self.start(mutant) for mutant in mutants)
 
 
 if JOB_VARIABLE in os.environ:
+    end_with_parent()
     sys.path.insert(0, str(ROOT))  # the test modules are no part of the package
     _server = Server(json.loads(Path(os.environ[JOB_VARIABLE]).read_text()))
     if _server.run():

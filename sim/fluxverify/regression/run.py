@@ -79,13 +79,8 @@ def run_cases(
     prepare_runs(quick)
     first = sorted(order, key=lambda name: not CASES[name].long)
     side_by_side(partial(_rows, quick=quick, seed=seed), first, jobs, store)
-    return {
-        "schema": SCHEMA_VERSION,
-        "quick": quick,
-        **made,
-        "tool_versions": tool_versions(),
-        "rows": [{**row, **made} for name in order for row in rows[name]],
-    }
+    document = {"schema": SCHEMA_VERSION, "quick": quick, **made, "tool_versions": tool_versions()}
+    return document | {"rows": [{**row, **made} for name in order for row in rows[name]]}
 
 
 def merge(document: dict[str, Any], names: Sequence[str], path: Path = RESULT) -> dict[str, Any]:
