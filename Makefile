@@ -75,7 +75,8 @@ canopen: $(TEST) ## CANopen node alone, with 5000 frames to refuse; minutes (FRA
 	  tests/campaign/test_fuzz.py tests/campaign/test_campaign.py::test_the_node_tells
 
 native: $(TEST) ## firmware in the simulator's process alone; minutes
-	@$(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/canopen/test_chip.py::test_without_the_core
+	@$(PY) -m pytest tests/closed_loop/test_native_firmware.py tests/closed_loop/test_injection.py \
+	  tests/canopen/test_chip.py::test_without_the_core
 
 test-socketcan: $(TEST) ## master, candump, cansend and cangen on a real vcan0; minutes
 	@$(PY) -c 'from fluxlock.cosim.run import chip_of; from fluxlock.config import load_scenario; chip_of(load_scenario("scenarios/can.toml"))'

@@ -21,7 +21,7 @@ from cocotb_tests.soc.bench import CLOCK_NS, Bench
 from fluxlock.base.paths import BUILD, content_hash
 from fluxlock.base.writable import file_lock
 from fluxlock.firmware.schema import MAGIC, load_schema
-from fluxlock.firmware.toolchain import TARGET_FLAGS
+from fluxlock.firmware.toolchain import TARGET_FLAGS, flat_binary
 
 HERE = Path(__file__).parent
 BIT_NS = 50 * CLOCK_NS
@@ -35,12 +35,10 @@ def build_program() -> bytes:
     binary = folder / f"{content_hash(sources, TARGET_FLAGS)}.bin"
     with file_lock(folder / ".lock"):
         if not binary.exists():
-            zig = [sys.executable, "-m", "ziglang"]
             elf = binary.with_suffix(".elf")
-            subprocess.run(
-                [*zig, "cc", *TARGET_FLAGS, str(sources[0]), "-T", str(sources[1]), "-o", str(elf)], check=True
-            )
-            subprocess.run([*zig, "objcopy", "-O", "binary", str(elf), str(binary)], check=True)
+            command = [sys.executable, "-m", "ziglang", "cc", *TARGET_FLAGS, str(sources[0]), "-T", str(sources[1])]
+            subprocess.run([*command, "-o", str(elf)], check=True)
+            binary.write_bytes(flat_binary(elf))
     return bytes(0x80) + binary.read_bytes()
 
 

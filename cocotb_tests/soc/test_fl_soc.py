@@ -19,7 +19,7 @@ from fluxlock.base.paths import BUILD, GENERATED, REGISTER_BLOCKS, RTL, content_
 from fluxlock.base.writable import file_lock
 from fluxlock.cosim.block import run_block_test
 from fluxlock.cosim.chip import rtl_sources
-from fluxlock.firmware.toolchain import TARGET_FLAGS
+from fluxlock.firmware.toolchain import TARGET_FLAGS, flat_binary
 from fluxlock.flash.image import map_version
 from fluxlock.generate.memory import RAM_WORDS
 from fluxlock.generate.registers import generate_registers
@@ -52,15 +52,14 @@ def build_image(words: int) -> Path:
     image = folder / f"{content_hash([*sources, generate_registers() / 'fluxlock_regs.h'], TARGET_FLAGS, words)}.hex"
     with file_lock(folder / ".lock"):
         if not image.exists():
-            elf, binary = image.with_suffix(".elf"), image.with_suffix(".bin")
+            elf = image.with_suffix(".elf")
             zig = [sys.executable, "-m", "ziglang"]
             include = ["-I", str(HERE.parents[1] / "sw" / "hal" / "include"), "-I", str(GENERATED)]
             files = [str(sources[0]), str(sources[1]), "-T", str(sources[2])]
             subprocess.run(
                 [*zig, "cc", *TARGET_FLAGS, "-Wall", "-Werror", *include, *files, "-o", str(elf)], check=True
             )
-            subprocess.run([*zig, "objcopy", "-O", "binary", str(elf), str(binary)], check=True)
-            data = (bytes(0x80) + binary.read_bytes()).ljust(4 * words, b"\0")
+            data = (bytes(0x80) + flat_binary(elf)).ljust(4 * words, b"\0")
             values = [int.from_bytes(data[i : i + 4], "little") for i in range(0, len(data), 4)]
             image.write_text("".join(f"{value:08x}\n" for value in values))
     return image

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.outcome import Run
 from fluxverify.regression.six_step.measures import event, timeline
 from tests.closed_loop.support import drive
+from tests.closed_loop.test_native_firmware import speed_rpm, states
 
 
 def started(end_s: float, settled_s: float, rpm: float) -> list[str]:
@@ -36,9 +38,22 @@ def judged(run: Run, mean_deg: float, most_deg: float) -> None:
 def test_five_phases_by_separator() -> None:
     """Yu's machine: unknown angle and polarity found within 50 ms and 1 degree, then faster by the ramp.
 
-    Verifies: INJC-10
+    The same C in the simulator's process does as the core does.
+
+    Verifies: INJC-10, SYS-13
     """
-    run = drive("five-phase/yu.toml", "injection-yu", *started(0.13, 0.06, 150), "inverter.dead_time_s=0")
-    judged(run, 0.3, 1.5)
-    assert turned_deg(run, 0.054) <= 1.0
-    assert run.metrics["steady"]["speed_rpm"]["max"] > 20
+    short = [*started(0.13, 0.06, 150), "inverter.dead_time_s=0"]
+    core = drive("five-phase/yu.toml", "injection-yu", *short)
+    native = drive("five-phase/yu.toml", "injection-yu-native", *short, native=NativeFirmware())
+    for run in (core, native):
+        judged(run, 0.3, 1.5)
+        assert turned_deg(run, 0.054) <= 1.0
+        assert run.metrics["steady"]["speed_rpm"]["max"] > 20
+        assert not run.verdict.failures and run.data.overruns == 0
+    assert states(native.data) == states(core.data)
+    t_s = np.linspace(0.0, 0.12, 121)
+    apart = np.abs(speed_rpm(native.data, t_s) - speed_rpm(core.data, t_s))
+    a, b = (run.metrics["steady"]["angle_error_deg"] for run in (core, native))
+    print(f"speeds are apart by at most {apart.max():.2f} r/min; angle error {a}, {b}")
+    assert apart.max() < 0.02 * 150
+    assert abs(a["mean"] - b["mean"]) < 0.3 and abs(a["rms"] - b["rms"]) < 0.3

@@ -26,7 +26,6 @@ from fluxlock.firmware.toolchain import HOST_FLAGS, SANITIZER_FLAGS, SW, WARNING
 from fluxlock.results.rundata import RunData
 from tests.closed_loop.support import SEED, drive
 
-YU = ROOT / "scenarios" / "five-phase" / "yu.toml"
 SPIN = Path(__file__).parent / "scenarios" / "spin.toml"
 NESTED = Path(__file__).parent / "nested.c"
 START = '{at_s=0.003,speed_rpm=24000},{at_s=0.004,command="start"}'
@@ -68,26 +67,6 @@ def test_drives_as_the_core_does() -> None:
     # The same C without its instructions' time.
     assert bus.data.isr["control"]["count"] == pytest.approx(core.data.isr["control"]["count"], abs=20)
     assert bus.data.isr["control"]["max"] < core.data.isr["control"]["min"]
-
-
-def test_five_phases_as_on_the_core() -> None:
-    """Yu's machine from an unknown rest angle by injection: found, locked and ramped as with the core.
-
-    Verifies: SYS-13
-    """
-    short = ("duration_s=0.13", "window.settled.to_s=0.13")
-    ways = (("core", None), ("bus", NativeFirmware()))
-    runs = [drive(YU, f"yu-{name}", *short, native=native) for name, native in ways]
-    core, bus = runs
-    for run in runs:
-        assert not run.verdict.failures and not run.result["trips"] and run.data.overruns == 0
-    assert states(bus.data) == states(core.data)
-    t_s = np.linspace(0.0, 0.12, 121)
-    apart = np.abs(speed_rpm(bus.data, t_s) - speed_rpm(core.data, t_s))
-    a, b = (run.metrics["settled"]["angle_error_deg"] for run in runs)
-    print(f"speeds are apart by at most {apart.max():.2f} r/min; angle error {a}, {b}")
-    assert apart.max() < 0.02 * 150
-    assert abs(a["mean"] - b["mean"]) < 0.3 and abs(a["rms"] - b["rms"]) < 0.3
 
 
 def run_library(library: BusLibrary, folder: Path, cycles: int) -> str:

@@ -249,6 +249,7 @@ def test_lost_lock() -> None:
                 "inverter=inverters/bench-25v.toml",
                 "drive.carrier_hz=40000",
                 "drive.start.retries=1",
+                "duration_s=0.48",
                 "initial.theta_deg=70",
             ),
         ),

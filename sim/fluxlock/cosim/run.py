@@ -25,6 +25,8 @@ from fluxlock.base.paths import BUILD
 from fluxlock.base.stage import BUILDING, ProgressInfo
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
+from fluxlock.config.motor import machine_params
+from fluxlock.cosim.beside import built_beside
 from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import actions_of, plant_params
@@ -36,6 +38,7 @@ from fluxlock.cosim.plan import RAW_FILE, SessionPlan
 from fluxlock.firmware import ParameterBlock, build_bus_library, build_firmware, write_image
 from fluxlock.generate.memory import RAM_WORDS
 from fluxlock.generate.registers import generate_registers
+from fluxlock.plant.state import variant_of
 from fluxlock.python_load import PythonLoad
 from fluxlock.results.rundata import Rejection, RunData, SimulationFault
 
@@ -115,8 +118,8 @@ def chip_of(
     """The chip that a scenario runs on: its motor's phases, inverter's gates, injection path and CAN if it uses them.
 
     It has the path of its method alone; with CAN both. can: with the CAN controller even so. native: without its core,
-    and one for all methods, with or without CAN. probe: with its core open to debugger and profile.
-    signals: of its inside that cocotb sees, see `build_chip`.
+    and one for all methods, with or without CAN. probe: with its core open to debugger and profile, and one for all
+    methods. signals: of its inside that cocotb sees, see `build_chip`.
     """
     has_can = can or native or scenario.can is not None
     return build_chip(
@@ -126,7 +129,7 @@ def chip_of(
         can=has_can,
         native=native,
         gate_polarity=scenario.inverter.gate_polarity,
-        method=None if has_can else scenario.drive.method,
+        method=None if has_can or probe else scenario.drive.method,
         probe=probe,
         signals=signals,
     )
@@ -197,7 +200,8 @@ def run_scenario(
         build("registers")
         generate_registers()
         build("chip")
-        chip = chip_of(scenario, waves, native is not None, probe=gdb is not None)
+        with built_beside(variant_of(machine_params(scenario.motor)), _variant(scenario)[1]):
+            chip = chip_of(scenario, waves, native is not None, probe=gdb is not None)
         build("firmware")
         port = gdb.listener.fileno() if gdb is not None else None
         plan = prepare(scenario, out_dir / "simulator", seed, log_strobes=log_strobes, gdb=port, load=load)

@@ -14,6 +14,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from elftools.elf.elffile import ELFFile
+
 from fluxlock.base.paths import BUILD, GENERATED, ROOT, content_hash
 from fluxlock.base.writable import file_lock
 from fluxlock.canopen import c_tables
@@ -300,11 +302,30 @@ def _build_image(
             if NO_ROOM in str(error):
                 raise FirmwareError(f"{name}: image and state do not fit") from None
             raise
-        _zig(["objcopy", "-O", "binary", str(elf), str(partial)])
-        data = bytes(origin) + partial.read_bytes()
-        partial.write_bytes(data)
+        partial.write_bytes(bytes(origin) + flat_binary(elf))
         partial.replace(image)
     return image
+
+
+def flat_binary(elf: Path) -> bytes:
+    """What the sections of an ELF file put into a memory, from its lowest load address on; gaps are 0.
+
+    Zig's objcopy does the same, but is compiled from its sources at its first use, which takes half a minute.
+    """
+    with elf.open("rb") as stream:
+        file = ELFFile(stream)
+        loaded = [segment for segment in file.iter_segments("PT_LOAD") if segment["p_filesz"]]
+        parts = {
+            segment["p_paddr"] + section["sh_addr"] - segment["p_vaddr"]: section.data()
+            for segment in loaded
+            for section in file.iter_sections()
+            if section["sh_type"] != "SHT_NOBITS" and segment.section_in_segment(section)
+        }
+    begin = min(parts)
+    image = bytearray(max(at + len(data) for at, data in parts.items()) - begin)
+    for at, data in parts.items():
+        image[at - begin : at - begin + len(data)] = data
+    return bytes(image)
 
 
 def build_host_library(build_dir: Path | None = None, can_method: str | None = None, phases: int = 3) -> Path:

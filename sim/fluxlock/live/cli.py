@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fluxlock.base.paths import RESULTS
-from fluxlock.command_line import SEED_MAX, SetOption
+from fluxlock.command_line import SetOption
 from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem
+from fluxlock.config.scenario import SEED_MAX
 from fluxlock.help import complete_toml
 from fluxlock.theory.six_step.output import prepare_folder
 

@@ -120,6 +120,12 @@ def interpreted(variant: Variant) -> dict[Callable[..., Any], Any]:
     return clones(variant, lambda clone: clone)
 
 
+def is_compiled(variant: Variant) -> bool:
+    """Whether a kernel stands in the cache, or is not compiled at all here."""
+    name = kernel.take_event.__name__ + variant.suffix
+    return chosen_mode(None) == "py" or any(cache_folder().glob(f"*/kernel.{name}-*.nbi"))
+
+
 @lru_cache(maxsize=4)
 def compiled(variant: Variant) -> Any:  # noqa: ANN401 - numba has no types
     """The kernel as a numba cfunc, from the cache if possible."""

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from fluxlock.base.paths import needs_checkout
-from fluxlock.command_line import SEED_MAX
 from fluxlock.config import ConfigError, Problem
+from fluxlock.config.scenario import SEED_MAX
 from fluxlock.help import example
 from fluxlock.population.draw import POPULATIONS, Population
 

@@ -19,7 +19,7 @@ LEAST_SHARE = 0.95
 ASKED_S, END_S = 0.085, 0.09
 
 
-@case("five-phase/ipm-saliency", tested=True)
+@case("five-phase/ipm-saliency")
 def saliency(runner: Runner) -> Iterator[Row]:
     """Three-phase IPM, inductances believed smaller than they are: no current is derated, and there is no fault."""
     for believed in BELIEVED:

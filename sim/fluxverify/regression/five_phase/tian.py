@@ -109,7 +109,7 @@ def start_run(runner: Runner, theta_deg: float, dead_time_us: float = 0.0) -> Ru
     return runner.drive(SCENARIO, f"{theta_deg:g}" + (f"-{dead_time_us:g}us" if dead_time_us else ""), *overrides)
 
 
-@case("five-phase/tian-start", tested=True)
+@case("five-phase/tian-start")
 def start(runner: Runner) -> Iterator[Row]:
     """Free rotor, 2 A at once while the estimate is 30 degrees off: time until it is right."""
     for theta_deg, dead_time_us in ((30.0, 0.0), (-30.0, 0.0), (30.0, 2.0), (-30.0, 2.0)):

@@ -93,7 +93,7 @@ def _row(runner: Runner, speed_rpm: int, method: str, factors: dict[str, float])
     return Row(f"six-step/commutation-error/{name}", conditions, values, limits, note)
 
 
-@case("six-step/commutation-error", tested=True)
+@case("six-step/commutation-error")
 def commutation_error(runner: Runner) -> Iterator[Row]:
     """20 000 to 120 000 r/min, 25 V, 10 mN*m: mean and rms within 0.3 degrees, also with wrong motor values."""
     if runner.quick:

@@ -124,7 +124,7 @@ def late_commits(run: Run, window: str, tick_cycles: int) -> int:
     return int(np.sum(np.diff(inside) // tick_cycles - 1))
 
 
-@case("vector/core-load", tested=True)
+@case("vector/core-load")
 def core_load(runner: Runner) -> Iterator[Row]:
     """Load of the soft core with observer and speed loop at 20 kHz, regulators at 20, 40 and 100 kHz."""
     for rates in RATES[:1] if runner.quick else (*RATES, TRAPEZOID):
