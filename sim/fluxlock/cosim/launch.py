@@ -35,8 +35,10 @@ class SimulatorError(Exception):
     """The simulator's process ended without a result; the message holds the end of its log."""
 
 
-def simulator_environment(plan_file: Path, results: Path, top: str) -> dict[str, str]:
-    """Environment in which a Verilated executable finds this interpreter, cocotb and the plan."""
+def simulator_environment(
+    plan_file: Path, results: Path, top: str, module: str = "fluxlock.cosim.planned"
+) -> dict[str, str]:
+    """Environment in which a Verilated executable finds this interpreter, cocotb, the plan and the test that leads."""
     libpython = find_libpython.find_libpython()
     if libpython is None:
         raise SimulatorError(
@@ -49,7 +51,7 @@ def simulator_environment(plan_file: Path, results: Path, top: str) -> dict[str,
         PYTHONPATH=os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
         PATH=os.pathsep.join([env.get("PATH", ""), str(cocotb_tools.config.libs_dir)]),
         COCOTB_TOPLEVEL=top,
-        COCOTB_TEST_MODULES="fluxlock.cosim.planned",
+        COCOTB_TEST_MODULES=module,
         COCOTB_RESULTS_FILE=str(results),
         COCOTB_REWRITE_ASSERTION_FILES="test_*.py",
         COCOTB_LOG_LEVEL="WARNING",

@@ -157,6 +157,10 @@ class Native:
         self._lib.cosim_log(self._rows, len(self._log))
         return rows
 
+    def rows(self, first: int) -> NDArray[np.int64]:
+        """Rows of the log from a place on, which stay in it."""
+        return self._log[first : self.status.log_count]
+
     def send(self, line: str) -> None:
         """Queue a console line, sent bit by bit from the next clock on."""
         data = (line + "\n").encode("ascii")

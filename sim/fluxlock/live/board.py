@@ -22,9 +22,9 @@ from fluxlock.flash.serial_port import SerialPort
 from fluxlock.interface.settings import load_settings
 from fluxlock.live import messages
 from fluxlock.live.faults import catalogue
+from fluxlock.live.played import shown_setting
 from fluxlock.live.source import RefusedError
-from fluxlock.live.traces import NAMES, Floats
-from fluxlock.live.twin import shown_setting
+from fluxlock.live.traces import NAMES, Floats, Marks
 
 REPLY_S = 1.0  # after which a board is taken for gone
 TRIES = 3
@@ -131,9 +131,10 @@ class Board:
             "without": [name for name in NAMES if name not in known],
         }
 
-    def advance(self, seconds: float) -> None:
+    def advance(self, seconds: float, until: str = "") -> bool:
         """One look at all values, however long it takes."""
         self._poll()
+        return False
 
     def _poll(self) -> None:
         for attempt in range(TRIES):
@@ -175,6 +176,10 @@ class Board:
         rows, self._rows = self._rows, []
         times = np.array([at_s for at_s, _ in rows], np.float64)
         return times, np.array([row for _, row in rows], np.float32).reshape(-1, len(NAMES)).T
+
+    def marks(self) -> Marks:
+        """None: a console tells no instants."""
+        return []
 
     def status(self) -> dict[str, Any]:
         """The drive by its own account."""

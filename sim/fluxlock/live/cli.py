@@ -60,6 +60,9 @@ def live(
         Path | None,
         typer.Option("--board", metavar="PORT", help="Serial port of a board that runs the scenario's firmware."),
     ] = None,
+    chip: Annotated[
+        bool, typer.Option("--chip", help="The Verilated chip in place of the twin, in slow motion, clock by clock.")
+    ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="Open the page in this machine's browser.")] = False,
     allow_overload: Annotated[
         bool, typer.Option(ALLOW_OVERLOAD, help="Targets may need more than the current limit.")
@@ -67,15 +70,16 @@ def live(
 ) -> None:
     """Show a running drive on a page: turn its knobs, break it by a click, look at any trace.
 
-    A scenario runs as the twin: the firmware as a program on a machine model, which knows the true angle.
-    The page exports what was done as a scenario, which `fluxlock native --play` repeats. Ctrl-C ends the program.
+    A scenario runs as the twin: the firmware as a program on a machine model, which knows the true angle. With --chip
+    the RTL itself runs, much slower. The page exports what was done as a scenario, which `fluxlock native --play`
+    repeats, or `fluxlock run` for a chip. Ctrl-C ends the program.
     """
     if missing := [name for name in LIBRARIES if find_spec(name) is None]:
         raise ConfigError([Problem("live", "", f"the page needs {', '.join(missing)}: {EXTRA}")])
     from fluxlock.live.link import Link
     from fluxlock.live.server import Server, application
 
-    shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload)
+    shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload, chip)
     folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
     prepare_folder(folder)
     if token is None:
@@ -102,14 +106,18 @@ def live(
 
 
 def shown_of(
-    source: Path, board: Path | None, set_: Sequence[str], seed: int | None, allow_overload: bool
+    source: Path, board: Path | None, set_: Sequence[str], seed: int | None, allow_overload: bool, chip: bool = False
 ) -> tuple[Shown, int]:
     """What the page shows, and the seed of its noise; ConfigError."""
     from fluxlock.cosim.cautions import checked
     from fluxlock.live.board import BoardPlan
+    from fluxlock.live.chip import ChipPlan
     from fluxlock.live.replay import read_run
     from fluxlock.native.player import check_playable
 
+    if chip and (board is not None or source.is_dir()):
+        text = "goes with a scenario, and without --board"
+        raise ConfigError([Problem("--chip", str(source), text)])
     if board is not None:
         if source.is_dir() or seed is not None:
             text = "goes with the scenario that the board's firmware was made from, and without --seed"
@@ -123,8 +131,14 @@ def shown_of(
         read_run(source)
         return source.resolve(), 0
     scenario = checked(source, set_, allow_overload)
+    used = scenario.seed if seed is None else seed
+    if chip:
+        if scenario.can is not None:
+            text = "this page gives its commands by the console; leave [can] out"
+            raise ConfigError([scenario.sources.problem("can", text)])
+        return ChipPlan(scenario), used
     check_playable(scenario)
-    return scenario, scenario.seed if seed is None else seed
+    return scenario, used
 
 
 def check_port(port: Path) -> None:

@@ -92,6 +92,7 @@ class Link:
             return
         if message["kind"] == "rows":
             self.ring.append(message["time_s"], message["rows"])
+            self.ring.mark(message["marks"])
             self.status = message["status"]
             return
         if message["kind"] == "hello":

@@ -28,13 +28,19 @@ class Message(BaseModel):
 
 
 class Trigger(Message):
-    """A level that a trace passes. size: of the magnitude; before: part of the span that lies before it."""
+    """A level that a trace passes, or an instant.
 
-    trace: Trace
-    level: float = Field(allow_inf_nan=False, ge=-1e9, le=1e9)
+    mark: a kind of instant, in place of trace and level; size: of the magnitude; before: part of the span that lies
+    before it; after_s: what was before is passed by, s.
+    """
+
+    trace: Trace = "state"
+    level: float = Field(default=0.0, allow_inf_nan=False, ge=-1e9, le=1e9)
+    mark: Literal["", "commutation", "crossing", "crossing late", "trip", "state change", "fault"] = ""
     rising: bool = True
     size: bool = False
     before: float = Field(default=0.5, ge=0.0, le=1.0)
+    after_s: float = Field(default=-1.0, ge=-1.0, le=1e6, allow_inf_nan=False)
 
 
 class View(Message):
@@ -101,10 +107,11 @@ class Pace(Message):
 
 
 class Step(Message):
-    """So much simulated time, then pause."""
+    """So much simulated time, on a chip no further than to the next `until`; then pause."""
 
     kind: Literal["step"]
     seconds: float = Field(gt=0.0, le=10.0, allow_inf_nan=False)
+    until: Literal["", "commutation", "tick"] = ""
 
 
 class Restart(Message):

@@ -15,9 +15,9 @@ from fluxlock.config import ConfigError, Problem
 from fluxlock.firmware.binding import names
 from fluxlock.live import messages
 from fluxlock.live.source import SLICE_S, RefusedError
-from fluxlock.live.traces import NAMES, TOLD, Floats, columns
+from fluxlock.live.traces import CHIP_ONLY, NAMES, TOLD, Floats, Marks, columns, marks_of
 from fluxlock.native.play import Taken
-from fluxlock.results.rundata import LogKind, RunData, load_trace
+from fluxlock.results.rundata import RunData, load_trace
 
 NOTHING = "this is a recording: nothing in it can be changed; `fluxlock live SCENARIO` has a drive"
 
@@ -42,11 +42,11 @@ class Replay:
         self._data, result = read_run(folder)
         self._name = str(result.get("scenario", {}).get("name", folder.name))
         self.said: list[dict[str, Any]] = []
-        self._updates = self._data.rows(LogKind.UPDATE)
         self._states = self._data.states()
         self._times = self._data.records["t_cycle"] / self._data.clock_hz
         self._now, self._taken, self._told = 0.0, 0, 0
         self._last: Floats = np.zeros(len(TOLD))
+        self._marks: Marks = []
 
     @property
     def now(self) -> float:
@@ -60,12 +60,13 @@ class Replay:
             "source": "recording",
             "settings": [],
             "faults": [],
-            "without": ["angle_error_deg", "motor_a"],
+            "without": ["angle_error_deg", "estimate_deg", "motor_a", *CHIP_ONLY],
         }
 
-    def advance(self, seconds: float) -> None:
+    def advance(self, seconds: float, until: str = "") -> bool:
         """So much of the recording at most; at its end nothing."""
         self._now = min(self._now + min(seconds, SLICE_S), float(self._times[-1]))
+        return False
 
     def act(self, action: messages.Action) -> None:
         """RefusedError."""
@@ -82,10 +83,16 @@ class Replay:
         if records.size == 0:
             return np.zeros(0), np.zeros((len(NAMES), 0), np.float32)
         low = self._told
-        self._told = high = int(np.searchsorted(self._updates[:, 0], records["t_cycle"][-1], side="right"))
+        self._told = high = int(np.searchsorted(self._data.log[:, 0], records["t_cycle"][-1], side="right"))
         more = {"angle_error_deg": np.full(records.size, np.nan)}  # a record has no angle of the drive
-        taken = Taken(records, self._updates[low:high], more, 0)
-        return columns(taken, self._data.clock_hz, self._data.pole_pairs, self._last)
+        log, clock_hz = self._data.log[low:high], self._data.clock_hz
+        self._marks += marks_of(log, clock_hz, int(self._last[TOLD.index("state")]))
+        return columns(Taken(records, log, more, 0), clock_hz, self._data.pole_pairs, self._last)
+
+    def marks(self) -> Marks:
+        """Instants since the last call."""
+        found, self._marks = self._marks, []
+        return found
 
     def status(self) -> dict[str, Any]:
         """The drive by its own account at this time."""

@@ -32,7 +32,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from fluxlock.live import messages
 from fluxlock.live.link import Link
-from fluxlock.live.traces import NAMES, TRACES, Floats
+from fluxlock.live.traces import MARKS, NAMES, TRACES, Floats, Ring
 
 PAGE = Path(__file__).parent / "page"
 STATIC = {
@@ -134,7 +134,7 @@ class Viewer:
     def put(self, message: dict[str, Any] | bytes) -> None:
         """Send it when its turn comes."""
         if isinstance(message, dict) and message["kind"] == "hello":
-            message = message | {"traces": [[name, *TRACES[name]] for name in NAMES]}
+            message = message | {"traces": [[name, *TRACES[name]] for name in NAMES], "marks": MARKS}
         self._queue.put_nowait(message)
 
     async def run(self) -> None:
@@ -242,26 +242,36 @@ def known(names: list[str]) -> list[str]:
     return names
 
 
+def triggered(ring: Ring, trigger: messages.Trigger, until_s: float) -> float | None:
+    """Time at which a trigger was met last before a time, and not before `after_s`; None: it was not."""
+    if trigger.mark:
+        found = ring.last_mark(MARKS.index(trigger.mark), until_s)
+    else:
+        known([trigger.trace])
+        found = ring.last_crossing(trigger.trace, trigger.level, trigger.rising, trigger.size, until_s)
+    return found if found is not None and found > trigger.after_s else None
+
+
 def picture(link: Link, view: messages.View) -> bytes:
     """A picture as the page reads it.
 
-    Little endian: traces and points per trace, uint32; begin and end of the span, time of the trigger (nan: none),
-    newest time, float64 in s; times, float64 [points]; traces, float32 [traces][points].
+    Little endian: traces, points per trace, marks and 0, uint32; begin and end of the span, time of the trigger (nan:
+    none), newest time, float64 in s; times of the marks and their numbers, float64 [2][marks]; times, float64 [points];
+    traces, float32 [traces][points].
     """
     names, ring = known(view.traces), link.ring
     newest, at_s = ring.newest_s, float("nan")
     to_s = newest if view.to_s is None else min(view.to_s, newest)
     if view.trigger is not None:
-        trigger = view.trigger
-        known([trigger.trace])
-        after_s = (1.0 - trigger.before) * view.span_s
-        found = ring.last_crossing(trigger.trace, trigger.level, trigger.rising, trigger.size, to_s - after_s)
+        after_s = (1.0 - view.trigger.before) * view.span_s
+        found = triggered(ring, view.trigger, to_s - after_s)
         if found is not None:
             at_s, to_s = found, found + after_s
     from_s = to_s - view.span_s
     time_s, rows = ring.picture(from_s, to_s, names, view.width)
-    head = struct.pack("<2I4d", len(names), time_s.size, from_s, to_s, at_s, newest)
-    return head + np.asarray(time_s, "<f8").tobytes() + np.ascontiguousarray(rows, "<f4").tobytes()
+    marks = np.array(ring.marks(from_s, to_s), "<f8").reshape(-1, 2).T
+    head = struct.pack("<4I4d", len(names), time_s.size, marks.shape[1], 0, from_s, to_s, at_s, newest)
+    return head + marks.tobytes() + np.asarray(time_s, "<f8").tobytes() + np.ascontiguousarray(rows, "<f4").tobytes()
 
 
 def application(server: Server, link: Link, hosts: list[str]) -> Starlette:

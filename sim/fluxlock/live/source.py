@@ -8,9 +8,10 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from fluxlock.live import messages
-from fluxlock.live.traces import Floats
+from fluxlock.live.traces import Floats, Marks
 
 SLICE_S = 0.005  # simulated without a look at the clock
+KEPT_S = 0.5  # simulated between two calls of `take`
 
 
 class RefusedError(ValueError):
@@ -29,14 +30,17 @@ class Source(Protocol):
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from."""
 
-    def advance(self, seconds: float) -> None:
-        """So much of its time at most."""
+    def advance(self, seconds: float, until: str = "") -> bool:
+        """So much of its time at most, a chip no further than to the next `until`: whether that came."""
 
     def act(self, action: messages.Action) -> None:
         """What a page asks for, now; RefusedError."""
 
     def take(self) -> tuple[Floats, Floats]:
         """Times and traces since the last call."""
+
+    def marks(self) -> Marks:
+        """Instants of what happened in these traces."""
 
     def status(self) -> dict[str, Any]:
         """The drive as it is."""

@@ -5,13 +5,18 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections import deque
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.firmware.binding import names
 from fluxlock.native.play import Taken
+from fluxlock.results.rundata import IntArray, LogKind
 
 Floats = NDArray[np.floating[Any]]
 
@@ -35,11 +40,30 @@ TRACES = {
     "torque_nm": ("N*m", "true torque of the machine"),
     "theta_deg": ("deg", "true electrical angle"),
     "angle_error_deg": ("deg", "the drive's angle from the true one; six-step: the field from its best place"),
+    "estimate_deg": ("deg", "the drive's electrical angle; six-step: the field's, where the rotor would be best"),
     "state": ("number", "state of the drive"),
     "limit": ("number", "limit that is active"),
+    "current_d": ("A", "true current of phase D, of five"),
+    "current_e": ("A", "true current of phase E, of five"),
+    "core_load": ("%", "time in which the soft core had something to do"),
+    **{
+        f"gate_{leg}{side[0]}": ("level", f"gate of leg {leg.upper()}, {side} switch")
+        for leg in "abcde"
+        for side in ("high", "low")
+    },
 }
 NAMES = tuple(TRACES)
+GATES = tuple(name for name in NAMES if name.startswith("gate_"))
+CHIP_ONLY = (*GATES, "current_d", "current_e", "core_load")  # of these sources
+TOLD = ("measured_rpm", "reference_rpm", "target_rpm", "state", "limit")
+PLANE_POINTS = 400
 CAPACITY = 2**19  # rows; at least half of them are kept
+MARKS_KEPT, MARKS_SHOWN = 2**16, 200
+
+
+# Instants that a page marks and triggers on; the place in this order is their number.
+MARKS = ("commutation", "crossing", "crossing late", "trip", "state change", "fault")
+Marks = list[tuple[float, int]]  # time, s, and number in MARKS
 
 
 def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tuple[Floats, Floats]:
@@ -47,21 +71,29 @@ def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tup
 
     last: the drive's own values before it, which stay.
     """
-    records, updates = taken.records, taken.updates
+    records = taken.records
+    updates = taken.log[taken.log[:, 1] == int(LogKind.UPDATE)]
     time_s = np.asarray(records["t_cycle"] / clock_hz)
     rows = np.zeros((len(NAMES), time_s.size), np.float32)
     place = {name: k for k, name in enumerate(NAMES)}
-    for name in ("ia", "ib", "ic", "idc", "vdc", "va", "vb", "vc", "torque_nm"):
+    legs = [name for name in ("a", "b", "c", "d", "e") if f"v{name}" in (records.dtype.names or ())]
+    for name in ("idc", "vdc", "va", "vb", "vc", "torque_nm"):
         rows[place[name]] = records[name]
+    vector = np.zeros(time_s.size, np.complex128)
+    for k, leg in enumerate(legs):
+        current = records[f"i{leg}"]
+        rows[place[f"i{leg}" if k < 3 else f"current_{leg}"]] = current
+        vector += 2 / len(legs) * current * np.exp(2j * np.pi * k / len(legs))
     rows[place["speed_rpm"]] = records["omega_e"] / pole_pairs * RPM_PER_RAD_S
     rows[place["theta_deg"]] = np.degrees(records["theta_e"]) % 360.0
-    axes = np.exp(2j * np.pi * np.arange(3) / 3)
-    vector = 2 / 3 * (records["ia"] * axes[0] + records["ib"] * axes[1] + records["ic"] * axes[2])
     turned = vector * np.exp(-1j * records["theta_e"])
     rows[place["id"]], rows[place["iq"]] = turned.real, turned.imag
     for name, values in taken.more.items():
         rows[place[name]] = values
+    rows[place["estimate_deg"]] = (rows[place["theta_deg"]] + rows[place["angle_error_deg"]]) % 360.0
     rows[place["motor_a"]] = np.nan
+    for k, name in enumerate(GATES[: 2 * len(legs)]):
+        rows[place[name]] = records["gates"] >> k & 1
     drive, command = updates[:, 2], updates[:, 3]
     told = np.stack(
         [
@@ -80,10 +112,24 @@ def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tup
     return time_s, rows
 
 
-TOLD = ("measured_rpm", "reference_rpm", "target_rpm", "state", "limit")
-
-
-PLANE_POINTS = 400
+def marks_of(log: IntArray, clock_hz: float, before: int) -> Marks:
+    """What the rows of a log tell, in the order of time. before: state of the drive, by its number, until then."""
+    found: Marks = []
+    fault = names("drive_state_t").index("fault")
+    for cycle, kind, a, _ in log.tolist():
+        number = -1
+        if kind == LogKind.COMMUTATION:
+            number = MARKS.index("commutation")
+        elif kind == LogKind.CROSSING:
+            number = MARKS.index("crossing late" if a >> 4 else "crossing")
+        elif kind == LogKind.TRIP:
+            number = MARKS.index("trip")
+        elif kind == LogKind.UPDATE and a & 0xFF != before:
+            before = a & 0xFF
+            number = MARKS.index("fault" if before == fault else "state change")
+        if number >= 0:
+            found.append((cycle / clock_hz, number))
+    return found
 
 
 class Ring:
@@ -93,10 +139,27 @@ class Ring:
         self._time = np.zeros(capacity)
         self._rows = np.zeros((len(NAMES), capacity), np.float32)
         self._count = 0
+        self._marks: deque[tuple[float, int]] = deque(maxlen=MARKS_KEPT)
 
     def clear(self) -> None:
         """Forget all."""
         self._count = 0
+        self._marks.clear()
+
+    def mark(self, marks: Marks) -> None:
+        """Instants that follow those before."""
+        self._marks.extend(marks)
+
+    def marks(self, from_s: float, to_s: float) -> Marks:
+        """Instants of a span, of more than MARKS_SHOWN none."""
+        begin = bisect_left(self._marks, (from_s, -1))
+        found = list(islice(self._marks, begin, begin + MARKS_SHOWN + 1))
+        shown = [mark for mark in found if mark[0] <= to_s]
+        return shown if len(shown) <= MARKS_SHOWN else []
+
+    def last_mark(self, number: int, until_s: float) -> float | None:
+        """Time of the last instant of a kind before a time; None: there is none in what is kept."""
+        return next((at_s for at_s, kind in reversed(self._marks) if kind == number and at_s <= until_s), None)
 
     def append(self, time_s: Floats, rows: Floats) -> None:
         """Rows that follow those before."""

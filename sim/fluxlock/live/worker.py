@@ -22,16 +22,17 @@ from fluxlock.firmware.binding import names
 from fluxlock.flash.serial_port import PortError
 from fluxlock.live import messages
 from fluxlock.live.board import Board, BoardPlan, SilentError
+from fluxlock.live.chip import BrokenError, Chip, ChipPlan
 from fluxlock.live.replay import Replay
-from fluxlock.live.source import SLICE_S, RefusedError, Source
+from fluxlock.live.source import KEPT_S, SLICE_S, RefusedError, Source
 from fluxlock.live.traces import NAMES
-from fluxlock.live.twin import KEPT_S, Twin
+from fluxlock.live.twin import Twin
 
 STATES = names("drive_state_t")
 ROUND_S = 0.03  # between two looks at the pipe
 LAG_S = 0.2  # what the clock is ahead by at most
 SHARE = 0.3  # of the time factor's mean, that a round adds
-Shown = Scenario | Path | BoardPlan
+Shown = Scenario | Path | BoardPlan | ChipPlan
 
 
 class Worker:
@@ -40,7 +41,7 @@ class Worker:
     def __init__(self, pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
         self._pipe, self._shown, self._seed = pipe, shown, seed
         self.wanted, self.reached = factor, 0.0
-        self._step_s = 0.0  # still to go of a step
+        self._step_s, self._until = 0.0, ""  # still to go of a step, and what ends it
         self._begin()
 
     def _begin(self) -> None:
@@ -50,12 +51,20 @@ class Worker:
             self.source = Replay(shown)
         elif isinstance(shown, BoardPlan):
             self.source = Board(shown)
+        elif isinstance(shown, ChipPlan):
+            self.end()
+            self.source = Chip(shown, self._seed)
         else:
             self.source = Twin(shown, self._seed)
         self._send({"kind": "hello"} | self.source.hello())
         self._due = time.monotonic()
         self._told = 0
         self._before = 0  # state of the drive before its fault
+
+    def end(self) -> None:
+        """End what the source has begun."""
+        if isinstance(source := getattr(self, "source", None), Chip):
+            source.end()
 
     def _send(self, what: dict[str, Any]) -> None:
         self._pipe.send(what)
@@ -77,7 +86,7 @@ class Worker:
             elif isinstance(order, messages.Pace):
                 self.wanted, self._step_s, self._due = order.factor, 0.0, time.monotonic()
             elif isinstance(order, messages.Step):
-                self.wanted, self._step_s = 0.0, order.seconds
+                self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until
             elif isinstance(order, messages.Export):
                 self._send({"kind": "files", "name": order.name, "texts": self.source.export(order.name)})
             else:
@@ -91,8 +100,8 @@ class Worker:
         if self._step_s > 0.0:
             while self._step_s > 0.0 and time.monotonic() < begin + ROUND_S:
                 before = self.source.now
-                self.source.advance(min(SLICE_S, self._step_s))
-                self._step_s = max(0.0, self._step_s - (self.source.now - before))
+                came = self.source.advance(min(SLICE_S, self._step_s), self._until)
+                self._step_s = 0.0 if came else max(0.0, self._step_s - (self.source.now - before))
                 if self._step_s < 1e-9:
                     self._step_s = 0.0
             self.reached = 0.0
@@ -122,18 +131,18 @@ class Worker:
             self._before = int(whole[-1])
         status = self.source.status() | {"wanted": self.wanted, "reached": self.reached}
         status["failed_in"] = STATES[self._before] if status["state"] == "fault" else ""
-        self._send({"kind": "rows", "time_s": time_s, "rows": rows, "status": status})
+        self._send({"kind": "rows", "time_s": time_s, "rows": rows, "marks": self.source.marks(), "status": status})
 
 
 def work(pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
     """Run in a process of its own until the other end of the pipe closes; Ctrl-C is the parent's.
 
-    shown: a scenario, whose twin runs, the folder of a finished run, which is shown again, or a board's port.
+    shown: a scenario, whose twin or chip runs, the folder of a finished run, which is shown again, or a board's port.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         Worker(pipe, shown, seed, factor).run()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
-    except (ConfigError, SilentError, PortError, OSError) as error:
+    except (ConfigError, SilentError, PortError, BrokenError, OSError) as error:
         pipe.send({"kind": "died", "text": str(error)})

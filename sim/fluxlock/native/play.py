@@ -75,7 +75,7 @@ class Taken:
     """Rows of a stretch of a run. more: name -> a value per record."""
 
     records: RecordArray
-    updates: NDArray[np.int64]  # rows of the log of the kind UPDATE
+    log: NDArray[np.int64]  # rows as LogKind says
     more: dict[str, NDArray[np.float64]]
     trips: int  # causes, bits in the order of TRIP_CAUSES
 

@@ -130,14 +130,14 @@ class Play(ScenarioPlay):
 
         angle_error_deg: the field from its best place, 90 degrees before the rotor; within 30 degrees it is right.
         """
+        log, trips = self._log(), reduce(or_, (causes for _, causes in self._trips), 0)
         count, self._rows = self._rows, 0
-        trips = reduce(or_, (causes for _, causes in self._trips), 0)
         self._events.clear()
         self._trips.clear()
         records = self._records[:count].copy()
         best = records["theta_e"] + np.where(records["omega_e"] < 0.0, -np.pi / 2, np.pi / 2)
         error = np.angle(np.exp(1j * (self._fields[:count] - best)))
-        return Taken(records, self._states[:count].copy(), {"angle_error_deg": np.degrees(error)}, trips)
+        return Taken(records, log, {"angle_error_deg": np.degrees(error)}, trips)
 
     def advance(self, until_s: float) -> None:
         """Run, and let ramps follow, a control tick at a time."""
@@ -175,7 +175,7 @@ class Play(ScenarioPlay):
         self._fields[self._rows] = math.radians(330.0 + 60.0 * s[am.SECTOR]) if driven else math.nan
         row["torque_nm"] = am.torque_of(s, chip.model.c, chip.model.m)
         t = chip.fw.telemetry()
-        drive = t.state & 0xFF | (t.limit & 0xF) << 16 | (t.lost_locks & 0xFFF) << 20
+        drive = t.state & 0xFF | (t.fault & 0xFF) << 8 | (t.limit & 0xF) << 16 | (t.lost_locks & 0xFFF) << 20
         told = t.target_rpm << 32 | t.reference_rpm_q8 & 0xFFFFFFFF
         self._states[self._rows] = cycle, int(LogKind.UPDATE), t.speed_rpm_q8 << 32 | drive, told
         self._rows += 1

@@ -130,10 +130,9 @@ class Play(ScenarioPlay):
 
     def take(self) -> Taken:
         """What was recorded since the last call, which is then forgotten."""
-        log = self.chip.log()
-        updates, error_deg = log[log[:, 1] == int(LogKind.UPDATE)].copy(), self.chip.rows()["error_deg"].copy()
+        log, error_deg = self.chip.log().copy(), self.chip.rows()["error_deg"].copy()
         trips = int(np.bitwise_or.reduce(log[log[:, 1] == int(LogKind.TRIP), 2]))
-        taken = Taken(self._records(), updates, {"angle_error_deg": error_deg}, trips)
+        taken = Taken(self._records(), log, {"angle_error_deg": error_deg}, trips)
         self.chip.keep_rows(self._kept)
         return taken
 

@@ -402,6 +402,11 @@ class Plant:
         """Empty the kernel's record buffers and return the new rows. Call it before a buffer is full."""
         return Drained(self._waves.drain(), self._events.drain(), self._zoom.drain())
 
+    def forget(self) -> None:
+        """Drop all rows drained so far: of a run without end."""
+        for buffer in (self._waves, self._events, self._zoom):
+            buffer.forget()
+
     def records(self) -> RecordArray:
         """All waveform records so far (`WAVE_DTYPE`)."""
         return self._waves.all()

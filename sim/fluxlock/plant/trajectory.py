@@ -63,6 +63,10 @@ class Buffer:
             self._taken = [np.concatenate(self._taken)]
         return self._taken[0]
 
+    def forget(self) -> None:
+        """Drop the rows so far."""
+        self._taken.clear()
+
 
 def angle_between(records: RecordArray, t_cycles: npt.ArrayLike, clock_period_s: float) -> FloatArray:
     """True electrical angle (rad, unwrapped) at times within the records: cubic Hermite interpolation."""

@@ -9,8 +9,10 @@
  *   low: number|null, high: number|null, permitted: string, value: string}} Setting */
 /** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, source: string, method: string,
  *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, faults: {name: string, text: string, order: object|null, why: string}[],
- *   without: string[]}} Hello */
+ *   without: string[], marks: string[], steps?: [string, number, string][]}} Hello */
 
+const LANE = 1.25;  // height of a logic lane, of which a level takes 1
+const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c62828"], TRIGGER_COLOUR = "#d81b60";
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
   "angle_error_deg", "state"];
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
@@ -99,7 +101,8 @@ function files(message) {
     link.style.marginRight = "0.6em";
     return link;
   }));
-  const text = message.scenario ? `fluxlock native ${message.folder}/${message.scenario} --play` : `in ${message.folder}`;
+  const command = hello && hello.source === "chip" ? "run" : "native";
+  const text = message.scenario ? `fluxlock ${command} ${message.folder}/${message.scenario}${command === "run" ? "" : " --play"}` : `in ${message.folder}`;
   at("files").append(Object.assign(document.createElement("code"), { textContent: text }));
 }
 
@@ -114,7 +117,8 @@ function report(message) {
   stateGraph(message.state, message.failed_in || "", message.fault);
   at("limit").textContent = message.limit === "none" ? "" : `limit: ${message.limit}`;
   at("clock").textContent = `${message.t_s.toFixed(3)} s`;
-  at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${message.reached.toFixed(2)} (wanted ${message.wanted})`;
+  at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${Number(message.reached.toPrecision(2))} (wanted ${message.wanted})`;
+  at("load-core").textContent = message.core_load == null ? "" : `core ${message.core_load.toFixed(0)} %`;
   at("viewers").textContent = message.viewers > 1 ? `${message.viewers} viewers share this source` : "";
   at("pause").textContent = message.wanted === 0 ? "Run" : "Pause";
   for (const [id, value, unit] of [["speed", message.target_rpm, "r/min"], ["load", message.load_factor, "×"], ["supply", message.supply_v, "V"]]) {
@@ -162,7 +166,7 @@ function build(message) {
   at("said").replaceChildren();
   at("name").textContent = `${message.name} — ${message.source}${message.method ? `, ${message.method}` : ""}`;
   document.title = `${message.name} — Fluxlock live`;
-  const [drive, model] = [message.source !== "recording", message.source === "twin"];
+  const [drive, model] = [message.source !== "recording", ["twin", "chip"].includes(message.source)];
   for (const id of ["knobs", "breaks", "table"]) at(id).hidden = !drive;
   at("export").hidden = !model;
   for (const id of ["load", "supply"]) at(id).disabled = !model;
@@ -180,13 +184,18 @@ function build(message) {
   if (again) return;
   at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
     const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: SHOWN.includes(name) && !message.without.includes(name) });
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: (SHOWN.includes(name) || name.startsWith("gate_")) && !message.without.includes(name) });
     box.onchange = layout;
     label.title = text;
     label.append(box, ` ${name} / ${unit}`);
     return label;
   }));
-  at("trigger").replaceChildren(new Option("none", ""), ...message.traces.map(([name]) => new Option(name, name)));
+  at("trigger").replaceChildren(new Option("none", ""), ...message.marks.map((name) => new Option(name, `!${name}`)), ...message.traces.map(([name]) => new Option(name, name)));
+  legend(message.marks);
+  if (message.steps) {
+    at("step-by").replaceChildren(...message.steps.map(([name, seconds, until]) => new Option(name, `${seconds} ${until}`)), ...at("step-by").children);
+    at("span").value = "0.005";
+  }
   layout();
 }
 
@@ -197,7 +206,7 @@ const chosen = () => [...document.querySelectorAll("#traces input:checked")].map
 function layout() {
   for (const panel of panels) panel.plot.destroy();
   const wanted = hello ? hello.traces.filter(([name]) => chosen().includes(name)) : [];
-  const units = [...new Set(wanted.map(([, unit]) => unit))];
+  const units = [...new Set(wanted.map(([, unit]) => unit))].sort((a, b) => Number(b === "level") - Number(a === "level"));
   const width = at("plots").clientWidth;
   const height = Math.max(110, (window.innerHeight - 320) / Math.max(units.length, 1) - 30);
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
@@ -205,20 +214,37 @@ function layout() {
   panels = units.map((unit, k) => {
     const names = wanted.filter(([, u]) => u === unit).map(([name]) => name);
     const lowest = k === units.length - 1;
+    const lanes = unit === "level";
     const axis = { stroke: ink, grid: { stroke: grid }, ticks: { stroke: grid } };
     const options = {
       width, height,
       cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
-      hooks: { setSelect: [choose], draw: [drawCursors] },
-      scales: { x: { time: false } },
+      hooks: { setSelect: [choose], draw: [drawMarks, drawCursors] },
+      scales: { x: { time: false }, ...(lanes ? { y: { range: [-0.1, LANE * names.length] } } : {}) },
       padding: [8, 16, 0, 0],
       axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16 } : { ...axis, size: 4, values: () => [] },
-        { ...axis, label: unit, size: 64, labelSize: 18 }],
-      series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, points: { show: false } }))],
+        { ...axis, label: unit, size: 64, labelSize: 18, ...(lanes ? laneAxis(names) : {}) }],
+      series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, points: { show: false }, ...(lanes ? { value: (/** @type {any} */ _, /** @type {number|null} */ v) => (v === null ? "-" : String(Math.round(v - LANE * (names.length - 1 - n)))) } : {}) }))],
     };
     // @ts-ignore: uPlot comes from its own file
     return { unit, names, plot: new uPlot(options, [[], ...names.map(() => [])], at("plots")) };
   });
+}
+
+/** Axis of logic lanes: their names, the first on top. @param {string[]} names */
+const laneAxis = (names) => ({
+  splits: () => names.map((_, k) => LANE * (names.length - 1 - k) + 0.5),
+  values: () => names.map((name) => name.replace("gate_", "")),
+  grid: { show: false },
+});
+
+/** What the colours of the marks mean. @param {string[]} names */
+function legend(names) {
+  at("marks").replaceChildren(...names.map((name, k) => {
+    const entry = Object.assign(document.createElement("span"), { textContent: `| ${name} ` });
+    entry.style.color = MARK_COLOURS[k];
+    return entry;
+  }));
 }
 
 /** Hold the part that was chosen with the mouse. @param {any} plot */
@@ -244,27 +270,71 @@ function ask() {
   send({
     kind: "view", traces, width: Math.max(16, Math.min(8192, at("plots").clientWidth - 64)), span_s: heldSpan === null ? Number(at("span").value) : heldSpan,
     ...(heldTo === null ? {} : { to_s: heldTo }),
-    ...(trigger === "" || heldTo !== null ? {} : { trigger: { trace: trigger, level, rising: edge !== "down", size: edge === "size" } }),
+    ...(trigger === "" || heldTo !== null ? {} : { trigger: { ...(marked() ? { mark: trigger.slice(1) } : { trace: trigger, level, rising: edge !== "down", size: edge === "size" }),
+      before: Number(at("before").value), after_s: armed } }),
   });
   waiting = setTimeout(ask, 2000);  // an answer that never comes
 }
 let waiting = 0;
+let armed = -1;  // triggers at or before this time are passed by
+/** @type {{times: Float64Array, kinds: Float64Array, trigger: number}} */
+let marks = { times: new Float64Array(0), kinds: new Float64Array(0), trigger: NaN };
+
+/** Whether the trigger is an instant. @returns {boolean} */
+const marked = () => at("trigger").value.startsWith("!");
+
+/** Freeze the picture that ends there; null: go on. @param {number|null} to */
+function hold(to) {
+  heldTo = to;
+  heldSpan = null;
+  at("hold").textContent = to === null ? "Hold" : "Go on";
+}
+
+/** Look for the next trigger only, where one is looked for. */
+function arm() {
+  armed = at("mode").value === "auto" ? -1 : last.newest;
+  at("triggered").textContent = "";
+  for (const id of ["edge", "level"]) at(id).disabled = marked();
+  hold(null);
+}
+
+/** Marks of the instants in a panel, and the trigger. @param {any} plot */
+function drawMarks(plot) {
+  const { left, width, top, height } = plot.bbox;
+  const line = (/** @type {number} */ time, /** @type {string} */ colour, /** @type {number} */ wide) => {
+    const x = plot.valToPos(time, "x", true);
+    if (x < left || x > left + width) return;
+    plot.ctx.fillStyle = colour;
+    plot.ctx.fillRect(x, top, wide, height);
+  };
+  plot.ctx.save();
+  plot.ctx.globalAlpha = 0.6;
+  marks.times.forEach((time, k) => line(time, MARK_COLOURS[marks.kinds[k]], 1));
+  if (!Number.isNaN(marks.trigger)) line(marks.trigger, TRIGGER_COLOUR, 2);
+  plot.ctx.restore();
+}
 
 /** @param {ArrayBuffer} data as `server.picture` lays it out */
 function draw(data) {
   clearTimeout(waiting);
   const begin = performance.now();
   const view = new DataView(data);
-  const [count, points] = [view.getUint32(0, true), view.getUint32(4, true)];
-  const [from, to, trigger, newest] = [8, 16, 24, 32].map((place) => view.getFloat64(place, true));
-  const times = new Float64Array(data, 40, points);
+  const [count, points, number] = [0, 4, 8].map((place) => view.getUint32(place, true));
+  const [from, to, trigger, newest] = [16, 24, 32, 40].map((place) => view.getFloat64(place, true));
+  const body = 48 + 16 * number;
+  const times = new Float64Array(data, body, points);
   const names = panels.flatMap((panel) => panel.names);
-  last = { from, to, newest };
-  if (count === names.length) {
+  const searching = at("trigger").value !== "" && heldTo === null;
+  const stays = searching && Number.isNaN(trigger) && at("mode").value !== "auto";
+  last = stays ? { ...last, newest } : { from, to, newest };
+  if (count === names.length && !stays) {
+    marks = { times: new Float64Array(data, 48, number), kinds: new Float64Array(data, 48 + 8 * number, number), trigger: heldTo === null ? trigger : marks.trigger };
     let row = 0;
     for (const panel of panels) {
+      let lane = 0;
       const rows = panel.names.map(() => {
-        const values = new Float32Array(data, 40 + 8 * points + 4 * points * row++, points);
+        const values = new Float32Array(data, body + 8 * points + 4 * points * row++, points);
+        if (panel.unit === "level") return values.map((value) => value + LANE * (panel.names.length - 1 - lane++));
         return values.some(Number.isNaN) ? Array.from(values, (v) => (Number.isNaN(v) ? null : v)) : values;
       });
       panel.plot.batch(() => {
@@ -274,7 +344,8 @@ function draw(data) {
     }
     tellCursors(panels);
   }
-  at("triggered").textContent = at("trigger").value === "" || heldTo !== null ? "" : Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
+  if (searching) at("triggered").textContent = Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
+  if (searching && !Number.isNaN(trigger) && at("mode").value === "single") hold(to);
   requestAnimationFrame(() => {
     drawn.count += 1;
     drawn.times.push(performance.now() - begin);
@@ -293,7 +364,10 @@ function wire() {
   const pace = () => send({ kind: "pace", factor: Number(at("factor").value) });
   at("pause").onclick = () => (told.wanted === 0 ? pace() : send({ kind: "pace", factor: 0 }));
   at("factor").onchange = pace;
-  at("step").onclick = () => send({ kind: "step", seconds: Number(at("step-by").value) });
+  at("step").onclick = () => {
+    const [seconds, until] = at("step-by").value.split(" ");
+    send({ kind: "step", seconds: Number(seconds), until: until || "" });
+  };
   at("restart").onclick = () => send({ kind: "restart" });
   at("export").onclick = () => send({ kind: "export", name: at("file").value });
   for (const kind of ["csv", "parquet"]) {
@@ -306,11 +380,8 @@ function wire() {
   setInterval(() => {
     if (hello !== null && !document.hidden) send({ kind: "planes", span_s: Math.min(1, heldSpan || Number(at("span").value)), ...(heldTo === null ? {} : { to_s: heldTo }) });
   }, PLANES_MS);
-  at("hold").onclick = () => {
-    heldTo = heldTo === null ? last.to : null;
-    heldSpan = null;
-    at("hold").textContent = heldTo === null ? "Hold" : "Go on";
-  };
+  at("hold").onclick = () => (heldTo === null ? hold(last.to) : arm());
+  for (const id of ["trigger", "mode"]) at(id).onchange = arm;
   window.onresize = layout;
 }
 
