@@ -41,6 +41,7 @@ GOOD: list[dict[str, Any]] = [
     {"kind": "fault", "fault": {"kind": "open_phase", "phases": ["A"]}},
     {"kind": "pace", "factor": 0.5},
     {"kind": "step", "seconds": 0.01},
+    {"kind": "step", "seconds": 0.01, "until": "tick"},
     {"kind": "restart"},
     {"kind": "export", "name": "my-play"},
     {"kind": "planes", "span_s": 0.02},

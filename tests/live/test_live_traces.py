@@ -5,9 +5,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
-from fluxlock.live.traces import NAMES, Ring
+from fluxlock.firmware.binding import names
+from fluxlock.live import messages
+from fluxlock.live.server import triggered
+from fluxlock.live.traces import MARKS, MARKS_SHOWN, NAMES, Ring, marks_of
+from fluxlock.results.rundata import LogKind
 
 POINTS, WIDTH = 60_000, 1200
 
@@ -30,8 +36,7 @@ def test_extremes() -> None:
     rows[5, 31_234] = 99.0
     ring = Ring()
     ring.append(time_s, rows)
-    names = list(NAMES[:12])
-    shown, picture = ring.picture(0.0, time_s[-1] + 1.0, names, WIDTH)
+    shown, picture = ring.picture(0.0, time_s[-1] + 1.0, list(NAMES[:12]), WIDTH)
     assert picture.shape == (12, 2 * WIDTH) and shown.size == 2 * WIDTH and np.all(np.diff(shown) > 0.0)
     assert picture[5].max() == 99.0
     assert np.array_equal(picture.max(axis=1), rows[:12].max(axis=1))
@@ -72,3 +77,55 @@ def test_trigger() -> None:
     up, down, size = (found(*how, 0.19) for how in ((30.0, True, False), (30.0, False, False), (30.0, True, True)))
     assert up is not None and down is not None and size is not None and up < down < size
     assert found(41.0, True, False, 1.0) is None
+
+
+def test_trigger_on_an_instant() -> None:
+    """The last instant of its kind; what was before it was armed is passed by, and a picture of too many has none.
+
+    Verifies: LIVE-14
+    """
+    ring = Ring()
+    ring.mark([(0.1, MARKS.index("commutation")), (0.2, MARKS.index("crossing late"))])
+    ring.mark([(0.3, MARKS.index("commutation")), (0.4, MARKS.index("fault"))])
+
+    def found(mark: str, until_s: float, after_s: float = -1.0) -> float | None:
+        asked = {"kind": "view", "traces": ["ia"], "width": 16, "span_s": 0.1}
+        view = messages.parse(json.dumps(asked | {"trigger": {"mark": mark, "after_s": after_s}}))
+        assert isinstance(view, messages.View) and view.trigger is not None
+        return triggered(ring, view.trigger, until_s)
+
+    assert found("commutation", 1.0) == 0.3 and found("commutation", 0.25) == 0.1
+    assert found("fault", 1.0) == 0.4 and found("fault", 1.0, 0.4) is None and found("trip", 1.0) is None
+    assert ring.marks(0.15, 0.35) == [(0.2, MARKS.index("crossing late")), (0.3, MARKS.index("commutation"))]
+    ring.mark([(1.0 + k * 1e-3, 0) for k in range(MARKS_SHOWN + 1)])
+    assert ring.marks(1.0, 2.0) == [] and len(ring.marks(1.0, 1.0995)) == 100
+
+
+def test_marks_of_a_log() -> None:
+    """Commutation, crossing, late crossing, trip, change of the state and fault, each at its row's time.
+
+    Verifies: LIVE-14
+    """
+    running, fault = (names("drive_state_t").index(state) for state in ("running", "fault"))
+    told = [
+        (1, LogKind.COMMUTATION, 3),
+        (2, LogKind.CROSSING, 3),
+        (3, LogKind.CROSSING, 3 | 1 << 4),
+        (4, LogKind.GATES, 1),
+    ]
+    told += [
+        (5, LogKind.UPDATE, running),
+        (6, LogKind.UPDATE, running),
+        (7, LogKind.TRIP, 1),
+        (8, LogKind.UPDATE, fault),
+    ]
+    log = np.array([(cycle, kind, a, 0) for cycle, kind, a in told], np.int64)
+    found = [(at_s, MARKS[number]) for at_s, number in marks_of(log, 1.0, 0)]
+    assert found == [
+        (1.0, "commutation"),
+        (2.0, "crossing"),
+        (3.0, "crossing late"),
+        (5.0, "state change"),
+        (7.0, "trip"),
+        (8.0, "fault"),
+    ]

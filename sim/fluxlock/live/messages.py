@@ -111,7 +111,7 @@ class Step(Message):
 
     kind: Literal["step"]
     seconds: float = Field(gt=0.0, le=10.0, allow_inf_nan=False)
-    until: Literal["", "commutation", "tick"] = ""
+    until: Literal["commutation", "tick"] | None = None
 
 
 class Restart(Message):

@@ -18,7 +18,7 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from fluxlock.cosim.branches import end_with_parent
+from fluxlock.base.processes import end_with_parent
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import PLAN_ENV, Action, SessionPlan
 from fluxlock.cosim.session import PlantFault, Session

@@ -86,7 +86,7 @@ class Worker:
             elif isinstance(order, messages.Pace):
                 self.wanted, self._step_s, self._due = order.factor, 0.0, time.monotonic()
             elif isinstance(order, messages.Step):
-                self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until
+                self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until or ""
             elif isinstance(order, messages.Export):
                 self._send({"kind": "files", "name": order.name, "texts": self.source.export(order.name)})
             else:

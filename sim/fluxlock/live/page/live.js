@@ -222,7 +222,7 @@ function layout() {
       hooks: { setSelect: [choose], draw: [drawMarks, drawCursors] },
       scales: { x: { time: false }, ...(lanes ? { y: { range: [-0.1, LANE * names.length] } } : {}) },
       padding: [8, 16, 0, 0],
-      axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16 } : { ...axis, size: 4, values: () => [] },
+      axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16, values: inSteps } : { ...axis, size: 4, values: () => [] },
         { ...axis, label: unit, size: 64, labelSize: 18, ...(lanes ? laneAxis(names) : {}) }],
       series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, points: { show: false }, ...(lanes ? { value: (/** @type {any} */ _, /** @type {number|null} */ v) => (v === null ? "-" : String(Math.round(v - LANE * (names.length - 1 - n)))) } : {}) }))],
     };
@@ -230,6 +230,9 @@ function layout() {
     return { unit, names, plot: new uPlot(options, [[], ...names.map(() => [])], at("plots")) };
   });
 }
+
+/** Labels with as many digits as tell them apart. @param {any} _ @param {number[]} splits @param {number} __ @param {number} ___ @param {number} step */
+const inSteps = (_, splits, __, ___, step) => splits.map((value) => value.toFixed(Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)))));
 
 /** Axis of logic lanes: their names, the first on top. @param {string[]} names */
 const laneAxis = (names) => ({
@@ -334,7 +337,10 @@ function draw(data) {
       let lane = 0;
       const rows = panel.names.map(() => {
         const values = new Float32Array(data, body + 8 * points + 4 * points * row++, points);
-        if (panel.unit === "level") return values.map((value) => value + LANE * (panel.names.length - 1 - lane++));
+        if (panel.unit === "level") {
+          const foot = LANE * (panel.names.length - 1 - lane++);
+          return values.map((value) => value + foot);
+        }
         return values.some(Number.isNaN) ? Array.from(values, (v) => (Number.isNaN(v) ? null : v)) : values;
       });
       panel.plot.batch(() => {
@@ -366,7 +372,7 @@ function wire() {
   at("factor").onchange = pace;
   at("step").onclick = () => {
     const [seconds, until] = at("step-by").value.split(" ");
-    send({ kind: "step", seconds: Number(seconds), until: until || "" });
+    send({ kind: "step", seconds: Number(seconds), ...(until ? { until } : {}) });
   };
   at("restart").onclick = () => send({ kind: "restart" });
   at("export").onclick = () => send({ kind: "export", name: at("file").value });
