@@ -13,7 +13,7 @@ from cocotb.triggers import FallingEdge, RisingEdge, ValueChange
 
 from fluxlock.base.paths import ROOT
 from fluxlock.drive import Drive, DriveError, drive_test, run_tests
-from fluxlock.results.rundata import LogKind
+from fluxlock.results.rundata import LogKind, SimulationFault
 
 SCENARIO = ROOT / "scenarios" / "campaign" / "six-step.toml"
 RPM = 56_000
@@ -98,6 +98,38 @@ async def coasts_with_open_gates(drive: Drive) -> None:
     assert abs(drive.speed_rpm * math.pi / 30 - expected) < 0.002 * expected
     assert len(drive.data().rows(LogKind.GATES)) == gates
     assert drive.state == "ready"
+
+
+@drive_test(after=at_speed)
+async def carries_a_load_written_in_python(drive: Drive) -> None:
+    """A function of the shaft brakes as the same load of the plant does, until it is taken away or breaks.
+
+    Verifies: DRV-09
+    """
+
+    def load_nm(speed_rad_s: float, angle_rad: float, time_s: float) -> float:
+        assert angle_rad > speed_rad_s * 1e-3 and time_s > begin_s, "unwrapped, since power-up"
+        return 1e-6 * speed_rad_s + 0.002
+
+    begin_s, begin_rpm = drive.time_s, drive.speed_rpm
+    ends = drive.branch(["plant", "python", "taken away", "breaks"])
+    for end in ends:
+        await drive.stop(now=True)
+        if end.value == "plant":
+            drive.load(constant_nm=0.002, viscous_nm_s_per_rad=1e-6)
+        else:
+            drive.load_nm(load_nm if end.value != "breaks" else lambda w, _angle, _time: 1 / (w - w))
+        if end.value == "taken away":
+            drive.load_nm(None)
+        try:
+            await drive.run(0.003)
+            end.keep(drive.speed_rpm)
+        except SimulationFault as error:
+            end.keep(str(error))
+    plant, python, coasts, said = ends.kept
+    print(begin_rpm, ends.kept)
+    assert plant < coasts - 50 and abs(python - plant) < 1e-4 * (begin_rpm - plant) + 0.01
+    assert said.startswith("load_nm raised ZeroDivisionError")
 
 
 @drive_test(after=at_speed)

@@ -25,7 +25,7 @@ from fluxlock.cosim.debugger import Debugger
 from fluxlock.cosim.native import CanNode, Core, Native
 from fluxlock.cosim.plan import META_FILE, PROGRESS_FILE, RAW_FILE, TRACE_FILE, Action, SessionPlan
 from fluxlock.plant import Plant
-from fluxlock.python_load import PERIOD_CYCLES
+from fluxlock.python_load import PERIOD_CYCLES, PythonLoad
 
 CLOCK_NS = 20
 PROGRESS_INTERVAL_S = 0.1
@@ -197,15 +197,20 @@ class Session:
 
     async def _reach(self, cycle: int) -> None:
         """Wait until a cycle; meanwhile the plan's load is asked once a period."""
-        load, plant = self.plan.own_load, self.plant
+        load = self.plan.own_load
         while load is not None and self.cycle < cycle:
             if self.cycle % PERIOD_CYCLES == 0:
-                plant.advance(max(self.cycle, plant.t_cycle))
-                poles, clock_hz = plant.params.machine.pole_pairs, self.plan.clock_hz
-                speed, angle = plant.omega_e_rad_s / poles, plant.theta_e_rad / poles
-                plant.hold_load(load.torque_nm(plant.t_cycle / clock_hz, speed, angle, PERIOD_CYCLES / clock_hz))
+                self.ask(load)
             await self.wait_until(min(cycle, (self.cycle // PERIOD_CYCLES + 1) * PERIOD_CYCLES))
         await self.wait_until(cycle)
+
+    def ask(self, load: PythonLoad) -> None:
+        """Let a load written in Python say its torque for a period from now on; SimulationFault if it cannot."""
+        plant, clock_hz = self.plant, self.plan.clock_hz
+        plant.advance(max(self.cycle, plant.t_cycle))
+        poles = plant.params.machine.pole_pairs
+        speed, angle = plant.omega_e_rad_s / poles, plant.theta_e_rad / poles
+        plant.hold_load(load.torque_nm(plant.t_cycle / clock_hz, speed, angle, PERIOD_CYCLES / clock_hz))
 
     async def settle(self, exchange: bool = False) -> None:
         """Wait until the console has answered every line, or none for so long that it is taken for dead.

@@ -29,8 +29,9 @@ from fluxlock.drive.registers import Registers
 from fluxlock.firmware.binding import names, types
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
 from fluxlock.plant import Plant
+from fluxlock.python_load import PERIOD_CYCLES, LoadFunction, PythonLoad
 from fluxlock.results.metrics import Advance, Analysis
-from fluxlock.results.rundata import RunData
+from fluxlock.results.rundata import RunData, SimulationFault
 
 Value = TypeVar("Value")
 AT_SPEED = 0.01  # of the target
@@ -78,6 +79,7 @@ class Drive:
         if self.scenario.can is not None:
             self.can = CanMaster(self.session, self.scenario.can)
         self._broken: Exception | None = None
+        self._load: PythonLoad | None = None
         cocotb.start_soon(self._keep_up())
 
     async def _keep_up(self) -> None:
@@ -242,6 +244,26 @@ class Drive:
             parts = ("fan_nm_s2_per_rad2", "constant_nm", "viscous_nm_s_per_rad", "coulomb_nm")
             torques = {part: factor * float(getattr(mechanics, part)) for part in parts} | torques
         self._act("load", {**torques, "ramp_s": ramp_s})
+
+    def load_nm(self, function: LoadFunction | None) -> None:
+        """Put a load that is written in Python on top of the others, from now on; None: take it away.
+
+        function: of speed_rad_s, angle_rad (mechanical, unwrapped) and time_s, returns N m, see `fluxlock.simulate`. It
+        is asked every 20 us. SimulationFault, at the next wait, if it breaks; ConfigError for what is no such function.
+        """
+        self._load = None if function is None else PythonLoad(function)
+        if self._load is None:
+            self.plant.hold_load(0.0)
+        else:
+            cocotb.start_soon(self._ask(self._load))
+
+    async def _ask(self, load: PythonLoad) -> None:
+        try:
+            while self._load is load:
+                self.session.ask(load)
+                await self.session.wait_until(self.session.cycle + PERIOD_CYCLES)
+        except SimulationFault as error:
+            self._broken = error
 
     def supply(self, volts: float, ramp_s: float = 0.0) -> None:
         """Change the supply's voltage, in a ramp of `ramp_s` or at once."""

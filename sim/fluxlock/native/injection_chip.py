@@ -95,6 +95,7 @@ class InjectionChip:
         self._rows, self._log = np.zeros(0, kernel.ROW), np.zeros((0, 4), np.int64)
         self.imposed_rpm = math.nan
         self._load, self._load_factor = scenario.shaft_load, 1.0
+        self.held_nm = 0.0  # on top of it
         kernel.seed_noise(seed)
         kernel.take(self.fw.registers, self._places, self.hardware.view(np.ndarray), self._room)
 
@@ -156,7 +157,7 @@ class InjectionChip:
             self.state,
             self.setup,
             kernel.Shaft(
-                factor * load.constant_nm,
+                factor * load.constant_nm + self.held_nm,
                 factor * load.coulomb_nm,
                 self.imposed_rpm / RPM_PER_RAD_S,
             ),
@@ -176,9 +177,14 @@ class InjectionChip:
         return float(self.hardware.samples[0]) * self.setup.period_s
 
     @property
+    def shaft(self) -> tuple[float, float]:
+        """Mechanical speed, rad/s, and angle, rad, unwrapped."""
+        return float(self.state[OMEGA_AT]) / self.motor.pole_pairs, float(self.state[THETA_AT]) / self.motor.pole_pairs
+
+    @property
     def rpm(self) -> float:
         """True mechanical speed."""
-        return float(self.state[OMEGA_AT]) / self.motor.pole_pairs * RPM_PER_RAD_S
+        return self.shaft[0] * RPM_PER_RAD_S
 
     @property
     def error_deg(self) -> float:
