@@ -11,8 +11,10 @@ Every step keeps a stamp with the hash of its inputs and does nothing when they 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from fluxlock.base.paths import BUILD, GENERATED, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
@@ -22,6 +24,14 @@ from fluxlock.generate.soft_core import soft_core
 
 REGBLOCK_OPTIONS = ["--cpuif", "wishbone-flat", "--default-reset", "rst", "--type-style", "hier"]
 IO_BASE = 0x8000_0000
+PEAKRDL = """
+import json, sys
+from peakrdl.main import main
+for arguments in json.loads(sys.argv[1]):
+    sys.argv = ["peakrdl", *arguments]
+    print(*sys.argv, flush=True)
+    main()
+"""
 
 
 def check_build() -> None:
@@ -38,11 +48,12 @@ def check_build() -> None:
         check_folder(folder)
 
 
-def _peakrdl(*arguments: str) -> None:
-    command = [sys.executable, "-m", "peakrdl", *arguments]
+def _peakrdl(*runs: Sequence[str]) -> None:
+    """Run PeakRDL once for each list of arguments, all in one process: its start takes longer than a block."""
+    command = [sys.executable, "-c", PEAKRDL, json.dumps(runs)]
     done = subprocess.run(command, env=tool_environment(), capture_output=True, text=True, check=False)
     if done.returncode:
-        raise RuntimeError(f"register generation failed: {' '.join(command)}\n{done.stdout}{done.stderr}")
+        raise RuntimeError(f"register generation failed: peakrdl\n{done.stdout}{done.stderr}")
 
 
 def generate_registers(force: bool = False) -> Path:
@@ -57,14 +68,15 @@ def generate_registers(force: bool = False) -> Path:
         if not force and stamp.exists() and stamp.read_text() == key:
             return GENERATED
         check_folder(GENERATED)
+        blocks = [str(RTL / "regs" / f"fl_{block}_regs.rdl") for block in REGISTER_BLOCKS]
+        top, header = str(RTL / "regs" / "fluxlock_regs.rdl"), str(GENERATED / "fluxlock_regs.h")
+        _peakrdl(
+            *(["regblock", rdl, "-o", str(GENERATED), *REGBLOCK_OPTIONS] for rdl in blocks),
+            ["c-header", top, "-o", header, "-i", "--inst-offset", hex(IO_BASE)],
+        )
         for block in REGISTER_BLOCKS:
-            rdl = RTL / "regs" / f"fl_{block}_regs.rdl"
-            _peakrdl("regblock", str(rdl), "-o", str(GENERATED), *REGBLOCK_OPTIONS)
             module = GENERATED / f"fl_{block}_regs.sv"
             module.write_text(regblock.gate_with_request(module.read_text()))
-        top = RTL / "regs" / "fluxlock_regs.rdl"
-        header = GENERATED / "fluxlock_regs.h"
-        _peakrdl("c-header", str(top), "-o", str(header), "-i", "--inst-offset", hex(IO_BASE))
         stamp.write_text(key)
     return GENERATED
 
@@ -80,7 +92,7 @@ def generate_python() -> Path:
     stamp = out / ".stamp"
     with file_lock(BUILD / ".regs-python.lock"):
         if not stamp.exists() or stamp.read_text() != key:
-            _peakrdl("python", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out), "--skip_test_case_generation")
+            _peakrdl(["python", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out), "--skip_test_case_generation"])
             stamp.write_text(key)
     return out
 
@@ -88,7 +100,7 @@ def generate_python() -> Path:
 def generate_html() -> Path:
     """Generate the HTML register reference into `build/html/registers`."""
     out = BUILD / "html" / "registers"
-    _peakrdl("html", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out))
+    _peakrdl(["html", str(RTL / "regs" / "fluxlock_regs.rdl"), "-o", str(out)])
     return out
 
 
