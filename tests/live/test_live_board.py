@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pty
 import threading
@@ -18,7 +19,7 @@ from typer.testing import CliRunner
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.live import board, messages
-from fluxlock.live.board import Board, BoardPlan, SilentError
+from fluxlock.live.board import Board, BoardPlan, SilentError, core_load
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES
 from fluxlock.native.player import player
@@ -91,6 +92,17 @@ def test_a_board_is_led_by_its_console() -> None:
                 source.act(action)
         with pytest.raises(RefusedError, match="exports plays"):
             source.export("my-play")
+
+
+def test_load_of_the_core() -> None:
+    """From two readings of `idle`, also across the end of their 32 bits; unknown without two.
+
+    Verifies: LIVE-15
+    """
+    assert core_load("1000 5000", "4000 10000") == pytest.approx(40.0)
+    assert core_load(f"{2**32 - 1000} {2**32 - 2000}", "1000 2000") == pytest.approx(50.0)
+    for before, now in (("", "1 2"), ("1 2", ""), ("1 2", "1 2"), ("1", "2")):
+        assert math.isnan(core_load(before, now))
 
 
 def test_a_silent_board_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

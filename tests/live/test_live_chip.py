@@ -41,7 +41,7 @@ def test_steps_and_repeats(chip: Chip, tmp_path: Path) -> None:
     Gate lanes and true angle are there, and the drive's start is an instant. An open phase is taken, what this
     motor lacks is refused in one line.
 
-    Verifies: LIVE-13
+    Verifies: LIVE-13, LIVE-15
     """
     assert chip.hello()["source"] == "chip" and chip.hello()["steps"][0][0] == "a clock"
     while chip.now < READY_S:
@@ -64,6 +64,7 @@ def test_steps_and_repeats(chip: Chip, tmp_path: Path) -> None:
     assert (chip.now * CLOCK_HZ) % 1.0 == pytest.approx(0.0, abs=1e-3)
     time_s, rows = chip.take()
     place = NAMES.index
+    assert 0.0 < chip.status()["core_load"] < 100.0
     gates = rows[[place(name) for name in GATES[:6]]].astype(int)
     assert set(np.unique(gates)) == {0, 1} and not (gates[0::2] & gates[1::2]).any()
     assert np.isfinite(rows[place("theta_deg")]).all()

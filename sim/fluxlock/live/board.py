@@ -97,6 +97,7 @@ class Board:
         self._begin = time.monotonic()
         self._values: dict[str, str] = {}
         self._rows: list[tuple[float, list[float]]] = []
+        self._load = np.nan  # of the core, %
         self._poll()
         self._settings = [
             shown_setting(setting, self.scenario, self._values[setting.name])
@@ -112,7 +113,7 @@ class Board:
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from."""
         s = self.scenario
-        known = {*TOLD, "state", "limit"}
+        known = {*TOLD, "state", "limit", "core_load"}
         return {
             "name": self._name,
             "source": "board",
@@ -144,7 +145,9 @@ class Board:
             except SilentError:
                 if attempt == TRIES - 1:
                     raise
+        before = self._values.get("idle", "")
         self._values = dict(line.split(maxsplit=1) for line in reply[:-1] if " " in line)
+        self._load = core_load(before, self._values.get("idle", ""))
         row = [np.nan] * len(NAMES)
         for name, (value, factor) in TOLD.items():
             try:
@@ -154,6 +157,7 @@ class Board:
         for name, words in (("state", STATES), ("limit", LIMITS)):
             word = self._values.get(name, "")
             row[NAMES.index(name)] = float(words.index(word)) if word in words else np.nan
+        row[NAMES.index("core_load")] = self._load
         self._rows.append((self.now, row))
 
     def act(self, action: messages.Action) -> None:
@@ -202,9 +206,20 @@ class Board:
             "speed_rpm": number("measured_rpm"),
             "load_factor": 1.0,
             "supply_v": number("vdc_v"),
+            "core_load": self._load if np.isfinite(self._load) else None,
             "values": {entry["name"]: told.get(entry["name"], entry["value"]) for entry in self._settings},
         }
 
     def export(self, name: str) -> dict[str, str]:
         """RefusedError."""
         raise RefusedError("what a board has done cannot be repeated exactly; `fluxlock live SCENARIO` exports plays")
+
+
+def core_load(before: str, now: str) -> float:
+    """Load of the core between two values of `idle`, %: idle clocks and clocks, both modulo 2^32; nan without them."""
+    try:
+        first, second = ([int(word) for word in value.split()] for value in (before, now))
+        idle, clocks = ((new - old) % 2**32 for old, new in zip(first, second, strict=True))
+        return 100.0 * (1.0 - idle / clocks)
+    except (ValueError, ZeroDivisionError):
+        return np.nan
