@@ -21,7 +21,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from fluxlock.base.interrupts import EXIT_INTERRUPTED
+from fluxlock.base.interrupts import EXIT_INTERRUPTED, EXIT_TERMINATED
 from fluxlock.base.writable import EXIT_BAD_INPUT, EXIT_READER_GONE, reader_gone, refusal
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.scenario import SEED_MAX
@@ -29,7 +29,6 @@ from fluxlock.generated import SourceError
 from fluxlock.help import fit_help
 
 EXIT_FAILED = 1
-EXIT_TERMINATED = 128 + signal.SIGTERM
 
 
 def read_seed(text: str) -> int:

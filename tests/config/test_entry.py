@@ -17,7 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from fluxlock.base.interrupts import EXIT_TERMINATED
 from fluxlock.base.paths import ROOT
+from fluxlock.cosim import block
 
 SIGNALS = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
 
@@ -124,3 +126,27 @@ side_by_side(write_and_sleep, [{str(tmp_path)!r} + f"/{{k}}" for k in range(4)],
         with suppress(ProcessLookupError):
             os.killpg(command.pid, signal.SIGKILL)
     assert not (tmp_path / "2").exists()
+
+
+@pytest.mark.parametrize(("code", "raised"), [(EXIT_TERMINATED, SystemExit), (1, AssertionError)])
+def test_terminated_while_a_block_is_simulated(
+    code: int, raised: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SIGTERM during a block's tests ends the command; what else ends their simulator is a test that failed.
+
+    Verifies: FRONT-18
+    """
+
+    class Runner:
+        """Of cocotb: nothing to build, and an end instead of a simulation."""
+
+        def build(self, **_: object) -> None:
+            """Nothing."""
+
+        def test(self, **_: object) -> None:
+            sys.exit(code)
+
+    monkeypatch.setattr(block, "BUILD", tmp_path)
+    monkeypatch.setattr(block, "get_runner", lambda _: Runner())
+    with pytest.raises(raised):
+        block.run_block_test("fl_sync", ["safety/fl_sync.sv"], __name__)

@@ -9,6 +9,7 @@ import os
 import signal
 
 EXIT_INTERRUPTED = 128 + signal.SIGINT
+EXIT_TERMINATED = 128 + signal.SIGTERM
 
 
 def _leave_aloud(*_: object) -> None:

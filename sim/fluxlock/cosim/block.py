@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 from cocotb_tools.runner import get_runner
 
+from fluxlock.base.interrupts import EXIT_TERMINATED
 from fluxlock.base.paths import BUILD, GENERATED, ROOT, RTL, content_hash, tool_environment
 from fluxlock.base.writable import file_lock
 from fluxlock.generate.registers import generate_registers
@@ -128,6 +129,8 @@ def run_block_test(
                 },
             )
         except (SystemExit, RuntimeError) as stop:
+            if isinstance(stop, SystemExit) and stop.code == EXIT_TERMINATED:
+                raise  # this process is told to end
             raise AssertionError(f"{test_module} failed, or its simulation stopped: {stop}") from stop
         if counts and (run_dir / "coverage.dat").exists():
             shutil.move(run_dir / "coverage.dat", Path(counts) / f"{toplevel}-{key}-{name}-{time.time_ns()}.dat")
