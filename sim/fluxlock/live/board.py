@@ -132,7 +132,7 @@ class Board:
             "without": [name for name in NAMES if name not in known],
         }
 
-    def advance(self, seconds: float, until: str = "") -> bool:
+    def advance(self, seconds: float, until: str = "end") -> bool:
         """One look at all values, however long it takes."""
         self._poll()
         return False

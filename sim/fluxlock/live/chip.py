@@ -39,7 +39,7 @@ END_S = 5.0
 LISTEN_CYCLES, PATIENCE_CYCLES = 5_000, 10_000_000  # for an answer of the console
 LOAD_CYCLES = 50_000  # over which the load of the core is taken
 IDLE = names("handler_t").index("idle")
-UNTIL = {"": 0, "commutation": int(LogKind.COMMUTATION), "tick": int(LogKind.UPDATE)}
+UNTIL = {"end": 0, "commutation": int(LogKind.COMMUTATION), "tick": int(LogKind.UPDATE)}
 
 
 class BrokenError(RuntimeError):
@@ -114,12 +114,12 @@ class Chip(Played):
         legs = self.scenario.motor.phases
         without = ["motor_a", *GATES[2 * legs :], *(("current_d", "current_e") if legs == 3 else ())]
         carrier_s = 1.0 / self.scenario.drive.carrier_hz
-        steps = [["a clock", 1.0 / CLOCK_HZ, ""], ["a carrier", carrier_s, ""], ["a tick", 0.01, "tick"]]
+        steps = [["a clock", 1.0 / CLOCK_HZ, "end"], ["a carrier", carrier_s, "end"], ["a tick", 0.01, "tick"]]
         if self.scenario.drive.method == "six-step":
             steps.append(["a sector", 0.1, "commutation"])
         return super().hello() | {"without": without, "steps": steps}
 
-    def advance(self, seconds: float, until: str = "") -> bool:
+    def advance(self, seconds: float, until: str = "end") -> bool:
         """So much simulated time at most, with the scenario's events at their times; until: see `UNTIL`."""
         cycles = min(max(1, round(seconds * CLOCK_HZ)), SLICE_CYCLES)
         return self._advance((self._cycle + cycles) / CLOCK_HZ, until)
@@ -131,12 +131,12 @@ class Chip(Played):
             self._go((self._cycle + LISTEN_CYCLES) / CLOCK_HZ)
         super().act(action)
 
-    def _go(self, end_s: float, until: str = "") -> bool:
+    def _go(self, end_s: float, until: str = "end") -> bool:
         end = round(end_s * CLOCK_HZ)
         while self._cycle < end:
             goal = min(end, self._cycle + SLICE_CYCLES)
             self._order(Go(goal - self._cycle, UNTIL[until]))
-            if until and self._logs[-1].size and self._logs[-1][-1, 1] == UNTIL[until]:
+            if UNTIL[until] and self._logs[-1].size and self._logs[-1][-1, 1] == UNTIL[until]:
                 return True
         return False
 

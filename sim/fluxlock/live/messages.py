@@ -107,11 +107,11 @@ class Pace(Message):
 
 
 class Step(Message):
-    """So much simulated time, on a chip no further than to the next `until`; then pause."""
+    """So much simulated time, on a chip no further than to the next `until`; then pause. "end": for its time."""
 
     kind: Literal["step"]
     seconds: float = Field(gt=0.0, le=10.0, allow_inf_nan=False)
-    until: Literal["commutation", "tick"] | None = None
+    until: Literal["end", "commutation", "tick"] = "end"
 
 
 class Restart(Message):

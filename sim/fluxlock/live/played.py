@@ -57,7 +57,7 @@ class Played(ABC):
         """Simulated time, s."""
 
     @abstractmethod
-    def _go(self, end_s: float, until: str = "") -> bool:
+    def _go(self, end_s: float, until: str = "end") -> bool:
         """Simulate up to a time, or to what is waited for: whether it came."""
 
     @abstractmethod
@@ -88,7 +88,7 @@ class Played(ABC):
             "faults": catalogue(s, self._missing),
         }
 
-    def _advance(self, end_s: float, until: str = "") -> bool:
+    def _advance(self, end_s: float, until: str = "end") -> bool:
         """Up to a time, or to the scenario's next event, which happens; whether `until` came before."""
         due_s = min([end_s, *(event.at_s for event in self._agenda[:1])])
         if self._go(due_s, until):

@@ -63,7 +63,7 @@ class Replay:
             "without": ["angle_error_deg", "estimate_deg", "motor_a", *CHIP_ONLY],
         }
 
-    def advance(self, seconds: float, until: str = "") -> bool:
+    def advance(self, seconds: float, until: str = "end") -> bool:
         """So much of the recording at most; at its end nothing."""
         self._now = min(self._now + min(seconds, SLICE_S), float(self._times[-1]))
         return False

@@ -30,7 +30,7 @@ class Source(Protocol):
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from."""
 
-    def advance(self, seconds: float, until: str = "") -> bool:
+    def advance(self, seconds: float, until: str = "end") -> bool:
         """So much of its time at most, a chip no further than to the next `until`: whether that came."""
 
     def act(self, action: messages.Action) -> None:

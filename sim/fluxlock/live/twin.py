@@ -37,11 +37,11 @@ class Twin(Played):
         """What a page draws itself from."""
         return super().hello() | {"without": ["motor_a", *CHIP_ONLY]}
 
-    def advance(self, seconds: float, until: str = "") -> bool:
+    def advance(self, seconds: float, until: str = "end") -> bool:
         """So much simulated time at most, with the scenario's events at their times."""
         return self._advance(self.now + min(seconds, SLICE_S))
 
-    def _go(self, end_s: float, until: str = "") -> bool:
+    def _go(self, end_s: float, until: str = "end") -> bool:
         self.play.advance(end_s)
         return False
 

@@ -41,7 +41,7 @@ class Worker:
     def __init__(self, pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
         self._pipe, self._shown, self._seed = pipe, shown, seed
         self.wanted, self.reached = factor, 0.0
-        self._step_s, self._until = 0.0, ""  # still to go of a step, and what ends it
+        self._step_s, self._until = 0.0, "end"  # still to go of a step, and what ends it
         self._begin()
 
     def _begin(self) -> None:
@@ -86,7 +86,7 @@ class Worker:
             elif isinstance(order, messages.Pace):
                 self.wanted, self._step_s, self._due = order.factor, 0.0, time.monotonic()
             elif isinstance(order, messages.Step):
-                self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until or ""
+                self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until
             elif isinstance(order, messages.Export):
                 self._send({"kind": "files", "name": order.name, "texts": self.source.export(order.name)})
             else:
