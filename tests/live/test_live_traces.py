@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from typing import get_args
 
 import numpy as np
 
@@ -129,3 +130,11 @@ def test_marks_of_a_log() -> None:
         (7.0, "trip"),
         (8.0, "fault"),
     ]
+
+
+def test_marks_of_the_messages() -> None:
+    """A page may trigger on every kind of mark, and on no other.
+
+    Verifies: LIVE-14
+    """
+    assert get_args(messages.Trigger.model_fields["mark"].annotation) == ("", *MARKS)
