@@ -50,7 +50,6 @@ async def notices_a_rotor_that_stands(drive: Drive) -> None:
     drive.shaft("locked")
     await drive.until(lambda: drive.state != "running", 0.05)
     print(drive, drive.currents_a)
-    assert drive.speed_rpm == 0.0
     assert max(abs(drive.currents_a)) < drive.scenario.inverter.protection.phase_current_a
 
 
