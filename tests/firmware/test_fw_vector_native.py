@@ -79,7 +79,7 @@ def test_same_seed_same_run() -> None:
 @pytest.mark.parametrize(
     ("scenario", "sets", "texts"),
     [
-        ("vector/ipm-injection.toml", (), ["motor.saturation", "drive.vector.injection"]),
+        ("vector/ipm-injection.toml", ("inverter.supply_diode=true",), ["inverter.supply_diode"]),
         ("six-step/hall.toml", (), ["drive.hall.mode"]),
         ("demo.toml", ("inverter.supply_diode=true",), ["inverter.supply_diode"]),
         ("demo.toml", ('expect=[{window="steady", metric="freewheel_deg.max", max=30.0}]',), ["expect[0].metric"]),

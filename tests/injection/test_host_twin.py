@@ -5,39 +5,15 @@
 
 from __future__ import annotations
 
-import json
-import math
-
 import numpy as np
 import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import load_motor, load_scenario
 from fluxlock.native.injection_run import InjectionRun
-from fluxlock.results.rundata import SimulationFault
 from tests.injection.injection_bench import MACHINES, SCENARIOS, scenario_of
 
-RECORD = ROOT / "docs" / "verification" / "record.json"
 SETTLED_S = 0.08  # 60 ms after the command of the scenarios
-
-
-def test_reversal_within_the_chips_record() -> None:
-    """Three phases with dead time: mean, rms and maximum of the reversal lie in the bands of the chip's rows.
-
-    Verifies: INJC-14
-    """
-    row = json.loads(RECORD.read_text())["rows"]["five-phase/ipm-reversal"]["values"]
-    life = InjectionRun(load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml"))
-    assert life.start()
-    life.run(0.18 - life.chip.now)
-    life.aim(-400)
-    life.run(0.24)
-    error = life.window(SETTLED_S)["error_deg"]
-    found = {"mean": error.mean(), "rms": math.sqrt(np.mean(error**2)), "max": np.abs(error).max()}
-    for name, value in found.items():
-        low, high = row[f"angle_error_deg.{name}"]["band"]
-        assert low <= value <= high, (name, value, low, high)
-    assert life.chip.rpm == pytest.approx(-400, abs=20)
 
 
 @pytest.mark.parametrize(("dead_time_s", "most_deg"), [(2e-6, 4.0), (0.0, 0.8)])
@@ -68,34 +44,6 @@ def test_filtered_demodulation(method: str) -> None:
     life.run(0.4)
     assert life.fault == "none"
     assert life.rms_deg(0.3) < 20.0
-
-
-def test_load_written_in_python() -> None:
-    """Viscous and constant load in Python slow a rotor of the injection twin down as the scenario's own do.
-
-    Verifies: PACKAGE-11
-    """
-    scenario = load_scenario(ROOT / "scenarios" / "vector" / "ipm-injection.toml")
-    start_rpm, length_s = 400.0, 0.02
-    omega = start_rpm * math.pi / 30
-    constant, viscous = (0.1 * scenario.motor.inertia_kgm2 * omega / length_s * x for x in (1.0, 1.0 / omega))
-    shaft = scenario.shaft_load
-
-    def load_nm(speed_rad_s: float, angle_rad: float, time_s: float) -> float:
-        assert angle_rad > 0.0 and time_s > 0.0
-        return constant + viscous * speed_rad_s
-
-    of_file, of_python = (InjectionRun(scenario, begun_rpm=start_rpm, load_nm=f) for f in (None, load_nm))
-    more = {"constant_nm": shaft.constant_nm + constant, "viscous_nm_s_per_rad": shaft.viscous_nm_s_per_rad + viscous}
-    of_file.chip.set_load(shaft.model_copy(update=more))
-    for life in (of_file, of_python):
-        life.run(length_s)
-    lost_rpm = start_rpm - of_file.chip.rpm
-    print("difference over the speed lost", abs(of_python.chip.rpm - of_file.chip.rpm) / lost_rpm)
-    assert lost_rpm > 0.15 * start_rpm
-    assert abs(of_python.chip.rpm - of_file.chip.rpm) < 1e-3 * lost_rpm
-    with pytest.raises(SimulationFault, match="load_nm returned nan N m"):
-        InjectionRun(scenario, load_nm=lambda *_: math.nan).run(1e-3)
 
 
 def test_dead_machine() -> None:

@@ -133,6 +133,41 @@ class InjectionChip:
         """Change the load."""
         self._load, self._load_factor = load, factor
 
+    def set_supply(self, volt: float) -> None:
+        """Change the voltage of the DC link; the dead time costs its share of it."""
+        self.converter = self.converter._replace(vdc=volt, dead_vs=volt * self.scenario.inverter.dead_time_s)
+
+    def set_noise(self, lsb: float) -> None:
+        """Noise of the converter's codes, rms."""
+        self.converter = self.converter._replace(noise_lsb=lsb)
+
+    def get(self, name: str) -> int:
+        """Value of a register."""
+        return int(self.fw.registers[self.fw.index(name)])
+
+    def put(self, name: str, value: int) -> None:
+        """Set a register."""
+        self.fw.registers[self.fw.index(name)] = value
+
+    def trip(self, causes: int) -> None:
+        """Latch trip causes and open the gates."""
+        kernel.trip(self.fw.registers, self._places, self.hardware.view(np.ndarray), causes)
+
+    def stop(self) -> None:
+        """The rotor stands."""
+        self.state[OMEGA_AT] = 0.0
+
+    @property
+    def samples(self) -> int:
+        """Sample periods so far."""
+        return int(self.hardware.samples[0])
+
+    @property
+    def link_a(self) -> float:
+        """Current from the DC link at the latest sample that was recorded."""
+        rows = self.rows()
+        return float(rows["idc"][-1]) if rows.size else 0.0
+
     def keep_rows(self, samples: int) -> None:
         """From now on record up to so many samples; begins anew."""
         self._rows = np.zeros(samples, kernel.ROW)
@@ -142,6 +177,10 @@ class InjectionChip:
     def rows(self) -> NDArray[Any]:
         """What was recorded, `injection_kernel.ROW`."""
         return self._rows[: int(self.hardware.rows[0])]
+
+    def log(self) -> NDArray[np.int64]:
+        """Rows of the chip's log, `LogKind`."""
+        return self._log[: int(self.hardware.logged[0])]
 
     def advance(self, samples: int) -> None:
         """So many sample periods."""

@@ -95,7 +95,7 @@ STATE = np.dtype(
     align=True,
 )
 
-# A row a sample; the currents in the rotor's frame.
+# A row a sample; the currents in the rotor's frame. v: mean voltages of the legs against the negative rail.
 ROW = np.dtype(
     [
         ("t_cycle", "i8"),
@@ -103,6 +103,11 @@ ROW = np.dtype(
         ("omega", "f8"),
         ("i_d", "f8"),
         ("i_q", "f8"),
+        ("i_d3", "f8"),
+        ("i_q3", "f8"),
+        ("v", "f8", (5,)),
+        ("vdc", "f8"),
+        ("idc", "f8"),
         ("torque_nm", "f8"),
         ("error_deg", "f8"),  # of the published angle
         ("rpm", "f8"),  # as the drive reports it
@@ -335,6 +340,38 @@ def machine(
 
 
 @compiled
+def open_terminals(m: MachineSet, state: FloatArray, setup: Setup) -> FloatArray:
+    """Voltages with open gates: they sum to zero until a diode holds the lowest one."""
+    terminals = np.zeros(m.phases)
+    for k in range(m.phases):
+        place = state[THETA_AT] - 2 * math.pi * k / m.phases
+        terminals[k] = -state[OMEGA_AT] * (m.psi * math.sin(place) + 3 * m.psi_3 * math.sin(3 * place))
+    return terminals + max(-terminals.min() - setup.diode_v, 0.0)
+
+
+@compiled
+def link_current(inv: InverterSet, w: Room, phases: Whole) -> float:
+    """Current from the DC link, of the legs' mean voltages and the currents seen."""
+    power = 0.0
+    for k in range(phases):
+        power += w.legs[k] * w.seen[k]
+    return power / inv.vdc
+
+
+@compiled
+def note(
+    row: Array, m: MachineSet, inv: InverterSet, state: FloatArray, setup: Setup, w: Room, gates: bool
+) -> None:
+    """What a row has of machine and inverter."""
+    row.theta, row.omega, row.torque_nm = state[THETA_AT], state[OMEGA_AT], state[TORQUE_AT]
+    row.i_d, row.i_q, row.i_d3, row.i_q3 = state[0], state[1], state[2], state[3]
+    row.vdc, row.idc = inv.vdc, link_current(inv, w, m.phases)
+    terminals = w.legs + inv.vdc / 2 if gates else open_terminals(m, state, setup)
+    for k in range(m.phases):
+        row.v[k] = terminals[k]
+
+
+@compiled
 def show(
     r: Registers,
     x: Array,
@@ -352,19 +389,11 @@ def show(
     at, n = x[0], m.phases
     put(r, at.sense_snap_number, z.samples)
     put(r, at.sense_snap_vdc_sum, round(inv.vdc * setup.unit_v) * z.steps)
-    power = 0.0
-    for k in range(n):
-        power += w.legs[k] * w.seen[k]
-    put(r, at.sense_snap_idc_sum, round(power / inv.vdc * setup.unit_a) * z.steps)
+    put(r, at.sense_snap_idc_sum, round(link_current(inv, w, n) * setup.unit_a) * z.steps)
     put(r, at.sense_snap_count, z.steps)
-    # Terminals with open gates: they sum to zero until a diode holds the lowest one; nothing negative is seen.
-    terminals = np.zeros(n)
+    terminals = open_terminals(m, state, setup)
     for k in range(n):
-        place = state[THETA_AT] - 2 * math.pi * k / n
-        terminals[k] = -state[OMEGA_AT] * (m.psi * math.sin(place) + 3 * m.psi_3 * math.sin(3 * place))
-    lift = max(-terminals.min() - setup.diode_v, 0.0)
-    for k in range(n):
-        put(r, at.sense_snap_channel + k, max(0, round((terminals[k] + lift) * setup.unit_v)))
+        put(r, at.sense_snap_channel + k, max(0, round(terminals[k] * setup.unit_v)))
         put(r, at.sense_snap_channel + n + k, round(w.seen[k] * setup.unit_a))
     for k in range(4):
         put(r, at.foc_snap_i + k, round(currents[k]))
@@ -442,9 +471,8 @@ def sample(
     gates = np.int64(r[at.safety_guard]) & 1 != 0 and np.int64(r[at.safety_trip]) & 0xFF == 0 and z.enable != 0
     if z.rows < len(rows):
         row = rows[z.rows]
-        row.t_cycle, row.theta, row.omega = cycle, state[THETA_AT], state[OMEGA_AT]
-        row.i_d, row.i_q, row.torque_nm = state[0], state[1], state[TORQUE_AT]
-        row.error_deg, row.state = z.error_deg, np.int64(t[at.state])
+        note(row, m, inv, state, setup, w, gates)
+        row.t_cycle, row.error_deg, row.state = cycle, z.error_deg, np.int64(t[at.state])
         row.rpm = signed(t, at.speed_rpm_q8, 32) / 256
         z.rows += 1
     if gates:

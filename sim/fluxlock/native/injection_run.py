@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Load, Motor, Scenario
 from fluxlock.native.injection_chip import InjectionChip
-from fluxlock.python_load import LoadFunction, PythonLoad
 
 READY_S, STEP_S = 0.02, 1e-3
 LOST_DEG, LOST_S = 90.0, 2e-3
@@ -24,10 +23,7 @@ LOST_DEG, LOST_S = 90.0, 2e-3
 
 @dataclass
 class InjectionRun:
-    """One run. target_rpm: set before the start; machine: the true one, if it is not that of the file.
-
-    load_nm: a load written in Python, see `fluxlock.simulate`, asked every control tick.
-    """
+    """One run. target_rpm: set before the start; machine: the true one, if it is not that of the file."""
 
     scenario: Scenario
     theta_deg: float = 200.0
@@ -35,7 +31,6 @@ class InjectionRun:
     machine: Motor | None = None
     seed: int = 1
     begun_rpm: float = 0.0
-    load_nm: LoadFunction | None = None
     chip: InjectionChip = field(init=False)
     found_s: float = math.nan  # when the search ended
     fault_s: float = math.nan
@@ -47,7 +42,6 @@ class InjectionRun:
         if self.target_rpm is None:
             self.target_rpm = next(event.speed_rpm for event in s.event if event.speed_rpm is not None)
         self._rows: list[NDArray[Any]] = []
-        self._load = PythonLoad(self.load_nm) if self.load_nm is not None else None
 
     def run(self, seconds: float, each: Callable[[InjectionRun], None] | None = None) -> None:
         """So long, or until a fault."""
@@ -55,7 +49,7 @@ class InjectionRun:
         while self.chip.now < end - 1e-9 and math.isnan(self.fault_s):
             count = max(1, round(min(STEP_S, end - self.chip.now) / self.chip.setup.period_s))
             self.chip.keep_rows(count)
-            self._advance(count)
+            self.chip.advance(count)
             self._rows.append(self.chip.rows().copy())
             if self.chip.fw.state == "fault":
                 self.fault_s = self.chip.now
@@ -63,15 +57,6 @@ class InjectionRun:
                 self.found_s = self.chip.now
             if each is not None:
                 each(self)
-
-    def _advance(self, samples: int) -> None:
-        chip, setup = self.chip, self.chip.setup
-        while self._load is not None and samples > 0:
-            count = min(samples, setup.tick_samples)
-            chip.held_nm = self._load.torque_nm(chip.now, *chip.shaft, count * setup.period_s)
-            chip.advance(count)
-            samples -= count
-        chip.advance(samples)
 
     def start(self, seconds: float = 0.4) -> bool:
         """Boot, start, search; whether the drive runs."""

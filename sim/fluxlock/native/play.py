@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +31,15 @@ PIN, NOW = 1 << TRIP_CAUSES.index("fault_pin"), 8
 # Of the link: with less the models, which divide by it, have no number.
 LEAST_LINK_V = 1e-3
 
-# Faults of the plant that both machines know: `open_phase` of one phase, `stuck_rotor` of a free one.
+# Faults of the plant that the machines know: `open_phase` of one phase, `stuck_rotor` of a free one.
 FAULTS = ("open_phase", "fault_pin", "stuck_rotor", "noisy_channels", "clear")
 PHASES = "ABC"
 
 
-def not_played(fault: Fault, mechanics: Mechanics) -> str | bool:
-    """Why no native drive has a fault; False: it has."""
-    if fault.kind not in FAULTS:
-        return f"the native program has no {fault.kind}, it has: {', '.join(FAULTS)}"
+def not_played(fault: Fault, mechanics: Mechanics, played: tuple[str, ...] = FAULTS) -> str | bool:
+    """Why a native drive that plays these faults has not this one; False: it has."""
+    if fault.kind not in played:
+        return f"the native program has no {fault.kind}, it has: {', '.join(played)}"
     if len(fault.phases or ()) > 1 or not set(fault.phases or ()) <= set(PHASES):
         return f"the native program opens one phase of {', '.join(PHASES)}"
     if fault.kind == "stuck_rotor" and mechanics.mode != "free":
@@ -46,7 +47,7 @@ def not_played(fault: Fault, mechanics: Mechanics) -> str | bool:
     return False
 
 
-def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
+def common_refusals(scenario: Scenario, played: tuple[str, ...] = FAULTS) -> dict[str, str | bool]:
     """What no native drive is, a text by key; False: the scenario does not ask for it."""
     motor, inverter = scenario.motor, scenario.inverter
     return {
@@ -58,7 +59,7 @@ def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
         and "the native program's trip opens all gates",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
         **{
-            f"event[{k}].fault": not_played(event.fault, scenario.mechanics)
+            f"event[{k}].fault": not_played(event.fault, scenario.mechanics, played)
             for k, event in enumerate(scenario.event)
             if event.fault is not None
         },
@@ -98,7 +99,9 @@ class Ramp:
 
 
 class ScenarioPlay(ABC):
-    """One run of a scenario on a native drive."""
+    """One run of a scenario on a native drive. faults: those that it plays."""
+
+    faults: ClassVar[tuple[str, ...]] = FAULTS
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario, self.seed = scenario, seed

@@ -5,9 +5,18 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 from fluxlock.config import ConfigError, Scenario
-from fluxlock.native import six_step_run, vector_run
+from fluxlock.native import injection_play, six_step_run, vector_run
 from fluxlock.native.play import ScenarioPlay
+
+
+def _module(scenario: Scenario) -> ModuleType:
+    drive = scenario.drive
+    if drive.method != "vector":
+        return six_step_run
+    return vector_run if drive.vector.injection is None else injection_play
 
 
 def player(scenario: Scenario, seed: int, kept_s: float | None = None) -> ScenarioPlay:
@@ -15,13 +24,12 @@ def player(scenario: Scenario, seed: int, kept_s: float | None = None) -> Scenar
 
     kept_s: without end; `take` comes at least so often, s.
     """
-    if scenario.drive.method == "vector":
-        return vector_run.Play(scenario, seed, kept_s)
-    return six_step_run.Play(scenario, seed, kept_s)
+    made: ScenarioPlay = _module(scenario).Play(scenario, seed, kept_s)
+    return made
 
 
 def check_playable(scenario: Scenario) -> None:
     """ConfigError for what no native drive is, before anything is compiled."""
-    problems = (vector_run if scenario.drive.method == "vector" else six_step_run).refusals(scenario)
+    problems = _module(scenario).refusals(scenario)
     if problems:
         raise ConfigError(problems)

@@ -37,7 +37,6 @@ def refusals(scenario: Scenario) -> list[Problem]:
     if scenario.drive.method != "vector":
         return [scenario.sources.problem("drive.method", "only a vector scenario can be played")]
     found = common_refusals(scenario) | {
-        "drive.vector.injection": vector.injection is not None and "the native program has no injection",
         "drive.vector.dead_time_compensation": not vector.dead_time_compensation
         and "the native program's dead time is that of a compensated drive",
         "inverter.sensing.divider_gain": len(set(inverter.sensing.divider_gain)) > 1
