@@ -346,7 +346,8 @@ def open_terminals(m: MachineSet, state: FloatArray, setup: Setup) -> FloatArray
     for k in range(m.phases):
         place = state[THETA_AT] - 2 * math.pi * k / m.phases
         terminals[k] = -state[OMEGA_AT] * (m.psi * math.sin(place) + 3 * m.psi_3 * math.sin(3 * place))
-    return terminals + max(-terminals.min() - setup.diode_v, 0.0)
+    terminals += max(-terminals.min() - setup.diode_v, 0.0)
+    return terminals
 
 
 @compiled
@@ -359,9 +360,7 @@ def link_current(inv: InverterSet, w: Room, phases: Whole) -> float:
 
 
 @compiled
-def note(
-    row: Array, m: MachineSet, inv: InverterSet, state: FloatArray, setup: Setup, w: Room, gates: bool
-) -> None:
+def note(row: Array, m: MachineSet, inv: InverterSet, state: FloatArray, setup: Setup, w: Room, gates: bool) -> None:
     """What a row has of machine and inverter."""
     row.theta, row.omega, row.torque_nm = state[THETA_AT], state[OMEGA_AT], state[TORQUE_AT]
     row.i_d, row.i_q, row.i_d3, row.i_q3 = state[0], state[1], state[2], state[3]

@@ -3,16 +3,14 @@
 
 """A scenario with injection on the native twin: its events and ramps, and the run data of its end.
 
-A row per current sample; of three or five phases, with saturation. What the twin leaves out: ripple of the carrier,
-pulses that the modulator drops, the trip of the link's current, delays of the console. `refusals` names whatever else
-it is not.
+A row per current sample; of three or five phases, with saturation. The link's current is that of the
+sampled currents. What the twin leaves out: ripple of the carrier, pulses that the modulator drops, the trip of the
+link's current, delays of the console. `refusals` names whatever else it is not.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from functools import partial
 
 import numpy as np
 
