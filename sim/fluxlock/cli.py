@@ -48,6 +48,7 @@ from fluxlock.theory.injection.cli import app as injection_app
 from fluxlock.theory.six_step.cli import app as six_step_app
 from fluxlock.theory.six_step.cli import read_trace
 from fluxlock.theory.vector.cli import app as vector_app
+from fluxlock.wiring.command import check_wiring
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
@@ -79,6 +80,14 @@ app.add_typer(vector_app, name="vector", rich_help_panel=THEORY)
 app.add_typer(injection_app)
 app.add_typer(population_app, name="population", rich_help_panel=VERIFY)
 app.command(rich_help_panel=BOARD, epilog=example("fluxlock flash scenarios/demo.toml --port /dev/ttyUSB0"))(flash)
+app.command(
+    rich_help_panel=BOARD,
+    epilog=example(
+        "fluxlock check-wiring scenarios/vector/start.toml",
+        "fluxlock check-wiring scenarios/vector/start.toml --set inverter.sensing.current_order='ACB'",
+        "fluxlock check-wiring scenarios/vector/start.toml --port /dev/ttyUSB0",
+    ),
+)(check_wiring)
 app.command(
     rich_help_panel=BOARD, epilog=example("fluxlock export ../my-chip", "fluxlock export ../my-chip --board arty")
 )(export)

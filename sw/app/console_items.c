@@ -36,11 +36,11 @@ static void amperes(char *text, const parameters_t *p, int32_t current_q17) {
   format_milli(text, sat_i32(round_shift((int64_t)current_q17 * p->current_full_scale_ma, 17)));
 }
 
-// Six numbers, separated by blanks: value * scale / 2^fraction_bits.
-static void six_numbers(char *text, const int32_t values[SECTORS], int32_t scale, uint32_t fraction_bits,
-                        uint32_t decimals) {
-  for (uint32_t sector = 0; sector < SECTORS; sector++) {
-    format_fixed(text, (int64_t)values[sector] * scale, fraction_bits, decimals);
+// Numbers, separated by blanks: value * scale / 2^fraction_bits.
+static void numbers(char *text, const int32_t values[], uint32_t count, int32_t scale, uint32_t fraction_bits,
+                    uint32_t decimals) {
+  for (uint32_t k = 0; k < count; k++) {
+    format_fixed(text, (int64_t)values[k] * scale, fraction_bits, decimals);
     while (*text != '\0') {
       text++;
     }
@@ -115,6 +115,18 @@ static const char *open_phases(char *text, uint32_t open) {
   }
   *at = '\0';
   return (open == 0u) ? "none" : text;
+}
+
+// A table of the wiring's test, row by row.
+static const char *wiring(char *text, const app_t *app, bool voltages) {
+  const parameters_t *p = app->drive.p;
+  const wiring_t *seen = app->drive.report->wiring;
+  if (seen == 0 || !seen->known) {
+    return "none";
+  }
+  numbers(text, voltages ? seen->voltage_q17[0] : seen->current_q17[0], WIRING_LEGS * WIRING_LEGS,
+          voltages ? p->voltage_full_scale_mv : p->current_full_scale_ma, 17, 0);
+  return text;
 }
 
 static const char *hall_state_name(const parameters_t *p, bool faulty) {
@@ -195,7 +207,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       format_u32(text, d->lost_locks);
       break;
     case ITEM_THRESHOLD_PU:
-      six_numbers(text, d->report->six_step.threshold_q17, 1, 17, 4);
+      numbers(text, d->report->six_step.threshold_q17, SECTORS, 1, 17, 4);
       break;
     case ITEM_IDLE:
       format_u32(text, app->idle_cycles);
@@ -215,7 +227,7 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_HALL_STATE:
       return hall_state_name(p, d->report->six_step.hall_faulty);
     case ITEM_HALL_OFFSET_DEG:
-      six_numbers(text, d->report->six_step.hall_late_q20, 60, 20, 2);
+      numbers(text, d->report->six_step.hall_late_q20, SECTORS, 60, 20, 2);
       break;
     case ITEM_HALL_HANDOVERS:
       format_u32(text, d->report->six_step.hall_handovers);
@@ -244,6 +256,10 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       return open_phases(text, d->report->vector.open_phases);
     case ITEM_INJECTION:
       return injection(text, &d->report->vector);
+    case ITEM_WIRING_MA:
+      return wiring(text, app, false);
+    case ITEM_WIRING_MV:
+      return wiring(text, app, true);
     case ITEM_RESTART:
       return last_restart(text);
     case ITEM_STACK_BYTES:

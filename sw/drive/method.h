@@ -14,6 +14,7 @@
 #include "drive/faults.h"
 #include "drive/parameters.h"
 #include "drive/settings.h"
+#include "drive/wiring.h"
 #include "hal/chip_io.h"
 
 // Time constant of the currents that are shown and limited: 2^3 ticks.
@@ -123,6 +124,7 @@ typedef struct {
   bool impossible;  // no rotor turns at the measured speed
   bool over;        // beyond the permitted speed
   bool doubtful;    // the sensors that commutate have given wrong codes; the frame's angle, before a trip
+  const wiring_t *wiring;  // test of the wiring; 0: the method has none
   six_step_report_t six_step;
   vector_report_t vector;
 } report_t;

@@ -70,7 +70,8 @@ COLD static outcome_t judge_trips(supervise_t *supervise, const parameters_t *p,
     const bool deadline = (causes & ~(uint32_t)TRIP_DEADLINE) == 0u;
     const fault_t fault = deadline ? fault_of_monitor(in->trip_monitor) : fault_of_trip(causes);
     const bool explained_by = fault_is_over_current(fault) && report->doubtful;
-    const bool shorted = fault_is_over_current(fault) && order->state == STATE_STARTING && report->phase == START_INSULATION;
+    const bool pulses = report->phase == START_INSULATION || report->phase == START_WIRING;
+    const bool shorted = fault_is_over_current(fault) && order->state == STATE_STARTING && pulses;
     passed = (explained_by || shorted) ? fault : passed;
     outcome = outcome_fault(shorted ? FAULT_SHORTED_WINDING : explained_by ? doubted(p) : fault);
   }

@@ -13,19 +13,24 @@ uint32_t capture_status(void) { return reg_read(REG(capture.status)); }
 void capture_configure(uint32_t control) { reg_write(REG(capture.control), control); }
 void capture_set_lanes(uint32_t lanes) { reg_write(REG(capture.lanes), lanes); }
 
+uint32_t capture_depth(void) { return BITS(FL_CAPTURE_REGS__STATUS__DEPTH, capture_status()); }
+
 uint32_t capture_bytes(void) {
-  const uint32_t status = capture_status();
-  const bool done = BITS(FL_CAPTURE_REGS__STATUS__DONE, status) != 0u;
-  return done ? BITS(FL_CAPTURE_REGS__STATUS__DEPTH, status) * CAPTURE_RECORD_BYTES : 0u;
+  const bool done = BITS(FL_CAPTURE_REGS__STATUS__DONE, capture_status()) != 0u;
+  return done ? capture_depth() * CAPTURE_RECORD_BYTES : 0u;
+}
+
+int32_t capture_value(uint32_t record, uint32_t lane) {
+  reg_write(REG(capture.read_address), record);
+  // The buffer needs two clocks after a new address: a read in between takes longer.
+  (void)reg_read(REG(capture.status));
+  return (int32_t)reg_read(REG(capture.data) + 4u * lane);
 }
 
 void capture_read(uint32_t offset, uint8_t *data, uint32_t count) {
   for (uint32_t i = 0; i < count; i++) {
     const uint32_t at = offset + i;
-    reg_write(REG(capture.read_address), at / CAPTURE_RECORD_BYTES);
-    // The buffer needs two clocks after a new address: a read in between takes longer.
-    (void)reg_read(REG(capture.status));
-    const uint32_t lane = reg_read(REG(capture.data) + (at & 12u));
+    const uint32_t lane = (uint32_t)capture_value(at / CAPTURE_RECORD_BYTES, (at & 12u) / 4u);
     data[i] = (uint8_t)(lane >> (8u * (at & 3u)));
   }
 }

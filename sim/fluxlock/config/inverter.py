@@ -13,6 +13,7 @@ from fluxlock.config.edge import Edge
 from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
 
 SafeState = Literal["off", "short"]
+PhaseOrder = Literal["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"]
 
 
 class Sensing(Model):
@@ -41,7 +42,37 @@ class Sensing(Model):
         200,
         default=(0.0, 0.0, 0.0),
     )
+    current_order: PhaseOrder = Field(
+        default="ABC",
+        description="Phases whose current sensors are at the inputs A, B, C of the chip. The drive takes them for "
+        '`"ABC"`: another order is a wrong wiring, which `fluxlock check-wiring` names.',
+    )
+    current_inverted: list[Literal["A", "B", "C"]] = Field(
+        default_factory=list,
+        description="Inputs that show the current with the wrong sign, a wrong wiring too.",
+    )
+    voltage_order: PhaseOrder = Field(
+        default="ABC",
+        description="The same as `current_order` of the voltage dividers.",
+    )
+    unconnected: list[Literal["va", "vb", "vc", "ia", "ib", "ic"]] = Field(
+        default_factory=list,
+        description="Inputs without a sensor: they show zero and noise.",
+    )
     edge: Edge = Field(default_factory=Edge, description="What switching edges leave in the channels.")
+
+    @property
+    def sources(self) -> dict[str, tuple[str, float]]:
+        """Signal at the input of a channel, and its factor: what differs from a right wiring of three phases."""
+        found = {}
+        for kind, order in (("v", self.voltage_order), ("i", self.current_order)):
+            for letter, phase in zip("ABC", order, strict=True):
+                name, source = kind + letter.lower(), kind + phase.lower()
+                sign = -1.0 if kind == "i" and letter in self.current_inverted else 1.0
+                factor = 0.0 if name in self.unconnected else sign
+                if (source, factor) != (name, 1.0):
+                    found[name] = (source, factor)
+        return found
 
     @property
     def step_v(self) -> float:
@@ -52,6 +83,15 @@ class Sensing(Model):
     def settling_s(self) -> float:
         """Time from a gate edge until a sample counts as far as the dividers go (s): it follows one that is settled."""
         return max(0.4e-6, 6.0 * self.divider_pole_s) + self.sample_period_s
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        for key in ("current_inverted", "unconnected"):
+            names = getattr(self, key)
+            for name in names:
+                if names.count(name) > 1:
+                    raise conflict(key, f"names {name} twice")
+        return self
 
     @model_validator(mode="after")
     def _conversion(self) -> Self:
@@ -181,6 +221,8 @@ class Inverter(Model):
         for key in ("divider_gain", "offset_lsb") if self.legs == 5 else ():
             if len(set(getattr(self.sensing, key))) > 1:
                 raise conflict(f"sensing.{key}", "must be one number with legs = 5")
+        if self.legs == 5 and self.sensing.sources:
+            raise conflict("sensing", "has a wrong wiring, which is of three phases only, with legs = 5")
         if self.dc_link_f > 0 and self.supply_resistance_ohm == 0:
             raise conflict("supply_resistance_ohm", "must be above 0 Ohm with a DC-link capacitor (dc_link_f)")
         for key in ("supply_diode", "brake_chopper"):

@@ -56,6 +56,7 @@ def sensing_params(i: Inverter, phases: int) -> SensingParams:
         divider_pole_s=i.sensing.divider_pole_s,
         noise_lsb_rms=i.sensing.noise_lsb,
         conversion_s=i.sensing.conversion_s,
+        sources=i.sensing.sources,
         edge=i.sensing.edge.params(i.sensing.current_full_scale_a),
     )
 

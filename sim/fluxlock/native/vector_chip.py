@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from fluxlock.native import vector_kernel as kernel
 
 SEED = 31
 POWER_UP_QUARTER = 1234  # the encoder's position is not that of the rotor before the index
+CAPTURE_RECORDS = 256
 # Rows that a call of the kernel may log of a sample: its angle, an update, a trip.
 LOGGED_A_SAMPLE = 3
 
@@ -96,6 +98,9 @@ class VectorChip:
         words = c_types().sizeof("telemetry_t") // 4
         self._telemetry = view(self.fw.lib.fl_host_telemetry(), words, np.uint32)
         self._rows, self._log = np.zeros(0, kernel.ROW), np.zeros((0, 4), np.int64)
+        self._records = view(self.fw.lib.fl_host_capture(), 4 * CAPTURE_RECORDS, np.int32).reshape(-1, 4)
+        self.put("capture.status", CAPTURE_RECORDS << 16)
+        self.set_wiring(inverter.sensing.sources)
         kernel.take(self.fw.registers, self._places, self.state.view(np.ndarray), self._gains)
 
     def _set_machine(self) -> None:
@@ -134,6 +139,18 @@ class VectorChip:
         sensing = self.inverter.sensing
         code_a = sensing.current_full_scale_a / 2 ** (sensing.bits - 1)
         self.plant.noise_a = lsb * code_a * math.sqrt(2 / 3)
+
+    def set_wiring(self, sources: Mapping[str, tuple[str, float]]) -> None:
+        """Signal at an input of the converter and its factor, by the channels' names: what is not right."""
+        p = self.plant
+        p.wired = bool(sources)
+        for kind, gains in (("i", p.current_gain[0]), ("v", p.voltage_gain[0])):
+            gains[:] = np.eye(3)
+            for channel, (source, factor) in sources.items():
+                if channel[0] == kind:
+                    row = "abc".index(channel[1])
+                    gains[row] = 0.0
+                    gains[row, "abc".index(source[1])] = factor
 
     def set_left_voltage(self, volt: float) -> None:
         """Voltage that a leg loses beyond its dead time's compensation."""
@@ -176,6 +193,7 @@ class VectorChip:
             self._rng,
             self._rows,
             self._log,
+            self._records,
         )
 
     def get(self, name: str, element: int = 0) -> int:

@@ -86,6 +86,8 @@ STATE = np.dtype(
         ("masked_steps", "i8"),  # direct steps whose update is to pass before the core has looked at them
         ("late_commits", "i8"),  # ticks that the next set is to miss
         ("silent", "i8"),  # the converter gives no samples
+        ("records", "i8"),  # of a capture under way
+        ("captures", "?"),
         ("rows", "i8"),
         ("logged", "i8"),
     ],
@@ -131,6 +133,9 @@ MACHINE = np.dtype(
         ("missing_lines", "i8"),  # that show no edge, before the index
         ("power_up_quarter", "i8"),
         ("open_phase", "i8"),  # 0: none; 1, 2, 3: the leg of A, B, C has lost the machine
+        ("wired", "?"),  # the inputs of the converter are not those of the phases:
+        ("current_gain", "f8", (3, 3)),  # of input and phase
+        ("voltage_gain", "f8", (3, 3)),
     ],
     align=True,
 )
@@ -159,7 +164,7 @@ REGISTERS = (
     *("foc.snap_i", "foc.snap_u", "foc.snap_v", "foc.snap_v_sum", "foc.snap_count", "foc.snap_theta_sample"),
     *("encoder.turn", "encoder.counters", "foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
     *("sense.snap_number", "sense.snap_vdc_sum", "sense.snap_idc_sum", "sense.snap_count", "sense.snap_channel"),
-    *("timer.machine_period", "timer.update"),
+    *("timer.machine_period", "timer.update", "sense.period", "capture.control", "capture.status"),
 )
 # Of the telemetry.
 WORDS = ("published_q32", "state", "limit", "lost_locks", "speed_rpm_q8", "target_rpm", "reference_rpm_q8")
@@ -559,8 +564,9 @@ def show(
     # Terminals with open gates: they sum to zero until a diode holds the lowest one; nothing negative is seen.
     phases = np.array([(open_v * cmath.exp(-2j * math.pi * k / 3)).real for k in range(3)])
     lift = max(-phases.min() - m.diode_v, 0.0)
+    terminals = m.voltage_gain @ (phases + lift) if m.wired else phases + lift
     for k in range(3):
-        put(r, x.sense_snap_channel + k, max(0, round((phases[k] + lift) * m.unit_v)))
+        put(r, x.sense_snap_channel + k, max(0, round(terminals[k] * m.unit_v)))
     put(r, x.foc_snap_i, i[0])
     put(r, x.foc_snap_i + 1, i[1])
     for axis in range(2):
@@ -572,6 +578,57 @@ def show(
     put(r, x.foc_snap_theta_sample, angle)
     put(r, x.foc_snap_encoder, s.encoder)
     put(r, x.foc_snap_omega, s.omega_q36)
+
+
+@numba.njit(cache=True)
+def phases_of(vector: complex) -> NDArray[np.float64]:
+    """Values of the phases whose vector this is; they sum to zero."""
+    return np.array([vector.real, (vector * AXIS_C).real, (vector * AXIS_B).real])
+
+
+@numba.njit(cache=True)
+def sensed(m: Array, current_a: complex, rng: np.random.Generator) -> NDArray[np.float64]:
+    """What the inputs of the converter see of a stationary current, A."""
+    k = m[0]
+    if not k.wired:
+        if k.noise_a > 0.0:
+            current_a += complex(rng.standard_normal(), rng.standard_normal()) * k.noise_a
+        return phases_of(current_a)
+    seen = k.current_gain @ phases_of(current_a)
+    for x in range(3):
+        seen[x] += rng.standard_normal() * k.noise_a * math.sqrt(1.5)
+    return seen
+
+
+@numba.njit(cache=True)
+def capture(r: Registers, x: Array, s: Array, m: Array, records: NDArray[np.int32], gates: bool) -> None:
+    """Terminal voltages of a sample period into the capture buffer, if it is armed; its lanes are those voltages.
+
+    Pulses lie around the middle of the carrier, with an update in between each half follows from its own voltage.
+    """
+    z, k, at = s[0], m[0], x[0]
+    if np.int64(r[at.capture_control]) & 1:
+        put(r, at.capture_control, 0)
+        put(r, at.capture_status, len(records) << 16 | 1)
+        z.records, z.captures = 0, True
+    if not z.captures:
+        return
+    count = k.period_cycles // max(np.int64(r[at.sense_period]), 16)
+    double = np.int64(r[at.foc_control]) >> 2 & 1
+    duty = phases_of(z.kept) / z.vdc + 0.5
+    for j in range(min(count, len(records) - z.records)):
+        place = (j + 0.5) / count
+        ramp = 1.0 - place if double else 2.0 * abs(place - 0.5)
+        legs = np.zeros(3)
+        for leg in range(3):
+            legs[leg] = z.vdc if gates and ramp < duty[leg] else 0.0
+        seen = k.voltage_gain @ legs if k.wired else legs
+        for lane in range(3):
+            records[z.records, lane] = round(seen[lane] * k.unit_v)
+        z.records += 1
+    if z.records == len(records):
+        put(r, at.capture_status, len(records) << 16 | 2)
+        z.captures = False
 
 
 @numba.njit(cache=True)
@@ -587,15 +644,17 @@ def sample(
     rng: np.random.Generator,
     rows: Array,
     logs: NDArray[np.int64],
+    records: NDArray[np.int32],
 ) -> None:
     """One sample period: currents, regulator, voltage, and the tick if it is due."""
     z, k, at = s[0], m[0], x[0]
     cycle = z.samples * k.period_cycles
     angle = z.nco_q36 >> 4
     frame, rotor = turned(angle), cmath.exp(1j * z.theta)
-    stationary = z.i * rotor
-    if k.noise_a > 0.0:
-        stationary += complex(rng.standard_normal(), rng.standard_normal()) * k.noise_a
+    inputs = sensed(m, z.i * rotor, rng)
+    stationary = 2 / 3 * (inputs[0] + inputs[1] * AXIS_B + inputs[2] * AXIS_C)
+    for leg in range(3):
+        put(r, at.sense_snap_channel + 3 + leg, round(inputs[leg] * k.unit_a))
     measured = stationary * frame.conjugate()
     z.error_deg = math.degrees(cmath.phase(frame * rotor.conjugate()))
     encode(r, x, s, m)
@@ -629,6 +688,7 @@ def sample(
         duty = complex(v_re, v_im) * z.scale / (k.period_cycles * (1 + double))
         z.kept = duty * z.vdc * frame * turned(z.lead)
     gates = np.int64(r[at.safety_guard]) & 1 != 0 and np.int64(r[at.safety_trip]) & 0xFF == 0 and z.enable != 0
+    capture(r, x, s, m, records, gates)
     applied = z.kept
     later = cmath.exp(1j * z.omega * (k.delay + 0.5) * k.period_s)
     if k.left_v > 0.0:
@@ -682,7 +742,8 @@ def advance(
     rng: np.random.Generator,
     rows: Array,
     logs: NDArray[np.int64],
+    records: NDArray[np.int32],
 ) -> None:
     """So many sample periods."""
     for _ in range(count):
-        sample(r, x, t, s, m, regulator, gains, c, rng, rows, logs)
+        sample(r, x, t, s, m, regulator, gains, c, rng, rows, logs, records)

@@ -101,7 +101,8 @@ RAMP_BUSY = _take(RAMPS)  # 1 while the ramp is not over
 # --- sensing
 POLE_S = _take()
 ADC_MAX = _take()  # highest code
-CODES_PER_UNIT = _take(CHANNELS)  # codes per V or A, divider gain included
+SOURCE = _take(CHANNELS)  # channel whose signal is at a channel's input
+CODES_PER_UNIT = _take(CHANNELS)  # codes per V or A, divider gain and sign included
 CODE_ZERO = _take(CHANNELS)  # code of 0, offset included
 NOISE_LSB = _take()
 NOISE_KEY = _take(1 + CHANNELS)  # 32-bit keys from the seed: one for the sample number, one a channel

@@ -9,6 +9,7 @@ Per-phase values are in the order A, B, C(, D, E). Converter channels are in the
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -259,7 +260,8 @@ class SensingParams:
     """Converter and dividers. Noise is white, per sample. conversion_s is information for the simulator.
 
     divider_gain: one value a leg, empty: all 1. offset_lsb: one a channel, empty: all 0. edge: None: terminals jump and
-    the channels show nothing else of it.
+    the channels show nothing else of it. sources: signal at the input of a channel, by their names, and its factor; a
+    channel that is not there has its own.
     """
 
     v_full_scale_v: float
@@ -270,6 +272,7 @@ class SensingParams:
     divider_pole_s: float = 0.0
     noise_lsb_rms: float = 1.0
     conversion_s: float = 0.0
+    sources: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     edge: EdgeParams | None = None
 
     def __post_init__(self) -> None:
@@ -345,6 +348,9 @@ class PlantParams:
         for key, count in (("divider_gain", phases), ("offset_lsb", len(channel_names(phases)))):
             values = getattr(sensing, key)
             require(len(values) in (0, count), key, values, f"{count} values, or none")
+        names = channel_names(phases)
+        for channel, (source, _) in sensing.sources.items():
+            require(channel in names and source in names, "sources", (channel, source), "names of channels")
 
 
 MECHANICS_MODES = {"free": L.FREE, "imposed": L.IMPOSED, "locked": L.LOCKED}

@@ -137,9 +137,10 @@ def convert(s: Vector, io: IntVector) -> None:
     if edges:
         edge_advance(s)
     for channel in range(2 * PHASES + 3):
-        value = channel_value(s, channel)
+        source = int(s[L.SOURCE + channel])
+        value = channel_value(s, source)
         if edges:
-            value += edge_value(s, channel)
+            value += edge_value(s, source)
         value = value * s[L.CODES_PER_UNIT + channel] + s[L.CODE_ZERO + channel]
         if noisy:
             value += s[L.NOISE_LSB] * noise(s, channel, bits)

@@ -17,7 +17,7 @@ from .circuit import connect, terminals_now
 from .edge_params import EdgeParams
 from .emf import TWO_PI, inductance_now, shape_now
 from .magnetics import FluxMap
-from .params import MECHANICS_MODES, MachineParams, Phases, PlantParams, SensingParams
+from .params import MECHANICS_MODES, MachineParams, Phases, PlantParams, SensingParams, channel_names
 from .vector import view_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -110,10 +110,13 @@ def write_sensing(s: FloatArray, sensing: SensingParams, phases: int, seed: int)
         write_edges(s, sensing.edge)
     gains = (*(sensing.divider_gain or (1.0,) * phases), *(1.0,) * (phases + 3))
     offsets = sensing.offset_lsb or (0.0,) * channels
+    names = channel_names(phases)
     for channel in range(channels):
+        source, factor = sensing.sources.get(names[channel], (names[channel], 1.0))
         bipolar = phases <= channel < 2 * phases or channel == 2 * phases + 1
         span = 2.0 * sensing.i_full_scale_a if bipolar else sensing.v_full_scale_v
-        s[L.CODES_PER_UNIT + channel] = gains[channel] * codes / span
+        s[L.SOURCE + channel] = names.index(source)
+        s[L.CODES_PER_UNIT + channel] = factor * gains[channel] * codes / span
         s[L.CODE_ZERO + channel] = (codes // 2 if bipolar else 0) + offsets[channel]
         s[L.STUCK + channel] = -1.0
     for key in range(1 + channels):

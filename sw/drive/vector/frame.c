@@ -13,6 +13,8 @@
 #define SLIP_FIVE_MS 6u  // 30 ms
 // A tick with pulses, ticks without: the current of the pulses is gone.
 #define INSULATION_TICKS 4u
+// Peak of the wiring test's current over the rated one: 0.04.
+#define WIRING_SHARE 25
 
 COLD void vector_frame_off(vector_t *v) {
   v->frame = FRAME_OFF;
@@ -20,6 +22,7 @@ COLD void vector_frame_off(vector_t *v) {
   vector_lead(v, 0);
   vector_turn(v, 0, false);
   v->report.gates = false;
+  v->tests = false;
   vector_doubt_encoder(v);
   vector_design_off(v);
   current_off(&v->command);
@@ -41,32 +44,77 @@ static void begin_forced(vector_t *v) {
   v->report.phase = START_ALIGN;
 }
 
+// Voltage along a phase's direction, from the frame if that is at the angle 0.
+COLD static void pulse(vector_t *v, uint32_t leg, int32_t voltage_v_q25, uint32_t frame_turn_q32) {
+  const complex_t direction = cis_q30(leg * (UINT32_MAX / PHASES) - frame_turn_q32);
+  current_preset(&v->command, 0, complex_mul_q30((complex_t){voltage_v_q25, 0}, direction));
+}
+
 // A tick with the shortest pulses along each phase's direction from the frame in turn, between ticks without a voltage. A
 // line has two in a carrier's period, each longer than the dead time by the shortest that a sample sees: a whole winding
 // lets little current through, a short between two phases or from one to a rail trips. True: over.
 COLD static bool check_insulation(vector_t *v) {
   const parameters_t *p = v->p;
   const uint32_t leg = v->waiting_ticks / INSULATION_TICKS;
-  complex_t pulse_v_q25 = {0, 0};
+  int32_t pulse_v_q25 = 0;
   if (v->waiting_ticks % INSULATION_TICKS == 0u && leg < PHASES) {
     const uint32_t pulse_cycles = 2u * ((uint32_t)p->dead_time_cycles + (uint32_t)p->least_on_cycles);
     const int32_t share_q16 = (int32_t)((pulse_cycles << 17) / (3u * v->report.period_cycles));
-    const complex_t direction = cis_q30(leg * (UINT32_MAX / PHASES));
-    pulse_v_q25 = complex_mul_q30((complex_t){mul_q16(v->report.vdc_v_q25, share_q16), 0}, direction);
+    pulse_v_q25 = mul_q16(v->report.vdc_v_q25, share_q16);
   }
-  current_preset(&v->command, 0, pulse_v_q25);
+  pulse(v, leg, pulse_v_q25, 0);
   vector_turn(v, 0, leg < PHASES);
   v->waiting_ticks++;
   return leg >= PHASES;
 }
 
+// Voltage of the wiring's test: a pulse of it makes the wanted current in the file's machine.
+COLD static int32_t wiring_v_q25(const vector_t *v, int32_t peak_i_q17) {
+  const parameters_t *p = v->p;
+  const int32_t step_v_q25 = gain_apply(peak_i_q17 * 256, p->vector_impedance);
+  int32_t voltage_v_q25 = step_v_q25 / (WIRING_PULSE_TICKS * p->vector_tick_samples);
+  voltage_v_q25 += (int32_t)(((int64_t)step_v_q25 * p->vector_resistance_q30) >> 30);
+  for (uint32_t level = 0; level < v->wiring.level; level++) {
+    voltage_v_q25 += voltage_v_q25 / 2;
+  }
+  return voltage_v_q25;
+}
+
+// A tick of the wiring's test.
+COLD static outcome_t check_wiring(vector_t *v, const chip_snapshot_t *in) {
+  const int32_t peak_i_q17 = v->p->rated_i_q17 / WIRING_SHARE;
+  const wiring_verdict_t verdict = wiring_step(&v->wiring, in, peak_i_q17);
+  pulse(v, v->wiring.leg, v->wiring.sign * wiring_v_q25(v, peak_i_q17), in->vector.theta_sample_q32);
+  vector_turn(v, 0, verdict == WIRING_TESTING);
+  if (verdict == WIRING_TESTING) {
+    return outcome_of(EVENT_STAY);
+  }
+  v->tests = false;
+  if (verdict == WIRING_WRONG) {
+    return outcome_fault(FAULT_WIRING);
+  }
+  return (v->settings->check_wiring == CHECK_WIRING_ONLY) ? outcome_of(EVENT_STOPPED) : vector_begin(v);
+}
+
+// Small voltages in place of a frame, which stands still.
+COLD static void begin_pulses(vector_t *v, phase_t phase) {
+  v->waiting_ticks = 0;
+  vector_turn(v, 0, true);
+  v->frame = FRAME_CAUGHT;
+  v->report.phase = phase;
+}
+
 COLD outcome_t vector_begin(vector_t *v) {
+  const phase_t done = v->report.phase;
   const bool doubted = PHASES == 3 && v->order->suspected && v->coast.verdict == WINDING_UNKNOWN;
-  if (doubted && v->report.phase != START_INSULATION) {
-    v->waiting_ticks = 0;
-    vector_turn(v, 0, true);
-    v->frame = FRAME_CAUGHT;
-    v->report.phase = START_INSULATION;
+  const bool only = v->settings->check_wiring == CHECK_WIRING_ONLY;
+  const bool unproven = PHASES == 3 && (only || (v->settings->check_wiring == CHECK_WIRING_FIRST && !v->wiring.passed));
+  if (doubted && done == START_COAST) {
+    begin_pulses(v, START_INSULATION);
+  } else if (unproven && done != START_WIRING) {
+    wiring_begin(&v->wiring);
+    v->tests = true;
+    begin_pulses(v, START_WIRING);
   } else if (vector_injects(v)) {
     const outcome_t refused = vector_injection_begin(v);
     if (outcome_event(refused) != EVENT_STAY) {
@@ -108,6 +156,9 @@ COLD outcome_t vector_catch(vector_t *v, uint32_t angle_q32, int32_t mean_step_q
 outcome_t vector_caught_step(vector_t *v, const chip_snapshot_t *in) {
   if (v->report.phase == START_INSULATION) {
     return check_insulation(v) ? vector_begin(v) : outcome_of(EVENT_STAY);
+  }
+  if (v->report.phase == START_WIRING) {
+    return check_wiring(v, in);
   }
   if (in->vector.taken) {
     vector_turn(v, 0, true);

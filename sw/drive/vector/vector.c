@@ -455,6 +455,7 @@ COLD void vector_init(vector_t *v, const parameters_t *p, const order_t *order, 
   v->report.six_step.threshold_q17 = no_sectors;
   v->report.six_step.hall_late_q20 = no_sectors;
   v->report.vector.injects = vector_injects(v);
+  v->report.wiring = &v->wiring;
 }
 
 COLD void vector_start(vector_t *v, const order_t *order, const settings_t *settings) {
@@ -523,8 +524,8 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
 INLINED void vector_finish(vector_t *v, const order_t *order) {
   vector_command_t *c = &v->command;
   const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
-  const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION;
-  const bool currents = slow && (vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
+  const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION || __builtin_expect(v->tests, 0);
+  const bool currents = slow && (vector_injects(v) || __builtin_expect(v->tests, 0) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
   current_look(c, slow, currents, v->several || slow || next == GROUP_SPEED);
   if (__builtin_expect(order->state != STATE_RUNNING || order->state_ticks == 0u, 0)) {
     current_tick(c, order->state != STATE_INIT && order->state != STATE_FAULT);

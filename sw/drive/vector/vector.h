@@ -45,7 +45,7 @@
 #define VECTOR_STAGES 3u  // of a design, one more with two subspaces
 #define VECTOR_DESIGNS 4u  // between two of what follows the current instead of the speed
 
-// Frame of the vector drive. Caught: held at a voltage, which is the EMF, or the pulses of the insulation check.
+// Frame of the vector drive. Caught: held at a voltage, which is the EMF, or the pulses of a check.
 typedef enum { FRAME_OFF, FRAME_CAUGHT, FRAME_FORCED, FRAME_OBSERVED, FRAME_INJECTED } frame_t;
 
 // What depends on the speed.
@@ -198,6 +198,8 @@ typedef struct vector {
   bool learnt;              // an alignment has told the mounting
   bool index_jumped;        // more than 45 degrees from the angle of the alignment
   bool encoder_right;       // the EMF has agreed with it
+  wiring_t wiring;
+  bool tests;                     // the wiring: every snapshot shall have the phase currents
   vector_injection_t *injection;  // 0: none
 } vector_t;
 

@@ -27,6 +27,7 @@ static struct {
   fifo_t to_firmware;
   fifo_t from_firmware;
   uint32_t spi_rx;
+  int32_t capture[HOST_CAPTURE_RECORDS][4];
 } host;
 
 static void push(fifo_t *fifo, uint32_t word) {
@@ -40,6 +41,7 @@ uint32_t *fl_host_registers(void) { return host.reg; }
 uint8_t *fl_host_parameter_block(void) { return (uint8_t *)host.block; }
 uint8_t *fl_host_telemetry(void) { return (uint8_t *)host.telemetry; }
 int32_t *fl_host_auto_zero_offsets(void) { return host.auto_zero; }
+int32_t *fl_host_capture(void) { return host.capture[0]; }
 void *cpu_parameter_block(void) { return host.block; }
 void *cpu_telemetry(void) { return host.telemetry; }
 // Ticks come between calls: nothing interrupts.
@@ -99,6 +101,10 @@ uint32_t reg_read(uint32_t address) {
   }
   if (address == REG(spi.rx)) {
     return host.spi_rx;
+  }
+  const uint32_t lane = (address - REG(capture.data)) / 4u;
+  if (lane < 4u) {
+    return (uint32_t)host.capture[*at(REG(capture.read_address)) % HOST_CAPTURE_RECORDS][lane];
   }
   return *at(address);
 }

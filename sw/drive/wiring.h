@@ -1,0 +1,46 @@
+// SPDX-FileCopyrightText: 2026 Fluxlock contributors
+// SPDX-License-Identifier: Apache-2.0
+
+// Whether legs, current sensors and voltage dividers belong together, before the first turn.
+//
+// Each leg in turn gets small pulses against the others, three control ticks up, six down, three up: the current is a triangle
+// up and one down, whose impulses cancel, and the rotor stays. Of a current sensor counts what it sees in the upper one less
+// what it sees in the lower one, so offsets do not; of a divider, in a capture at full rate, by how much it stands out of the other
+// two: it does while its leg alone has switched. The voltage rises until a sensor sees the current.
+//
+// The test only says right or wrong; what is wrong follows from the two tables (sim/fluxlock/wiring).
+#ifndef FL_WIRING_H
+#define FL_WIRING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/chip_io.h"
+
+#define WIRING_LEGS 3u
+// Levels of the voltage, each one and a half times the one before: the first is meant to do.
+#define WIRING_LEVELS 5u
+#define WIRING_PULSE_TICKS 3
+
+typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
+
+typedef struct {
+  int32_t current_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and sensor, half of upper less lower
+  int32_t voltage_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and divider, mean over a capture
+  uint32_t ticks;   // of the level, or of the leg whose voltages are looked at
+  uint32_t level;   // of the voltage, 0 ..
+  uint32_t leg;     // that pulses now
+  int32_t sign;     // of its pulse: 1, -1, 0
+  uint32_t record;  // of the capture, the next one
+  bool captures;    // the voltages
+  bool reads;       // the capture is complete
+  bool known;       // both tables are
+  bool passed;      // since boot
+} wiring_t;
+
+void wiring_begin(wiring_t *wiring);
+
+// A tick: looks at the snapshot, then leg and sign say the next pulse; with a verdict there is none. peak_i_q17: wanted.
+wiring_verdict_t wiring_step(wiring_t *wiring, const chip_snapshot_t *in, int32_t peak_i_q17);
+
+#endif
