@@ -22,6 +22,10 @@
 #define WIRING_LEVELS 5u
 #define WIRING_PULSE_TICKS 3
 
+// Spacings of the samples in turn, a tick each: P, P + 1 ... clocks. A grid in step with the carrier never sees an edge that
+// moves by less than a sample; its place at an edge in the middle of half a carrier moves by some ten times as much.
+#define WIRING_SPACINGS 8u
+
 typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
 
 typedef struct {
@@ -39,6 +43,11 @@ typedef struct {
 } wiring_t;
 
 void wiring_begin(wiring_t *wiring);
+
+// What the samples' period is to be longer at the next tick, clocks.
+static inline uint32_t wiring_stretch_cycles(const wiring_t *wiring) {
+  return wiring->captures ? wiring->ticks % WIRING_SPACINGS : 0u;
+}
 
 // A tick: looks at the snapshot, then leg and sign say the next pulse; with a verdict there is none. peak_i_q17: wanted.
 wiring_verdict_t wiring_step(wiring_t *wiring, const chip_snapshot_t *in, int32_t peak_i_q17);
