@@ -15,6 +15,8 @@
 #define LOWER_TICK 10u
 // Records a tick: about 800 clocks.
 #define RECORDS 8u
+// Of the link's voltage, what a divider's error of gain may be: a quarter of half of it.
+#define WIRING_GAIN_PART 8
 
 SMALL_CODE_BEGIN
 void wiring_begin(wiring_t *w) { *w = (wiring_t){0}; }
@@ -53,8 +55,9 @@ static bool in_order(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
   return true;
 }
 
-// The least of a divider is its error of gain.
-static void subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS]) {
+// The least of a divider is its error of gain: half of the link's voltage if it is dead. True: none is above the most.
+static bool subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t most_q17) {
+  bool fits = true;
   for (uint32_t j = 0; j < WIRING_LEGS; j++) {
     int32_t least = m[0][j];
     for (uint32_t k = 1; k < WIRING_LEGS; k++) {
@@ -63,7 +66,9 @@ static void subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS]) {
     for (uint32_t k = 0; k < WIRING_LEGS; k++) {
       m[k][j] -= least;
     }
+    fits = fits && least <= most_q17;
   }
+  return fits;
 }
 
 // Sums to what a table shows.
@@ -78,9 +83,9 @@ static void scale(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t factor, int32_t p
 static wiring_verdict_t judge(wiring_t *w, bool voltages) {
   int32_t swing_q17[WIRING_LEGS][WIRING_LEGS];
   __builtin_memcpy(swing_q17, w->voltage_q17, sizeof swing_q17);
-  subtract_gain(swing_q17);
+  const bool fits = subtract_gain(swing_q17, w->link_q17 / WIRING_GAIN_PART);
   w->known = true;
-  w->passed = in_order(w->current_q17) && (!voltages || in_order(swing_q17));
+  w->passed = in_order(w->current_q17) && (!voltages || (fits && in_order(swing_q17)));
   return w->passed ? WIRING_RIGHT : WIRING_WRONG;
 }
 
@@ -121,6 +126,7 @@ static void read_voltages(wiring_t *w) {
     for (uint32_t j = 0; j < WIRING_LEGS; j++) {
       w->voltage_q17[w->leg][j] += abs_sat(v_q10[j] - (sum - most - least));
     }
+    w->link_q17 = capture_value(w->record, WIRING_LEGS);
     w->record++;
   }
 }

@@ -31,6 +31,7 @@ typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
 typedef struct {
   int32_t current_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and sensor, half of upper less lower
   int32_t voltage_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and divider, mean over a capture
+  int32_t link_q17;  // its voltage, of the last record
   uint32_t ticks;   // of the level, or of the leg whose voltages are looked at
   uint32_t level;   // of the voltage, 0 ..
   uint32_t leg;     // that pulses now

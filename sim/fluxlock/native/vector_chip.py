@@ -24,7 +24,7 @@ from fluxlock.native import vector_kernel as kernel
 
 SEED = 31
 POWER_UP_QUARTER = 1234  # the encoder's position is not that of the rotor before the index
-CAPTURE_RECORDS = 256
+CAPTURE_RECORDS = 1024  # as the chip has
 # Rows that a call of the kernel may log of a sample: its angle, an update, a trip.
 LOGGED_A_SAMPLE = 3
 

@@ -613,11 +613,12 @@ def capture(r: Registers, x: Array, s: Array, m: Array, records: NDArray[np.int3
         z.records, z.captures = 0, True
     if not z.captures:
         return
-    count = k.period_cycles // max(np.int64(r[at.sense_period]), 16)
+    step = max(np.int64(r[at.sense_period]), 16) / k.period_cycles
+    count = int(1.0 / step)
     double = np.int64(r[at.foc_control]) >> 2 & 1
     duty = phases_of(z.kept) / z.vdc + 0.5
     for j in range(min(count, len(records) - z.records)):
-        place = (j + 0.5) / count
+        place = (j + 0.5) * step
         ramp = 1.0 - place if double else 2.0 * abs(place - 0.5)
         legs = np.zeros(3)
         for leg in range(3):
@@ -625,6 +626,7 @@ def capture(r: Registers, x: Array, s: Array, m: Array, records: NDArray[np.int3
         seen = k.voltage_gain @ legs if k.wired else legs
         for lane in range(3):
             records[z.records, lane] = round(seen[lane] * k.unit_v)
+        records[z.records, 3] = round(z.vdc * k.unit_v)
         z.records += 1
     if z.records == len(records):
         put(r, at.capture_status, len(records) << 16 | 2)

@@ -23,6 +23,8 @@ LETTERS = "ABC"
 EMPTY_CURRENT, EMPTY_VOLTAGE = 0.12, 0.2
 # Gain over the others' mean, and its inverse, from which on a sensor is named.
 CURRENT_GAIN, VOLTAGE_GAIN = 1.5, 1.15
+# A divider that stands out of the others by so much of their voltage sees none.
+DEAD_SHARE = 0.75
 # Duty while no leg's pulse is different: half of the carrier each terminal is at the link.
 HIGH_SHARE = 0.5
 
@@ -134,7 +136,7 @@ def _sensor_remedy(letter: str) -> str:
 def _voltage_findings(table: Table, vdc: float) -> tuple[list[Finding], str | None]:
     swing = table - table.min(axis=0)
     constant = table.min(axis=0) / (HIGH_SHARE * vdc)
-    empty = swing.max(axis=0) < EMPTY_VOLTAGE * swing.max()
+    empty = (swing.max(axis=0) < EMPTY_VOLTAGE * swing.max()) | (constant > DEAD_SHARE)
     if empty.any():
         return [
             Finding("divider", f"voltage divider at input {letter} gives no signal", _divider_remedy(letter), letter)

@@ -31,7 +31,7 @@ uint32_t fl_host_uart_receive(uint8_t *data, uint32_t length);
 // Result of the next auto-zero, an offset (Q12.4 code) a channel.
 int32_t *fl_host_auto_zero_offsets(void);
 // Records of the capture buffer, four lanes each; who plays the chip fills them, and says in the status that they are there.
-#define HOST_CAPTURE_RECORDS 256u
+#define HOST_CAPTURE_RECORDS 1024u
 int32_t *fl_host_capture(void);
 
 #endif
