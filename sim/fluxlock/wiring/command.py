@@ -13,10 +13,10 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from fluxlock.base.paths import RESULTS
 from fluxlock.command_line import EXIT_FAILED
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.help import complete_toml
-from fluxlock.base.paths import RESULTS
 from fluxlock.results.verdict import Verdict, say
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@
 Row k of a table belongs to the pulses of leg k, column j to input j of the converter. Currents are peaks. An isolated
 star point gives the true currents c a sum of zero in each row; input j shows s_j c[k, p_j], of phase p_j with the sign
 s_j. Of all orders p and signs s the right one has the largest sum of s_j table[p_j, j]: for any saliency that sum is
-the trace of an admittance, which no other choice reaches. Voltages count by how far a divider stands out of the other two:
-that is its own leg's pulse, and a constant where its gain is off.
+the trace of an admittance, which no other choice reaches. Voltages count by how far a divider stands out of the
+other two: that is its own leg's pulse, and a constant where its gain is off.
 """
 
 from __future__ import annotations
