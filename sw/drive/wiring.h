@@ -22,9 +22,9 @@
 #define WIRING_LEVELS 5u
 #define WIRING_PULSE_TICKS 3
 
-// Spacings of the samples in turn, a tick each: P, P + 1 ... clocks. A grid in step with the carrier never sees an edge that
-// moves by less than a sample; its place at an edge in the middle of half a carrier moves by some ten times as much.
-#define WIRING_SPACINGS 8u
+// By how much the samples' grid is shifted from tick to tick, clocks: in step with the carrier it never sees an edge that
+// moves by less than a sample's period; with no factor in common with that period it sees each clock of it in turn.
+#define WIRING_SHIFT_CYCLES 7u
 
 typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
 
@@ -45,9 +45,9 @@ typedef struct {
 
 void wiring_begin(wiring_t *wiring);
 
-// What the samples' period is to be longer at the next tick, clocks.
-static inline uint32_t wiring_stretch_cycles(const wiring_t *wiring) {
-  return wiring->captures ? wiring->ticks % WIRING_SPACINGS : 0u;
+// By how much the samples are to be later at the next tick, clocks below their period.
+static inline uint32_t wiring_shift_cycles(const wiring_t *wiring, uint32_t period_cycles) {
+  return wiring->captures ? wiring->ticks * WIRING_SHIFT_CYCLES % period_cycles : 0u;
 }
 
 // A tick: looks at the snapshot, then leg and sign say the next pulse; with a verdict there is none. peak_i_q17: wanted.

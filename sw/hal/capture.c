@@ -11,7 +11,6 @@ uint32_t capture_control(void) { return reg_read(REG(capture.control)); }
 uint32_t capture_lanes(void) { return reg_read(REG(capture.lanes)); }
 uint32_t capture_status(void) { return reg_read(REG(capture.status)); }
 void capture_configure(uint32_t control) { reg_write(REG(capture.control), control); }
-void capture_set_period(uint32_t cycles) { reg_write(REG(sense.period), cycles); }
 void capture_set_lanes(uint32_t lanes) { reg_write(REG(capture.lanes), lanes); }
 
 uint32_t capture_depth(void) { return BITS(FL_CAPTURE_REGS__STATUS__DEPTH, capture_status()); }

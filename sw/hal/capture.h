@@ -17,8 +17,6 @@ uint32_t capture_lanes(void);
 uint32_t capture_status(void);
 void capture_configure(uint32_t control);
 void capture_set_lanes(uint32_t lanes);
-// Spacing of the samples, clocks: at least that of the parameter block.
-void capture_set_period(uint32_t cycles);
 
 // Records of a capture, 0: the chip has none.
 uint32_t capture_depth(void);

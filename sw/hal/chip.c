@@ -56,9 +56,13 @@ void chip_tick_by_time(void) { reg_write(REG(timer.tick_samples), 0); }
 HOT void chip_report_step(uint32_t step) { reg_write(REG(safety.feed), step & 0xFFu); }
 void chip_gates_off(void) { reg_write(REG(safety.guard), 0); }
 
-static void write_scheduler(uint32_t sampling, const parameters_t *p) {
+static void write_scheduler(uint32_t sampling, uint32_t offset_cycles) {
   reg_write(REG(sense.scheduler), FIELD(FL_SENSE_REGS__SCHEDULER__MODE, sampling) |
-                                      FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, p->sample_offset_cycles));
+                                      FIELD(FL_SENSE_REGS__SCHEDULER__OFFSET_CYCLES, offset_cycles));
+}
+
+COLD void chip_shift_samples(const parameters_t *parameters, uint32_t cycles) {
+  write_scheduler((uint32_t)parameters->sample_mode, (uint32_t)parameters->sample_offset_cycles + cycles);
 }
 
 SMALL_CODE_BEGIN
@@ -72,7 +76,7 @@ COLD static void configure_sensing(const parameters_t *p) {
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
     reg_write(REG(sense.offset[0]) + 4u * current_channel(i), CURRENT_OFFSET_Q4);
   }
-  write_scheduler(SAMPLING_CONTINUOUS, p);
+  write_scheduler(SAMPLING_CONTINUOUS, (uint32_t)p->sample_offset_cycles);
 }
 
 COLD static void configure_crossings(const parameters_t *p) {
@@ -132,7 +136,7 @@ COLD static void configure_vector(const parameters_t *p) {
   reg_write(REG(encoder.filter), (uint32_t)p->encoder_filter_cycles);
   reg_write(REG(encoder.turn), FIELD(FL_ENCODER_REGS__TURN__LAST, p->encoder_quarters - 1) |
                                    FIELD(FL_ENCODER_REGS__TURN__INDEX, p->encoder_index));
-  write_scheduler((uint32_t)p->sample_mode, p);
+  chip_shift_samples(p, 0);
   reg_write(REG(timer.update), FIELD(FL_TIMER_REGS__UPDATE__COMMIT, 1));
 }
 SMALL_CODE_END
@@ -345,7 +349,7 @@ COLD static uint32_t samples_before(uint32_t sampling, const parameters_t *p) {
 // with every asymmetry and closes a loop through crossings that are computed back.
 COLD static void write_sequence(const sequence_command_t *command, const parameters_t *p) {
   const crossing_settings_t crossing = command->crossing;
-  write_scheduler(command->sampling, p);
+  write_scheduler(command->sampling, (uint32_t)p->sample_offset_cycles);
   reg_write(REG(pwm.control), FIELD(FL_PWM_REGS__CONTROL__MODE, command->sequencer) |
                                   FIELD(FL_PWM_REGS__CONTROL__COMMUTATION, command->commutation) |
                                   FIELD(FL_PWM_REGS__CONTROL__PATTERN, command->pattern) |

@@ -36,6 +36,8 @@ uint32_t chip_tick_time(void);
 
 // Static configuration of sensing, crossing detection, timers and protections; gates stay off.
 void chip_configure(const parameters_t *parameters);
+// Samples of a vector drive that come so much later after a carrier's start than the parameter block has them, clocks.
+void chip_shift_samples(const parameters_t *parameters, uint32_t cycles);
 // Settings of the injection, which stays off.
 void chip_configure_injection(const parameters_t *parameters);
 // Period of the control tick; 0 stops it.

@@ -164,7 +164,7 @@ REGISTERS = (
     *("foc.snap_i", "foc.snap_u", "foc.snap_v", "foc.snap_v_sum", "foc.snap_count", "foc.snap_theta_sample"),
     *("encoder.turn", "encoder.counters", "foc.snap_encoder", "foc.snap_omega", "safety.trip", "safety.guard"),
     *("sense.snap_number", "sense.snap_vdc_sum", "sense.snap_idc_sum", "sense.snap_count", "sense.snap_channel"),
-    *("timer.machine_period", "timer.update", "sense.period", "capture.control", "capture.status"),
+    *("timer.machine_period", "timer.update", "sense.period", "sense.scheduler", "capture.control", "capture.status"),
 )
 # Of the telemetry.
 WORDS = ("published_q32", "state", "limit", "lost_locks", "speed_rpm_q8", "target_rpm", "reference_rpm_q8")
@@ -613,12 +613,13 @@ def capture(r: Registers, x: Array, s: Array, m: Array, records: NDArray[np.int3
         z.records, z.captures = 0, True
     if not z.captures:
         return
-    step = max(np.int64(r[at.sense_period]), 16) / k.period_cycles
-    count = int(1.0 / step)
+    period = max(np.int64(r[at.sense_period]), 16)
+    first = (np.int64(r[at.sense_scheduler]) >> 16) % period
+    count = (np.int64(k.period_cycles) - first + period - 1) // period
     double = np.int64(r[at.foc_control]) >> 2 & 1
     duty = phases_of(z.kept) / z.vdc + 0.5
     for j in range(min(count, len(records) - z.records)):
-        place = (j + 0.5) * step
+        place = (first + j * period) / k.period_cycles
         ramp = 1.0 - place if double else 2.0 * abs(place - 0.5)
         legs = np.zeros(3)
         for leg in range(3):

@@ -8,7 +8,7 @@
 #include "drive/vector/current.h"
 #include "drive/vector/injected.h"
 #include "drive/vector/parts.h"
-#include "hal/capture.h"
+#include "hal/chip.h"
 
 #define QUARTER_TURN ((uint32_t)1 << 30)
 #define SLIP_FIVE_MS 6u  // 30 ms
@@ -24,7 +24,7 @@ COLD void vector_frame_off(vector_t *v) {
   vector_turn(v, 0, false);
   v->report.gates = false;
   if (v->tests) {
-    capture_set_period((uint32_t)v->p->sample_period_cycles);
+    chip_shift_samples(v->p, 0);
   }
   v->tests = false;
   vector_doubt_encoder(v);
@@ -90,7 +90,7 @@ COLD static outcome_t check_wiring(vector_t *v, const chip_snapshot_t *in) {
   const wiring_verdict_t verdict = wiring_step(&v->wiring, in, peak_i_q17);
   pulse(v, v->wiring.leg, v->wiring.sign * wiring_v_q25(v, peak_i_q17), in->vector.theta_sample_q32);
   vector_turn(v, 0, verdict == WIRING_TESTING);
-  capture_set_period((uint32_t)v->p->sample_period_cycles + wiring_stretch_cycles(&v->wiring));
+  chip_shift_samples(v->p, wiring_shift_cycles(&v->wiring, (uint32_t)v->p->sample_period_cycles));
   if (verdict == WIRING_TESTING) {
     return outcome_of(EVENT_STAY);
   }
