@@ -14,14 +14,24 @@
 #define UPPER_TICK 4u
 #define LOWER_TICK 10u
 // Records a tick: about 800 clocks.
-#define RECORDS 8u
+#define RECORDS 14u
 // Of the link's voltage, what a divider's error of gain may be: a quarter of half of it.
-#define WIRING_GAIN_PART 8
+#define GAIN_PART 8
+// Of the sum of the legs' own, the least that each must have: a saliency makes a current small, never a voltage.
+#define CURRENT_PART 12
+#define VOLTAGE_PART 6
+// Samples that must have seen a moved edge before a table of voltages tells anything.
+#define HITS 12
+#define VOLTAGE_SHIFT 7u
 
 SMALL_CODE_BEGIN
 void wiring_begin(wiring_t *w) { *w = (wiring_t){0}; }
 
-static int32_t pulse_sign(uint32_t at) { return (at >= 12u) ? 0 : ((at < 3u || at >= 9u) ? 1 : -1); }
+// Three ticks up, six down, three up, four without; of the voltages one, two and one.
+static int32_t pulse_sign(uint32_t at, uint32_t length) {
+  const uint32_t part = at / length % 4u;
+  return (at >= 4u * length && length > 1u) ? 0 : ((part == 0u || part == 3u) ? 1 : -1);
+}
 
 static int32_t weight(uint32_t at) { return (at == UPPER_TICK) ? 1 : ((at == LOWER_TICK) ? -1 : 0); }
 
@@ -35,28 +45,35 @@ static int32_t largest(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
   return most;
 }
 
-// Every leg is seen by its own sensor, with its own sign, and the sum over the legs is larger so than in any other order:
-// a saliency makes one leg's share small, never the sum.
-static bool in_order(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
+static int32_t own_sum(const int32_t m[WIRING_LEGS][WIRING_LEGS]) { return m[0][0] + m[1][1] + m[2][2]; }
+
+// Largest sum that another order of the sensors would have, whatever their signs.
+static int32_t other_sum(const int32_t m[WIRING_LEGS][WIRING_LEGS]) {
   static const uint8_t wrong[][WIRING_LEGS] = {{0, 2, 1}, {1, 0, 2}, {2, 1, 0}, {1, 2, 0}, {2, 0, 1}};
-  const int32_t own = m[0][0] + m[1][1] + m[2][2];
+  int32_t most = 0;
   for (uint32_t order = 0; order < sizeof wrong / sizeof wrong[0]; order++) {
     int32_t other = 0;
     for (uint32_t k = 0; k < WIRING_LEGS; k++) {
       other += abs_sat(m[k][wrong[order][k]]);
-      if (m[k][k] <= own / 12) {
-        return false;
-      }
     }
-    if (other > own - own / 16) {
-      return false;
-    }
+    most = (other > most) ? other : most;
   }
-  return true;
+  return most;
+}
+
+// Every leg is seen by its own sensor, with its own sign, and the sum over the legs is larger so than in any other order:
+// a saliency makes one leg's share small, never the sum.
+static bool in_order(const int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t part) {
+  const int32_t own = own_sum(m);
+  bool seen = true;
+  for (uint32_t k = 0; k < WIRING_LEGS; k++) {
+    seen = seen && m[k][k] > own / part;
+  }
+  return seen && other_sum(m) <= own - own / 16;
 }
 
 // The least of a divider is its error of gain: half of the link's voltage if it is dead. True: none is above the most.
-static bool subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t most_q17) {
+static bool subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t highest) {
   bool fits = true;
   for (uint32_t j = 0; j < WIRING_LEGS; j++) {
     int32_t least = m[0][j];
@@ -66,7 +83,7 @@ static bool subtract_gain(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t most_q17)
     for (uint32_t k = 0; k < WIRING_LEGS; k++) {
       m[k][j] -= least;
     }
-    fits = fits && least <= most_q17;
+    fits = fits && least <= highest;
   }
   return fits;
 }
@@ -80,20 +97,34 @@ static void scale(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t factor, int32_t p
   }
 }
 
-static wiring_verdict_t judge(wiring_t *w, bool voltages) {
-  int32_t swing_q17[WIRING_LEGS][WIRING_LEGS];
-  __builtin_memcpy(swing_q17, w->voltage_q17, sizeof swing_q17);
-  const bool fits = subtract_gain(swing_q17, w->link_q17 / WIRING_GAIN_PART);
+static wiring_verdict_t verdict_of(wiring_t *w, bool right) {
   w->known = true;
-  w->passed = in_order(w->current_q17) && (!voltages || (fits && in_order(swing_q17)));
-  return w->passed ? WIRING_RIGHT : WIRING_WRONG;
+  w->passed = right;
+  return right ? WIRING_RIGHT : WIRING_WRONG;
+}
+
+// After a round of captures. What is neither right nor wrong by far gets another one; after the last the dividers are not
+// seen: this machine bears only pulses that are too short for the samples.
+static wiring_verdict_t judge_voltages(wiring_t *w, uint32_t records) {
+  const int32_t link_q10 = w->link_q17 >> VOLTAGE_SHIFT;
+  int32_t swing_q10[WIRING_LEGS][WIRING_LEGS];
+  __builtin_memcpy(swing_q10, w->voltage_q17, sizeof swing_q10);
+  const bool fits = subtract_gain(swing_q10, (int32_t)(records * w->round) / GAIN_PART * link_q10);
+  const bool seen = largest(swing_q10) > HITS * link_q10;
+  const bool right = fits && seen && in_order(swing_q10, VOLTAGE_PART);
+  const bool wrong = !fits || (seen && other_sum(swing_q10) > 2 * own_sum(swing_q10));
+  if (!right && !wrong && w->round < WIRING_ROUNDS) {
+    return WIRING_TESTING;
+  }
+  scale(w->voltage_q17, (right || wrong) ? 1 << VOLTAGE_SHIFT : 0, (int32_t)(records * w->round));
+  return verdict_of(w, !wrong && in_order(w->current_q17, CURRENT_PART));
 }
 
 // Currents of a tick. True: they are known, or the voltage does not rise any more.
 static bool look_at_currents(wiring_t *w, const chip_snapshot_t *in, int32_t peak_i_q17) {
   const uint32_t at = w->ticks % SLOT_TICKS;
   w->leg = w->ticks / SLOT_TICKS % WIRING_LEGS;
-  w->sign = pulse_sign(at);
+  w->sign = pulse_sign(at, WIRING_CURRENT_TICKS);
   for (uint32_t j = 0; j < WIRING_LEGS; j++) {
     w->current_q17[w->leg][j] += weight(at) * in->i_q17[j];
   }
@@ -111,22 +142,17 @@ static bool look_at_currents(wiring_t *w, const chip_snapshot_t *in, int32_t pea
   return false;
 }
 
-static void read_voltages(wiring_t *w) {
-  for (uint32_t n = 0; n < RECORDS; n++) {
-    int32_t v_q10[WIRING_LEGS];
-    int32_t most = INT32_MIN;
-    int32_t least = INT32_MAX;
-    int32_t sum = 0;
+static void read_voltages(wiring_t *w, uint32_t records) {
+  for (uint32_t n = 0; n < RECORDS && w->record < records; n++) {
+    int32_t v_q17[WIRING_LEGS + 1u];
+    capture_look(w->record, v_q17);
+    const int32_t high_q17 = (v_q17[0] > v_q17[1]) ? v_q17[0] : v_q17[1];
+    const int32_t low_q17 = (v_q17[0] > v_q17[1]) ? v_q17[1] : v_q17[0];
+    const int32_t middle_q17 = clamp_i32(v_q17[2], low_q17, high_q17);
     for (uint32_t j = 0; j < WIRING_LEGS; j++) {
-      v_q10[j] = capture_value(w->record, j) >> 7;
-      most = (v_q10[j] > most) ? v_q10[j] : most;
-      least = (v_q10[j] < least) ? v_q10[j] : least;
-      sum += v_q10[j];
+      w->voltage_q17[w->leg][j] += abs_sat(v_q17[j] - middle_q17) >> VOLTAGE_SHIFT;
     }
-    for (uint32_t j = 0; j < WIRING_LEGS; j++) {
-      w->voltage_q17[w->leg][j] += abs_sat(v_q10[j] - (sum - most - least));
-    }
-    w->link_q17 = capture_value(w->record, WIRING_LEGS);
+    w->link_q17 = v_q17[WIRING_LEGS];
     w->record++;
   }
 }
@@ -140,12 +166,12 @@ static bool look_at_voltages(wiring_t *w) {
     capture_configure(CAPTURE_AT_ONCE);
   }
   w->reads = w->reads || (w->ticks > 0u && at == 0u && records > 0u);
-  w->sign = w->reads ? 0 : pulse_sign(at);
+  w->sign = w->reads ? 0 : pulse_sign(at, WIRING_VOLTAGE_TICKS);
   w->ticks++;
   if (!w->reads) {
     return false;
   }
-  read_voltages(w);
+  read_voltages(w, records);
   if (w->record < records) {
     return false;
   }
@@ -162,8 +188,9 @@ COLD wiring_verdict_t wiring_step(wiring_t *w, const chip_snapshot_t *in, int32_
     if (!look_at_voltages(w)) {
       return WIRING_TESTING;
     }
-    scale(w->voltage_q17, 1 << 7, (int32_t)records);
-    return judge(w, true);
+    w->leg = 0;
+    w->round++;
+    return judge_voltages(w, records);
   }
   if (!look_at_currents(w, in, peak_i_q17)) {
     return WIRING_TESTING;
@@ -171,6 +198,6 @@ COLD wiring_verdict_t wiring_step(wiring_t *w, const chip_snapshot_t *in, int32_
   w->leg = 0;
   w->sign = 0;
   w->captures = records > 0u;
-  return w->captures ? WIRING_TESTING : judge(w, false);
+  return w->captures ? WIRING_TESTING : verdict_of(w, in_order(w->current_q17, CURRENT_PART));
 }
 SMALL_CODE_END

@@ -6,7 +6,8 @@
 // Each leg in turn gets small pulses against the others, three control ticks up, six down, three up: the current is a triangle
 // up and one down, whose impulses cancel, and the rotor stays. Of a current sensor counts what it sees in the upper one less
 // what it sees in the lower one, so offsets do not; of a divider, in a capture at full rate, by how much it stands out of the other
-// two: it does while its leg alone has switched. The voltage rises until a sensor sees the current.
+// two: it does while its leg alone has switched. The voltage rises until a sensor sees the current. The voltages get shorter and
+// higher pulses of their own, and captures until they tell, or until a stated number tells that they cannot be seen.
 //
 // The test only says right or wrong; what is wrong follows from the two tables (sim/fluxlock/wiring).
 #ifndef FL_WIRING_H
@@ -20,20 +21,25 @@
 #define WIRING_LEGS 3u
 // Levels of the voltage, each one and a half times the one before: the first is meant to do.
 #define WIRING_LEVELS 5u
-#define WIRING_PULSE_TICKS 3
+#define WIRING_CURRENT_TICKS 3
+#define WIRING_VOLTAGE_TICKS 1
+// Captures of each leg. 200 ms hold the coast, all levels and all of them.
+#define WIRING_ROUNDS 9u
 
-// By how much the samples' grid is shifted from tick to tick, clocks: in step with the carrier it never sees an edge that
-// moves by less than a sample's period; with no factor in common with that period it sees each clock of it in turn.
+// By how much the samples' grid is shifted from tick to tick and from round to round, clocks: in step with the carrier it never
+// sees an edge that moves by less than a sample's period; so it sees each clock of it in turn.
 #define WIRING_SHIFT_CYCLES 7u
+#define WIRING_ROUND_CYCLES 3u
 
 typedef enum { WIRING_TESTING, WIRING_RIGHT, WIRING_WRONG } wiring_verdict_t;
 
 typedef struct {
   int32_t current_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and sensor, half of upper less lower
-  int32_t voltage_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and divider, mean over a capture
-  int32_t link_q17;  // its voltage, of the last record
+  int32_t voltage_q17[WIRING_LEGS][WIRING_LEGS];  // by leg and divider, mean over the captures; 0: not seen
+  int32_t link_q17;   // its voltage, of the last record
   uint32_t ticks;   // of the level, or of the leg whose voltages are looked at
   uint32_t level;   // of the voltage, 0 ..
+  uint32_t round;   // of the captures, 0 ..
   uint32_t leg;     // that pulses now
   int32_t sign;     // of its pulse: 1, -1, 0
   uint32_t record;  // of the capture, the next one
@@ -47,7 +53,8 @@ void wiring_begin(wiring_t *wiring);
 
 // By how much the samples are to be later at the next tick, clocks below their period.
 static inline uint32_t wiring_shift_cycles(const wiring_t *wiring, uint32_t period_cycles) {
-  return wiring->captures ? wiring->ticks * WIRING_SHIFT_CYCLES % period_cycles : 0u;
+  const uint32_t shift_cycles = wiring->ticks * WIRING_SHIFT_CYCLES + wiring->round * WIRING_ROUND_CYCLES;
+  return wiring->captures ? shift_cycles % period_cycles : 0u;
 }
 
 // A tick: looks at the snapshot, then leg and sign say the next pulse; with a verdict there is none. peak_i_q17: wanted.

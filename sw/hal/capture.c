@@ -20,17 +20,20 @@ uint32_t capture_bytes(void) {
   return done ? capture_depth() * CAPTURE_RECORD_BYTES : 0u;
 }
 
-int32_t capture_value(uint32_t record, uint32_t lane) {
+void capture_look(uint32_t record, int32_t values[CAPTURE_LANES]) {
   reg_write(REG(capture.read_address), record);
   // The buffer needs two clocks after a new address: a read in between takes longer.
   (void)reg_read(REG(capture.status));
-  return (int32_t)reg_read(REG(capture.data) + 4u * lane);
+  for (uint32_t lane = 0; lane < CAPTURE_LANES; lane++) {
+    values[lane] = (int32_t)reg_read(REG(capture.data) + 4u * lane);
+  }
 }
 
 void capture_read(uint32_t offset, uint8_t *data, uint32_t count) {
   for (uint32_t i = 0; i < count; i++) {
     const uint32_t at = offset + i;
-    const uint32_t lane = (uint32_t)capture_value(at / CAPTURE_RECORD_BYTES, (at & 12u) / 4u);
-    data[i] = (uint8_t)(lane >> (8u * (at & 3u)));
+    int32_t values[CAPTURE_LANES];
+    capture_look(at / CAPTURE_RECORD_BYTES, values);
+    data[i] = (uint8_t)((uint32_t)values[(at & 12u) / 4u] >> (8u * (at & 3u)));
   }
 }

@@ -7,7 +7,8 @@
 
 #include <stdint.h>
 
-#define CAPTURE_RECORD_BYTES 16u  // four lanes, a signed word of 32 bits each
+#define CAPTURE_LANES 4u
+#define CAPTURE_RECORD_BYTES (4u * CAPTURE_LANES)  // a signed word of 32 bits each
 #define CAPTURE_TERMINALS 0x06020100u  // lanes: terminal voltages of A, B, C, and the link's
 #define CAPTURE_AT_ONCE 1u             // control: arm, every sample set from now on
 
@@ -20,8 +21,8 @@ void capture_set_lanes(uint32_t lanes);
 
 // Records of a capture, 0: the chip has none.
 uint32_t capture_depth(void);
-// A lane, 0..3, of a record of the finished capture.
-int32_t capture_value(uint32_t record, uint32_t lane);
+// Lanes of a record of the finished capture.
+void capture_look(uint32_t record, int32_t values[CAPTURE_LANES]);
 // Bytes of the finished capture, 0 while there is none.
 uint32_t capture_bytes(void);
 // Bytes from an offset on, little endian; offset + count <= capture_bytes().

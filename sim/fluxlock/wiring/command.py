@@ -68,8 +68,10 @@ def verdict_of(measured: Measured) -> Verdict:
         return Verdict(False, [f"{f.what}: {f.remedy}" for f in measured.findings])
     if measured.fault != "none":
         return Verdict(False, [f"the drive stopped with the fault {measured.fault}, but no wiring explains the tables"])
-    voltages = "" if measured.voltage_v.any() else "; the chip has no capture buffer, its dividers were not looked at"
-    return Verdict(True, [f"legs, current sensors and voltage dividers belong together{voltages}"])
+    if not measured.voltage_v.any():
+        why = "the chip has no capture buffer, or this machine bears only pulses that its samples do not see"
+        return Verdict(True, [f"legs and current sensors belong together; the dividers were not seen: {why}"])
+    return Verdict(True, ["legs, current sensors and voltage dividers belong together"])
 
 
 def check_wiring(

@@ -17,8 +17,8 @@ from fluxlock.config.scenario import Event
 from fluxlock.flash.serial_port import SerialPort
 from fluxlock.wiring.naming import Finding, Table, Wiring, name_wiring
 
-# The drive is ready; the longest test, with the coast before it; the console's answer.
-BOOT_S, TEST_S, ANSWER_S = 5e-3, 0.6, 0.5
+# The drive is ready; the longest test, with the coast before it; how long a board may take; the console's answer.
+BOOT_S, TEST_S, PATIENCE_S, ANSWER_S = 5e-3, 0.2, 0.6, 0.5
 POLL_S = 5e-3
 LEAST_SHARE = 0.005  # of the rated current
 # A start wants a target, also one that ends before the rotor turns.
@@ -75,7 +75,7 @@ def lead(ask: Callable[[str], list[str]], wait: Callable[[float], None]) -> dict
         reply = ask(line)
         if "ok" not in [text.strip() for text in reply]:
             raise WiringError(f"the drive refuses {line!r}: {' '.join(reply) or 'no answer'}")
-    for _ in range(round(TEST_S / POLL_S)):
+    for _ in range(round(PATIENCE_S / POLL_S)):
         wait(POLL_S)
         if _read(ask("get state")).get("state") != "starting":
             break
@@ -103,9 +103,8 @@ def on_chip(scenario: Scenario, seed: int, folder: Path) -> Measured:
     """In the co-simulation of the chip, whose files go to a folder. Raises WiringError and SimulationFault."""
     from fluxlock.cosim.run import run_scenario
 
-    end_s = TEST_S / 4
     lines = [(BOOT_S + 1e-3 * k, line) for k, line in enumerate((*SETTINGS, "start"))]
-    lines += [(BOOT_S + end_s + 2e-3 * (k + 2), f"get {name}") for k, name in enumerate(VALUES)]
+    lines += [(BOOT_S + TEST_S + 2e-3 * (k + 2), f"get {name}") for k, name in enumerate(VALUES)]
     update = {
         "event": [Event(at_s=at_s, command=line) for at_s, line in lines],
         "duration_s": lines[-1][0] + 5e-3,

@@ -14,8 +14,11 @@
 #define SLIP_FIVE_MS 6u  // 30 ms
 // A tick with pulses, ticks without: the current of the pulses is gone.
 #define INSULATION_TICKS 4u
-// Peak of the wiring test's current over the rated one: 0.04.
+// Rated current over the peak of the wiring test's: for the current sensors, for the dividers, whose pulses reach at least this
+// part of the link's voltage where a current of the first size bears more.
 #define WIRING_SHARE 25
+#define WIRING_VOLTAGE_SHARE 24
+#define WIRING_LINK_PART 16
 
 COLD void vector_frame_off(vector_t *v) {
   v->frame = FRAME_OFF;
@@ -72,23 +75,31 @@ COLD static bool check_insulation(vector_t *v) {
   return leg >= PHASES;
 }
 
-// Voltage of the wiring's test: a pulse of it makes the wanted current in the file's machine.
-COLD static int32_t wiring_v_q25(const vector_t *v, int32_t peak_i_q17) {
+// Voltage that drives a current of so many parts of the rated one to its peak in so many ticks, in the file's machine.
+COLD static int32_t pulse_v_q25(const vector_t *v, int32_t parts, int32_t ticks) {
   const parameters_t *p = v->p;
-  const int32_t step_v_q25 = gain_apply(peak_i_q17 * 256, p->vector_impedance);
-  int32_t voltage_v_q25 = step_v_q25 / (WIRING_PULSE_TICKS * p->vector_tick_samples);
-  voltage_v_q25 += (int32_t)(((int64_t)step_v_q25 * p->vector_resistance_q30) >> 30);
+  const int32_t step_v_q25 = gain_apply(p->rated_i_q17 / parts * 256, p->vector_impedance);
+  return step_v_q25 / (ticks * p->vector_tick_samples) + (int32_t)(((int64_t)step_v_q25 * p->vector_resistance_q30) >> 30);
+}
+
+// Voltage of the wiring's test. What its levels add is lost in the dead time, by short and by long pulses.
+COLD static int32_t wiring_v_q25(const vector_t *v) {
+  const int32_t first_v_q25 = pulse_v_q25(v, WIRING_SHARE, WIRING_CURRENT_TICKS);
+  int32_t current_v_q25 = first_v_q25;
   for (uint32_t level = 0; level < v->wiring.level; level++) {
-    voltage_v_q25 += voltage_v_q25 / 2;
+    current_v_q25 += current_v_q25 / 2;
   }
-  return voltage_v_q25;
+  if (!v->wiring.captures) {
+    return current_v_q25;
+  }
+  const int32_t short_v_q25 = pulse_v_q25(v, WIRING_VOLTAGE_SHARE, WIRING_VOLTAGE_TICKS) + current_v_q25 - first_v_q25;
+  return clamp_i32(current_v_q25, clamp_i32(short_v_q25, 0, v->report.vdc_v_q25 / WIRING_LINK_PART), INT32_MAX);
 }
 
 // A tick of the wiring's test.
 COLD static outcome_t check_wiring(vector_t *v, const chip_snapshot_t *in) {
-  const int32_t peak_i_q17 = v->p->rated_i_q17 / WIRING_SHARE;
-  const wiring_verdict_t verdict = wiring_step(&v->wiring, in, peak_i_q17);
-  pulse(v, v->wiring.leg, v->wiring.sign * wiring_v_q25(v, peak_i_q17), in->vector.theta_sample_q32);
+  const wiring_verdict_t verdict = wiring_step(&v->wiring, in, v->p->rated_i_q17 / WIRING_SHARE);
+  pulse(v, v->wiring.leg, v->wiring.sign * wiring_v_q25(v), in->vector.theta_sample_q32);
   vector_turn(v, 0, verdict == WIRING_TESTING);
   chip_shift_samples(v->p, wiring_shift_cycles(&v->wiring, (uint32_t)v->p->sample_period_cycles));
   if (verdict == WIRING_TESTING) {
