@@ -347,7 +347,7 @@ const char *items_set(app_t *app, const char *name, const char *text) {
     return (find_item(name) == ITEM_COUNT) ? "unknown name" : "cannot be set";
   }
   if (!setting_is_known(app->drive.p, (setting_t)setting)) {
-    return "not with vector control";
+    return (app->drive.p->method == METHOD_VECTOR) ? "not with vector control" : "not with six-step";
   }
   const bool read = parse(setting_row((setting_t)setting), text, &value);
   return (read && app_set(app, (setting_t)setting, value) == SETTING_TAKEN) ? 0 : "value out of range";

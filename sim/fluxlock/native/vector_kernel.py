@@ -594,7 +594,7 @@ def sensed(m: Array, current_a: complex, rng: np.random.Generator) -> NDArray[np
         if k.noise_a > 0.0:
             current_a += complex(rng.standard_normal(), rng.standard_normal()) * k.noise_a
         return phases_of(current_a)
-    seen = k.current_gain @ phases_of(current_a)
+    seen: NDArray[np.float64] = k.current_gain @ phases_of(current_a)
     for x in range(3):
         seen[x] += rng.standard_normal() * k.noise_a * math.sqrt(1.5)
     return seen
@@ -613,9 +613,9 @@ def capture(r: Registers, x: Array, s: Array, m: Array, records: NDArray[np.int3
         z.records, z.captures = 0, True
     if not z.captures:
         return
-    period = max(np.int64(r[at.sense_period]), 16)
-    first = (np.int64(r[at.sense_scheduler]) >> 16) % period
-    count = (np.int64(k.period_cycles) - first + period - 1) // period
+    period = max(int(r[at.sense_period]), 16)
+    first = (int(r[at.sense_scheduler]) >> 16) % period
+    count = (int(k.period_cycles) - first + period - 1) // period
     double = np.int64(r[at.foc_control]) >> 2 & 1
     duty = phases_of(z.kept) / z.vdc + 0.5
     for j in range(min(count, len(records) - z.records)):

@@ -524,8 +524,10 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
 INLINED void vector_finish(vector_t *v, const order_t *order) {
   vector_command_t *c = &v->command;
   const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
-  const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION || __builtin_expect(v->tests, 0);
-  const bool currents = slow && (vector_injects(v) || __builtin_expect(v->tests, 0) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION);
+  const bool tests = __builtin_expect(v->tests, 0);
+  const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION || tests;
+  const bool due = vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
+  const bool currents = slow && (tests || due);
   current_look(c, slow, currents, v->several || slow || next == GROUP_SPEED);
   if (__builtin_expect(order->state != STATE_RUNNING || order->state_ticks == 0u, 0)) {
     current_tick(c, order->state != STATE_INIT && order->state != STATE_FAULT);
