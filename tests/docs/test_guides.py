@@ -124,7 +124,7 @@ print((entry.index, entry.sub, entry.type, entry.choices))
     assert tree.printed(BOOT + answers) == [
         [["coast_stop 0", "ok"], ["ok"], ["coast_stop 1", "ok"], ["error: value out of range"]],
         [["coast_stop 1", "ok"], True],
-        (0x2020, 14, "u8", (0, 1)),
+        (0x2020, 15, "u8", (0, 1)),
     ]
     for page, name in (("console", ""), ("parameters", ""), ("files", ""), ("objects", "setting_")):
         assert f"| `{name}coast_stop` |" in tree.text(f"docs/reference/{page}.md"), page
