@@ -39,10 +39,19 @@ def read_seed(text: str) -> int:
 
 
 SeedOption = Annotated[int | None, typer.Option(parser=read_seed, metavar="NUMBER", help="Seed of the noise.")]
+SchedulerOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler in place of this machine, tcp://host:8786.")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, also motor.KEY and inverter.KEY. Repeatable."),
 ]
+
+
+def no_scheduler(address: str | None, option: str) -> None:
+    """ConfigError where an option runs nothing that a scheduler could take."""
+    if address is not None:
+        raise ConfigError([Problem("--scheduler", address, f"{option} runs nothing; leave one of them out")])
 
 
 def _report_usage(error: typer.TyperException, program: str) -> None:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.base.progress import counting_bars
+from fluxlock.command_line import SchedulerOption
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
 from fluxlock.help import complete_toml
@@ -55,9 +56,7 @@ def sweep(
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the noise, default the scenario's.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side on this machine.")] = os.cpu_count() or 1,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler in place of this machine, tcp://host:8786.")
-    ] = None,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Run a scenario over a grid of values: sweep.parquet, overview.png.
 

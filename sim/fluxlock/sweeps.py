@@ -16,20 +16,20 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fluxlock.api import scenario_of, simulate
-from fluxlock.base.paths import PACKAGE, ROOT, content_hash
+from fluxlock.base.paths import content_hash
 from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
-from fluxlock.workers import EXTRA, WorkerLost, side_by_side
+from fluxlock.workers import EXTRA, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
 
 if TYPE_CHECKING:
     import pandas
@@ -38,10 +38,6 @@ RIGHT, FAILED, BROKEN, REFUSED = "right", "failed", "broken", "refused"
 POINTS_MAX = 100_000
 Row = dict[str, Any]
 Done = Callable[[Row], None]
-
-
-class OtherVersion(RuntimeError):
-    """A worker has another Fluxlock than the one that asks it."""
 
 
 @dataclass(frozen=True)
@@ -114,14 +110,6 @@ def _word(text: str) -> object:
         return value
     except tomllib.TOMLDecodeError:
         return text
-
-
-@cache
-def sources() -> str:
-    """Hash of everything that a result depends on: Python, RTL, firmware. Equal ones give equal bits."""
-    folders = (PACKAGE, ROOT / "rtl", ROOT / "sw", ROOT / "sim" / "native")
-    kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
-    return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
 
 
 @dataclass(frozen=True)
@@ -225,10 +213,10 @@ class Grid:
                 left.append(point)
         if left:
             try:
-                side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row, scheduler)
+                with on_scheduler(scheduler):
+                    side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row)
             except (OtherVersion, WorkerLost) as error:
-                place = ("--scheduler", scheduler) if scheduler is not None else ("--jobs", str(jobs))
-                raise ConfigError([Problem(*place, str(error))]) from None
+                raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
 
 

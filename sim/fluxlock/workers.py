@@ -6,15 +6,21 @@
 from __future__ import annotations
 
 import multiprocessing
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import cache, partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any, TypeVar
 
 from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
+from fluxlock.base.paths import BUILD, PACKAGE, ROOT, content_hash
 from fluxlock.config.errors import ConfigError, Problem
 
 Item = TypeVar("Item")
@@ -28,8 +34,46 @@ LOST = (
 EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[sweep]'"
 
 
+_SCHEDULER: ContextVar[str | None] = ContextVar("scheduler", default=None)
+
+
 class WorkerLost(RuntimeError):
     """A process of the pool ended without a word."""
+
+
+class OtherVersion(RuntimeError):
+    """A worker has another Fluxlock than the one that asks it, or another folder where both must have one."""
+
+
+@cache
+def sources(package: str = "fluxlock") -> str:
+    """Hash of everything that a result depends on: Python, RTL, firmware. Equal ones give equal bits.
+
+    package: "fluxverify" reads tests and shipped files of the checkout too.
+    """
+    folders = [PACKAGE, ROOT / "rtl", ROOT / "sw", ROOT / "sim" / "native"]
+    if package != PACKAGE.name:
+        folders += [PACKAGE.with_name(package), *(ROOT / x for x in ("scenarios", "motors", "inverters"))]
+        folders.append(ROOT / "cocotb_tests")
+    kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
+    return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+
+
+@contextmanager
+def on_scheduler(address: str | None) -> Iterator[None]:
+    """Within, `side_by_side` hands its items to the workers of a Dask scheduler; None: to processes, as without.
+
+    ConfigError names a worker with another version or another folder.
+    """
+    before = _SCHEDULER.set(address)
+    try:
+        yield
+    except OtherVersion as error:
+        if address is None:
+            raise
+        raise ConfigError([Problem("--scheduler", address, str(error))]) from None
+    finally:
+        _SCHEDULER.reset(before)
 
 
 def side_by_side(
@@ -37,19 +81,21 @@ def side_by_side(
     items: Sequence[Item],
     jobs: int,
     done: Callable[[Item, Result], None],
-    scheduler: str | None = None,
     look: Callable[[], None] | None = None,
+    shares_build: bool = False,
 ) -> None:
     """Call work(item) for all items; done: called with every result as it comes, in this process.
 
-    jobs: processes of this machine; 1: this one alone. scheduler: address of a Dask scheduler, in place of them; a
-    worker that is lost costs its item's run, which another one repeats. look: called a few times a second meanwhile, in
-    a thread of this process, for items that leave files as they go on. An exception of `work` ends the rest and is
-    raised. WorkerLost: a process ended. ConfigError: no scheduler answers.
+    jobs: processes of this machine; 1: this one alone. Within `on_scheduler` the workers of Dask take their place; one
+    that is lost costs its item's run, which another one repeats. look: called a few times a second meanwhile, in
+    a thread of this process, for items that leave files as they go on. shares_build: items leave results in the folder
+    `build`, which a worker must have at the same place. An exception of `work` ends the rest and is raised. WorkerLost:
+    a process ended. ConfigError: no scheduler answers. OtherVersion: a worker has other sources, or another folder.
     """
+    scheduler = _SCHEDULER.get()
     with _looking(look):
         if scheduler is not None:
-            _on_dask(work, items, scheduler, done)
+            _on_dask(work, items, scheduler, done, shares_build)
         elif jobs > 1:
             _in_processes(work, items, jobs, done)
         else:
@@ -110,8 +156,31 @@ def _in_processes(
             raise
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What a worker must have in common with the process that asks it. mark: a file of both; "": none is needed."""
+
+    package: str
+    made_by: str
+    mark: str
+
+    def call(self, work: Callable[[Item], Result], item: Item) -> Result:
+        """Call work(item) on a worker, or raise OtherVersion."""
+        if sources(self.package) != self.made_by:
+            text = "a worker has another version of Fluxlock: install the same one there, or use its checkout"
+            raise OtherVersion(text)
+        if self.mark and not (Path(self.mark).parent == BUILD and Path(self.mark).exists()):
+            text = f"a worker does not have the folder {Path(self.mark).parent}, where this command keeps its results: "
+            raise OtherVersion(text + "share the checkout, and start the worker from it")
+        return work(item)
+
+
 def _on_dask(
-    work: Callable[[Item], Result], items: Sequence[Item], scheduler: str, done: Callable[[Item, Result], None]
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    scheduler: str,
+    done: Callable[[Item, Result], None],
+    shares_build: bool,
 ) -> None:
     try:
         distributed: Any = import_module("distributed")  # without types
@@ -122,8 +191,15 @@ def _on_dask(
     except (OSError, ValueError) as error:
         text = f"no scheduler answers there ({error}); start one with `dask scheduler`, workers with `dask worker`"
         raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
-    with client:
+    package = str(getattr(work, "func", work).__module__).partition(".")[0]
+    BUILD.mkdir(parents=True, exist_ok=True)
+    with client, tempfile.NamedTemporaryFile(dir=BUILD, prefix=".asked-") as mark:
+        asked = _Asked(package, sources(package), mark.name if shares_build else "")
         # pure: an equal item is not taken from the scheduler's memory, the store of results is ours.
-        pending = {client.submit(work, item, pure=False): item for item in items}
-        for future in distributed.as_completed(pending):
-            done(pending[future], future.result())
+        pending = {client.submit(partial(asked.call, work), item, pure=False): item for item in items}
+        try:
+            for future in distributed.as_completed(pending):
+                done(pending[future], future.result())
+        except distributed.KilledWorker as error:
+            text = f"a run has ended every worker that began it; look at their output ({error})"
+            raise ConfigError([Problem("--scheduler", scheduler, text)]) from None

@@ -12,9 +12,10 @@ from typing import Annotated
 import typer
 
 from fluxlock.base.paths import needs_checkout
-from fluxlock.command_line import EXIT_FAILED, SeedOption, read_seed, run_command_line
+from fluxlock.command_line import EXIT_FAILED, SchedulerOption, SeedOption, no_scheduler, read_seed, run_command_line
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import example
+from fluxlock.workers import on_scheduler
 
 app = typer.Typer(
     help="Long sets, faults, figures and defects by which Fluxlock is verified; `make` calls the shorter checks.",
@@ -30,6 +31,7 @@ def regression(
     quick: Annotated[bool, typer.Option("--quick", help="A short version of each, same limits.")] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the cases.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Cases run side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
     seed: SeedOption = None,
     record: Annotated[
         bool, typer.Option("--record", help="Run with many seeds; record means, scatters, bands.")
@@ -54,14 +56,20 @@ def regression(
         raise ConfigError([Problem("regression", "--accept, --record", text)])
     if why and not accept:
         raise ConfigError([Problem("regression", "--why", "belongs to --accept")])
+    if list_ or accept:
+        no_scheduler(scheduler, "--list" if list_ else "--accept")
     if list_:
         list_cases(cases or [])
-    elif accept:
+        return
+    if accept:
         accept_rows(accept, why)
-    elif record:
-        if not record_regression(cases or [], seeds, jobs):
-            raise typer.Exit(EXIT_FAILED)
-    elif not run_regression(cases or [], quick, 1 if seed is None else seed, jobs):
+        return
+    with on_scheduler(scheduler):
+        if record:
+            right = record_regression(cases or [], seeds, jobs)
+        else:
+            right = run_regression(cases or [], quick, 1 if seed is None else seed, jobs)
+    if not right:
         raise typer.Exit(EXIT_FAILED)
 
 
@@ -78,6 +86,7 @@ def campaign(
     every: Annotated[int, typer.Option(min=1, help="Only one run of so many.")] = 1,
     show: Annotated[bool, typer.Option("--show", help="Run nothing: the runs that have finished.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
     seed: Annotated[
         int | None, typer.Option(parser=read_seed, metavar="NUMBER", help="Seed of noise and upsets.")
     ] = None,
@@ -91,8 +100,11 @@ def campaign(
     needs_checkout("fluxverify campaign")
     from fluxverify.campaign.command import run as run_campaign
 
-    if not run_campaign(drives or [], quick, every, 1 if seed is None else seed, 0 if show else jobs):
-        raise typer.Exit(EXIT_FAILED)
+    if show:
+        no_scheduler(scheduler, "--show")
+    with on_scheduler(scheduler):
+        if not run_campaign(drives or [], quick, every, 1 if seed is None else seed, 0 if show else jobs):
+            raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(epilog=example("fluxverify fuzz six-step --runs 2"))
@@ -103,6 +115,7 @@ def fuzz(
     runs: Annotated[int, typer.Option(min=1, help="Runs a drive, each with a seed of its own.")] = 10,
     ms: Annotated[float, typer.Option(min=1.0, max=100.0, help="Length of a run, ms.")] = 10.0,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
     seed: Annotated[
         int | None, typer.Option(parser=read_seed, metavar="NUMBER", help="Seed of noise and runs.")
     ] = None,
@@ -114,8 +127,9 @@ def fuzz(
     needs_checkout("fluxverify fuzz")
     from fluxverify.campaign.fuzz import fuzz_drives
 
-    if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
-        raise typer.Exit(EXIT_FAILED)
+    with on_scheduler(scheduler):
+        if not fuzz_drives(drives or [], 1 if seed is None else seed, runs, 1e-3 * ms, jobs):
+            raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(epilog=example("fluxverify figures six-step 2.11"))
@@ -142,6 +156,7 @@ def figures(
     ] = False,
     list_: Annotated[bool, typer.Option("--list", help="Only list the figures.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Figures drawn side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
     seed: SeedOption = None,
 ) -> None:
     """Draw a thesis's and two papers' figures from our own runs.
@@ -154,9 +169,12 @@ def figures(
     from fluxverify.figures.command import list_figures, run_figures
 
     if list_:
+        no_scheduler(scheduler, "--list")
         list_figures(family, numbers or [])
-    elif not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
-        raise typer.Exit(EXIT_FAILED)
+        return
+    with on_scheduler(scheduler):
+        if not run_figures(family, numbers or [], out, quick, 1 if seed is None else seed, jobs):
+            raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(epilog=example("fluxverify mutate fl_zcd --count 10"))
@@ -167,6 +185,7 @@ def mutate(
         int | None, typer.Option(parser=read_seed, metavar="NUMBER", help="Seed of choice and tests.")
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Mutants run side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Put defects into RTL blocks, count how many the block tests find.
 
@@ -178,8 +197,9 @@ def mutate(
     needs_checkout("fluxverify mutate")
     from fluxverify.mutation.command import mutate as run_mutate
 
-    if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
-        raise typer.Exit(EXIT_FAILED)
+    with on_scheduler(scheduler):
+        if not run_mutate(blocks or [], count, 1 if seed is None else seed, jobs):
+            raise typer.Exit(EXIT_FAILED)
 
 
 def main() -> None:

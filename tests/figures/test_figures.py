@@ -130,8 +130,13 @@ def three(monkeypatch: pytest.MonkeyPatch) -> None:
         command.FIGURES[f"six-step/{number}"] = type(FIGURES["six-step/2.5"])("six-step", number, body)
 
     def one_by_one(
-        work: Callable[[str], Any], names: Sequence[str], jobs: int, done: Callable[[str, Any], None]
+        work: Callable[[str], Any],
+        names: Sequence[str],
+        jobs: int,
+        done: Callable[[str, Any], None],
+        shares_build: bool,
     ) -> None:
+        assert shares_build
         for name in names:
             done(name, work(name))
 

@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,6 +26,7 @@ from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.sweeps import Axis, Grid
 from fluxverify import sweep_bench
+from fluxverify.cli import app as verify
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
@@ -125,7 +127,7 @@ def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
     ran: list[int] = []
 
-    def one_by_one(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+    def one_by_one(work: Any, items: Any, jobs: int, done: Any) -> None:
         for point in items:
             ran.append(point.index)
             done(point, work(point))
@@ -149,14 +151,16 @@ def test_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
         sweeps.run_point(1, True, "0123456789abcdef", None, grid.points[0])
 
-    def on_another(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+    def on_another(work: Any, items: Any, jobs: int, done: Any) -> None:
         sweeps.run_point(1, True, "0123456789abcdef", None, items[0])
 
     monkeypatch.setattr(sweeps, "side_by_side", on_another)
     with pytest.raises(fluxlock.ConfigError, match=r"^--scheduler: tcp://there:8786: a worker has another version"):
         grid.run(twin=True, scheduler="tcp://there:8786")
+    with pytest.raises(fluxlock.ConfigError, match=r"^--jobs: 2: a worker has another version"):
+        grid.run(twin=True, jobs=2)
 
-    def loses(work: Any, items: Any, jobs: int, done: Any, scheduler: str | None) -> None:
+    def loses(work: Any, items: Any, jobs: int, done: Any) -> None:
         raise workers.WorkerLost(workers.LOST)
 
     monkeypatch.setattr(sweeps, "side_by_side", loses)
@@ -197,6 +201,60 @@ def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
             process.wait()
 
 
+def refuses_strangers(address: str) -> None:
+    """A worker with other sources, or without the folder of the results, is refused by name; else the items run."""
+    found: dict[str, int] = {}
+    with workers.on_scheduler(address):
+        workers.side_by_side(len, ["a", "bc"], 1, found.__setitem__, shares_build=True)
+    assert found == {"a": 1, "bc": 2}
+    for name, value, text in (
+        ("BUILD", Path(tempfile.gettempdir()), "a worker does not have the folder .*share the checkout"),
+        ("sources", lambda package: "0123456789abcdef", "a worker has another version"),
+    ):
+        with pytest.MonkeyPatch.context() as patch, workers.on_scheduler(address):
+            patch.setattr(workers, name, value)
+            with pytest.raises(workers.OtherVersion, match=text):
+                workers.side_by_side(len, ["a"], 1, found.__setitem__, shares_build=True)
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (["regression", "--list"], "--list runs nothing"),
+        (["regression", "--accept", "x", "--why", "y"], "--accept runs nothing"),
+        (["campaign", "--show"], "--show runs nothing"),
+        (["figures", "six-step", "--list"], "--list runs nothing"),
+    ],
+)
+def test_no_runs(command: list[str], text: str) -> None:
+    """A scheduler beside an option that runs nothing is refused by name.
+
+    Verifies: PACKAGE-9
+    """
+    with pytest.raises(fluxlock.ConfigError, match=rf"^--scheduler: tcp://x:1: {text}"):
+        CliRunner().invoke(verify, [*command, "--scheduler", "tcp://x:1"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("command", ["regression", "campaign", "fuzz", "figures", "mutate"])
+def test_option_of_the_long_runs(command: str) -> None:
+    """Each command of long runs takes a scheduler.
+
+    Verifies: PACKAGE-9
+    """
+    assert "--scheduler" in CliRunner().invoke(verify, [command, "--help"]).output
+
+
+def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The population asks the scheduler too.
+
+    Verifies: PACKAGE-9
+    """
+    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
+    words = ["population", "run", "--method", "vector", "--lives", "1", "--scheduler", "tcp://127.0.0.1:9"]
+    with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
+        CliRunner().invoke(app, words, catch_exceptions=False)
+
+
 def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path) -> None:
     """One of two workers is killed after a point: every point is there, bit for bit those of this machine's processes.
 
@@ -211,6 +269,7 @@ def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: 
         if len(ended) == 1:
             os.kill(hands[0].pid, signal.SIGKILL)
 
+    refuses_strangers(address)
     lost = fluxlock.sweep(short(), grid, twin=True, scheduler=address, done=done)
     assert sorted(ended) == list(range(4)) and hands[1].poll() is None
     assert lost.rows == fluxlock.sweep(short(), grid, twin=True, jobs=2).rows

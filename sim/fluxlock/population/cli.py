@@ -12,10 +12,12 @@ from typing import Annotated
 import typer
 
 from fluxlock.base.paths import needs_checkout
+from fluxlock.command_line import SchedulerOption
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.scenario import SEED_MAX
 from fluxlock.help import example
 from fluxlock.population.draw import POPULATIONS, Population
+from fluxlock.workers import on_scheduler
 
 app = typer.Typer(
     help="Random machines that nobody tuned for: draw them, run their lives on the host, judge them.",
@@ -54,6 +56,7 @@ def run(
     first: Annotated[int, typer.Option(min=0, help="Number of the first one.")] = 0,
     seed: SeedOption = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Lives side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Run the lives of machines on the host: right, refused by name, or wrong.
 
@@ -65,7 +68,8 @@ def run(
 
     methods = POPULATIONS if method is None else (population_of(method),)
     try:
-        good = run_population(methods, seed, range(first, first + lives), jobs)
+        with on_scheduler(scheduler):
+            good = run_population(methods, seed, range(first, first + lives), jobs)
     except SourcesChanged as error:
         raise ConfigError([Problem("population", "", str(error))]) from None
     if not good:

@@ -15,11 +15,13 @@ from rich.console import Console
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.base.progress import counting_bars
+from fluxlock.command_line import SchedulerOption
 from fluxlock.config import ConfigError, Problem, load_inverter, load_motor
 from fluxlock.help import complete_toml
 from fluxlock.interface.kinds import Method
 from fluxlock.results.verdict import say
 from fluxlock.theory.six_step.output import prepare_folder
+from fluxlock.workers import on_scheduler
 
 EXIT_FAILED = 1
 FILES = ("prove.png", "prove.json")
@@ -35,6 +37,7 @@ def prove(
     step_deg: Annotated[int, typer.Option(min=1, max=120, help="Step of the rest angles, electrical degrees.")] = 10,
     out: Annotated[Path | None, typer.Option(help="Folder, default build/<name of the motor>-prove.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Lives side by side.")] = os.cpu_count() or 1,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """Show what the drive holds on your machine, and by how much the file may be wrong: prove.png, prove.json.
 
@@ -54,7 +57,7 @@ def prove(
     machine = Machine(loaded, stage, method, carrier_hz or fitting_carrier_hz(loaded, stage.supply_v, method))
     machine = replace(machine, least_rpm=least_rpm(machine))
     todo = cases(step_deg)
-    with counting_bars(Console(stderr=True)) as bars:
+    with counting_bars(Console(stderr=True)) as bars, on_scheduler(scheduler):
         task = bars.add_task("lives", total=len(todo) + 1)
         machine, nominal = find_high(machine)
         bars.advance(task)

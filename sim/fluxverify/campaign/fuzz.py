@@ -165,7 +165,8 @@ def fuzz(name: str, seed: int, count: int = COPIES, span_s: float = SPAN_S, jobs
         def store(_: tuple[int, ...], runs: list[FuzzRun]) -> None:
             found.update((run.seed, run) for run in runs)
 
-        side_by_side(partial(fuzz_share, name, seed, span_s), shares(seeds, -(-count // jobs)), jobs, store)
+        items = shares(seeds, -(-count // jobs))
+        side_by_side(partial(fuzz_share, name, seed, span_s), items, jobs, store, shares_build=True)
     return [found[own] for own in seeds]
 
 

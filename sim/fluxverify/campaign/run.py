@@ -245,5 +245,7 @@ def _run_left(book: Book, runs: list[Run], jobs: int, done: Done | None) -> list
     most = min(SHARE_RUNS, max(1, -(-len(left) // jobs)))
     items = [share for some in alike.values() for share in shares(some, most)]
     if left:
-        side_by_side(partial(run_share, book, chip_for(book.drive)), items, jobs, lambda *_: None, look=look)
+        side_by_side(
+            partial(run_share, book, chip_for(book.drive)), items, jobs, lambda *_: None, look, shares_build=True
+        )
     return [book.find(run) or book.enter(run) for run in runs]

@@ -141,8 +141,8 @@ def draw_all(
             progress.update(task, advance=1, description=f"drawn {number}")
 
         prepare_runs(quick)
-        work = partial(draw, family, out, quick=quick, seed=seed)
-        side_by_side(work, [f.number for f in entries], jobs, done)
+        work = partial(draw, family, out.absolute(), quick=quick, seed=seed)
+        side_by_side(work, [f.number for f in entries], jobs, done, shares_build=True)
     return found
 
 

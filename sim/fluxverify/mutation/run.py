@@ -78,5 +78,5 @@ def run_mutants(
         progress(sum(has_ended(known.get(n), known[NONE]) for n in numbers))
 
     items = shares(left, min(SHARE_MUTANTS, max(1, -(-len(left) // jobs))))
-    side_by_side(partial(run_share, block, sources, seed), items, jobs, lambda *_: None, look=look)
+    side_by_side(partial(run_share, block, sources, seed), items, jobs, lambda *_: None, look, shares_build=True)
     return read_outcomes(out)
