@@ -16,6 +16,8 @@ from fluxlock.synth.tools import ecp5_commands, elaboration
 HEAD = "# SPDX-FileCopyrightText: 2026 Fluxlock contributors\n# SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1\n\n"
 IMAGES = ("firmware.hex", "boot.hex")
 BENCH = ("sim/fl_recording_pkg.sv", "sim/fl_replay.sv")
+# All the C++ in one file: the headers are most of what there is to compile.
+BUILD_OPTIONS = "--output-split 0 -CFLAGS -std=c++20"
 CHANGES = ("sim/pins.txt", "sim/gates.txt")
 WAIVERS = "rtl/verilator_waivers.vlt"
 
@@ -152,7 +154,7 @@ def fusesoc_core(boards: Sequence[str], lists: Mapping[str, Sequence[str]]) -> s
             ["waivers", "rtl", "images", "replay"],
             "fl_replay",
             "flow: sim",
-            'flow_options: {tool: verilator, mode: binary, verilator_options: ["-CFLAGS -std=c++20"]}',
+            f'flow_options: {{tool: verilator, mode: binary, verilator_options: ["{BUILD_OPTIONS}"]}}',
         ),
     ]
     for name in boards:
