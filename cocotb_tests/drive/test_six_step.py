@@ -13,6 +13,7 @@ from cocotb.triggers import FallingEdge, RisingEdge, ValueChange
 
 from fluxlock.base.paths import ROOT
 from fluxlock.drive import Drive, DriveError, drive_test, run_tests
+from fluxlock.plant.layout import VDC
 from fluxlock.results.rundata import LogKind, SimulationFault
 
 SCENARIO = ROOT / "scenarios" / "campaign" / "six-step.toml"
@@ -130,6 +131,31 @@ async def carries_a_load_written_in_python(drive: Drive) -> None:
     print(begin_rpm, ends.kept)
     assert plant < coasts - 50 and abs(python - plant) < 1e-4 * (begin_rpm - plant) + 0.01
     assert said.startswith("load_nm raised ZeroDivisionError")
+
+
+@drive_test(after=at_speed)
+async def shows_the_pins_of_its_converters(drive: Drive) -> None:
+    """The codes at the pins are those of the true supply and currents; an error of the sensing appears in them.
+
+    Verifies: DRV-01
+    """
+    phases, sensing, wrong = drive.plant.phases, drive.scenario.inverter.sensing, 100
+    noise = 6 * sensing.noise_lsb + 1
+
+    async def codes() -> list[int]:
+        await RisingEdge(drive.dut.adc_valid_i)
+        word = int(drive.dut.adc_code_i.value)
+        return [word >> sensing.bits * n & (1 << sensing.bits) - 1 for n in range(2 * phases + 3)]
+
+    found = await codes()
+    currents = [code - (1 << sensing.bits - 1) for code in found[phases : 2 * phases]]
+    print(found, currents, drive.currents_a)
+    assert abs(found[2 * phases] * sensing.step_v - drive.plant.state[VDC]) < noise * sensing.step_v
+    assert abs(sum(currents)) < phases * noise < max(map(abs, currents))
+    drive.disturb("ia", offset_lsb=wrong)
+    await codes()
+    disturbed = await codes()
+    assert abs(sum(disturbed[phases : 2 * phases]) - phases * (1 << sensing.bits - 1) - wrong) < phases * noise
 
 
 @drive_test(after=at_speed)

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from fluxlock.base.paths import ROOT, tool_environment
+from fluxlock.cosim.launch import bytecode_environment
+from fluxverify import drive_bench
 
 PAGE = ROOT / "docs" / "howto" / "cocotb-test.md"
 FILE = re.compile(r"^<!-- file (\S+) -->\n```\w+\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -120,3 +122,13 @@ def test_beside_a_package_of_cocotb(folder: Path) -> None:
     (folder / "wire.sv").write_text(WIRE)
     code, said = run(folder, "test_beside.py")
     assert code == 0 and "2 passed" in said
+
+
+def test_a_run_that_a_test_leads_is_the_harness() -> None:
+    """The same lines at the same clocks: log, waveforms and events of a test's run are those of the command's run.
+
+    Verifies: DRV-10
+    """
+    bench = drive_bench.bench_of(0.025)
+    assert bench.arguments()["extra_env"].items() >= bytecode_environment().items(), "imports as fast"
+    assert drive_bench.led_by_test(bench) == drive_bench.harness(bench)

@@ -20,6 +20,7 @@ from fluxlock.base.paths import BUILD, content_hash
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
 from fluxlock.cosim.block import check_results
 from fluxlock.cosim.chip import TOP, rtl_sources
+from fluxlock.cosim.launch import bytecode_environment
 from fluxlock.cosim.plan import PLAN_ENV, SessionPlan
 from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.generate.registers import generate_registers
@@ -76,6 +77,7 @@ class Bench:
             "results_xml": str(self.folder / "results.xml"),
             "extra_env": {
                 PLAN_ENV: str(self.plan.save()),
+                **bytecode_environment(),
                 # Assertions of tests say what they compared; those of libraries need not, and import faster.
                 "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
             },
