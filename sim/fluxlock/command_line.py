@@ -27,6 +27,7 @@ from fluxlock.config import ConfigError, Problem
 from fluxlock.config.scenario import SEED_MAX
 from fluxlock.generated import SourceError
 from fluxlock.help import fit_help
+from fluxlock.workers import WorkerLost
 
 EXIT_FAILED = 1
 
@@ -96,7 +97,7 @@ def run_command_line(app: typer.Typer, program: str) -> NoReturn:
         for problem in error.problems:
             print(f"error: {problem}{_advice(problem)}", file=sys.stderr)
         code = EXIT_BAD_INPUT
-    except SourceError as error:
+    except (SourceError, WorkerLost) as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_BAD_INPUT
     except typer.TyperException as error:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import multiprocessing
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -27,6 +28,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 ANSWER_S = 10  # a scheduler that has not answered by then is not there
 LOOK_S = 0.2
+DESERTED_S = 60  # a scheduler whose last worker has gone gets a new one by then, or not at all
 LOST = (
     "a worker process ended before its result: the machine has run out of memory, or a script asks for jobs > 1 "
     'outside of `if __name__ == "__main__":`'
@@ -90,7 +92,8 @@ def side_by_side(
     that is lost costs its item's run, which another one repeats. look: called a few times a second meanwhile, in
     a thread of this process, for items that leave files as they go on. shares_build: items leave results in the folder
     `build`, which a worker must have at the same place. An exception of `work` ends the rest and is raised. WorkerLost:
-    a process ended. ConfigError: no scheduler answers. OtherVersion: a worker has other sources, or another folder.
+    a process ended. ConfigError: no scheduler answers, or its last worker has gone. OtherVersion: a worker has other
+    sources, or another folder.
     """
     scheduler = _SCHEDULER.get()
     with _looking(look):
@@ -198,8 +201,27 @@ def _on_dask(
         # pure: an equal item is not taken from the scheduler's memory, the store of results is ours.
         pending = {client.submit(partial(asked.call, work), item, pure=False): item for item in items}
         try:
-            for future in distributed.as_completed(pending):
-                done(pending[future], future.result())
+            with _looking(_deserted(lambda: client.scheduler_info()["workers"], lambda: client.cancel(list(pending)))):
+                for future in distributed.as_completed(pending):
+                    done(pending[future], future.result())
+        except CancelledError:
+            text = f"has had no worker for {DESERTED_S} s; look at their output, and start one with `dask worker`"
+            raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
         except distributed.KilledWorker as error:
             text = f"a run has ended every worker that began it; look at their output ({error})"
             raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
+
+
+def _deserted(workers: Callable[[], Collection[str]], cancel: Callable[[], None]) -> Callable[[], None]:
+    """To be called again and again: cancels once there have long been no workers."""
+    seen_s = time.monotonic()
+
+    def look() -> None:
+        nonlocal seen_s
+        now_s = time.monotonic()
+        if workers():
+            seen_s = now_s
+        elif now_s - seen_s > DESERTED_S:
+            cancel()
+
+    return look

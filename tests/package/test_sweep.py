@@ -18,12 +18,14 @@ from typing import Any
 
 import pandas as pd
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import fluxlock
 from fluxlock import sweeps, workers
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
+from fluxlock.command_line import run_command_line
 from fluxlock.sweeps import Axis, Grid
 from fluxverify import sweep_bench
 from fluxverify.cli import app as verify
@@ -255,8 +257,12 @@ def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None
         CliRunner().invoke(app, words, catch_exceptions=False)
 
 
-def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path) -> None:
+def test_lost_worker(
+    dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One of two workers is killed after a point: every point is there, bit for bit those of this machine's processes.
+
+    With the other one killed too the items end by name.
 
     Verifies: PACKAGE-9
     """
@@ -273,6 +279,28 @@ def test_lost_worker(dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: 
     lost = fluxlock.sweep(short(), grid, twin=True, scheduler=address, done=done)
     assert sorted(ended) == list(range(4)) and hands[1].poll() is None
     assert lost.rows == fluxlock.sweep(short(), grid, twin=True, jobs=2).rows
+    monkeypatch.setattr(workers, "DESERTED_S", 1)
+    hands[1].kill()
+    with workers.on_scheduler(address), pytest.raises(fluxlock.ConfigError, match="has had no worker for 1 s"):
+        workers.side_by_side(len, ["a"], 1, lambda *_: None)
+
+
+def test_command_that_loses_a_worker(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A command whose process ended says so in one line.
+
+    Verifies: PACKAGE-9
+    """
+    planted = typer.Typer()
+
+    @planted.command()
+    def lose() -> None:
+        raise workers.WorkerLost(workers.LOST)
+
+    monkeypatch.setattr(sys, "argv", ["fluxlock"])
+    with pytest.raises(SystemExit) as caught:
+        run_command_line(planted, "fluxlock")
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == f"error: {workers.LOST}\n"
 
 
 def test_command(tmp_path: Path) -> None:
