@@ -193,7 +193,7 @@ def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
     hands = [subprocess.Popen([*worker, "--no-dashboard", "--no-nanny"], cwd=tmp_path) for _ in range(2)]
     try:
-        give_up = time.monotonic() + 60
+        give_up = time.monotonic() + 300
         while not file.exists() and time.monotonic() < give_up:
             time.sleep(0.1)
         yield json.loads(file.read_text())["address"], hands
