@@ -24,7 +24,7 @@ from fluxlock.live.traces import GATES, MARKS, NAMES
 from fluxlock.results.rundata import RECORD_DTYPE, LogKind
 
 SPINDLE = Path("scenarios/own-spindle.toml")
-READY_S, STARTED_S = 0.003, 0.0075  # the rotor is being put in place: 0.4 million clocks
+READY_S, STARTED_S = 0.003, 0.008  # the rotor is being put in place: 0.4 million clocks
 
 
 @pytest.fixture(scope="module")

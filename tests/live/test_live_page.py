@@ -30,6 +30,7 @@ from fluxlock.live.server import PAGE
 from fluxlock.native.player import player
 
 SCENARIO = "scenarios/own-spindle.toml"
+INJECTION = "scenarios/vector/ipm-injection.toml"
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 START_MS, CHANGE_MS = 600_000, 120_000  # no limits of speed: what never comes
 # Of dist/ in the package uplot 1.6.32 of the npm registry, whose sha512 begins with KIMVnG68zvu5XXUbC4LQEPnhwOxBuLyW.
@@ -153,7 +154,7 @@ def test_page(page: Page, tmp_path: Path) -> None:
     ("arguments", "text"),
     [
         (["my-none.toml"], "my-none.toml: file not found"),
-        (["scenarios/five-phase/tian.toml"], "native program"),
+        ([INJECTION, "--set", "inverter.sensing.divider_gain=[1, 1.1, 1]"], "dividers are equal"),
         ([SCENARIO, "--host", "no.such.host.invalid"], "--host: no.such.host.invalid"),
         ([SCENARIO, "--token", "a b"], "--token: must have 8 to 64"),
         ([SCENARIO, "--set", "drive.nothing=1"], "--set: drive.nothing: unknown key"),

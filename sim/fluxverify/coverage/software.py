@@ -42,6 +42,7 @@ TESTS = (
     "regression",
     "edge",
     "replay",
+    "wiring",
 )
 FILES_A_PROCESS = 6
 
