@@ -225,7 +225,7 @@ def test_console_settings_of_six_step() -> None:
     )
     assert errors(f"event={events}") == [
         'event[0].command: "balance" is no setting of vector control, permitted: speed_rpm, accel_rpm_s, '
-        "current_limit_a, brake_limit_a, catch, command_timeout_ms, irq_load"
+        "current_limit_a, brake_limit_a, catch, command_timeout_ms, irq_load, check_wiring"
     ]
 
 
