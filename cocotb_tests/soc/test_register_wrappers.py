@@ -73,7 +73,7 @@ IDLE: dict[str, int | None] = {
     "uart.status": 1 | 4,
 }
 # What goes on by itself once settings are random.
-MOVING = ("timer.tick_count", "timer.tick_time", "timer.update", "uart.status")
+MOVING = ("safety.gates", "timer.tick_count", "timer.tick_time", "timer.update", "uart.status")
 INPUTS = {"now_i": NOW, "rx_i": 1}  # idle, where it is not 0
 SETTLE_CLOCKS = 100  # longer than the glitch filters
 ALL_LANES = 0xF
