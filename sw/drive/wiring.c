@@ -6,6 +6,7 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 #include "hal/capture.h"
+#include "hal/chip.h"
 
 #define SLOT_TICKS 16u
 #define REPEATS 4u
@@ -13,8 +14,9 @@
 // alike, the current is on its way to a peak, or has long been there in a machine whose current is quick.
 #define UPPER_TICK 4u
 #define LOWER_TICK 10u
-// Records a tick: about 800 clocks.
-#define RECORDS 14u
+// Of a tick: the last record begins before five eighths of it have passed, and no more than so many clocks each.
+#define READING_EIGHTHS 5u
+#define RECORD_CYCLES 150u
 // Of the link's voltage, what a divider's error of gain may be: a quarter of half of it.
 #define GAIN_PART 8
 // Of the sum of the legs' own, the least that each must have: a saliency makes a current small, never a voltage.
@@ -99,21 +101,23 @@ static void scale(int32_t m[WIRING_LEGS][WIRING_LEGS], int32_t factor, int32_t p
 
 static wiring_verdict_t verdict_of(wiring_t *w, bool right) {
   w->known = true;
+  w->captures = false;
   w->passed = right;
   return right ? WIRING_RIGHT : WIRING_WRONG;
 }
 
 // After a round of captures. What is neither right nor wrong by far gets another one; after the last the dividers are not
 // seen: this machine bears only pulses that are too short for the samples.
-static wiring_verdict_t judge_voltages(wiring_t *w, uint32_t records) {
+static wiring_verdict_t judge_voltages(wiring_t *w, uint32_t records, uint32_t most_ticks) {
   const int32_t link_q10 = w->link_q17 >> VOLTAGE_SHIFT;
   int32_t swing_q10[WIRING_LEGS][WIRING_LEGS];
   __builtin_memcpy(swing_q10, w->voltage_q17, sizeof swing_q10);
-  const bool fits = subtract_gain(swing_q10, (int32_t)(records * w->round) / GAIN_PART * link_q10);
+  const int32_t gain_q10 = (int32_t)(records * w->round) / GAIN_PART * link_q10;
+  const bool fits = subtract_gain(swing_q10, gain_q10) && w->middle_q10 > gain_q10;
   const bool seen = largest(swing_q10) > HITS * link_q10;
   const bool right = fits && seen && in_order(swing_q10, VOLTAGE_PART);
   const bool wrong = !fits || (seen && other_sum(swing_q10) > 2 * own_sum(swing_q10));
-  if (!right && !wrong && w->round < WIRING_ROUNDS) {
+  if (!right && !wrong && w->round < WIRING_ROUNDS && w->all_ticks < most_ticks) {
     return WIRING_TESTING;
   }
   scale(w->voltage_q17, (right || wrong) ? 1 << VOLTAGE_SHIFT : 0, (int32_t)(records * w->round));
@@ -137,13 +141,15 @@ static bool look_at_currents(wiring_t *w, const chip_snapshot_t *in, int32_t pea
   if (largest(w->current_q17) > peak_i_q17 / 4 || w->level + 1u == WIRING_LEVELS) {
     return true;
   }
-  const uint32_t level = w->level + 1u;
-  *w = (wiring_t){.level = level};
+  const wiring_t next = {.level = w->level + 1u, .all_ticks = w->all_ticks};
+  *w = next;
   return false;
 }
 
-static void read_voltages(wiring_t *w, uint32_t records) {
-  for (uint32_t n = 0; n < RECORDS && w->record < records; n++) {
+static void read_voltages(wiring_t *w, uint32_t records, uint32_t tick_cycles) {
+  const uint32_t end = chip_tick_time() + tick_cycles * READING_EIGHTHS / 8u;
+  const uint32_t most = tick_cycles / RECORD_CYCLES;
+  for (uint32_t n = 0; n < most && w->record < records && (int32_t)(chip_now() - end) < 0; n++) {
     int32_t v_q17[WIRING_LEGS + 1u];
     capture_look(w->record, v_q17);
     const int32_t high_q17 = (v_q17[0] > v_q17[1]) ? v_q17[0] : v_q17[1];
@@ -152,13 +158,14 @@ static void read_voltages(wiring_t *w, uint32_t records) {
     for (uint32_t j = 0; j < WIRING_LEGS; j++) {
       w->voltage_q17[w->leg][j] += abs_sat(v_q17[j] - middle_q17) >> VOLTAGE_SHIFT;
     }
+    w->middle_q10 += middle_q17 >> VOLTAGE_SHIFT;
     w->link_q17 = v_q17[WIRING_LEGS];
     w->record++;
   }
 }
 
 // Voltages of a tick. True: they are known.
-static bool look_at_voltages(wiring_t *w) {
+static bool look_at_voltages(wiring_t *w, uint32_t tick_cycles) {
   const uint32_t records = capture_bytes() / CAPTURE_RECORD_BYTES;
   const uint32_t at = w->ticks % SLOT_TICKS;
   if (w->ticks == 0u) {
@@ -171,7 +178,7 @@ static bool look_at_voltages(wiring_t *w) {
   if (!w->reads) {
     return false;
   }
-  read_voltages(w, records);
+  read_voltages(w, records, tick_cycles);
   if (w->record < records) {
     return false;
   }
@@ -182,15 +189,17 @@ static bool look_at_voltages(wiring_t *w) {
   return w->leg == WIRING_LEGS;
 }
 
-COLD wiring_verdict_t wiring_step(wiring_t *w, const chip_snapshot_t *in, int32_t peak_i_q17) {
+COLD wiring_verdict_t wiring_step(wiring_t *w, const parameters_t *p, const chip_snapshot_t *in, int32_t peak_i_q17) {
   const uint32_t records = capture_depth();
+  const uint32_t tick_cycles = (uint32_t)p->tick_cycles;
+  w->all_ticks++;
   if (w->captures) {
-    if (!look_at_voltages(w)) {
+    if (!look_at_voltages(w, tick_cycles)) {
       return WIRING_TESTING;
     }
     w->leg = 0;
     w->round++;
-    return judge_voltages(w, records);
+    return judge_voltages(w, records, (uint32_t)p->clock_hz / (WIRING_PARTS * tick_cycles));
   }
   if (!look_at_currents(w, in, peak_i_q17)) {
     return WIRING_TESTING;

@@ -17,7 +17,8 @@ import pytest
 
 from fluxlock import cli
 from fluxlock.base.paths import ROOT
-from fluxlock.config import Scenario, load_scenario
+from fluxlock.config import ConfigError, Scenario, load_scenario
+from fluxlock.native.player import check_playable
 from fluxlock.native.vector_chip import VectorChip
 from fluxlock.native.vector_run import vector_chip_of
 from fluxlock.population.draw import Draw
@@ -204,3 +205,36 @@ def test_bad_input(
     err = capsys.readouterr().err
     assert len(err.splitlines()) == 1, err
     assert says in err
+
+
+def test_no_divider_at_all() -> None:
+    """Three inputs without a divider are no machine whose pulses are too short: the drive stops, they are named.
+
+    Verifies: WIRE-03
+    """
+    measured, chip = carry_out(wired(unconnected=["va", "vb", "vc"]))
+    assert (chip.fw.state, measured.fault) == ("fault", "wiring")
+    assert [(f.kind, f.inputs) for f in measured.findings] == [("divider", "ABC")]
+
+
+@pytest.mark.parametrize("order", ["ABC", "BCA"])
+def test_the_samples_are_where_they_were(order: str) -> None:
+    """After the test, passed or not, the scheduler's offset is that of the parameter block.
+
+    Verifies: WIRE-01
+    """
+    offsets = []
+    carry_out(wired(voltage_order=order), lambda chip: offsets.append(chip.get("sense.scheduler")))
+    _, chip = carry_out(wired(voltage_order=order))
+    assert [chip.get("sense.scheduler")] == offsets
+
+
+@pytest.mark.parametrize("file", ["own-spindle.toml", "vector/ipm-injection.toml"])
+def test_other_twins_have_no_wrong_wiring(file: str) -> None:
+    """The twins of six-step and injection refuse it by name, and do not run as if it were right.
+
+    Verifies: WIRE-05
+    """
+    scenario = load_scenario(ROOT / "scenarios" / file, ["inverter.sensing.current_order=ACB"])
+    with pytest.raises(ConfigError, match=r"sensing: the native program's sensors are wired right"):
+        check_playable(scenario)

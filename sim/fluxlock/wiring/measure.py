@@ -15,7 +15,7 @@ import numpy as np
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Event
 from fluxlock.flash.serial_port import SerialPort
-from fluxlock.wiring.naming import Finding, Table, Wiring, name_wiring
+from fluxlock.wiring.naming import Finding, Table, Wiring, name_wiring, no_dividers
 
 # The drive is ready; the longest test, with the coast before it; how long a board may take; the console's answer.
 BOOT_S, TEST_S, PATIENCE_S, ANSWER_S = 5e-3, 0.2, 0.6, 0.5
@@ -59,6 +59,8 @@ def judge(values: dict[str, str], scenario: Scenario) -> Measured:
         raise WiringError(f"the test did not end: {reason}")
     current, voltage, vdc = _table(values["wiring_ma"]), _table(values["wiring_mv"]), float(values["vdc_v"])
     found, wiring = name_wiring(current, voltage, LEAST_SHARE * scenario.rated_current_a, vdc)
+    if fault == "wiring" and not found and not voltage.any():
+        found = [no_dividers()]
     return Measured(current, voltage, vdc, fault, found, wiring)
 
 

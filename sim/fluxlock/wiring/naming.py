@@ -153,6 +153,11 @@ def _voltage_findings(table: Table, vdc: float) -> tuple[list[Finding], str | No
     return found, order
 
 
+def no_dividers() -> Finding:
+    """The drive has stopped, and no table shows a voltage."""
+    return Finding("divider", "no voltage divider gives a signal", "check plug and supply of the dividers", LETTERS)
+
+
 def _divider_remedy(letter: str) -> str:
     return f"check the divider of leg {letter}: its wire, both resistors, the input"
 

@@ -98,10 +98,13 @@ COLD static int32_t wiring_v_q25(const vector_t *v) {
 
 // A tick of the wiring's test.
 COLD static outcome_t check_wiring(vector_t *v, const chip_snapshot_t *in) {
-  const wiring_verdict_t verdict = wiring_step(&v->wiring, in, v->p->rated_i_q17 / WIRING_SHARE);
-  pulse(v, v->wiring.leg, v->wiring.sign * wiring_v_q25(v), in->vector.theta_sample_q32);
+  const parameters_t *p = v->p;
+  const wiring_verdict_t verdict = wiring_step(&v->wiring, p, in, p->rated_i_q17 / WIRING_SHARE);
+  // A tick that reads the capture has no time for more.
+  const int32_t voltage_v_q25 = (v->wiring.sign == 0) ? 0 : v->wiring.sign * wiring_v_q25(v);
+  pulse(v, v->wiring.leg, voltage_v_q25, in->vector.theta_sample_q32);
   vector_turn(v, 0, verdict == WIRING_TESTING);
-  chip_shift_samples(v->p, wiring_shift_cycles(&v->wiring, (uint32_t)v->p->sample_period_cycles));
+  chip_shift_samples(p, wiring_shift_cycles(&v->wiring, (uint32_t)p->sample_period_cycles));
   if (verdict == WIRING_TESTING) {
     return outcome_of(EVENT_STAY);
   }
