@@ -8,6 +8,7 @@ A range is stated once, in the field. It gives the check, the message and the li
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Unpack
 
 from pydantic import (
@@ -83,6 +84,16 @@ def _field_of(setting: Setting) -> object:
 def conflict(key: str, message: str) -> PydanticCustomError:
     """Error of a key that does not fit another one; for model validators, which have no key of their own."""
     return PydanticCustomError("conflict", "{message}", {"key": key, "message": message})
+
+
+PhaseOrder = Literal["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"]
+
+
+def check_once(key: str, names: Sequence[str]) -> None:
+    """Raise the error of a key that names something twice; for model validators."""
+    for name in names:
+        if names.count(name) > 1:
+            raise conflict(key, f"names {name} twice")
 
 
 def plain(value: float) -> str:

@@ -10,10 +10,9 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from fluxlock.config.edge import Edge
-from fluxlock.config.fields import Model, PhaseValues, conflict, quantity, with_unit
+from fluxlock.config.fields import Model, PhaseOrder, PhaseValues, check_once, conflict, quantity, with_unit
 
 SafeState = Literal["off", "short"]
-PhaseOrder = Literal["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"]
 
 
 class Sensing(Model):
@@ -87,10 +86,7 @@ class Sensing(Model):
     @model_validator(mode="after")
     def _each_once(self) -> Self:
         for key in ("current_inverted", "unconnected"):
-            names = getattr(self, key)
-            for name in names:
-                if names.count(name) > 1:
-                    raise conflict(key, f"names {name} twice")
+            check_once(key, getattr(self, key))
         return self
 
     @model_validator(mode="after")

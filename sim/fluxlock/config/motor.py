@@ -10,7 +10,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from fluxlock.config.fields import Model, PhaseValues, Powers, conflict, quantity
+from fluxlock.config.fields import Model, PhaseOrder, PhaseValues, Powers, check_once, conflict, quantity
 from fluxlock.config.stated import DataSheet
 from fluxlock.plant.params import (
     EncoderParams,
@@ -120,7 +120,7 @@ class Hall(Model):
         60,
         default=(0.0, 0.0, 0.0),
     )
-    order: Literal["ABC", "ACB", "BAC", "BCA", "CAB", "CBA"] = Field(
+    order: PhaseOrder = Field(
         default="ABC",
         description='Sensors at the inputs A, B, C of the chip. The drive takes them for `"ABC"`: another order is a '
         "wrong wiring, which it finds.",
@@ -132,9 +132,7 @@ class Hall(Model):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        for letter in self.inverted:
-            if self.inverted.count(letter) > 1:
-                raise conflict("inverted", f"names {letter} twice")
+        check_once("inverted", self.inverted)
         return self
 
     @property

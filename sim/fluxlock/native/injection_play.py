@@ -16,9 +16,8 @@ import numpy as np
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.firmware.host import HostFirmware
 from fluxlock.native.injection_chip import InjectionChip
-from fluxlock.native.play import FAULTS, LEAST_LINK_V, NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.native.play import FAULTS, LEAST_LINK_V, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.plant.trajectory import wave_dtype
 from fluxlock.results.rundata import PLANT_EVENT_DTYPE, LogKind, RecordArray, RunData
 
@@ -43,6 +42,8 @@ def refusals(scenario: Scenario) -> list[Problem]:
 class Play(ScenarioPlay):
     """One run of a scenario with injection on the twin."""
 
+    chip: InjectionChip
+
     faults = PLAYED
 
     def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
@@ -59,16 +60,6 @@ class Play(ScenarioPlay):
         self.set_locked(scenario.mechanics.mode == "locked")
 
     @property
-    def firmware(self) -> HostFirmware:
-        """The drive's program."""
-        return self.chip.fw
-
-    @property
-    def now(self) -> float:
-        """Simulated time, s."""
-        return self.chip.now
-
-    @property
     def shaft(self) -> tuple[float, float]:
         """Mechanical speed, rad/s, and angle, rad, unwrapped."""
         return self.chip.shaft
@@ -83,14 +74,6 @@ class Play(ScenarioPlay):
 
     def open_phase(self, phase: int | None) -> None:
         """No leg is lost here: `refusals` names that fault."""
-
-    def set_pin(self, on: bool) -> None:
-        """Level of the gate driver's fault output."""
-        if on:
-            self.chip.trip(PIN)
-            self.chip.put("safety.trip", self.chip.get("safety.trip") | PIN << NOW)
-        else:
-            self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
 
     def set_locked(self, on: bool) -> None:
         """The rotor stands at once and stays, or is free."""

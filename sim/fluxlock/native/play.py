@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,7 @@ def common_refusals(scenario: Scenario, played: tuple[str, ...] = FAULTS) -> dic
         "inverter.brake_chopper": inverter.brake_chopper is not None and "the native program has no brake chopper",
         "inverter.protection.safe_state": inverter.protection.safe_state != "off"
         and "the native program's trip opens all gates",
+        "inverter.sensing": bool(inverter.sensing.sources) and "the native program's sensors are wired right",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
         **{
             f"event[{k}].fault": not_played(event.fault, scenario.mechanics, played)
@@ -98,10 +99,32 @@ class Ramp:
         return share < 1.0
 
 
+class NativeChip(Protocol):
+    """What plays a chip of any method."""
+
+    @property
+    def fw(self) -> HostFirmware:
+        """The drive's program."""
+
+    @property
+    def now(self) -> float:
+        """Simulated time, s."""
+
+    def get(self, name: str) -> int:
+        """Value of a register."""
+
+    def put(self, name: str, value: int) -> None:
+        """Set a register."""
+
+    def trip(self, causes: int) -> None:
+        """Latch trip causes and open the gates."""
+
+
 class ScenarioPlay(ABC):
     """One run of a scenario on a native drive. faults: those that it plays."""
 
     faults: ClassVar[tuple[str, ...]] = FAULTS
+    chip: NativeChip
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario, self.seed = scenario, seed
@@ -114,14 +137,14 @@ class ScenarioPlay(ABC):
         self.supply_v = scenario.inverter.supply_v
 
     @property
-    @abstractmethod
     def firmware(self) -> HostFirmware:
         """The drive's program."""
+        return self.chip.fw
 
     @property
-    @abstractmethod
     def now(self) -> float:
         """Simulated time, s."""
+        return self.chip.now
 
     @property
     @abstractmethod
@@ -140,9 +163,13 @@ class ScenarioPlay(ABC):
     def open_phase(self, phase: int | None) -> None:
         """A leg, 0 to 2, loses the machine; None: no one has."""
 
-    @abstractmethod
     def set_pin(self, on: bool) -> None:
         """Level of the gate driver's fault output."""
+        if on:
+            self.chip.trip(PIN)
+            self.chip.put("safety.trip", self.chip.get("safety.trip") | PIN << NOW)
+        else:
+            self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
 
     @abstractmethod
     def set_locked(self, on: bool) -> None:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.config import ConfigError, Problem, Scenario
-from fluxlock.firmware.host import HostFirmware
 from fluxlock.native import averaged_motor as am
 from fluxlock.native.chip import AveragedChip
 from fluxlock.native.play import LEAST_LINK_V, NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
@@ -62,6 +61,8 @@ def refusals(scenario: Scenario) -> list[Problem]:
 class Play(ScenarioPlay):
     """One run of a scenario on the averaged chip."""
 
+    chip: AveragedChip
+
     def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
         super().__init__(scenario, seed)
         problems = refusals(scenario)
@@ -79,16 +80,6 @@ class Play(ScenarioPlay):
         self._events: list[NDArray[np.float64]] = []
         self._trips: list[tuple[float, int]] = []
         self._rows = 0
-
-    @property
-    def firmware(self) -> HostFirmware:
-        """The drive's program."""
-        return self.chip.fw
-
-    @property
-    def now(self) -> float:
-        """Simulated time, s."""
-        return self.chip.now
 
     @property
     def shaft(self) -> tuple[float, float]:

@@ -20,9 +20,8 @@ from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.vector_timing import vector_timing
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware.host import HostFirmware
 from fluxlock.native.chip import without_noise
-from fluxlock.native.play import LEAST_LINK_V, NOW, PIN, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.native.play import LEAST_LINK_V, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.native.vector_chip import Sampling, VectorChip
 from fluxlock.results.rundata import PLANT_EVENT_DTYPE, RECORD_DTYPE, LogKind, RecordArray, RunData
 
@@ -37,6 +36,7 @@ def refusals(scenario: Scenario) -> list[Problem]:
     if scenario.drive.method != "vector":
         return [scenario.sources.problem("drive.method", "only a vector scenario can be played")]
     found = common_refusals(scenario) | {
+        "inverter.sensing": False,
         "drive.vector.dead_time_compensation": not vector.dead_time_compensation
         and "the native program's dead time is that of a compensated drive",
         "inverter.sensing.divider_gain": len(set(inverter.sensing.divider_gain)) > 1
@@ -69,6 +69,8 @@ def vector_chip_of(scenario: Scenario, seed: int) -> VectorChip:
 class Play(ScenarioPlay):
     """One run of a scenario on the twin."""
 
+    chip: VectorChip
+
     def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
         super().__init__(scenario, seed)
         self.chip = vector_chip_of(scenario, seed)
@@ -78,16 +80,6 @@ class Play(ScenarioPlay):
         self.chip.keep_rows(self._kept)
         if scenario.mechanics.profile:
             self.guide(0.0)
-
-    @property
-    def firmware(self) -> HostFirmware:
-        """The drive's program."""
-        return self.chip.fw
-
-    @property
-    def now(self) -> float:
-        """Simulated time, s."""
-        return self.chip.now
 
     @property
     def shaft(self) -> tuple[float, float]:
@@ -107,14 +99,6 @@ class Play(ScenarioPlay):
     def open_phase(self, phase: int | None) -> None:
         """A leg, 0 to 2, loses the machine; None: no one has."""
         self.chip.plant.open_phase = 0 if phase is None else phase + 1
-
-    def set_pin(self, on: bool) -> None:
-        """Level of the gate driver's fault output."""
-        if on:
-            self.chip.trip(PIN)
-            self.chip.put("safety.trip", self.chip.get("safety.trip") | PIN << NOW)
-        else:
-            self.chip.put("safety.trip", self.chip.get("safety.trip") & ~(PIN << NOW))
 
     def set_locked(self, on: bool) -> None:
         """The rotor, a free one, stands at once and stays, or turns again."""
