@@ -329,7 +329,7 @@ def within(graph: dict[str, frozenset[str]], folder: str) -> dict[str, frozenset
 # From the bottom up; the methods do not know each other.
 LAYERS: Final = (
     ("drive/faults", "drive/parameters", "drive/settings"),
-    ("drive/method", "drive/coast", "drive/supervise", "drive/protect"),
+    ("drive/method", "drive/coast", "drive/wiring", "drive/supervise", "drive/protect"),
     ("drive/six_step/", "drive/vector/"),
     ("drive/drive",),
 )
