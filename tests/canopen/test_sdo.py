@@ -9,10 +9,12 @@ import random
 import re
 import struct
 
+import numpy as np
 import pytest
 
 from fluxlock.canopen.dictionary import Entry
 from fluxlock.canopen.eds import eds
+from fluxlock.firmware.binding import view
 from fluxlock.native.node import Frame
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
@@ -272,11 +274,10 @@ def test_capture_buffer(bench: NodeBench) -> None:
     bench.write("capture_control", 0x00100205)
     assert hardware.get("capture.lanes") == 0x0C020100
     assert hardware.get("capture.control") == 0x00100205
-    for lane in range(4):
-        hardware.put("capture.data", -lane - 1, lane)
+    records = view(hardware.fw.lib.fl_host_capture(), 3 * 4, np.int32).reshape(3, 4)
+    records[:] = -np.arange(1, 13).reshape(3, 4)
     hardware.put("capture.status", 3 << 16 | 2)
-    record = struct.pack("<4i", -1, -2, -3, -4)
-    assert bench.upload(0x2030, 4) == 3 * record
+    assert bench.upload(0x2030, 4) == records.tobytes()
     assert hardware.get("capture.read_address") == 2
 
 
