@@ -37,6 +37,18 @@ async def holds_the_angle_at_low_speed(drive: Drive) -> None:
 
 
 @drive_test(after=found)
+async def follows_its_target(drive: Drive) -> None:
+    """The core takes its turns in time: the rotor comes up to the speed by the ramp, and goes the other way when asked.
+
+    Verifies: DRV-01, INJC-19
+    """
+    await drive.until(lambda: drive.speed_rpm > 0.9 * RPM, 0.1)
+    await drive.console(f"set speed_rpm {-RPM}")
+    await drive.until(lambda: drive.speed_rpm < -0.9 * RPM, 0.15)
+    assert drive.state == "running" and abs(drive.angle_error_deg) < 5.0
+
+
+@drive_test(after=found)
 async def coasts_with_open_gates(drive: Drive) -> None:
     """After `stop now` no gate moves, and no current is left.
 

@@ -12,9 +12,11 @@
 
 SMALL_CODE_BEGIN
 
-static void turn_references(injection_frame_t *state) {
+static void turn_references(injection_frame_t *state, const injection_frame_settings_t *settings) {
   state->turn_q30 = cis_q30((uint32_t)state->curve_q32);
-  state->third_turn_q30 = cis_q30(3u * (uint32_t)state->curve_q32);
+  if (settings->third) {
+    state->third_turn_q30 = cis_q30(3u * (uint32_t)state->curve_q32);
+  }
 }
 
 void injection_frame_begin(injection_frame_t *state, const injection_frame_settings_t *settings, bool resting,
@@ -29,7 +31,7 @@ void injection_frame_begin(injection_frame_t *state, const injection_frame_setti
   pll_preset(&state->pll, 0, speed_turn_q36);
   cross_coupling_begin(&state->coupling, &settings->coupling, 0);
   state->curve_q32 = state->coupling.c_q32;
-  turn_references(state);
+  turn_references(state, settings);
   state->filtered_q52 = (int64_t)speed_turn_q36 * (1 << FILTER_BITS);
 }
 
@@ -72,7 +74,7 @@ HOT static int32_t follow_curve(injection_frame_t *state, const injection_frame_
   const int32_t before_q32 = state->curve_q32;
   state->curve_q32 = injection_handover_curve_q32(&state->handover, state->coupling.c_q32);
   if (state->curve_q32 != before_q32) {
-    turn_references(state);
+    turn_references(state, settings);
   }
   return settings->coupling.following ? before_q32 - state->curve_q32 : 0;
 }
@@ -127,8 +129,10 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     command.turn_q32 = turned(command.turn_q32, follow_curve(state, settings, in->current_i_q25));
     const complex_t wanted = {d_i_q25, state->wanted_i_q25};
     command.reference_i_q25[0] = complex_mul_q30(wanted, state->turn_q30);
-    const complex_t third = {0, mul_q16(state->wanted_i_q25, settings->third_q16)};
-    command.reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);
+    if (settings->third) {
+      const complex_t third = {0, mul_q16(state->wanted_i_q25, settings->third_q16)};
+      command.reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);
+    }
     command.inject = state->handover.inject;
   }
   command.speed_turn_q36 = pll_speed_turn_q36(&state->pll);

@@ -39,7 +39,8 @@ typedef struct {
   cross_coupling_settings_t coupling;
   pi_gains_t speed;            // as vector_speed.h has them
   int32_t speed_filter_q16;    // share of the new speed a step
-  int32_t third_q16;           // k = i_q3 / i_q; 0 with three phases
+  int32_t third_q16;           // k = i_q3 / i_q
+  bool third;                  // there is a second subspace, five phases; else none of what belongs to it is made
   int32_t limit_i_q25;         // of |i_q|, >= 0
   int32_t tick_cycles;         // clocks of a control tick
 } injection_frame_settings_t;

@@ -337,7 +337,8 @@ INLINED void drive_vector_step(drive_t *drive, const chip_snapshot_t *in) {
   order_t *order = &drive->order;
   begin_step(drive);
   const bool look = vector_measure(method, in, order, &drive->settings);
-  if (!judged(drive, in, &method->report, look, order->tick % VECTOR_LOOK_TICKS == VECTOR_LOOK_AT)) {
+  if (!judged(drive, in, &method->report, look,
+              vector_turn_tick(method, order) % VECTOR_LOOK_TICKS == VECTOR_LOOK_AT)) {
     const bool init = __builtin_expect(order->state == STATE_INIT, 0);
     (void)followed(drive, init ? init_step(drive, in) : vector_step(method, in, order, &drive->settings));
   }

@@ -108,6 +108,7 @@ def frame_settings(setting: Setting) -> CData:
         speed=(gain(s.speed_p * ampere_per_rad_s), gain(s.speed_i * tick * ampere_per_rad_s * PI_INTEGRAL)),
         speed_filter_q16=round((1 - math.exp(-TURN * s.speed_hz * tick)) * Q16),
         third_q16=round(s.third_ratio * Q16),
+        third=True,
         limit_i_q25=round(s.current_limit_a / full_scale_a * Q25),
     )
 

@@ -137,6 +137,22 @@ def test_rotor_that_is_held_jumps_by_half_a_turn(name: str) -> None:
     assert life.fault_s - jumped_s <= NAMED_S
 
 
+@pytest.mark.parametrize("late_every", [2, 3, 4, 5])
+def test_late_steps_keep_their_turns(late_every: int) -> None:
+    """Every so many sets miss their update: no turn of speed, limits and supervision is left out for ever.
+
+    Verifies: INJC-19
+    """
+    life = InjectionRun(load_scenario(IPM))
+    life.chip.hardware.late_every = late_every
+    assert life.start()
+    life.run(0.4)
+    rows = life.window(life.chip.now - 0.05)
+    assert life.fault == "none"
+    assert abs(rows["rpm"].mean() - 400.0) < 20.0
+    assert np.abs(rows["error_deg"]).max() < 5.0
+
+
 def test_idle_rotor_is_searched_again() -> None:
     """A place that was known counts for the first start alone: gates off, the rotor may be elsewhere.
 

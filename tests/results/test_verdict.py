@@ -106,6 +106,11 @@ WRONGS: dict[str, tuple[dict[str, Any], tuple[str, ...], str]] = {
         ("drive.accel_rpm_per_s=1e6",),
         r"-6000\.0 r/min for 6000 r/min in steady \(-200\.0 %\)",
     ),
+    "stands after the ramp, in less than it takes to settle": (
+        {"speed_rpm": 100.0, "accel_rpm_per_s": 0.0},
+        ("drive.speed_bandwidth_hz=25", "window=[]", "drive.accel_rpm_per_s=1e6"),
+        r"100\.0 r/min for 6000 r/min at the end \(-98\.3 %\), and no limit of the drive was active",
+    ),
     "lost line": (
         {"target_rpm": 5_990.0},
         (),
@@ -262,6 +267,21 @@ def test_angle_of_the_vector_drive(errors_deg: np.ndarray, lost: bool) -> None:
     found = verdict(data, scenario(file="vector/start.toml", base=VECTOR))
     assert found.passed is not lost, found.lines
     assert not lost or found.lines[0].startswith("the angle was lost: from 0."), found.lines
+
+
+@pytest.mark.parametrize(("every", "late"), [(2, True), (8, True), (20, False)])
+def test_late_steps(every: int, late: bool) -> None:
+    """A vector drive whose sets miss their update in more than a tenth of the ticks cannot be vouched for.
+
+    Verifies: FRONT-35
+    """
+    data = make_vector_run(Drive(speed_rpm=60_000.0, duration_s=DURATION_S), np.zeros(1))
+    update = data.log[:, 1] == LogKind.UPDATE
+    data = replace(data, log=data.log[~(update & (np.cumsum(update) % every == 0))], uart=OK)
+    lines = verdict(data, scenario(f"duration_s={DURATION_S}", file="vector/start.toml", base=VECTOR)).lines
+    found = [line for line in lines if "the control step is too late" in line]
+    assert bool(found) is late, lines
+    assert not late or re.search(r"from 0\.0\d\d s on \d+ % of its voltages missed their update; .*observer_every", found[0])
 
 
 def test_a_lagging_speed_is_no_lost_angle() -> None:

@@ -91,6 +91,7 @@ STATE = np.dtype(
         ("error_deg", "f8"),  # of the published angle at the latest sample
         ("rows", "i8"),
         ("logged", "i8"),
+        ("late_every", "i8"),  # every how many ticks a set misses its update, 0: none
     ],
     align=True,
 )
@@ -491,7 +492,8 @@ def sample(
         show(r, x, z, m, inv, state, setup, w, currents, angle, limited)
         z.steps = 0
         z.sums[:] = 0
-        if np.int64(r[at.timer_update]) & PENDING:
+        late = z.late_every > 0 and z.samples // setup.tick_samples % z.late_every == 0
+        if np.int64(r[at.timer_update]) & PENDING and not late:
             put(r, at.timer_update, 0)
             take(r, x, s, w)
             told = np.int64(t[at.state]) & 0xFF | (np.int64(t[at.limit]) & 0xF) << 16

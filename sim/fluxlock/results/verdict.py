@@ -9,12 +9,14 @@
 - a console line that the drive refused or did not answer;
 - a lost lock, or an angle that is lost while the drive says that it runs: its commutations, the speed of its crossings
   or, of a vector drive, its published angle have left the true rotor;
+- a control step that comes too late, tick after tick, so that its voltages miss their update;
 - a drive that is not running at the end although it was told to start and not to stop;
 - a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`, or a speed that swings;
 - a missed `[[expect]]`.
 
 The verdict judges the speed only where it must have settled: the drive runs, the ramp of the target has ended, and
-nothing has moved target, load, supply or settings for ten time constants of the speed loop. If a limit of the drive
+nothing has moved target, load, supply or settings for ten time constants of the speed loop; where it has been three of
+them, a rotor without half the speed fails too. If a limit of the drive
 was active there, the line names it with its duration. A scenario can accept a cause in `[[accept]]`. Then the run
 passes, and the verdict gives the scenario's reason.
 """
@@ -32,6 +34,7 @@ from fluxlock.config.console import number_of_line, switch_of_line
 from fluxlock.config.reach import overloads
 from fluxlock.config.scenario import Accept, Scenario
 from fluxlock.config.vector_loops import loops_of
+from fluxlock.config.vector_timing import vector_timing
 from fluxlock.interface.names import trip_fault, words
 from fluxlock.results.metrics import Analysis, judge, trips
 from fluxlock.results.rundata import FloatArray, Rejection, RunData
@@ -41,6 +44,10 @@ SPEED_TOLERANCE = 0.01
 # time constants of the loop a disturbance is given.
 SIX_STEP_SPEED_HZ = 30.0
 SETTLING = 10.0
+# After so many the rotor of a drive that follows has half the speed.
+RISING = 3.0
+# A vector drive's step is late where this share of the sets of this time missed their update.
+LATE_SHARE, LATE_S = 0.1, 0.05
 # A settled speed swings: beyond the target by this share of it, on both sides or one, and by this share of the highest.
 SWING, SWING_OF_MAX = 0.5, 0.02
 # A drive that stops must have slowed its rotor after this time.
@@ -246,6 +253,25 @@ class Judge:
             text = self._unslowed()
         return [Finding("end_state", f"the drive {text}")] if text else []
 
+    def late_findings(self) -> list[Finding]:
+        """A vector drive whose sets of voltages miss their update again and again: its control step takes too long."""
+        drive = self.scenario.drive
+        if drive.method != "vector":
+            return []
+        timing = vector_timing(drive, self.scenario.inverter)
+        tick_s = timing.tick_samples * timing.sample_cycles / self.data.clock_hz
+        ticks = np.rint(np.diff(self.time_s) / tick_s)
+        at_work = np.isin(self.states["state"][:-1], (STARTING, RUNNING))
+        missed = np.where(at_work, np.maximum(ticks - 1.0, 0.0), 0.0)
+        gone, done = np.cumsum(missed), np.cumsum(ticks)
+        before = np.searchsorted(self.time_s[:-1], self.time_s[:-1] - LATE_S)
+        share = (gone - gone[before]) / np.maximum(done - done[before], LATE_S / tick_s / 2.0)
+        if not share.size or share.max() <= LATE_SHARE:
+            return []
+        at_s = self.time_s[before[int(np.argmax(share > LATE_SHARE))]]
+        line = f"the control step is too late: from {at_s:.3f} s on {100.0 * share.max():.0f} % of its voltages missed their"
+        return [Finding("", f"{line} update; give it more time: raise drive.vector.observer_every, lower drive.carrier_hz")]
+
     def _unslowed(self) -> str:
         """Of a drive that is still stopping: that its rotor has become no slower, if that is so."""
         since = self.time_s[np.flatnonzero(self.states["state"] != STOPPING)]
@@ -340,11 +366,18 @@ class Judge:
             reason = "no speed was asked for"
         elif segment is None:
             reason = "the drive does not run throughout"
-        elif self._settled_s(segment[0], to_s) > from_s:
-            reason = "the speed has had no time to settle"
-        if reason or not target:
+        if reason or not target or segment is None:
             self.unjudged.append(f"speed {where} not judged: {reason}")
             return None
+        due_s = self._due_s(segment[0], to_s)
+        span = self._measured(where, window, from_s, to_s, target)
+        slow = span.mean_rpm / target < 0.5 and from_s >= due_s + RISING / SETTLING * self.settling_s
+        if from_s < due_s + self.settling_s and not slow:
+            self.unjudged.append(f"speed {where} not judged: the speed has had no time to settle")
+            return None
+        return span
+
+    def _measured(self, where: str, window: str | None, from_s: float, to_s: float, target: float) -> Span:
         clock, track = self.data.clock_hz, self.analysis.track
         low, high = max(from_s * clock, track.first_cycle), min(to_s * clock, track.last_cycle)
         turned = track.theta_rad(np.array([low, high]))
@@ -354,14 +387,14 @@ class Judge:
         least, most = np.array([inside.min(), inside.max()]) * 30.0 / math.pi / self.data.pole_pairs
         return Span(where, window, from_s, to_s, target, mean, float(least), float(most))
 
-    def _settled_s(self, begin_s: float, to_s: float) -> float:
-        """When a drive that runs since begin_s must have settled, if nothing disturbs it before to_s."""
+    def _due_s(self, begin_s: float, to_s: float) -> float:
+        """When the ramp of a drive that runs since begin_s has ended, and all that disturbs it before to_s."""
         if self.by_bus:
             # Its reference is on the way to the target, or follows a torque.
             away = np.abs(np.abs(self.states["reference_rpm"]) - np.abs(self.states["target_rpm"])) > 1.0
             away |= np.diff(self.states["target_rpm"], prepend=0.0) != 0.0
             late = self.time_s[away & (self.time_s <= to_s)]
-            return max(begin_s, float(late[-1]) if late.size else 0.0) + self.settling_s
+            return max(begin_s, float(late[-1]) if late.size else 0.0)
         reference = float(self._rotor_rpm(np.array([begin_s]))[0])
         now_s, goal, accel, disturbed_s = begin_s, self._target_before(begin_s), self.scenario.accel_rpm_per_s, begin_s
         for c in self.commands:
@@ -374,7 +407,7 @@ class Judge:
             goal, accel = c.target_rpm, c.accel_rpm_per_s
             disturbed_s = max(disturbed_s, c.until_s)
         due_s = now_s + abs((goal or 0.0) - reference) / accel
-        return max(due_s, disturbed_s) + self.settling_s
+        return max(due_s, disturbed_s)
 
     def misses(self, spans: list[Span]) -> list[Miss]:
         """Spans off their targets."""
@@ -525,6 +558,7 @@ def judge_run(
     if not broken:
         angle = judge_of.angle_findings()
         causes += left([f for f in angle if f.kind != "lost_lock" or "lost_lock" not in scenario.expect_trip])
+        causes += left(judge_of.late_findings())
     if not causes:
         causes += left([*judge_of.state_findings(), *judge_of.target_findings()])
     if not causes:

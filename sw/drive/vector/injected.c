@@ -81,6 +81,7 @@ COLD static void load_settings(injection_frame_settings_t *s, const vector_t *v)
   s->speed = p->vector_speed;
   s->speed_filter_q16 = p->injection_speed_filter_q16;
   s->third_q16 = p->injection_third_q16;
+  s->third = SUBSPACES > 1;
   s->tick_cycles = p->tick_cycles;
 }
 
@@ -343,13 +344,12 @@ HOT static outcome_t follow_target(vector_t *v) {
 
 // Mean of the last states: with the separator the state swings with the wave.
 HOT static complex_t mean_state_v_q25(vector_injection_t *j, uint32_t tick, complex_t state_v_q25) {
-  complex_t sum = {0, 0};
-  j->state_v_q25[tick % WAVE_SAMPLES] = state_v_q25;
-  for (uint32_t k = 0; k < WAVE_SAMPLES; k++) {
-    sum.re += j->state_v_q25[k].re / (int32_t)WAVE_SAMPLES;
-    sum.im += j->state_v_q25[k].im / (int32_t)WAVE_SAMPLES;
-  }
-  return sum;
+  complex_t *oldest = &j->state_v_q25[tick % WAVE_SAMPLES];
+  const complex_t now = {state_v_q25.re / (int32_t)WAVE_SAMPLES, state_v_q25.im / (int32_t)WAVE_SAMPLES};
+  j->mean_v_q25.re += now.re - oldest->re;
+  j->mean_v_q25.im += now.im - oldest->im;
+  *oldest = now;
+  return j->mean_v_q25;
 }
 
 // With the separator the regulators' gains change with the wave: a design for what the frame wants now waits for the wave's
@@ -367,7 +367,7 @@ HOT static bool gains_ready(vector_t *v) {
 // regulator takes what changes into its state, held for a tick. The set acts two steps from here.
 HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen, complex_t state_v_q25) {
   vector_injection_t *j = v->injection;
-  const complex_t mean_v_q25 = mean_state_v_q25(j, v->order->tick, state_v_q25);
+  const complex_t mean_v_q25 = mean_state_v_q25(j, vector_turn_tick(v, v->order), state_v_q25);
   const complex_t before_v_q25 = j->forward_v_q25;
   const complex_t none = {0, 0};
   const complex_t emf_v_q25 = {0, gain_apply(v->report.vector.speed_turn_q36, v->p->vector_flux)};
@@ -436,7 +436,7 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   }
   vector_lead(v, j->command.speed_turn_q36);
   send_forward(v, seen, in->vector.u_v_q25[0]);
-  switch (v->order->tick % VECTOR_GROUPS) {
+  switch (vector_turn_tick(v, v->order) % VECTOR_GROUPS) {
     case GROUP_SPEED:
       return follow_target(v);
     case GROUP_SUPERVISION:

@@ -54,7 +54,8 @@ typedef struct {
   bool observing;       // the EMF observer runs
   bool forward;         // the EMF goes forward, else the regulator's state has it
   uint32_t taken_in;    // steps until the preset state is there
-  complex_t state_v_q25[WAVE_SAMPLES];  // of the regulator, of the last steps
+  complex_t state_v_q25[WAVE_SAMPLES];  // shares of the regulator's last states in their mean
+  complex_t mean_v_q25;
   complex_t forward_v_q25;  // EMF in the frame
   vector_plant_t single;    // subspace 1, of one sample; with the separator
   vector_plant_t third;      // subspace 3, of one sample

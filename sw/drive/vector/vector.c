@@ -286,7 +286,7 @@ HOT static outcome_t observed_step(vector_t *v, const chip_snapshot_t *in, const
   outcome_t outcome = outcome_of(EVENT_STAY);
   vector_track(v, in->vector.taken);
   v->reference_i_q25.re = fade(v->reference_i_q25.re, v->goal_i_q25, p->vector_fade_i_q25);
-  switch (order->tick % VECTOR_GROUPS) {
+  switch (vector_turn_tick(v, order) % VECTOR_GROUPS) {
     case GROUP_SPEED:
       outcome = v->sensored ? regulate_sensored(v, in, order, settings) : regulate_speed(v, in, order, settings);
       break;
@@ -476,6 +476,9 @@ bool vector_explains(const vector_t *v, const chip_snapshot_t *in, const order_t
 
 INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_t *order, const settings_t *settings) {
   (void)settings;
+  if ((HELD & HELD_INJECTION) != 0) {
+    v->late = vector_injects(v) && !in->vector.taken;
+  }
   if (__builtin_expect(v->on_core, 0) && in->vector.taken) {
     v->direct_used = 1u - v->direct_used;
   }
@@ -485,7 +488,7 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
   v->whole = v->command.look.slow || order->state != STATE_RUNNING || vector_injects(v);
   if (v->command.look.slow) {
     measure_link(v, in);
-    if (order->tick % VECTOR_LOOK_TICKS == GROUP_SUPERVISION) {
+    if (vector_turn_tick(v, order) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION) {
       v->report.machine_i_q17 = (int32_t)rough_length(in->vector.i_q17[0]);
     }
   }
@@ -496,7 +499,7 @@ INLINED bool vector_measure(vector_t *v, const chip_snapshot_t *in, const order_
       vector_read_encoder(v, &in->vector);
     }
   }
-  if (__builtin_expect(v->frame == FRAME_OFF, 0) || order->tick % VECTOR_GROUPS == GROUP_LIMITS) {
+  if (__builtin_expect(v->frame == FRAME_OFF, 0) || vector_turn_tick(v, order) % VECTOR_GROUPS == GROUP_LIMITS) {
     apply_limits(v);
   }
   // Nothing else of what supervision looks at moves here.
@@ -523,10 +526,13 @@ INLINED outcome_t vector_step(vector_t *v, const chip_snapshot_t *in, const orde
 
 INLINED void vector_finish(vector_t *v, const order_t *order) {
   vector_command_t *c = &v->command;
-  const uint32_t next = (order->tick + 1u) % VECTOR_GROUPS;
+  if ((HELD & HELD_INJECTION) != 0) {
+    v->late_ticks += v->late ? 1u : 0u;
+  }
+  const uint32_t next = (vector_turn_tick(v, order) + 1u) % VECTOR_GROUPS;
   const bool tests = __builtin_expect(v->tests, 0);
   const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION || tests;
-  const bool due = vector_injects(v) || (order->tick + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
+  const bool due = vector_injects(v) || (vector_turn_tick(v, order) + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
   const bool currents = slow && (tests || due);
   current_look(c, slow, currents, v->several || slow || next == GROUP_SPEED);
   if (__builtin_expect(order->state != STATE_RUNNING || order->state_ticks == 0u, 0)) {

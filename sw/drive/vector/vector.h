@@ -19,7 +19,9 @@
 // seen then counts every correction made, and the next one, committed now, takes effect at tick k + 1.
 //
 // Regulator gains and observer gains follow the speed by vector_design, 300 times a second outside of the control step.
-// What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision.
+// What may be slow goes in turns, every VECTOR_GROUPS ticks: speed regulator, field weakening, limits, supervision. With
+// injection a tick whose set has not been taken keeps its turn, else a step that is late every second time would leave out
+// the same turns for ever.
 #ifndef FL_VECTOR_H
 #define FL_VECTOR_H
 
@@ -199,6 +201,8 @@ typedef struct vector {
   bool index_jumped;        // more than 45 degrees from the angle of the alignment
   bool encoder_right;       // the EMF has agreed with it
   wiring_t wiring;
+  uint32_t late_ticks;            // with injection: whose set was not taken, their turn comes again
+  bool late;                      // this one
   bool tests;                     // the wiring: every snapshot shall have the phase currents
   vector_injection_t *injection;  // 0: none
 } vector_t;
@@ -207,6 +211,11 @@ typedef struct vector {
 // The slow protection is for the core's load slower than the groups.
 #define VECTOR_LOOK_TICKS (16u * VECTOR_GROUPS)
 #define VECTOR_LOOK_AT 3u  // the group of the supervision
+
+// The tick by which what may be slow has its turn.
+static inline uint32_t vector_turn_tick(const vector_t *v, const order_t *order) {
+  return ((HELD & HELD_INJECTION) != 0) ? order->tick - v->late_ticks : order->tick;
+}
 
 // The record from the parameters; order and settings: where they will be.
 void vector_init(vector_t *v, const parameters_t *p, const order_t *order, const settings_t *settings);
