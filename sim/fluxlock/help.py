@@ -9,11 +9,9 @@ import inspect
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 import typer
 import typer.core
-import typer.rich_utils
 from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
@@ -23,7 +21,7 @@ from fluxlock.base.paths import shipped
 RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY = "Run", "Motor", "Live bus", "Board", "Theory", "Verify"
 GROUPS = (RUN, MOTOR, LIVE, BOARD, THEORY, VERIFY)
 Command = typer.core.TyperCommand | typer.core.TyperGroup
-WIDE_HELP = typer.rich_utils.rich_format_help
+WIDE_HELP = [(kind, kind.format_help) for kind in (typer.core.TyperCommand, typer.core.TyperGroup)]
 NARROW = 60  # columns; below it a table of options would cut their names
 
 
@@ -83,19 +81,23 @@ def narrow_help(command: Command, ctx: typer.Context, width: int) -> None:
         console.print(Text.from_markup(command.epilog))
 
 
-def any_width_help(*, obj: Command, ctx: typer.Context, markup_mode: Literal["markdown", "rich"]) -> None:
-    """Print the help of a command: typer's tables where there is room for them, else a list."""
-    width = shutil.get_terminal_size().columns
-    if width < NARROW:
-        narrow_help(obj, ctx, width)
-    else:
-        WIDE_HELP(obj=obj, ctx=ctx, markup_mode=markup_mode)
+def any_width(wide: Callable[..., None]) -> Callable[..., None]:
+    """What prints the help of a command: typer's tables where there is room for them, else a list."""
+
+    def format_help(command: Command, ctx: typer.Context, formatter: object) -> None:
+        width = shutil.get_terminal_size().columns
+        if width < NARROW:
+            narrow_help(command, ctx, width)
+        else:
+            wide(command, ctx, formatter)
+
+    return format_help
 
 
 def fit_help() -> None:
-    """From here on typer's help fits the terminal."""
-    # Typer types the function by base classes that it does not export: the checker cannot see that ours fits.
-    typer.rich_utils.rich_format_help = any_width_help  # type: ignore[assignment]
+    """From here on typer's help fits the terminal. Its tables are slow to load: that waits until one is asked for."""
+    for kind, wide in WIDE_HELP:
+        kind.format_help = any_width(wide)  # type: ignore[method-assign]  # typer has no other place for it
 
 
 def complete_toml(folder: str) -> Callable[[str], list[str]]:
