@@ -19,12 +19,14 @@ from importlib import import_module
 from numbers import Real
 from pathlib import Path
 from traceback import extract_tb
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.results.rundata import SimulationFault
+
+if TYPE_CHECKING:  # slow to load: the simulator's process, whose plans name PythonLoad, needs nothing of it
+    from fluxlock.config import Scenario
 
 NAME = "load_nm"
 PERIOD_CYCLES = 1_000  # of the chip's clock, 20 us
@@ -80,12 +82,16 @@ class PythonLoad:
 
 def check_rotor(scenario: Scenario) -> None:
     """ConfigError where no load acts: the rotor is not free."""
+    from fluxlock.config import ConfigError
+
     if scenario.mechanics.mode != "free":
         text = f'a rotor that is "{scenario.mechanics.mode}" has no load: leave {NAME} out'
         raise ConfigError([scenario.sources.problem("mechanics.mode", text)])
 
 
 def _refuse(text: str) -> None:
+    from fluxlock.config import ConfigError, Problem
+
     raise ConfigError([Problem(NAME, "", text)])
 
 

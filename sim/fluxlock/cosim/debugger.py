@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from fluxlock.config import ConfigError, Problem
 from fluxlock.headers import CData
 
 OPTION = "--gdb"
@@ -118,6 +117,8 @@ def gdb_server(text: str) -> GdbServer:
 
 def open_port(text: str) -> socket.socket:
     """The socket of `--gdb [HOST]:PORT`, which does not listen yet; port 0: a free one."""
+    from fluxlock.config import ConfigError, Problem  # slow to load, and the simulator has no use for it
+
     host, colon, port = text.rpartition(":")
     if not colon or not (port.isascii() and port.isdigit()) or int(port) > 65535:
         raise ConfigError([Problem(OPTION, text, "must be [HOST]:PORT, for instance :3333")])

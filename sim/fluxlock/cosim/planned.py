@@ -9,8 +9,12 @@ draining (`Session.advance`).
 
 from __future__ import annotations
 
+import gc
 import os
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cocotb
@@ -21,6 +25,36 @@ from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.plan import PLAN_ENV, RECORDING_FILE, ConversationError, Dialogue, SessionPlan
 from fluxlock.cosim.session import BOOT_CYCLES, LISTEN_CYCLES, REPLY_S, ConsoleSilent, PlantFault, Session
 from fluxlock.results.rundata import SimulationFault
+
+# What numba loads when it is there, for linear algebra and for reports of coverage: a quarter of a second.
+FOR_NUMBA = ("scipy", "coverage")
+
+
+@contextmanager
+def numba_alone() -> Iterator[None]:
+    """The plant's kernel is all that is compiled here: meanwhile numba does not find what it takes for other code.
+
+    Nor is garbage sought: what is loaded stays.
+    """
+    gc.disable()
+    absent = [name for name in FOR_NUMBA if name not in sys.modules]
+    for name in absent:
+        sys.modules[name] = None  # type: ignore[assignment]  # which makes its import fail
+    try:
+        yield
+    finally:
+        for name in absent:
+            del sys.modules[name]
+        gc.freeze()
+        gc.enable()
+
+
+def session_of(plan: SessionPlan) -> Session:
+    """Of a plan; a load of the user's own may use numba as it likes."""
+    if plan.own_load is not None:
+        return Session(plan)
+    with numba_alone():
+        return Session(plan)
 
 
 async def run(session: Session) -> None:
@@ -104,7 +138,7 @@ async def ask_statistics(session: Session) -> None:
 async def drive(dut: object) -> None:
     """Run the plan named by the environment."""
     end_with_parent()
-    session = Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
+    session = session_of(SessionPlan.load(Path(os.environ[PLAN_ENV])))
     fault: str | None = None
     try:
         await run(session)

@@ -165,12 +165,15 @@ def objects() -> list[Setting]:
 
 def check_uses(sources: Iterable[Path], settings: tuple[Setting, ...] | None = None) -> None:
     """SettingsError names the settings that no C source takes from settings_t. The compiler names the reverse."""
-    texts = [path.read_text(encoding="utf-8") for path in sources if path.suffix == ".c" and path.name != "settings.c"]
+    uses: set[tuple[str, str]] = set()  # a struct or a pointer to it, and its member
+    for path in sources:
+        if path.suffix == ".c" and path.name != "settings.c":
+            uses.update(re.findall(r"\b(\w+)(?=(?:\.|->)(\w+))", path.read_text(encoding="utf-8")))
     unused = []
     for setting in settings or load_settings():
-        names = [declaration.split()[-1] for declaration in setting.members]
-        use = re.compile(rf"\b(?:settings|s|{setting.group or 's'})(?:\.|->)(?:{'|'.join(names)})\b")
-        if names and not any(use.search(text) for text in texts):
+        members = [declaration.split()[-1] for declaration in setting.members]
+        holders = ("settings", "s", setting.group or "s")
+        if members and uses.isdisjoint((holder, member) for holder in holders for member in members):
             unused.append(setting.name)
     if unused:
         raise SettingsError(f"{SETTINGS_FILE}: no C source uses the setting {', '.join(unused)}")
