@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from fluxlock.canopen.dictionary import Entry
@@ -36,12 +37,16 @@ class Aborted(Exception):
     """The server has aborted; args[0] is the code."""
 
 
+# Once a process: whether its sources have changed takes as long to see as a test.
+library = cache(build_canopen_library)
+
+
 class NodeBench:
     """Motor, drive and node. Time goes on with `run` only."""
 
     def __init__(self, **keys: Any) -> None:
         drive = keys.pop("drive", DRIVE)
-        self.bench = Bench(drive=drive, library=build_canopen_library(), **keys)
+        self.bench = Bench(drive=drive, library=library(), **keys)
         self.drive = NativeDrive(self.bench, NODE)
         self.node = self.drive.node
         self.frames: list[Frame] = []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import tomllib
 import zlib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -237,6 +237,7 @@ def _with_mapping(item: Object, mapped: list[Entry]) -> Object:
     return Object(item.index, item.name, item.kind, item.text, tuple(entries))
 
 
+@cache
 def load_dictionary(path: Path = OBJECTS_FILE) -> Dictionary:
     """Read the source; DictionaryError if it contradicts itself."""
     with path.open("rb") as file:

@@ -9,7 +9,7 @@ import tomllib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -111,6 +111,7 @@ def _entries(listed: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
             yield entry
 
 
+@cache
 def load_schema(path: Path = SCHEMA_FILE) -> Schema:
     """Read the schema file."""
     with path.open("rb") as file:
