@@ -6,8 +6,17 @@
 #include "control/placement.h"
 
 // After a commutation the filter shows the pair before it; fewer ticks tell too little.
-#define TICKS_LEFT_OUT 4u
-#define TICKS_MIN 7u
+#define TICKS_LEFT_OUT 2u
+#define TICKS_MIN 4u
+// Voltage that stands apart over what each other pair loses of it.
+#define LEARN 32
+
+// To a pair, half of it from each other one: their mean stays 0.
+static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_v_q25) {
+  for (uint32_t k = 0; k < PAIRS; k++) {
+    e->more_v_q25[k] += (k == pair) ? 2 * half_v_q25 : -half_v_q25;
+  }
+}
 
 // The sector that ended.
 static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {
@@ -23,9 +32,8 @@ static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {
     e->sectors++;
     e->mean_i_q25 = i_q17 * 256;
   } else {
-    int32_t *more_v_q25 = &e->more_v_q25[(e->commutations + PAIRS - 1u) % PAIRS];
     const int32_t apart_v_q17 = e->sector_v_q17[0] - (e->sector_v_q17[1] + v_q17) / 2;
-    *more_v_q25 += (apart_v_q17 * 512 / 3 - *more_v_q25) / 8;
+    share_out(e, (e->commutations + PAIRS - 1u) % PAIRS, apart_v_q17 * (256 / LEARN));
     e->mean_i_q25 = (e->sector_i_q17[0] + e->sector_i_q17[1] + i_q17) / 3 * 256;
   }
   e->sector_v_q17[1] = e->sector_v_q17[0];

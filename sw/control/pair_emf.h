@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // What the EMF of each conducting pair has more than the mean of the three: phases of unequal flux would else make the
-// current, and a light rotor's speed, swing twice a turn. From the mean over the sector, of voltage and current:
+// current, and a light rotor's speed, swing twice a turn. From the mean over the sector, of current and of the voltage
+// without its part for the pair:
 //
 //   v = u - R i - L di/dt - k_e^2/J * integral of (i - mean i)      the last term: the rotor swings with the current
-//   m = 2/3 (v of the sector - mean v of the sectors beside it)     what falls or rises over all three cancels
-//   more += (m - more) / 8
+//   m = v of the sector - mean v of the sectors beside it           what falls or rises over all three cancels
+//   more += m / 16, of the two others -= m / 32                     until m is 0: a lag or a wrong L only delays it
 #ifndef FL_PAIR_EMF_H
 #define FL_PAIR_EMF_H
 
@@ -39,8 +40,8 @@ typedef struct {
   int32_t mean_i_q25;
 } pair_emf_t;
 
-// Once a tick, while a sector lasts a few. u: told in this tick; i: of the pair, behind a filter that takes this shift of
-// what is new; commutations: counted so far. About 120 clocks, 250 after a commutation.
+// Once a tick, while a sector lasts a few. u: told in this tick, without more and the EMF's shape; i: of the pair, behind a
+// filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, 250 after a commutation.
 void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t i_q25, int32_t filter_shift,
                    uint32_t commutations);
 

@@ -22,6 +22,8 @@
 // EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
 #define ROUND_Q16 36608
 #define ROUND_STEP_MAX_Q16 8192
+// Trim of a firm drive over what a speed over the turn allows.
+#define FIRM_TRIM 3
 // Fewest ticks of the lag: a measured speed is taken at most every second tick.
 #define LAG_MAX_Q16 21845
 // The ramp's last steps.
@@ -163,8 +165,10 @@ static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int
   if (view->settings->current_loop) {
     g->current = (pi_gains_t){p->current_kp, {mul_q16(mant, p->current_wt_q16), shift}};
   } else {
-    // The speed is a mean over a turn: a trim must not be quicker than it.
-    g->current = (pi_gains_t){p->trim_kp, {mul_q16(g->trim.ki.mant, g->scale_q16), shift}};
+    // The speed is a mean over a turn: a trim must not be quicker than it. A firm drive's reference has the late speed,
+    // the measured current the speed of now: the trim takes part of the EMF line's hold away.
+    const int32_t slow_q16 = holds_firm(view) ? g->scale_q16 / FIRM_TRIM : g->scale_q16;
+    g->current = (pi_gains_t){p->trim_kp, {mul_q16(g->trim.ki.mant, slow_q16), shift}};
   }
 }
 
@@ -297,6 +301,7 @@ COLD static void preset(regulate_t *r, const pwm_t *pwm, const six_step_view_t *
   r->reference_i_q25 = i_q25;
   r->expected_i_q25 = i_q25;
   r->flowing_i_q25 = i_q25;
+  r->counted_i_q25 = i_q25;
   pi_preset(&r->speed_pi, g->speed.kp, 0, 0, i_q25);
   pi_preset(&r->current_pi, g->current.kp, 0, emf_v_q25 + gain_apply(i_q25, g->resistance), pwm->u_v_q25);
 }
@@ -338,7 +343,7 @@ HOT static void apply(const regulate_t *r, pwm_t *pwm, const six_step_view_t *vi
                       int32_t u_v_q25) {
   const settings_t *settings = view->settings;
   const bool linear = settings->linearity && in->restarts;
-  const pwm_demand_t demand = {u_v_q25, r->reference_i_q25, in->longest_cycles, r->scheduled.boundary,
+  const pwm_demand_t demand = {u_v_q25, r->counted_i_q25, in->longest_cycles, r->scheduled.boundary,
                                linear ? &r->scheduled.linearity : 0, r->scheduled.dead_steep};
   pwm_from_demand(pwm, view, &demand, r->rectifies);
 }
@@ -399,6 +404,13 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   }
 }
 
+// The current that dead times are counted for. A firm drive's reference swings with a late speed by what does not flow:
+// it has to leave the last one by a good part of the boundary's current, else dead times come and go with it.
+HOT static void count_dead_times(regulate_t *r, const six_step_view_t *view) {
+  const int32_t play_i_q25 = holds_firm(view) ? r->scheduled.boundary.current_i_q25 / 4 * 3 : 0;
+  r->counted_i_q25 = clamp_i32(r->counted_i_q25, r->reference_i_q25 - play_i_q25, r->reference_i_q25 + play_i_q25);
+}
+
 // Upper bound of the voltage by the currents. One that the slew does not let the voltage reach need not be known: the bound
 // is higher than without a margin while there is one.
 HOT static int32_t bound_by_current(const regulate_t *r, const limiter_gains_t *gains, int32_t emf_v_q25,
@@ -451,7 +463,8 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   // Where a sector has only few ticks the inductance evens the EMF out.
   const bool follows = m->place_step_q16 <= ROUND_STEP_MAX_Q16;
   const bool by_pair = follows && holds_firm(view);
-  const int32_t emf_v_q25 = mean_v_q25 + (follows ? rounding_v_q25(view, mean_v_q25) : 0) + (by_pair ? pair_v_q25(r, m) : 0);
+  const int32_t shape_v_q25 = (follows ? rounding_v_q25(view, mean_v_q25) : 0) + (by_pair ? pair_v_q25(r, m) : 0);
+  const int32_t emf_v_q25 = mean_v_q25 + shape_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
@@ -498,7 +511,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
   if (by_pair) {
     const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
-    pair_emf_step(&r->pair_emf, &pair, output, m->line_i_q25, p->loop_filter_shift, m->commutations);
+    pair_emf_step(&r->pair_emf, &pair, output - shape_v_q25, m->line_i_q25, p->loop_filter_shift, m->commutations);
   } else {
     pair_emf_pause(&r->pair_emf);
   }
@@ -607,6 +620,7 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
   lead_rotor(r, view);
   follow_ramp(r, m);
   reference_step(r, view, acceleration_i_q25, target_rpm_q8);
+  count_dead_times(r, view);
   r->rectifies = rectifies(r, view);
   apply(r, pwm, view, in, voltage_step(r, pwm, view));
   if (pwm->at_least) {

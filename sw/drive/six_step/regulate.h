@@ -76,6 +76,7 @@ typedef struct {
   pair_emf_t pair_emf;
   int32_t expected_i_q25;  // the reference behind the filter of the measured current
   int32_t flowing_i_q25;   // the same behind the lag of the current
+  int32_t counted_i_q25;   // what dead times are counted for
   int32_t saturated;  // the current regulator's voltage was at its upper limit: 1, at its lower one: -1
   limiter_t limiter;
   int32_t rotor_rpm_q8;   // the ramp behind the lag of the current
