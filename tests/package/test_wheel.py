@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.base.paths import ROOT
+from fluxlock.base.paths import BUILD, ROOT
 
 
 class Installed:
@@ -30,6 +30,11 @@ class Installed:
             folder.mkdir()
         with zipfile.ZipFile(wheel) as file:
             file.extractall(self.site)
+        # Verilator's runtime is none of the package: the checkout's own is taken, where there is one.
+        cache = Path(self.python("-c", "import fluxlock.base.paths as p; print(p.BUILD)").stdout.strip())
+        cache.mkdir(parents=True)
+        (BUILD / "runtime").mkdir(parents=True, exist_ok=True)
+        (cache / "runtime").symlink_to(BUILD / "runtime")
 
     def __call__(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run `fluxlock` with arguments."""
@@ -38,6 +43,8 @@ class Installed:
     def python(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run Python with arguments in the empty folder."""
         env = {"PATH": os.environ["PATH"], "HOME": str(self.home), "PYTHONPATH": str(self.site), **environment}
+        # Where Python keeps what it has compiled of the dependencies.
+        env |= {name: os.environ[name] for name in ("PYTHONPYCACHEPREFIX",) if name in os.environ}
         command = [sys.executable, *arguments]
         return subprocess.run(command, cwd=self.here, env=env, capture_output=True, text=True, check=False, timeout=600)
 
