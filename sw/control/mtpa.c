@@ -6,7 +6,9 @@
 #include "control/placement.h"
 #include "control/trig.h"
 
-HOT complex_t mtpa_current_i_q25(int32_t amplitude_i_q25, int32_t ratio_i_q25) {
+SMALL_CODE_BEGIN
+
+SHARED complex_t mtpa_current_i_q25(int32_t amplitude_i_q25, int32_t ratio_i_q25) {
   if (ratio_i_q25 == 0 || amplitude_i_q25 == 0) {
     return (complex_t){0, amplitude_i_q25};
   }
@@ -17,3 +19,5 @@ HOT complex_t mtpa_current_i_q25(int32_t amplitude_i_q25, int32_t ratio_i_q25) {
   const int32_t rest = (int32_t)sqrt_u64(square - (uint64_t)((int64_t)weaken * weaken));
   return (complex_t){(ratio_i_q25 > 0) ? -weaken : weaken, (amplitude_i_q25 > 0) ? rest : -rest};
 }
+
+SMALL_CODE_END

@@ -138,3 +138,43 @@ def test_open_phase_is_found(lib: CData, phases: int) -> None:
             assert abs(theta - begun) < 0.75 * TURN, SEED
         assert mask == 1 << lost | 1 << second, SEED
     print(f"seed {SEED}: found within {math.degrees(largest):.0f} degrees")
+
+
+def by_rest(phases: int, ratio: float, axis: float, amplitude: float, lost: int | None) -> list[list[float]]:
+    """Amplitudes of the phase currents under waves at 0 and an eighth turn; ratio: of the axes' inductances."""
+    step = TURN / phases
+
+    def conductance(x: float, y: float) -> float:
+        return math.cos(x - axis) * math.cos(y - axis) + math.sin(x - axis) * math.sin(y - axis) / ratio
+
+    found = []
+    for wave in (0.0, TURN / 8):
+        i = [amplitude * conductance(wave, k * step) for k in range(phases)]
+        if lost is not None:
+            # Its terminal goes along until no current is left.
+            push = i[lost] / conductance(lost * step, lost * step)
+            i = [x - push * conductance(lost * step, k * step) for k, x in enumerate(i)]
+        found.append(i)
+    return found
+
+
+@pytest.mark.parametrize("phases", [3, 5])
+def test_phases_of_a_rotor_at_rest(lib: CData, phases: int) -> None:
+    """Two waves, a machine with axes of 1 to 3.5 anywhere, sensors with an offset: none, or the one that is open.
+
+    The currents of both axes are at least 20 times the noise.
+
+    Verifies: INJC-20
+    """
+    rng = Random(SEED)
+    print(f"seed {SEED}")
+    for life in range(400):
+        lost = None if life % 2 else rng.randrange(phases)
+        ratio, axis, amplitude = rng.uniform(1.0, 3.5), rng.uniform(0.0, TURN / 2), rng.uniform(0.01, 0.08)
+        state = new("open_phase_t")
+        for wave, i in enumerate(by_rest(phases, ratio, axis, ratio * amplitude, lost)):
+            for sign in (1, -1) * 60:
+                codes = [round((sign * x + 0.0001 * k) * FULL_Q17 + rng.gauss(0, 64)) for k, x in enumerate(i)]
+                lib.open_phase_note(state, [*codes, *[0] * (5 - phases)], phases, wave)
+        found = lib.open_phase_judge(state, phases)
+        assert found == (0 if lost is None else 1 << lost), (life, lost, ratio, math.degrees(axis), amplitude)

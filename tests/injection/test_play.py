@@ -126,7 +126,7 @@ def test_load_written_in_python() -> None:
 @pytest.mark.parametrize(
     ("keys", "text"),
     [
-        ({"event": [{"at_s": 0.1, "fault": {"kind": "open_phase", "phases": ["A"]}}]}, r"event\[0\]\.fault"),
+        ({"event": [{"at_s": 0.1, "fault": {"kind": "stuck_high", "phases": ["A"]}}]}, r"event\[0\]\.fault"),
         ({"inverter.supply_diode": True}, "supply_diode"),
     ],
 )

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,44 @@ def test_rotor_that_is_held_jumps_by_half_a_turn(name: str) -> None:
     life.run(0.1)
     assert life.fault == "angle_lost"
     assert life.fault_s - jumped_s <= NAMED_S
+
+
+@pytest.mark.parametrize("file", [IPM, YU, *RIGHT])
+@pytest.mark.parametrize("phase", [0, 1, 2])
+def test_phase_that_is_open_before_the_start(file: Path | str, phase: int) -> None:
+    """The search's two waves tell it from a salient rotor: its name, and the rotor has not moved.
+
+    Verifies: INJC-20
+    """
+    scenario = load_scenario(file) if isinstance(file, Path) else scenario_of(file)
+    life = InjectionRun(scenario)
+    life.chip.open_phase(phase)
+    assert not life.start()
+    assert life.fault == "open_phase"
+    assert life.chip.fw.command("get open_phases")[0] == f"open_phases {'ABC'[phase]}"
+    assert life.searched_deg() <= SEARCHED_DEG
+
+
+@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("share", [0.02, 0.3])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_phase_that_opens_while_the_drive_runs(name: str, share: float, phase: int) -> None:
+    """Whatever shows first, its name or that of what it does to the HF current, no drive goes on as if it ran.
+
+    Verifies: INJC-20
+    """
+    scenario = scenario_of(name)
+    life = InjectionRun(scenario, target_rpm=share * scenario.motor.max_speed_rpm)
+    assert life.start()
+    life.run(0.3)
+    assert life.fault == "none"
+    opened_s = life.chip.now
+    life.chip.open_phase(phase)
+    life.run(0.5)
+    names = ("open_phase", "no_saliency", "injection_signal", "injection_noise", "phase_over_current")
+    # A rotor that still coasts is not searched yet.
+    assert life.fault in names or life.chip.fw.state == "starting", (life.fault, life.chip.fw.state)
+    assert life.wrong_deg(opened_s) <= WRONG_DEG
 
 
 @pytest.mark.parametrize("late_every", [2, 3, 4, 5])

@@ -281,7 +281,9 @@ def test_late_steps(every: int, late: bool) -> None:
     lines = verdict(data, scenario(f"duration_s={DURATION_S}", file="vector/start.toml", base=VECTOR)).lines
     found = [line for line in lines if "the control step is too late" in line]
     assert bool(found) is late, lines
-    assert not late or re.search(r"from 0\.0\d\d s on \d+ % of its voltages missed their update; .*observer_every", found[0])
+    assert not late or re.search(
+        r"from 0\.0\d\d s on \d+ % of its voltages missed their update; .*observer_every", found[0]
+    )
 
 
 def test_a_lagging_speed_is_no_lost_angle() -> None:

@@ -46,7 +46,7 @@ class Twin(Played):
         return False
 
     def _missing(self, fault: Fault) -> str:
-        why = not_played(fault, self.scenario.mechanics, self.play.faults)
+        why = not_played(fault, self.scenario.mechanics)
         return f"{why}; `fluxlock live SCENARIO --chip` has it" if why else ""
 
     def _carry_out(self, event: Event) -> None:

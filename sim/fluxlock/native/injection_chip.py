@@ -141,6 +141,10 @@ class InjectionChip:
         """Noise of the converter's codes, rms."""
         self.converter = self.converter._replace(noise_lsb=lsb)
 
+    def open_phase(self, phase: int | None) -> None:
+        """A leg loses the machine; None: no one has."""
+        self.converter = self.converter._replace(lost=-1 if phase is None else phase)
+
     def get(self, name: str) -> int:
         """Value of a register."""
         return int(self.fw.registers[self.fw.index(name)])

@@ -17,18 +17,17 @@ import numpy as np
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.native.injection_chip import InjectionChip
-from fluxlock.native.play import FAULTS, LEAST_LINK_V, ScenarioPlay, Taken, common_refusals, problems_of
+from fluxlock.native.play import LEAST_LINK_V, ScenarioPlay, Taken, common_refusals, problems_of
 from fluxlock.plant.trajectory import wave_dtype
 from fluxlock.results.rundata import PLANT_EVENT_DTYPE, LogKind, RecordArray, RunData
 
 CHUNK_S = 0.01
 ENDLESS = 2**62  # samples
-PLAYED = tuple(kind for kind in FAULTS if kind != "open_phase")
 
 
 def refusals(scenario: Scenario) -> list[Problem]:
     """What of a scenario with injection the twin is not, by name."""
-    found = common_refusals(scenario, PLAYED) | {
+    found = common_refusals(scenario) | {
         "motor.phases": False,
         "motor.saturation": False,
         "drive.vector.angle": scenario.drive.vector.angle == "encoder"
@@ -43,8 +42,6 @@ class Play(ScenarioPlay):
     """One run of a scenario with injection on the twin."""
 
     chip: InjectionChip
-
-    faults = PLAYED
 
     def __init__(self, scenario: Scenario, seed: int, kept_s: float | None = None) -> None:
         super().__init__(scenario, seed)
@@ -73,7 +70,8 @@ class Play(ScenarioPlay):
         """Change the supply; `advance` takes off what its resistance drops."""
 
     def open_phase(self, phase: int | None) -> None:
-        """No leg is lost here: `refusals` names that fault."""
+        """A leg loses the machine; None: no one has."""
+        self.chip.open_phase(phase)
 
     def set_locked(self, on: bool) -> None:
         """The rotor stands at once and stays, or is free."""

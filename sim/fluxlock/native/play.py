@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +36,10 @@ FAULTS = ("open_phase", "fault_pin", "stuck_rotor", "noisy_channels", "clear")
 PHASES = "ABC"
 
 
-def not_played(fault: Fault, mechanics: Mechanics, played: tuple[str, ...] = FAULTS) -> str | bool:
-    """Why a native drive that plays these faults has not this one; False: it has."""
-    if fault.kind not in played:
-        return f"the native program has no {fault.kind}, it has: {', '.join(played)}"
+def not_played(fault: Fault, mechanics: Mechanics) -> str | bool:
+    """Why a native drive has not this fault; False: it has."""
+    if fault.kind not in FAULTS:
+        return f"the native program has no {fault.kind}, it has: {', '.join(FAULTS)}"
     if len(fault.phases or ()) > 1 or not set(fault.phases or ()) <= set(PHASES):
         return f"the native program opens one phase of {', '.join(PHASES)}"
     if fault.kind == "stuck_rotor" and mechanics.mode != "free":
@@ -47,7 +47,7 @@ def not_played(fault: Fault, mechanics: Mechanics, played: tuple[str, ...] = FAU
     return False
 
 
-def common_refusals(scenario: Scenario, played: tuple[str, ...] = FAULTS) -> dict[str, str | bool]:
+def common_refusals(scenario: Scenario) -> dict[str, str | bool]:
     """What no native drive is, a text by key; False: the scenario does not ask for it."""
     motor, inverter = scenario.motor, scenario.inverter
     return {
@@ -60,7 +60,7 @@ def common_refusals(scenario: Scenario, played: tuple[str, ...] = FAULTS) -> dic
         "inverter.sensing": bool(inverter.sensing.sources) and "the native program's sensors are wired right",
         "can": scenario.can is not None and "a scenario that is played has no bus; leave [can] out",
         **{
-            f"event[{k}].fault": not_played(event.fault, scenario.mechanics, played)
+            f"event[{k}].fault": not_played(event.fault, scenario.mechanics)
             for k, event in enumerate(scenario.event)
             if event.fault is not None
         },
@@ -121,9 +121,8 @@ class NativeChip(Protocol):
 
 
 class ScenarioPlay(ABC):
-    """One run of a scenario on a native drive. faults: those that it plays."""
+    """One run of a scenario on a native drive."""
 
-    faults: ClassVar[tuple[str, ...]] = FAULTS
     chip: NativeChip
 
     def __init__(self, scenario: Scenario, seed: int) -> None:

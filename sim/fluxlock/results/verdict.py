@@ -269,8 +269,9 @@ class Judge:
         if not share.size or share.max() <= LATE_SHARE:
             return []
         at_s = self.time_s[before[int(np.argmax(share > LATE_SHARE))]]
-        line = f"the control step is too late: from {at_s:.3f} s on {100.0 * share.max():.0f} % of its voltages missed their"
-        return [Finding("", f"{line} update; give it more time: raise drive.vector.observer_every, lower drive.carrier_hz")]
+        line = f"the control step is too late: from {at_s:.3f} s on {100.0 * share.max():.0f} % of its voltages missed"
+        remedy = "give it more time: raise drive.vector.observer_every, lower drive.carrier_hz"
+        return [Finding("", f"{line} their update; {remedy}")]
 
     def _unslowed(self) -> str:
         """Of a drive that is still stopping: that its rotor has become no slower, if that is so."""

@@ -430,6 +430,9 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   };
   j->settings.limit_i_q25 = vector_open_phase_limit_i_q25(v);
   const bool resting = j->frame.resting;
+  if (__builtin_expect(resting, 0)) {
+    vector_open_phase_listen(v, in);
+  }
   j->command = injection_frame_step(&j->frame, &j->settings, &given);
   if (__builtin_expect(resting && !j->frame.resting, 0)) {
     learn_saliency(j);

@@ -75,6 +75,9 @@ void vector_injection_off(vector_t *v);
 // One control step; about 3000 clocks with I/Q sums, 3500 with the EMF observer.
 outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in);
 
+// A step of the search: takes the phase currents under its two waves.
+void vector_open_phase_listen(vector_t *v, const chip_snapshot_t *in);
+
 // Looks for open phases.
 outcome_t vector_open_phase_step(vector_t *v, const chip_snapshot_t *in);
 

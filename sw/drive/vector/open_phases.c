@@ -40,10 +40,18 @@ COLD static outcome_t found(vector_t *v) {
   return outcome_passing(outcome_of(EVENT_STAY), FAULT_OPEN_PHASE);
 }
 
+COLD void vector_open_phase_listen(vector_t *v, const chip_snapshot_t *in) {
+  if (vector_open_phase_listens(v) && v->command.look.slow && v->command.look.currents) {
+    open_phase_note(&v->injection->open, in->i_q17, PHASES, v->injection->frame.rest.phase);
+  }
+}
+
 HOT outcome_t vector_open_phase_step(vector_t *v, const chip_snapshot_t *in) {
   vector_injection_t *j = v->injection;
   if (j->frame.resting) {
-    return outcome_of(EVENT_STAY);  // the frame turns, not the rotor
+    // The frame turns, not the rotor: the search's two waves tell.
+    const bool told = !vector_open_phase_listens(v) && j->frame.rest.phase != REST_NO_SIGNAL;
+    return (told && open_phase_judge(&j->open, PHASES) != 0u) ? stop(v) : outcome_of(EVENT_STAY);
   }
   const open_phase_settings_t settings = {
       .share_q16 = SHARE_Q16,

@@ -51,6 +51,11 @@ static inline bool vector_frame_is_injected(const vector_t *v) {
   return (HELD & HELD_INJECTION) != 0 && v->frame == FRAME_INJECTED;
 }
 
+// The search applies its two waves: the phase currents tell whether there is an open one.
+static inline bool vector_open_phase_listens(const vector_t *v) {
+  return v->injection->frame.resting && v->injection->frame.rest.phase < REST_LOCK;
+}
+
 // Electrical angle of the rotor by the encoder.
 static inline uint32_t encoder_angle_q32(const vector_t *v) { return v->encoder_turn_q32 + v->encoder_offset_q32; }
 

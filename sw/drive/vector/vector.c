@@ -530,7 +530,8 @@ INLINED void vector_finish(vector_t *v, const order_t *order) {
     v->late_ticks += v->late ? 1u : 0u;
   }
   const uint32_t next = (vector_turn_tick(v, order) + 1u) % VECTOR_GROUPS;
-  const bool tests = __builtin_expect(v->tests, 0);
+  const bool listens = vector_frame_is_injected(v) && vector_open_phase_listens(v);
+  const bool tests = __builtin_expect(v->tests || listens, 0);
   const bool slow = v->frame == FRAME_OFF || next == GROUP_SUPERVISION || tests;
   const bool due = vector_injects(v) || (vector_turn_tick(v, order) + 1u) % VECTOR_LOOK_TICKS == GROUP_SUPERVISION;
   const bool currents = slow && (tests || due);

@@ -75,7 +75,7 @@ class InverterSet(NamedTuple):
     model: the known HF current is moved on instead. edges: the currents at the same edges, extrapolated from one and
     two injection periods before, with switched. lsb: of the current, A (0: no converter); full_scale and noise in LSB;
     average: converter samples a current sample. switched: every edge at its instant instead of mean voltages, with the
-    ripple of the carrier.
+    ripple of the carrier. lost: leg that has lost the machine with mean voltages, -1: none.
     """
 
     vdc: float
@@ -92,6 +92,7 @@ class InverterSet(NamedTuple):
     average: int
     switched: int
     edges: int
+    lost: int = -1
 
 
 def machine_set(motor: Motor, saturated: bool = True, viscous: float | None = None) -> MachineSet:
@@ -269,6 +270,40 @@ def step_on(
 
 
 @compiled
+def hold_open(
+    m: MachineSet,
+    inv: InverterSet,
+    state: FloatArray,
+    v: FloatArray,
+    h: float,
+    load: float,
+    coulomb: float,
+    imposed: float,
+    cosine: FloatArray,
+    sine: FloatArray,
+    room: FloatArray,
+) -> None:
+    """Turn the voltages v of a step into those with which the lost leg's current is 0 after it.
+
+    The terminal finds its voltage by itself; the current follows it in proportion but for the saturation within a step.
+    """
+    n, k = m.phases, inv.lost
+    planes = 2 if n == 5 else 1
+    left = np.zeros(2)
+    for trial in range(2):
+        tried, pushed = state.copy(), v.copy()
+        for plane in range(planes):
+            pushed[2 * plane] += trial * inv.vdc * cosine[plane, k]
+            pushed[2 * plane + 1] += trial * inv.vdc * sine[plane, k]
+        step_on(m, tried, pushed, h, load, coulomb, imposed, room)
+        left[trial] = phase_current(tried[:4], tried[THETA_AT], planes, cosine, sine, k)
+    push = inv.vdc * left[0] / (left[0] - left[1])
+    for plane in range(planes):
+        v[2 * plane] += push * cosine[plane, k]
+        v[2 * plane + 1] += push * sine[plane, k]
+
+
+@compiled
 def switched(
     m: MachineSet,
     inv: InverterSet,
@@ -396,6 +431,8 @@ def advance(
             for plane in range(planes):
                 v[2 * plane] += share * cosine[plane, x] * u
                 v[2 * plane + 1] += share * sine[plane, x] * u
+        if inv.lost >= 0:
+            hold_open(m, inv, state, v, h, load, coulomb, imposed, cosine, sine, room)
         step_on(m, state, v, h, load, coulomb, imposed, room)
 
 
