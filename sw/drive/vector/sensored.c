@@ -168,14 +168,15 @@ static uint32_t wrong_v_q25(const vector_t *v) {
 }
 
 // An encoder whose angle is not that of the EMF, by more than 45 degrees, or whose speed is over twice that of the EMF. Each
-// where there is an EMF to see, or to miss.
+// where there is an EMF to see, by its size and by the encoder's speed, or to miss: of a rotor that stands the observer
+// shows what the dead time leaves.
 COLD static outcome_t judge_angle(vector_t *v, uint32_t expected_v_q25) {
   const complex_t emf_v_q25 = v->observer.emf_v_q25;
   const uint32_t half_v_q25 = v->report.vector.emf_v_q25 / 2u;
   const uint32_t least_v_q25 = wrong_v_q25(v);
   const int32_t ahead_v_q25 = (v->direction > 0) ? emf_v_q25.im : -emf_v_q25.im;
   const bool missing = expected_v_q25 / 2u > least_v_q25 && half_v_q25 < expected_v_q25 / 4u;
-  const bool seen = half_v_q25 > least_v_q25 || missing;
+  const bool seen = (half_v_q25 > least_v_q25 && expected_v_q25 > least_v_q25) || missing;
   const bool off = missing || (seen && ahead_v_q25 < abs_sat(emf_v_q25.re));
   if (off) {
     v->astray += ASTRAY_WEIGHT;
