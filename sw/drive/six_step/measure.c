@@ -14,7 +14,8 @@
 #define CARRIERS_A_SECTOR 6u
 // Sectors so short may pass unseen between two ticks.
 #define SHORT_TICKS 4u
-#define SECTOR_Q16 65536
+// A commutation so late does not come.
+#define PLACE_MAX_Q16 131072
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
@@ -108,10 +109,8 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
   }
   const uint16_t commutations = (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->commutations += commutations;
-  // A commutation came at some time of the tick: at the one that the place before it foretells, if that lies there.
-  const bool came = commutations > 0u;
-  const int32_t place_q16 = m->place_q16 + m->place_step_q16 - (came ? SECTOR_Q16 : 0);
-  m->place_q16 = clamp_i32(place_q16, 0, came ? m->place_step_q16 : SECTOR_Q16);
+  // One came in the middle of the tick, as far as is known.
+  m->place_q16 = clamp_i32(((commutations > 0u) ? -m->place_step_q16 / 2 : m->place_q16) + m->place_step_q16, 0, PLACE_MAX_Q16);
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
   m->speed_due = m->speed_due || crossings > 0u;
   // At most every second tick: at high speed crossings come in every one, and the other one is for the schedule.
