@@ -18,6 +18,7 @@ from fluxlock.results.metrics import run_metrics
 
 LOAD_STEP = ROOT / "scenarios/vector/load-step.toml"
 DECELERATION = ROOT / "scenarios/vector/deceleration.toml"
+ENCODER = ROOT / "scenarios/vector/encoder.toml"
 WRONG_ENCODER = ROOT / "scenarios/vector/encoder-lines.toml"
 RIGHT = "drive.motor_error.encoder_lines=1"
 # What a leg loses beyond its compensation. A dead time of 75 clocks of 5000 takes 4.65 V of 310 V.
@@ -54,6 +55,17 @@ def test_hard_deceleration_brakes_at_once(tmp_path: Path) -> None:
     scenario = load_scenario(DECELERATION)
     outcome = write_outcome(Play(scenario, SEED).run(), scenario, tmp_path)
     assert outcome.verdict.failures == []
+
+
+@pytest.mark.parametrize("left_v", [0.2, 0.3])
+def test_a_right_encoder_is_not_doubted_at_rest(left_v: float, tmp_path: Path) -> None:
+    """The observer takes what is left of the dead time for an EMF; the encoder of a rotor that is held shows none.
+
+    Verifies: ENC-05
+    """
+    play = Play(load_scenario(ENCODER), SEED)
+    play.chip.set_left_voltage(left_v)
+    assert write_outcome(play.run(), play.scenario, tmp_path).verdict.failures == []
 
 
 @pytest.mark.parametrize(
