@@ -40,7 +40,7 @@ uint32_t vector_angle(int32_t x, int32_t y) {
   return (y < 0) ? 0u - angle : angle;
 }
 
-int32_t catch_restore(const int32_t shown_q17[3], int32_t diode_q17, int32_t v_q17[3]) {
+COLD int32_t catch_restore(const int32_t shown_q17[3], int32_t diode_q17, int32_t v_q17[3]) {
   uint32_t clipped = 0;
   int32_t sum = 0;
   int32_t highest = shown_q17[0];

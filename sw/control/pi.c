@@ -17,7 +17,7 @@ static int32_t shift_sat(int32_t x, int32_t bits) {
   return clamp_i32(x, -most, most) * (1 << bits);
 }
 
-void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output) {
+COLD void pi_preset(pi_state_t *state, gain_t kp, int32_t error, int32_t feed_forward, int32_t output) {
   const int32_t rest = output - feed_forward - gain_apply(error, kp);
   state->integral_q5 = shift_sat(rest, PI_INTEGRAL_BITS);
 }
