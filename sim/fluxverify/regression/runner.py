@@ -62,16 +62,17 @@ class Runner:
         *overrides: str,
         seed: int | None = None,
         accept: Mapping[str, str] | None = None,
+        expects: bool = False,
     ) -> Run:
         """Run a scenario (absolute, or in scenarios/) with overrides, or read the same run's result from before.
 
         name: of the run within the case; a run that another case or a figure has finished is read from there. A run
-        that cannot be vouched for is listed in `unvouched`; its `[[expect]]` do not count, the case has its own limits.
+        that cannot be vouched for is listed in `unvouched`; its `[[expect]]` count with expects only.
         accept: what may happen -> why, as in `[[accept]]`. Raises RunFailed if the simulation breaks off.
         """
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
         accepted = [*loaded.accept, *(Accept.model_validate({"what": k, "why": v}) for k, v in (accept or {}).items())]
-        loaded = loaded.model_copy(update={"expect": [], "accept": accepted})
+        loaded = loaded.model_copy(update={"expect": loaded.expect if expects else [], "accept": accepted})
         used_seed = self.seed if seed is None else seed
         image = image_of(loaded)
 
