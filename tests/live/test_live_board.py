@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import pty
+import select
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,13 +36,14 @@ def behind_a_terminal() -> Iterator[Path]:
     play = player(load_scenario(SPINDLE), 1, 0.5)
     play.advance(0.01)
 
+    over = threading.Event()
+
     def serve() -> None:
         text = b""
-        while True:
-            try:
-                data = os.read(host, 4096)
-            except OSError:
-                return
+        while not over.is_set():
+            if not select.select([host], [], [], 0.02)[0]:
+                continue
+            data = os.read(host, 4096)
             text += data
             *lines, text = text.split(b"\n")
             for line in filter(None, (line.strip() for line in lines)):
@@ -55,6 +57,9 @@ def behind_a_terminal() -> Iterator[Path]:
     try:
         yield Path(os.ttyname(end))
     finally:
+        # Before the numbers of the files are another test's.
+        over.set()
+        thread.join()
         os.close(end)
         os.close(host)
 
