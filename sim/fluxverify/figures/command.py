@@ -82,9 +82,10 @@ class WatchedRunner(Runner):
         *overrides: str,
         seed: int | None = None,
         accept: Mapping[str, str] | None = None,
+        expects: bool = False,
     ) -> Run:
         """As Runner."""
-        run = super().drive(scenario, name, *overrides, seed=seed, accept=accept)
+        run = super().drive(scenario, name, *overrides, seed=seed, accept=accept, expects=expects)
         self.speeds.add(_speed(run.scenario.mechanics.mode))
         return run
 
