@@ -97,7 +97,7 @@ def any_width(wide: Callable[..., None]) -> Callable[..., None]:
 def fit_help() -> None:
     """From here on typer's help fits the terminal. Its tables are slow to load: that waits until one is asked for."""
     for kind, wide in WIDE_HELP:
-        kind.format_help = any_width(wide)  # type: ignore[method-assign]  # typer has no other place for it
+        kind.format_help = any_width(wide)  # type: ignore[method-assign]  # typer has no hook for what prints help
 
 
 def complete_toml(folder: str) -> Callable[[str], list[str]]:

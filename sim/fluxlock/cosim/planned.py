@@ -39,7 +39,7 @@ def numba_alone() -> Iterator[None]:
     gc.disable()
     absent = [name for name in FOR_NUMBA if name not in sys.modules]
     for name in absent:
-        sys.modules[name] = None  # type: ignore[assignment]  # which makes its import fail
+        sys.modules[name] = None  # type: ignore[assignment]  # None makes an import fail, the stubs know modules only
     try:
         yield
     finally:
