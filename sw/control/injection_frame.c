@@ -87,30 +87,30 @@ COLD static int32_t test_i_q25(injection_frame_t *state, const injection_frame_s
   return rest_position_step(&state->rest, &settings->rest, &given).current_i_q25;
 }
 
-HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
-                                                   const injection_frame_settings_t *settings,
-                                                   const injection_frame_input_t *in) {
-  injection_frame_command_t command = {.inject = true};
-  if (in->fresh) {
+HOT void injection_frame_step(injection_frame_t *state, const injection_frame_settings_t *settings,
+                              const injection_frame_input_t *in, injection_frame_command_t *command) {
+  const bool fresh = in->fresh && !state->judge;
+  if (fresh) {
     state->error_q30 = injection_error_q30(&settings->error, &in->amplitude);
   }
   if (state->resting) {
+    *command = (injection_frame_command_t){.inject = true};
     const complex_t none = {0, 0};
-    const complex_t vector_i_q21 = in->fresh ? injection_vector_i_q21(&settings->error, &in->amplitude) : none;
+    const complex_t vector_i_q21 = fresh ? injection_vector_i_q21(&settings->error, &in->amplitude) : none;
     const int32_t drift_q32 = (pll_speed_turn_q36(&state->pll) >> 4) * settings->tick_cycles;
-    const rest_position_input_t given = {in->fresh, vector_i_q21, in->current_i_q25.re, state->turned_q32, drift_q32};
+    const rest_position_input_t given = {fresh, vector_i_q21, in->current_i_q25.re, state->turned_q32, drift_q32};
     const rest_position_command_t rest = rest_position_step(&state->rest, &settings->rest, &given);
     state->turned_q32 = 0;
-    command.turn_q32 = rest.turn_q32;
-    command.reference_i_q25[0] = (complex_t){rest.current_i_q25, 0};
+    command->turn_q32 = rest.turn_q32;
+    command->reference_i_q25[0] = (complex_t){rest.current_i_q25, 0};
     if (rest.track) {
       const int32_t correct_q32 = follow(state, settings, state->error_q30);
-      command.turn_q32 = turned(command.turn_q32, correct_q32);
+      command->turn_q32 = turned(command->turn_q32, correct_q32);
       state->turned_q32 = correct_q32 + (pll_speed_turn_q36(&state->pll) >> 4) * settings->tick_cycles;
     }
     state->resting = state->rest.phase != REST_FOUND;
   } else {
-    injection_handover_step(&state->handover, &settings->handover, pll_speed_turn_q36(&state->pll), in->fresh,
+    injection_handover_step(&state->handover, &settings->handover, pll_speed_turn_q36(&state->pll), fresh,
                             in->emf_there);
     complex_t vector_i_q21 = {0, 0};
     if (state->judge) {
@@ -121,27 +121,27 @@ HOT injection_frame_command_t injection_frame_step(injection_frame_t *state,
     if (state->test || state->rest.current_i_q25 != 0) {
       d_i_q25 += test_i_q25(state, settings, in->current_i_q25.re, vector_i_q21);
     }
-    state->judge = in->fresh;
+    state->judge = fresh;
     state->amplitude = in->amplitude;
     const int32_t error_q30 = injection_handover_error_q30(&state->handover, state->error_q30, in->emf_error_q30);
-    command.turn_q32 = follow(state, settings, error_q30);
+    command->turn_q32 = follow(state, settings, error_q30);
     regulate(state, settings, in);
-    command.turn_q32 = turned(command.turn_q32, follow_curve(state, settings, in->current_i_q25));
+    command->turn_q32 = turned(command->turn_q32, follow_curve(state, settings, in->current_i_q25));
     const complex_t wanted = {d_i_q25, state->wanted_i_q25};
-    command.reference_i_q25[0] = complex_mul_q30(wanted, state->turn_q30);
+    command->reference_i_q25[0] = complex_mul_q30(wanted, state->turn_q30);
+    command->reference_i_q25[1] = (complex_t){0, 0};
     if (settings->third) {
       const complex_t third = {0, mul_q16(state->wanted_i_q25, settings->third_q16)};
-      command.reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);
+      command->reference_i_q25[1] = complex_mul_q30(third, state->third_turn_q30);
     }
-    command.inject = state->handover.inject;
+    command->inject = state->handover.inject;
   }
-  command.speed_turn_q36 = pll_speed_turn_q36(&state->pll);
+  command->speed_turn_q36 = pll_speed_turn_q36(&state->pll);
   const angle_sequence_leads_t leads =
-      angle_sequence_leads(settings->sequence, &settings->machine, command.speed_turn_q36);
-  command.lead_q32 = leads.lead_q32;
-  command.report_q32 = leads.report_q32;
-  command.curve_q32 = state->curve_q32;
-  return command;
+      angle_sequence_leads(settings->sequence, &settings->machine, command->speed_turn_q36);
+  command->lead_q32 = leads.lead_q32;
+  command->report_q32 = leads.report_q32;
+  command->curve_q32 = state->curve_q32;
 }
 
 SMALL_CODE_END

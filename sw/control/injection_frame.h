@@ -94,9 +94,10 @@ void injection_frame_begin(injection_frame_t *state, const injection_frame_setti
                            int32_t speed_turn_q36);
 
 // One control tick. While `resting` the input's references do not count; it ends by itself if the position is found, else
-// state->rest.phase tells. The validity follows a step behind its result. About 1900 clocks in these two steps with I/Q,
-// else 1300; 2200 while resting.
-injection_frame_command_t injection_frame_step(injection_frame_t *state, const injection_frame_settings_t *settings,
-                                               const injection_frame_input_t *in);
+// state->rest.phase tells. The validity follows a step behind its result: where every tick has a result every second one
+// counts, a step that judges has no room for another. About 1900 clocks in these two steps with I/Q, else 1300; 2200
+// while resting.
+void injection_frame_step(injection_frame_t *state, const injection_frame_settings_t *settings,
+                          const injection_frame_input_t *in, injection_frame_command_t *command);
 
 #endif

@@ -202,7 +202,8 @@ class FrameBench:
                 if self.amplitude is not None:
                     given.fresh, given.amplitude = True, self.amplitude[0]
                 self.amplitude = None
-                made = self.lib.injection_frame_step(self.state, self.settings, given)
+                made = new("injection_frame_command_t")
+                self.lib.injection_frame_step(self.state, self.settings, given, made)
                 c = chip.command
                 c.turn_q32, c.speed_turn_q36 = made.turn_q32, made.speed_turn_q36
                 c.lead_q32, c.inject = made.lead_q32, made.inject

@@ -70,8 +70,9 @@ class _Wave:
             "conventional": FUNDAMENTAL * max(turned.real, LEAST_SHARE) / 2,
         }[injection.method]
         hz = 1 / met.period_s
-        results = {"separator": 2 * hz, "iq": hz}.get(injection.method, 1 / sample_s)
-        return _Wave(met.l_d, met.l_q, met.peak_a * shown, results, hz)
+        results_hz = {"separator": 2 * hz, "iq": hz}.get(injection.method, 1 / sample_s)
+        # Of a result every tick the frame judges every second one.
+        return _Wave(met.l_d, met.l_q, met.peak_a * shown, min(results_hz, 1 / (2 * d.tick_s)), hz)
 
     @property
     def ratio(self) -> float:

@@ -31,6 +31,7 @@
 #define FAULT_NOISE_Q16 39322u
 #define ONE_Q16 ((uint32_t)1 << 16)
 #define PROVEN_MOST 3u
+#define UNEXPLAINED_SHARE 4
 #define SPEED_BITS 16      // of the filtered speed below 2^-36 turn
 #define NOISE_OVER_RATIO_Q16 29040u  // sqrt(pi) / 4
 #define RATIO_MOST_Q24 (64u << 24)
@@ -115,6 +116,7 @@ COLD outcome_t vector_injection_begin(vector_t *v) {
   j->contradicted = 0;
   j->settling = 0;
   j->proven = 0;
+  j->telling = 0;
   j->backward_q32 = 0;
   j->standing = 0;
   j->unproven = j->frame.resting ? 0u : DARK_SHARE * v->lost_checks;
@@ -190,7 +192,7 @@ typedef struct {
 
 // Where the EMF is too small to tell the pole, the HF current tells it:
 //
-//   still     the drive holds a rotor that hardly anything turns
+//   still     the drive holds a rotor that hardly anything turns. A look under way goes on over single noisy ones
 //   against   a current drives the way that is wanted, the rotor has gone the other way, further than noise takes one that
 //             a load holds: overhauled, or at the other pole
 //   unproven  no search has found the angle, and the EMF has had its time; or the EMF has denied the angle before it fell
@@ -202,7 +204,9 @@ COLD static void ask_poles(vector_t *v, emf_look_t look) {
   const int32_t target_rpm_q8 = j->ramp.value_rpm_q8;
   const int32_t speed_turn_q36 = v->report.vector.speed_turn_q36;
   const bool free = abs_sat(wanted_i_q25) < j->settings.limit_i_q25 / FREE_SHARE;
-  const bool still = free && target_rpm_q8 == 0 && (look.dark || look.without);
+  j->telling = (look.dark || look.without) ? 0u : j->telling + ((j->telling < v->lost_checks) ? 1u : 0u);
+  const bool silent = j->telling == 0u || (j->frame.test && j->telling < v->lost_checks);
+  const bool still = free && target_rpm_q8 == 0 && silent;
   const bool driving = !free && (target_rpm_q8 == 0 || (wanted_i_q25 ^ target_rpm_q8) >= 0);
   const bool stalled = look.along_turn_q36 < look.target_turn_q36 / STALLED_SHARE;
   const bool against = look.dark && driving && (wanted_i_q25 ^ speed_turn_q36) < 0;
@@ -260,7 +264,9 @@ HOT static bool emf_contradicts(vector_t *v, int32_t q_i_q17) {
   const bool turning = settles || j->settling > 0u;
   const bool opposed = along_v_q25 < -wrong_v_q25;
   const bool blind = dark || (turning && !opposed);
-  const bool wrong = !blind && along_v_q25 + wrong_v_q25 < size_v_q25 / 2;
+  // A voltage that no speed explains: an open phase lets no current come, or the rotor turns and the frame does not.
+  const bool unexplained = dark && abs_sat(along_v_q25) / UNEXPLAINED_SHARE > wrong_v_q25;
+  const bool wrong = unexplained || (!blind && along_v_q25 + wrong_v_q25 < size_v_q25 / 2);
   j->contradicted = wrong ? j->contradicted + 1u : less(j->contradicted);
   if (blind) {
     j->proven = less(j->proven);
@@ -302,7 +308,7 @@ COLD static void learn_saliency(vector_injection_t *j) {
 }
 
 // The search has ended, or the angle is not to be trusted any more.
-HOT static outcome_t supervise(vector_t *v, int32_t q_i_q17) {
+HOT static outcome_t supervise(vector_t *v) {
   const injection_frame_t *frame = &v->injection->frame;
   fault_t fault = fault_of(frame->validity.verdict);
   if (frame->resting && frame->rest.phase == REST_NOT_SURE) {
@@ -313,7 +319,7 @@ HOT static outcome_t supervise(vector_t *v, int32_t q_i_q17) {
   if (fault != FAULT_NONE) {
     return outcome_fault(fault);
   }
-  if (emf_lost(v) || (!frame->resting && emf_contradicts(v, q_i_q17))) {
+  if (emf_lost(v)) {
     return outcome_because(EVENT_LOCK_LOST, FAULT_ANGLE_LOST);
   }
   const bool started = !frame->resting && v->order->state == STATE_STARTING;
@@ -393,9 +399,15 @@ HOT static void send_forward(vector_t *v, const chip_injection_snapshot_t *seen,
 }
 
 HOT static outcome_t look(vector_t *v, const chip_snapshot_t *in) {
-  vector_design_state(v, complex_add(in->vector.u_v_q25[0], v->injection->forward_v_q25));
   const outcome_t outcome = vector_open_phase_step(v, in);
-  return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v, in->vector.i_q17[0].im) : outcome;
+  return (outcome_event(outcome) == EVENT_STAY) ? outcome | supervise(v) : outcome;
+}
+
+// In another turn: the tick of both would be the longest.
+HOT static outcome_t look_at_emf(vector_t *v, const chip_vector_snapshot_t *in) {
+  vector_design_state(v, complex_add(in->u_v_q25[0], v->injection->forward_v_q25));
+  const bool wrong = !v->injection->frame.resting && emf_contradicts(v, in->i_q17[0].im);
+  return wrong ? outcome_because(EVENT_LOCK_LOST, FAULT_ANGLE_LOST) : outcome_of(EVENT_STAY);
 }
 
 SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
@@ -433,7 +445,7 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   if (__builtin_expect(resting, 0)) {
     vector_open_phase_listen(v, in);
   }
-  j->command = injection_frame_step(&j->frame, &j->settings, &given);
+  injection_frame_step(&j->frame, &j->settings, &given, &j->command);
   if (__builtin_expect(resting && !j->frame.resting, 0)) {
     learn_saliency(j);
   }
@@ -442,9 +454,10 @@ SHARED outcome_t vector_injection_step(vector_t *v, const chip_snapshot_t *in) {
   switch (vector_turn_tick(v, v->order) % VECTOR_GROUPS) {
     case GROUP_SPEED:
       return follow_target(v);
+    case GROUP_FIELD:
+      return look_at_emf(v, &in->vector);
     case GROUP_SUPERVISION:
       return look(v, in);
-    case GROUP_FIELD:
     case GROUP_LIMITS:
     default:
       return outcome_of(EVENT_STAY);

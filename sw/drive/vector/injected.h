@@ -48,6 +48,7 @@ typedef struct {
   uint32_t contradicted;  // looks at which the voltage denied the angle, less those at which it did not
   uint32_t settling;      // looks until the loop's speed counts
   uint32_t proven;        // looks at which it confirmed it, less those at which it was too small to tell
+  uint32_t telling;       // looks in a row at which the EMF tells the pole
   uint32_t unproven;      // from 1 on: the pole is in doubt; looks that the EMF has left to tell it
   int32_t backward_q32;   // by which the rotor has gone against a current that drives it
   uint32_t standing;      // looks at which the rotor stood though it was to turn
