@@ -58,7 +58,7 @@ SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 # Fastest trim of the EMF line by the measured current.
 TRIM_S = 5e-3
 # Carriers of a sector up to which a commutation restarts them on a rotor that a single carrier moves.
-RESTART_CARRIERS = 2
+RESTART_CARRIERS = 8
 LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
