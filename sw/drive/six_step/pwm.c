@@ -10,9 +10,8 @@
 #define ONE_Q16 65536
 #define RATIO_MAX_Q12 (64u << 12)
 
-void pwm_init(pwm_t *pwm, const parameters_t *p) { pwm->period_cycles = (uint32_t)p->carrier_longest_cycles; }
-
-void pwm_off(pwm_t *pwm) {
+void pwm_off(pwm_t *pwm, const parameters_t *p) {
+  pwm->period_cycles = (uint32_t)p->carrier_period_cycles;
   pwm->u_v_q25 = 0;
   pwm->duty_q30 = 0;
   pwm->pulse_cycles_q8 = 0;

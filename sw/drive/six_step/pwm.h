@@ -30,8 +30,8 @@ typedef struct {
   int32_t dead_steep;                // at the boundary, of what dead times take over the current: 1 is evenly from none on
 } pwm_demand_t;
 
-void pwm_init(pwm_t *pwm, const parameters_t *p);
-void pwm_off(pwm_t *pwm);
+// No pulse, the carrier of the settings' first value: when the gates open the next one soon starts.
+void pwm_off(pwm_t *pwm, const parameters_t *p);
 
 // A voltage that drives the start, whatever the current.
 void pwm_from_voltage(pwm_t *pwm, const six_step_view_t *view, int32_t u_v_q25, bool sync_rect, uint32_t longest_cycles);

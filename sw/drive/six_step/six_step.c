@@ -39,7 +39,7 @@ COLD void six_step_init(six_step_t *six, const parameters_t *p, const settings_t
   __builtin_memset(six, 0, sizeof *six);
   six->p = p;
   measure_init(&six->m, p);
-  pwm_init(&six->pwm, p);
+  pwm_off(&six->pwm, p);
   regulate_init(&six->regulate, settings);
   sequence_init(&six->command.sequence, settings);
   hall_init(&six->hall, p);
@@ -123,7 +123,7 @@ COLD void six_step_start(six_step_t *six, const order_t *order, const settings_t
 COLD void six_step_off(six_step_t *six) {
   six->ran_v_q17 = six->m.emf_v_q25 / 256;
   sequence_off(&six->command.sequence);
-  pwm_off(&six->pwm);
+  pwm_off(&six->pwm, six->p);
   start_off(&six->start);
 }
 

@@ -62,7 +62,6 @@ static void direct(start_t *s, hall_t *h, six_step_command_t *command, const par
 static void begin_coast(start_t *s) {
   coast_begin(&s->coast);
   s->caught_ticks = 0;
-  s->edge_ticks = 0;
   s->gates = false;
   enter_phase(s, START_COAST);
 }
@@ -98,40 +97,39 @@ static void begin_lock(const work_t *w) {
   sequence_time(sequence, COMMUTATION_ZCD);
   sequence_miss(sequence, (uint32_t)p->miss_limit);
   sequence_force_on_miss(sequence, false, LOCK_TIMEOUT_Q12);
-  apply_voltage(w, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
   w->s->locked_from = w->view->m->crossings;
   enter_phase(w->s, START_LOCK);
 }
 
-// A rotor that turns fast enough for its crossings is taken over at its speed. What is written now takes effect at the
-// next tick.
-static void take_over(const work_t *w) {
+// A rotor that turns fast enough for its crossings is taken over at its speed, where its next tick comes as a sector begins, or
+// after long enough a wait. What is written now takes effect at the next tick.
+//
+// No current: the voltage is the EMF, and the carrier follows from the sector's length, which is not measured yet. Both are
+// there before the gates open: on a carrier without a pulse the switches short the EMF, and its current trips in 50 us.
+static void follow_caught(const work_t *w) {
   const parameters_t *p = w->view->p;
   start_t *s = w->s;
   const int32_t step_q32 = s->coast.mean_step_q32;
-  sequence_command_t *sequence = &w->command->sequence;
+  const uint32_t next = s->coast.rotor.angle + (uint32_t)step_q32;
   const uint32_t interval_cycles = catch_sector_cycles(step_q32, (uint32_t)p->tick_cycles);
+  s->longest_cycles =
+      clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
+  apply_voltage(w, s->coast.pair_emf_q17 * 256, w->view->settings->sync_rect);
+  s->caught_ticks++;
+  const bool begins = s->caught_ticks > SECTOR_WAIT_TICKS || catch_begins(next, step_q32 < 0);
+  if (s->caught_ticks <= CAUGHT_TICKS || !begins) {
+    return;
+  }
+  sequence_command_t *sequence = &w->command->sequence;
   s->reverse = step_q32 < 0;
   s->gates = true;
-  sequence_run(sequence, catch_sector(s->coast.rotor.angle + (uint32_t)step_q32, s->reverse));
+  sequence_run(sequence, catch_sector(next, s->reverse));
   sequence_direct(sequence, s->reverse);
   sequence_force(sequence, interval_cycles);
   s->catches++;
   begin_lock(w);
   // The interval is known: a missed crossing is one.
   sequence_force_on_miss(sequence, true, COMMUTATION_TIMEOUT_Q12);
-  // No current: the voltage is the EMF. The carrier follows from the sector's length, which is not measured yet.
-  s->longest_cycles =
-      clamp_u32(interval_cycles / 6u, w->view->settings->carrier_period_cycles, w->view->m->longest_cycles);
-  apply_voltage(w, s->coast.pair_emf_q17 * 256, w->view->settings->sync_rect);
-}
-
-// A caught rotor whose next tick comes where a sector begins, or that has waited long enough for it.
-static bool may_take_over(start_t *s, bool caught) {
-  s->caught_ticks = caught ? s->caught_ticks + 1u : 0u;
-  const int32_t step_q32 = s->coast.mean_step_q32;
-  const bool begins = catch_begins(s->coast.rotor.angle + (uint32_t)step_q32, step_q32 < 0);
-  return caught && (begins || s->caught_ticks > SECTOR_WAIT_TICKS);
 }
 
 // The same by the edges, which are being measured. True: done.
@@ -146,17 +144,18 @@ static bool caught_by_edges(const work_t *w) {
   const bool turning = m->speed_valid && !hall_rotor_slow(w->h, p) && fast;
   if (!coast_may_catch(w->view->order, settings) || !turning || m->speed_rpm_q8 / 256 > p->overspeed_rpm ||
       m->vdc_v_q25 == 0) {
-    s->edge_ticks = 0;
+    s->caught_ticks = 0;
     return false;
   }
   if (w->h->backward != s->reverse) {
     direct(s, w->h, w->command, p, w->h->backward);
-    s->edge_ticks = 0;
+    s->caught_ticks = 0;
     return false;
   }
   // A direction that was set takes effect at the next tick.
-  s->edge_ticks++;
-  if (s->edge_ticks <= CAUGHT_TICKS) {
+  apply_voltage(w, m->emf_v_q25, settings->sync_rect);
+  s->caught_ticks++;
+  if (s->caught_ticks <= CAUGHT_TICKS) {
     return false;
   }
   s->gates = true;
@@ -164,7 +163,6 @@ static bool caught_by_edges(const work_t *w) {
   sequence_run(&w->command->sequence, w->command->sequence.start_sector);
   s->catches++;
   s->locked_from = m->crossings;
-  apply_voltage(w, m->emf_v_q25, settings->sync_rect);
   enter_phase(s, START_LOCK);
   return true;
 }
@@ -228,13 +226,11 @@ static outcome_t coast(const work_t *w) {
     return coast_by_edges(w);
   }
   if (w->s->ticks > COAST_SETTLE_TICKS) {
-    const bool caught = coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25);
-    if (may_take_over(w->s, caught)) {
-      take_over(w);
-    }
-    if (caught) {
+    if (coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25)) {
+      follow_caught(w);
       return stay;
     }
+    w->s->caught_ticks = 0;
   }
   if (coast_stuck(c, view->p, view->in)) {
     return outcome_fault(FAULT_VOLTAGE_CHANNEL);
@@ -335,6 +331,7 @@ static outcome_t ramp(const work_t *w) {
   const uint32_t held = m->commutations - s->held_from;
   const bool late = held >= HANDOVER_FALLBACK && s->handover.plausible >= HANDOVER_CROSSINGS;
   if (s->handover.clean >= HANDOVER_CROSSINGS || late) {
+    apply_voltage(w, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
     begin_lock(w);
   } else if (held >= HANDOVER_TIMEOUT) {
     return outcome_of(EVENT_START_FAILED);

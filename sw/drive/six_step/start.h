@@ -23,7 +23,6 @@ typedef struct {
   bool gates;
   coast_t coast;
   uint32_t caught_ticks;  // consecutive, of a rotor that may be caught: waits for the beginning of a sector
-  uint32_t edge_ticks;    // consecutive, of a rotor that may be caught by its edges
   uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   handover_t handover;
   ramp_t ramp;
