@@ -30,7 +30,7 @@ def test_fast_machine_is_caught_within_its_current_limit(share: float, start_s: 
     """
     life = life_of(Draw.of(1, MACHINE), "six-step")
     rpm = round(share * life.scenario.motor.max_speed_rpm)
-    events = [f"{{at_s=0.0,load_factor=0}}", f"{{at_s=0.002,speed_rpm={rpm}}}", f"{{at_s={start_s},command='start'}}"]
+    events = ["{at_s=0.0,load_factor=0}", f"{{at_s=0.002,speed_rpm={rpm}}}", f"{{at_s={start_s},command='start'}}"]
     run = drive(
         write_life(life, tmp_path),
         f"fast-catch-{share}-{start_s}",
